@@ -1,0 +1,143 @@
+"""`Song`: a piece of music as mono samples at the program's rate, from any audio file.
+
+RIFF, RF64, FLAC, Ogg and AIFF go through soundfile; all else (mp3, m4a, opus, video with sound, and
+whatever soundfile declines) through PyAV, whose FFmpeg stays quiet about bit-reservoir cuts in mp3.
+Both decode in blocks that are mixed down and resampled at once, so a song costs 4 bytes a sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import soxr
+from numpy.typing import NDArray
+
+from choreograph.audio.decode import decoded_blocks
+from choreograph.errors import FormatError, ParameterError
+from choreograph.timebase import SAMPLE_RATE_HZ, SEGMENT_S
+
+_SILENCE = 1e-4  # peak amplitude (-80 dB) under which a song has nothing to dance to
+_LONG_S = 3600.0
+
+
+@dataclass(frozen=True, eq=False)
+class Song:
+    """Mono samples in [-1, 1] at 22.05 kHz, where they came from, and what is odd about them."""
+
+    samples: NDArray[np.float32]  # (S,)
+    name: str
+    path: Path | None = None
+    notes: tuple[str, ...] = ()  # one line each
+
+    @property
+    def duration_s(self) -> float:
+        """Length in seconds."""
+        return len(self.samples) / SAMPLE_RATE_HZ
+
+
+def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | None = None) -> Song:
+    """Decode an audio file (or a video's sound) to mono at 22.05 kHz.
+
+    Parameters
+    ----------
+    path : any container, rate and channel count that soundfile or FFmpeg reads
+    start_s : seconds to leave out at the beginning
+    duration_s : seconds to keep from there; None for all. A song that ends sooner is kept to its end
+
+    Returns
+    -------
+    Song   `notes` say if it is silent, shorter than a segment, or very long
+
+    Raises
+    ------
+    FormatError      the file is missing, a folder, empty, truncated, not audio, or has NaN samples
+    ParameterError   `start_s` is negative or past the end, or `duration_s` is not positive
+    """
+    path = Path(path)
+    if not (np.isfinite(start_s) and start_s >= 0):
+        raise ParameterError(f"expected a start in seconds of 0 or more, got {start_s:g}")
+    if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0):
+        raise ParameterError(f"expected a duration in seconds above 0, got {duration_s:g}")
+    _check_is_file(path)
+    rate_hz, blocks = decoded_blocks(path)
+    parts = list(_resampled(_finite(_cut(blocks, rate_hz, start_s, duration_s), path), rate_hz))
+    samples = _joined(parts)
+    if len(samples) == 0:
+        if start_s > 0:
+            raise ParameterError(f"expected a start inside {path}, got {start_s:g} s: the song ends before")
+        raise FormatError(f"expected a song in {path}, got no sound at all: the file may be cut off")
+    return Song(samples, path.stem, path, _notes(samples))
+
+
+def _check_is_file(path: Path) -> None:
+    if path.is_dir():
+        raise FormatError(f"expected a song at {path}, got a folder: name one audio file in it")
+    if not path.exists():
+        raise FormatError(f"expected a song at {path}, got nothing: there is no such file")
+    if path.stat().st_size == 0:
+        raise FormatError(
+            f"expected a song at {path}, got an empty file: its download or copy may have failed"
+        )
+
+
+def _cut(
+    blocks: Iterator[NDArray[np.float32]], rate_hz: int, start_s: float, duration_s: float | None
+) -> Iterator[NDArray[np.float32]]:
+    """Mono blocks of the wanted span only; decoding stops at its end."""
+    start = round(start_s * rate_hz)
+    stop = None if duration_s is None else start + max(1, round(duration_s * rate_hz))
+    position = 0
+    for block in blocks:  # (S_b, channels)
+        mono = block.mean(axis=1, dtype=np.float32)
+        low = max(0, start - position)
+        high = len(mono) if stop is None else min(len(mono), stop - position)
+        if high > low:
+            yield mono[low:high]
+        position += len(mono)
+        if stop is not None and position >= stop:
+            return
+
+
+def _finite(blocks: Iterator[NDArray[np.float32]], path: Path) -> Iterator[NDArray[np.float32]]:
+    for block in blocks:
+        if not np.isfinite(block).all():
+            raise FormatError(
+                f"expected finite samples in {path}, got NaN or infinity: the program that wrote it failed"
+            )
+        yield block
+
+
+def _resampled(blocks: Iterator[NDArray[np.float32]], rate_hz: int) -> Iterator[NDArray[np.float32]]:
+    if rate_hz == SAMPLE_RATE_HZ:
+        yield from blocks
+        return
+    stream = soxr.ResampleStream(rate_hz, SAMPLE_RATE_HZ, 1, dtype="float32")
+    for block in blocks:
+        yield stream.resample_chunk(block)
+    yield stream.resample_chunk(np.zeros(0, np.float32), last=True)
+
+
+def _joined(parts: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Concatenate and empty `parts`: the memory at the peak is one song, not two."""
+    samples = np.empty(sum(map(len, parts)), np.float32)
+    end = len(samples)
+    while parts:
+        part = parts.pop()
+        samples[end - len(part) : end] = part
+        end -= len(part)
+    return samples
+
+
+def _notes(samples: NDArray[np.float32]) -> tuple[str, ...]:
+    notes = []
+    duration_s = len(samples) / SAMPLE_RATE_HZ
+    if max(samples.max(), -samples.min()) < _SILENCE:
+        notes.append("the song is silent: the dance follows no beat")
+    if duration_s < SEGMENT_S:
+        notes.append(f"the song lasts {duration_s:.2f} s, less than the {SEGMENT_S} s of one segment")
+    if duration_s > _LONG_S:
+        notes.append(f"the song lasts {duration_s / 3600:.1f} h: this takes long")
+    return tuple(notes)
