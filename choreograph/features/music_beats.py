@@ -20,6 +20,9 @@ from choreograph.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, frames_to_seconds
 
 _LEVEL_S = 8.0  # span over which loud and quiet passages are brought to one level
 _MIN_DURATION_S = 1.0  # less holds no two beats to hear a tempo from
+# Between an octave's two readings the one nearer to a step's pace wins: librosa's own 120 BPM and one
+# octave read half of the slow waltzes (84 to 90 BPM) in eighths.
+_PRIOR_BPM, _PRIOR_OCTAVES = 100.0, 0.7
 _ONSET_LEAD_S = 1.0 / MUSIC_FPS  # the log power of a 93 ms window rises this much before the onset itself
 
 
@@ -45,8 +48,11 @@ class LibrosaBeats:
         if not strength.any():
             return np.zeros(0)
         from librosa.beat import beat_track
+        from librosa.feature.rhythm import tempo
 
-        _, frames = beat_track(onset_envelope=strength, sr=MUSIC_FPS, hop_length=1, trim=False)
+        rate = {"onset_envelope": strength, "sr": MUSIC_FPS, "hop_length": 1}
+        bpm = tempo(**rate, start_bpm=_PRIOR_BPM, std_bpm=_PRIOR_OCTAVES)[0]
+        _, frames = beat_track(**rate, bpm=bpm, trim=False)
         beats = frames_to_seconds(frames, MUSIC_FPS) + _ONSET_LEAD_S
         return filled(beats[beats < song.duration_s], song.duration_s)
 

@@ -9,6 +9,8 @@ whatever its instruments are. (Ours: ChoreoGraph's music input is the log-mel al
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
@@ -38,7 +40,7 @@ def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
     rise = np.zeros_like(level)
     rise[2:] = np.maximum(0.0, level[2:] - level[:-2])
     hz = mel_band_hz()
-    bands = [(hz >= low) & (hz < high) for low, high in zip(_BAND_EDGES_HZ, _BAND_EDGES_HZ[1:], strict=False)]
+    bands = [(hz >= low) & (hz < high) for low, high in pairwise(_BAND_EDGES_HZ)]
     return np.stack([rise[:, band].mean(axis=1) for band in bands], axis=1)  # (T, 3)
 
 
