@@ -1,0 +1,162 @@
+"""The layout of the dance-with-melody dataset: folders `DANCE_<G>_<n>` of audio, config and markers.
+
+Tang, Jia, Mao: Dance with Melody (ACM Multimedia 2018). What the files do not say and we found:
+markers of several bodies are joined in most takes (thighs change from 44 to 55 cm within a second),
+and the floor under the feet drifts by up to half a metre within a take. So all takes are fitted to
+one skeleton, halfway between the bodies (every take stays within 2 cm of its markers on average),
+and the floor is followed over time. No dancer is named.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import FormatError
+from choreograph.motion.fit import fit_error_m, fit_positions
+from choreograph.motion.floor import sole_pos_m, track_floor_m
+from choreograph.motion.motion import Motion
+from choreograph.motion.proportions import measure_skeleton
+from choreograph.motion.skeleton import Skeleton
+from choreograph.takes import Credits, Take
+
+Floats = NDArray[np.float64]
+
+_FOLDER = re.compile(r"DANCE_([A-Z])_(\d+)")
+_GENRES = {"C": "cha-cha", "R": "rumba", "T": "tango", "W": "waltz"}
+_SOURCE = "Tang, Jia, Mao 2018, Dance with Melody"
+_LICENCE = "none stated"
+_CONFIG_FPS = 25.0  # start_position and end_position count frames of this rate
+_POINTS = 23
+# The points that are joints or landmarks. Points 21 and 22 sit on the wrists, beside 14 and 6.
+_ROLES = {
+    "right_temple": 0, "left_temple": 1, "spine1": 2, "right_shoulder": 3, "right_elbow": 4, "right_wrist": 5,
+    "right_hand": 6, "right_hip": 7, "right_knee": 8, "right_ankle": 9, "right_heel": 10, "right_foot": 11,
+    "left_shoulder": 12, "left_elbow": 13, "left_wrist": 14, "left_hand": 15, "left_hip": 16, "left_knee": 17,
+    "left_ankle": 18, "left_heel": 19, "left_foot": 20,
+}  # fmt: skip
+ROLES = (*_ROLES, "head")  # the head's joint is put between the temples
+
+
+def detect(path: Path) -> bool:
+    """Whether `path` is such a folder of takes, or one take of it."""
+    return bool(_folders(path))
+
+
+def read(path: Path) -> list[Take]:
+    """All takes under `path` (or the one), on one skeleton, feet on y = 0; songs without motion left out.
+
+    Raises `FormatError` if a file is not what the dataset's layout says.
+    """
+    folders = [folder for folder in _folders(path) if (folder / "skeletons.json").is_file()]
+    if not folders:
+        raise FormatError(
+            f"{path}: expected a skeletons.json in some DANCE_<G>_<n> folder, got songs without motion"
+        )
+    points = {folder: read_points_m(folder / "skeletons.json") for folder in folders}
+    skeleton = measure_skeleton(np.concatenate(list(points.values())), ROLES)
+    return [_take(folder, pos_m, skeleton) for folder, pos_m in points.items()]
+
+
+def read_points_m(path: Path) -> Floats:
+    """Positions (T, 22, 3) in metres of `ROLES` from a skeletons.json, the floor wherever it was.
+
+    Raises `FormatError`.
+    """
+    data = _read_json(path)
+    try:
+        center = np.asarray(data["center"], np.float64)  # (T, 3)
+        around = np.asarray(data["skeletons"], np.float64)  # (T, 23, 3)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(f"{path}: expected numbers under 'center' and 'skeletons', got {error}") from error
+    n_frames = len(center) if center.ndim else 0
+    if n_frames < 2 or center.shape != (n_frames, 3) or around.shape != (n_frames, _POINTS, 3):
+        raise FormatError(
+            f"{path}: expected center (n, 3) and skeletons (n, {_POINTS}, 3) of 2 frames or more, "
+            f"got {center.shape} and {around.shape}"
+        )
+    if data.get("length", n_frames) != n_frames:
+        raise FormatError(
+            f"{path}: expected {data['length']} frames as 'length' says, got {n_frames}: file cut short?"
+        )
+    if not (np.isfinite(center).all() and np.isfinite(around).all()):
+        raise FormatError(f"{path}: expected finite positions, got nan or infinity")
+    pos_cm = (around + center[:, None])[:, list(_ROLES.values())]  # (T, 21, 3)
+    head = pos_cm[:, :2].mean(axis=1, keepdims=True)
+    return np.concatenate([pos_cm, head], axis=1) / 100.0
+
+
+def _folders(path: Path) -> list[Path]:
+    if not path.is_dir():
+        return []
+    candidates = [path, *path.iterdir()]
+    found = [
+        p
+        for p in candidates
+        if _FOLDER.fullmatch(p.name) and ((p / "skeletons.json").is_file() or (p / "audio.mp3").is_file())
+    ]
+    return sorted(found, key=lambda folder: folder.name)
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise FormatError(f"{path}: expected beside the other files of the take, not found") from error
+    except (ValueError, OSError, RecursionError) as error:
+        raise FormatError(f"{path}: expected JSON, got something else ({error})") from error
+    if not isinstance(data, dict):
+        raise FormatError(f"{path}: expected a JSON object, got {type(data).__name__}")
+    return data
+
+
+def _span_s(path: Path) -> tuple[float, float]:
+    """First and last instant of the danced part of the audio."""
+    data = _read_json(path)
+    span = [data.get("start_position"), data.get("end_position")]
+    if (
+        not all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in span)
+        or not 0 <= span[0] < span[1]
+    ):
+        raise FormatError(
+            f"{path}: expected 0 <= start_position < end_position in frames, got {span[0]} and {span[1]}"
+        )
+    return span[0] / _CONFIG_FPS, span[1] / _CONFIG_FPS
+
+
+def _take(folder: Path, pos_m: Floats, skeleton: Skeleton) -> Take:
+    start_s, end_s = _span_s(folder / "config.json")
+    fps = len(pos_m) / (end_s - start_s)
+    root_pos_m, local_quat = fit_positions(skeleton, pos_m, ROLES, fps=fps)
+    error_m = float(np.mean(fit_error_m(skeleton, root_pos_m, local_quat, pos_m, ROLES)))
+    motion, drift_m = _on_floor(Motion(skeleton, root_pos_m, local_quat, fps))
+    song = folder / "audio.mp3"
+    letter = _FOLDER.fullmatch(folder.name)[1]  # type: ignore[index]  # `_folders` matched it
+    notes = [f"markers fitted within {100 * error_m:.1f} cm on average"]
+    if drift_m > 0.05:
+        notes.append(f"the floor under the feet moved by {100 * drift_m:.0f} cm, levelled")
+    return Take(
+        name=folder.name,
+        motion=motion,
+        credits=Credits(genre=_GENRES.get(letter, letter), licence=_LICENCE, source=_SOURCE),
+        song_path=song if song.is_file() else None,
+        song_start_s=start_s,
+        song_name=folder.name,
+        source_paths=tuple(
+            p for p in (folder / "skeletons.json", folder / "config.json", song) if p.is_file()
+        ),
+        notes=tuple(notes),
+    )
+
+
+def _on_floor(motion: Motion) -> tuple[Motion, float]:
+    """The motion with its feet on y = 0, and by how much the floor rose and fell in metres."""
+    floor_m = track_floor_m(sole_pos_m(motion), motion.fps)  # (T,)
+    root_pos_m = motion.root_pos_m - floor_m[:, None] * [0.0, 1.0, 0.0]
+    return replace(motion, root_pos_m=root_pos_m), float(np.ptp(floor_m))

@@ -1,0 +1,82 @@
+"""Where the floor is under a take: from the lowest places its feet keep coming back to."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, percentile_filter
+
+from choreograph.errors import ParameterError
+from choreograph.motion import rotations as rot
+from choreograph.motion.kinematics import forward
+from choreograph.motion.motion import Motion
+from choreograph.motion.rigs import joint_roles
+
+Floats = NDArray[np.float64]
+
+_LOW_PERCENT = 10.0  # of frames at which the lower foot may seem to be under the floor (noise)
+_WINDOW_S = 2.0  # longer than any jump, shorter than a drift
+_SMOOTH_S = 0.5
+
+
+def sole_pos_m(motion: Motion) -> Floats:
+    """Points under the feet (T, F, 3) in metres that touch the floor when a foot stands flat.
+
+    Heels and toe tips where the skeleton has them as end sites, the balls of the feet, or the ankles
+    of a rig without; each lowered by its clearance over the sole in the rest pose.
+    Raises `ParameterError` if the rig's names are unknown.
+    """
+    skeleton = motion.skeleton
+    roles = joint_roles(skeleton)
+    pos_m, turns = forward(skeleton, motion.root_pos_m, motion.local_quat)
+    rest_m = skeleton.rest_pos_m()
+    points, rest_heights = [], []
+    for side in ("left", "right"):
+        ankle, ball = roles[f"{side}_ankle"], roles.get(f"{side}_foot")
+        owners = [ankle] if ball is None else [ankle, ball]
+        if ball is not None:
+            points.append(pos_m[:, ball])
+            rest_heights.append(rest_m[ball, 1])
+        for tip in np.flatnonzero(np.isin(skeleton.tip_parents, owners)):
+            owner, offset = skeleton.tip_parents[tip], skeleton.tips_m[tip]
+            points.append(pos_m[:, owner] + rot.rotate(turns[:, owner], offset))
+            rest_heights.append(rest_m[owner, 1] + offset[1])
+        if ball is None and not (skeleton.tip_parents == ankle).any():
+            points.append(pos_m[:, ankle])
+            rest_heights.append(rest_m[ankle, 1])
+    clearance = np.array(rest_heights) - min(rest_heights)  # (F,)
+    return np.stack(points, axis=1) - clearance[:, None] * [0.0, 1.0, 0.0]  # (T, F, 3)
+
+
+def estimate_floor_m(foot_pos_m: Floats) -> float:
+    """Height of the floor in metres, one for the take.
+
+    `foot_pos_m` (T, F, 3) are points of the feet that touch the floor, or stand at one height over
+    it, when the foot is down. The lowest point of each frame is on the floor most of the time, so
+    its low percentile is robust against jumps (frames much higher) and noise (a few much lower).
+
+    Raises `ParameterError` if there is no point or a value is not finite.
+    """
+    return float(np.percentile(_lowest(foot_pos_m), _LOW_PERCENT))
+
+
+def track_floor_m(foot_pos_m: Floats, fps: float) -> Floats:
+    """Height of the floor at each frame, (T,) metres, for captures whose vertical drifts.
+
+    Same points as `estimate_floor_m`. The result is smooth, so taking it away adds no jerk.
+
+    Raises `ParameterError` if there is no point or a value is not finite.
+    """
+    lowest = _lowest(foot_pos_m)
+    window = max(1, min(round(_WINDOW_S * fps), len(lowest)))
+    envelope = percentile_filter(lowest, _LOW_PERCENT * 2, size=window, mode="nearest")
+    return gaussian_filter1d(envelope, _SMOOTH_S * fps, mode="nearest")
+
+
+def _lowest(foot_pos_m: Floats) -> Floats:
+    foot_pos_m = np.asarray(foot_pos_m, np.float64)
+    if foot_pos_m.ndim != 3 or foot_pos_m.shape[-1] != 3 or 0 in foot_pos_m.shape:
+        raise ParameterError(f"expected points of the feet (T, F, 3), got {foot_pos_m.shape}")
+    if not np.isfinite(foot_pos_m).all():
+        raise ParameterError("expected finite positions of the feet, got nan or infinity")
+    return foot_pos_m[..., 1].min(axis=1)  # (T,)

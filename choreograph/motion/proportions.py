@@ -1,0 +1,115 @@
+"""Positions over time -> one dancer's skeleton: the canonical hierarchy with measured bones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import ParameterError
+from choreograph.motion.fit import REQUIRED_ROLES
+from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
+
+Floats = NDArray[np.float64]
+
+_PELVIS_HEIGHT = 0.45  # of the way from between the hips to the lower spine
+_COLLAR_REACH = 0.3  # of half the shoulders' width, where the collar bone starts
+_NECK_RISE_M = 0.02  # of the neck's base over the line between the shoulders
+_TOES_M = 0.06  # from the ball of the foot to the tip of the toes
+
+
+def measure_skeleton(pos_m: Floats, roles: Sequence[str]) -> Skeleton:
+    """The canonical 24-joint body with the bone lengths that positions show on average.
+
+    Parameters
+    ----------
+    pos_m : float array (T, R, 3)   metres, Y up; frames of one dancer, in any order
+    roles : R names                 as in `fit_positions`; "spine1" and "head" are needed, too
+
+    Left and right are measured apart: markers are placed by hand. Heels become end sites of the
+    ankles. Joints nobody sees (pelvis, middle spine, neck, collars) are put between those seen.
+
+    Raises `ParameterError` if a needed role is missing.
+    """
+    needed = (*REQUIRED_ROLES, "spine1", "head", "left_foot", "right_foot", "left_heel", "right_heel")
+    missing = [role for role in needed if role not in roles]
+    if missing:
+        raise ParameterError(f"expected positions of all major joints, missing {', '.join(missing)}")
+    seen = {role: pos_m[:, index] for index, role in enumerate(roles)}  # role -> (T, 3)
+    rest = _trunk(seen)
+    tips: dict[str, list[Floats]] = {}
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        _leg(seen, side, rest, tips)
+        _arm(seen, side, sign, rest, tips)
+    tips["head"] = [np.array([0.0, 0.12, 0.0])]
+    return _assemble(rest, tips)
+
+
+def _length(seen: Mapping[str, Floats], a: str, b: str) -> float:
+    return float(np.mean(np.linalg.norm(seen[a] - seen[b], axis=-1)))
+
+
+def _trunk(seen: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Rest places of the trunk's joints, hips' middle at the origin, X left, Y up."""
+    hips = 0.5 * (seen["left_hip"] + seen["right_hip"])
+    shoulders = 0.5 * (seen["left_shoulder"] + seen["right_shoulder"])
+    half_hips = 0.5 * _length(seen, "left_hip", "right_hip")
+    half_shoulders = 0.5 * _length(seen, "left_shoulder", "right_shoulder")
+    low = float(np.mean(np.linalg.norm(seen["spine1"] - hips, axis=-1)))
+    high = low + float(np.mean(np.linalg.norm(shoulders - seen["spine1"], axis=-1)))
+    neck = high + _NECK_RISE_M
+    head = high + float(np.mean(np.linalg.norm(seen["head"] - shoulders, axis=-1)))
+    heights = {"pelvis": _PELVIS_HEIGHT * low, "spine1": low, "neck": neck, "head": head}
+    heights |= {"spine2": low + (high - low) / 3, "spine3": low + (high - low) * 2 / 3}
+    rest = {role: np.array([0.0, height, 0.0]) for role, height in heights.items()}
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        rest[f"{side}_hip"] = np.array([sign * half_hips, 0.0, 0.0])
+        rest[f"{side}_shoulder"] = np.array([sign * half_shoulders, high, 0.0])
+        rest[f"{side}_collar"] = np.array([sign * half_shoulders * _COLLAR_REACH, high, 0.0])
+    return rest
+
+
+def _leg(
+    seen: Mapping[str, Floats], side: str, rest: dict[str, Floats], tips: dict[str, list[Floats]]
+) -> None:
+    hip, knee, ankle, foot, heel = (f"{side}_{part}" for part in ("hip", "knee", "ankle", "foot", "heel"))
+    down = np.array([0.0, -1.0, 0.0])
+    rest[knee] = rest[hip] + down * _length(seen, hip, knee)
+    rest[ankle] = rest[knee] + down * _length(seen, knee, ankle)
+    # Standing, heel and ball lie level: the ankle is the top of the triangle of the three lengths.
+    to_heel, to_foot, sole = _length(seen, ankle, heel), _length(seen, ankle, foot), _length(seen, heel, foot)
+    ahead = np.clip((to_foot**2 + sole**2 - to_heel**2) / (2.0 * sole), 0.0, to_foot)
+    height = float(np.sqrt(to_foot**2 - ahead**2))
+    rest[foot] = rest[ankle] + np.array([0.0, -height, ahead])
+    tips[ankle] = [np.array([0.0, -height, ahead - sole])]
+    tips[foot] = [np.array([0.0, 0.0, _TOES_M])]
+
+
+def _arm(
+    seen: Mapping[str, Floats], side: str, sign: float, rest: dict[str, Floats], tips: dict[str, list[Floats]]
+) -> None:
+    chain = [f"{side}_{part}" for part in ("shoulder", "elbow", "wrist", "hand")]
+    for upper, lower in pairwise(chain):
+        length = _length(seen, upper, lower) if lower in seen else 0.085
+        rest[lower] = rest[upper] + np.array([sign * length, 0.0, 0.0])
+    tips[chain[-1]] = [np.array([sign * 0.06, 0.0, 0.0])]
+
+
+def _assemble(rest: Mapping[str, Floats], tips: Mapping[str, list[Floats]]) -> Skeleton:
+    parents = canonical_skeleton().parents
+    places = np.stack([rest[name] for name in CANONICAL_JOINTS])  # (24, 3)
+    sole = min(
+        place[1] + tip[0][1] for name, tip in tips.items() if "ankle" in name for place in [rest[name]]
+    )
+    offsets = places - places[np.maximum(parents, 0)]
+    offsets[0] = places[0] - [0.0, sole, 0.0]
+    owners = [CANONICAL_JOINTS.index(name) for name, several in tips.items() for _ in several]
+    return Skeleton(
+        names=CANONICAL_JOINTS,
+        parents=parents,
+        offsets_m=offsets,
+        tip_parents=np.array(owners),
+        tips_m=np.array([tip for several in tips.values() for tip in several]),
+    )
