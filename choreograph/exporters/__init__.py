@@ -1,0 +1,34 @@
+"""Motions to files: `save_motion` by suffix, `get_writer` by format. A new format is one file here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from choreograph.errors import ParameterError
+from choreograph.exporters._base import Writer
+from choreograph.exporters.bvh import BvhOptions, BvhWriter
+from choreograph.exporters.npz import NpzWriter
+from choreograph.files import atomic_path
+from choreograph.motion.motion import Motion
+
+__all__ = ["BvhOptions", "BvhWriter", "NpzWriter", "Writer", "get_writer", "save_motion"]
+
+_WRITERS: dict[str, type[Writer]] = {writer.format: writer for writer in (BvhWriter, NpzWriter)}
+
+
+def get_writer(format: str) -> Writer:
+    """The writer, with its default options, of a format such as "bvh"; `ParameterError` if unknown."""
+    if format.lower() not in _WRITERS:
+        raise ParameterError(f"unknown motion format {format!r}: expected one of {', '.join(_WRITERS)}")
+    return _WRITERS[format.lower()]()
+
+
+def save_motion(path: str | Path, motion: Motion, *, writer: Writer | None = None) -> None:
+    """Write `motion` whole or not at all, in the format of the path's suffix or with `writer`.
+
+    Raises `ParameterError` for an unknown suffix or a missing folder, `ChoreographError` if the disk
+    is full or may not be written.
+    """
+    writer = writer or get_writer(Path(path).suffix.removeprefix("."))
+    with atomic_path(path) as temporary:
+        writer.write(motion, temporary)

@@ -1,0 +1,19 @@
+"""What every writer is: a format's name and a way to put one motion into one file."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import ClassVar
+
+from choreograph.motion.motion import Motion
+
+
+class Writer(ABC):
+    """Writes motions in one format; the same motion gives the same bytes."""
+
+    format: ClassVar[str]  # also the file's suffix, without the dot
+
+    @abstractmethod
+    def write(self, motion: Motion, path: Path) -> None:
+        """Write `motion` to the new file `path`; an `OSError` is the caller's to translate."""

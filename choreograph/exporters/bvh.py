@@ -1,0 +1,91 @@
+"""Motions as BVH: the motion's own skeleton, six channels on the root and three elsewhere."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from choreograph.errors import ParameterError
+from choreograph.exporters._base import Writer
+from choreograph.motion import rotations as rot
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton
+
+_ORDERS = tuple("".join(axes) for axes in itertools.permutations("XYZ"))
+
+
+@dataclass(frozen=True)
+class BvhOptions:
+    """How a BVH file is written. `ParameterError` for an order that is none."""
+
+    units_per_m: float = 100.0  # centimetres, as most programs expect
+    order: str = "ZXY"  # of the rotation channels
+
+    def __post_init__(self) -> None:
+        if self.order not in _ORDERS:
+            raise ParameterError(
+                f"unknown rotation order {self.order!r}: expected one of {', '.join(_ORDERS)}"
+            )
+        if not (np.isfinite(self.units_per_m) and self.units_per_m > 0):
+            raise ParameterError(f"expected a positive number of units per metre, got {self.units_per_m}")
+
+
+class BvhWriter(Writer):
+    """Five decimals: far below a tenth of a millimetre at the fingertips."""
+
+    format = "bvh"
+
+    def __init__(self, options: BvhOptions | None = None) -> None:
+        self.options = options or BvhOptions()
+
+    def write(self, motion: Motion, path: Path) -> None:
+        """Write `motion`; angles run on past 180 degrees rather than jump, so that curves can be edited."""
+        order = _file_order(motion.skeleton)
+        angles = rot.to_euler(self.options.order, motion.local_quat[:, order])  # (T, J, 3)
+        degrees = np.degrees(np.unwrap(angles, axis=0)).reshape(motion.n_frames, -1)  # (T, 3 J)
+        rows = np.hstack([motion.root_pos_m * self.options.units_per_m, degrees])  # (T, 3 + 3 J)
+        line = " ".join(["%.5f"] * rows.shape[1])
+        with open(path, "w", encoding="utf-8", newline="\n") as file:
+            file.write("HIERARCHY\n")
+            file.writelines(f"{text}\n" for text in self._hierarchy(motion.skeleton, 0, ""))
+            file.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1.0 / motion.fps:.10f}\n")
+            file.writelines(line % tuple(row) + "\n" for row in rows.tolist())
+
+    def _hierarchy(self, skeleton: Skeleton, joint: int, indent: str) -> list[str]:
+        # A root offset of zero reads the same whether a program adds the channels to it or not.
+        offset = skeleton.offsets_m[joint] if joint else np.zeros(3)
+        position = "Xposition Yposition Zposition " if joint == 0 else ""
+        rotation = " ".join(f"{axis}rotation" for axis in self.options.order)
+        lines = [
+            f"{indent}{'JOINT' if joint else 'ROOT'} {skeleton.names[joint]}",
+            f"{indent}{{",
+            f"{indent}  {self._offset(offset)}",
+            f"{indent}  CHANNELS {3 if joint else 6} {position}{rotation}",
+        ]
+        for child in np.flatnonzero(skeleton.parents == joint):
+            lines += self._hierarchy(skeleton, int(child), indent + "  ")
+        for tip in skeleton.tips_m[skeleton.tip_parents == joint]:
+            lines += [
+                f"{indent}  End Site",
+                f"{indent}  {{",
+                f"{indent}    {self._offset(tip)}",
+                f"{indent}  }}",
+            ]
+        return [*lines, f"{indent}}}"]
+
+    def _offset(self, offset_m: np.ndarray) -> str:
+        return "OFFSET " + " ".join(f"{value:.6f}" for value in offset_m * self.options.units_per_m)
+
+
+def _file_order(skeleton: Skeleton) -> list[int]:
+    """Joints depth first, as the file's nesting lists them: not the order of every skeleton."""
+    order: list[int] = []
+    waiting = [0]
+    while waiting:
+        joint = waiting.pop()
+        order.append(joint)
+        waiting += np.flatnonzero(skeleton.parents == joint)[::-1].tolist()
+    return order

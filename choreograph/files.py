@@ -1,0 +1,45 @@
+"""Files written whole or not at all, and their checksums."""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from choreograph.errors import ChoreographError, ParameterError
+
+
+def check_target(path: str | Path) -> Path:
+    """The path, if a file can be made there; `ParameterError` if its folder is missing or it is a folder."""
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise ParameterError(f"cannot write {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise ParameterError(f"cannot write {path}: it is a folder")
+    return path
+
+
+@contextmanager
+def atomic_path(path: str | Path) -> Iterator[Path]:
+    """A temporary path beside `path`: renamed onto it at the end, removed if anything fails.
+
+    Raises `ParameterError` as `check_target` does, and `ChoreographError` in place of an `OSError`
+    from the body or the renaming (a full disk, no permission).
+    """
+    path = check_target(path)
+    temporary = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}{path.suffix}")
+    try:
+        yield temporary
+        temporary.replace(path)
+    except OSError as error:
+        raise ChoreographError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def sha256_of(path: str | Path) -> str:
+    """SHA-256 of a file's bytes, hexadecimal."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

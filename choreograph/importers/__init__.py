@@ -1,0 +1,74 @@
+"""Takes from files: `import_takes` finds out what a folder or file is. A new layout is one module here.
+
+An importer is a module with `LAYOUT` (one line: what it reads), `detect(path) -> bool` and
+`read(path) -> Iterator[Take]`; `register` adds one from outside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Protocol
+
+from choreograph.errors import FormatError, ParameterError
+from choreograph.motion.rigs import joint_roles
+from choreograph.takes import Take
+from choreograph.timebase import STORE_FPS
+
+__all__ = ["Importer", "import_takes", "register"]
+
+
+class Importer(Protocol):
+    """What a layout's module offers."""
+
+    LAYOUT: str
+
+    def detect(self, path: Path) -> bool:
+        """Whether `path` has this layout; quick, and never an error."""
+
+    def read(self, path: Path) -> Iterator[Take]:
+        """The takes in `path`, one by one, in a fixed order; `FormatError` names the file it is about."""
+
+
+_OURS = ("dance_with_melody", "aist", "amass", "npz", "bvh", "folder")  # the first that fits reads
+_added: list[Importer] = []
+
+
+def register(importer: Importer) -> None:
+    """Add an importer; it is asked before those that come with the program."""
+    _added.insert(0, importer)
+
+
+def import_takes(source: str | Path) -> Iterator[Take]:
+    """The takes in a file or folder, one by one, at 60 fps or their own rate if lower.
+
+    A take that cannot be read is an error that names its file: one dropped in silence would be worse.
+
+    Raises
+    ------
+    ParameterError   if nothing is at `source`, or no known layout fits it
+    FormatError      if a file in it is damaged, or its rig's joint names are unknown
+    """
+    source = Path(source)
+    if not source.exists():
+        raise ParameterError(f"no takes at {source}: there is no such file or folder")
+    importer = _importer_of(source)
+    for take in importer.read(source):
+        try:
+            joint_roles(take.motion.skeleton)
+        except ParameterError as error:
+            raise FormatError(f"{take.source_paths[0]}: {error}") from None
+        yield replace(take, motion=take.motion.resampled(min(take.motion.fps, STORE_FPS)))
+
+
+def _importer_of(source: Path) -> Importer:
+    importers = [*_added, *(import_module(f"{__name__}.{name}") for name in _OURS)]
+    for importer in importers:
+        if importer.detect(source):
+            return importer
+    if source.is_dir() and not any(source.iterdir()):
+        raise ParameterError(f"no takes at {source}: the folder is empty")
+    layouts = "; ".join(importer.LAYOUT for importer in importers)
+    raise ParameterError(f"no takes at {source}: expected {layouts}")

@@ -1,0 +1,47 @@
+"""Axis-angle poses in SMPL's joint order as motions on the canonical skeleton."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from choreograph.errors import FormatError
+from choreograph.motion import rotations as rot
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
+
+_BODY = 22  # joints that SMPL, SMPL-H and SMPL-X share; what follows are hands, jaw and eyes
+
+
+def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
+    """Motion of axis-angle `poses` (T, 66 or more) and root positions `trans` (T, 3) in metres.
+
+    Both models' body joints come first and in our order; SMPL's two hand joints (72 values) are kept,
+    fingers are not. The pelvis lies a constant vector from `trans` in SMPL: the floor, which is
+    estimated, absorbs it. Raises `FormatError` if shapes or values are wrong.
+    """
+    try:
+        poses, trans = np.asarray(poses, np.float64), np.asarray(trans, np.float64)
+    except (TypeError, ValueError):
+        raise FormatError("expected poses and translations as arrays of numbers") from None
+    if poses.ndim != 2 or poses.shape[1] < 3 * _BODY or poses.shape[1] % 3 or trans.shape != (len(poses), 3):
+        raise FormatError(
+            f"expected poses (T, 66 or more) and translations (T, 3), got {poses.shape}, {trans.shape}"
+        )
+    if len(poses) == 0:
+        raise FormatError("no motion: there is no frame")
+    if not (np.isfinite(poses).all() and np.isfinite(trans).all()):
+        raise FormatError("a pose or translation is not a finite number")
+    n_joints = len(CANONICAL_JOINTS)
+    kept = n_joints if poses.shape[1] == 3 * n_joints else _BODY
+    rotvec = np.zeros((len(poses), n_joints, 3))
+    rotvec[:, :kept] = poses[:, : 3 * kept].reshape(len(poses), kept, 3)
+    return Motion(canonical_skeleton(), trans, rot.make_continuous(rot.from_rotvec(rotvec)), fps)
+
+
+def turned_world(motion: Motion, turn: np.ndarray) -> Motion:
+    """The motion with the world turned by `turn` (4,): root position and root rotation."""
+    quat = np.array(motion.local_quat)
+    quat[:, 0] = rot.multiply(turn, quat[:, 0])
+    return Motion(motion.skeleton, rot.rotate(turn, motion.root_pos_m), rot.make_continuous(quat), motion.fps)

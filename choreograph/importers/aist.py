@@ -1,0 +1,77 @@
+"""AIST++: `motions/*.pkl` of SMPL poses, with names that give genre, performer and music."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from choreograph.errors import FormatError
+from choreograph.importers._pickles import load_arrays
+from choreograph.importers._smpl import smpl_motion, turned_world
+from choreograph.importers._upright import turn_upright
+from choreograph.importers.folder import song_beside
+from choreograph.motion.motion import Motion
+from choreograph.takes import Credits, Take
+
+LAYOUT = "AIST++: a folder with motions/*.pkl, songs in music/, wav/ or audio/, and ignore_list.txt"
+FPS = 60.0
+_NAME = re.compile(r"g(?P<genre>[A-Z]{2})_s\w+_c\w+_(?P<performer>d\d+)_(?P<song>m[A-Z]{2}\d+)_ch\d+")
+_GENRES = {
+    "BR": "break", "PO": "pop", "LO": "lock", "MH": "middle hip-hop", "LH": "LA hip-hop", "HO": "house",
+    "WA": "waack", "KR": "krump", "JS": "street jazz", "JB": "ballet jazz",
+}  # fmt: skip
+_KEYS = ("smpl_poses", "smpl_trans", "smpl_scaling")
+
+
+def detect(path: Path) -> bool:
+    """Whether `path` holds pickles in `motions/`."""
+    return any((path / "motions").glob("*.pkl"))
+
+
+def read(path: Path) -> Iterator[Take]:
+    """The takes by name, those in `ignore_list.txt` (badly reconstructed, says AIST++) left out."""
+    ignored = set()
+    if (path / "ignore_list.txt").is_file():
+        ignored = set((path / "ignore_list.txt").read_text(encoding="utf-8", errors="replace").split())
+    for file in sorted((path / "motions").glob("*.pkl")):
+        if file.stem not in ignored:
+            yield _take(path, file)
+
+
+def _take(source: Path, file: Path) -> Take:
+    motion, notes = _motion(file)
+    named = _NAME.fullmatch(file.stem)
+    if named is None:
+        notes += ("the name gives no genre, performer and music",)
+    parts = named.groupdict() if named else {"genre": "", "performer": "", "song": ""}
+    songs = (song_beside(source / folder, parts["song"]) for folder in ("music", "wav", "audio"))
+    song = next((song for song in songs if song), None)
+    return Take(
+        name=file.stem,
+        motion=motion,
+        credits=Credits(_GENRES.get(parts["genre"], parts["genre"]), parts["performer"], source="AIST++"),
+        song_path=song,
+        song_name=parts["song"],
+        source_paths=(file, song) if song else (file,),
+        notes=notes,
+    )
+
+
+def _motion(file: Path) -> tuple[Motion, tuple[str, ...]]:
+    content = load_arrays(file)
+    missing = [key for key in _KEYS if key not in content]
+    if missing:
+        raise FormatError(f"{file}: expected {', '.join(_KEYS)}, found no {', '.join(missing)}")
+    try:
+        scaling = np.asarray(content["smpl_scaling"], np.float64)
+        if scaling.size != 1 or not (np.isfinite(scaling).all() and scaling.item() > 0):
+            raise FormatError(f"expected one positive smpl_scaling, got {scaling.tolist()}")
+        trans = np.asarray(content["smpl_trans"], np.float64) / scaling.item()
+        motion = smpl_motion(content["smpl_poses"], trans, FPS)
+    except (FormatError, TypeError, ValueError) as error:
+        raise FormatError(f"{file}: {error}") from None
+    turn, note = turn_upright(motion.skeleton, motion.joint_pos_m())
+    return (turned_world(motion, turn), (note,)) if note else (motion, ())

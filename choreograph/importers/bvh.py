@@ -1,0 +1,174 @@
+"""BVH files as motions in metres, Y up: six channels a joint, any Euler order, a root above the hips."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import FormatError
+from choreograph.importers._bvh_text import BvhText, parse_bvh, read_text
+from choreograph.importers._upright import human_roles, turn_upright, turned, unit_m
+from choreograph.motion import rotations as rot
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton
+from choreograph.takes import Credits, Take
+
+LAYOUT = "a single NAME.bvh"
+_VARIES_M = 1e-3  # bone offsets that move more than this are worth a note
+
+
+def detect(path: Path) -> bool:
+    """Whether `path` is one BVH file."""
+    return path.is_file() and path.suffix.lower() == ".bvh"
+
+
+def read(path: Path) -> Iterator[Take]:
+    """The file as a take without music, named after it."""
+    motion, notes = read_bvh(path)
+    yield Take(path.stem, motion, Credits(source=path.name), source_paths=(path,), notes=notes)
+
+
+def read_bvh(path: str | Path) -> tuple[Motion, tuple[str, ...]]:
+    """Read a BVH file at its own frame rate.
+
+    Position channels hold a joint's whole translation, as common exporters write and readers take
+    them; if all below the root stay near zero while the offsets do not, they are added to the
+    offsets. The hips become the root: what is above them is applied to them, what hangs beside
+    them is left out. Bone offsets that vary in time become their mean.
+
+    Returns
+    -------
+    motion : Motion             metres, Y up
+    notes : tuple of str        what was guessed (the unit) or odd, one line each
+
+    Raises
+    ------
+    ParameterError   if there is no such file
+    FormatError      if it is not a sound BVH; the message names the file
+    """
+    path = Path(path)
+    text = read_text(path)
+    try:
+        return _to_motion(parse_bvh(text))
+    except FormatError as error:
+        raise FormatError(f"{path}: {error}") from None
+
+
+@dataclass(frozen=True)
+class _Body:
+    """Joints with their own translation and rotation each frame, in the file's units and axes."""
+
+    names: tuple[str, ...]
+    parents: NDArray[np.int64]  # (J,)
+    rest: NDArray[np.float64]  # (J, 3)
+    local_pos: NDArray[np.float64]  # (T, J, 3)
+    local_quat: NDArray[np.float64]  # (T, J, 4)
+    tip_parents: NDArray[np.int64]  # (E,)
+    tips: NDArray[np.float64]  # (E, 3)
+
+    def skeleton(self) -> Skeleton:
+        """With the mean of each joint's translation as its bone offset."""
+        offsets = self.local_pos.mean(axis=0)  # (J, 3)
+        offsets[0] = self.rest[0]
+        return Skeleton(self.names, self.parents, offsets, self.tip_parents, self.tips)
+
+
+def _to_motion(text: BvhText) -> tuple[Motion, tuple[str, ...]]:
+    notes: list[str] = []
+    body = _from_hips(_body(text, notes), notes)
+    skeleton = body.skeleton()
+    spread = np.abs(body.local_pos[:, 1:] - skeleton.offsets_m[1:]).max(initial=0.0, axis=(0, 2))  # (J-1,)
+    motion = Motion(skeleton, body.local_pos[:, 0], rot.make_continuous(body.local_quat), text.fps)
+    pos = motion.joint_pos_m()[:: max(1, motion.n_frames // 500)]  # (T', J, 3), still in the file's unit
+    metres, note = unit_m(skeleton, pos)
+    notes.append(note)
+    varying = spread * metres > _VARIES_M
+    if varying.any():
+        notes.append(
+            f"{varying.sum()} bones change by up to {spread.max() * metres * 100:.2g} cm: their means are used"
+        )
+    turn, note = turn_upright(skeleton, pos)
+    if note:
+        notes.append(note)
+    offsets, quat = turned(turn, skeleton.offsets_m * metres, motion.local_quat)
+    upright = Skeleton(
+        body.names, body.parents, offsets, body.tip_parents, rot.rotate(turn, body.tips * metres)
+    )
+    return Motion(upright, rot.rotate(turn, motion.root_pos_m * metres), quat, text.fps), tuple(notes)
+
+
+def _body(text: BvhText, notes: list[str]) -> _Body:
+    n_frames, n_joints = len(text.values), len(text.names)
+    rest = np.array(text.offsets)  # (J, 3)
+    local_pos = np.repeat(rest[None], n_frames, axis=0)  # (T, J, 3)
+    local_quat = np.tile(rot.IDENTITY, (n_frames, n_joints, 1))  # (T, J, 4)
+    moves = np.zeros(n_joints, bool)
+    first = 0
+    for joint, channels in enumerate(text.channels):
+        columns = text.values[:, first : first + len(channels)]  # (T, C)
+        first += len(channels)
+        turns = [i for i, channel in enumerate(channels) if channel.endswith("rotation")]
+        if turns:
+            order = "".join(channels[i][0] for i in turns)
+            local_quat[:, joint] = _from_euler(order, np.radians(columns[:, turns]))
+        for i, channel in enumerate(channels):
+            if channel.endswith("position"):
+                local_pos[:, joint, "xyz".index(channel[0])] = columns[:, i]
+                moves[joint] = joint > 0
+    means = local_pos[:, moves].mean(axis=0)  # (J', 3)
+    if np.linalg.norm(means, axis=1).sum() < np.linalg.norm(means - rest[moves], axis=1).sum():
+        local_pos[:, moves] += rest[moves]
+        notes.append(
+            "position channels below the root are taken as added to the bone offsets: they stay near zero"
+        )
+    tip_parents = np.array(text.tip_parents, np.int64)
+    names, parents = tuple(text.names), np.array(text.parents)
+    return _Body(names, parents, rest, local_pos, local_quat, tip_parents, np.array(text.tips).reshape(-1, 3))
+
+
+def _from_euler(order: str, angles: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Quaternions (T, 4) of intrinsic rotations (T, 1 to 3) in radians about the axes of `order`."""
+    padded = np.zeros((len(angles), 3))
+    padded[:, : len(order)] = angles
+    unused = "".join(axis for axis in "xyz" if axis not in order)
+    return rot.from_euler(order + unused, padded)
+
+
+def _from_hips(body: _Body, notes: list[str]) -> _Body:
+    """The part of the body from the hips on, with all that is above applied to the hips."""
+    roles = human_roles(body.skeleton())
+    hips = roles.get("pelvis", 0)
+    if hips == 0:
+        return body
+    chain = [hips]
+    while body.parents[chain[-1]] >= 0:
+        chain.append(int(body.parents[chain[-1]]))
+    chain.reverse()
+    pos, quat = body.local_pos[:, 0], body.local_quat[:, 0]
+    for joint in chain[1:]:
+        pos = pos + rot.rotate(quat, body.local_pos[:, joint])
+        quat = rot.multiply(quat, body.local_quat[:, joint])
+    kept = [hips]
+    for joint in range(hips + 1, len(body.names)):
+        if body.parents[joint] in kept:
+            kept.append(joint)
+    dropped = [name for i, name in enumerate(body.names) if i not in kept and i not in chain]
+    if dropped:
+        notes.append(f"left out what does not hang on the hips: {', '.join(dropped)}")
+    new = {joint: i for i, joint in enumerate(kept)}
+    tips = [i for i, parent in enumerate(body.tip_parents) if parent in new]
+    rest, local_pos, local_quat = body.rest[kept], body.local_pos[:, kept], body.local_quat[:, kept]
+    rest[0], local_pos[:, 0], local_quat[:, 0] = body.rest[chain].sum(axis=0), pos, quat
+    return _Body(
+        names=tuple(body.names[joint] for joint in kept),
+        parents=np.array([-1] + [new[int(body.parents[joint])] for joint in kept[1:]]),
+        rest=rest,
+        local_pos=local_pos,
+        local_quat=local_quat,
+        tip_parents=np.array([new[int(body.tip_parents[i])] for i in tips], np.int64),
+        tips=body.tips[tips],
+    )

@@ -1,0 +1,130 @@
+"""Which joint of a rig plays which part: the usual rigs' names read as the canonical body's."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import lru_cache
+
+from choreograph.errors import ParameterError
+from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
+
+# Names of a limb's joints, best first. The order of the rows matters where rigs disagree about a
+# word: "LeftShoulder" is the collar beside a "LeftArm" (Mixamo) but the shoulder beside a
+# "LeftElbow" (Biovision); a joint already taken by a row above is not taken again.
+_LIMB_NAMES = {
+    "knee": ("knee", "lowerleg", "lowleg", "loleg", "shin", "calf", "tibia", "leg"),
+    "hip": ("upleg", "upperleg", "thigh", "femur", "hip", "leg"),
+    "ankle": ("ankle", "foot"),
+    "foot": ("toebase", "toes", "toe", "ball", "forefoot", "foot"),
+    "elbow": ("elbow", "forearm", "lowerarm", "lowarm", "loarm", "farm", "radius"),
+    "shoulder": ("upperarm", "uparm", "uarm", "humerus", "arm", "shoulder"),
+    "collar": ("collar", "clavicle", "collarbone", "shoulder"),
+    "wrist": ("wrist", "hand"),
+    "hand": ("hand", "palm"),
+}
+_MIDDLE_NAMES = {"pelvis": ("pelvis", "hips", "hip"), "neck": ("neck", "lowerneck"), "head": ("head",)}
+_KNOWN_PARTS = frozenset(name for names in (_LIMB_NAMES | _MIDDLE_NAMES).values() for name in names)
+_REQUIRED = tuple(
+    f"{side}_{part}"
+    for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
+    for side in ("left", "right")
+)
+_SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
+_LAST_WORDS = frozenset(("jnt", "joint", "bone", "bind"))  # "hips_JNT"
+_NO_BODY_PART = frozenset(("ik", "pole", "ctrl", "target", "prop", "weapon"))  # "ik_foot_l" is a handle
+
+_WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
+
+
+def joint_roles(skeleton: Skeleton) -> dict[str, int]:
+    """The joint of `skeleton` that plays each canonical joint, as name -> index.
+
+    Names are read whatever their prefix, case, separators and digits: Mixamo, CMU, MotionBuilder,
+    Bandai-Namco, SMPL, Xsens, Rokoko, Biovision, Unreal and their like. The pelvis is where legs and
+    trunk meet, and the spine the joints from there to where the arms meet, whatever they are called.
+    Joints the rig does not have (a middle spine joint, hands) are left out.
+
+    Raises `ParameterError` if hips, knees, ankles, shoulders, elbows or wrists cannot be found.
+    """
+    return dict(_roles(skeleton.names, tuple(skeleton.parents.tolist())))
+
+
+@lru_cache(maxsize=256)
+def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int]:
+    parts: dict[tuple[str, str], int] = {}  # (side, part) -> the joint nearest the root
+    for joint, name in enumerate(names):
+        parts.setdefault(_side_and_part(name), joint)
+    roles = _named_limbs(parts)
+    missing = [role for role in _REQUIRED if role not in roles]
+    if missing:
+        raise ParameterError(
+            f"expected a human rig with known joint names, found no {', '.join(missing)} among: {', '.join(names)}"
+        )
+    chest = _meeting_point(parents, [roles["left_shoulder"], roles["right_shoulder"]])
+    waist = _meeting_point(parents, [roles["left_hip"], roles["right_hip"], chest])
+    above_waist = _path_from_root(parents, waist)
+    named = [parts.get(("", name), -1) for name in _MIDDLE_NAMES["pelvis"]]
+    roles["pelvis"] = max((joint for joint in named if joint in above_waist), default=waist)
+    for role in ("neck", "head"):
+        found = [parts[("", name)] for name in _MIDDLE_NAMES[role] if ("", name) in parts]
+        if found:
+            roles[role] = found[0]
+    roles |= _spine_roles([joint for joint in _path_from_root(parents, chest) if joint > roles["pelvis"]])
+    return {name: roles[name] for name in CANONICAL_JOINTS if name in roles}
+
+
+def _side_and_part(name: str) -> tuple[str, str]:
+    """Side ("left", "right" or "") and body part of a joint's name; part "" if it names none we know."""
+    words = [word.lower() for word in _WORDS.findall(name.rsplit(":", 1)[-1])]
+    side = next((_SIDES[word] for word in words if word in _SIDES), "")
+    words = [word for word in words if word not in _SIDES and not word.isdigit()]
+    while words and words[-1] in _LAST_WORDS:
+        words.pop()
+    if not _NO_BODY_PART.isdisjoint(words):
+        return side, ""
+    for start in range(len(words)):  # the longest known ending: "Character1_LeftUpArm" is "uparm"
+        part = "".join(words[start:])
+        if part in _KNOWN_PARTS:
+            return side, part
+        for prefix in () if side else _SIDES:  # written in one: "lfemur", "LEFTARM"
+            if part.startswith(prefix) and part.removeprefix(prefix) in _KNOWN_PARTS:
+                return _SIDES[prefix], part.removeprefix(prefix)
+    return side, ""
+
+
+def _named_limbs(parts: Mapping[tuple[str, str], int]) -> dict[str, int]:
+    roles: dict[str, int] = {}
+    for side in ("left", "right"):
+        taken: set[int] = set()
+        for role, names in _LIMB_NAMES.items():
+            found = [parts[side, name] for name in names if (side, name) in parts]
+            free = [joint for joint in found if joint not in taken]
+            if free:
+                roles[f"{side}_{role}"] = free[0]
+                taken.add(free[0])
+    return roles
+
+
+def _path_from_root(parents: tuple[int, ...], joint: int) -> list[int]:
+    path = [joint]
+    while parents[path[-1]] >= 0:
+        path.append(parents[path[-1]])
+    return path[::-1]
+
+
+def _meeting_point(parents: tuple[int, ...], joints: list[int]) -> int:
+    """The last joint that is an ancestor of, or is, every one of `joints`."""
+    paths = [_path_from_root(parents, joint) for joint in joints]
+    return max(joint for joint in paths[0] if all(joint in path for path in paths))
+
+
+def _spine_roles(spine: list[int]) -> dict[str, int]:
+    """Spine joints, from the pelvis up, as the canonical three; with fewer, the lowest and the highest."""
+    if not spine:
+        return {}
+    if len(spine) == 1:
+        return {"spine1": spine[0]}
+    if len(spine) == 2:
+        return {"spine1": spine[0], "spine3": spine[1]}
+    return {"spine1": spine[0], "spine2": spine[len(spine) // 2], "spine3": spine[-1]}
