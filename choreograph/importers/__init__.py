@@ -1,19 +1,21 @@
 """Takes from files: `import_takes` finds out what a folder or file is. A new layout is one module here.
 
 An importer is a module with `LAYOUT` (one line: what it reads), `detect(path) -> bool` and
-`read(path) -> Iterator[Take]`; `register` adds one from outside.
+`read(path) -> Iterable[Take]`; `register` adds one from outside.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from choreograph.errors import FormatError, ParameterError
-from choreograph.motion.rigs import joint_roles
+from choreograph.motion.floor import estimate_floor_m, sole_pos_m
 from choreograph.takes import Take
 from choreograph.timebase import STORE_FPS
 
@@ -28,11 +30,12 @@ class Importer(Protocol):
     def detect(self, path: Path) -> bool:
         """Whether `path` has this layout; quick, and never an error."""
 
-    def read(self, path: Path) -> Iterator[Take]:
+    def read(self, path: Path) -> Iterable[Take]:
         """The takes in `path`, one by one, in a fixed order; `FormatError` names the file it is about."""
 
 
 _OURS = ("dance_with_melody", "aist", "amass", "npz", "bvh", "folder")  # the first that fits reads
+_WORTH_A_NOTE_M = 0.05
 _added: list[Importer] = []
 
 
@@ -42,7 +45,7 @@ def register(importer: Importer) -> None:
 
 
 def import_takes(source: str | Path) -> Iterator[Take]:
-    """The takes in a file or folder, one by one, at 60 fps or their own rate if lower.
+    """The takes in a file or folder, one by one, at 60 fps or their own rate if lower, floor at Y = 0.
 
     A take that cannot be read is an error that names its file: one dropped in silence would be worse.
 
@@ -56,11 +59,19 @@ def import_takes(source: str | Path) -> Iterator[Take]:
         raise ParameterError(f"no takes at {source}: there is no such file or folder")
     importer = _importer_of(source)
     for take in importer.read(source):
-        try:
-            joint_roles(take.motion.skeleton)
-        except ParameterError as error:
-            raise FormatError(f"{take.source_paths[0]}: {error}") from None
-        yield replace(take, motion=take.motion.resampled(min(take.motion.fps, STORE_FPS)))
+        yield _as_stored(take)
+
+
+def _as_stored(take: Take) -> Take:
+    try:
+        floor_m = estimate_floor_m(sole_pos_m(take.motion))
+    except ParameterError as error:
+        raise FormatError(f"{take.source_paths[0]}: {error}") from None
+    motion = take.motion.moved(shift_m=np.array([0.0, -floor_m, 0.0]))
+    notes = take.notes
+    if abs(floor_m) > _WORTH_A_NOTE_M:
+        notes += (f"the floor was found at {floor_m:.2f} m and put at 0",)
+    return replace(take, motion=motion.resampled(min(motion.fps, STORE_FPS)), notes=notes)
 
 
 def _importer_of(source: Path) -> Importer:

@@ -89,7 +89,7 @@ def _to_motion(text: BvhText) -> tuple[Motion, tuple[str, ...]]:
     varying = spread * metres > _VARIES_M
     if varying.any():
         notes.append(
-            f"{varying.sum()} bones change by up to {spread.max() * metres * 100:.2g} cm: their means are used"
+            f"{varying.sum()} bones change by up to {spread.max() * metres:.2g} m: their means are used"
         )
     turn, note = turn_upright(skeleton, pos)
     if note:

@@ -76,7 +76,8 @@ def _song(folder: Path, name: str, given: str) -> Path | None:
 def _manifest(path: Path, names: set[str]) -> dict[str, dict[str, str]]:
     if not path.exists():
         return {}
-    reader = csv.DictReader(io.StringIO(read_text(path)), skipinitialspace=True)
+    # A NUL is what the csv module trips over, and is in no text.
+    reader = csv.DictReader(io.StringIO(read_text(path).replace("\0", "")), skipinitialspace=True)
     columns = reader.fieldnames or []
     unknown = [column for column in columns if column not in _COLUMNS]
     if unknown or "name" not in columns:

@@ -59,7 +59,7 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
     missing = [role for role in _REQUIRED if role not in roles]
     if missing:
         raise ParameterError(
-            f"expected a human rig with known joint names, found no {', '.join(missing)} among: {', '.join(names)}"
+            f"expected the joint names of a known rig, found no {', '.join(missing)} among {', '.join(names)}"
         )
     chest = _meeting_point(parents, [roles["left_shoulder"], roles["right_shoulder"]])
     waist = _meeting_point(parents, [roles["left_hip"], roles["right_hip"], chest])
