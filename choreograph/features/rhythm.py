@@ -24,8 +24,8 @@ CONTEXT_S = 12.0  # music around an instant that its rhythm is heard in
 _BAND_EDGES_HZ = (0.0, 250.0, 2000.0, 11025.0)  # bass, melody, percussion
 N_BANDS = len(_BAND_EDGES_HZ) - 1
 LAGS_S = np.geomspace(0.2, 4.0, 70)  # about 16 an octave
-_SCALES = 16  # lowest coefficients of the scale transform
-RHYTHM_DIM = N_BANDS * (len(LAGS_S) + _SCALES + 1)
+N_SCALES = 17  # lowest coefficients of the scale transform, the mean included
+RHYTHM_DIM = N_BANDS * (len(LAGS_S) + N_SCALES)
 
 
 def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -76,29 +76,30 @@ def tempogram(onsets: NDArray[np.floating], times_s: NDArray[np.floating]) -> ND
 def scale_transform(columns: NDArray[np.floating]) -> NDArray[np.float32]:
     """Tempo-free rhythm: magnitudes of the Fourier transform along log lag, (..., lags) -> (..., 17)."""
     taper = np.hanning(columns.shape[-1] + 2)[1:-1]
-    magnitudes = np.abs(np.fft.rfft(columns * taper, axis=-1))[..., : _SCALES + 1]
+    magnitudes = np.abs(np.fft.rfft(columns * taper, axis=-1))[..., :N_SCALES]
     return (magnitudes / np.sqrt(columns.shape[-1])).astype(np.float32)
 
 
-def rhythm_features(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
+def rhythm_features(log_mel: NDArray[np.floating], *, start_s: float = 0.0) -> NDArray[np.float32]:
     """Tempogram and scale transform of three bands, float32 (N, RHYTHM_DIM) at 2 per second.
 
     Parameters
     ----------
-    log_mel : float array (T, 96)   at 60 fps
+    log_mel : float array (T, 96)   at 60 fps, the whole song: rhythm is heard beyond a segment's ends
+    start_s : instant of the first row, for a take whose motion begins there
 
     Returns
     -------
-    row i is heard in the 12 s around i / 2 s; N = 1 + floor(2 T / 60), so the song's end has a row.
-    All zero where there is no onset.
+    row i is heard in the 12 s around start_s + i / 2 s, up to the song's end (at least one row); per
+    band the tempogram (70), then the scale transform (17). A silent band's tempogram is zero.
 
     Raises
     ------
     ParameterError   if `log_mel` is not (T, 96) with T of at least 1
     """
     onsets = onset_envelopes(log_mel)
-    n_rows = 1 + len(onsets) * RHYTHM_FPS // MUSIC_FPS
-    columns = tempogram(onsets, np.arange(n_rows) / RHYTHM_FPS)  # (N, 3, lags)
+    n_rows = 1 + max(0, int((len(onsets) / MUSIC_FPS - start_s) * RHYTHM_FPS))
+    columns = tempogram(onsets, start_s + np.arange(n_rows) / RHYTHM_FPS)  # (N, 3, lags)
     return np.concatenate([columns, scale_transform(columns)], axis=2).reshape(n_rows, RHYTHM_DIM)
 
 
