@@ -1,0 +1,57 @@
+"""choreograph: makes dances for music from your own motion library, and explains every second of them.
+
+- `build_repertoire` — takes and their songs to a repertoire file
+- `Repertoire` — an opened repertoire file
+- `dance` — a song and a repertoire to a `Dance`: motion, plan, notes
+- `render` — the motion of a (perhaps edited) `Plan`
+- `Cost`, `Layer`, `Music` — for costs of your own
+- `Motion`, `Skeleton`, `Take` — motion and where it comes from
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from choreograph.config import DanceConfig
+    from choreograph.errors import ChoreographError
+    from choreograph.features.music import Music
+    from choreograph.graph import Cost, Layer
+    from choreograph.motion.motion import Motion
+    from choreograph.motion.skeleton import Skeleton
+    from choreograph.pipeline import BuildOptions, Dance, build_repertoire, dance, render
+    from choreograph.plan import Plan
+    from choreograph.repertoire import Repertoire
+    from choreograph.takes import Credits, Take
+
+# Imported when first asked for: `choreograph --help` must not wait for numba and torch.
+_HOMES = {
+    "BuildOptions": "pipeline",
+    "ChoreographError": "errors",
+    "Cost": "graph",
+    "Credits": "takes",
+    "Dance": "pipeline",
+    "DanceConfig": "config",
+    "Layer": "graph",
+    "Motion": "motion.motion",
+    "Music": "features.music",
+    "Plan": "plan",
+    "Repertoire": "repertoire",
+    "Skeleton": "motion.skeleton",
+    "Take": "takes",
+    "build_repertoire": "pipeline",
+    "dance": "pipeline",
+    "render": "pipeline",
+}
+
+__all__ = [
+    "BuildOptions", "ChoreographError", "Cost", "Credits", "Dance", "DanceConfig", "Layer", "Motion", "Music",
+    "Plan", "Repertoire", "Skeleton", "Take", "build_repertoire", "dance", "render",
+]  # fmt: skip
+
+
+def __getattr__(name: str):
+    if name not in _HOMES:
+        raise AttributeError(f"module 'choreograph' has no attribute {name!r}")
+    value = getattr(import_module(f"choreograph.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value

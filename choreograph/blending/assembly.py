@@ -1,0 +1,187 @@
+"""From a plan to one motion: runs of seconds sampled from their takes, placed, joined."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from choreograph.blending.joins import apply_offset, crossfade, fading, inertial_offsets
+from choreograph.errors import ParameterError
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.motion.pose import ground_pos_m, heading_rad
+from choreograph.timebase import NET_FPS, seconds_to_frames
+
+Floats = NDArray[np.floating]
+# take index, first and last instant wanted -> motion around them and the instant of its first frame
+MotionReader = Callable[[str, float, float], tuple[Motion, float]]
+
+BLENDINGS = ("inertial", "linear")
+JOIN_S = {"inertial": 0.4, "linear": 0.25}  # inertial: to each side; linear: in all
+_SAME_INSTANT_S = 2e-3  # two seconds whose source times meet this closely need no join
+
+
+@dataclass(frozen=True)
+class Run:
+    """Seconds that play on without a join: one take, one continuous time map."""
+
+    take: str
+    start: int  # first second of the dance
+    source_times_s: Floats  # (20 n + 1,) take instants at 20 fps
+
+    @property
+    def stop(self) -> int:
+        """The second after the last one."""
+        return self.start + (len(self.source_times_s) - 1) // NET_FPS
+
+
+def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> list[Run]:
+    """Seconds grouped into runs; each second gives its take and 21 source instants."""
+    runs: list[Run] = []
+    for second, (take, times) in enumerate(zip(takes, source_times_s, strict=True)):
+        times = np.asarray(times, np.float64)
+        if runs and runs[-1].take == take and abs(runs[-1].source_times_s[-1] - times[0]) < _SAME_INSTANT_S:
+            joined = np.concatenate([runs[-1].source_times_s, times[1:]])
+            runs[-1] = Run(take, runs[-1].start, joined)
+        else:
+            runs.append(Run(take, second, times))
+    return runs
+
+
+def assemble(
+    runs: Sequence[Run], read_motion: MotionReader, *, fps: float, duration_s: float, blending: str
+) -> tuple[Motion, NDArray[np.float64]]:
+    """The dance before its feet are locked, and the instants of its joins in seconds.
+
+    Each run is turned about Y and shifted on the ground so that its body stands where the last one's
+    stood at the join. `linear` is the paper's crossfade; `inertial` lets the difference of pose,
+    speed and acceleration die away on both sides, so that neither motion is smeared.
+
+    Raises `ParameterError` for an unknown blending.
+    """
+    if blending not in BLENDINGS:
+        raise ParameterError(f"expected a blending among {', '.join(BLENDINGS)}, got {blending!r}")
+    margin = seconds_to_frames(JOIN_S[blending] + 0.05, fps)
+    total = seconds_to_frames(runs[-1].stop, fps)
+    root_out = quat_out = None
+    previous: _Played | None = None
+    for run in runs:
+        played = _play(run, read_motion, fps, margin)
+        if previous is not None:
+            played = _placed(previous, played)
+        if root_out is None or quat_out is None:
+            root_out = np.empty((total, 3))
+            quat_out = np.empty((total, *played.quat.shape[1:]))
+        first = played.first_frame + margin
+        stop = seconds_to_frames(run.stop, fps)
+        body = slice(margin, margin + stop - first)
+        root_out[first:stop], quat_out[first:stop] = played.root[body], played.quat[body]
+        if previous is not None:
+            _join(previous, played, first, blending, fps, root_out, quat_out)
+        previous = played
+    assert root_out is not None and quat_out is not None and previous is not None
+    n_frames = max(1, seconds_to_frames(duration_s, fps))
+    motion = Motion(previous.motion.skeleton, root_out, rot.make_continuous(rot.normalize(quat_out)), fps)
+    joins_s = np.array([run.start for run in runs[1:]], np.float64)
+    return motion.sliced(0, min(n_frames, total)), joins_s
+
+
+@dataclass(frozen=True, eq=False)
+class _Played:
+    """A run at the dance's rate, with a margin of frames before and after it."""
+
+    motion: Motion  # any frame of it: for skeleton and roles
+    first_frame: int  # dance frame of row 0; negative in the margin before the dance
+    root: Floats  # (T, 3)
+    quat: Floats  # (T, J, 4)
+
+
+def _play(run: Run, read_motion: MotionReader, fps: float, margin: int) -> _Played:
+    """Sample a run at its warped times; beyond its ends the take plays on at the end's speed."""
+    knots = run.source_times_s
+    n_frames = seconds_to_frames(run.stop, fps) - seconds_to_frames(run.start, fps)
+    times = np.arange(-margin, n_frames + margin) / fps  # (T,) from the run's start
+    length = (len(knots) - 1) / NET_FPS
+    inside = CubicSpline(np.arange(len(knots)) / NET_FPS, knots)
+    source = inside(np.clip(times, 0.0, length))
+    source += np.minimum(times, 0.0) * inside(0.0, 1) + np.maximum(times - length, 0.0) * inside(length, 1)
+    motion, first_s = read_motion(run.take, float(source.min()), float(source.max()))
+    root, quat = _sampled_smoothly(motion, (source - first_s) * motion.fps)
+    return _Played(motion, seconds_to_frames(run.start, fps) - margin, root, quat)
+
+
+def _sampled_smoothly(motion: Motion, frames: Floats) -> tuple[Floats, Floats]:
+    """Roots and rotations at fractional frames by cubic splines: slerp's corners at every source
+    frame are visible jerk when 25 fps is played at 60."""
+    frames = np.clip(frames, 0, motion.n_frames - 1)
+    if motion.n_frames < 4:
+        sampled = motion.sampled(frames)
+        return sampled.root_pos_m, sampled.local_quat
+    knots = np.arange(motion.n_frames)
+    quat = CubicSpline(knots, rot.make_continuous(motion.local_quat))(frames)
+    return CubicSpline(knots, motion.root_pos_m)(frames), rot.normalize(quat)
+
+
+def _placed(previous: _Played, played: _Played) -> _Played:
+    """`played` moved so that at the join its body stands and faces as the previous one's."""
+    at = _join_row(played, previous)
+    before = body_pos_m(_still(previous, at[1]))[0]
+    after = body_pos_m(_still(played, at[0]))[0]
+    turn = rot.about_y(heading_rad(before) - heading_rad(after))
+    shift = ground_pos_m(before) - rot.rotate(turn, ground_pos_m(after))
+    quat = np.array(played.quat)
+    quat[:, 0] = rot.multiply(turn, quat[:, 0])
+    return _Played(played.motion, played.first_frame, rot.rotate(turn, played.root) + shift, quat)
+
+
+def _join_row(played: _Played, previous: _Played) -> tuple[int, int]:
+    """Rows of the join's frame in the new run and in the previous one."""
+    margin = (previous.first_frame + len(previous.root) - played.first_frame) // 2
+    frame = played.first_frame + margin
+    return margin, frame - previous.first_frame
+
+
+def _still(played: _Played, row: int) -> Motion:
+    return Motion(
+        played.motion.skeleton, played.root[row : row + 1], played.quat[row : row + 1], played.motion.fps
+    )
+
+
+def _join(
+    a: _Played, b: _Played, frame: int, blending: str, fps: float, root_out: Floats, quat_out: Floats
+) -> None:
+    """Blend the frames around the join at `frame` of the output, where b is already written after a."""
+    row_a, row_b = frame - a.first_frame, frame - b.first_frame
+    if blending == "linear":
+        half = seconds_to_frames(JOIN_S["linear"], fps) // 2
+        out = slice(max(0, frame - half), min(len(root_out), frame + half))
+        in_a = slice(out.start - a.first_frame, out.stop - a.first_frame)
+        in_b = slice(out.start - b.first_frame, out.stop - b.first_frame)
+        root_out[out], quat_out[out] = crossfade(a.root[in_a], a.quat[in_a], b.root[in_b], b.quat[in_b])
+        return
+    around_a, around_b = slice(row_a - 1, row_a + 2), slice(row_b - 1, row_b + 2)
+    root, turn = inertial_offsets(
+        a.root[around_a], a.quat[around_a], b.root[around_b], b.quat[around_b], fps=fps
+    )
+    length = seconds_to_frames(JOIN_S["inertial"], fps)
+    times = np.arange(length) / fps
+    after = slice(frame, min(len(root_out), frame + length))
+    n = after.stop - after.start
+    root_out[after], quat_out[after] = apply_offset(
+        root_out[after], quat_out[after],
+        fading(0.5 * root, times[:n], length / fps), fading(0.5 * turn, times[:n], length / fps),
+    )  # fmt: skip
+    # Seen backwards in time the first derivative changes its sign.
+    backwards = np.array([-0.5, 0.5, -0.5])
+    before = slice(max(0, frame - length), frame)
+    times = (frame - np.arange(before.start, frame)) / fps
+    root_out[before], quat_out[before] = apply_offset(
+        root_out[before], quat_out[before],
+        fading(backwards[:, None] * root, times, length / fps),
+        fading(backwards[:, None, None] * turn, times, length / fps),
+    )  # fmt: skip

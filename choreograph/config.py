@@ -1,0 +1,84 @@
+"""Settings of a dance: one dataclass, read from TOML; an unknown key is an error."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from choreograph.errors import FormatError, ParameterError
+
+PLANNERS = ("exact", "greedy", "motion-graph")
+# Weighed on dances to training songs; the paper gives no numbers.
+DEFAULT_WEIGHTS = {"style": 1.0, "completeness": 0.5, "transition": 4.0, "velocity": 0.5, "rhythm": 2.0}
+
+
+@dataclass(frozen=True)
+class DanceConfig:
+    """How to dance; field names are the keys of a config file and, with dashes, the CLI's options."""
+
+    planner: str = "exact"
+    candidates: int = 512  # K clips warped for each second
+    blending: str = "inertial"
+    fps: float = 60.0
+    seed: int = 0
+    beats: str = "librosa"  # beat tracker
+    weights: Mapping[str, float] = field(default_factory=dict)  # over DEFAULT_WEIGHTS; own costs default to 1
+
+    def __post_init__(self) -> None:
+        from choreograph.blending.assembly import BLENDINGS
+
+        _choice("planner", self.planner, PLANNERS)
+        _choice("blending", self.blending, BLENDINGS)
+        if isinstance(self.candidates, bool) or not isinstance(self.candidates, int) or self.candidates < 1:
+            raise ParameterError(f"expected candidates of at least 1, got {self.candidates!r}")
+        if not (_is_number(self.fps) and 1 <= self.fps <= 1000):
+            raise ParameterError(f"expected fps from 1 to 1000, got {self.fps!r}")
+        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
+            raise ParameterError(f"expected a seed of 0 or more, got {self.seed!r}")
+        for name, weight in self.weights.items():
+            if not _is_number(weight):
+                raise ParameterError(f"expected a finite number as weight of {name!r}, got {weight!r}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _choice(key: str, value: Any, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ParameterError(f"expected {key} among {', '.join(choices)}, got {value!r}")
+
+
+def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfig:
+    """The settings of a TOML file over `base` (the defaults).
+
+    Raises `FormatError` if the file cannot be read or is not TOML, `ParameterError` for an unknown
+    key or a value that cannot be used.
+    """
+    try:
+        with open(path, "rb") as file:
+            data = tomllib.load(file)
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise FormatError(f"{path}: expected a config (TOML), could not read it: {error}") from error
+    known = [f.name for f in fields(DanceConfig)]
+    unknown = sorted(set(data) - set(known))
+    if unknown:
+        raise ParameterError(f"{path}: unknown key {unknown[0]!r}; known are {', '.join(known)}")
+    if not isinstance(data.get("weights", {}), dict):
+        raise ParameterError(f"{path}: expected a table [weights] of name = number")
+    return replace(base or DanceConfig(), **data)
+
+
+def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, float]:
+    """The weight of every cost by name: given, else its default, else 1 for a cost of one's own.
+
+    Raises `ParameterError` for a weight that belongs to no cost.
+    """
+    unknown = sorted(set(given) - set(names))
+    if unknown:
+        raise ParameterError(f"unknown weight {unknown[0]!r}; the costs are {', '.join(names)}")
+    return {name: float(given.get(name, DEFAULT_WEIGHTS.get(name, 1.0))) for name in names}

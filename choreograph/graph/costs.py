@@ -1,0 +1,104 @@
+"""Costs of nodes and edges. The built-in ones use nothing that a cost of your own cannot."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.features.music import Music
+from choreograph.graph.layers import Layer
+from choreograph.timebase import NODE_FRAMES
+
+Floats = NDArray[np.floating]
+
+
+class Cost:
+    """A price on nodes, on edges, or on both; subclass it and override what you need.
+
+    `name` is what plans, weights and errors call it; by default the class' name in lower case.
+    Values are of any unit (a weight brings them to scale); `inf` forbids, `nan` is an error.
+    """
+
+    name: str = ""
+
+    def __init_subclass__(cls, **kwargs: object) -> None:
+        super().__init_subclass__(**kwargs)
+        if "name" not in cls.__dict__:
+            cls.name = cls.__name__.lower()
+
+    def node(self, layer: Layer, music: Music) -> Floats | None:
+        """Cost (N,) of dancing each node of `layer`, or None."""
+        return None
+
+    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats | None:
+        """Cost (P, N) of going from each node of `previous` to each of `next`, or None."""
+        return None
+
+
+class Style(Cost):
+    """‖S_x(clip) - S_m(second)‖₂: how far a clip's style is from the music's (equation 5)."""
+
+    def node(self, layer: Layer, music: Music) -> Floats:
+        return np.linalg.norm(layer.style - music.style[layer.second], axis=1)
+
+
+class Completeness(Cost):
+    """1 for leaving a warped segment; less for staying in it, the longer an action has no beat.
+
+    σ((20 - V) / 5) with V the frames from the last motion beat before the border to the first after
+    it; where a second has no beat, the gap reaches to that second's far end. The paper's figure of
+    the two joined seconds, section 3.3.
+    """
+
+    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
+        cost = np.ones((previous.n_nodes, next.n_nodes), np.float32)
+        here, there = previous.successors_in(next)
+        last = np.nan_to_num(previous.last_beat[here], nan=0.0)
+        first = np.nan_to_num(next.first_beat[there], nan=float(NODE_FRAMES))
+        gap = NODE_FRAMES - last + first  # frames, at most two seconds
+        cost[here, there] = 1.0 / (1.0 + np.exp(-(NODE_FRAMES - gap) / 5.0))
+        return cost
+
+
+class Transition(Cost):
+    """Root mean square joint distance, metres, with the next body moved onto the previous one.
+
+    The paper's ‖·‖₂ over all joints, divided by √21 so that it reads in metres whatever the joint
+    count, and taken at the border of the two seconds: nodes that follow one another in a segment
+    are at distance 0. The first node costs nothing.
+    """
+
+    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
+        return _rms_distances(previous.last_pose_m, next.first_pose_m)
+
+
+class Velocity(Cost):
+    """Root mean square difference of joint velocities at the border, m/s; ours, not the paper's."""
+
+    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
+        return _rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)
+
+
+class Rhythm(Cost):
+    """How badly the warped node keeps time: share of lone beats plus misfit of tempo-densities.
+
+    Ours: the paper's cost does not see the fit, and picks clips that cannot be warped to the beat.
+    """
+
+    def node(self, layer: Layer, music: Music) -> Floats:
+        return layer.off_beat + layer.fit
+
+
+BUILTIN_COSTS: tuple[type[Cost], ...] = (Style, Completeness, Transition, Velocity, Rhythm)
+
+
+def _rms_distances(a: Floats, b: Floats) -> Floats:
+    """Root mean square joint distances (P, N) of poses (P, 21, 3) and (N, 21, 3)."""
+    from choreograph.graph._kernels import root_of_differences
+
+    n_joints = a.shape[1]
+    flat_a = np.ascontiguousarray(a, np.float32).reshape(len(a), -1)
+    flat_b = np.ascontiguousarray(b, np.float32).reshape(len(b), -1)
+    sq_a = np.einsum("pd,pd->p", flat_a, flat_a)
+    sq_b = np.einsum("nd,nd->n", flat_b, flat_b)
+    return root_of_differences(flat_a @ flat_b.T, sq_a, sq_b, np.float32(1.0 / n_joints))

@@ -1,0 +1,148 @@
+"""Layers: the nodes active in each second, built from the warped segments of the last four."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.timebase import NODE_FRAMES, SEGMENT_S
+from choreograph.warping.segments import Segments
+
+Floats = NDArray[np.floating]
+Ints = NDArray[np.integer]
+
+
+class PoseBank(Protocol):
+    """What a layer needs of the repertoire: poses and velocities of clips at fractional frames."""
+
+    def poses_m(self, clip: Ints, frames: Floats) -> tuple[Floats, Floats]:
+        """Poses (N, 21, 3) seen from their own place and velocities (N, 21, 3) in m/s."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """All nodes active in one second; every array field runs over the nodes, axis 0.
+
+    Poses are seen from the body's own place: pelvis above the origin, facing +Z, so that poses of
+    two nodes compare as if one had been moved onto the other. `first_*` and `last_*` are at the two
+    borders of the second: what a node ends on is what its successor in the segment begins with.
+    """
+
+    second: int  # second of the song
+    segment: Ints  # (N,) second × K + rank: nodes of one warped segment share it
+    offset: Ints  # (N,) 0 … 3: which quarter of its segment a node is
+    clip: Ints  # (N,) index in the repertoire
+    take: Ints  # (N,) index in the repertoire
+    take_names: NDArray[np.str_]  # (N,)
+    genre: NDArray[np.str_]  # (N,)
+    style: Floats  # (N, 32) of the clip
+    fit: Floats  # (N,) mean squared difference of tempo-densities, this second
+    off_beat: Floats  # (N,) share of beats, music's and motion's, that fall alone this second
+    first_beat: Floats  # (N,) frame (20 fps) of the first motion beat in the second, nan if none
+    last_beat: Floats  # (N,) frame of the last one
+    source_frames: Floats  # (N, 21) clip frames at the 20 output frames and the second's end
+    first_pose_m: Floats  # (N, 21, 3)
+    last_pose_m: Floats  # (N, 21, 3)
+    first_velocity_m_s: Floats  # (N, 21, 3)
+    last_velocity_m_s: Floats  # (N, 21, 3)
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes N."""
+        return len(self.segment)
+
+    def chosen(self, nodes: Ints | NDArray[np.bool_]) -> Layer:
+        """The layer with only these nodes, by index or mask."""
+        arrays = {f.name: getattr(self, f.name)[nodes] for f in fields(self) if f.name != "second"}
+        return replace(self, **arrays)
+
+    def successors_in(self, following: Layer) -> tuple[Ints, Ints]:
+        """Pairs (node here, node there) that follow one another inside one warped segment."""
+        order = np.argsort(self.segment)
+        place = np.searchsorted(self.segment, following.segment, sorter=order)
+        place = order[np.minimum(place, self.n_nodes - 1)]
+        follows = (self.segment[place] == following.segment) & (self.offset[place] + 1 == following.offset)
+        return place[follows], np.flatnonzero(follows)
+
+
+@dataclass(frozen=True, eq=False)
+class ClipTable:
+    """Per clip of the repertoire, what layers show of it."""
+
+    take: Ints  # (N,)
+    take_names: NDArray[np.str_]  # (takes,)
+    genres: NDArray[np.str_]  # (takes,)
+    style: NDArray[np.float32]  # (N, 32)
+
+
+class LayerSource:
+    """Builds the layer of any second; segments inserted more than three seconds before are gone."""
+
+    def __init__(self, segments: Segments, clips: ClipTable, poses: PoseBank) -> None:
+        self._segments = segments
+        self._clips = clips
+        self._poses = poses
+        # A layer looks at the last four insertions, and the planner at two layers.
+        self._borders = lru_cache(maxsize=SEGMENT_S + 1)(self._make_borders)
+
+    @property
+    def n_seconds(self) -> int:
+        """Number of layers S."""
+        return len(self._segments.clip)
+
+    def layer(self, second: int) -> Layer:
+        """All nodes active in `second`."""
+        inserted = range(max(0, second - SEGMENT_S + 1), second + 1)
+        parts = [self._quarter(start, second - start) for start in inserted]
+        joined = {
+            f.name: np.concatenate([getattr(p, f.name) for p in parts])
+            for f in fields(Layer)
+            if f.name != "second"
+        }
+        return Layer(second=second, **joined)
+
+    def _make_borders(self, start: int) -> tuple[Floats, Floats]:
+        """Poses and velocities at the five borders of the segments inserted at `start`, (5, K, 21, 3)."""
+        clip = self._segments.clip[start]
+        borders = self._segments.time_maps[start][:, ::NODE_FRAMES]  # (K, 5)
+        speed = self._speeds(start)  # (K, 5) source frames per output frame
+        pose, velocity = self._poses.poses_m(np.repeat(clip, 5), borders.ravel())
+        shape = (len(clip), 5, *pose.shape[1:])
+        velocity = velocity.reshape(shape) * speed[:, :, None, None]
+        return pose.reshape(shape).swapaxes(0, 1), velocity.swapaxes(0, 1)
+
+    def _speeds(self, start: int) -> Floats:
+        maps = self._segments.time_maps[start]
+        return np.gradient(maps, axis=1)[:, ::NODE_FRAMES]
+
+    def _quarter(self, start: int, offset: int) -> Layer:
+        segments, clips = self._segments, self._clips
+        clip = segments.clip[start]
+        take = clips.take[clip]
+        n = len(clip)
+        pose, velocity = self._borders(start)
+        window = slice(offset * NODE_FRAMES, (offset + 1) * NODE_FRAMES + 1)
+        return Layer(
+            second=start + offset,
+            segment=start * n + np.arange(n),
+            offset=np.full(n, offset),
+            clip=clip,
+            take=take,
+            take_names=clips.take_names[take],
+            genre=clips.genres[take],
+            style=clips.style[clip],
+            fit=segments.fit[start, :, offset],
+            off_beat=segments.off_beat[start, :, offset],
+            first_beat=segments.first_beat[start, :, offset],
+            last_beat=segments.last_beat[start, :, offset],
+            source_frames=segments.time_maps[start][:, window],
+            first_pose_m=pose[offset],
+            last_pose_m=pose[offset + 1],
+            first_velocity_m_s=velocity[offset],
+            last_velocity_m_s=velocity[offset + 1],
+        )

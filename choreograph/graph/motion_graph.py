@@ -1,0 +1,67 @@
+"""The paper's baseline: a static motion graph instead of the dynamic one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import NoPathError
+from choreograph.features.music import Music
+from choreograph.graph.costs import Transition
+from choreograph.graph.layers import Layer, LayerSource
+from choreograph.graph.planners import Path, WeightedCost
+
+NEIGHBOURS = 32  # edges a clip keeps: to the clips that its first second leads into most smoothly
+
+
+def plan_motion_graph(source: LayerSource, costs: Sequence[WeightedCost], music: Music) -> Path:
+    """A walk on clips' first warped seconds by transition alone (ChoreoGraph, section 4).
+
+    Only the first second of each warped segment is a node, so neither completeness nor style says
+    anything. As Kovar's motion graphs are, the graph over clips is pruned to its largest strongly
+    connected part, so that a walk never ends; the warped poses of each second's own candidates then
+    decide among the edges. Costs of your own that forbid nodes are heeded.
+    """
+    allowed_clips = _never_ending(source, music)
+    priced = [w for w in costs if w.cost.name == Transition.name]
+    own = [
+        w for w in costs if w.cost.name not in ("style", "completeness", "velocity", "rhythm", "transition")
+    ]
+    nodes: list[Layer] = []
+    terms: list[dict[str, float]] = []
+    for second in range(source.n_seconds):
+        layer = source.layer(second)
+        first = layer.offset == 0
+        inside = first & np.isin(layer.clip, allowed_clips)
+        layer = layer.chosen(inside if inside.any() else first)
+        total = np.zeros(layer.n_nodes)
+        for w in own:
+            value = w.cost.node(layer, music)
+            total += 0.0 if value is None else w.weight * np.asarray(value)
+        edges = np.zeros(layer.n_nodes)
+        for w in priced:
+            if nodes:
+                value = w.cost.edge(nodes[-1], layer, music)
+                edges += 0.0 if value is None else w.weight * np.asarray(value)[0]
+        if not np.isfinite(total + edges).any():
+            raise NoPathError(f"every node of second {second} is forbidden: relax a cost that returns inf")
+        best = int(np.argmin(total + edges))
+        nodes.append(layer.chosen(np.array([best])))
+        terms.append({Transition.name: float(edges[best])})
+    return Path(tuple(nodes), tuple(terms))
+
+
+def _never_ending(source: LayerSource, music: Music) -> NDArray[np.integer]:
+    """Clips of the largest strongly connected part of the graph of smooth transitions."""
+    layers = [source.layer(second) for second in range(0, source.n_seconds, 4)]
+    firsts = [layer.chosen(layer.offset == 0) for layer in layers]
+    graph = nx.DiGraph()
+    for here, there in zip(firsts, [*firsts[1:], firsts[0]], strict=True):
+        cost = np.asarray(Transition().edge(here, there, music))
+        nearest = np.argsort(cost, axis=1)[:, :NEIGHBOURS]
+        for row, columns in enumerate(nearest):
+            graph.add_edges_from((int(here.clip[row]), int(there.clip[column])) for column in columns)
+    return np.array(sorted(max(nx.strongly_connected_components(graph), key=len)))

@@ -1,0 +1,196 @@
+"""Planners: which node to dance in each second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import NoPathError, ParameterError
+from choreograph.features.music import Music
+from choreograph.graph.costs import Cost
+from choreograph.graph.layers import Layer, LayerSource
+
+Floats = NDArray[np.floating]
+Report = Callable[[int, int], None]  # seconds planned, seconds in all
+
+_SCOUTS = 16  # cheapest predecessors tried first, to bound the rest
+
+
+@dataclass(frozen=True)
+class WeightedCost:
+    """A cost and what it counts for; a weight of 0 leaves it out."""
+
+    cost: Cost
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """The chosen node of every second, as layers of one node, and what each paid for what."""
+
+    nodes: tuple[Layer, ...]  # S layers of one node
+    costs: tuple[dict[str, float], ...]  # S: cost name -> weighted cost, node and edge from the last
+
+    @property
+    def total(self) -> float:
+        """Sum of all weighted costs."""
+        return sum(sum(costs.values()) for costs in self.costs)
+
+
+def plan_exact(
+    source: LayerSource, costs: Sequence[WeightedCost], music: Music, *, report: Report | None = None
+) -> Path:
+    """The cheapest path over the whole song, by dynamic programming over the layers.
+
+    Never costlier than `plan_greedy` on the same layers. Raises `NoPathError` naming the second if
+    no path is allowed, `ParameterError` if a cost returns nan or a wrong shape. The paper plans
+    greedily (section 3.3).
+    """
+    layer, reached = _allowed(source.layer(0), costs, music)
+    kept = [layer.segment * 4 + layer.offset]
+    parents: list[NDArray[np.int32]] = []
+    for second in range(1, source.n_seconds):
+        following, node_cost = _allowed(source.layer(second), costs, music)
+        best, who = _step(layer, following, reached, costs, music)
+        if not np.isfinite(best).any():
+            raise NoPathError(f"no allowed way into second {second}: every edge is forbidden")
+        # Nodes that cannot be reached stay, at infinite cost, so that indices agree.
+        reached = best + node_cost
+        layer = following
+        kept.append(layer.segment * 4 + layer.offset)
+        parents.append(who.astype(np.int32))
+        if report is not None:
+            report(second + 1, source.n_seconds)
+    chosen = [int(np.argmin(reached))]
+    for who in reversed(parents):
+        chosen.append(int(who[chosen[-1]]))
+    keys = [int(keys[index]) for keys, index in zip(kept, reversed(chosen), strict=True)]
+    return _priced(source, keys, costs, music)
+
+
+def plan_greedy(
+    source: LayerSource, costs: Sequence[WeightedCost], music: Music, *, report: Report | None = None
+) -> Path:
+    """The cheapest next node, second by second (ChoreoGraph, section 3.3).
+
+    Raises as `plan_exact`; it can also walk into a dead end that `plan_exact` avoids.
+    """
+    layer, node_cost = _allowed(source.layer(0), costs, music)
+    here = layer.chosen(np.array([np.argmin(node_cost)]))
+    keys = [int(here.segment[0] * 4 + here.offset[0])]
+    for second in range(1, source.n_seconds):
+        layer, node_cost = _allowed(source.layer(second), costs, music)
+        total = node_cost + _edges(here, layer, costs, music)[0][0]
+        if not np.isfinite(total).any():
+            raise NoPathError(f"no allowed way into second {second}: every edge is forbidden")
+        here = layer.chosen(np.array([np.argmin(total)]))
+        keys.append(int(here.segment[0] * 4 + here.offset[0]))
+        if report is not None:
+            report(second + 1, source.n_seconds)
+    return _priced(source, keys, costs, music)
+
+
+def _allowed(layer: Layer, costs: Sequence[WeightedCost], music: Music) -> tuple[Layer, NDArray[np.float64]]:
+    """The layer without its forbidden nodes, and the weighted node costs (N,) of the rest."""
+    total = np.zeros(layer.n_nodes)
+    for name, cost in _terms(costs, lambda c: c.node(layer, music), (layer.n_nodes,)):
+        del name
+        total += cost
+    allowed = np.isfinite(total)
+    if not allowed.any():
+        raise NoPathError(f"every node of second {layer.second} is forbidden: relax a cost that returns inf")
+    return (layer, total) if allowed.all() else (layer.chosen(allowed), total[allowed])
+
+
+def _terms(costs, evaluate, shape):
+    """Weighted values of every cost that has any, checked."""
+    for weighted in costs:
+        if weighted.weight == 0:
+            continue
+        value = evaluate(weighted.cost)
+        if value is None:
+            continue
+        value = np.asarray(value)
+        if value.shape != shape:
+            raise ParameterError(f"cost {weighted.cost.name!r} must return {shape}, got {value.shape}")
+        if np.isnan(np.min(value, initial=0.0)):
+            raise ParameterError(f"cost {weighted.cost.name!r} returned nan")
+        yield weighted.cost.name, weighted.weight * value
+
+
+def _edges(
+    previous: Layer, following: Layer, costs: Sequence[WeightedCost], music: Music
+) -> tuple[NDArray[np.float32], bool]:
+    """Weighted edge costs (P, N) float32, and whether none is negative."""
+    from choreograph.graph._kernels import add_scaled
+
+    total = np.zeros((previous.n_nodes, following.n_nodes), np.float32)
+    nonnegative = True
+    for weighted in costs:
+        if weighted.weight == 0:
+            continue
+        value = weighted.cost.edge(previous, following, music)
+        if value is None:
+            continue
+        value = np.asarray(value, np.float32)
+        if value.shape != total.shape:
+            raise ParameterError(f"cost {weighted.cost.name!r} must return {total.shape}, got {value.shape}")
+        sound = add_scaled(total, value, np.float32(weighted.weight))
+        if not sound and np.isnan(value).any():
+            raise ParameterError(f"cost {weighted.cost.name!r} returned nan")
+        nonnegative = nonnegative and bool(sound) and weighted.weight > 0
+    return total, nonnegative
+
+
+def _step(
+    layer: Layer,
+    following: Layer,
+    reached: NDArray[np.float64],
+    costs: Sequence[WeightedCost],
+    music: Music,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Cheapest way into every node of `following`, and from where.
+
+    With no negative edge, a predecessor already dearer than the dearest way found from a few cheap
+    ones cannot win, and its edges need not be computed. Exact: the answer is that of all edges.
+    """
+    from choreograph.graph._kernels import cheapest_predecessor
+
+    order = np.argsort(reached, kind="stable")
+    order = order[np.isfinite(reached[order])]
+    scouts = order[:_SCOUTS]
+    edges, nonnegative = _edges(layer.chosen(scouts), following, costs, music)
+    best, who = cheapest_predecessor(reached[scouts], edges)
+    who = scouts[who]
+    rest = order[_SCOUTS:]
+    if nonnegative:
+        rest = rest[reached[rest] < best.max()]
+    if len(rest):
+        edges, _ = _edges(layer.chosen(rest), following, costs, music)
+        rest_best, rest_who = cheapest_predecessor(reached[rest], edges)
+        better = rest_best < best
+        best = np.where(better, rest_best, best)
+        who = np.where(better, rest[rest_who], who)
+    return best, who
+
+
+def _priced(source: LayerSource, keys: list[int], costs: Sequence[WeightedCost], music: Music) -> Path:
+    """The path through nodes given by segment × 4 + offset, with every cost term it pays."""
+    nodes: list[Layer] = []
+    priced: list[dict[str, float]] = []
+    for second, key in enumerate(keys):
+        layer = source.layer(second)
+        node = layer.chosen(np.flatnonzero(layer.segment * 4 + layer.offset == key))
+        terms = {weighted.cost.name: 0.0 for weighted in costs}
+        for name, value in _terms(costs, lambda c, n=node: c.node(n, music), (1,)):
+            terms[name] += float(value[0])
+        if nodes:
+            last = nodes[-1]
+            for name, value in _terms(costs, lambda c, a=last, b=node: c.edge(a, b, music), (1, 1)):
+                terms[name] += float(value[0, 0])
+        nodes.append(node)
+        priced.append(terms)
+    return Path(tuple(nodes), tuple(priced))

@@ -1,0 +1,1 @@
+"""Skeletons, motions and what moves them: rotations, kinematics, fitting, retargeting."""

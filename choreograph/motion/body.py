@@ -1,0 +1,55 @@
+"""The 21 joints that features, networks and costs see, whatever skeleton a motion is on."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.motion.motion import Motion
+from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS
+
+# The canonical body without its hands and its middle spine joint.
+BODY_JOINTS = tuple(j for j in CANONICAL_JOINTS if j not in ("spine2", "left_hand", "right_hand"))
+
+
+def _body_parents() -> tuple[int, ...]:
+    parents = []
+    for name in BODY_JOINTS:
+        parent = CANONICAL_PARENTS[CANONICAL_JOINTS.index(name)]
+        while parent >= 0 and CANONICAL_JOINTS[parent] not in BODY_JOINTS:
+            parent = CANONICAL_PARENTS[parent]
+        parents.append(BODY_JOINTS.index(CANONICAL_JOINTS[parent]) if parent >= 0 else -1)
+    return tuple(parents)
+
+
+BODY_PARENTS = _body_parents()
+LEFT_RIGHT = tuple(
+    (BODY_JOINTS.index(name), BODY_JOINTS.index(name.replace("left", "right")))
+    for name in BODY_JOINTS
+    if name.startswith("left")
+)
+
+
+def body_pos_m(motion: Motion) -> NDArray[np.float64]:
+    """World positions of the 21 body joints, (T, 21, 3) in metres.
+
+    A joint the rig lacks is taken at its nearest present ancestor in the canonical body. Raises
+    `ParameterError` if the rig's names are unknown.
+    """
+    roles = joint_roles(motion.skeleton)
+    pos = motion.joint_pos_m()  # (T, J, 3)
+    indices = []
+    for name in BODY_JOINTS:
+        while name not in roles:
+            name = CANONICAL_JOINTS[CANONICAL_PARENTS[CANONICAL_JOINTS.index(name)]]
+        indices.append(roles[name])
+    return pos[:, indices]  # (T, 21, 3)
+
+
+def mirrored(body_pos_m: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Body positions (..., 21, 3) seen in a mirror: X negated, left and right joints swapped."""
+    order = np.arange(len(BODY_JOINTS))
+    for left, right in LEFT_RIGHT:
+        order[[left, right]] = right, left
+    return body_pos_m[..., order, :] * np.array([-1.0, 1.0, 1.0])

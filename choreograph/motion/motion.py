@@ -1,0 +1,86 @@
+"""`Motion`: root positions and local rotations at one rate, on a skeleton."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import ParameterError
+from choreograph.motion import rotations as rot
+from choreograph.motion.kinematics import forward
+from choreograph.motion.skeleton import Skeleton
+from choreograph.timebase import frame_times_s, seconds_to_frames
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Metres, Y up, right-handed, facing +Z at heading 0; quaternions `wxyz`, sign-continuous.
+
+    Raises `ParameterError` if shapes disagree, there is no frame, or a value is not finite.
+    """
+
+    skeleton: Skeleton
+    root_pos_m: NDArray[np.float64]  # (T, 3)
+    local_quat: NDArray[np.float64]  # (T, J, 4)
+    fps: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "root_pos_m", np.asarray(self.root_pos_m, np.float64))
+        object.__setattr__(self, "local_quat", np.asarray(self.local_quat, np.float64))
+        n_frames, n_joints = len(self.root_pos_m), self.skeleton.n_joints
+        if n_frames == 0:
+            raise ParameterError("a motion needs at least one frame")
+        if self.root_pos_m.shape != (n_frames, 3) or self.local_quat.shape != (n_frames, n_joints, 4):
+            raise ParameterError(
+                f"expected root positions (T, 3) and rotations (T, {n_joints}, 4), got "
+                f"{self.root_pos_m.shape} and {self.local_quat.shape}"
+            )
+        if not (np.isfinite(self.fps) and self.fps > 0):
+            raise ParameterError(f"expected a positive frame rate, got {self.fps}")
+        if not (np.isfinite(self.root_pos_m).all() and np.isfinite(self.local_quat).all()):
+            raise ParameterError("a position or rotation is not finite")
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames T."""
+        return len(self.root_pos_m)
+
+    @property
+    def duration_s(self) -> float:
+        """Length in seconds: frames over rate."""
+        return self.n_frames / self.fps
+
+    def joint_pos_m(self) -> NDArray[np.float64]:
+        """World positions of all joints, (T, J, 3) in metres."""
+        return forward(self.skeleton, self.root_pos_m, self.local_quat)[0]
+
+    def sliced(self, start: int, stop: int) -> Motion:
+        """Frames start … stop - 1 as a motion of their own."""
+        return replace(self, root_pos_m=self.root_pos_m[start:stop], local_quat=self.local_quat[start:stop])
+
+    def sampled(self, frames: NDArray[np.floating], *, fps: float | None = None) -> Motion:
+        """The poses at fractional `frames` (T',), rotations by slerp; outside, the end poses hold."""
+        frames = np.clip(np.asarray(frames, np.float64), 0.0, self.n_frames - 1)
+        low = np.minimum(frames.astype(np.int64), max(self.n_frames - 2, 0))  # (T',)
+        high = np.minimum(low + 1, self.n_frames - 1)
+        weight = frames - low
+        root = self.root_pos_m[low] * (1 - weight)[:, None] + self.root_pos_m[high] * weight[:, None]
+        quat = rot.slerp(self.local_quat[low], self.local_quat[high], weight[:, None])  # (T', J, 4)
+        return Motion(self.skeleton, root, rot.make_continuous(quat), fps or self.fps)
+
+    def resampled(self, fps: float) -> Motion:
+        """The same motion at another rate, from the same first instant."""
+        if fps == self.fps:
+            return self
+        n_frames = max(1, seconds_to_frames(self.duration_s, fps))
+        return self.sampled(frame_times_s(n_frames, fps) * self.fps, fps=fps)
+
+    def moved(self, *, yaw_rad: float = 0.0, shift_m: NDArray[np.floating] | None = None) -> Motion:
+        """Turned about the world's vertical axis, then shifted by (3,) metres."""
+        turn = rot.about_y(yaw_rad)
+        root = rot.rotate(turn, self.root_pos_m) + (0.0 if shift_m is None else shift_m)
+        quat = np.array(self.local_quat)
+        quat[:, 0] = rot.multiply(turn, quat[:, 0])
+        return replace(self, root_pos_m=root, local_quat=rot.make_continuous(quat))

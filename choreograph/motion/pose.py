@@ -1,0 +1,38 @@
+"""Where a body stands and which way it faces, and its pose seen from there."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import BODY_JOINTS
+
+Floats = NDArray[np.floating]
+
+_PELVIS = BODY_JOINTS.index("pelvis")
+_ACROSS = tuple(
+    (BODY_JOINTS.index(f"left_{part}"), BODY_JOINTS.index(f"right_{part}")) for part in ("hip", "shoulder")
+)
+
+
+def heading_rad(body_pos_m: Floats) -> Floats:
+    """Heading (...) of body positions (..., 21, 3): 0 faces +Z, positive turns towards +X.
+
+    Forward is square to hips and shoulders together, on the ground.
+    """
+    across = sum(body_pos_m[..., left, :] - body_pos_m[..., right, :] for left, right in _ACROSS)
+    return np.arctan2(-across[..., 2], across[..., 0])  # left is +X when facing +Z
+
+
+def ground_pos_m(body_pos_m: Floats) -> Floats:
+    """The pelvis' place on the ground, (..., 3) with Y = 0, of body positions (..., 21, 3)."""
+    return body_pos_m[..., _PELVIS, :] * np.array([1.0, 0.0, 1.0])
+
+
+def from_own_place(body_pos_m: Floats, vectors: Floats | None = None) -> Floats:
+    """Poses (..., 21, 3) turned to heading 0 above the origin; `vectors` (velocities) are only turned."""
+    turn = rot.about_y(-heading_rad(body_pos_m))[..., None, :]  # (..., 1, 4)
+    if vectors is not None:
+        return rot.rotate(turn, vectors)
+    return rot.rotate(turn, body_pos_m - ground_pos_m(body_pos_m)[..., None, :])

@@ -1,0 +1,127 @@
+"""Quaternions `wxyz` over any leading dimensions; scipy underneath where a convention is hard.
+
+Conventions: unit, right-handed, active (`rotate(q, v)` turns v), `multiply(a, b)` turns by b first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Floats = NDArray[np.float64]
+
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def multiply(a: Floats, b: Floats) -> Floats:
+    """Hamilton product a ⊗ b of quaternions (..., 4), broadcasting."""
+    aw, ax, ay, az = np.moveaxis(a, -1, 0)
+    bw, bx, by, bz = np.moveaxis(b, -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )  # (..., 4)
+
+
+def invert(quat: Floats) -> Floats:
+    """Inverse of unit quaternions (..., 4)."""
+    return quat * np.array([1.0, -1.0, -1.0, -1.0], dtype=quat.dtype)
+
+
+def rotate(quat: Floats, vector: Floats) -> Floats:
+    """Turn vectors (..., 3) by unit quaternions (..., 4), broadcasting."""
+    w, xyz = quat[..., :1], quat[..., 1:]
+    cross = 2.0 * np.cross(xyz, vector)
+    return vector + w * cross + np.cross(xyz, cross)  # (..., 3)
+
+
+def normalize(quat: Floats) -> Floats:
+    """Scale quaternions (..., 4) to unit length; a zero quaternion becomes the identity."""
+    norm = np.linalg.norm(quat, axis=-1, keepdims=True)
+    return np.where(norm > 1e-12, quat / np.maximum(norm, 1e-12), IDENTITY)
+
+
+def make_continuous(quat: Floats) -> Floats:
+    """Flip signs along axis 0 (time) so that successive quaternions (T, ..., 4) lie in one half-space."""
+    dots = np.sum(quat[1:] * quat[:-1], axis=-1)  # (T-1, ...)
+    flips = np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)  # (T-1, ...)
+    return np.concatenate([quat[:1], quat[1:] * flips[..., None]], axis=0)
+
+
+def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:
+    """Spherical interpolation on the shorter arc between (..., 4) by weight (...), 0 gives a."""
+    weight = np.asarray(weight, dtype=np.float64)[..., None]
+    dot = np.sum(a * b, axis=-1, keepdims=True)
+    b = np.where(dot < 0, -b, b)
+    angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
+    sin = np.sin(angle)
+    near = sin < 1e-5
+    safe = np.where(near, 1.0, sin)
+    wa = np.where(near, 1.0 - weight, np.sin((1.0 - weight) * angle) / safe)
+    wb = np.where(near, weight, np.sin(weight * angle) / safe)
+    return normalize(wa * a + wb * b)
+
+
+def from_rotvec(rotvec: Floats) -> Floats:
+    """Quaternions (..., 4) of rotation vectors (..., 3) in radians."""
+    flat = Rotation.from_rotvec(np.reshape(rotvec, (-1, 3))).as_quat(scalar_first=True)
+    return flat.reshape(*rotvec.shape[:-1], 4)
+
+
+def to_rotvec(quat: Floats) -> Floats:
+    """Rotation vectors (..., 3) in radians, angle at most π, of quaternions (..., 4)."""
+    flat = Rotation.from_quat(np.reshape(quat, (-1, 4)), scalar_first=True).as_rotvec()
+    return flat.reshape(*quat.shape[:-1], 3)
+
+
+def from_matrix(matrix: Floats) -> Floats:
+    """Quaternions (..., 4) of rotation matrices (..., 3, 3)."""
+    flat = Rotation.from_matrix(np.reshape(matrix, (-1, 3, 3))).as_quat(scalar_first=True)
+    return flat.reshape(*matrix.shape[:-2], 4)
+
+
+def to_matrix(quat: Floats) -> Floats:
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4)."""
+    flat = Rotation.from_quat(np.reshape(quat, (-1, 4)), scalar_first=True).as_matrix()
+    return flat.reshape(*quat.shape[:-1], 3, 3)
+
+
+def from_euler(order: str, angles: Floats) -> Floats:
+    """Quaternions (..., 4) of intrinsic Euler angles (..., 3) in radians; order such as "ZXY"."""
+    flat = Rotation.from_euler(order.upper(), np.reshape(angles, (-1, len(order))))
+    return flat.as_quat(scalar_first=True).reshape(*angles.shape[:-1], 4)
+
+
+def to_euler(order: str, quat: Floats) -> Floats:
+    """Intrinsic Euler angles (..., 3) in radians; at gimbal lock the third angle is zero."""
+    flat = Rotation.from_quat(np.reshape(quat, (-1, 4)), scalar_first=True)
+    return flat.as_euler(order.upper(), suppress_warnings=True).reshape(*quat.shape[:-1], 3)
+
+
+def between(source: Floats, target: Floats) -> Floats:
+    """Shortest turn (..., 4) that takes direction `source` (..., 3) to direction `target` (..., 3)."""
+    source = source / np.maximum(np.linalg.norm(source, axis=-1, keepdims=True), 1e-12)
+    target = target / np.maximum(np.linalg.norm(target, axis=-1, keepdims=True), 1e-12)
+    dot = np.sum(source * target, axis=-1, keepdims=True)
+    quat = np.concatenate([1.0 + dot, np.cross(source, target)], axis=-1)
+    helper = np.where(np.abs(source[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    half_turn = np.concatenate([np.zeros_like(dot), np.cross(source, helper)], axis=-1)
+    return normalize(np.where(dot < -1.0 + 1e-9, half_turn, quat))
+
+
+def about_y(angle: Floats | float) -> Floats:
+    """Turn (..., 4) by `angle` (...) radians about the vertical; positive takes +Z towards +X."""
+    half = 0.5 * np.asarray(angle, dtype=np.float64)
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, np.sin(half), zero], axis=-1)
+
+
+def yaw(quat: Floats) -> Floats:
+    """Heading (...) in radians of quaternions (..., 4): the turn about Y closest to each (its twist)."""
+    return 2.0 * np.arctan2(quat[..., 2], quat[..., 0])

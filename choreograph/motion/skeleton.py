@@ -1,0 +1,109 @@
+"""Skeletons: joint names, parents, rest offsets and end sites; the canonical 24-joint body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import ParameterError
+
+CANONICAL_JOINTS = (
+    "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle",
+    "right_ankle", "spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar",
+    "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist",
+    "right_wrist", "left_hand", "right_hand",
+)  # fmt: skip
+CANONICAL_PARENTS = (
+    -1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21,
+)  # fmt: skip
+
+# Average adult offsets from the parent joint, metres, rest pose: arms out to the sides, facing +Z,
+# left is +X. Ours, from anthropometric proportions of a 1.70 m body; no licensed model's numbers.
+_CANONICAL_OFFSETS_M = (
+    (0.0, 0.93, 0.0), (0.085, -0.075, 0.0), (-0.085, -0.075, 0.0), (0.0, 0.11, -0.02),
+    (0.0, -0.39, 0.0), (0.0, -0.39, 0.0), (0.0, 0.13, 0.0), (0.0, -0.395, -0.02),
+    (0.0, -0.395, -0.02), (0.0, 0.06, 0.02), (0.0, -0.055, 0.13), (0.0, -0.055, 0.13),
+    (0.0, 0.21, -0.02), (0.07, 0.12, -0.01), (-0.07, 0.12, -0.01), (0.0, 0.09, 0.04),
+    (0.10, 0.03, -0.01), (-0.10, 0.03, -0.01), (0.26, 0.0, 0.0), (-0.26, 0.0, 0.0),
+    (0.25, 0.0, 0.0), (-0.25, 0.0, 0.0), (0.085, 0.0, 0.0), (-0.085, 0.0, 0.0),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """A joint hierarchy with its rest pose (all rest rotations are the identity).
+
+    Raises `ParameterError` if shapes disagree, a parent does not come before its child, names
+    repeat, or an offset is not finite.
+    """
+
+    names: tuple[str, ...]  # (J,)
+    parents: NDArray[np.int64]  # (J,) parent's index, -1 for the root, which is joint 0
+    offsets_m: NDArray[np.float64]  # (J, 3) from the parent, rest pose; the root's is its rest place
+    # Bone ends without a channel of their own (BVH "End Site"): the joint they hang on, the offset.
+    tip_parents: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # (E,)
+    tips_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))  # (E, 3)
+
+    def __post_init__(self) -> None:
+        n = len(self.names)
+        object.__setattr__(self, "parents", np.asarray(self.parents, np.int64))
+        object.__setattr__(self, "offsets_m", np.asarray(self.offsets_m, np.float64))
+        object.__setattr__(self, "tip_parents", np.asarray(self.tip_parents, np.int64))
+        object.__setattr__(self, "tips_m", np.asarray(self.tips_m, np.float64).reshape(-1, 3))
+        if n == 0 or self.parents.shape != (n,) or self.offsets_m.shape != (n, 3):
+            raise ParameterError(
+                f"expected parents ({n},) and offsets ({n}, 3) for {n} joints, got "
+                f"{self.parents.shape} and {self.offsets_m.shape}"
+            )
+        if len(set(self.names)) != n:
+            raise ParameterError("joint names repeat: each joint needs a name of its own")
+        if self.parents[0] != -1 or any(not 0 <= p < i for i, p in enumerate(self.parents) if i):
+            raise ParameterError("expected the root first and every parent before its children")
+        if not np.isfinite(self.offsets_m).all() or not np.isfinite(self.tips_m).all():
+            raise ParameterError("a bone offset is not finite")
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints J, end sites not counted."""
+        return len(self.names)
+
+    def index(self, name: str) -> int:
+        """Index of a joint; `ParameterError` if there is none of that name."""
+        if name not in self.names:
+            raise ParameterError(f"no joint {name!r} in the skeleton, which has {', '.join(self.names)}")
+        return self.names.index(name)
+
+    def same_as(self, other: Skeleton, *, tolerance_m: float = 1e-3) -> bool:
+        """Whether joints, hierarchy and bone offsets agree (the root's rest place does not count)."""
+        return (
+            self.names == other.names
+            and np.array_equal(self.parents, other.parents)
+            and np.allclose(self.offsets_m[1:], other.offsets_m[1:], atol=tolerance_m)
+        )
+
+    def rest_pos_m(self) -> NDArray[np.float64]:
+        """Joint positions of the rest pose with the root at its rest place, (J, 3)."""
+        pos = np.array(self.offsets_m)
+        for joint in range(1, self.n_joints):
+            pos[joint] += pos[self.parents[joint]]
+        return pos
+
+
+@lru_cache(maxsize=1)
+def canonical_skeleton() -> Skeleton:
+    """The 24-joint body that mixed takes are retargeted to; toes and fingertips are end sites."""
+    index = {name: i for i, name in enumerate(CANONICAL_JOINTS)}
+    tips = {
+        "left_foot": (0.0, 0.0, 0.07), "right_foot": (0.0, 0.0, 0.07), "head": (0.0, 0.18, 0.0),
+        "left_hand": (0.09, 0.0, 0.0), "right_hand": (-0.09, 0.0, 0.0),
+    }  # fmt: skip
+    return Skeleton(
+        names=CANONICAL_JOINTS,
+        parents=np.array(CANONICAL_PARENTS),
+        offsets_m=np.array(_CANONICAL_OFFSETS_M),
+        tip_parents=np.array([index[name] for name in tips]),
+        tips_m=np.array(list(tips.values())),
+    )

@@ -1,0 +1,99 @@
+"""From takes and what was measured on them to the arrays of a repertoire file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.takes import Take
+from choreograph.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, frames_to_seconds
+
+STYLE_DIM = 32
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredTake:
+    """A take with its features; all motion arrays begin at its first frame."""
+
+    take: Take  # on the repertoire's skeleton
+    body_pos_m: NDArray[np.float32]  # (T, 21, 3) at 20 fps
+    motion_beats_s: NDArray[np.float64]  # (Q,)
+
+
+def clip_starts(n_frames: int) -> NDArray[np.int64]:
+    """First frames of a take's clips, at 20 fps: one every second that 8 s still follow."""
+    return np.arange(0, max(0, n_frames - CLIP_FRAMES + 1), NET_FPS, dtype=np.int64)
+
+
+def middle_starts(starts: NDArray[np.integer]) -> NDArray[np.int64]:
+    """First frames of the clips' middle 4 s, which their style vectors describe."""
+    return starts + (CLIP_FRAMES - SEGMENT_FRAMES) // 2
+
+
+def to_arrays(
+    takes: Sequence[MeasuredTake],
+    *,
+    embed_motion: Callable[[NDArray[np.float32], NDArray[np.int64]], NDArray[np.float32]] | None,
+    density: Callable[[MeasuredTake], NDArray[np.float32]],
+    checksums: Sequence[tuple[str, str, int]],
+) -> dict[str, NDArray]:
+    """All arrays of a repertoire file by path.
+
+    `embed_motion(body_pos_m (T, 21, 3), starts (N,)) -> (N, 32)`, None for no style networks (zeros);
+    `density(take) -> (T,)` at 20 fps; checksums are (path, sha256, index of the take).
+    """
+    skeleton = takes[0].take.motion.skeleton
+    motions = [measured.take.motion for measured in takes]
+    columns: dict[str, NDArray] = {
+        "skeleton/names": np.array(skeleton.names),
+        "skeleton/parents": skeleton.parents,
+        "skeleton/offsets_m": skeleton.offsets_m,
+        "skeleton/tip_parents": skeleton.tip_parents,
+        "skeleton/tips_m": skeleton.tips_m,
+        "takes/name": np.array([m.take.name for m in takes]),
+        "takes/song_name": np.array([m.take.song_name for m in takes]),
+        "takes/notes": np.array(["; ".join(m.take.notes) for m in takes]),
+        "takes/fps": np.array([motion.fps for motion in motions]),
+        "motion/root_pos_m": np.concatenate([motion.root_pos_m for motion in motions]),
+        "motion/local_quat": np.concatenate([motion.local_quat for motion in motions]),
+        "body/pos_m": np.concatenate([m.body_pos_m for m in takes]),
+        "body/density": np.concatenate([density(m) for m in takes]),
+        "beats/motion_s": np.concatenate([m.motion_beats_s for m in takes]),
+        "sources/path": np.array([path for path, _, _ in checksums], np.str_),
+        "sources/sha256": np.array([digest for _, digest, _ in checksums], np.str_),
+        "sources/take": np.array([take for _, _, take in checksums], np.int64),
+    }
+    for credit in ("genre", "performer", "licence", "source"):
+        columns[f"takes/{credit}"] = np.array([getattr(m.take.credits, credit) for m in takes])
+    lengths = {
+        "motion": [motion.n_frames for motion in motions],
+        "body": [len(m.body_pos_m) for m in takes],
+        "beat": [len(m.motion_beats_s) for m in takes],
+    }
+    for name, counts in lengths.items():
+        stops = np.cumsum(counts)
+        columns[f"takes/{name}_start"] = stops - counts
+        columns[f"takes/{name}_stop"] = stops
+    return columns | _clip_arrays(takes, embed_motion)
+
+
+def _clip_arrays(takes: Sequence[MeasuredTake], embed_motion) -> dict[str, NDArray]:
+    starts = [clip_starts(len(m.body_pos_m)) for m in takes]
+    styles, counts = [], []
+    for measured, first in zip(takes, starts, strict=True):
+        middle = middle_starts(first)
+        if embed_motion is None:
+            styles.append(np.zeros((len(first), STYLE_DIM), np.float32))
+        else:
+            styles.append(embed_motion(measured.body_pos_m, middle))
+        borders_s = frames_to_seconds([middle, middle + SEGMENT_FRAMES], NET_FPS)  # (2, n)
+        counts.append(np.diff(np.searchsorted(measured.motion_beats_s, borders_s), axis=0)[0])
+    return {
+        "clips/take": np.repeat(np.arange(len(takes)), [len(s) for s in starts]),
+        "clips/start_frame": np.concatenate(starts),
+        "clips/style": np.concatenate(styles),
+        "clips/beat_count": np.concatenate(counts).astype(np.float32),
+    }

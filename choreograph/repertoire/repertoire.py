@@ -1,0 +1,220 @@
+"""`Repertoire`: an opened repertoire file as takes, clips, motions and poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import RepertoireError
+from choreograph.motion import rotations as rot
+from choreograph.motion.motion import Motion
+from choreograph.motion.pose import from_own_place
+from choreograph.motion.skeleton import Skeleton
+from choreograph.repertoire.store import NetArrays, RepertoireFile
+from choreograph.takes import Credits
+from choreograph.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
+
+
+@dataclass(frozen=True)
+class TakeInfo:
+    """A take as the repertoire knows it; ranges are into the file's flat arrays."""
+
+    name: str
+    song_name: str
+    credits: Credits
+    fps: float
+    motion: tuple[int, int]
+    body: tuple[int, int]
+    beats: tuple[int, int]
+    notes: str
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the take's motion in seconds."""
+        return (self.motion[1] - self.motion[0]) / self.fps
+
+
+class Repertoire:
+    """Everything `dance` needs beside the song. Open with `Repertoire.open`; reads what is asked for."""
+
+    def __init__(self, file: RepertoireFile) -> None:
+        self._file = file
+
+    @classmethod
+    def open(cls, path: str | Path) -> Repertoire:
+        """Open a repertoire file; `RepertoireError` if it is missing, damaged or of another version."""
+        return cls(RepertoireFile(Path(path)))
+
+    @property
+    def path(self) -> Path:
+        """The file this repertoire lies in."""
+        return self._file.path
+
+    @property
+    def density(self) -> str:
+        """Which tempo-density the clips carry: "analytic" or "learned"."""
+        return self._file.density
+
+    @property
+    def provenance(self) -> dict:
+        """How the file was made: program version, preset, seed, songs trained on."""
+        return self._file.provenance
+
+    @property
+    def net_names(self) -> tuple[str, ...]:
+        """The networks the file carries."""
+        return self._file.net_names
+
+    def net(self, name: str) -> NetArrays:
+        """A network's config and weights; `RepertoireError` if there is none of that name."""
+        return self._file.read_net(name)
+
+    @cached_property
+    def skeleton(self) -> Skeleton:
+        """The skeleton all motion here is on."""
+        names = ("parents", "offsets_m", "tip_parents", "tips_m")
+        joints = tuple(str(name) for name in self._file.read("skeleton/names"))
+        return Skeleton(joints, *(self._file.read(f"skeleton/{name}") for name in names))
+
+    @cached_property
+    def takes(self) -> tuple[TakeInfo, ...]:
+        """All takes, in the order of the file."""
+        text = ("name", "song_name", "genre", "performer", "licence", "source", "notes")
+        columns = {
+            name: self._file.read(f"takes/{name}")
+            for name in (*text, "fps", *(f"{a}_{b}" for a in ("motion", "body", "beat") for b in ("start", "stop")))
+        }  # fmt: skip
+        return tuple(
+            TakeInfo(
+                name=str(columns["name"][i]),
+                song_name=str(columns["song_name"][i]),
+                credits=Credits(*(str(columns[c][i]) for c in ("genre", "performer", "licence", "source"))),
+                fps=float(columns["fps"][i]),
+                motion=(int(columns["motion_start"][i]), int(columns["motion_stop"][i])),
+                body=(int(columns["body_start"][i]), int(columns["body_stop"][i])),
+                beats=(int(columns["beat_start"][i]), int(columns["beat_stop"][i])),
+                notes=str(columns["notes"][i]),
+            )
+            for i in range(len(columns["name"]))
+        )
+
+    @property
+    def n_clips(self) -> int:
+        """Number of clips N."""
+        return self._file.shapes["clips/take"][0]
+
+    @cached_property
+    def clip_take(self) -> NDArray[np.int32]:
+        """Index of each clip's take, (N,)."""
+        return self._file.read("clips/take")
+
+    @cached_property
+    def clip_start_frame(self) -> NDArray[np.int64]:
+        """First frame of each clip in its take, 20 fps, (N,)."""
+        return self._file.read("clips/start_frame")
+
+    @cached_property
+    def clip_style(self) -> NDArray[np.float32]:
+        """Style vectors of the clips' middle 4 s, (N, 32)."""
+        return self._file.read("clips/style")
+
+    @cached_property
+    def clip_beat_count(self) -> NDArray[np.float32]:
+        """Motion beats in the clips' middle 4 s, (N,)."""
+        return self._file.read("clips/beat_count")
+
+    @cached_property
+    def _body_pos_m(self) -> NDArray[np.float32]:
+        return self._file.read("body/pos_m")
+
+    @cached_property
+    def _density(self) -> NDArray[np.float32]:
+        return self._file.read("body/density")
+
+    @cached_property
+    def _beats_s(self) -> NDArray[np.float64]:
+        return self._file.read("beats/motion_s")
+
+    @cached_property
+    def _clip_body_start(self) -> NDArray[np.int64]:
+        """First row of each clip in the flat 20 fps arrays, (N,)."""
+        starts = np.array([take.body[0] for take in self.takes], np.int64)
+        return starts[self.clip_take] + self.clip_start_frame
+
+    @property
+    def selection_beat_weight(self) -> float:
+        """What a motion beat too many or too few counts in selection, against style distance 1."""
+        return float(self.provenance.get("selection_beat_weight", 0.0))
+
+    def take_index(self, name: str) -> int:
+        """Index of a take by name; `RepertoireError` if there is none."""
+        names = [take.name for take in self.takes]
+        if name not in names:
+            raise RepertoireError(f"{self.path}: no take {name!r} in this repertoire of {len(names)} takes")
+        return names.index(name)
+
+    def motion(self, take: int, start_s: float = 0.0, stop_s: float | None = None) -> tuple[Motion, float]:
+        """A take's stored motion around [start_s, stop_s], and the instant of its first frame."""
+        info = self.takes[take]
+        n_frames = info.motion[1] - info.motion[0]
+        first = int(np.clip(np.floor(start_s * info.fps), 0, n_frames - 1))
+        last = (
+            n_frames if stop_s is None else int(np.clip(np.ceil(stop_s * info.fps) + 2, first + 1, n_frames))
+        )
+        part = slice(info.motion[0] + first, info.motion[0] + last)
+        root = self._file.read("motion/root_pos_m", part)
+        quat = rot.normalize(self._file.read("motion/local_quat", part).astype(np.float64))
+        return Motion(self.skeleton, root, quat, info.fps), first / info.fps
+
+    def body_pos_m(self, take: int) -> NDArray[np.float32]:
+        """A take's 21 joints at 20 fps, (T, 21, 3)."""
+        start, stop = self.takes[take].body
+        return self._body_pos_m[start:stop]
+
+    def motion_beats_s(self, take: int) -> NDArray[np.float64]:
+        """A take's motion beats in seconds from its first frame, (Q,)."""
+        start, stop = self.takes[take].beats
+        return self._beats_s[start:stop]
+
+    def clip_density(self, clips: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Tempo-densities of clips (K,), (K, 160) at 20 fps."""
+        return self._density[self._clip_body_start[clips][:, None] + np.arange(CLIP_FRAMES)]
+
+    def clip_start_s(self, clip: int) -> float:
+        """Where a clip begins in its take, in seconds."""
+        return float(frames_to_seconds(self.clip_start_frame[clip], NET_FPS))
+
+    def clip_motion_beats(self, clip: int) -> NDArray[np.float64]:
+        """Motion beats inside a clip, in its frames at 20 fps."""
+        beats = self.motion_beats_s(int(self.clip_take[clip])) * NET_FPS - self.clip_start_frame[clip]
+        return beats[(beats >= 0) & (beats < CLIP_FRAMES)]
+
+    def poses_m(
+        self, clip: NDArray[np.integer], frames: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Poses (N, 21, 3) seen from their own place, and joint velocities (N, 21, 3) in m/s likewise.
+
+        `clip` (N,) and fractional clip frames (N,) at 20 fps, the last frame included.
+        """
+        poses, velocities = self._own_poses
+        low = np.minimum(frames.astype(np.int64), CLIP_FRAMES - 2)
+        weight = (frames - low).astype(np.float32)[:, None, None]
+        row = self._clip_body_start[clip] + low
+        pose = poses[row] + weight * (poses[row + 1] - poses[row])
+        return pose, velocities[row] + weight * (velocities[row + 1] - velocities[row])
+
+    @cached_property
+    def _own_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Every 20 fps frame from its own place, and velocities there, (B, 21, 3) each."""
+        pos = self._body_pos_m
+        velocity = np.zeros_like(pos)
+        for take in self.takes:
+            start, stop = take.body
+            if stop - start > 1:
+                velocity[start:stop] = np.gradient(pos[start:stop], axis=0) * NET_FPS
+        own = from_own_place(pos).astype(np.float32)
+        return own, from_own_place(pos, velocity).astype(np.float32)

@@ -1,0 +1,52 @@
+"""The layout of a repertoire file, version 1; `data_schema/repertoire.json` says the same to others.
+
+Takes lie end to end along the first axis of each array; the takes table says where each begins and
+ends. Clips are (take, start frame), never copies.
+"""
+
+from __future__ import annotations
+
+FORMAT = "choreograph-repertoire"
+VERSION = 1
+
+# path -> (kind, shape): kinds are h5py's s (UTF-8 string), f4, f8, i4, i8; letters are axes.
+# J joint, E end site, X take, M stored motion frame, B 20 fps frame, Q motion beat, N clip, C checksum.
+DATASETS: dict[str, tuple[str, str]] = {
+    "skeleton/names": ("s", "J"),
+    "skeleton/parents": ("i8", "J"),
+    "skeleton/offsets_m": ("f8", "J 3"),
+    "skeleton/tip_parents": ("i8", "E"),
+    "skeleton/tips_m": ("f8", "E 3"),
+    "takes/name": ("s", "X"),
+    "takes/song_name": ("s", "X"),
+    "takes/genre": ("s", "X"),
+    "takes/performer": ("s", "X"),
+    "takes/licence": ("s", "X"),
+    "takes/source": ("s", "X"),
+    "takes/notes": ("s", "X"),
+    "takes/fps": ("f8", "X"),
+    "takes/motion_start": ("i8", "X"),
+    "takes/motion_stop": ("i8", "X"),
+    "takes/body_start": ("i8", "X"),
+    "takes/body_stop": ("i8", "X"),
+    "takes/beat_start": ("i8", "X"),
+    "takes/beat_stop": ("i8", "X"),
+    "motion/root_pos_m": ("f4", "M 3"),
+    "motion/local_quat": ("f4", "M J 4"),
+    "body/pos_m": ("f4", "B 21 3"),
+    "body/density": ("f4", "B"),
+    "beats/motion_s": ("f8", "Q"),
+    "clips/take": ("i4", "N"),
+    "clips/start_frame": ("i8", "N"),
+    "clips/style": ("f4", "N 32"),
+    "clips/beat_count": ("f4", "N"),
+    "sources/path": ("s", "C"),
+    "sources/sha256": ("s", "C"),
+    "sources/take": ("i4", "C"),
+}
+
+# nets/<name>: a group with the attribute `config` (JSON) and one dataset per weight, any shape.
+NETS = ("style", "motion_density", "music_density")
+
+# Attributes of the file itself.
+ATTRIBUTES = ("format", "version", "density", "provenance")

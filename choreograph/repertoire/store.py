@@ -1,0 +1,143 @@
+"""Reading and writing repertoire files: the only door to h5py."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import RepertoireError
+from choreograph.files import atomic_path
+from choreograph.repertoire.schema import ATTRIBUTES, DATASETS, FORMAT, NETS, VERSION
+
+
+@dataclass(frozen=True, eq=False)
+class NetArrays:
+    """One network as plain data: what its file needs to build it again."""
+
+    config: dict[str, Any]
+    weights: dict[str, NDArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """Everything a repertoire file holds, by the paths of `schema.DATASETS`."""
+
+    arrays: Mapping[str, NDArray]
+    density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
+    provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
+    nets: Mapping[str, NetArrays] = field(default_factory=dict)
+
+
+def write_repertoire(path: Path, contents: Contents) -> None:
+    """Write all of `contents` to `path`, or nothing.
+
+    The bytes depend on the contents alone. Raises `RepertoireError` if an array is missing or not
+    of the schema's kind and shape; `ParameterError` if the folder does not exist.
+    """
+    _check(contents)
+    with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
+        file.attrs["format"] = FORMAT
+        file.attrs["version"] = VERSION
+        file.attrs["density"] = contents.density
+        file.attrs["provenance"] = json.dumps(contents.provenance, sort_keys=True)
+        for name, (kind, _) in DATASETS.items():
+            array = np.asarray(contents.arrays[name])
+            if kind == "s":
+                array = np.array([str(text) for text in array], dtype=object)
+                file.create_dataset(name, data=array, dtype=h5py.string_dtype(), track_times=False)
+            else:
+                packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+                options = packed if array.size > 4096 else {}
+                file.create_dataset(name, data=array.astype(kind), track_times=False, **options)
+        for name, net in sorted(contents.nets.items()):
+            group = file.create_group(f"nets/{name}")
+            group.attrs["config"] = json.dumps(net.config, sort_keys=True)
+            for weight, array in sorted(net.weights.items()):
+                group.create_dataset(weight, data=array, track_times=False)
+
+
+def _check(contents: Contents) -> None:
+    sizes: dict[str, int] = {"3": 3, "4": 4, "21": 21, "32": 32}
+    for name, (_, axes) in DATASETS.items():
+        if name not in contents.arrays:
+            raise RepertoireError(f"cannot write a repertoire without {name}")
+        shape = np.shape(contents.arrays[name])
+        letters = axes.split()
+        if len(shape) != len(letters) or any(
+            sizes.setdefault(letter, n) != n for letter, n in zip(letters, shape, strict=True)
+        ):
+            raise RepertoireError(f"{name}: expected ({axes}), got {shape}, against {sizes}")
+    unknown = set(contents.nets) - set(NETS)
+    if unknown:
+        raise RepertoireError(f"unknown networks {sorted(unknown)}: expected some of {NETS}")
+
+
+class RepertoireFile:
+    """An open repertoire file; arrays are read when asked for, not before.
+
+    Raises `RepertoireError` if the file is missing, not HDF5, truncated, not a repertoire or of
+    another version.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = Path(path)
+        if self.path.is_dir():
+            raise RepertoireError(f"{path}: expected a repertoire file, got a folder")
+        if not self.path.exists():
+            raise RepertoireError(f"{path}: no such repertoire; make one with `choreograph build-db`")
+        with self._opened() as file:
+            kind, version = file.attrs.get("format"), file.attrs.get("version")
+            if kind != FORMAT:
+                raise RepertoireError(
+                    f"{path}: expected a repertoire, got an HDF5 file of another kind ({kind!r})"
+                )
+            if version != VERSION:
+                raise RepertoireError(
+                    f"{path}: expected repertoire version {VERSION}, got {version}: made by another "
+                    "version of choreograph; build it again from its takes"
+                )
+            missing = [name for name in DATASETS if name not in file]
+            missing += [name for name in ATTRIBUTES if name not in file.attrs]
+            if missing:
+                raise RepertoireError(f"{path}: the repertoire lacks {', '.join(missing)}: a damaged file")
+            self.density = str(file.attrs["density"])
+            self.provenance: dict[str, Any] = json.loads(file.attrs["provenance"])
+            self.net_names = tuple(file["nets"]) if "nets" in file else ()
+            self.shapes = {name: file[name].shape for name in DATASETS}
+
+    @contextmanager
+    def _opened(self):
+        try:
+            with h5py.File(self.path, "r") as file:
+                yield file
+        except (OSError, KeyError, RuntimeError) as error:
+            reason = str(error).splitlines()[0][:120]
+            raise RepertoireError(
+                f"{self.path}: expected a repertoire (HDF5), could not read it ({reason}): truncated or "
+                "not made by choreograph"
+            ) from error
+
+    def read(self, name: str, part: slice = slice(None)) -> NDArray:
+        """One array of `schema.DATASETS`, or a slice of its first axis; strings as numpy str."""
+        with self._opened() as file:
+            data = file[name]
+            if DATASETS[name][0] == "s":
+                return np.array(data.asstr()[part], dtype=np.str_)
+            return data[part]
+
+    def read_net(self, name: str) -> NetArrays:
+        """A network's config and weights; `RepertoireError` if the file has none of that name."""
+        if name not in self.net_names:
+            raise RepertoireError(f"{self.path}: the repertoire has no network {name!r}")
+        with self._opened() as file:
+            group = file[f"nets/{name}"]
+            weights = {weight: group[weight][()] for weight in group}
+            return NetArrays(json.loads(group.attrs["config"]), weights)

@@ -1,0 +1,280 @@
+"""Compiled loops of the warper: one candidate a thread, rows of the cost table vectorised."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+# Steps (query frames, target frames), in the order of preference on ties.
+STEP_BOTH, STEP_TARGET_TWICE, STEP_QUERY_TWICE = 0, 1, 2  # (1, 1), (1, 2), (2, 1)
+UNREACHED = np.float32(3.0e38)
+
+
+@njit(cache=True, parallel=True, fastmath=False)
+def dtw_batch(queries, targets):  # pragma: no cover - compiled
+    """Subsequence DTW of queries (K, Tq) in targets (K, Tt), float32: source frames (K, Tq), costs (K,).
+
+    A step (2, 1) pays its last cell twice, once for each query frame it passes.
+    """
+    n, n_query = queries.shape
+    n_target = targets.shape[1]
+    source_frames = np.empty((n, n_query), np.float32)
+    costs = np.empty(n, np.float32)
+    for k in prange(n):
+        steps = np.empty((n_query, n_target), np.int8)
+        # Two rows back, one row back, this row, each with two unreachable columns in front.
+        before = np.full(n_target + 2, UNREACHED, np.float32)
+        last = np.full(n_target + 2, UNREACHED, np.float32)
+        row = np.full(n_target + 2, UNREACHED, np.float32)
+        for j in range(n_target):
+            d = queries[k, 0] - targets[k, j]
+            last[j + 2] = d * d
+        for i in range(1, n_query):
+            q = queries[k, i]
+            for j in range(n_target):
+                d = q - targets[k, j]
+                c = d * d
+                both = last[j + 1] + c
+                target_twice = last[j] + c
+                query_twice = before[j + 1] + np.float32(2.0) * c
+                best = both
+                step = np.int8(0)
+                if target_twice < best:
+                    best = target_twice
+                    step = np.int8(1)
+                if query_twice < best:
+                    best = query_twice
+                    step = np.int8(2)
+                row[j + 2] = best
+                steps[i, j] = step
+            before, last, row = last, row, before
+        end = 0
+        for j in range(n_target):
+            if last[j + 2] < last[end + 2]:
+                end = j
+        costs[k] = last[end + 2] / n_query
+        i, j = n_query - 1, end
+        source_frames[k, i] = j
+        while i > 0:
+            step = steps[i, j]
+            if step == STEP_QUERY_TWICE:
+                source_frames[k, i - 1] = j - 0.5
+                i -= 2
+                j -= 1
+            elif step == STEP_TARGET_TWICE:
+                i -= 1
+                j -= 2
+            else:
+                i -= 1
+                j -= 1
+            source_frames[k, i] = j
+    return source_frames, costs
+
+
+@njit(cache=True, inline="always")
+def _solve_banded(main, first, second, rhs):  # pragma: no cover - compiled
+    """In-place LDLᵀ solve of a symmetric positive definite matrix with two bands beside the diagonal."""
+    n = len(main)
+    for i in range(n):
+        pivot = main[i]
+        if i + 1 < n:
+            factor = first[i] / pivot
+            main[i + 1] -= factor * first[i]
+            rhs[i + 1] -= factor * rhs[i]
+            if i + 2 < n:
+                first[i + 1] -= factor * second[i]
+        if i + 2 < n:
+            factor = second[i] / pivot
+            main[i + 2] -= factor * second[i]
+            rhs[i + 2] -= factor * rhs[i]
+    for i in range(n - 1, -1, -1):
+        value = rhs[i]
+        if i + 1 < n:
+            value -= first[i] * rhs[i + 1]
+        if i + 2 < n:
+            value -= second[i] * rhs[i + 2]
+        rhs[i] = value / main[i]
+
+
+@njit(cache=True)
+def _match_beats(path, source_beats, music_beats, window, anchor_frame, anchor_source):  # pragma: no cover
+    """Pairs (output frame, source frame) of music and motion beats that the path brings near; their number.
+
+    A pair counts if each is the other's nearest and they are at most `window` output frames apart.
+    """
+    n = len(path)
+    count = 0
+    b = 0
+    for m in range(len(music_beats)):
+        frame = music_beats[m]
+        if frame < 0 or frame > n - 1:
+            continue
+        low = min(int(frame), n - 2)
+        slope = path[low + 1] - path[low]
+        source_here = path[low] + (frame - low) * slope
+        # Nearest motion beat in the source, measured in output frames through the local slope.
+        while b + 1 < len(source_beats) and abs(source_beats[b + 1] - source_here) <= abs(
+            source_beats[b] - source_here
+        ):
+            b += 1
+        if len(source_beats) == 0:
+            break
+        gap = abs(source_beats[b] - source_here) / max(slope, 0.25)
+        if gap > window:
+            continue
+        if count > 0 and anchor_source[count - 1] == source_beats[b]:
+            # Two music beats want the same motion beat: the nearer one keeps it.
+            if gap < _gap_of(path, anchor_frame[count - 1], source_beats[b]):
+                anchor_frame[count - 1] = frame
+            continue
+        anchor_frame[count] = frame
+        anchor_source[count] = source_beats[b]
+        count += 1
+    return count
+
+
+@njit(cache=True)
+def _gap_of(path, frame, source):  # pragma: no cover - compiled
+    low = min(int(frame), len(path) - 2)
+    slope = path[low + 1] - path[low]
+    return abs(source - (path[low] + (frame - low) * slope)) / max(slope, 0.25)
+
+
+@njit(cache=True)
+def _limit_slopes(path, slopes, min_slope, max_slope, last_source):  # pragma: no cover - compiled
+    """Clamp the path's slopes in place, hold its mean, and keep it inside [0, last_source]."""
+    n = len(path)
+    mean = 0.0
+    for i in range(n):
+        mean += path[i]
+    mean /= n
+    length = 0.0
+    for i in range(n - 1):
+        slopes[i] = min(max(path[i + 1] - path[i], min_slope), max_slope)
+        length += slopes[i]
+    if length > last_source:
+        slopes *= last_source / length
+    total = 0.0
+    path[0] = 0.0
+    for i in range(n - 1):
+        path[i + 1] = path[i] + slopes[i]
+        total += path[i + 1]
+    shift = mean - total / n
+    shift = min(max(shift, 0.0), last_source - path[n - 1])
+    for i in range(n):
+        path[i] += shift
+
+
+@njit(cache=True, parallel=True)
+def smooth_batch(
+    paths, beats, beat_ranges, music, window, stiffness, anchor_weight, min_slope, max_slope, last_source
+):  # pragma: no cover - compiled
+    """Smooth time maps (K, Tq) of DTW paths; see `timemap.smooth_time_maps` for the objective.
+
+    Candidate k has the motion beats beats[beat_ranges[k, 0] : beat_ranges[k, 1]]; all have the same
+    music beats; clip frames and output frames.
+    """
+    n, n_frames = paths.shape
+    maps = np.empty((n, n_frames), np.float64)
+    for k in prange(n):
+        main = np.empty(n_frames)
+        first = np.empty(n_frames)
+        second = np.empty(n_frames)
+        rhs = np.empty(n_frames)
+        slopes = np.empty(n_frames)
+        mine = beats[beat_ranges[k, 0] : beat_ranges[k, 1]]
+        anchor_frame = np.empty(len(music) + 1)
+        anchor_source = np.empty(len(music) + 1)
+        path = paths[k].astype(np.float64)
+        # The first round only takes the staircase out; the second snaps beats seen along a calm path.
+        for turn in range(2):
+            _normal_equations(path, stiffness, main, first, second, rhs)
+            if turn == 1:
+                count = _match_beats(path, mine, music, window, anchor_frame, anchor_source)
+                for a in range(count):
+                    low = min(int(anchor_frame[a]), n_frames - 2)
+                    w = anchor_frame[a] - low
+                    main[low] += anchor_weight * (1 - w) * (1 - w)
+                    main[low + 1] += anchor_weight * w * w
+                    first[low] += anchor_weight * w * (1 - w)
+                    rhs[low] += anchor_weight * (1 - w) * anchor_source[a]
+                    rhs[low + 1] += anchor_weight * w * anchor_source[a]
+            _solve_banded(main, first, second, rhs)
+            path[:] = rhs
+            _limit_slopes(path, slopes, min_slope, max_slope, last_source)
+        maps[k] = path
+    return maps
+
+
+@njit(cache=True)
+def _normal_equations(path, stiffness, main, first, second, rhs):  # pragma: no cover - compiled
+    """Bands of I + stiffness · D₂ᵀD₂ (D₂: second differences) and the right-hand side `path`."""
+    n = len(path)
+    for i in range(n):
+        main[i] = 1.0
+        first[i] = 0.0
+        second[i] = 0.0
+        rhs[i] = path[i]
+    for i in range(n - 2):
+        main[i] += stiffness
+        main[i + 1] += 4 * stiffness
+        main[i + 2] += stiffness
+        first[i] -= 2 * stiffness
+        first[i + 1] -= 2 * stiffness
+        second[i] += stiffness
+
+
+@njit(cache=True, parallel=True)
+def beat_fit(maps, beats, beat_ranges, music, near, far):  # pragma: no cover - compiled
+    """How each quarter of each warped segment keeps the beat, for time maps (K, Tq + 1).
+
+    Returns off_beat, first and last motion beat (K, 4): the share of beats (music's and motion's) that
+    have no partner, counted fully beyond `far` frames, not at all within `near`; beats are placed in
+    frames of their quarter, nan where there is none.
+    """
+    n = len(maps)
+    n_frames = maps.shape[1] - 1
+    quarter = n_frames // 4
+    off = np.zeros((n, 4), np.float32)
+    first = np.full((n, 4), np.nan, np.float32)
+    last = np.full((n, 4), np.nan, np.float32)
+    for k in prange(n):
+        start, stop = beat_ranges[k]
+        placed = np.empty(stop - start)
+        count = 0
+        frame = 0
+        for b in range(start, stop):
+            if beats[b] < maps[k, 0]:
+                continue
+            while frame < n_frames and maps[k, frame + 1] <= beats[b]:
+                frame += 1
+            if frame == n_frames:
+                break
+            placed[count] = frame + (beats[b] - maps[k, frame]) / (maps[k, frame + 1] - maps[k, frame])
+            count += 1
+        seen = np.zeros(4)
+        for p in range(count):
+            q = min(int(placed[p]) // quarter, 3)
+            at = np.float32(placed[p] - q * quarter)
+            if np.isnan(first[k, q]):
+                first[k, q] = at
+            last[k, q] = at
+            off[k, q] += _loneliness(placed[p], music, len(music), near, far)
+            seen[q] += 1
+        for m in range(len(music)):
+            if 0 <= music[m] < n_frames:
+                q = int(music[m]) // quarter
+                off[k, q] += _loneliness(music[m], placed, count, near, far)
+                seen[q] += 1
+        for q in range(4):
+            if seen[q] > 0:
+                off[k, q] /= seen[q]
+    return off, first, last
+
+
+@njit(cache=True)
+def _loneliness(at, others, count, near, far):  # pragma: no cover - compiled
+    gap = far
+    for i in range(count):
+        gap = min(gap, abs(others[i] - at))
+    return max(0.0, (gap - near) / (far - near))
