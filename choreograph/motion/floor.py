@@ -11,6 +11,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton import Skeleton
 
 Floats = NDArray[np.float64]
 
@@ -20,31 +21,32 @@ _SMOOTH_S = 0.5
 
 
 def sole_pos_m(motion: Motion) -> Floats:
-    """Points under the feet (T, F, 3) in metres that touch the floor when a foot stands flat.
+    """Points under both feet (T, F, 3) in metres, as `foot_sole_pos_m` says."""
+    pos_m, turns = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
+    feet = [foot_sole_pos_m(motion.skeleton, pos_m, turns, side) for side in ("left", "right")]
+    return np.concatenate(feet, axis=1)
 
-    Heels and toe tips where the skeleton has them as end sites, the balls of the feet, or the ankles
-    of a rig without; each lowered by its clearance over the sole in the rest pose.
-    Raises `ParameterError` if the rig's names are unknown.
+
+def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, turns: Floats, side: str) -> Floats:
+    """Points under one foot (T, F, 3) in metres that touch the floor when it stands flat.
+
+    Heel and toe tip where the skeleton has them as end sites, and the ball of the foot, or the ankle
+    of a rig without; each lowered by its clearance over the sole in the rest pose. `pos_m` (T, J, 3)
+    and `turns` (T, J, 4) are of the world. Raises `ParameterError` if the rig's names are unknown.
     """
-    skeleton = motion.skeleton
     roles = joint_roles(skeleton)
-    pos_m, turns = forward(skeleton, motion.root_pos_m, motion.local_quat)
     rest_m = skeleton.rest_pos_m()
-    points, rest_heights = [], []
-    for side in ("left", "right"):
-        ankle, ball = roles[f"{side}_ankle"], roles.get(f"{side}_foot")
-        owners = [ankle] if ball is None else [ankle, ball]
-        if ball is not None:
-            points.append(pos_m[:, ball])
-            rest_heights.append(rest_m[ball, 1])
-        for tip in np.flatnonzero(np.isin(skeleton.tip_parents, owners)):
-            owner, offset = skeleton.tip_parents[tip], skeleton.tips_m[tip]
-            points.append(pos_m[:, owner] + rot.rotate(turns[:, owner], offset))
-            rest_heights.append(rest_m[owner, 1] + offset[1])
-        if ball is None and not (skeleton.tip_parents == ankle).any():
-            points.append(pos_m[:, ankle])
-            rest_heights.append(rest_m[ankle, 1])
-    clearance = np.array(rest_heights) - min(rest_heights)  # (F,)
+    ankle, ball = roles[f"{side}_ankle"], roles.get(f"{side}_foot")
+    owners = [ankle] if ball is None else [ankle, ball]
+    points = [] if ball is None else [pos_m[:, ball]]
+    heights = [] if ball is None else [rest_m[ball, 1]]
+    for tip in np.flatnonzero(np.isin(skeleton.tip_parents, owners)):
+        owner, offset = skeleton.tip_parents[tip], skeleton.tips_m[tip]
+        points.append(pos_m[:, owner] + rot.rotate(turns[:, owner], offset))
+        heights.append(rest_m[owner, 1] + offset[1])
+    if not points:
+        points, heights = [pos_m[:, ankle]], [rest_m[ankle, 1]]
+    clearance = np.array(heights) - min(heights)  # (F,)
     return np.stack(points, axis=1) - clearance[:, None] * [0.0, 1.0, 0.0]  # (T, F, 3)
 
 
