@@ -94,7 +94,7 @@ def turn_upright(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDArray
 
 
 def turned(
-    turn: NDArray[np.floating], vectors: NDArray[np.floating], quats: NDArray[np.floating]
+    turn: NDArray[np.float64], vectors: NDArray[np.float64], quats: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Vectors (..., 3) and rotations (..., 4) in a frame that `turn` (4,) takes the old one to."""
     return rot.rotate(turn, vectors), rot.multiply(rot.multiply(turn, quats), rot.invert(turn))

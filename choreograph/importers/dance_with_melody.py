@@ -28,6 +28,7 @@ from choreograph.takes import Credits, Take
 
 Floats = NDArray[np.float64]
 
+LAYOUT = "dance-with-melody: a folder of DANCE_<G>_<n>, or one of them"
 _FOLDER = re.compile(r"DANCE_([A-Z])_(\d+)")
 _GENRES = {"C": "cha-cha", "R": "rumba", "T": "tango", "W": "waltz"}
 _SOURCE = "Tang, Jia, Mao 2018, Dance with Melody"

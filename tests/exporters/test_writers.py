@@ -1,0 +1,139 @@
+"""Motions out: what is written reads back, the same each time, whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import resource
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planted_dances import on_other_axes, swaying
+
+from choreograph.errors import ChoreographError, FormatError, ParameterError
+from choreograph.exporters import BvhOptions, BvhWriter, NpzWriter, get_writer, save_motion
+from choreograph.files import atomic_path, sha256_of
+from choreograph.importers.bvh import read_bvh
+from choreograph.importers.npz import read_npz
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton
+
+
+def by_name(motion: Motion) -> dict[str, np.ndarray]:
+    return dict(zip(motion.skeleton.names, np.moveaxis(motion.joint_pos_m(), 1, 0), strict=True))
+
+
+@pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])
+def test_bvh_there_and_back_twice(tmp_path, order):
+    motion = on_other_axes(swaying(40), 3)
+    for name in ("a.bvh", "b.bvh"):
+        save_motion(tmp_path / name, motion, writer=BvhWriter(BvhOptions(order=order)))
+        back, _ = read_bvh(tmp_path / name)
+        before, after = by_name(motion), by_name(back)
+        assert max(np.abs(before[joint] - after[joint]).max() for joint in before) < 1e-4
+        assert (back.fps, len(back.skeleton.tips_m)) == (motion.fps, 5)
+        motion = back
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), n_joints=st.integers(2, 12))
+def test_bvh_of_any_hierarchy(tmp_path_factory, seed, n_joints):
+    rng = np.random.default_rng(seed)
+    parents = [-1] + [int(rng.integers(0, joint)) for joint in range(1, n_joints)]
+    skeleton = Skeleton(
+        tuple(f"b{i}" for i in range(n_joints)), np.array(parents), rng.normal(size=(n_joints, 3))
+    )
+    quat = rng.normal(size=(3, n_joints, 4))
+    quat /= np.linalg.norm(quat, axis=-1, keepdims=True)
+    motion = Motion(skeleton, rng.normal(size=(3, 3)), quat, 60.0)
+    path = tmp_path_factory.mktemp("any") / "x.bvh"
+    save_motion(path, motion)
+    back, _ = read_bvh(path)
+    before, after = by_name(motion), by_name(back)
+    # Names tell nothing here, so the reader guesses the size: compare up to scale.
+    scale = np.ptp(np.stack(list(after.values()))) / np.ptp(np.stack(list(before.values())))
+    assert max(np.abs(scale * before[j] - after[j]).max() for j in before) < 1e-3
+
+
+def test_npz_there_and_back_exactly(tmp_path):
+    motion = swaying()
+    save_motion(tmp_path / "a.npz", motion)
+    back = read_npz(tmp_path / "a.npz")
+    assert np.array_equal(back.root_pos_m, motion.root_pos_m)
+    assert np.array_equal(back.local_quat, motion.local_quat)
+    assert back.fps == motion.fps
+    assert back.skeleton.same_as(motion.skeleton, tolerance_m=0)
+    assert np.array_equal(back.skeleton.tips_m, motion.skeleton.tips_m)
+    with np.load(tmp_path / "a.npz") as arrays:
+        assert arrays["poses"].shape == (motion.n_frames, 72)
+
+
+@pytest.mark.parametrize("suffix", ["bvh", "npz"])
+def test_same_bytes_each_time(tmp_path, suffix):
+    for name in ("a", "b"):
+        save_motion(tmp_path / f"{name}.{suffix}", swaying())
+    assert sha256_of(tmp_path / f"a.{suffix}") == sha256_of(tmp_path / f"b.{suffix}")
+
+
+@pytest.mark.parametrize("keep", [0, 10, 400, 3000])
+def test_damaged_npz_is_refused(tmp_path, keep):
+    save_motion(tmp_path / "a.npz", swaying())
+    cut = tmp_path / "cut.npz"
+    cut.write_bytes((tmp_path / "a.npz").read_bytes()[:keep])
+    with pytest.raises(FormatError, match=r"cut\.npz"):
+        read_npz(cut)
+
+
+def test_npz_of_something_else_or_with_objects_is_refused(tmp_path):
+    np.savez(tmp_path / "b.npz", a=1)
+    with pytest.raises(FormatError, match="root_pos_m"):
+        read_npz(tmp_path / "b.npz")
+    np.savez(
+        tmp_path / "c.npz", **dict.fromkeys(("root_pos_m", "local_quat", "fps"), np.array([print], object))
+    )
+    with pytest.raises(FormatError):
+        read_npz(tmp_path / "c.npz")
+
+
+def test_unknown_formats_and_options(tmp_path):
+    with pytest.raises(ParameterError, match="bvh, npz"):
+        save_motion(tmp_path / "a.xyz", swaying())
+    with pytest.raises(ParameterError, match="ZXY"):
+        BvhOptions(order="ZZY")
+    assert isinstance(get_writer("NPZ"), NpzWriter)
+
+
+def test_missing_folder_and_folder_in_the_way(tmp_path):
+    for path in (tmp_path / "none" / "a.bvh", tmp_path):
+        with pytest.raises(ParameterError, match="folder"), atomic_path(path):
+            pytest.fail("the body ran")
+
+
+def test_failure_leaves_the_old_file_and_nothing_else(tmp_path):
+    target = tmp_path / "a.bvh"
+    target.write_text("old")
+
+    def half_write(failure: BaseException) -> None:
+        with atomic_path(target) as path:
+            path.write_text("half")
+            raise failure
+
+    with pytest.raises(ChoreographError, match="No space left"):
+        half_write(OSError(errno.ENOSPC, "No space left on device"))
+    with pytest.raises(KeyboardInterrupt):
+        half_write(KeyboardInterrupt())
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("suffix", ["bvh", "npz"])
+def test_a_limit_of_the_disk_is_one_line(tmp_path, suffix):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5000, limits[1]))
+    try:
+        with pytest.raises(ChoreographError, match="cannot write"):
+            save_motion(tmp_path / f"a.{suffix}", swaying(600))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,226 @@
+"""Layouts: what is found, what is read from names and manifests, what is refused."""
+
+from __future__ import annotations
+
+import os
+import pickle
+
+import numpy as np
+import pytest
+from planted_dances import swaying
+
+from choreograph import importers
+from choreograph.errors import FormatError, ParameterError
+from choreograph.exporters import save_motion
+from choreograph.importers import import_takes
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import BODY_JOINTS, body_pos_m
+
+MOTION = swaying(30)
+
+
+def take_folder(tmp_path, *names):
+    for name in names:
+        save_motion(tmp_path / f"{name}.bvh", MOTION)
+    return tmp_path
+
+
+def smpl_arrays(motion):
+    return rot.to_rotvec(motion.local_quat).reshape(motion.n_frames, -1), motion.root_pos_m
+
+
+def aist(tmp_path, name="gBR_sBM_cAll_d04_mBR0_ch01", **changes):
+    poses, trans = smpl_arrays(MOTION)
+    content = {
+        "smpl_poses": poses,
+        "smpl_trans": trans * 93.0,
+        "smpl_scaling": np.array([93.0]),
+        "smpl_loss": 0.1,
+    }
+    content = {key: value for key, value in (content | changes).items() if value is not None}
+    (tmp_path / "motions").mkdir(exist_ok=True)
+    (tmp_path / "motions" / f"{name}.pkl").write_bytes(
+        pickle.dumps(content, protocol=changes.get("protocol", 4))
+    )
+    return tmp_path
+
+
+def amass(path, *, fps=120.0, key="mocap_framerate"):
+    poses, trans = smpl_arrays(MOTION)
+    to_z_up = rot.from_rotvec(np.array([np.pi / 2, 0, 0]))
+    poses = np.hstack([poses[:, :66], np.zeros((len(poses), 90))])
+    poses[:, :3] = rot.to_rotvec(rot.multiply(to_z_up, rot.from_rotvec(poses[:, :3])))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(path, poses=poses, trans=rot.rotate(to_z_up, trans), gender="neutral", **{key: fps})
+
+
+def assert_same_poses(motion, tolerance_m=1e-3):
+    ours, planted = body_pos_m(motion), body_pos_m(MOTION)
+    assert np.abs((ours - ours[:, :1]) - (planted - planted[:, :1])).max() < tolerance_m
+
+
+def test_folder_with_songs_and_manifest(tmp_path):
+    take_folder(tmp_path, "a", "b", "c")
+    for song in ("a.WAV", "tune.mp3"):
+        (tmp_path / song).touch()
+    (tmp_path / "manifest.csv").write_bytes(
+        "\ufeffname,genre,performer,licence,source,audio_offset_s,song\r\n"
+        'b,salsa,Zoë,CC BY 4.0,"home, sweet",1.5,tune.mp3\r\n'.encode()
+    )
+    a, b, c = import_takes(tmp_path)
+    assert (a.name, a.song_path, a.song_name) == ("a", tmp_path / "a.WAV", "a")
+    assert (b.credits.genre, b.credits.performer, b.credits.source) == ("salsa", "Zoë", "home, sweet")
+    assert (b.song_path, b.song_start_s, b.song_name) == (tmp_path / "tune.mp3", 1.5, "tune")
+    assert b.source_paths == (tmp_path / "b.bvh", tmp_path / "tune.mp3")
+    assert (c.song_path, c.song_name) == (None, "")
+    assert_same_poses(a.motion)
+
+
+@pytest.mark.parametrize(
+    ("manifest", "said"),
+    [("name,tempo\na,3\n", "tempo"), ("genre\nx\n", "name"), ("name,genre\nz,x\n", r"z\.bvh"), ("", "name"),
+     ("name,audio_offset_s\na,soon\n", "soon"), ("name,song\na,none.mp3\n", "none.mp3"),
+     ("name\na\na\n", "twice"),
+     ("name,audio_offset_s\na,nan\n", "nan"), ("name,genre\na\n", "cells"), ("name,genre\na,b,c\n", "cells")],
+)  # fmt: skip
+def test_manifests_that_cannot_be_meant(tmp_path, manifest, said):
+    (take_folder(tmp_path, "a") / "manifest.csv").write_text(manifest)
+    with pytest.raises(FormatError, match=said):
+        list(import_takes(tmp_path))
+
+
+def test_a_bad_take_is_named_not_dropped(tmp_path):
+    (take_folder(tmp_path, "a") / "b.bvh").write_text("HIERARCHY")
+    with pytest.raises(FormatError, match=r"b\.bvh"):
+        list(import_takes(tmp_path))
+
+
+def test_unknown_joint_names_are_said_with_the_file(tmp_path):
+    path = take_folder(tmp_path, "a") / "a.bvh"
+    path.write_text(path.read_text().replace("knee", "bla"))
+    with pytest.raises(FormatError, match=r"a\.bvh: .*left_knee"):
+        list(import_takes(tmp_path))
+
+
+def test_takes_come_at_60_fps_at_most_and_on_the_floor(tmp_path):
+    high = swaying(120, fps=120.0).moved(shift_m=np.array([0.0, 3.0, 0.0]))
+    save_motion(tmp_path / "a.bvh", high)
+    (take,) = import_takes(tmp_path / "a.bvh")
+    assert (take.motion.fps, take.motion.n_frames) == (60.0, 60)
+    assert any("floor" in note for note in take.notes)
+    assert -0.2 < take.motion.joint_pos_m()[..., 1].min() < 0.1
+
+
+def test_our_npz_is_a_take(tmp_path):
+    save_motion(tmp_path / "a.npz", MOTION)
+    (take,) = import_takes(tmp_path / "a.npz")
+    assert_same_poses(take.motion)
+
+
+@pytest.mark.parametrize("protocol", [0, 2, 4, 5])
+def test_aist(tmp_path, protocol):
+    aist(tmp_path, protocol=protocol)
+    aist(tmp_path, "gPO_sBM_cAll_d10_mPO1_ch02")
+    aist(tmp_path, "odd")
+    (tmp_path / "ignore_list.txt").write_text("gPO_sBM_cAll_d10_mPO1_ch02\n")
+    (tmp_path / "music").mkdir()
+    (tmp_path / "music" / "mBR0.mp3").touch()
+    take, odd = import_takes(tmp_path)
+    assert (take.credits.genre, take.credits.performer, take.credits.source) == ("break", "d04", "AIST++")
+    assert (take.song_name, take.song_path) == ("mBR0", tmp_path / "music" / "mBR0.mp3")
+    assert take.motion.fps == 60
+    assert_same_poses(take.motion)
+    assert np.allclose(np.ptp(take.motion.root_pos_m, axis=0), np.ptp(MOTION.root_pos_m, axis=0))
+    assert odd.credits.genre == ""
+    assert odd.notes
+
+
+def test_aist_pickles_of_older_numpy(tmp_path):
+    folder = aist(tmp_path, protocol=2)
+    path = next((folder / "motions").iterdir())
+    path.write_bytes(path.read_bytes().replace(b"numpy._core.", b"numpy.core."))
+    assert len(list(import_takes(folder))) == 1
+
+
+class _Runs:
+    def __reduce__(self):
+        return os.system, ("touch ran",)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [({"evil": _Runs()}, "system"), ({"smpl_trans": None}, "smpl_trans"),
+     ({"smpl_scaling": np.array([0.0])}, "scaling"),
+     ({"smpl_scaling": np.ones(3)}, "scaling"), ({"smpl_poses": np.zeros((30, 71))}, r"\(30, 71\)"),
+     ({"smpl_poses": np.full((30, 72), np.nan)}, "finite"), ({"smpl_poses": "text"}, "numbers"),
+     ({"smpl_poses": np.zeros((0, 72)), "smpl_trans": np.zeros((0, 3))}, "no frame")],
+)  # fmt: skip
+def test_aist_pickles_that_are_refused(tmp_path, monkeypatch, changes, said):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FormatError, match=said) as caught:
+        list(import_takes(aist(tmp_path, **changes)))
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"garbage", b"\x80\x04", pickle.dumps([1]), pickle.dumps({"a": 1})[:-3]]
+)
+def test_aist_pickles_that_are_none(tmp_path, content):
+    path = next((aist(tmp_path) / "motions").iterdir())
+    path.write_bytes(content)
+    with pytest.raises(FormatError, match=path.name):
+        list(import_takes(tmp_path))
+
+
+@pytest.mark.parametrize("key", ["mocap_framerate", "mocap_frame_rate"])
+def test_amass(tmp_path, key):
+    amass(tmp_path / "ACCAD" / "s1" / "walk_poses.npz", key=key)
+    np.savez(tmp_path / "ACCAD" / "s1" / "shape.npz", betas=np.zeros(10))
+    (take,) = import_takes(tmp_path)
+    assert (take.name, take.credits.performer, take.credits.source) == (
+        "ACCAD/s1/walk_poses",
+        "s1",
+        "AMASS ACCAD",
+    )
+    assert (take.motion.fps, take.motion.n_frames) == (60.0, 15)
+    head, feet = BODY_JOINTS.index("head"), BODY_JOINTS.index("left_foot")
+    pos = body_pos_m(take.motion)
+    assert (pos[:, head, 1] - pos[:, feet, 1]).min() > 1.0
+    (alone,) = import_takes(tmp_path / "ACCAD" / "s1" / "walk_poses.npz")
+    assert alone.name == "walk_poses"
+
+
+def test_amass_with_a_senseless_rate(tmp_path):
+    amass(tmp_path / "walk_poses.npz", fps=0.0)
+    with pytest.raises(FormatError, match="frame rate"):
+        list(import_takes(tmp_path))
+
+
+def test_nothing_that_fits_lists_what_would(tmp_path):
+    with pytest.raises(ParameterError, match="empty"):
+        list(import_takes(tmp_path))
+    (tmp_path / "notes.txt").touch()
+    for source in (tmp_path, tmp_path / "notes.txt"):
+        with pytest.raises(ParameterError, match=r"AIST\+\+.*AMASS.*bvh"):
+            list(import_takes(source))
+    with pytest.raises(ParameterError, match="no such"):
+        list(import_takes(tmp_path / "none"))
+
+
+def test_an_importer_can_be_added(tmp_path, monkeypatch):
+    class Mine:
+        LAYOUT = "mine"
+
+        def detect(self, path):
+            return path.suffix == ".mine"
+
+        def read(self, path):
+            from choreograph.takes import Credits, Take
+
+            return [Take("x", MOTION, Credits(), source_paths=(path,))]
+
+    monkeypatch.setattr(importers, "_added", [])
+    importers.register(Mine())
+    (tmp_path / "a.mine").touch()
+    assert [take.name for take in import_takes(tmp_path / "a.mine")] == ["x"]

@@ -1,0 +1,158 @@
+"""Joint roles by name, on the rigs people have."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from choreograph.errors import ParameterError
+from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
+
+# Each rig as "joint<parent" in order; {s} stands for both sides.
+MIXAMO = (
+    "mixamorig:Hips Spine<Hips Spine1<Spine Spine2<Spine1 Neck<Spine2 Head<Neck HeadTop_End<Head "
+    "{S}Shoulder<Spine2 {S}Arm<{S}Shoulder {S}ForeArm<{S}Arm {S}Hand<{S}ForeArm {S}HandThumb1<{S}Hand "
+    "{S}HandIndex1<{S}Hand {S}UpLeg<Hips {S}Leg<{S}UpLeg {S}Foot<{S}Leg {S}ToeBase<{S}Foot "
+    "{S}Toe_End<{S}ToeBase"
+)
+MIXAMO_ROLES = {
+    "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2", "neck": "Neck",
+    "head": "Head",
+    "left_collar": "LeftShoulder", "left_shoulder": "LeftArm", "left_elbow": "LeftForeArm",
+    "right_wrist": "RightHand", "right_hip": "RightUpLeg", "right_knee": "RightLeg",
+    "right_ankle": "RightFoot",
+    "left_foot": "LeftToeBase",
+}  # fmt: skip
+CMU = (
+    "Hips {S}HipJoint<Hips {S}UpLeg<{S}HipJoint {S}Leg<{S}UpLeg {S}Foot<{S}Leg {S}ToeBase<{S}Foot "
+    "LowerBack<Hips "
+    "Spine<LowerBack Spine1<Spine Neck<Spine1 Neck1<Neck Head<Neck1 {S}Shoulder<Spine1 {S}Arm<{S}Shoulder "
+    "{S}ForeArm<{S}Arm {S}Hand<{S}ForeArm {S}FingerBase<{S}Hand {S}HandIndex1<{S}FingerBase"
+)
+BANDAI = (
+    "joint_Root Hips<joint_Root Spine<Hips Chest<Spine Neck<Chest Head<Neck Shoulder_{l}<Chest "
+    "UpperArm_{l}<Shoulder_{l} LowerArm_{l}<UpperArm_{l} Hand_{l}<LowerArm_{l} UpperLeg_{l}<Hips "
+    "LowerLeg_{l}<UpperLeg_{l} Foot_{l}<LowerLeg_{l} Toes_{l}<Foot_{l}"
+)
+BANDAI_ROLES = {
+    "pelvis": "Hips", "spine1": "Spine", "spine3": "Chest", "left_collar": "Shoulder_L",
+    "left_shoulder": "UpperArm_L", "right_elbow": "LowerArm_R", "right_wrist": "Hand_R",
+    "left_hip": "UpperLeg_L",
+    "left_knee": "LowerLeg_L", "left_ankle": "Foot_L", "right_foot": "Toes_R",
+}  # fmt: skip
+BIOVISION = (
+    "Hips Chest<Hips Neck<Chest Head<Neck {S}Collar<Chest {S}Shoulder<{S}Collar {S}Elbow<{S}Shoulder "
+    "{S}Wrist<{S}Elbow {S}Hip<Hips {S}Knee<{S}Hip {S}Ankle<{S}Knee {S}Toe<{S}Ankle"
+)
+BIOVISION_ROLES = {
+    "pelvis": "Hips", "spine1": "Chest", "left_collar": "LeftCollar", "left_shoulder": "LeftShoulder",
+    "left_hip": "LeftHip", "right_ankle": "RightAnkle", "right_wrist": "RightWrist", "right_foot": "RightToe",
+}  # fmt: skip
+XSENS = (
+    "Pelvis L5<Pelvis L3<L5 T12<L3 T8<T12 Neck<T8 Head<Neck {S}Shoulder<T8 {S}UpperArm<{S}Shoulder "
+    "{S}ForeArm<{S}UpperArm {S}Hand<{S}ForeArm {S}UpperLeg<Pelvis {S}LowerLeg<{S}UpperLeg "
+    "{S}Foot<{S}LowerLeg "
+    "{S}Toe<{S}Foot"
+)
+XSENS_ROLES = {
+    "pelvis": "Pelvis", "spine1": "L5", "spine2": "T12", "spine3": "T8", "left_collar": "LeftShoulder",
+    "left_shoulder": "LeftUpperArm", "left_knee": "LeftLowerLeg", "left_ankle": "LeftFoot",
+    "left_foot": "LeftToe",
+}  # fmt: skip
+ASF = (
+    "root {l}hipjoint<root {l}femur<{l}hipjoint {l}tibia<{l}femur {l}foot<{l}tibia {l}toes<{l}foot "
+    "lowerback<root "
+    "upperback<lowerback thorax<upperback lowerneck<thorax upperneck<lowerneck head<upperneck "
+    "{l}clavicle<thorax "
+    "{l}humerus<{l}clavicle {l}radius<{l}humerus {l}wrist<{l}radius {l}hand<{l}wrist {l}thumb<{l}hand"
+)
+ASF_ROLES = {
+    "pelvis": "root", "spine1": "lowerback", "spine2": "upperback", "spine3": "thorax", "neck": "lowerneck",
+    "left_hip": "lfemur", "left_knee": "ltibia", "left_ankle": "lfoot", "left_foot": "ltoes",
+    "left_shoulder": "lhumerus", "left_wrist": "lwrist", "left_hand": "lhand",
+}  # fmt: skip
+UNREAL = (
+    "root pelvis<root spine_01<pelvis spine_02<spine_01 spine_03<spine_02 neck_01<spine_03 head<neck_01 "
+    "clavicle_{l}<spine_03 upperarm_{l}<clavicle_{l} upperarm_twist_01_{l}<upperarm_{l} "
+    "lowerarm_{l}<upperarm_{l} hand_{l}<lowerarm_{l} thigh_{l}<pelvis thigh_twist_01_{l}<thigh_{l} "
+    "calf_{l}<thigh_{l} foot_{l}<calf_{l} ball_{l}<foot_{l} ik_foot_root<root ik_foot_{l}<ik_foot_root"
+)
+UNREAL_ROLES = {
+    "pelvis": "pelvis", "left_hip": "thigh_l", "left_knee": "calf_l", "left_ankle": "foot_l",
+    "left_foot": "ball_l",
+    "left_shoulder": "upperarm_l", "left_elbow": "lowerarm_l", "spine2": "spine_02",
+    "left_collar": "clavicle_l",
+}  # fmt: skip
+ROKOKO = MIXAMO.replace("mixamorig:Hips", "Root Hips<Root")
+
+
+def rig(text: str, decorate=lambda name: name) -> Skeleton:
+    names, parents = [], []
+    for word in text.split():
+        for side in (("Left", "l"), ("Right", "r")) if "{" in word else (("", ""),):
+            upper = side[1].upper() if "_{l}" in text and "_L" not in text and "Hips" in text else side[1]
+            name, _, parent = word.replace("{S}", side[0]).replace("{l}", upper).partition("<")
+            names.append(name.removeprefix("mixamorig:"))
+            parents.append(names.index(parent) if parent else -1)
+    return Skeleton(tuple(map(decorate, names)), np.array(parents), np.ones((len(names), 3)))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        pytest.param(MIXAMO, MIXAMO_ROLES, id="mixamo, motionbuilder"),
+        pytest.param(ROKOKO, MIXAMO_ROLES, id="rokoko"),
+        pytest.param(
+            CMU, {"pelvis": "Hips", "left_hip": "LeftUpLeg", "neck": "Neck", "spine1": "LowerBack"}, id="cmu"
+        ),
+        pytest.param(BANDAI, BANDAI_ROLES, id="bandai-namco"),
+        pytest.param(BIOVISION, BIOVISION_ROLES, id="biovision"),
+        pytest.param(XSENS, XSENS_ROLES, id="xsens"),
+        pytest.param(ASF, ASF_ROLES, id="cmu asf"),
+        pytest.param(UNREAL, UNREAL_ROLES, id="unreal"),
+    ],
+)
+def test_usual_rigs(text, expected):
+    skeleton = rig(text)
+    found = {role: skeleton.names[joint] for role, joint in joint_roles(skeleton).items()}
+    assert {role: found.get(role) for role in expected} == expected
+    assert len(set(found.values())) == len(found)  # no joint plays two parts
+
+
+@pytest.mark.parametrize(
+    "decorate",
+    [
+        lambda n: f"mixamorig:{n}",
+        lambda n: f"Character1_{n}",
+        str.upper,
+        lambda n: f"{n}_JNT",
+        lambda n: f"a|b:{n}",
+    ],
+    ids=["mixamo", "hik", "upper", "suffix", "namespace"],
+)
+def test_prefixes_case_and_suffixes_do_not_matter(decorate):
+    assert joint_roles(rig(MIXAMO, decorate)) == joint_roles(rig(MIXAMO))
+
+
+def test_canonical_body_plays_itself():
+    assert joint_roles(canonical_skeleton()) == {name: i for i, name in enumerate(CANONICAL_JOINTS)}
+
+
+def test_smpl_names():
+    short = {"left": "L", "right": "R"}
+    names = tuple("_".join(short.get(w, w.title()) for w in name.split("_")) for name in CANONICAL_JOINTS)
+    skeleton = canonical_skeleton()
+    assert joint_roles(Skeleton(names, skeleton.parents, skeleton.offsets_m)) == joint_roles(skeleton)
+
+
+def test_missing_joints_are_named():
+    skeleton = rig(MIXAMO.replace("{S}ForeArm", "{S}Bla").replace("{S}Leg", "{S}Blub"))
+    with pytest.raises(ParameterError, match="left_knee, right_knee, left_elbow, right_elbow"):
+        joint_roles(skeleton)
+
+
+def test_the_answer_is_the_callers_to_change():
+    skeleton = canonical_skeleton()
+    joint_roles(skeleton).clear()
+    assert joint_roles(skeleton)

@@ -1,0 +1,41 @@
+"""Motions made by rule, for tests that know what must come out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from choreograph.motion import rotations as rot
+from choreograph.motion.kinematics import forward, to_local
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton, canonical_skeleton
+
+
+def swaying(n_frames: int = 60, *, fps: float = 30.0, seed: int = 0) -> Motion:
+    """A standing body whose every joint swings a little, and whose knees and elbows bend."""
+    rng = np.random.default_rng(seed)
+    skeleton = canonical_skeleton()
+    phase = (
+        np.arange(n_frames)[:, None, None] / fps * 2 * np.pi * rng.uniform(0.3, 1.2, (skeleton.n_joints, 3))
+    )
+    rotvec = 0.25 * np.sin(phase + rng.uniform(0, 6, (skeleton.n_joints, 3)))  # (T, J, 3)
+    bend = 0.5 + 0.4 * np.sin(phase[:, 0, 0])
+    for side, elbow in (("left", -1), ("right", 1)):
+        rotvec[:, skeleton.index(f"{side}_knee")] = bend[:, None] * [1, 0, 0]
+        rotvec[:, skeleton.index(f"{side}_elbow")] = elbow * bend[:, None] * [0, 1, 0]
+    root = np.array([0.0, 0.9, 0.0]) + 0.3 * np.sin(phase[:, 0] * 0.5) * [1, 0.1, 1]
+    return Motion(skeleton, root, rot.make_continuous(rot.from_rotvec(rotvec)), fps)
+
+
+def on_other_axes(motion: Motion, seed: int) -> Motion:
+    """The same joint positions on a rig whose every joint has axes of its own: another rest pose."""
+    rng = np.random.default_rng(seed)
+    skeleton = motion.skeleton
+    axes = rot.normalize(rng.normal(size=(skeleton.n_joints, 4)))
+    world = rot.multiply(forward(skeleton, motion.root_pos_m, motion.local_quat)[1], axes)
+    inward = rot.invert(axes)
+    offsets = rot.rotate(inward[skeleton.parents], skeleton.offsets_m)
+    tips = rot.rotate(inward[skeleton.tip_parents], skeleton.tips_m)
+    other = Skeleton(skeleton.names, skeleton.parents, offsets, skeleton.tip_parents, tips)
+    return replace(motion, skeleton=other, local_quat=rot.make_continuous(to_local(other, world)))
