@@ -2,9 +2,10 @@
 
 Tang, Jia, Mao: Dance with Melody (ACM Multimedia 2018). What the files do not say and we found:
 markers of several bodies are joined in most takes (thighs change from 44 to 55 cm within a second),
-and the floor under the feet drifts by up to half a metre within a take. So all takes are fitted to
-one skeleton, halfway between the bodies (every take stays within 2 cm of its markers on average),
-and the floor is followed over time. No dancer is named.
+and the floor under the feet drifts by up to half a metre within a take. No dancer is named. So frames
+are grouped by bone lengths into three bodies, each fitted with bones of its own; all bodies have the
+same rest directions, so their rotations play on one skeleton, the average of all frames; and the
+floor is followed over time.
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
+from choreograph.motion import rotations as rot
 from choreograph.motion.fit import fit_error_m, fit_positions
 from choreograph.motion.floor import sole_pos_m, track_floor_m
 from choreograph.motion.motion import Motion
-from choreograph.motion.proportions import measure_skeleton
+from choreograph.motion.proportions import Bodies, measure_bodies, measure_skeleton
 from choreograph.motion.skeleton import Skeleton
 from choreograph.takes import Credits, Take
 
@@ -35,6 +37,8 @@ _SOURCE = "Tang, Jia, Mao 2018, Dance with Melody"
 _LICENCE = "none stated"
 _CONFIG_FPS = 25.0  # start_position and end_position count frames of this rate
 _POINTS = 23
+_BODIES = 3
+_SPIKE_M = 0.1  # off the middle of the frames before and after
 # The points that are joints or landmarks. Points 21 and 22 sit on the wrists, beside 14 and 6.
 _ROLES = {
     "right_temple": 0, "left_temple": 1, "spine1": 2, "right_shoulder": 3, "right_elbow": 4, "right_wrist": 5,
@@ -60,9 +64,11 @@ def read(path: Path) -> list[Take]:
         raise FormatError(
             f"{path}: expected a skeletons.json in some DANCE_<G>_<n> folder, got songs without motion"
         )
-    points = {folder: read_points_m(folder / "skeletons.json") for folder in folders}
-    skeleton = measure_skeleton(np.concatenate(list(points.values())), ROLES)
-    return [_take(folder, pos_m, skeleton) for folder, pos_m in points.items()]
+    points = {folder: without_spikes(read_points_m(folder / "skeletons.json")) for folder in folders}
+    everything = np.concatenate(list(points.values()))  # (sum of T, 22, 3)
+    bodies = measure_bodies(everything, ROLES, min(_BODIES, len(everything)))
+    skeleton = measure_skeleton(everything, ROLES)
+    return [_take(folder, pos_m, skeleton, bodies) for folder, pos_m in points.items()]
 
 
 def read_points_m(path: Path) -> Floats:
@@ -91,6 +97,13 @@ def read_points_m(path: Path) -> Floats:
     pos_cm = (around + center[:, None])[:, list(_ROLES.values())]  # (T, 21, 3)
     head = pos_cm[:, :2].mean(axis=1, keepdims=True)
     return np.concatenate([pos_cm, head], axis=1) / 100.0
+
+
+def without_spikes(pos_m: Floats) -> Floats:
+    """Positions (T, R, 3) with markers that jump away for one frame put back between their neighbours."""
+    between = 0.5 * (pos_m[:-2] + pos_m[2:])
+    far = np.linalg.norm(pos_m[1:-1] - between, axis=-1, keepdims=True) > _SPIKE_M
+    return np.concatenate([pos_m[:1], np.where(far, between, pos_m[1:-1]), pos_m[-1:]])
 
 
 def _folders(path: Path) -> list[Path]:
@@ -131,15 +144,14 @@ def _span_s(path: Path) -> tuple[float, float]:
     return span[0] / _CONFIG_FPS, span[1] / _CONFIG_FPS
 
 
-def _take(folder: Path, pos_m: Floats, skeleton: Skeleton) -> Take:
+def _take(folder: Path, pos_m: Floats, skeleton: Skeleton, bodies: Bodies) -> Take:
     start_s, end_s = _span_s(folder / "config.json")
     fps = len(pos_m) / (end_s - start_s)
-    root_pos_m, local_quat = fit_positions(skeleton, pos_m, ROLES, fps=fps)
-    error_m = float(np.mean(fit_error_m(skeleton, root_pos_m, local_quat, pos_m, ROLES)))
+    root_pos_m, local_quat, error_m = fit_bodies(bodies, pos_m, fps)
     motion, drift_m = _on_floor(Motion(skeleton, root_pos_m, local_quat, fps))
     song = folder / "audio.mp3"
     letter = _FOLDER.fullmatch(folder.name)[1]  # type: ignore[index]  # `_folders` matched it
-    notes = [f"markers fitted within {100 * error_m:.1f} cm on average"]
+    notes = [f"markers fitted within {100 * error_m.mean():.1f} cm on average"]
     if drift_m > 0.05:
         notes.append(f"the floor under the feet moved by {100 * drift_m:.0f} cm, levelled")
     return Take(
@@ -154,6 +166,29 @@ def _take(folder: Path, pos_m: Floats, skeleton: Skeleton) -> Take:
         ),
         notes=tuple(notes),
     )
+
+
+def fit_bodies(bodies: Bodies, pos_m: Floats, fps: float) -> tuple[Floats, Floats, Floats]:
+    """Root positions (T, 3), local rotations (T, 24, 4) and joint errors (T, R) in metres, by body.
+
+    Where one body gives way to another, the captures were faded, and so are the rotations.
+    """
+    share = bodies.shares(pos_m, ROLES, fps)  # (T, N)
+    root_pos_m, local_quat, error_m, done = None, None, None, np.zeros(len(pos_m))
+    for skeleton, weight in zip(bodies.skeletons, share.T, strict=True):
+        if not weight.any():
+            continue
+        root, quat = fit_positions(skeleton, pos_m, ROLES, fps=fps)
+        error = fit_error_m(skeleton, root, quat, pos_m, ROLES)
+        done = done + weight
+        mix = np.where(done > 0, weight / np.maximum(done, 1e-12), 0.0)  # (T,)
+        if root_pos_m is None:
+            root_pos_m, local_quat, error_m = root, quat, error
+            continue
+        root_pos_m = root_pos_m + mix[:, None] * (root - root_pos_m)
+        local_quat = rot.slerp(local_quat, quat, mix[:, None])
+        error_m = error_m + mix[:, None] * (error - error_m)
+    return root_pos_m, rot.make_continuous(local_quat), error_m
 
 
 def _on_floor(motion: Motion) -> tuple[Motion, float]:

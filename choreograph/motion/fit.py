@@ -17,6 +17,7 @@ from scipy.linalg import solveh_banded
 from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward, to_local
+from choreograph.motion.refine import refine
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 
@@ -30,8 +31,20 @@ REQUIRED_ROLES = tuple(
     for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 )
 
+# Joints whose turns are weighed against each other in the end; feet and hands come last in a limb.
+_REFINED = (
+    "pelvis",
+    "spine1",
+    "neck",
+    *(
+        f"{s}_{p}"
+        for p in ("hip", "knee", "ankle", "collar", "shoulder", "elbow", "wrist")
+        for s in ("left", "right")
+    ),
+)
 _TWIST_SMOOTH_S = 0.12  # time over which an unsure twist listens to its neighbours
 _FOOT_SURENESS = 0.3  # the foot's word on the leg's twist, against sin(knee bend)
+_NECK_SURENESS = 1.3  # against the temples', which get confused: above 1 the head never turns over
 _REST_SURENESS = 0.05  # an untwisted limb, where nothing else is known
 _PASSES = 3  # after the first pass the root moves to spread what bone lengths leave over
 
@@ -67,7 +80,11 @@ def fit_positions(
         raise ParameterError("expected finite positions, got nan or infinity: fill the gaps first")
     targets = {role: pos_m[:, index] for index, role in enumerate(roles)}
     fit = _Fit(skeleton, joint_roles(skeleton), targets, (_TWIST_SMOOTH_S * fps) ** 2)
-    return fit.solve()
+    root_pos_m, local_quat = fit.solve()
+    joints = joint_roles(skeleton)
+    placed = {joints[role]: place for role, place in targets.items() if role in joints}
+    turning = [joints[role] for role in _REFINED if role in joints]
+    return refine(skeleton, root_pos_m, local_quat, placed, turning)
 
 
 def fit_error_m(
@@ -205,7 +222,8 @@ class _Fit:
         self.turns[head] = self.turns[neck]
         if "left_temple" in self.targets and "right_temple" in self.targets:
             across = self.targets["left_temple"] - self.targets["right_temple"]
-            turn = rot.between(rot.rotate(self.turns[neck], self.left), across)
+            ahead = rot.rotate(self.turns[neck], self.left)
+            turn = rot.between(ahead, _NECK_SURENESS * ahead + _unit(across))
             self.turns[head] = rot.multiply(turn, self.turns[neck])
 
     def _arm(self, side: str) -> None:

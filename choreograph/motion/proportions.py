@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
+from scipy.ndimage import gaussian_filter1d
 
 from choreograph.errors import ParameterError
 from choreograph.motion.fit import REQUIRED_ROLES
@@ -14,10 +17,50 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_sk
 
 Floats = NDArray[np.float64]
 
+_TELLING_BONES = (("hip", "knee"), ("knee", "ankle"))  # the longest, and rigid
 _PELVIS_HEIGHT = 0.45  # of the way from between the hips to the lower spine
 _COLLAR_REACH = 0.3  # of half the shoulders' width, where the collar bone starts
 _NECK_RISE_M = 0.02  # of the neck's base over the line between the shoulders
 _TOES_M = 0.06  # from the ball of the foot to the tip of the toes
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Several dancers told apart by their bones."""
+
+    lengths_m: Floats  # (N, L) of the bones in `_TELLING_BONES`
+    skeletons: tuple[Skeleton, ...]  # (N,)
+
+    def shares(self, pos_m: Floats, roles: Sequence[str], fps: float) -> Floats:
+        """How far each frame belongs to each body, (T, N), rows sum to 1: 0 or 1 but for short fades."""
+        lengths = gaussian_filter1d(_telling_lengths(pos_m, roles), 0.2 * fps, axis=0, mode="nearest")
+        nearest = np.argmin(np.linalg.norm(lengths[:, None] - self.lengths_m, axis=-1), axis=1)  # (T,)
+        shares = np.eye(len(self.lengths_m))[nearest]
+        shares = gaussian_filter1d(shares, 0.2 * fps, axis=0, mode="nearest")
+        return shares / shares.sum(axis=1, keepdims=True)
+
+
+def measure_bodies(pos_m: Floats, roles: Sequence[str], n_bodies: int) -> Bodies:
+    """Frames (T, R, 3) of several dancers grouped by bone lengths (k-means), and a skeleton for each group.
+
+    Raises `ParameterError` as `measure_skeleton`, or if there are fewer frames than bodies.
+    """
+    if not 1 <= n_bodies <= len(pos_m):
+        raise ParameterError(f"expected 1 to {len(pos_m)} bodies for as many frames, got {n_bodies}")
+    lengths = _telling_lengths(pos_m, roles)
+    _, labels = kmeans2(lengths, n_bodies, minit="++", rng=np.random.default_rng(0))
+    groups = [labels == k for k in range(n_bodies) if (labels == k).any()]
+    return Bodies(
+        np.stack([np.median(lengths[group], axis=0) for group in groups]),
+        tuple(measure_skeleton(pos_m[group], roles) for group in groups),
+    )
+
+
+def _telling_lengths(pos_m: Floats, roles: Sequence[str]) -> Floats:
+    index = list(roles).index
+    pairs = [(f"{s}_{a}", f"{s}_{b}") for s in ("left", "right") for a, b in _TELLING_BONES]
+    vectors = np.stack([pos_m[:, index(a)] - pos_m[:, index(b)] for a, b in pairs], axis=1)
+    return np.linalg.norm(vectors, axis=-1)  # (T, L)
 
 
 def measure_skeleton(pos_m: Floats, roles: Sequence[str]) -> Skeleton:
