@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from choreograph.motion import rotations as rot
+from choreograph.motion.floor import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 
 def swaying(n_frames: int = 60, *, fps: float = 30.0, seed: int = 0) -> Motion:
-    """A standing body whose every joint swings a little, and whose knees and elbows bend."""
+    """A body over the floor at Y = 0 whose every joint swings a little, and whose knees and elbows bend."""
     rng = np.random.default_rng(seed)
     skeleton = canonical_skeleton()
     phase = (
@@ -25,7 +26,8 @@ def swaying(n_frames: int = 60, *, fps: float = 30.0, seed: int = 0) -> Motion:
         rotvec[:, skeleton.index(f"{side}_knee")] = bend[:, None] * [1, 0, 0]
         rotvec[:, skeleton.index(f"{side}_elbow")] = elbow * bend[:, None] * [0, 1, 0]
     root = np.array([0.0, 0.9, 0.0]) + 0.3 * np.sin(phase[:, 0] * 0.5) * [1, 0.1, 1]
-    return Motion(skeleton, root, rot.make_continuous(rot.from_rotvec(rotvec)), fps)
+    motion = Motion(skeleton, root, rot.make_continuous(rot.from_rotvec(rotvec)), fps)
+    return motion.moved(shift_m=np.array([0.0, -estimate_floor_m(sole_pos_m(motion)), 0.0]))
 
 
 def on_other_axes(motion: Motion, seed: int) -> Motion:

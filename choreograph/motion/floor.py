@@ -10,7 +10,7 @@ from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import joint_roles
+from choreograph.motion.rigs import joint_roles, rest_stands
 from choreograph.motion.skeleton import Skeleton
 
 Floats = NDArray[np.float64]
@@ -31,7 +31,8 @@ def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, turns: Floats, side: str)
     """Points under one foot (T, F, 3) in metres that touch the floor when it stands flat.
 
     Heel and toe tip where the skeleton has them as end sites, and the ball of the foot, or the ankle
-    of a rig without; each lowered by its clearance over the sole in the rest pose. `pos_m` (T, J, 3)
+    of a rig without; each lowered by its clearance over the sole in the rest pose, or, where that does
+    not stand (some rigs lay all bones along one axis), in the motion's lowest frames. `pos_m` (T, J, 3)
     and `turns` (T, J, 4) are of the world. Raises `ParameterError` if the rig's names are unknown.
     """
     roles = joint_roles(skeleton)
@@ -46,8 +47,12 @@ def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, turns: Floats, side: str)
         heights.append(rest_m[owner, 1] + offset[1])
     if not points:
         points, heights = [pos_m[:, ankle]], [rest_m[ankle, 1]]
-    clearance = np.array(heights) - min(heights)  # (F,)
-    return np.stack(points, axis=1) - clearance[:, None] * [0.0, 1.0, 0.0]  # (T, F, 3)
+    foot_m = np.stack(points, axis=1)  # (T, F, 3)
+    heights_m = (
+        np.array(heights) if rest_stands(skeleton) else np.percentile(foot_m[..., 1], _LOW_PERCENT, axis=0)
+    )
+    clearance = heights_m - heights_m.min()  # (F,)
+    return foot_m - clearance[:, None] * [0.0, 1.0, 0.0]  # (T, F, 3)
 
 
 def estimate_floor_m(foot_pos_m: Floats) -> float:

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from choreograph.motion import rotations as rot
+from choreograph.motion.floor import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import joint_roles
+from choreograph.motion.rigs import joint_roles, rest_stands
 from choreograph.motion.skeleton import Skeleton
 
 Floats = NDArray[np.float64]
@@ -33,8 +34,8 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     motion: it takes the target's bones, in its rest pose, to where the source's bones are on average
     in the source's joint. What that leaves open, the turn about a single bone, is settled by the axes
     of knees and elbows, elsewhere by having no twist against the parent on average. Bones that are
-    alone on their joint are then pointed exactly where the source's point. The path on the ground
-    and the height of the hips scale with the legs; the floor at Y = 0 stays.
+    alone on their joint are then pointed exactly where the source's point. The hips' path scales with
+    the legs, and the soles stand at Y = 0 if the target's rest pose stands, which tells where they are.
 
     Raises `ParameterError` if the joint names of either skeleton are unknown.
     """
@@ -58,7 +59,10 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
         pairs = [pair for pair in pairs if np.linalg.norm(pair[0], axis=-1).mean() > _SHORTEST_BONE_M]
         world[:, joint] = _carried(quat[:, source], parent, pairs, hinges.get(joint))
     local = rot.make_continuous(to_local(target, world))
-    return Motion(target, _root(pos, source_roles, target, target_roles, local), local, motion.fps)
+    moved = Motion(target, _root(pos, source_roles, target, target_roles, local), local, motion.fps)
+    if not rest_stands(target):
+        return moved
+    return moved.moved(shift_m=np.array([0.0, -estimate_floor_m(sole_pos_m(moved)), 0.0]))
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,8 @@ import re
 from collections.abc import Mapping
 from functools import lru_cache
 
+import numpy as np
+
 from choreograph.errors import ParameterError
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 
@@ -34,6 +36,8 @@ _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 _LAST_WORDS = frozenset(("jnt", "joint", "bone", "bind"))  # "hips_JNT"
 _NO_BODY_PART = frozenset(("ik", "pole", "ctrl", "target", "prop", "weapon"))  # "ik_foot_l" is a handle
 
+_UPRIGHT = 0.9  # cosine of the lean of a standing trunk and legs
+
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 
 
@@ -48,6 +52,17 @@ def joint_roles(skeleton: Skeleton) -> dict[str, int]:
     Raises `ParameterError` if hips, knees, ankles, shoulders, elbows or wrists cannot be found.
     """
     return dict(_roles(skeleton.names, tuple(skeleton.parents.tolist())))
+
+
+def rest_stands(skeleton: Skeleton) -> bool:
+    """Whether the rest pose stands upright along +Y, as most do; some lay all bones along one axis.
+
+    Raises `ParameterError` as `joint_roles` does.
+    """
+    roles, rest = joint_roles(skeleton), skeleton.rest_pos_m()
+    both = [[roles[f"{side}_{part}"] for side in ("left", "right")] for part in ("shoulder", "ankle")]
+    upward = rest[both[0]].mean(axis=0) - rest[both[1]].mean(axis=0)
+    return bool(upward[1] > _UPRIGHT * np.linalg.norm(upward))
 
 
 @lru_cache(maxsize=256)

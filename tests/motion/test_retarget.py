@@ -10,8 +10,11 @@ from planted_dances import on_other_axes, swaying
 
 from choreograph.errors import ParameterError
 from choreograph.importers.bvh import read_bvh
+from choreograph.motion import rotations as rot
+from choreograph.motion.floor import estimate_floor_m, sole_pos_m
+from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.retarget import retarget, share_skeleton
-from choreograph.motion.rigs import joint_roles
+from choreograph.motion.rigs import joint_roles, rest_stands
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 
@@ -82,3 +85,25 @@ def test_bandai_namco_keeps_every_limb_direction(shared_data):
     ankles = [f"{side}_ankle" for side in ("left", "right")]
     apart = before[:, [a[j] for j in ankles]] - after[:, [b[j] for j in ankles]]
     assert np.linalg.norm(apart, axis=-1).mean() < 0.05
+    assert abs(estimate_floor_m(sole_pos_m(moved))) < 1e-6
+    assert -0.05 < after[:, [b["left_foot"], b["right_foot"]], 1].min() < 0.05
+
+
+def test_soles_of_a_rig_whose_rest_pose_lies_down_are_found_from_its_motion():
+    motion = swaying(120)
+    body = motion.skeleton
+    turn = rot.from_rotvec(np.array([0.0, 0.0, 1.3]))  # every joint's axes turned alike: the rest pose lies
+    world = rot.multiply(forward(body, motion.root_pos_m, motion.local_quat)[1], turn)
+    back = rot.invert(turn)
+    lying = Skeleton(
+        body.names,
+        body.parents,
+        rot.rotate(back, body.offsets_m),
+        body.tip_parents,
+        rot.rotate(back, body.tips_m),
+    )
+    moved = replace(motion, skeleton=lying, local_quat=to_local(lying, world))
+    assert not rest_stands(lying)
+    assert estimate_floor_m(sole_pos_m(moved)) == pytest.approx(
+        estimate_floor_m(sole_pos_m(motion)), abs=0.06
+    )
