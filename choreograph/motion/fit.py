@@ -46,6 +46,8 @@ _TWIST_SMOOTH_S = 0.12  # time over which an unsure twist listens to its neighbo
 _FOOT_SURENESS = 0.3  # the foot's word on the leg's twist, against sin(knee bend)
 _NECK_SURENESS = 1.3  # against the temples', which get confused: above 1 the head never turns over
 _REST_SURENESS = 0.05  # an untwisted limb, where nothing else is known
+_FLIP_RAD = 1.4  # between two frames
+_BRIDGE_S = 0.16
 _PASSES = 3  # after the first pass the root moves to spread what bone lengths leave over
 
 
@@ -84,7 +86,8 @@ def fit_positions(
     joints = joint_roles(skeleton)
     placed = {joints[role]: place for role, place in targets.items() if role in joints}
     turning = [joints[role] for role in _REFINED if role in joints]
-    return refine(skeleton, root_pos_m, local_quat, placed, turning)
+    root_pos_m, local_quat = refine(skeleton, root_pos_m, local_quat, placed, turning)
+    return root_pos_m, _without_flips(local_quat, max(1, round(_BRIDGE_S * fps)))
 
 
 def fit_error_m(
@@ -283,6 +286,23 @@ class _Fit:
         )
         self.turns[upper] = rot.multiply(rot.from_rotvec(bone * twist[:, None]), swing)
         self.turns[middle] = self._swing(middle, end, self.targets[end_role])
+
+
+def _without_flips(local_quat: Floats, half: int) -> Floats:
+    """Rotations (T, J, 4) whose jumps, which no body makes, are bridged by `half` frames on either side."""
+    n_frames = len(local_quat)
+    dot = np.abs(np.sum(local_quat[1:] * local_quat[:-1], axis=-1))  # (T-1, J)
+    jumps = 2.0 * np.arccos(np.clip(dot, 0.0, 1.0)) > _FLIP_RAD
+    for joint in np.flatnonzero(jumps.any(axis=0)):
+        jumped = np.convolve(jumps[:, joint], np.ones(2 * half), mode="same") > 0
+        edges = np.flatnonzero(
+            np.diff(np.concatenate([[False], jumped[: n_frames - 1], [False]]).astype(int))
+        )
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):  # frames start and stop are good
+            weight = np.linspace(0.0, 1.0, stop - start + 1)
+            ends = local_quat[[start, stop], joint]
+            local_quat[start : stop + 1, joint] = rot.slerp(ends[:1], ends[1:], weight)
+    return rot.make_continuous(local_quat)
 
 
 def _steady_angle(cos: Floats, sin: Floats, smoothing: float) -> Floats:
