@@ -1,10 +1,8 @@
-"""Losses of the style networks: equation 1, contrast across the batch, and what selection ranks by."""
+"""Losses of the style networks: equation 1, and contrast across the batch."""
 
 from __future__ import annotations
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
@@ -28,44 +26,16 @@ def style_loss(
 
 
 def contrastive_loss(
-    music: Tensor, motion: Tensor, *, positive: Tensor, negative: Tensor, temperature: float
+    anchors: Tensor, others: Tensor, *, positive: Tensor, negative: Tensor, temperature: float
 ) -> Tensor:
-    """How much nearer music is to its positives than to its negatives, and motion likewise (ours).
+    """How much nearer anchors are to their positives than to their negatives (ours).
 
-    `positive` and `negative` (B, B) boolean, music in rows; pairs in neither are left out. Each
-    positive is held against all negatives; rows without a negative count nothing.
+    `anchors` (A, 32) and `others` (B, 32) are unit vectors; `positive` and `negative` (A, B) boolean;
+    pairs in neither are left out. Each positive is held against all the anchor's negatives; anchors
+    without a negative count nothing.
     """
-    squared = (music[:, None] - motion[None]).square().sum(dim=2)  # (B, B)
-    logits = -squared / temperature
-    return 0.5 * (_one_way(logits, positive, negative) + _one_way(logits.T, positive.T, negative.T))
-
-
-def _one_way(logits: Tensor, positive: Tensor, negative: Tensor) -> Tensor:
-    against = logits.masked_fill(~negative, -torch.inf).logsumexp(dim=1, keepdim=True)  # (B, 1)
+    logits = 2.0 * (anchors @ others.T - 1.0) / temperature  # minus the squared distance, (A, B)
+    against = logits.masked_fill(~negative, -1e9).logsumexp(dim=1, keepdim=True)  # (A, 1)
     counted = positive & negative.any(dim=1, keepdim=True)
-    losses = functional.softplus(torch.where(counted, against - logits, 0.0))  # (B, B)
+    losses = functional.softplus(against - logits)  # (A, B)
     return (losses * counted).sum() / counted.sum().clamp_min(1)
-
-
-def selection_loss(
-    music_style: NDArray[np.floating],
-    beat_count: NDArray[np.floating],
-    motion_style: NDArray[np.floating],
-    n_beats: NDArray[np.floating],
-    *,
-    style_weight: float,
-    beat_weight: float,
-) -> NDArray[np.float64]:
-    """Equation 1 between every music segment and every clip, (M, N): selection takes the least.
-
-    `music_style` (M, 32), `beat_count` (M,) predicted from it; `motion_style` (N, 32) and `n_beats` (N,)
-    of the clips' middle 4 s.
-    """
-    music_style, motion_style = np.asarray(music_style, np.float64), np.asarray(motion_style, np.float64)
-    squared = (
-        (music_style**2).sum(axis=1)[:, None]
-        + (motion_style**2).sum(axis=1)[None]
-        - 2.0 * music_style @ motion_style.T
-    )
-    beats_off = np.abs(np.asarray(beat_count)[:, None] - np.asarray(n_beats)[None])  # (M, N)
-    return style_weight * np.sqrt(np.maximum(squared, 0.0)) + beat_weight * beats_off

@@ -26,14 +26,14 @@ class StyleConfig:
     dropout: float = 0.3
     music_inputs: str = "mel+rhythm"  # "mel" is the paper's
     loss: str = "contrastive"  # "paper" is equation 1 alone, which constant embeddings minimise
-    style_weight: float = 1.0  # equation 1's lambda of the style distance
+    style_weight: float = 0.2  # equation 1's lambda of the style distance
     beat_weight: float = 0.05  # equation 1's lambda of the beat count, per beat
     contrast_weight: float = 0.3  # own pair against pairs of other takes
     genre_weight: float = 1.0  # pairs of one genre against the others, where takes name theirs
     temperature: float = 0.2  # of squared distances between unit vectors
     batch_size: int = 32
-    steps: int = 300
-    learning_rate: float = 2e-3
+    steps: int = 220
+    learning_rate: float = 5e-3
     weight_decay: float = 1e-2
 
     def __post_init__(self) -> None:
@@ -45,7 +45,7 @@ class StyleConfig:
             raise ParameterError(f"expected a style loss among {', '.join(STYLE_LOSSES)}, got {self.loss!r}")
         if self.steps < 1 or self.batch_size < 2:
             raise ParameterError(
-                f"expected steps of 1 or more and batches of 2 or more, got {self.steps} and {self.batch_size}"
+                f"expected at least 1 step and batches of 2, got {self.steps} and {self.batch_size}"
             )
 
 

@@ -3,7 +3,8 @@
 As in the paper: four convolutional (music) or spatio-temporal graph convolution (motion) blocks, two
 GRU layers, one linear layer to 32 dimensions; a head of four linear layers that predicts the number
 of motion beats from the music's style vector. Ours: style vectors have unit length, so that
-distances lie in [0, 2] whatever was trained; and the music network may hear the rhythm (tempogram
+distances lie in [0, 2] whatever was trained; features are standardised over the batch before the
+linear layer, without which all vectors start out alike and contrast finds no slope; and the music network may hear the rhythm (tempogram
 and scale transform) of the 12 s around the segment beside its 4 s of log-mel (`music_inputs`).
 """
 
@@ -52,6 +53,7 @@ class MusicStyle(nn.Module):
                 nn.Linear(RHYTHM_DIM, config.rhythm_width), nn.ReLU(), nn.Dropout(config.dropout)
             )
             width += config.rhythm_width
+        self.spread = nn.BatchNorm1d(width)
         self.linear = nn.Linear(width, STYLE_DIM)
 
     def forward(self, mel: Tensor, rhythm: Tensor) -> Tensor:
@@ -60,7 +62,7 @@ class MusicStyle(nn.Module):
         x = self.dropout(x.mean(dim=1))
         if self.hears_rhythm:
             x = torch.cat([x, self.rhythm(rhythm)], dim=1)
-        return functional.normalize(self.linear(x), dim=1)
+        return functional.normalize(self.linear(self.spread(x)), dim=1)
 
 
 class MotionStyle(nn.Module):
@@ -76,12 +78,14 @@ class MotionStyle(nn.Module):
             channels[-1], config.gru_width, num_layers=2, batch_first=True, dropout=config.dropout
         )
         self.dropout = nn.Dropout(config.dropout)
+        self.spread = nn.BatchNorm1d(config.gru_width)
         self.linear = nn.Linear(config.gru_width, STYLE_DIM)
 
     def forward(self, body: Tensor) -> Tensor:
         x = self.blocks(body).mean(dim=3)  # (B, C, 20)
         x, _ = self.gru(x.transpose(1, 2))  # (B, 20, G)
-        return functional.normalize(self.linear(self.dropout(x.mean(dim=1))), dim=1)
+        x = self.spread(self.dropout(x.mean(dim=1)))
+        return functional.normalize(self.linear(x), dim=1)
 
 
 class StyleNets(nn.Module):
@@ -107,6 +111,7 @@ class StyleNets(nn.Module):
 
     def style_of_motion(self, body: Tensor) -> Tensor:
         """Centred body positions (B, 80, 21, 3) in metres (`centred`) to (B, 32)."""
+        # Contiguous: torch 2.13 crashes in oneDNN's backward pass of a permuted (channels-last) input.
         return self.motion(body.permute(0, 3, 1, 2).contiguous())
 
     def beat_count(self, music_style: Tensor) -> Tensor:

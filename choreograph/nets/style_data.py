@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
@@ -49,6 +49,10 @@ class StyleBatch:
     n_beats: Tensor  # (B,)
     song: Tensor  # (B,) integer label
     genre: Tensor  # (B,) integer label, -1 if unknown
+
+    def on(self, device: torch.device) -> StyleBatch:
+        """The same batch on a device."""
+        return StyleBatch(*(getattr(self, field.name).to(device) for field in fields(self)))
 
 
 class StyleData:

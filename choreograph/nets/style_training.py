@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 
-import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from choreograph.nets.losses import contrastive_loss, style_loss
 from choreograph.nets.presets import StyleConfig
 from choreograph.nets.style import StyleNets
 from choreograph.nets.style_data import StyleBatch, StyleData, StyleTake
+from choreograph.nets.training import TrainingPlace, load_start, train
 
 
 def train_style(
@@ -19,29 +21,40 @@ def train_style(
     config: StyleConfig,
     *,
     seed: int,
-    report: Callable[[int, float], None] = lambda step, loss: None,
+    start: Mapping[str, NDArray] | None = None,
+    place: TrainingPlace | None = None,
 ) -> StyleNets:
-    """Train both embeddings and the beat-count head together."""
+    """Train both embeddings and the beat-count head together (ChoreoGraph, section 3.1).
+
+    Parameters
+    ----------
+    takes : pairs of music and motion of at least two songs
+    start : weights of the same configuration to begin with (`StyleNets.to_arrays`)
+    place : checkpoints, log, device and progress (`nets.training`)
+
+    Raises
+    ------
+    ParameterError   fewer than two songs have 4 s of pairs, or `start` is of another shape
+    """
     data = StyleData(takes)
-    torch.manual_seed(seed)
-    nets = StyleNets(config)
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        nets = StyleNets(config)
+    if start is not None:
+        load_start(nets, "style", start)
     nets.load_state_dict({name: torch.as_tensor(v) for name, v in data.statistics().items()}, strict=False)
-    optimizer = torch.optim.AdamW(
-        nets.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+    train(
+        nets,
+        lambda rng, device: pair_loss(nets, data.batch(config.batch_size, rng).on(device)),
+        name="style",
+        n_steps=config.steps,
+        learning_rate=config.learning_rate,
+        weight_decay=config.weight_decay,
+        seed=seed,
+        configuration={**asdict(config), "takes": sorted(take.name for take in takes)},
+        place=place,
     )
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimizer, config.learning_rate, total_steps=config.steps, pct_start=0.1
-    )
-    rng = np.random.default_rng(seed)
-    nets.train()
-    for step in range(config.steps):
-        loss = pair_loss(nets, data.batch(config.batch_size, rng))
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
-        schedule.step()
-        report(step, float(loss.detach()))
-    return nets.eval()
+    return nets
 
 
 def pair_loss(nets: StyleNets, batch: StyleBatch) -> Tensor:
@@ -60,16 +73,22 @@ def pair_loss(nets: StyleNets, batch: StyleBatch) -> Tensor:
     if config.loss == "paper":
         return loss
     same_song = batch.song[:, None] == batch.song[None]  # (B, B)
-    own = torch.eye(len(music), dtype=torch.bool)
-    loss = loss + config.contrast_weight * contrastive_loss(
-        music, motion, positive=own, negative=~same_song, temperature=config.temperature
-    )
-    known = (batch.genre >= 0)[:, None] & (batch.genre >= 0)[None]
-    same_genre = batch.genre[:, None] == batch.genre[None]
+    own = torch.eye(len(music), dtype=torch.bool, device=music.device)
+    for anchors, others in ((music, motion), (motion, music)):
+        loss = loss + 0.5 * config.contrast_weight * contrastive_loss(
+            anchors, others, positive=own, negative=~same_song, temperature=config.temperature
+        )
+    # Genre holds within music and within motion too: each network finds it on its own, and then they
+    # need only agree. Across alone, both start from nothing to agree on.
+    both = torch.cat([music, motion])  # (2B, 32)
+    genre = batch.genre.repeat(2)
+    known = (genre >= 0)[:, None] & (genre >= 0)[None]
+    same_genre = genre[:, None] == genre[None]
+    itself = torch.eye(len(both), dtype=torch.bool, device=both.device)
     return loss + config.genre_weight * contrastive_loss(
-        music,
-        motion,
-        positive=known & same_genre,
+        both,
+        both,
+        positive=known & same_genre & ~itself,
         negative=known & ~same_genre,
         temperature=config.temperature,
     )

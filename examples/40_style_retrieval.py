@@ -1,0 +1,129 @@
+"""Does a song that training never heard find dances of its own genre?
+
+One song is left out at a time, the style networks are trained on all other takes, and every second of
+the song selects its 50 best clips among the other songs of a fixed pool. Printed is the share of the
+song's genre among them, averaged per genre, then over genres: for all the pool's clips, and with
+equally many clips a genre, where chance is one third.
+
+    python examples/40_style_retrieval.py path/to/dance-with-melody --seeds 2 [--loss paper]
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from choreograph.audio.song import load_song
+from choreograph.features.mel import log_mel
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.features.rhythm import RHYTHM_FPS, rhythm_features
+from choreograph.importers import dance_with_melody
+from choreograph.motion.body import body_pos_m
+from choreograph.nets.presets import STYLE_LOSSES, StyleConfig, style_config
+from choreograph.nets.style import StyleNets
+from choreograph.nets.style_data import StyleTake, count_beats
+from choreograph.nets.style_training import train_style
+from choreograph.selection import select_clips
+from choreograph.takes import Take
+from choreograph.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
+
+# All cha-chas and rumbas with motion, and six waltzes chosen before any result was seen.
+POOL = tuple(
+    f"DANCE_{name}" for name in "C_2 C_4 C_6 C_8 R_2 R_3 R_4 R_7 R_8 W_1 W_6 W_11 W_16 W_23 W_28".split()
+)
+SELECTED = 50
+
+
+def style_take(take: Take) -> StyleTake:
+    """A take as the style networks learn from it."""
+    body = body_pos_m(take.motion.resampled(NET_FPS)).astype(np.float32)
+    mel = log_mel(load_song(take.song_path).samples)
+    first = round(take.song_start_s * MUSIC_FPS)
+    n_rows = len(body) * RHYTHM_FPS // NET_FPS + 1
+    return StyleTake(
+        take.name,
+        take.song_name,
+        take.credits.genre,
+        mel[first : first + len(body) * MUSIC_FPS // NET_FPS],
+        rhythm_features(mel, start_s=take.song_start_s)[:n_rows],
+        body,
+        motion_beat_times_s(body, NET_FPS),
+    )
+
+
+def shares(
+    nets: StyleNets, config: StyleConfig, song: StyleTake, others: list[StyleTake]
+) -> tuple[float, float, float]:
+    """Share of the song's genre among selected clips: of all, of equally many a genre, and by chance."""
+    starts_s = np.arange(max(1, int(len(song.log_mel) / MUSIC_FPS) - SEGMENT_S + 1))
+    music = nets.embed_music(song.log_mel, song.rhythm, starts_s)
+    beat_count = nets.predict_beat_count(music)
+    styles, counts, genres = [], [], []
+    for take in others:
+        middle = np.arange(0, len(take.body_pos_m) - CLIP_FRAMES + 1, NET_FPS) + SEGMENT_FRAMES // 2
+        styles.append(nets.embed_motion(take.body_pos_m, middle))
+        counts.append(count_beats(take.motion_beat_times_s, middle / NET_FPS))
+        genres += [take.genre] * len(middle)
+    style, count, genre = np.concatenate(styles), np.concatenate(counts), np.array(genres)
+    smallest = min(np.sum(genre == g) for g in set(genres))
+    rng = np.random.default_rng(0)
+    balanced = np.concatenate(
+        [rng.choice(np.flatnonzero(genre == g), smallest, replace=False) for g in sorted(set(genres))]
+    )
+
+    def share(clips: np.ndarray) -> float:
+        chosen = select_clips(
+            music,
+            beat_count,
+            style[clips],
+            count[clips],
+            candidates=SELECTED,
+            beat_weight=config.beat_weight / config.style_weight,
+        )
+        return float(np.mean(genre[clips][chosen] == song.genre))
+
+    return share(np.arange(len(genre))), share(balanced), float(np.mean(genre == song.genre))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--preset", default="small")
+    parser.add_argument("--loss", choices=STYLE_LOSSES, default="contrastive")
+    parser.add_argument("--music-inputs", default="mel+rhythm")
+    parser.add_argument("--steps", type=int)
+    parser.add_argument("--seeds", type=int, default=2)
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    changes = {"loss": options.loss, "music_inputs": options.music_inputs}
+    if options.steps:
+        changes["steps"] = options.steps
+    config = style_config(options.preset, **changes)
+    takes = [style_take(take) for take in dance_with_melody.read(options.data)]
+    by_name = {take.name: take for take in takes}
+    means = []
+    for seed in range(options.seeds):
+        rows: dict[str, list[tuple[float, float, float]]] = {}
+        for name in POOL:
+            song = by_name[name]
+            nets = train_style(
+                [take for take in takes if take.song_name != song.song_name], config, seed=seed
+            )
+            row = shares(nets, config, song, [by_name[n] for n in POOL if n != name])
+            rows.setdefault(song.genre, []).append(row)
+            print(
+                f"seed {seed} {name:10s} all {row[0]:.2f}  balanced {row[1]:.2f}  chance {row[2]:.2f}",
+                flush=True,
+            )
+        for genre, values in rows.items():
+            print(f"seed {seed} {genre:10s}", *(f"{v:.3f}" for v in np.mean(values, axis=0)))
+        means.append(np.mean([np.mean(values, axis=0) for values in rows.values()], axis=0))
+        print(f"seed {seed} mean      ", *(f"{v:.3f}" for v in means[-1]), flush=True)
+    print("all, balanced, chance over seeds:", *(f"{v:.3f}" for v in np.mean(means, axis=0)))
+
+
+if __name__ == "__main__":
+    main()
