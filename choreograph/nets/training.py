@@ -1,0 +1,251 @@
+"""Training one network: steps, schedule, checkpoints, log and progress, the same for every network.
+
+Every step draws its random numbers from the seed and the step's number alone, so a checkpoint needs no
+generator state and a run that was interrupted ends with the very weights of one that was not.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from choreograph.errors import ChoreographError, FormatError, ParameterError
+
+DEVICES = ("auto", "cpu", "cuda")
+CHECKPOINT_EVERY_S = 30.0
+LOG_LINES = 200  # a run writes about so many, however long it is
+_TURNS = 0x9E3779B9  # spreads seed and step over torch's seeds
+
+Loss = Callable[[np.random.Generator, torch.device], Tensor]
+
+
+@dataclass(frozen=True)
+class TrainingProgress:
+    """How far the training of one network is."""
+
+    name: str
+    step: int  # steps done
+    n_steps: int
+    loss: float  # mean since the last report
+    seconds_left: float
+
+
+@dataclass(frozen=True)
+class TrainingPlace:
+    """Where and how a training runs, whatever is trained."""
+
+    folder: Path | None = None  # for NAME.pt, the checkpoint, and NAME.jsonl, the log; None: neither
+    resume: bool = False  # go on from the checkpoint, if there is one
+    device: str = "auto"
+    report: Callable[[TrainingProgress], None] = lambda progress: None
+
+
+def train(
+    module: nn.Module,
+    loss: Loss,
+    *,
+    name: str,
+    n_steps: int,
+    learning_rate: float,
+    weight_decay: float,
+    seed: int,
+    configuration: Mapping[str, Any],
+    place: TrainingPlace | None = None,
+) -> float:
+    """Train `module` in place with AdamW, warmed up and cooled down; leaves it on the CPU, in eval mode.
+
+    Parameters
+    ----------
+    loss : called with the step's random generator and the device the module is on; a scalar
+    configuration : what must be equal for a checkpoint to be gone on from, JSON values
+
+    Returns the mean loss since the last report (nan if the checkpoint was already complete).
+
+    Raises
+    ------
+    ChoreographError   the loss is not finite
+    ParameterError     an unknown device, or a checkpoint of another configuration
+    FormatError        a checkpoint that cannot be read
+    KeyboardInterrupt  after the step in progress, with a checkpoint written
+    """
+    place = place or TrainingPlace()
+    device = chosen_device(place.device)
+    module.to(device).train()
+    optimizer = torch.optim.AdamW(module.parameters(), lr=learning_rate, weight_decay=weight_decay)
+    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: _share_of_rate(step, n_steps))
+    # A round trip through JSON makes tuples lists, as in the checkpoint.
+    wanted = json.loads(json.dumps({**configuration, "seed": seed, "steps": n_steps}))
+    run = _Run(name, n_steps, module, optimizer, schedule, wanted, place)
+    run.restore_or_begin()
+    with torch.random.fork_rng(), _interrupts_after_step() as interrupted:
+        try:
+            while run.step < n_steps:
+                torch.manual_seed((seed * _TURNS + run.step) % 2**63)
+                value = loss(np.random.default_rng([seed, run.step]), device)
+                optimizer.zero_grad()
+                value.backward()
+                optimizer.step()
+                schedule.step()
+                run.advance(float(value.detach()))
+                if interrupted():
+                    raise _Interrupted
+        except _Interrupted:
+            run.save()
+            raise KeyboardInterrupt from None
+    module.to("cpu").eval()
+    return run.loss
+
+
+def chosen_device(device: str) -> torch.device:
+    """The torch device of `auto` (a GPU if there is one), `cpu` or `cuda`."""
+    if device not in DEVICES:
+        raise ParameterError(f"expected a device among {', '.join(DEVICES)}, got {device!r}")
+    if device == "cuda" and not torch.cuda.is_available():
+        raise ParameterError("expected a CUDA device, found none: use --device cpu or auto")
+    return torch.device(
+        "cuda" if device == "auto" and torch.cuda.is_available() else device.replace("auto", "cpu")
+    )
+
+
+def load_start(module: nn.Module, name: str, weights: Mapping[str, NDArray]) -> None:
+    """Begin with another repertoire's weights; `ParameterError` if they are of another shape."""
+    try:
+        module.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in weights.items()})
+    except RuntimeError as error:
+        raise ParameterError(
+            f"expected {name} weights of the preset asked for, got others: the repertoire to begin with was "
+            "trained with another preset"
+        ) from error
+
+
+def _share_of_rate(step: int, n_steps: int) -> float:
+    """Linear warm-up over a tenth of the steps, then half a cosine down to nothing."""
+    warm = max(1, n_steps // 10)
+    if step < warm:
+        return (step + 1) / (warm + 1)
+    return 0.5 + 0.5 * float(np.cos(np.pi * (step - warm) / max(1, n_steps - warm)))
+
+
+class _Interrupted(Exception):
+    """Ctrl-C was pressed during a step that is now complete."""
+
+
+@contextmanager
+def _interrupts_after_step() -> Iterator[Callable[[], bool]]:
+    """Hold Ctrl-C back until the step is complete: half a step's weights would be nobody's."""
+    pressed: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False  # only the main thread hears signals
+        return
+    before = signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
+    try:
+        yield lambda: bool(pressed)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+class _Run:
+    """State of one training that is written to and read from its folder."""
+
+    def __init__(
+        self, name, n_steps, module, optimizer, schedule, configuration, place: TrainingPlace
+    ) -> None:
+        self.name, self.n_steps, self.place, self.configuration = name, n_steps, place, configuration
+        self.parts = {"module": module, "optimizer": optimizer, "schedule": schedule}
+        self.step = 0
+        self.loss = float("nan")
+        self._recent: list[float] = []
+        self._log_every = max(1, n_steps // LOG_LINES)
+        self._first = 0
+        folder = place.folder
+        self.checkpoint = folder / f"{name}.pt" if folder is not None else None
+        self.log = folder / f"{name}.jsonl" if folder is not None else None
+        self._begun = self._saved = time.monotonic()
+
+    def restore_or_begin(self) -> None:
+        """Take the checkpoint's state if one is wanted and there; else begin an empty log."""
+        if self.checkpoint is None:
+            return
+        self.checkpoint.parent.mkdir(parents=True, exist_ok=True)
+        if not (self.place.resume and self.checkpoint.exists()):
+            self.log.write_text("", encoding="utf-8")
+            return
+        try:
+            stored = torch.load(self.checkpoint, weights_only=True, map_location="cpu")
+            theirs = json.loads(stored["configuration"])
+            self._refuse_other(theirs)
+            for key, part in self.parts.items():
+                part.load_state_dict(stored[key])
+            self.step = self._first = int(stored["step"])
+        except (RuntimeError, KeyError, TypeError, EOFError, ValueError, pickle.UnpicklingError) as error:
+            if isinstance(error, ChoreographError):
+                raise
+            raise FormatError(
+                f"{self.checkpoint}: expected a checkpoint of the {self.name} network, got something "
+                "unreadable: it is damaged; delete it, or train without --resume"
+            ) from error
+
+    def _refuse_other(self, theirs: Mapping[str, Any]) -> None:
+        ours = self.configuration
+        for key in sorted({*theirs, *ours}):
+            if theirs.get(key) != ours.get(key):
+                raise ParameterError(
+                    f"{self.checkpoint}: expected a checkpoint with {key} = {_short(ours.get(key))}, got "
+                    f"{_short(theirs.get(key))}: another configuration; train without --resume"
+                )
+
+    def advance(self, loss: float) -> None:
+        """Count a step; log, report and save when due."""
+        self.step += 1
+        if not np.isfinite(loss):
+            raise ChoreographError(
+                f"training of {self.name} failed at step {self.step}: expected a finite loss, got {loss}: "
+                "the learning rate is too high, or a take is damaged"
+            )
+        self._recent.append(loss)
+        last = self.step == self.n_steps
+        if last or self.step % self._log_every == 0:
+            self._tell()
+        if last or time.monotonic() - self._saved > CHECKPOINT_EVERY_S:
+            self.save()
+
+    def _tell(self) -> None:
+        self.loss = float(np.mean(self._recent))
+        self._recent.clear()
+        seconds = time.monotonic() - self._begun
+        left = seconds / (self.step - self._first) * (self.n_steps - self.step)
+        if self.log is not None:
+            line = {"name": self.name, "step": self.step, "loss": self.loss, "seconds": round(seconds, 3)}
+            with self.log.open("a", encoding="utf-8") as log:
+                log.write(json.dumps(line) + "\n")
+        self.place.report(TrainingProgress(self.name, self.step, self.n_steps, self.loss, left))
+
+    def save(self) -> None:
+        """Write the checkpoint whole or not at all."""
+        if self.checkpoint is None:
+            return
+        state = {key: part.state_dict() for key, part in self.parts.items()}
+        state |= {"step": self.step, "configuration": json.dumps(self.configuration)}
+        part = self.checkpoint.with_suffix(".pt.part")
+        torch.save(state, part)
+        os.replace(part, self.checkpoint)
+        self._saved = time.monotonic()
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 40 else text[:37] + "..."

@@ -1,0 +1,135 @@
+"""The trainer: exact resumption, refusals, interruption, log."""
+
+import json
+import os
+import signal
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from choreograph.errors import ChoreographError, FormatError, ParameterError
+from choreograph.nets.training import TrainingPlace, chosen_device, load_start, train
+
+
+def _module():
+    torch.manual_seed(3)
+    return nn.Sequential(nn.Linear(4, 8), nn.BatchNorm1d(8), nn.ReLU(), nn.Dropout(0.5), nn.Linear(8, 1))
+
+
+def _run(module, folder=None, *, resume=False, report=lambda p: None, steps=60, seed=0, width=8, stop=None):
+    calls = []
+
+    def loss(rng, device):
+        calls.append(1)
+        if len(calls) == stop:
+            os.kill(os.getpid(), signal.SIGINT)  # Ctrl-C in the middle of a step
+        x = torch.from_numpy(rng.normal(size=(16, 4)).astype(np.float32)).to(device)
+        return ((module(x)[:, 0] - x.sum(dim=1)) ** 2).mean()
+
+    return train(
+        module, loss, name="toy", n_steps=steps, learning_rate=1e-2, weight_decay=0.01, seed=seed,
+        configuration={"width": width}, place=TrainingPlace(folder, resume, "cpu", report),
+    )  # fmt: skip
+
+
+def _equal(a, b):
+    return all(
+        torch.equal(x, y) for x, y in zip(a.state_dict().values(), b.state_dict().values(), strict=True)
+    )
+
+
+@pytest.mark.parametrize("stop", [1, 17, 59])
+def test_interrupted_and_resumed_equals_uninterrupted_to_the_bit(tmp_path, stop):
+    whole, parts = _module(), _module()
+    _run(whole)
+    with pytest.raises(KeyboardInterrupt):
+        _run(parts, tmp_path, stop=stop)
+    assert torch.load(tmp_path / "toy.pt", weights_only=True)["step"] == stop
+    resumed = _module()
+    for value in resumed.parameters():
+        value.data.zero_()  # nothing but the checkpoint can bring it back
+    _run(resumed, tmp_path, resume=True)
+    assert _equal(whole, resumed)
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_training_lowers_the_loss_and_leaves_other_generators_alone():
+    torch.manual_seed(11)
+    expected = torch.rand(3)
+    torch.manual_seed(11)
+    seen = []
+    _run_module = _module()
+    torch.manual_seed(11)
+    _run(_run_module, report=seen.append, steps=300)
+    assert torch.equal(torch.rand(3), expected)
+    assert seen[-1].loss < 0.5 * seen[0].loss
+    assert seen[-1].step == seen[-1].n_steps == 300 and seen[-1].seconds_left == 0
+    assert not _run_module.training
+
+
+def test_another_seed_gives_other_weights():
+    a, b = _module(), _module()
+    _run(a, seed=0)
+    _run(b, seed=1)
+    assert not _equal(a, b)
+
+
+def test_log_is_json_lines_and_resumption_continues_it(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        _run(_module(), tmp_path, stop=20)
+    _run(_module(), tmp_path, resume=True)
+    lines = [json.loads(line) for line in (tmp_path / "toy.jsonl").read_text().splitlines()]
+    assert [line["step"] for line in lines] == list(range(1, 61))
+    assert all(np.isfinite(line["loss"]) and line["name"] == "toy" for line in lines)
+
+
+def test_complete_checkpoint_is_not_trained_again(tmp_path):
+    first = _module()
+    _run(first, tmp_path)
+    again, seen = _module(), []
+    _run(again, tmp_path, resume=True, report=seen.append)
+    assert _equal(first, again) and not seen
+
+
+@pytest.mark.parametrize(
+    ("change", "named"), [({"width": 9}, "width"), ({"seed": 4}, "seed"), ({"steps": 70}, "steps")]
+)
+def test_checkpoint_of_another_configuration_is_refused(tmp_path, change, named):
+    _run(_module(), tmp_path)
+    with pytest.raises(ParameterError, match=f"{named} = ") as caught:
+        _run(_module(), tmp_path, resume=True, **change)
+    assert "\n" not in str(caught.value)
+    _run(_module(), tmp_path, **change)  # without resume it begins anew
+
+
+@pytest.mark.parametrize("content", [b"", b"nonsense", None])
+def test_damaged_checkpoint_is_one_clear_line(tmp_path, content):
+    _run(_module(), tmp_path)
+    path = tmp_path / "toy.pt"
+    path.write_bytes(path.read_bytes()[:500] if content is None else content)
+    with pytest.raises(FormatError, match="damaged") as caught:
+        _run(_module(), tmp_path, resume=True)
+    assert "\n" not in str(caught.value)
+
+
+def test_loss_that_is_not_finite_stops_without_a_checkpoint(tmp_path):
+    module = _module()
+
+    def loss(rng, device):
+        return module(torch.ones(2, 4)).sum() * float("nan")
+
+    with pytest.raises(ChoreographError, match="finite loss, got nan"):
+        train(
+            module, loss, name="toy", n_steps=9, learning_rate=1e-2, weight_decay=0.0, seed=0,
+            configuration={}, place=TrainingPlace(tmp_path, device="cpu"),
+        )  # fmt: skip
+    assert not (tmp_path / "toy.pt").exists()
+
+
+def test_unknown_device_and_weights_of_another_shape_are_refused():
+    with pytest.raises(ParameterError, match="auto, cpu, cuda"):
+        chosen_device("gpu0")
+    with pytest.raises(ParameterError, match="another preset"):
+        load_start(_module(), "toy", {"0.weight": np.zeros((3, 3), np.float32)})
