@@ -1,0 +1,86 @@
+"""Sizes and training lengths of the tempo-density networks: `paper`, `small` (one CPU core), `tiny` (tests).
+
+The paper gives layer counts, the hidden vector of 4096, the content of 1024; other widths are ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+from choreograph.errors import ParameterError
+
+DENSITY_LOSSES = ("paper", "locatable")
+
+
+@dataclass(frozen=True)
+class DensityConfig:
+    """Everything that shapes and trains both tempo-density networks; stored beside their weights."""
+
+    width: int = 32  # of the transformer layers
+    conv_channels: tuple[int, int, int, int, int] = (32, 32, 48, 64, 128)  # hidden vector: 4 x the last
+    content_dim: int = 128
+    loss: str = "locatable"  # "paper" is equation 2 alone, which does not determine the density
+    reconstruction_weight: float = 1.0  # of equation 2
+    content_weight: float = 0.1  # equation 2's lambda
+    equivariance_weight: float = 1.0
+    location_weight: float = 1.0
+    temperature: float = 0.1  # of the location term: of squared differences of unit-variance curves
+    batch_size: int = 16
+    steps: int = 1500
+    learning_rate: float = 2e-3
+    weight_decay: float = 1e-3
+    music_channels: tuple[int, int, int, int, int] = (32, 32, 48, 64, 64)
+    music_batch_size: int = 16
+    music_steps: int = 1500
+    music_learning_rate: float = 1e-3
+    synchronise: bool = True  # targets: takes with their beats warped onto the music's; the paper's: raw
+
+    def __post_init__(self) -> None:
+        if self.loss not in DENSITY_LOSSES:
+            raise ParameterError(
+                f"expected a density loss among {', '.join(DENSITY_LOSSES)}, got {self.loss!r}"
+            )
+        if self.width < 4 or self.width % 4:
+            raise ParameterError(f"expected a width divisible by the 4 attention heads, got {self.width}")
+        if min(self.steps, self.music_steps) < 1 or min(self.batch_size, self.music_batch_size) < 2:
+            raise ParameterError(
+                "expected steps of 1 or more and batches of 2 or more, got "
+                f"{self.steps}, {self.music_steps}, {self.batch_size} and {self.music_batch_size}"
+            )
+
+
+_PRESETS = {
+    "paper": DensityConfig(
+        width=256,
+        conv_channels=(64, 128, 256, 512, 1024),
+        content_dim=1024,
+        batch_size=64,
+        steps=50_000,
+        learning_rate=3e-4,
+        music_channels=(64, 128, 256, 512, 512),
+        music_batch_size=64,
+        music_steps=20_000,
+        music_learning_rate=3e-4,
+    ),
+    "small": DensityConfig(),
+    "tiny": DensityConfig(
+        width=16,
+        conv_channels=(16, 16, 16, 24, 32),
+        content_dim=32,
+        batch_size=8,
+        steps=300,
+        music_channels=(8, 16, 16, 16, 16),
+        music_batch_size=8,
+        music_steps=80,
+    ),
+}
+
+
+def density_config(preset: str, **changes) -> DensityConfig:
+    """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
+    if preset not in _PRESETS:
+        raise ParameterError(f"expected a preset among {', '.join(_PRESETS)}, got {preset!r}")
+    unknown = set(changes) - {field.name for field in fields(DensityConfig)}
+    if unknown:
+        raise ParameterError(f"expected fields of DensityConfig, got {', '.join(sorted(unknown))}")
+    return replace(_PRESETS[preset], **changes)
