@@ -14,10 +14,10 @@ from choreograph.blending.assembly import assemble, to_runs
 from choreograph.blending.feet import lock_feet
 from choreograph.config import DanceConfig, resolve_weights
 from choreograph.errors import ParameterError, RepertoireError
-from choreograph.exporters import save_motion
+from choreograph.exporters import get_writer, save_motion
 from choreograph.features.contacts import foot_contacts
 from choreograph.features.music import Music
-from choreograph.files import atomic_path
+from choreograph.files import atomic_path, check_target
 from choreograph.graph import (
     BUILTIN_COSTS,
     ClipTable,
@@ -59,6 +59,14 @@ class Dance:
                 temporary.write_text(self.plan.to_json(), encoding="utf-8")
         else:
             save_motion(path, self.motion)
+
+
+def check_outputs(paths: Sequence[str | Path]) -> None:
+    """Raise `ParameterError` before any work if a format is unknown or a folder does not exist."""
+    for path in paths:
+        if Path(path).suffix.lower() != ".json":
+            get_writer(Path(path).suffix.removeprefix("."))
+        check_target(path)
 
 
 def dance(
@@ -164,8 +172,8 @@ def _planned(
         candidates=config.candidates, beat_weight=repertoire.selection_beat_weight,
     )  # fmt: skip
     segments = warp_segments(
-        chosen, music.density, music.beat_times_s, repertoire.clip_density, _clip_beats(repertoire),
-        report=_stage(report, "warping"),
+        chosen, music.density, music.beat_times_s, repertoire.clip_density,
+        repertoire.clip_speed, _clip_beats(repertoire), report=_stage(report, "warping"),
     )  # fmt: skip
     source = LayerSource(segments, clips, repertoire)
     if config.planner == "motion-graph":

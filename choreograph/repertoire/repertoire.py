@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import RepertoireError
+from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import from_own_place
@@ -183,6 +184,16 @@ class Repertoire:
     def clip_density(self, clips: NDArray[np.integer]) -> NDArray[np.float32]:
         """Tempo-densities of clips (K,), (K, 160) at 20 fps."""
         return self._density[self._clip_body_start[clips][:, None] + np.arange(CLIP_FRAMES)]
+
+    def clip_speed(self, clips: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Mean joint speeds of clips (K,) in m/s, (K, 160) at 20 fps."""
+        return self._speed[self._clip_body_start[clips][:, None] + np.arange(CLIP_FRAMES)]
+
+    @cached_property
+    def _speed(self) -> NDArray[np.float32]:
+        """Mean joint speed at every 20 fps frame, (B,)."""
+        speeds = [mean_joint_speed_m_s(self.body_pos_m(take), NET_FPS) for take in range(len(self.takes))]
+        return np.concatenate(speeds).astype(np.float32)
 
     def clip_start_s(self, clip: int) -> float:
         """Where a clip begins in its take, in seconds."""

@@ -225,12 +225,13 @@ def _normal_equations(path, stiffness, main, first, second, rhs):  # pragma: no 
 
 
 @njit(cache=True, parallel=True)
-def beat_fit(maps, beats, beat_ranges, music, near, far):  # pragma: no cover - compiled
+def beat_fit(maps, speeds, music, near, far, prominence):  # pragma: no cover - compiled
     """How each quarter of each warped segment keeps the beat, for time maps (K, Tq + 1).
 
-    Returns off_beat, first and last motion beat (K, 4): the share of beats (music's and motion's) that
-    have no partner, counted fully beyond `far` frames, not at all within `near`; beats are placed in
-    frames of their quarter, nan where there is none.
+    `speeds` (K, Tt) are the clips' mean joint speeds. The beats are those of the motion as it will be
+    played: changing tempo moves a minimum of speed, or flattens it. Returns off_beat, first and last
+    motion beat (K, 4): the share of beats (music's and motion's) without a partner, counted fully
+    beyond `far` frames, not at all within `near`; beats in frames of their quarter, nan where none is.
     """
     n = len(maps)
     n_frames = maps.shape[1] - 1
@@ -239,19 +240,7 @@ def beat_fit(maps, beats, beat_ranges, music, near, far):  # pragma: no cover - 
     first = np.full((n, 4), np.nan, np.float32)
     last = np.full((n, 4), np.nan, np.float32)
     for k in prange(n):
-        start, stop = beat_ranges[k]
-        placed = np.empty(stop - start)
-        count = 0
-        frame = 0
-        for b in range(start, stop):
-            if beats[b] < maps[k, 0]:
-                continue
-            while frame < n_frames and maps[k, frame + 1] <= beats[b]:
-                frame += 1
-            if frame == n_frames:
-                break
-            placed[count] = frame + (beats[b] - maps[k, frame]) / (maps[k, frame + 1] - maps[k, frame])
-            count += 1
+        placed, count = _played_beats(maps[k], speeds[k], prominence)
         seen = np.zeros(4)
         for p in range(count):
             q = min(int(placed[p]) // quarter, 3)
@@ -270,6 +259,39 @@ def beat_fit(maps, beats, beat_ranges, music, near, far):  # pragma: no cover - 
             if seen[q] > 0:
                 off[k, q] /= seen[q]
     return off, first, last
+
+
+@njit(cache=True)
+def _played_beats(time_map, speed, prominence):  # pragma: no cover - compiled
+    """Minima of the speed at which a clip is played through `time_map`, in output frames; their number."""
+    n = len(time_map)
+    played = np.empty(n)
+    for i in range(n):
+        low = min(int(time_map[i]), len(speed) - 2)
+        weight = time_map[i] - low
+        slope = (time_map[min(i + 1, n - 1)] - time_map[max(i - 1, 0)]) / (min(i + 1, n - 1) - max(i - 1, 0))
+        played[i] = slope * (speed[low] + weight * (speed[low + 1] - speed[low]))
+    deep = prominence * np.median(played)
+    beats = np.empty(n)
+    count = 0
+    for i in range(1, n - 1):
+        if not (played[i] < played[i - 1] and played[i] <= played[i + 1]):
+            continue
+        left = right = played[i]
+        j = i - 1
+        while j >= 0 and played[j] >= played[i]:
+            left = max(left, played[j])
+            j -= 1
+        j = i + 1
+        while j < n and played[j] >= played[i]:
+            right = max(right, played[j])
+            j += 1
+        if min(left, right) - played[i] < deep:
+            continue
+        bend = played[i - 1] - 2 * played[i] + played[i + 1]
+        beats[count] = i + 0.5 * (played[i - 1] - played[i + 1]) / max(bend, 1e-9)
+        count += 1
+    return beats, count
 
 
 @njit(cache=True)

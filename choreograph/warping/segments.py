@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.features.motion_beats import MIN_PROMINENCE
 from choreograph.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.warping.dtw import subsequence_dtw
 from choreograph.warping.timemap import smooth_time_maps
@@ -41,13 +42,14 @@ def warp_segments(
     music_density: NDArray[np.float32],
     music_beats_s: NDArray[np.floating],
     clip_density: Callable[[NDArray[np.integer]], NDArray[np.float32]],
+    clip_speed: Callable[[NDArray[np.integer]], NDArray[np.float32]],
     beats: ClipBeats,
     *,
     report: Callable[[int, int], None] | None = None,
 ) -> Segments:
     """Warp the candidates `clip` (S, K) of every second onto the music's tempo-density (S, 80).
 
-    `clip_density` gives the densities (K, 160) of clips; `music_beats_s` (Q,) seconds of the song.
+    `clip_density` and `clip_speed` give tempo-densities and mean joint speeds (K, 160) of clips; `music_beats_s` (Q,) seconds of the song.
     ChoreoGraph, section 3.2; the time map's smoothing is ours.
     """
     from choreograph.warping._kernels import beat_fit
@@ -72,7 +74,7 @@ def warp_segments(
         maps = np.concatenate([maps, end[:, None]], axis=1)  # (K, 81)
         time_maps[second] = maps
         per_quarter[0][second] = _misfit(query, targets, maps)
-        fits = beat_fit(maps, beats.frames, ranges, music_frames, NEAR_FRAMES, FAR_FRAMES)
+        fits = beat_fit(maps, clip_speed(chosen), music_frames, NEAR_FRAMES, FAR_FRAMES, MIN_PROMINENCE)
         for stored, fit in zip(per_quarter[1:], fits, strict=True):
             stored[second] = fit
         if report is not None:

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from choreograph.errors import ParameterError
 from choreograph.warping.dtw import MAX_SLOPE, MIN_SLOPE
 
-STIFFNESS = 400.0  # (frames)⁴: bends slower than about √20 ≈ 4.5 frames·2π ≈ 1.4 s pass
+STIFFNESS = (
+    40_000.0  # (frames)⁴: tempo bends over about 2π·⁴√40000 frames ≈ 4.4 s, faster only to meet a beat
+)
 ANCHOR_WEIGHT = 400.0  # an anchored beat outweighs the path around it
 SNAP_FRAMES = 4.0  # 0.2 s: a music beat further from its motion beat is left alone
 

@@ -1,0 +1,68 @@
+"""`choreograph build-db`: takes and their songs to a repertoire."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from choreograph.cli.present import show_notes, stages
+
+
+@click.command(
+    "build-db",
+    epilog="Example: choreograph build-db takes/ -o rep.h5 --preset small   (stopped? add --resume)",
+)
+@click.argument("sources", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Repertoire to write.")
+@click.option(
+    "--preset", default="small", show_default=True, metavar="tiny|small|paper",
+    help="Size of the networks: tiny for trying out, small for two CPU cores, paper for a GPU.",
+)  # fmt: skip
+@click.option("--resume", is_flag=True, help="Go on from the checkpoints of a build that was stopped.")
+@click.option(
+    "--init-from", type=click.Path(path_type=Path), help="Begin with the networks of another repertoire."
+)
+@click.option(
+    "--density", default=None, metavar="analytic|learned", help="Which tempo-density the clips carry."
+)
+@click.option("--leave-out", multiple=True, metavar="TAKE", help="Leave a take out; @FILE names one a line.")
+@click.option("--device", default="auto", show_default=True, metavar="auto|cpu|cuda", help="Where to train.")
+@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of the training.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress, no notes.")
+def command(sources, output, preset, resume, init_from, density, leave_out, device, seed, quiet) -> None:
+    """Build a repertoire from SOURCES: folders or files of recorded dances with their music.
+
+    Known layouts: a folder of NAME.bvh with NAME.wav|mp3|flac|ogg|m4a and an optional manifest.csv;
+    dance-with-melody; AIST++; AMASS.
+    """
+    from choreograph.pipeline import BuildOptions, build_repertoire
+
+    given = {} if density is None else {"density": density}
+    options = BuildOptions(
+        preset=preset, seed=seed, device=device, resume=resume, init_from=init_from,
+        leave_out=_names(leave_out), **given,
+    )  # fmt: skip
+    with stages(quiet=quiet) as shown:
+        repertoire, notes = build_repertoire(
+            sources, output, options, report=shown.report, training_report=shown.training
+        )
+    if not quiet:
+        show_notes(notes)
+        click.echo(f"{output}: {len(repertoire.takes)} takes, {repertoire.n_clips} clips")
+
+
+def _names(given: tuple[str, ...]) -> tuple[str, ...]:
+    from choreograph.errors import FormatError
+
+    names: list[str] = []
+    for name in given:
+        if not name.startswith("@"):
+            names.append(name)
+            continue
+        try:
+            lines = Path(name[1:]).read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            raise FormatError(f"{name[1:]}: expected a list of takes, could not read it: {error}") from error
+        names += [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+    return tuple(names)

@@ -1,0 +1,86 @@
+"""The table of dances to held-out songs: beats, joins, feet, length.
+
+Run: python examples/42_evaluate_dances.py DATA REPERTOIRE [--songs FILE] [--planner exact|greedy|motion-graph]
+
+DATA is a folder in the layout of dance-with-melody; REPERTOIRE must have been built with
+`--leave-out @FILE`. Beside every dance stand the held-out take itself ("real") and chance: the same
+motion beats against the song turned round by random amounts.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+import choreograph as cg
+from choreograph.errors import ParameterError
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.importers.dance_with_melody import read
+from choreograph.metrics import beat, physical
+from choreograph.motion.body import body_pos_m
+
+HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
+FPS = 60.0
+
+
+def evaluate(pos_m: np.ndarray, music_beats_s: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
+    """Beat metrics of one motion (T, 21, 3) at 60 fps."""
+    beats = motion_beat_times_s(pos_m, FPS)
+    return {
+        **beat.evaluate(beats, music_beats_s),
+        "chance_f": beat.chance_f_score(beats, music_beats_s, duration_s=len(pos_m) / FPS, rng=rng),
+        "slide_cm_s": physical.foot_slide_cm_s(pos_m, FPS),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("repertoire", type=Path)
+    parser.add_argument("--songs", type=Path, default=HELD_OUT)
+    parser.add_argument("--planner", default="exact")
+    parser.add_argument("--blending", default="inertial")
+    given = parser.parse_args()
+    songs = [line.strip() for line in given.songs.read_text().splitlines() if line.strip()]
+    repertoire = cg.Repertoire.open(given.repertoire)
+    seen = {take.song_name for take in repertoire.takes} & set(songs)
+    if seen:
+        raise ParameterError(f"the repertoire holds {', '.join(sorted(seen))}: build it with --leave-out")
+    takes = {take.name: take for take in read(given.data)}
+    source_slide = np.mean(
+        [
+            physical.foot_slide_cm_s(body_pos_m(takes[t.name].motion.resampled(FPS)), FPS)
+            for t in repertoire.takes
+        ]
+    )
+    config = cg.DanceConfig(planner=given.planner, blending=given.blending, fps=FPS)
+    rows = []
+    for song in songs:
+        take = takes[song]
+        made = cg.dance(
+            take.song_path, repertoire, config=config,
+            start_s=take.song_start_s, duration_s=take.motion.duration_s,
+        )  # fmt: skip
+        music = np.array(made.plan.music_beats_s)
+        rng = np.random.default_rng(0)
+        pos = body_pos_m(made.motion)
+        row = evaluate(pos, music, rng)
+        real = evaluate(body_pos_m(take.motion.resampled(FPS)), music, rng)
+        row["real_f"] = real["f_score"]
+        row["real_motion_to_music"] = real["motion_to_music"]
+        row["slide_ratio"] = row.pop("slide_cm_s") / source_slide
+        borders = np.arange(1.0, made.plan.duration_s)
+        row["jerk_ratio"] = physical.jerk_ratio_at(pos, FPS, borders)
+        row["frames_off"] = abs(made.motion.n_frames - made.plan.duration_s * FPS)
+        row["takes"] = len({second.take for second in made.plan.seconds})
+        letter = take.credits.genre
+        row["same_genre"] = np.mean([second.credits.genre == letter for second in made.plan.seconds])
+        rows.append(row)
+        print(song, " ".join(f"{name} {value:.2f}" for name, value in row.items()), flush=True)
+    print("mean", " ".join(f"{name} {np.mean([r[name] for r in rows]):.3f}" for name in rows[0]))
+
+
+if __name__ == "__main__":
+    main()
