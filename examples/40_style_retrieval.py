@@ -31,8 +31,10 @@ from choreograph.takes import Take
 from choreograph.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
 
 # All cha-chas and rumbas with motion, and six waltzes chosen before any result was seen.
-POOL = tuple(
-    f"DANCE_{name}" for name in "C_2 C_4 C_6 C_8 R_2 R_3 R_4 R_7 R_8 W_1 W_6 W_11 W_16 W_23 W_28".split()
+POOL = (
+    *(f"DANCE_C_{n}" for n in (2, 4, 6, 8)),
+    *(f"DANCE_R_{n}" for n in (2, 3, 4, 7, 8)),
+    *(f"DANCE_W_{n}" for n in (1, 6, 11, 16, 23, 28)),
 )
 SELECTED = 50
 

@@ -4,8 +4,9 @@ As in the paper: four convolutional (music) or spatio-temporal graph convolution
 GRU layers, one linear layer to 32 dimensions; a head of four linear layers that predicts the number
 of motion beats from the music's style vector. Ours: style vectors have unit length, so that
 distances lie in [0, 2] whatever was trained; features are standardised over the batch before the
-linear layer, without which all vectors start out alike and contrast finds no slope; and the music network may hear the rhythm (tempogram
-and scale transform) of the 12 s around the segment beside its 4 s of log-mel (`music_inputs`).
+linear layer, without which all vectors start out alike and contrast finds no slope; and the music
+network may hear the rhythm (tempogram and scale transform) of the 12 s around the segment beside its
+4 s of log-mel (`music_inputs`).
 """
 
 from __future__ import annotations

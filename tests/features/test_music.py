@@ -1,0 +1,131 @@
+"""Mel, rhythm and beats against oracles and songs whose tempo and metre are planted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from choreograph.audio.song import Song
+from choreograph.errors import ParameterError
+from choreograph.features.mel import MEL_BANDS, log_mel, mel_filterbank
+from choreograph.features.music_beats import filled, get_beat_tracker
+from choreograph.features.rhythm import LAGS_S, RHYTHM_DIM, onset_envelopes, rhythm_features, tempogram
+from choreograph.timebase import SAMPLE_RATE_HZ
+
+
+def clicks(bpm: float, duration_s: float = 30.0, loud_every: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    times_s = np.arange(0.5, duration_s - 0.1, 60 / bpm)
+    samples = np.random.default_rng(0).normal(0, 1e-3, round(duration_s * SAMPLE_RATE_HZ)).astype(np.float32)
+    n = np.arange(2000) / SAMPLE_RATE_HZ
+    click = np.exp(-60 * n) * np.sin(2 * np.pi * 1000 * n)
+    for i, time_s in enumerate(times_s):
+        start = round(time_s * SAMPLE_RATE_HZ)
+        samples[start : start + 2000] += (1.0 if i % loud_every == 0 else 0.03) * click[
+            : len(samples) - start
+        ]
+    return samples, times_s
+
+
+def test_filterbank_is_librosas():
+    librosa = pytest.importorskip("librosa")
+    ours = librosa.filters.mel(sr=SAMPLE_RATE_HZ, n_fft=2048, n_mels=MEL_BANDS)
+    np.testing.assert_allclose(mel_filterbank(), ours, atol=1e-7)
+
+
+def test_a_click_late_in_a_long_song_is_in_its_frame():
+    samples = np.zeros(120 * SAMPLE_RATE_HZ, np.float32)
+    samples[round(117.25 * SAMPLE_RATE_HZ)] = 1.0
+    mel = log_mel(samples)
+    assert mel.shape == (7200, MEL_BANDS)
+    loudness = np.exp(mel).sum(axis=1)
+    assert np.average(np.arange(7200), weights=loudness - loudness.min()) == pytest.approx(
+        117.25 * 60, abs=0.1
+    )
+
+
+@given(st.integers(1, 60_000))
+@settings(max_examples=20, deadline=None)
+def test_every_length_has_its_frames(n_samples):
+    mel = log_mel(np.zeros(n_samples, np.float32))
+    assert len(mel) == max(1, round(n_samples / SAMPLE_RATE_HZ * 60))
+    assert np.isfinite(mel).all()
+    assert rhythm_features(mel).shape[1] == RHYTHM_DIM
+
+
+def test_mel_refuses_stereo():
+    with pytest.raises(ParameterError):
+        log_mel(np.zeros((100, 2)))
+
+
+@pytest.mark.parametrize("bpm", [72, 90, 120])
+def test_tempogram_peaks_at_the_beats_period(bpm):
+    samples, _ = clicks(bpm)
+    columns = tempogram(onset_envelopes(log_mel(samples)), np.array([15.0]))[0]  # (3, lags)
+    strength = columns.mean(axis=0)
+    period = np.argmin(np.abs(LAGS_S - 60 / bpm))
+    off_beat = np.argmin(np.abs(LAGS_S - 90 / bpm))
+    assert strength[period - 1 : period + 2].max() > 0.6
+    assert strength[off_beat] < 0.3
+
+
+def test_rhythm_tells_threes_from_fours_at_one_tempo():
+    waltz, march = (
+        tempogram(onset_envelopes(log_mel(clicks(120, loud_every=n)[0])), np.array([15.0]))[0].mean(axis=0)
+        for n in (3, 4)
+    )
+    three, four = (np.argmin(np.abs(LAGS_S - n * 0.5)) for n in (3, 4))
+    assert waltz[three] > waltz[four]
+    assert march[four] > march[three]
+
+
+def test_rhythm_rows_begin_where_asked():
+    mel = log_mel(clicks(100)[0])
+    whole, later = rhythm_features(mel), rhythm_features(mel, start_s=3.0)
+    np.testing.assert_array_equal(whole[6:], later)
+
+
+@pytest.mark.parametrize("bpm", [60, 72, 84, 100, 120, 128, 140])
+def test_beats_of_clicks_are_found(bpm):
+    samples, times_s = clicks(bpm, 40.0)
+    beats = get_beat_tracker("librosa").beats(Song(samples, "clicks"))
+    off_s = np.abs(beats[:, None] - times_s).min(axis=0)
+    assert np.mean(off_s < 0.05) > 0.9
+    assert len(beats) == pytest.approx(len(times_s), abs=3)
+
+
+def test_beats_go_on_through_a_pause():
+    samples, _times_s = clicks(100, 40.0)
+    samples[15 * SAMPLE_RATE_HZ : 22 * SAMPLE_RATE_HZ] *= 1e-3
+    beats = get_beat_tracker().beats(Song(samples, "pause"))
+    assert np.diff(beats).max() < 0.9
+    assert beats[0] < 0.7
+    assert beats[-1] > 39.0
+
+
+@pytest.mark.parametrize("duration_s", [0.2, 3.0, 20.0])
+def test_silence_has_no_beats(duration_s):
+    song = Song(np.zeros(round(duration_s * SAMPLE_RATE_HZ), np.float32), "silence")
+    assert get_beat_tracker().beats(song).shape == (0,)
+
+
+@given(st.floats(0.3, 1.2), st.sets(st.integers(4, 25), max_size=6))
+@settings(deadline=None)
+def test_missing_beats_are_put_back(period_s, missing):
+    beats = 0.2 + period_s * np.arange(30)
+    kept = np.array([b for i, b in enumerate(beats) if i not in missing])
+    whole = filled(kept, beats[-1] + period_s / 2)
+    assert (np.diff(whole) > 0).all()
+    if not any({i, i + 1} <= missing for i in missing):
+        np.testing.assert_allclose(whole, beats, atol=1e-6)
+
+
+def test_unknown_and_absent_trackers_say_so():
+    with pytest.raises(ParameterError, match="librosa"):
+        get_beat_tracker("madmom")
+    try:
+        import beat_this  # noqa: F401
+    except ImportError:
+        with pytest.raises(ParameterError, match="extra"):
+            get_beat_tracker("beat-this")
