@@ -1,4 +1,4 @@
-"""The Random Time-Warper: motions whose warp is known, to train and measure with (ChoreoGraph, section 3.2)."""
+"""The Random Time-Warper: motions whose warp is known, for training and measuring (ChoreoGraph, 3.2)."""
 
 from __future__ import annotations
 
