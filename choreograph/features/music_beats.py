@@ -44,17 +44,22 @@ class LibrosaBeats:
     def beats(self, song: Song) -> NDArray[np.float64]:
         if song.duration_s < _MIN_DURATION_S:
             return np.zeros(0)
-        strength = _levelled(onset_envelopes(log_mel(song.samples)).mean(axis=1))  # (T,)
-        if not strength.any():
-            return np.zeros(0)
-        from librosa.beat import beat_track
-        from librosa.feature.rhythm import tempo
+        return beats_of_mel(log_mel(song.samples), song.duration_s)
 
-        rate = {"onset_envelope": strength, "sr": MUSIC_FPS, "hop_length": 1}
-        bpm = tempo(**rate, start_bpm=_PRIOR_BPM, std_bpm=_PRIOR_OCTAVES)[0]
-        _, frames = beat_track(**rate, bpm=bpm, trim=False)
-        beats = frames_to_seconds(frames, MUSIC_FPS) + _ONSET_LEAD_S
-        return filled(beats[beats < song.duration_s], song.duration_s)
+
+def beats_of_mel(log_mel: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
+    """Beats in seconds, (Q,), of log-mel (T, 96) at 60 fps; empty if nothing sounds. See `LibrosaBeats`."""
+    strength = _levelled(onset_envelopes(log_mel).mean(axis=1))  # (T,)
+    if not strength.any():
+        return np.zeros(0)
+    from librosa.beat import beat_track
+    from librosa.feature.rhythm import tempo
+
+    rate = {"onset_envelope": strength, "sr": MUSIC_FPS, "hop_length": 1}
+    bpm = tempo(**rate, start_bpm=_PRIOR_BPM, std_bpm=_PRIOR_OCTAVES)[0]
+    _, frames = beat_track(**rate, bpm=bpm, trim=False)
+    beats = frames_to_seconds(frames, MUSIC_FPS) + _ONSET_LEAD_S
+    return filled(beats[beats < duration_s], duration_s)
 
 
 class BeatThisBeats:

@@ -6,10 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from choreograph.nets.density_presets import density_config
+from choreograph.nets.density_training import train_motion_density
+from choreograph.nets.music_density_training import train_music_density
 from choreograph.nets.presets import style_config
 from choreograph.nets.style_data import StyleTake
 from choreograph.nets.style_training import train_style
+from choreograph.nets.training import TrainingPlace
 from choreograph.repertoire import NetArrays
+from choreograph.timebase import CLIP_S, MUSIC_FPS, NET_FPS
 
 if TYPE_CHECKING:
     from choreograph.pipeline.building import BuildOptions
@@ -23,7 +28,25 @@ def train_networks(
     start: Mapping[str, NetArrays] | None,
     report: Callable[[Any], None] | None,
 ) -> dict[str, NetArrays]:
-    """Networks by name."""
-    style = train_style(takes, style_config(options.preset), seed=options.seed)
-    weights, config = style.to_arrays()
-    return {"style": NetArrays(config, weights)}
+    """Networks by name: style, then the tempo-density of motion, then of music, which follows the motion's.
+
+    Each keeps NAME.pt and NAME.jsonl in `work`; with `options.resume` a complete network is taken from
+    there and an incomplete one goes on. `start` holds weights to begin with, by the same names. Without
+    a take of 8 s of music and motion there are no tempo-density networks.
+    """
+    place = TrainingPlace(work, options.resume, options.device, report or (lambda progress: None))
+    weights = {name: net.weights for name, net in (start or {}).items()}
+    common = {"seed": options.seed, "place": place}
+    nets = {"style": train_style(takes, style_config(options.preset), start=weights.get("style"), **common)}
+    if any(min(len(take.body_pos_m) / NET_FPS, len(take.log_mel) / MUSIC_FPS) >= CLIP_S for take in takes):
+        config = density_config(options.preset)
+        motion = train_motion_density(takes, config, start=weights.get("motion_density"), **common)
+        nets["motion_density"] = motion
+        nets["music_density"] = train_music_density(
+            takes, motion, config, start=weights.get("music_density"), **common
+        )
+    return {name: _stored(*net.to_arrays()) for name, net in nets.items()}
+
+
+def _stored(weights, config) -> NetArrays:
+    return NetArrays(config, weights)
