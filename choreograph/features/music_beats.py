@@ -107,7 +107,7 @@ def filled(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.
     if len(beats) < 3:
         return beats
     intervals = np.diff(beats)
-    parts = [_before(beats[0], float(np.median(intervals[:8])))]
+    parts: list[NDArray[np.float64]] = [_before(beats[0], float(np.median(intervals[:8])))]
     for i, gap in enumerate(intervals):
         near = intervals[max(0, i - 4) : i + 5]
         period = float(np.median(near))
@@ -115,7 +115,7 @@ def filled(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.
         parts.append(beats[i] + gap * np.arange(pieces) / pieces)
     period = float(np.median(intervals[-8:]))
     parts.append(np.arange(beats[-1], max(duration_s, beats[-1] + 1e-6), period))
-    return np.concatenate(parts)
+    return np.asarray(np.concatenate(parts), np.float64)
 
 
 def _before(first_s: float, period_s: float) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ network may hear the rhythm (tempogram and scale transform) of the 12 s around t
 from __future__ import annotations
 
 from dataclasses import asdict, fields
+from typing import Any
 
 import numpy as np
 import torch
@@ -91,6 +92,13 @@ class MotionStyle(nn.Module):
 
 class StyleNets(nn.Module):
     """Both embeddings, the beat-count head, and the statistics their inputs are standardised by."""
+
+    mel_mean: Tensor
+    mel_std: Tensor
+    rhythm_mean: Tensor
+    rhythm_std: Tensor
+    beats_mean: Tensor
+    beats_std: Tensor
 
     def __init__(self, config: StyleConfig) -> None:
         super().__init__()
@@ -181,14 +189,16 @@ class StyleNets(nn.Module):
         )
 
     @classmethod
-    def from_arrays(cls, arrays: dict[str, NDArray], config: dict) -> StyleNets:
+    def from_arrays(cls, arrays: dict[str, NDArray], config: dict[str, Any]) -> StyleNets:
         """The networks that `to_arrays` described; `ParameterError` if weights and config disagree."""
         known = {field.name for field in fields(StyleConfig)}
         if set(config) - known:
             raise ParameterError(
                 f"expected fields of StyleConfig, got {', '.join(sorted(set(config) - known))}"
             )
-        tuples = {name: tuple(v) if name.endswith("channels") else v for name, v in config.items()}
+        tuples: dict[str, Any] = {
+            name: tuple(v) if name.endswith("channels") else v for name, v in config.items()
+        }
         nets = cls(StyleConfig(**tuples))
         try:
             nets.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in arrays.items()})
@@ -224,6 +234,8 @@ def _conv_block(n_in: int, n_out: int) -> nn.Sequential:
 
 class _GraphBlock(nn.Module):
     """Spatio-temporal graph convolution: over a joint, its parent and its children, then over time."""
+
+    gather: Tensor
 
     def __init__(self, n_in: int, n_out: int, stride: int, dropout: float) -> None:
         super().__init__()

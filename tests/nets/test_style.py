@@ -51,7 +51,8 @@ def test_every_preset_runs_forward_and_backward(preset, music_inputs, loss):
     value = pair_loss(nets, StyleData(TAKES).batch(4, np.random.default_rng(0)))
     value.backward()
     for name, parameter in nets.named_parameters():
-        assert parameter.grad is not None and torch.isfinite(parameter.grad).all(), name
+        assert parameter.grad is not None, name
+        assert torch.isfinite(parameter.grad).all(), name
 
 
 def test_constant_embeddings_minimise_the_papers_loss_but_not_contrast():
