@@ -171,7 +171,19 @@ def _networks(
     if "style" not in nets:
         return nets, _Learned(), notes
     style = StyleNets.from_arrays(nets["style"].weights, nets["style"].config)
-    return nets, _Learned(style.embed_motion, None, style.config.beat_weight), notes
+    density = None
+    if options.density == "learned" and "motion_density" in nets:
+        from choreograph.nets.density import MotionDensity
+
+        net = nets["motion_density"]
+        estimator = MotionDensity.from_arrays(net.weights, net.config)
+
+        def density(m: MeasuredTake):
+            return estimator.take_density(m.body_pos_m)
+
+    elif options.density == "learned":
+        notes = (*notes, "no tempo-density networks: the clips carry the analytic tempo-density")
+    return nets, _Learned(style.embed_motion, density, style.config.beat_weight), notes
 
 
 def _heard(measured: MeasuredTake, index: int, total: int, report: Report | None):
