@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from choreograph.errors import ParameterError
@@ -19,53 +19,45 @@ from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 SIDES = ("left", "right")
-_ONTO_FLOOR_M = 0.06  # a standing foot is put on the floor from at most this height
-_SAME_PLACE_M = 0.06  # a point that strays farther from its mean place slides on purpose, or steps
+_RETURN_S = 0.7  # in which a foot that is moved comes back to its own place; longer holds may drift
+_SMOOTH_S = 0.2  # over which a shift comes and goes: shorter adds motion beats that nobody danced
+_ORDER = 3  # the derivative of the shift that is kept small: jerk
+_LIFT_S = 0.15  # to each side, for a foot that would go under the floor
 _STRETCH = 0.997  # of the leg's length: beyond, the root comes down to the foot
 
 
-def lock_feet(motion: Motion, contacts: Bools, *, ease_s: float = 0.15, floor_m: float = 0.0) -> Motion:
-    """The motion with every foot in contact held at one place for the whole contact.
+def lock_feet(motion: Motion, contacts: NDArray[np.generic], *, floor_m: float = 0.0) -> Motion:
+    """The motion with the feet held where they stand, as far as that adds no jerk.
 
     Parameters
     ----------
     motion : on any rig whose joints are known by name
-    contacts : bool array (T, 4)   as `foot_contacts` gives them: left ankle, left foot, right ...
-    ease_s : float                 time in which a correction comes and goes outside contacts
-    floor_m : float                height of the floor
+    contacts : float or bool array (T, 4)   0 to 1, how surely left ankle, left foot (ball), right
+                                            ankle and right foot are at rest, as of `foot_contacts`
+    floor_m : float                         height of the floor
 
-    A foot is held by its ball, or by its ankle where only that is at rest, at the place that needs
-    the smallest corrections (the mean); a contact that strays is held in its still parts.
     Feet keep their world rotation, so a flat foot stays flat, and no point of a sole goes under the
-    floor. If a leg is too short, the root comes down a little.
+    floor. If a leg is too short, the root comes down a little. ChoreoGraph does not lock feet.
 
-    Raises `ParameterError` if shapes disagree or the rig's names are unknown.
+    Raises `ParameterError` if shapes disagree, a contact is outside 0 to 1, or the rig's names are unknown.
     """
+    contacts = np.asarray(contacts, np.float64)
     if contacts.shape != (motion.n_frames, 4):
         raise ParameterError(f"expected contacts ({motion.n_frames}, 4), got {contacts.shape}")
-    if ease_s <= 0:
-        raise ParameterError(f"expected ease_s above 0, got {ease_s}")
+    if not ((contacts >= 0) & (contacts <= 1)).all():
+        raise ParameterError("expected contacts from 0 to 1, got values outside")
     skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
     pos_m, turns = forward(skeleton, motion.root_pos_m, motion.local_quat)
-    ease = max(2, round(ease_s * motion.fps))
+    ease = max(2, round(_LIFT_S * motion.fps))
     targets = {}
     for index, side in enumerate(SIDES):
-        soles = foot_sole_pos_m(skeleton, pos_m, turns, side)
-        shift = _holding_shift(
-            pos_m,
-            roles,
-            side,
-            contacts[:, 2 * index : 2 * index + 2],
-            ease,
-            floor_m,
-            soles[..., 1].min(axis=1),
-        )
-        lowest = (soles[..., 1] + shift[:, None, 1]).min(axis=1) - floor_m  # (T,)
-        shift[:, 1] += _smooth_cover(np.maximum(-lowest, 0.0), ease)
-        targets[side] = pos_m[:, roles[f"{side}_ankle"]] + shift
+        ankle = roles[f"{side}_ankle"]
+        points_m = pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]]  # (T, 2, 3)
+        shift = _holding_shift(points_m, contacts[:, 2 * index : 2 * index + 2], motion.fps)
+        shift[:, 1] = _lift(foot_sole_pos_m(skeleton, pos_m, turns, side), floor_m, ease)
+        targets[side] = pos_m[:, ankle] + shift
     drop = _root_drop(pos_m, roles, targets, ease)
     root_pos_m = motion.root_pos_m - drop[:, None] * [0.0, 1.0, 0.0]
     pos_m = pos_m - drop[:, None, None] * [0.0, 1.0, 0.0]
@@ -74,93 +66,39 @@ def lock_feet(motion: Motion, contacts: Bools, *, ease_s: float = 0.15, floor_m:
     return replace(motion, root_pos_m=root_pos_m, local_quat=rot.make_continuous(to_local(skeleton, turns)))
 
 
-def _runs(flags: Bools) -> Iterator[tuple[int, int]]:
-    """(start, stop) of the runs of true frames."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+def _holding_shift(points_m: Floats, contacts: Floats, fps: float) -> Floats:
+    """How far a foot is moved each frame, (T, 3): the smoothest small shift that stops it in contacts.
 
-
-def _still_parts(start: int, stop: int, point: Floats, ease: int) -> Iterator[tuple[int, int, Floats]]:
-    """The contact itself if the point stays near one place, else its parts around the quickest moment."""
-    if stop - start < 2:
-        return
-    inside = point[start:stop, [0, 2]]
-    if np.linalg.norm(inside - inside.mean(axis=0), axis=-1).max() <= _SAME_PLACE_M:
-        yield start, stop, point
-        return
-    quickest = start + int(np.argmax(np.linalg.norm(np.diff(inside, axis=0), axis=-1)))
-    yield from _still_parts(start, quickest + 1 - ease, point, ease)
-    yield from _still_parts(quickest + 1 + ease, stop, point, ease)
-
-
-def _holding_shift(
-    pos_m: Floats,
-    roles: dict[str, int],
-    side: str,
-    contacts: Bools,
-    ease: int,
-    floor_m: float,
-    sole_y_m: Floats,
-) -> Floats:
-    """How far the foot is moved each frame, (T, 3): exact in contacts, eased outside."""
-    ankle, ball = (
-        pos_m[:, roles[f"{side}_ankle"]],
-        pos_m[:, roles.get(f"{side}_foot", roles[f"{side}_ankle"])],
-    )
-    holds = [(start, stop, ball) for start, stop in _runs(contacts[:, 1])]
-    taken = np.convolve(contacts[:, 1], np.ones(2 * ease + 1), mode="same")[: len(contacts)] > 0
-    holds += [(start, stop, ankle) for start, stop in _runs(contacts[:, 0] & ~taken)]
-    shift = np.zeros((len(pos_m), 3))
-    held = np.zeros(len(pos_m), bool)
-    for start, stop, point in [part for hold in holds for part in _still_parts(*hold, ease)]:
-        place = point[start:stop].mean(axis=0)
-        over = float(np.median(sole_y_m[start:stop])) - floor_m
-        if over < _ONTO_FLOOR_M:
-            place[1] -= over
-        shift[start:stop] = place - point[start:stop]
-        held[start:stop] = True
-    return _eased(shift, held, ease)
-
-
-def _eased(shift: Floats, held: Bools, ease: int) -> Floats:
-    """Fill the frames that are not held: from one hold to the next, or down to nothing and up again.
-
-    Cubic, with the slope that the correction has where a hold begins or ends, so speed never jumps.
+    `points_m` (T, P, 3) are points of the foot, `contacts` (T, P) how surely each is at rest. Of all
+    shifts d, with v the points' velocities, it has the least sum of contact * |v + d'|^2 + a * |d|^2
+    + b * |third derivative of d|^2: one banded system, in which nothing begins or ends at a frame.
     """
-    n_frames = len(shift)
-    for start, stop in list(_runs(~held)):
-        before = (shift[start - 1], _slope(shift, start - 1, -1, held)) if start > 0 else None
-        after = (shift[stop], _slope(shift, stop, 1, held)) if stop < n_frames else None
-        if before and after and stop - start < 2 * ease:
-            shift[start:stop] = _cubic(*before, *after, stop - start + 1)[1:-1]
-            continue
-        rest = np.zeros(3)
-        if before:
-            end = min(start + ease, stop)
-            shift[start:end] = _cubic(*before, rest, rest, ease + 1)[1 : end - start + 1]
-        if after:
-            begin = max(stop - ease, start)
-            shift[begin:stop] = _cubic(rest, rest, *after, ease + 1)[begin - stop - 1 : -1]
-    return shift
+    n_frames = len(points_m)
+    if n_frames <= _ORDER:
+        return np.zeros((n_frames, 3))
+    surely = np.minimum(contacts[1:], contacts[:-1])  # (T-1, P)
+    pull = _RETURN_S**-2
+    bands = np.zeros((_ORDER + 1, n_frames))
+    bands[0] = pull
+    _add_differences(bands, surely.sum(axis=1) * fps**2, 1)
+    bending = pull * (_SMOOTH_S * fps) ** (2 * _ORDER)
+    _add_differences(bands, np.full(n_frames - _ORDER, bending), _ORDER)
+    steps = np.einsum("tp,tpi->ti", surely, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
+    wanted = np.diff(steps, axis=0, prepend=0.0, append=0.0)  # (T, 3)
+    return solveh_banded(bands, wanted, lower=True)
 
 
-def _slope(shift: Floats, frame: int, towards: int, held: Bools) -> Floats:
-    """Change of the correction per frame at the end of a hold, from the frames inside it."""
-    inside = frame + towards
-    if not (0 <= inside < len(shift) and held[inside]):
-        return np.zeros(3)
-    return (shift[inside] - shift[frame]) * towards
+def _add_differences(bands: Floats, weights: Floats, order: int) -> None:
+    """Add the sum of weights * (difference of that order)^2 to a symmetric matrix in lower bands."""
+    taps = np.diff(np.eye(1, 2 * order + 1, order), n=order)[0]  # 1, -order, ...
+    for i, a in enumerate(taps):
+        for j, b in enumerate(taps[i:], start=i):
+            bands[j - i, i : i + len(weights)] += weights * a * b
 
 
-def _cubic(p0: Floats, v0: Floats, p1: Floats, v1: Floats, steps: int) -> Floats:
-    """Hermite curve (steps + 1, 3) between two places; speeds are per step."""
-    t = np.linspace(0.0, 1.0, steps + 1)[:, None]
-    return (
-        (2 * t**3 - 3 * t**2 + 1) * p0
-        + (t**3 - 2 * t**2 + t) * steps * v0
-        + (3 * t**2 - 2 * t**3) * p1
-        + (t**3 - t**2) * steps * v1
-    )
+def _lift(sole_m: Floats, floor_m: float, ease: int) -> Floats:
+    """How far a foot goes up, (T,), so that no point of its sole (T, F, 3) is under the floor."""
+    return _smooth_cover(np.maximum(floor_m - sole_m[..., 1].min(axis=1), 0.0), ease)
 
 
 def _smooth_cover(amount: Floats, ease: int) -> Floats:
