@@ -41,3 +41,15 @@ def on_other_axes(motion: Motion, seed: int) -> Motion:
     tips = rot.rotate(inward[skeleton.tip_parents], skeleton.tips_m)
     other = Skeleton(skeleton.names, skeleton.parents, offsets, skeleton.tip_parents, tips)
     return replace(motion, skeleton=other, local_quat=rot.make_continuous(to_local(other, world)))
+
+
+def stepping(n_frames: int, *, fps: float = 30.0, period_s: float = 0.5, seed: int = 0) -> Motion:
+    """A body that comes to rest all over at 0, `period_s`, 2 `period_s`, … and swings between."""
+    rng = np.random.default_rng(seed)
+    skeleton = canonical_skeleton()
+    turn = np.cos(np.pi * np.arange(n_frames) / fps / period_s)  # (T,) its speed is 0 at every period
+    swing = rng.normal(scale=0.15, size=(skeleton.n_joints, 3))
+    swing[0] *= 0.3
+    rotvec = turn[:, None, None] * swing  # (T, J, 3)
+    root = np.array([0.0, 0.9, 0.0]) + turn[:, None] * np.array([0.08, 0.01, 0.05])
+    return Motion(skeleton, root, rot.make_continuous(rot.from_rotvec(rotvec)), fps)

@@ -1,0 +1,101 @@
+"""The built-in costs against scalar readings of their formulas."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from planted_layers import random_source
+
+from choreograph.graph import Completeness, Cost, Rhythm, Style, Transition, Velocity
+
+
+@pytest.fixture(params=range(3))
+def layers(request):
+    source, music = random_source(request.param)
+    return source.layer(3), source.layer(4), music
+
+
+def completeness_by_hand(a, b, i, j) -> float:
+    if a.segment[i] != b.segment[j] or a.offset[i] + 1 != b.offset[j]:
+        return 1.0
+    last = 0.0 if math.isnan(a.last_beat[i]) else float(a.last_beat[i])
+    first = 20.0 if math.isnan(b.first_beat[j]) else float(b.first_beat[j])
+    gap = (20.0 - last) + first
+    return 1.0 / (1.0 + math.exp(-(20.0 - gap) / 5.0))
+
+
+def test_completeness_is_the_formula_pair_by_pair(layers):
+    a, b, music = layers
+    cost = Completeness().edge(a, b, music)
+    by_hand = [[completeness_by_hand(a, b, i, j) for j in range(b.n_nodes)] for i in range(a.n_nodes)]
+    assert np.allclose(cost, by_hand, atol=1e-6)
+    assert (cost < 1).sum() == len(a.successors_in(b)[0]) == 12  # 4 segments each of 3 ages play on
+
+
+def test_transition_is_the_rms_joint_distance_and_zero_for_successors(layers):
+    a, b, music = layers
+    cost = Transition().edge(a, b, music)
+    differences = a.last_pose_m[:, None] - b.first_pose_m[None]  # (P, N, 21, 3)
+    assert np.allclose(cost, np.sqrt((differences**2).sum(-1).mean(-1)), atol=2e-3)
+    here, there = a.successors_in(b)
+    assert cost[here, there].max() < 5e-3
+    others = np.ones(cost.shape, bool)
+    others[here, there] = False
+    assert cost[others].min() > 0.1
+
+
+def test_velocity_is_the_rms_difference_of_velocities(layers):
+    a, b, music = layers
+    differences = a.last_velocity_m_s[:, None] - b.first_velocity_m_s[None]
+    cost = Velocity().edge(a, b, music)
+    assert np.allclose(cost, np.sqrt((differences**2).sum(-1).mean(-1)), rtol=1e-3, atol=0.05)
+
+
+def test_style_and_rhythm(layers):
+    a, _, music = layers
+    by_hand = [math.dist(style, music.style[3]) for style in a.style]
+    assert np.allclose(Style().node(a, music), by_hand, rtol=1e-5)
+    assert np.allclose(Rhythm().node(a, music), a.off_beat + a.fit)
+
+
+def test_successors_are_the_pairs_of_one_segment_one_quarter_apart(layers):
+    a, b, _ = layers
+    pairs = {(int(i), int(j)) for i, j in zip(*a.successors_in(b), strict=True)}
+    by_hand = {
+        (i, j)
+        for i in range(a.n_nodes)
+        for j in range(b.n_nodes)
+        if a.segment[i] == b.segment[j] and a.offset[i] + 1 == b.offset[j]
+    }
+    assert pairs == by_hand
+    # Also when nodes were forbidden on either side.
+    few_a, few_b = a.chosen(a.offset != 1), b.chosen(np.arange(b.n_nodes) % 3 == 0)
+    for i, j in zip(*few_a.successors_in(few_b), strict=True):
+        assert few_a.segment[i] == few_b.segment[j]
+        assert few_a.offset[i] + 1 == few_b.offset[j]
+
+
+def test_a_layer_holds_the_segments_of_its_last_four_seconds():
+    source, _ = random_source(0, n_seconds=6, k=4)
+    assert [source.layer(s).n_nodes for s in range(6)] == [4, 8, 12, 16, 16, 16]
+    layer = source.layer(5)
+    assert set(layer.segment // 4) == {2, 3, 4, 5}
+    assert np.array_equal(layer.segment // 4 + layer.offset, np.full(16, 5))
+    assert layer.source_frames.shape == (16, 21)
+    assert set(layer.take_names) <= {"left", "right"}
+
+
+def test_a_cost_is_called_by_its_class_or_by_its_own_name():
+    class LowPoses(Cost):
+        pass
+
+    class Another(Cost):
+        name = "other"
+
+    assert LowPoses.name == "lowposes"
+    assert Another.name == "other"
+    source, music = random_source(0)
+    assert Another().node(source.layer(0), music) is None
+    assert Another().edge(source.layer(0), source.layer(1), music) is None

@@ -1,0 +1,225 @@
+"""Planners: the exact path is the cheapest there is, and what is forbidden is not danced."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planted_layers import random_source
+
+from choreograph.config import DEFAULT_WEIGHTS
+from choreograph.errors import NoPathError, ParameterError
+from choreograph.graph import BUILTIN_COSTS, Cost, WeightedCost, plan_exact, plan_greedy
+from choreograph.graph.motion_graph import plan_motion_graph
+
+BUILTIN = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]
+
+
+class RandomCost(Cost):
+    """Any price on anything, by node identity, so that it is the same however layers are cut."""
+
+    def __init__(self, seed: int, low: float = 0.0, forbidden: float = 0.0) -> None:
+        self.seed, self.low, self.forbidden = seed, low, forbidden
+
+    def _table(self, layer, width):
+        rng = np.random.default_rng([self.seed, layer.second])
+        table = rng.uniform(self.low, 1.0, (128, width))
+        table[rng.random(table.shape) < self.forbidden] = np.inf
+        return table
+
+    def node(self, layer, music):
+        return self._table(layer, 1)[layer.segment, 0]
+
+    def edge(self, previous, next, music):
+        return self._table(next, 128)[np.ix_(previous.segment, next.segment)]
+
+
+class Forbids(Cost):
+    """Forbids nodes of a take, or all edges into a second."""
+
+    def __init__(self, take: str | None = None, second: int | None = None, *, edges: bool = False) -> None:
+        self.take, self.second, self.edges = take, second, edges
+
+    def node(self, layer, music):
+        if self.edges:
+            return None
+        hit = (layer.take_names == self.take) | (layer.second == self.second)
+        return np.where(hit, np.inf, 0.0)
+
+    def edge(self, previous, next, music):
+        if not self.edges:
+            return None
+        return np.full((previous.n_nodes, next.n_nodes), np.inf if next.second == self.second else 0.0)
+
+
+def cheapest_by_trying_all(source, costs, music) -> float:
+    layers = [source.layer(second) for second in range(source.n_seconds)]
+    nodes = [
+        sum(np.nan_to_num(w.weight * w.cost.node(la, music), posinf=np.inf) for w in costs) for la in layers
+    ]
+    edges = [sum(w.weight * w.cost.edge(a, b, music) for w in costs) for a, b in itertools.pairwise(layers)]
+    totals = [
+        sum(node[i] for node, i in zip(nodes, path, strict=True))
+        + sum(edge[i, j] for edge, (i, j) in zip(edges, itertools.pairwise(path), strict=True))
+        for path in itertools.product(*(range(layer.n_nodes) for layer in layers))
+    ]
+    return min(totals)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**31))
+def test_exact_is_never_costlier_than_greedy(seed):
+    source, music = random_source(seed, n_seconds=8, k=5)
+    costs = [*BUILTIN, WeightedCost(RandomCost(seed, low=-1.0), 0.7)]
+    exact, greedy = plan_exact(source, costs, music), plan_greedy(source, costs, music)
+    assert exact.total <= greedy.total + 1e-4
+    for path in (exact, greedy):
+        assert [node.second for node in path.nodes] == list(range(8))
+        assert all(node.n_nodes == 1 for node in path.nodes)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**31), st.sampled_from([0.0, -2.0]), st.sampled_from([0.0, 0.1]))
+def test_exact_is_the_best_of_all_paths(seed, low, forbidden):
+    source, music = random_source(seed, n_seconds=5, k=2, n_clips=3)
+    costs = [WeightedCost(RandomCost(seed, low, forbidden), 1.0)]
+    best = cheapest_by_trying_all(source, costs, music)
+    if np.isfinite(best):
+        assert plan_exact(source, costs, music).total == pytest.approx(best, abs=1e-5)
+    else:
+        with pytest.raises(NoPathError):
+            plan_exact(source, costs, music)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_leaving_out_hopeless_predecessors_changes_nothing(seed):
+    # More than 16 nodes a layer, so that there are predecessors besides the scouts; costs that are
+    # the same but for a constant, below zero in one case, have the same best path.
+    source, music = random_source(seed, n_seconds=7, k=12, n_clips=14)
+
+    class Lowered(RandomCost):
+        name = "random"
+
+        def edge(self, previous, next, music):
+            return super().edge(previous, next, music) - 5.0
+
+    pruned = plan_exact(source, [WeightedCost(RandomCost(seed), 1.0)], music)
+    full = plan_exact(source, [WeightedCost(Lowered(seed), 1.0)], music)
+    assert full.total == pytest.approx(pruned.total - 6 * 5.0, abs=1e-4)
+    assert [n.segment[0] for n in full.nodes] == [n.segment[0] for n in pruned.nodes]
+
+
+def test_an_edge_below_zero_from_a_dear_node_is_found():
+    # Only nodes dear enough not to be tried first have a negative edge: leaving them out would lose.
+    source, music = random_source(1, n_seconds=2, k=40, n_clips=40)
+
+    class Bait(Cost):
+        def node(self, layer, music):
+            return np.where(layer.segment == 39, 5.0, 0.0) if layer.second == 0 else np.zeros(layer.n_nodes)
+
+        def edge(self, previous, next, music):
+            return np.where(previous.segment[:, None] == 39, -10.0, np.zeros((1, next.n_nodes)))
+
+    path = plan_exact(source, [WeightedCost(Bait(), 1.0)], music)
+    assert path.total == pytest.approx(-5.0)
+    assert path.nodes[0].segment[0] == 39
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
+def test_totals_are_the_sums_of_what_each_second_paid(planner):
+    source, music = random_source(4)
+    path = planner(source, BUILTIN, music)
+    for second, (node, paid) in enumerate(zip(path.nodes, path.costs, strict=True)):
+        for w in BUILTIN:
+            value = w.cost.node(node, music)
+            expected = 0.0 if value is None else w.weight * float(value[0])
+            if second and (edge := w.cost.edge(path.nodes[second - 1], node, music)) is not None:
+                expected += w.weight * float(edge[0, 0])
+            assert paid[w.cost.name] == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy, plan_motion_graph])
+def test_a_forbidden_take_is_not_danced(planner):
+    source, music = random_source(2, n_seconds=8)
+    path = planner(source, [*BUILTIN, WeightedCost(Forbids(take="left"), 1.0)], music)
+    assert {str(node.take_names[0]) for node in path.nodes} == {"right"}
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
+@pytest.mark.parametrize("edges", [True, False])
+def test_the_second_that_cannot_be_danced_is_named(planner, edges):
+    source, music = random_source(2)
+    with pytest.raises(NoPathError, match="second 3") as said:
+        planner(source, [*BUILTIN, WeightedCost(Forbids(second=3, edges=edges), 1.0)], music)
+    assert "\n" not in str(said.value)
+
+
+def test_exact_walks_round_a_dead_end_that_greedy_falls_into():
+    source, music = random_source(0, n_seconds=2, k=2)
+
+    class DeadEnd(Cost):
+        def node(self, layer, music):
+            return np.where(layer.segment == 0, 0.0, 1.0)
+
+        def edge(self, previous, next, music):
+            return np.where(previous.segment[:, None] == 0, np.inf, np.zeros((1, next.n_nodes)))
+
+    costs = [WeightedCost(DeadEnd(), 1.0)]
+    with pytest.raises(NoPathError):
+        plan_greedy(source, costs, music)
+    assert plan_exact(source, costs, music).total == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
+@pytest.mark.parametrize("method", ["node", "edge"])
+@pytest.mark.parametrize("fault", ["nan", "shape"])
+def test_a_faulty_cost_is_named(planner, method, fault):
+    class Faulty(Cost):
+        pass
+
+    def node(self, layer, music):
+        return np.full(layer.n_nodes, np.nan) if fault == "nan" else np.zeros(layer.n_nodes + 1)
+
+    def edge(self, previous, next, music):
+        shape = (previous.n_nodes, next.n_nodes)
+        return np.full(shape, np.nan) if fault == "nan" else np.zeros((shape[0], shape[1] + 1))
+
+    setattr(Faulty, method, node if method == "node" else edge)
+    source, music = random_source(0)
+    with pytest.raises(ParameterError, match="'faulty'"):
+        planner(source, [*BUILTIN, WeightedCost(Faulty(), 1.0)], music)
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
+def test_a_weight_of_zero_leaves_a_cost_out(planner):
+    source, music = random_source(5)
+    with_it = planner(source, [*BUILTIN, WeightedCost(Forbids(second=2), 0.0)], music)
+    without = planner(source, BUILTIN, music)
+    assert with_it.total == pytest.approx(without.total)
+    assert with_it.costs[2]["forbids"] == 0.0
+
+
+def test_one_second_is_a_path():
+    source, music = random_source(0, n_seconds=1)
+    assert plan_exact(source, BUILTIN, music).total == pytest.approx(
+        plan_greedy(source, BUILTIN, music).total
+    )
+
+
+def test_progress_is_reported_to_the_end():
+    source, music = random_source(0)
+    seen = []
+    plan_exact(source, BUILTIN, music, report=lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (6, 6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_motion_graph_walks_on_first_seconds_only(seed):
+    source, music = random_source(seed, n_seconds=9)
+    path = plan_motion_graph(source, BUILTIN, music)
+    assert [node.second for node in path.nodes] == list(range(9))
+    assert all(node.offset[0] == 0 for node in path.nodes)
+    assert all(set(paid) == {"transition"} for paid in path.costs)

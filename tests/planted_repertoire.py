@@ -1,0 +1,65 @@
+"""A small repertoire without networks, from takes whose every beat is known, and songs of clicks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import soundfile
+from planted_dances import stepping
+
+from choreograph.features.density import motion_density
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.motion.body import body_pos_m
+from choreograph.repertoire import Contents, Repertoire, write_repertoire
+from choreograph.repertoire.contents import MeasuredTake, to_arrays
+from choreograph.takes import Credits, Take
+from choreograph.timebase import NET_FPS, SAMPLE_RATE_HZ
+
+PERIODS_S = (0.5, 0.6, 0.75)
+
+
+def planted_takes(
+    *,
+    periods_s: Sequence[float] = PERIODS_S,
+    duration_s: float = 30.0,
+    genres: Sequence[str] = ("a", "b", "c"),
+) -> list[MeasuredTake]:
+    """One take a period, coming to rest once every period, with styles that tell them apart."""
+    takes = []
+    for index, period_s in enumerate(periods_s):
+        motion = stepping(round(duration_s * 30), period_s=period_s, seed=index)
+        credits = Credits(genres[index % len(genres)], f"dancer {index}", "CC0", "planted")
+        take = Take(f"take{index}", motion, credits, song_name=f"song{index}", notes=("planted",))
+        beats_s = motion_beat_times_s(body_pos_m(motion), motion.fps)
+        takes.append(MeasuredTake(take, body_pos_m(motion.resampled(NET_FPS)).astype(np.float32), beats_s))
+    return takes
+
+
+def planted_contents(takes: Sequence[MeasuredTake] | None = None) -> Contents:
+    """What a repertoire of the takes holds, densities analytic, styles random but the same each time."""
+    takes = planted_takes() if takes is None else takes
+    rng = np.random.default_rng(7)
+    arrays = to_arrays(
+        takes,
+        embed_motion=lambda pos, starts: rng.normal(size=(len(starts), 32)).astype(np.float32),
+        density=lambda m: motion_density(len(m.body_pos_m), m.motion_beats_s),
+        checksums=[(f"{m.take.name}.bvh", "0" * 64, i) for i, m in enumerate(takes)],
+    )
+    return Contents(arrays, "analytic", {"preset": "planted", "selection_beat_weight": 0.1})
+
+
+def planted_repertoire(path: Path, takes: Sequence[MeasuredTake] | None = None) -> Repertoire:
+    """The repertoire of the takes, written to `path` and opened."""
+    write_repertoire(path, planted_contents(takes))
+    return Repertoire.open(path)
+
+
+def write_clicks(path: Path, *, duration_s: float, bpm: float = 120.0) -> Path:
+    """A song of one click a beat from 0 s on."""
+    times = np.arange(int(round(duration_s * SAMPLE_RATE_HZ))) / SAMPLE_RATE_HZ
+    since = times % (60.0 / bpm)
+    samples = 0.6 * np.exp(-since / 0.02) * np.sin(2 * np.pi * 880 * since)
+    soundfile.write(path, samples.astype(np.float32), SAMPLE_RATE_HZ)
+    return path
