@@ -28,7 +28,9 @@ _LIFT_S = 0.15  # to each side, for a foot that would go under the floor
 _STRETCH = 0.997  # of the leg's length: beyond, the root comes down to the foot
 
 
-def lock_feet(motion: Motion, contacts: NDArray[np.generic], *, floor_m: float = 0.0) -> Motion:
+def lock_feet(
+    motion: Motion, contacts: NDArray[np.floating] | NDArray[np.bool_], *, floor_m: float = 0.0
+) -> Motion:
     """The motion with the feet held where they stand, as far as that adds no jerk.
 
     Parameters
@@ -43,10 +45,10 @@ def lock_feet(motion: Motion, contacts: NDArray[np.generic], *, floor_m: float =
 
     Raises `ParameterError` if shapes disagree, a contact is outside 0 to 1, or the rig's names are unknown.
     """
-    contacts = np.asarray(contacts, np.float64)
-    if contacts.shape != (motion.n_frames, 4):
-        raise ParameterError(f"expected contacts ({motion.n_frames}, 4), got {contacts.shape}")
-    if not ((contacts >= 0) & (contacts <= 1)).all():
+    surely: Floats = np.asarray(contacts, np.float64)
+    if surely.shape != (motion.n_frames, 4):
+        raise ParameterError(f"expected contacts ({motion.n_frames}, 4), got {surely.shape}")
+    if not ((surely >= 0) & (surely <= 1)).all():
         raise ParameterError("expected contacts from 0 to 1, got values outside")
     skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
     pos_m, turns = forward(skeleton, motion.root_pos_m, motion.local_quat)
@@ -55,7 +57,7 @@ def lock_feet(motion: Motion, contacts: NDArray[np.generic], *, floor_m: float =
     for index, side in enumerate(SIDES):
         ankle = roles[f"{side}_ankle"]
         points_m = pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]]  # (T, 2, 3)
-        shift = _holding_shift(points_m, contacts[:, 2 * index : 2 * index + 2], motion.fps)
+        shift = _holding_shift(points_m, surely[:, 2 * index : 2 * index + 2], motion.fps)
         shift[:, 1] = _lift(foot_sole_pos_m(skeleton, pos_m, turns, side), floor_m, ease)
         targets[side] = pos_m[:, ankle] + shift
     drop = _root_drop(pos_m, roles, targets, ease)
