@@ -1,51 +1,57 @@
-"""Compiled loops of the planner: distances from a matrix product, and the cheapest predecessor."""
+"""Compiled loops of the planner: distances from a matrix product, and the cheapest predecessor.
+
+One thread: a block of edges fits the cache, and is done before a second thread would have woken.
+"""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def root_of_differences(product, sq_a, sq_b, scale):  # pragma: no cover - compiled
     """√(scale · max(0, |a|² + |b|² - 2 a·b)) in place of a·b, (P, N) float32."""
     n_a, n_b = product.shape
-    for i in prange(n_a):
+    for i in range(n_a):
         for j in range(n_b):
-            d = sq_a[i] + sq_b[j] - np.float32(2.0) * product[i, j]
-            product[i, j] = np.sqrt(max(d, np.float32(0.0)) * scale)
+            d = (sq_a[i] + sq_b[j] - np.float32(2.0) * product[i, j]) * scale
+            product[i, j] = np.sqrt(d if d > np.float32(0.0) else np.float32(0.0))
     return product
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def add_scaled(total, cost, weight):  # pragma: no cover - compiled
-    """total += weight · cost in place, (P, N) float32; True if every entry of cost is ≥ 0 and no nan."""
+    """total += weight · cost in place, (P, N) float32; the least entry of each row of cost, nan if one is."""
     n_a, n_b = total.shape
-    sound = np.ones(n_a, np.bool_)
-    for i in prange(n_a):
-        good = True
+    least = np.empty(n_a, np.float32)
+    for i in range(n_a):
+        low = np.float32(np.inf)
+        unordered = 0
         for j in range(n_b):
             c = cost[i, j]
-            good = good and c >= 0
+            unordered += c != c
+            low = c if c < low else low
             total[i, j] += weight * c
-        sound[i] = good
-    return sound.all()
+        least[i] = np.float32(np.nan) if unordered else low
+    return least
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
-    """min and argmin over i of reached[i] + edges[i, j]: (N,) float64 and (N,) int64."""
+    """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32; float32 in."""
     n_a, n_b = edges.shape
-    best = np.full(n_b, np.inf)
-    who = np.zeros(n_b, np.int64)
-    block = 256
-    for b in prange((n_b + block - 1) // block):
-        stop = min(n_b, (b + 1) * block)
+    who = np.zeros(n_b, np.int32)
+    block = 512
+    for b in range((n_b + block - 1) // block):
+        best = np.full(block, np.float32(np.inf))
+        first = b * block
+        width = min(block, n_b - first)
         for i in range(n_a):
             r = reached[i]
-            for j in range(b * block, stop):
-                c = r + edges[i, j]
+            for j in range(width):
+                c = r + edges[i, first + j]
                 if c < best[j]:
                     best[j] = c
-                    who[j] = i
-    return best, who
+                    who[first + j] = i
+    return who

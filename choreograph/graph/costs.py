@@ -16,10 +16,12 @@ class Cost:
     """A price on nodes, on edges, or on both; subclass it and override what you need.
 
     `name` is what plans, weights and errors call it; by default the class' name in lower case.
-    Values are of any unit (a weight brings them to scale); `inf` forbids, `nan` is an error.
+    Values are of any unit (a weight brings them to scale); `inf` forbids, `nan` is an error. Say
+    `edges_nonnegative = True` if no edge is ever below 0: the exact planner then need not look at all.
     """
 
     name: str = ""
+    edges_nonnegative: bool = False
 
     def __init_subclass__(cls, **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
@@ -50,6 +52,8 @@ class Completeness(Cost):
     the two joined seconds, section 3.3.
     """
 
+    edges_nonnegative = True
+
     def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
         cost = np.ones((previous.n_nodes, next.n_nodes), np.float32)
         here, there = previous.successors_in(next)
@@ -68,12 +72,16 @@ class Transition(Cost):
     are at distance 0. The first node costs nothing.
     """
 
+    edges_nonnegative = True
+
     def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
         return _rms_distances(previous.last_pose_m, next.first_pose_m)
 
 
 class Velocity(Cost):
     """Root mean square difference of joint velocities at the border, m/s; ours, not the paper's."""
+
+    edges_nonnegative = True
 
     def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
         return _rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)

@@ -16,7 +16,7 @@ from choreograph.graph.layers import Layer, LayerSource
 Floats = NDArray[np.floating]
 Report = Callable[[int, int], None]  # seconds planned, seconds in all
 
-_SCOUTS = 16  # cheapest predecessors tried first, to bound the rest
+_BLOCK = 128  # predecessors whose edges are priced at once: 1 MB at 2,048 nodes
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def plan_greedy(
     keys = [int(here.segment[0] * 4 + here.offset[0])]
     for second in range(1, source.n_seconds):
         layer, node_cost = _allowed(source.layer(second), costs, music)
-        total = node_cost + _edges(here, layer, costs, music)[0][0]
+        total = node_cost + _edges(here, layer, costs, music)[0]
         if not np.isfinite(total).any():
             raise NoPathError(f"no allowed way into second {second}: every edge is forbidden")
         here = layer.chosen(np.array([np.argmin(total)]))
@@ -123,12 +123,11 @@ def _terms(costs, evaluate, shape):
 
 def _edges(
     previous: Layer, following: Layer, costs: Sequence[WeightedCost], music: Music
-) -> tuple[NDArray[np.float32], bool]:
-    """Weighted edge costs (P, N) float32, and whether none is negative."""
+) -> NDArray[np.float32]:
+    """Weighted edge costs (P, N) float32."""
     from choreograph.graph._kernels import add_scaled
 
     total = np.zeros((previous.n_nodes, following.n_nodes), np.float32)
-    nonnegative = True
     for weighted in costs:
         if weighted.weight == 0:
             continue
@@ -138,11 +137,12 @@ def _edges(
         value = np.asarray(value, np.float32)
         if value.shape != total.shape:
             raise ParameterError(f"cost {weighted.cost.name!r} must return {total.shape}, got {value.shape}")
-        sound = add_scaled(total, value, np.float32(weighted.weight))
-        if not sound and np.isnan(value).any():
+        least = add_scaled(total, value, np.float32(weighted.weight)).min(initial=np.inf)
+        if np.isnan(least):
             raise ParameterError(f"cost {weighted.cost.name!r} returned nan")
-        nonnegative = nonnegative and bool(sound) and weighted.weight > 0
-    return total, nonnegative
+        if least < 0 and weighted.cost.edges_nonnegative:
+            raise ParameterError(f"cost {weighted.cost.name!r} says edges_nonnegative, but returned {least:g}")
+    return total
 
 
 def _step(
@@ -154,26 +154,32 @@ def _step(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Cheapest way into every node of `following`, and from where.
 
-    With no negative edge, a predecessor already dearer than the dearest way found from a few cheap
-    ones cannot win, and its edges need not be computed. Exact: the answer is that of all edges.
+    Predecessors come cheapest first, in blocks that grow. With no negative edge, one that is already
+    dearer than the best way found into a node cannot improve it: such rows and columns of the edges
+    are never computed. Exact: the answer is that of all edges.
     """
     from choreograph.graph._kernels import cheapest_predecessor
 
     order = np.argsort(reached, kind="stable")
     order = order[np.isfinite(reached[order])]
-    scouts = order[:_SCOUTS]
-    edges, nonnegative = _edges(layer.chosen(scouts), following, costs, music)
-    best, who = cheapest_predecessor(reached[scouts], edges)
-    who = scouts[who]
-    rest = order[_SCOUTS:]
-    if nonnegative:
-        rest = rest[reached[rest] < best.max()]
-    if len(rest):
-        edges, _ = _edges(layer.chosen(rest), following, costs, music)
-        rest_best, rest_who = cheapest_predecessor(reached[rest], edges)
-        better = rest_best < best
-        best = np.where(better, rest_best, best)
-        who = np.where(better, rest[rest_who], who)
+    best = np.full(following.n_nodes, np.inf)
+    who = np.zeros(following.n_nodes, np.int64)
+    priced = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
+    nonnegative = all(w.weight > 0 and w.cost.edges_nonnegative for w in priced)
+    for start in range(0, len(order), _BLOCK):
+        block = order[start : start + _BLOCK]
+        wanted = np.arange(following.n_nodes)
+        if nonnegative:
+            wanted = np.flatnonzero(best > reached[block[0]])
+            if len(wanted) == 0:
+                break
+        there = following if len(wanted) == following.n_nodes else following.chosen(wanted)
+        edges = _edges(layer.chosen(block), there, costs, music)
+        rows = cheapest_predecessor((reached[block] - reached[block[0]]).astype(np.float32), edges)
+        cost = reached[block[rows]] + edges[rows, np.arange(len(wanted))]
+        better = cost < best[wanted]
+        best[wanted[better]] = cost[better]
+        who[wanted[better]] = block[rows[better]]
     return best, who
 
 
