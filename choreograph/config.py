@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -30,22 +30,26 @@ class DanceConfig:
 
     def __post_init__(self) -> None:
         from choreograph.blending.assembly import BLENDINGS
+        from choreograph.features.music_beats import TRACKERS
 
         _choice("planner", self.planner, PLANNERS)
         _choice("blending", self.blending, BLENDINGS)
+        _choice("beats", self.beats, tuple(TRACKERS))
         if isinstance(self.candidates, bool) or not isinstance(self.candidates, int) or self.candidates < 1:
             raise ParameterError(f"expected candidates of at least 1, got {self.candidates!r}")
-        if not (_is_number(self.fps) and 1 <= self.fps <= 1000):
+        if not (is_number(self.fps) and 1 <= self.fps <= 1000):
             raise ParameterError(f"expected fps from 1 to 1000, got {self.fps!r}")
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
             raise ParameterError(f"expected a seed of 0 or more, got {self.seed!r}")
         for name, weight in self.weights.items():
-            if not _is_number(weight):
+            if not is_number(weight):
                 raise ParameterError(f"expected a finite number as weight of {name!r}, got {weight!r}")
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def is_number(value: Any) -> bool:
+    """Whether a value from TOML or JSON is a finite number; True and False are not, nor is 10**400."""
+    limit = sys.float_info.max
+    return isinstance(value, int | float) and not isinstance(value, bool) and -limit <= value <= limit
 
 
 def _choice(key: str, value: Any, choices: tuple[str, ...]) -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+import reprlib
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from choreograph.errors import FormatError
+from choreograph.config import DanceConfig, is_number
+from choreograph.errors import FormatError, ParameterError
 from choreograph.takes import Credits
-from choreograph.timebase import NODE_FRAMES
+from choreograph.timebase import NODE_FRAMES, SEGMENT_S
 
 FORMAT = "choreograph-plan"
 VERSION = 1
@@ -62,20 +65,17 @@ class Plan:
         """Read a plan; `FormatError` naming the key that is missing, unknown or of the wrong kind."""
         try:
             data = json.loads(text)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise FormatError(f"{name}: expected a plan (JSON), could not parse it: {error}") from error
         if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("version") != VERSION:
             raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION}")
         data = {key: value for key, value in data.items() if key not in ("format", "version")}
-        try:
-            seconds = tuple(_second(entry, name) for entry in data.pop("seconds"))
-            data["music_beats_s"] = tuple(float(beat) for beat in data["music_beats_s"])
-            plan = cls(**data, seconds=seconds)
-            plan._check(name)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            if isinstance(error, FormatError):
-                raise
-            raise FormatError(f"{name}: not a plan: {type(error).__name__} {error}") from error
+        seconds = data.pop("seconds", None)
+        if not isinstance(seconds, list):
+            raise FormatError(f"{name}: expected a list of seconds, got {reprlib.repr(seconds)}")
+        planned = tuple(_second(entry, name, index) for index, entry in enumerate(seconds))
+        plan = cls(**_known(cls, data, name, except_for="seconds"), seconds=planned)
+        plan._check(name)
         return plan
 
     @classmethod
@@ -90,18 +90,55 @@ class Plan:
     def _check(self, name: str) -> None:
         if not self.seconds:
             raise FormatError(f"{name}: the plan has no second")
-        if [entry.second for entry in self.seconds] != list(range(len(self.seconds))):
-            raise FormatError(f"{name}: expected seconds 0, 1, 2, … in order")
-        if not (np.isfinite(self.duration_s) and 0 < self.duration_s <= len(self.seconds)):
+        if not 0 < self.duration_s <= len(self.seconds):
             raise FormatError(f"{name}: {len(self.seconds)} seconds cannot fill {self.duration_s} s")
-        if not (np.isfinite(self.fps) and self.fps > 0):
-            raise FormatError(f"{name}: expected a positive fps, got {self.fps}")
+        if self.start_s < 0:
+            raise FormatError(f"{name}: expected a start_s of 0 or more, got {self.start_s}")
+        try:
+            DanceConfig(planner=self.planner, blending=self.blending, fps=self.fps, seed=self.seed)
+        except ParameterError as error:
+            raise FormatError(f"{name}: {error}") from error
 
 
-def _second(entry: dict[str, Any], name: str) -> PlannedSecond:
-    times = tuple(float(time) for time in entry["source_times_s"])
-    if len(times) != NODE_FRAMES + 1 or not np.isfinite(times).all() or not (np.diff(times) > 0).all():
-        raise FormatError(
-            f"{name}: second {entry.get('second')} needs {NODE_FRAMES + 1} increasing source_times_s"
-        )
-    return PlannedSecond(**{**entry, "source_times_s": times, "credits": Credits(**entry["credits"])})
+def _second(entry: Any, name: str, index: int) -> PlannedSecond:
+    where = f"{name}: second {index}"
+    known = _known(PlannedSecond, entry, where, except_for="credits")
+    times = known["source_times_s"]
+    if len(times) != NODE_FRAMES + 1 or not (np.diff(times) > 0).all():
+        raise FormatError(f"{where} needs {NODE_FRAMES + 1} increasing source_times_s")
+    if known["second"] != index:
+        raise FormatError(f"{where}: expected seconds 0, 1, 2, … in order, got {known['second']}")
+    if known["offset"] >= SEGMENT_S or known["clip_start_s"] < 0:
+        raise FormatError(f"{where}: expected an offset below {SEGMENT_S} and a clip_start_s of 0 or more")
+    return PlannedSecond(**known, credits=Credits(**_known(Credits, entry.get("credits"), where)))
+
+
+def _known(kind: type, data: Any, where: str, *, except_for: str = "") -> dict[str, Any]:
+    """The fields of dataclass `kind` in `data`, each of its declared type; `FormatError` otherwise."""
+    if not isinstance(data, dict):
+        raise FormatError(f"{where}: expected {kind.__name__.lower()} by key, got {reprlib.repr(data)}")
+    wanted = {f.name: str(f.type) for f in fields(kind)}
+    unknown = sorted(set(data) - set(wanted))
+    if unknown:
+        raise FormatError(f"{where}: unknown key {unknown[0]!r}; known are {', '.join(wanted)}")
+    known = {}
+    for key, declared in wanted.items():
+        if key == except_for:
+            continue
+        if key not in data:
+            raise FormatError(f"{where}: the key {key} is missing")
+        value = data[key]
+        if not _IS_A[declared](value):
+            raise FormatError(f"{where}: {key} is not a {declared}: {reprlib.repr(value)}")
+        known[key] = tuple(value) if isinstance(value, list) else value
+    return known
+
+
+# Declared type of a field -> whether a value from JSON is one. Whole numbers here count or index.
+_IS_A: dict[str, Callable[[Any], bool]] = {
+    "str": lambda v: isinstance(v, str),
+    "int": lambda v: is_number(v) and isinstance(v, int) and v >= 0,
+    "float": is_number,
+    "dict[str, float]": lambda v: isinstance(v, dict) and all(map(is_number, v.values())),
+    "tuple[float, ...]": lambda v: isinstance(v, list) and all(map(is_number, v)),
+}

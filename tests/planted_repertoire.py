@@ -58,7 +58,7 @@ def planted_repertoire(path: Path, takes: Sequence[MeasuredTake] | None = None) 
 
 def write_clicks(path: Path, *, duration_s: float, bpm: float = 120.0) -> Path:
     """A song of one click a beat from 0 s on."""
-    times = np.arange(int(round(duration_s * SAMPLE_RATE_HZ))) / SAMPLE_RATE_HZ
+    times = np.arange(round(duration_s * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
     since = times % (60.0 / bpm)
     samples = 0.6 * np.exp(-since / 0.02) * np.sin(2 * np.pi * 880 * since)
     soundfile.write(path, samples.astype(np.float32), SAMPLE_RATE_HZ)

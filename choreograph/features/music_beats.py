@@ -55,9 +55,10 @@ def beats_of_mel(log_mel: NDArray[np.floating], duration_s: float) -> NDArray[np
     from librosa.beat import beat_track
     from librosa.feature.rhythm import tempo
 
-    rate = {"onset_envelope": strength, "sr": MUSIC_FPS, "hop_length": 1}
-    bpm = tempo(**rate, start_bpm=_PRIOR_BPM, std_bpm=_PRIOR_OCTAVES)[0]
-    _, frames = beat_track(**rate, bpm=bpm, trim=False)
+    bpm = tempo(
+        onset_envelope=strength, sr=MUSIC_FPS, hop_length=1, start_bpm=_PRIOR_BPM, std_bpm=_PRIOR_OCTAVES
+    )[0]
+    _, frames = beat_track(onset_envelope=strength, sr=MUSIC_FPS, hop_length=1, bpm=bpm, trim=False)
     beats = frames_to_seconds(frames, MUSIC_FPS) + _ONSET_LEAD_S
     return filled(beats[beats < duration_s], duration_s)
 
@@ -87,14 +88,14 @@ class BeatThisBeats:
         return np.asarray(beats, np.float64)
 
 
-_TRACKERS: dict[str, Callable[[], BeatTracker]] = {"librosa": LibrosaBeats, "beat-this": BeatThisBeats}
+TRACKERS: dict[str, Callable[[], BeatTracker]] = {"librosa": LibrosaBeats, "beat-this": BeatThisBeats}
 
 
 def get_beat_tracker(name: str = "librosa") -> BeatTracker:
     """The tracker of that name: "librosa" or "beat-this"; `ParameterError` if unknown or unavailable."""
-    if name not in _TRACKERS:
-        raise ParameterError(f"expected a beat tracker among {', '.join(_TRACKERS)}, got {name!r}")
-    return _TRACKERS[name]()
+    if name not in TRACKERS:
+        raise ParameterError(f"expected a beat tracker among {', '.join(TRACKERS)}, got {name!r}")
+    return TRACKERS[name]()
 
 
 def filled(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
@@ -119,7 +120,8 @@ def filled(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.
 
 
 def _before(first_s: float, period_s: float) -> NDArray[np.float64]:
-    return first_s - period_s * np.arange(int(first_s / period_s + 1e-9), 0, -1)
+    steps = np.arange(int(first_s / period_s + 1e-9), 0, -1, dtype=np.float64)
+    return np.asarray(first_s - period_s * steps, np.float64)
 
 
 def _levelled(strength: NDArray[np.floating]) -> NDArray[np.float32]:

@@ -1,0 +1,62 @@
+"""Settings: what is unknown or cannot be used is named."""
+
+from __future__ import annotations
+
+import pytest
+
+from choreograph.config import DEFAULT_WEIGHTS, DanceConfig, load_config, resolve_weights
+from choreograph.errors import FormatError, ParameterError
+
+
+def written(path, text: str):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_file_goes_over_the_defaults(tmp_path):
+    path = written(tmp_path / "c.toml", 'planner = "greedy"\nfps = 30\n[weights]\nstyle = 2\n')
+    config = load_config(path, DanceConfig(candidates=7))
+    assert config == DanceConfig(planner="greedy", fps=30, candidates=7, weights={"style": 2})
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("planer = 'exact'", "planer"),
+        ("planner = 'best'", "planner"),
+        ("planner = ['exact']", "planner"),
+        ("candidates = 0", "candidates"),
+        ("candidates = true", "candidates"),
+        ("candidates = 1.5", "candidates"),
+        ("blending = 3", "blending"),
+        ("fps = '60'", "fps"),
+        ("fps = nan", "fps"),
+        ("fps = 0", "fps"),
+        ("seed = -1", "seed"),
+        ("beats = 'ears'", "beats"),
+        ("beats = 5", "beats"),
+        ("weights = 3", "weights"),
+        ("weights = {style = 'much'}", "style"),
+        ("weights = {style = inf}", "style"),
+        ("weights = {style = 1" + 400 * "0" + "}", "style"),
+    ],
+)
+def test_what_cannot_be_used_is_named(tmp_path, text, named):
+    with pytest.raises(ParameterError, match=named) as said:
+        load_config(written(tmp_path / "c.toml", text))
+    assert "\n" not in str(said.value)
+
+
+def test_what_is_not_toml(tmp_path):
+    binary = tmp_path / "b.toml"
+    binary.write_bytes(b"\xff\xfe")
+    for path in (written(tmp_path / "c.toml", "a = = 1"), tmp_path / "none.toml", tmp_path, binary):
+        with pytest.raises(FormatError, match=r"config \(TOML\)"):
+            load_config(path)
+
+
+def test_weights_are_given_or_default_or_one():
+    weights = resolve_weights({"style": 3}, ["style", "transition", "mine"])
+    assert weights == {"style": 3.0, "transition": DEFAULT_WEIGHTS["transition"], "mine": 1.0}
+    with pytest.raises(ParameterError, match="'stile'"):
+        resolve_weights({"stile": 1}, ["style"])
