@@ -72,6 +72,7 @@ _PRESETS = {
         music_channels=(8, 16, 16, 16, 16),
         music_batch_size=8,
         music_steps=80,
+        synchronise=False,  # spares the beat tracking of every take
     ),
 }
 
