@@ -25,7 +25,7 @@ CLIP_FRAMES = CLIP_S * NET_FPS
 
 def seconds_to_frames(seconds: float, fps: float) -> int:
     """Number of frames in a span, to the nearest frame."""
-    return int(round(seconds * fps))
+    return round(seconds * fps)
 
 
 def frames_to_seconds(frames: ArrayLike, fps: float) -> NDArray[np.float64]:

@@ -95,7 +95,8 @@ def _av_frames(path: Path, container, stream) -> Blocks:
                     continue
                 for frame in frames:
                     for converted in to_float.resample(frame):
-                        pending.append(converted.to_ndarray().reshape(-1, channels))  # (S_f, channels)
+                        samples = np.asarray(converted.to_ndarray(), np.float32)
+                        pending.append(samples.reshape(-1, channels))  # (S_f, channels)
                         n_pending += len(pending[-1])
                 if n_pending >= _BLOCK_FRAMES:
                     n_frames += n_pending

@@ -17,7 +17,7 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.pose import ground_pos_m, heading_rad
 from choreograph.timebase import NET_FPS, seconds_to_frames
 
-Floats = NDArray[np.floating]
+Floats = NDArray[np.float64]
 # take index, first and last instant wanted -> motion around them and the instant of its first frame
 MotionReader = Callable[[str, float, float], tuple[Motion, float]]
 
@@ -43,8 +43,8 @@ class Run:
 def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> list[Run]:
     """Seconds grouped into runs; each second gives its take and 21 source instants."""
     runs: list[Run] = []
-    for second, (take, times) in enumerate(zip(takes, source_times_s, strict=True)):
-        times = np.asarray(times, np.float64)
+    for second, (take, given) in enumerate(zip(takes, source_times_s, strict=True)):
+        times = np.asarray(given, np.float64)
         if runs and runs[-1].take == take and abs(runs[-1].source_times_s[-1] - times[0]) < _SAME_INSTANT_S:
             joined = np.concatenate([runs[-1].source_times_s, times[1:]])
             runs[-1] = Run(take, runs[-1].start, joined)
@@ -67,15 +67,15 @@ def assemble(
     if blending not in BLENDINGS:
         raise ParameterError(f"expected a blending among {', '.join(BLENDINGS)}, got {blending!r}")
     margin = seconds_to_frames(JOIN_S[blending] + 0.05, fps)
-    total = seconds_to_frames(runs[-1].stop, fps)
-    root_out = quat_out = None
+    total = seconds_to_frames(runs[-1].stop, fps) if runs else 0
+    root_out = np.empty((total, 3))
+    quat_out: Floats | None = None
     previous: _Played | None = None
     for run in runs:
         played = _play(run, read_motion, fps, margin)
         if previous is not None:
             played = _placed(previous, played)
-        if root_out is None or quat_out is None:
-            root_out = np.empty((total, 3))
+        if quat_out is None:
             quat_out = np.empty((total, *played.quat.shape[1:]))
         first = played.first_frame + margin
         stop = seconds_to_frames(run.stop, fps)
@@ -84,7 +84,8 @@ def assemble(
         if previous is not None:
             _join(previous, played, first, blending, fps, root_out, quat_out)
         previous = played
-    assert root_out is not None and quat_out is not None and previous is not None
+    if previous is None or quat_out is None:
+        raise ParameterError("expected a plan of one second or more, got none")
     n_frames = max(1, seconds_to_frames(duration_s, fps))
     motion = Motion(previous.motion.skeleton, root_out, rot.make_continuous(rot.normalize(quat_out)), fps)
     joins_s = np.array([run.start for run in runs[1:]], np.float64)

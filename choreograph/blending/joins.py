@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from choreograph.motion import rotations as rot
 
-Floats = NDArray[np.floating]
+Floats = NDArray[np.float64]
 
 
 def crossfade(a_root: Floats, a_quat: Floats, b_root: Floats, b_quat: Floats) -> tuple[Floats, Floats]:

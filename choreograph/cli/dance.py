@@ -39,9 +39,9 @@ from choreograph.errors import ParameterError
 def command(song, db, output, plan_path, weight, config, start, duration, quiet, **settings) -> None:
     """Make a dance for SONG (any audio file) with the takes of a repertoire."""
     from choreograph.config import DanceConfig, load_config
+    from choreograph.pipeline import Dance
     from choreograph.pipeline.dancing import check_outputs, dance, render
     from choreograph.plan import Plan
-    from choreograph.pipeline import Dance
     from choreograph.repertoire import Repertoire
 
     if (song is None) == (plan_path is None):

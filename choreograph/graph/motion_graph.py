@@ -64,4 +64,5 @@ def _never_ending(source: LayerSource, music: Music) -> NDArray[np.integer]:
         nearest = np.argsort(cost, axis=1)[:, :NEIGHBOURS]
         for row, columns in enumerate(nearest):
             graph.add_edges_from((int(here.clip[row]), int(there.clip[column])) for column in columns)
-    return np.array(sorted(max(nx.strongly_connected_components(graph), key=len)))
+    parts = [list(part) for part in nx.strongly_connected_components(graph)]
+    return np.array(sorted(parts[int(np.argmax([len(part) for part in parts]))]))

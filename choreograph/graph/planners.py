@@ -65,8 +65,8 @@ def plan_exact(
         if report is not None:
             report(second + 1, source.n_seconds)
     chosen = [int(np.argmin(reached))]
-    for who in reversed(parents):
-        chosen.append(int(who[chosen[-1]]))
+    for parent in reversed(parents):
+        chosen.append(int(parent[chosen[-1]]))
     keys = [int(keys[index]) for keys, index in zip(kept, reversed(chosen), strict=True)]
     return _priced(source, keys, costs, music)
 
@@ -141,7 +141,7 @@ def _edges(
         if np.isnan(least):
             raise ParameterError(f"cost {weighted.cost.name!r} returned nan")
         if least < 0 and weighted.cost.edges_nonnegative:
-            raise ParameterError(f"cost {weighted.cost.name!r} says edges_nonnegative, but returned {least:g}")
+            raise ParameterError(f"cost {weighted.cost.name!r} says edges_nonnegative, got {least:g}")
     return total
 
 

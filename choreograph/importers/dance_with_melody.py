@@ -133,15 +133,14 @@ def _read_json(path: Path) -> dict[str, Any]:
 def _span_s(path: Path) -> tuple[float, float]:
     """First and last instant of the danced part of the audio."""
     data = _read_json(path)
-    span = [data.get("start_position"), data.get("end_position")]
-    if (
-        not all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in span)
-        or not 0 <= span[0] < span[1]
-    ):
-        raise FormatError(
-            f"{path}: expected 0 <= start_position < end_position in frames, got {span[0]} and {span[1]}"
-        )
-    return span[0] / _CONFIG_FPS, span[1] / _CONFIG_FPS
+    frames = [data.get("start_position"), data.get("end_position")]
+    numbers = [f for f in frames if isinstance(f, int | float) and not isinstance(f, bool)]
+    if len(numbers) < 2:
+        raise FormatError(f"{path}: expected start_position and end_position in frames, got {frames}")
+    start, end = numbers
+    if not 0 <= start < end:
+        raise FormatError(f"{path}: expected 0 <= start_position < end_position, got {start} and {end}")
+    return start / _CONFIG_FPS, end / _CONFIG_FPS
 
 
 def _take(folder: Path, pos_m: Floats, skeleton: Skeleton, bodies: Bodies) -> Take:
@@ -174,7 +173,8 @@ def fit_bodies(bodies: Bodies, pos_m: Floats, fps: float) -> tuple[Floats, Float
     Where one body gives way to another, the captures were faded, and so are the rotations.
     """
     share = bodies.shares(pos_m, ROLES, fps)  # (T, N)
-    root_pos_m, local_quat, error_m, done = None, None, None, np.zeros(len(pos_m))
+    root_pos_m, error_m, done = np.zeros((len(pos_m), 3)), np.zeros(()), np.zeros(len(pos_m))
+    local_quat: Floats | None = None
     for skeleton, weight in zip(bodies.skeletons, share.T, strict=True):
         if not weight.any():
             continue
@@ -182,12 +182,13 @@ def fit_bodies(bodies: Bodies, pos_m: Floats, fps: float) -> tuple[Floats, Float
         error = fit_error_m(skeleton, root, quat, pos_m, ROLES)
         done = done + weight
         mix = np.where(done > 0, weight / np.maximum(done, 1e-12), 0.0)  # (T,)
-        if root_pos_m is None:
+        if local_quat is None:
             root_pos_m, local_quat, error_m = root, quat, error
             continue
         root_pos_m = root_pos_m + mix[:, None] * (root - root_pos_m)
         local_quat = rot.slerp(local_quat, quat, mix[:, None])
         error_m = error_m + mix[:, None] * (error - error_m)
+    assert local_quat is not None  # every frame has a body
     return root_pos_m, rot.make_continuous(local_quat), error_m
 
 

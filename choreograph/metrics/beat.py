@@ -28,7 +28,7 @@ def validate(motion_beats_s: Times, music_beats_s: Times) -> None:
 
 
 def squared_distance(from_s: Times, to_s: Times) -> float:
-    """Mean squared distance from each beat to the nearest of the other kind, (1/60 s)²; nan if there is none."""
+    """Mean squared distance from each beat to the nearest of the other kind, (1/60 s)²; nan if none."""
     if len(from_s) == 0 or len(to_s) == 0:
         return float("nan")
     after = np.searchsorted(to_s, from_s)

@@ -110,6 +110,7 @@ class _Fit:
     targets: Mapping[str, Floats]  # role -> (T, 3)
     twist_smoothing: float  # frames squared
     turns: dict[int, Floats] = field(default_factory=dict)  # joint -> world rotation (T, 4)
+    root_pos_m: Floats = field(init=False)  # (T, 3)
 
     def __post_init__(self) -> None:
         self.rest_m = self.skeleton.rest_pos_m()  # (J, 3)
@@ -201,7 +202,7 @@ class _Fit:
         bend = rot.to_rotvec(rot.multiply(chest, rot.invert(pelvis)))  # (T, 3)
         for step, joint in enumerate(spine, start=1):
             self.turns[joint] = rot.multiply(rot.from_rotvec(bend * (step / len(spine))), pelvis)
-        shoulders = 0.0
+        shoulders = np.zeros(3)
         for side in ("left", "right"):
             hang = self.joints.get(f"{side}_collar", self.joints[f"{side}_shoulder"])
             anchor = int(self.skeleton.parents[hang])

@@ -60,7 +60,7 @@ class Motion:
         """Frames start … stop - 1 as a motion of their own."""
         return replace(self, root_pos_m=self.root_pos_m[start:stop], local_quat=self.local_quat[start:stop])
 
-    def sampled(self, frames: NDArray[np.floating], *, fps: float | None = None) -> Motion:
+    def sampled(self, frames: NDArray[np.float64], *, fps: float | None = None) -> Motion:
         """The poses at fractional `frames` (T',), rotations by slerp; outside, the end poses hold."""
         frames = np.clip(np.asarray(frames, np.float64), 0.0, self.n_frames - 1)
         low = np.minimum(frames.astype(np.int64), max(self.n_frames - 2, 0))  # (T',)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS
 
-Floats = NDArray[np.floating]
+Floats = NDArray[np.float64]
 
 _PELVIS = BODY_JOINTS.index("pelvis")
 _ACROSS = tuple(
@@ -21,7 +21,8 @@ def heading_rad(body_pos_m: Floats) -> Floats:
 
     Forward is square to hips and shoulders together, on the ground.
     """
-    across = sum(body_pos_m[..., left, :] - body_pos_m[..., right, :] for left, right in _ACROSS)
+    left, right = (list(side) for side in zip(*_ACROSS, strict=True))
+    across = (body_pos_m[..., left, :] - body_pos_m[..., right, :]).sum(axis=-2)  # (..., 3)
     return np.arctan2(-across[..., 2], across[..., 0])  # left is +X when facing +Z
 
 

@@ -44,7 +44,7 @@ class _StoredNet(nn.Module):
         if unknown:
             raise ParameterError(f"expected fields of DensityConfig, got {', '.join(sorted(unknown))}")
         tuples = {name: tuple(v) if name.endswith("channels") else v for name, v in config.items()}
-        net = cls(DensityConfig(**tuples))
+        net = cls(DensityConfig(**tuples))  # type: ignore[arg-type]  # checked by the config itself
         try:
             net.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in arrays.items()})
         except RuntimeError as error:
@@ -154,6 +154,8 @@ class MusicDensity(_StoredNet):
         super().__init__()
         self.config = config
         channels = (config.width, *config.music_channels)
+        self.mel_mean: Tensor
+        self.mel_std: Tensor
         self.register_buffer("mel_mean", torch.zeros(MEL_BANDS))
         self.register_buffer("mel_std", torch.ones(MEL_BANDS))
         self.embed = nn.Linear(MEL_BANDS, config.width)

@@ -57,14 +57,15 @@ def train_motion_density(
     if not usable:
         raise ParameterError(f"expected a take of {CLIP_S} s or more to learn tempo-density from, got none")
     torch.manual_seed(seed)
-    nets = nn.ModuleDict({"estimator": MotionDensity(config), "decoder": MotionDecoder(config)})
+    estimator, decoder = MotionDensity(config), MotionDecoder(config)
+    nets = nn.ModuleDict({"estimator": estimator, "decoder": decoder})
     if start is not None:
-        load_start(nets["estimator"], "motion_density", start)
+        load_start(estimator, "motion_density", start)
 
     def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
         pairs = warped_pairs(usable, config.batch_size, rng)
         pairs = WarpedPairs(*(t.to(device) for t in (pairs.body, pairs.warped, pairs.frames)))
-        return density_loss(nets["estimator"], nets["decoder"], pairs, config)
+        return density_loss(estimator, decoder, pairs, config)
 
     train(
         nets,
@@ -77,7 +78,7 @@ def train_motion_density(
         configuration={**asdict(config), "takes": [take.name for take in usable]},
         place=place,
     )
-    return nets["estimator"]
+    return estimator
 
 
 def warped_pairs(takes: Sequence[StyleTake], size: int, rng: np.random.Generator) -> WarpedPairs:

@@ -178,7 +178,7 @@ class _Run:
 
     def restore_or_begin(self) -> None:
         """Take the checkpoint's state if one is wanted and there; else begin an empty log."""
-        if self.checkpoint is None:
+        if self.checkpoint is None or self.log is None:
             return
         self.checkpoint.parent.mkdir(parents=True, exist_ok=True)
         if not (self.place.resume and self.checkpoint.exists()):

@@ -160,7 +160,8 @@ def _networks(
     if len(songs) >= 2:
         nets = train_networks(
             [_heard(m, i, len(with_music), report) for i, m in enumerate(with_music)],
-            work=output.with_name(output.name + ".build"), options=options, start=start, report=training_report,
+            work=output.with_name(output.name + ".build"), options=options, start=start,
+            report=training_report,
         )  # fmt: skip
     elif start is not None:
         nets = start
@@ -191,6 +192,7 @@ def _heard(measured: MeasuredTake, index: int, total: int, report: Report | None
     from choreograph.nets.style_data import StyleTake
 
     take = measured.take
+    assert take.song_path is not None  # only takes with music are heard
     song = load_song(take.song_path)
     mel = log_mel(song.samples)
     rhythm = rhythm_features(mel, start_s=max(0.0, take.song_start_s))

@@ -36,16 +36,22 @@ def train_networks(
     """
     place = TrainingPlace(work, options.resume, options.device, report or (lambda progress: None))
     weights = {name: net.weights for name, net in (start or {}).items()}
-    common = {"seed": options.seed, "place": place}
-    nets = {"style": train_style(takes, style_config(options.preset), start=weights.get("style"), **common)}
+    seed = options.seed
+    style = train_style(
+        takes, style_config(options.preset), seed=seed, place=place, start=weights.get("style")
+    )
+    nets = {"style": _stored(*style.to_arrays())}
     if any(min(len(take.body_pos_m) / NET_FPS, len(take.log_mel) / MUSIC_FPS) >= CLIP_S for take in takes):
         config = density_config(options.preset)
-        motion = train_motion_density(takes, config, start=weights.get("motion_density"), **common)
-        nets["motion_density"] = motion
-        nets["music_density"] = train_music_density(
-            takes, motion, config, start=weights.get("music_density"), **common
+        motion = train_motion_density(
+            takes, config, seed=seed, place=place, start=weights.get("motion_density")
         )
-    return {name: _stored(*net.to_arrays()) for name, net in nets.items()}
+        music = train_music_density(
+            takes, motion, config, seed=seed, place=place, start=weights.get("music_density")
+        )
+        nets["motion_density"] = _stored(*motion.to_arrays())
+        nets["music_density"] = _stored(*music.to_arrays())
+    return nets
 
 
 def _stored(weights, config) -> NetArrays:

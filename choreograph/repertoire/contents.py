@@ -30,7 +30,7 @@ def clip_starts(n_frames: int) -> NDArray[np.int64]:
 
 def middle_starts(starts: NDArray[np.integer]) -> NDArray[np.int64]:
     """First frames of the clips' middle 4 s, which their style vectors describe."""
-    return starts + (CLIP_FRAMES - SEGMENT_FRAMES) // 2
+    return np.asarray(starts, np.int64) + (CLIP_FRAMES - SEGMENT_FRAMES) // 2
 
 
 def to_arrays(

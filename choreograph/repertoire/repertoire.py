@@ -85,10 +85,8 @@ class Repertoire:
     def takes(self) -> tuple[TakeInfo, ...]:
         """All takes, in the order of the file."""
         text = ("name", "song_name", "genre", "performer", "licence", "source", "notes")
-        columns = {
-            name: self._file.read(f"takes/{name}")
-            for name in (*text, "fps", *(f"{a}_{b}" for a in ("motion", "body", "beat") for b in ("start", "stop")))
-        }  # fmt: skip
+        ranges = [f"{array}_{end}" for array in ("motion", "body", "beat") for end in ("start", "stop")]
+        columns = {name: self._file.read(f"takes/{name}") for name in (*text, "fps", *ranges)}
         return tuple(
             TakeInfo(
                 name=str(columns["name"][i]),
@@ -221,7 +219,7 @@ class Repertoire:
     @cached_property
     def _own_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Every 20 fps frame from its own place, and velocities there, (B, 21, 3) each."""
-        pos = self._body_pos_m
+        pos = self._body_pos_m.astype(np.float64)
         velocity = np.zeros_like(pos)
         for take in self.takes:
             start, stop = take.body

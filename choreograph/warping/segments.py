@@ -49,7 +49,8 @@ def warp_segments(
 ) -> Segments:
     """Warp the candidates `clip` (S, K) of every second onto the music's tempo-density (S, 80).
 
-    `clip_density` and `clip_speed` give tempo-densities and mean joint speeds (K, 160) of clips; `music_beats_s` (Q,) seconds of the song.
+    `clip_density` and `clip_speed` give tempo-densities and mean joint speeds (K, 160) of clips;
+    `music_beats_s` (Q,) are seconds of the song.
     ChoreoGraph, section 3.2; the time map's smoothing is ours.
     """
     from choreograph.warping._kernels import beat_fit
