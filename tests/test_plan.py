@@ -38,7 +38,8 @@ def planned(second: int) -> PlannedSecond:
 
 PLAN = Plan(
     song="song", duration_s=2.5, start_s=0.0, repertoire="rep.h5", planner="exact", blending="inertial",
-    seed=0, fps=60.0, weights={"style": 1.0}, music_beats_s=(0.5, 1.0), seconds=tuple(planned(s) for s in range(3)),
+    seed=0, fps=60.0, weights={"style": 1.0}, music_beats_s=(0.5, 1.0),
+    seconds=tuple(planned(s) for s in range(3)),
 )  # fmt: skip
 
 

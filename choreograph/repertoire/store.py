@@ -65,19 +65,28 @@ def write_repertoire(path: Path, contents: Contents) -> None:
 
 
 def _check(contents: Contents) -> None:
-    sizes: dict[str, int] = {"3": 3, "4": 4, "21": 21, "32": 32}
-    for name, (_, axes) in DATASETS.items():
-        if name not in contents.arrays:
-            raise RepertoireError(f"cannot write a repertoire without {name}")
-        shape = np.shape(contents.arrays[name])
-        letters = axes.split()
-        if len(shape) != len(letters) or any(
-            sizes.setdefault(letter, n) != n for letter, n in zip(letters, shape, strict=True)
-        ):
-            raise RepertoireError(f"{name}: expected ({axes}), got {shape}, against {sizes}")
+    missing = [name for name in DATASETS if name not in contents.arrays]
+    if missing:
+        raise RepertoireError(f"cannot write a repertoire without {', '.join(missing)}")
+    misfit = _misfit({name: np.shape(contents.arrays[name]) for name in DATASETS})
+    if misfit:
+        raise RepertoireError(misfit)
     unknown = set(contents.nets) - set(NETS)
     if unknown:
         raise RepertoireError(f"unknown networks {sorted(unknown)}: expected some of {NETS}")
+
+
+def _misfit(shapes: Mapping[str, tuple[int, ...]]) -> str:
+    """The first array whose shape disagrees with the schema or with those before it; empty if none."""
+    sizes: dict[str, int] = {"3": 3, "4": 4, "21": 21, "32": 32}
+    for name, (_, axes) in DATASETS.items():
+        letters, shape = axes.split(), shapes[name]
+        if len(shape) != len(letters) or any(
+            sizes.setdefault(letter, n) != n for letter, n in zip(letters, shape, strict=True)
+        ):
+            known = ", ".join(f"{letter} = {sizes[letter]}" for letter in letters if letter in sizes)
+            return f"{name}: expected ({axes}) with {known}, got {shape}"
+    return ""
 
 
 class RepertoireFile:
@@ -104,14 +113,17 @@ class RepertoireFile:
                     f"{path}: expected repertoire version {VERSION}, got {version}: made by another "
                     "version of choreograph; build it again from its takes"
                 )
-            missing = [name for name in DATASETS if name not in file]
+            missing = [name for name in DATASETS if not isinstance(file.get(name), h5py.Dataset)]
             missing += [name for name in ATTRIBUTES if name not in file.attrs]
             if missing:
                 raise RepertoireError(f"{path}: the repertoire lacks {', '.join(missing)}: a damaged file")
             self.density = str(file.attrs["density"])
-            self.provenance: dict[str, Any] = json.loads(file.attrs["provenance"])
+            self.provenance = _from_json(file.attrs["provenance"], f"{path}: provenance")
             self.net_names = tuple(file["nets"]) if "nets" in file else ()
-            self.shapes = {name: file[name].shape for name in DATASETS}
+            self.shapes: dict[str, tuple[int, ...]] = {name: file[name].shape for name in DATASETS}
+        misfit = _misfit(self.shapes)
+        if misfit:
+            raise RepertoireError(f"{path}: {misfit}: a damaged file")
 
     @contextmanager
     def _opened(self):
@@ -140,4 +152,15 @@ class RepertoireFile:
         with self._opened() as file:
             group = file[f"nets/{name}"]
             weights = {weight: group[weight][()] for weight in group}
-            return NetArrays(json.loads(group.attrs["config"]), weights)
+            config = _from_json(group.attrs["config"], f"{self.path}: the config of network {name}")
+            return NetArrays(config, weights)
+
+
+def _from_json(text: str, what: str) -> dict[str, Any]:
+    try:
+        data = json.loads(text)
+    except (TypeError, ValueError) as error:
+        raise RepertoireError(f"{what} is not JSON: a damaged file") from error
+    if not isinstance(data, dict):
+        raise RepertoireError(f"{what} is not a table: a damaged file")
+    return data

@@ -1,0 +1,229 @@
+"""From a song to a dance, on planted takes: lengths, bytes, costs of one's own, odd songs, edited plans."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+import soundfile
+from planted_repertoire import planted_repertoire, planted_takes, write_clicks
+
+import choreograph as cg
+from choreograph.blending.assembly import BLENDINGS
+from choreograph.errors import ChoreographError, NoPathError, ParameterError, RepertoireError
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.metrics.beat import f_score
+from choreograph.motion.body import body_pos_m
+from choreograph.timebase import SAMPLE_RATE_HZ
+
+
+def takes_of(dance) -> set[str]:
+    return {second.take for second in dance.plan.seconds}
+
+
+class OnlyTake(cg.Cost):
+    """Forbids every take but one."""
+
+    def __init__(self, take: str) -> None:
+        self.take = take
+
+    def node(self, layer, music):
+        return np.where(layer.take_names == self.take, 0.0, np.inf)
+
+
+class Prefers(cg.Cost):
+    """1 for every node of another take."""
+
+    def __init__(self, take: str) -> None:
+        self.take = take
+
+    def node(self, layer, music):
+        return (layer.take_names != self.take).astype(float)
+
+
+def test_a_dance_lasts_as_long_as_its_song(made):
+    assert abs(made.motion.duration_s - 12.4) <= 1 / 60
+    assert len(made.plan.seconds) == 13
+    assert made.motion.fps == 60
+
+
+@pytest.mark.parametrize("fps", [25, 29.97, 120.0])
+@pytest.mark.parametrize("blending", BLENDINGS)
+def test_at_any_rate(repertoire, song, fps, blending):
+    config = cg.DanceConfig(fps=fps, blending=blending, candidates=8, planner="greedy")
+    made = cg.dance(song, repertoire, config=config)
+    assert abs(made.motion.duration_s - 12.4) <= 1 / fps
+
+
+def test_the_same_again_to_the_byte(made, repertoire, song, tmp_path):
+    again = cg.dance(song, cg.Repertoire.open(repertoire.path))
+    for suffix in (".json", ".bvh", ".npz"):
+        files = []
+        for index, dance in enumerate((made, again)):
+            path = tmp_path / f"{index}{suffix}"
+            dance.save(path)
+            files.append(path.read_bytes())
+        assert files[0] == files[1], suffix
+
+
+def test_steps_fall_on_the_clicks(made):
+    beats = motion_beat_times_s(body_pos_m(made.motion), made.motion.fps)
+    clicks = np.arange(0, 12.4, 0.5)
+    assert f_score(beats, clicks) > 0.7
+
+
+def test_every_second_says_whose_motion_it_is(made, repertoire):
+    takes = {take.name: take for take in repertoire.takes}
+    for second in made.plan.seconds:
+        assert second.credits == takes[second.take].credits
+        assert second.credits.licence == "CC0"
+        assert repertoire.takes[repertoire.clip_take[second.clip]].name == second.take
+        assert second.clip_start_s <= second.source_times_s[0] < second.source_times_s[-1]
+        assert second.source_times_s[-1] <= second.clip_start_s + 8
+        assert set(second.costs) == {"style", "completeness", "transition", "velocity", "rhythm"}
+    schema = Path(__file__).resolve().parents[2] / "data_schema" / "plan.schema.json"
+    jsonschema.validate(json.loads(made.plan.to_json()), json.loads(schema.read_text(encoding="utf-8")))
+
+
+def test_a_forbidden_take_is_not_danced_and_a_preferred_one_is(repertoire, song):
+    for take in ("take0", "take2"):
+        assert takes_of(cg.dance(song, repertoire, costs=[OnlyTake(take)])) == {take}
+    made = cg.dance(song, repertoire, costs=[Prefers("take1")], weights={"prefers": 100.0})
+    assert takes_of(made) == {"take1"}
+    assert made.plan.weights["prefers"] == 100.0
+    assert all(second.costs["prefers"] == 0 for second in made.plan.seconds)
+
+
+def test_nothing_allowed_is_said(repertoire, song):
+    with pytest.raises(NoPathError, match="second 0"):
+        cg.dance(song, repertoire, costs=[OnlyTake("nobody's")])
+
+
+def test_weights_and_costs_that_do_not_exist_or_collide(repertoire, song):
+    with pytest.raises(ParameterError, match="'stile'"):
+        cg.dance(song, repertoire, weights={"stile": 1.0})
+
+    class Style(cg.Cost):
+        pass
+
+    with pytest.raises(ParameterError, match="share a name"):
+        cg.dance(song, repertoire, costs=[Style()])
+
+
+def test_exact_is_never_costlier_than_greedy(made, repertoire, song):
+    greedy = cg.dance(song, repertoire, config=cg.DanceConfig(planner="greedy"))
+    assert made.plan.total_cost <= greedy.plan.total_cost + 1e-4
+    paid = [sum(second.costs.values()) for second in greedy.plan.seconds]
+    assert greedy.plan.total_cost == pytest.approx(sum(paid))
+
+
+def test_the_motion_graph_dances_first_seconds_of_segments(repertoire, song):
+    made = cg.dance(song, repertoire, config=cg.DanceConfig(planner="motion-graph"))
+    assert {second.offset for second in made.plan.seconds} == {0}
+    assert abs(made.motion.duration_s - 12.4) <= 1 / 60
+
+
+@pytest.mark.parametrize("duration_s", [0.02, 1.0, 2.5, 4.0, 5.01])
+def test_short_songs(repertoire, tmp_path, duration_s):
+    made = cg.dance(write_clicks(tmp_path / "short.wav", duration_s=duration_s), repertoire)
+    assert abs(made.motion.duration_s - duration_s) <= 1 / 60
+    if duration_s < 4:
+        assert any("less than the 4 s" in note for note in made.notes)
+
+
+def test_a_silent_song_is_danced_and_said(repertoire, tmp_path):
+    soundfile.write(tmp_path / "silent.wav", np.zeros(6 * SAMPLE_RATE_HZ), SAMPLE_RATE_HZ)
+    made = cg.dance(tmp_path / "silent.wav", repertoire)
+    assert abs(made.motion.duration_s - 6) <= 1 / 60
+    assert any("silent" in note for note in made.notes)
+    assert all("\n" not in note for note in made.notes)
+
+
+def test_a_part_of_a_song(repertoire, song):
+    made = cg.dance(song, repertoire, start_s=3.0, duration_s=5.5)
+    assert abs(made.motion.duration_s - 5.5) <= 1 / 60
+    assert made.plan.start_s == 3.0
+
+
+def test_fewer_clips_than_candidates_and_one_genre_only(tmp_path, song):
+    few = planted_repertoire(
+        tmp_path / "few.h5", planted_takes(periods_s=[0.5], duration_s=8.5, genres=["a"])
+    )
+    assert few.n_clips == 1
+    made = cg.dance(song, few)
+    assert takes_of(made) == {"take0"}
+    assert any("1 clips, fewer than 512" in note for note in made.notes)
+    assert abs(made.motion.duration_s - 12.4) <= 1 / 60
+
+
+def test_a_repertoire_without_any_clip(tmp_path, song):
+    short = planted_repertoire(tmp_path / "short.h5", planted_takes(periods_s=[0.5], duration_s=5.0))
+    with pytest.raises(RepertoireError, match="no clip"):
+        cg.dance(song, short)
+
+
+def test_an_untouched_plan_renders_the_same_dance(made, repertoire):
+    plan = cg.Plan.from_json(made.plan.to_json())
+    again = cg.render(plan, repertoire)
+    assert np.array_equal(again.root_pos_m, made.motion.root_pos_m)
+    assert np.array_equal(again.local_quat, made.motion.local_quat)
+
+
+def test_an_edited_plan_renders_what_it_says(made, repertoire):
+    seconds = list(made.plan.seconds)
+    other = "take2" if seconds[5].take != "take2" else "take1"
+    times = tuple(4.0 + 0.05 * i for i in range(21))
+    seconds[5] = replace(seconds[5], take=other, source_times_s=times)
+    edited = cg.render(replace(made.plan, seconds=tuple(seconds)), repertoire)
+    assert edited.n_frames == made.motion.n_frames
+    assert np.isfinite(edited.root_pos_m).all()
+    # What lies before the joins' reach is untouched (held feet apart), the edited second is not.
+    arms = slice(made.motion.skeleton.index("neck"), None)
+    assert np.allclose(edited.local_quat[:200, arms], made.motion.local_quat[:200, arms], atol=1e-3)
+    assert not np.allclose(edited.local_quat[320:340, arms], made.motion.local_quat[320:340, arms], atol=1e-2)
+    # Inside the edited second, past its joins, the body moves as the take does there.
+    source, first_s = repertoire.motion(repertoire.take_index(other), 4.4, 4.6)
+    at = (np.array([4.5]) - first_s) * source.fps
+    assert np.allclose(source.sampled(at).local_quat[0, arms], edited.local_quat[330, arms], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"take": "nobody's"},
+        {"source_times_s": tuple(29.5 + 0.05 * i for i in range(21))},
+        {"source_times_s": tuple(-0.2 + 0.05 * i for i in range(21))},
+    ],
+)
+def test_a_plan_that_wants_what_is_not_there(made, repertoire, change):
+    seconds = (*made.plan.seconds[:3], replace(made.plan.seconds[3], **change), *made.plan.seconds[4:])
+    with pytest.raises(ChoreographError) as said:
+        cg.render(replace(made.plan, seconds=seconds), repertoire)
+    assert "\n" not in str(said.value)
+
+
+def test_outputs_are_whole_or_not_there(made, tmp_path):
+    with pytest.raises(ParameterError):
+        made.save(tmp_path / "missing" / "out.bvh")
+    with pytest.raises(ParameterError):
+        made.save(tmp_path / "out.xyz")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_progress_is_reported(repertoire, song):
+    seen = []
+    cg.dance(song, repertoire, report=lambda stage, done, total: seen.append((stage, done, total)))
+    assert {stage for stage, _, _ in seen} == {"warping", "planning"}
+    assert seen[-1] == ("planning", 13, 13)
+
+
+def test_poses_of_the_last_frame_of_a_take_are_its_own(repertoire):
+    # The clip that ends with its take: asking for its very end must not read the next take.
+    last = int(np.flatnonzero(repertoire.clip_take == 0)[-1])
+    pose, velocity = repertoire.poses_m(np.array([last]), np.array([159.0]))
+    assert np.isfinite(pose).all()
+    assert np.abs(velocity).max() < 3.0

@@ -1,0 +1,108 @@
+"""An opened repertoire against the takes it was made from."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from planted_repertoire import planted_repertoire, planted_takes
+
+from choreograph.errors import RepertoireError
+from choreograph.features.motion_beats import mean_joint_speed_m_s
+from choreograph.motion import rotations as rot
+from choreograph.motion.pose import from_own_place, ground_pos_m, heading_rad
+from choreograph.repertoire.contents import clip_starts, middle_starts
+
+
+@pytest.fixture(scope="module")
+def takes():
+    return planted_takes(duration_s=20.0)
+
+
+@pytest.fixture(scope="module")
+def repertoire(takes, tmp_path_factory):
+    return planted_repertoire(tmp_path_factory.mktemp("rep") / "rep.h5", takes)
+
+
+@pytest.mark.parametrize(
+    ("n_frames", "expected"), [(159, []), (160, [0]), (179, [0]), (180, [0, 20]), (0, [])]
+)
+def test_clips_begin_every_second_that_8_s_follow(n_frames, expected):
+    assert clip_starts(n_frames).tolist() == expected
+
+
+def test_the_middle_of_a_clip_is_its_seconds_2_to_6():
+    assert middle_starts(np.array([0, 20])).tolist() == [40, 60]
+
+
+def test_takes_are_what_came_in(repertoire, takes):
+    assert [info.name for info in repertoire.takes] == ["take0", "take1", "take2"]
+    for index, (info, measured) in enumerate(zip(repertoire.takes, takes, strict=True)):
+        assert info.credits == measured.take.credits
+        assert info.song_name == measured.take.song_name
+        assert info.notes == "planted"
+        assert info.duration_s == pytest.approx(20.0)
+        assert repertoire.take_index(info.name) == index
+        assert np.array_equal(repertoire.body_pos_m(index), measured.body_pos_m)
+        assert np.array_equal(repertoire.motion_beats_s(index), measured.motion_beats_s)
+    assert repertoire.skeleton.same_as(takes[0].take.motion.skeleton)
+    with pytest.raises(RepertoireError, match="'take9'"):
+        repertoire.take_index("take9")
+
+
+def test_motion_is_stored_to_a_tenth_of_a_millimetre(repertoire, takes):
+    for index, measured in enumerate(takes):
+        motion, first_s = repertoire.motion(index)
+        assert first_s == 0
+        original = measured.take.motion
+        assert np.abs(motion.joint_pos_m() - original.joint_pos_m()).max() < 1e-4
+        part, first_s = repertoire.motion(index, 3.01, 5.2)
+        first = round(first_s * part.fps)
+        assert first_s <= 3.01
+        assert first_s + (part.n_frames - 1) / part.fps >= 5.2
+        assert np.array_equal(part.root_pos_m, motion.root_pos_m[first : first + part.n_frames])
+
+
+def test_asking_past_the_ends_gives_the_ends(repertoire):
+    motion, first_s = repertoire.motion(0, -5.0, 1.0)
+    assert first_s == 0
+    motion, first_s = repertoire.motion(0, 30.0, 40.0)
+    assert motion.n_frames >= 1
+    assert first_s + motion.n_frames / motion.fps == pytest.approx(20.0)
+
+
+def test_the_clip_table(repertoire, takes):
+    assert repertoire.n_clips == 3 * 13
+    assert np.array_equal(np.bincount(repertoire.clip_take), [13, 13, 13])
+    assert repertoire.clip_start_s(14) == 1.0
+    for clip in (0, 5, 13, 38):
+        measured = takes[repertoire.clip_take[clip]]
+        start_s = repertoire.clip_start_s(clip)
+        middle = measured.motion_beats_s - start_s
+        assert repertoire.clip_beat_count[clip] == ((middle >= 2) & (middle < 6)).sum()
+        beats = repertoire.clip_motion_beats(clip)
+        assert np.allclose(np.diff(beats), 20 * (0.5, 0.6, 0.75)[repertoire.clip_take[clip]], atol=0.1)
+        assert beats.min() >= 0
+        assert beats.max() < 160
+    density = repertoire.clip_density(np.array([3, 20]))
+    assert density.shape == (2, 160)
+    beat_frames = np.round(repertoire.clip_motion_beats(20)).astype(int)
+    assert density[1, beat_frames].min() > 0.8
+    assert density[1].min() < 0.1
+    speed = repertoire.clip_speed(np.array([20]))
+    assert np.allclose(speed[0], mean_joint_speed_m_s(takes[1].body_pos_m, 20)[140:300], atol=1e-5)
+
+
+def test_poses_are_seen_from_their_own_place(repertoire, takes):
+    clips, frames = np.array([4, 30]), np.array([10.0, 33.0])
+    pose, velocity = repertoire.poses_m(clips, frames)
+    assert np.abs(heading_rad(pose)).max() < 1e-5
+    assert np.abs(ground_pos_m(pose)).max() < 1e-6
+    measured = takes[2]
+    at = int(repertoire.clip_start_frame[30]) + 33
+    assert np.allclose(pose[1], from_own_place(measured.body_pos_m[at]), atol=1e-5)
+    around = (measured.body_pos_m[at + 1] - measured.body_pos_m[at - 1]) * 10
+    turn = rot.about_y(-heading_rad(measured.body_pos_m[at]))
+    assert np.allclose(velocity[1], rot.rotate(turn, around), atol=1e-4)
+    halfway, _ = repertoire.poses_m(np.array([4]), np.array([10.5]))
+    after, _ = repertoire.poses_m(np.array([4]), np.array([11.0]))
+    assert np.allclose(halfway[0], (pose[0] + after[0]) / 2, atol=1e-5)

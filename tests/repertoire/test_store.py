@@ -1,0 +1,190 @@
+"""The repertoire file: the published layout, whole or not at all, the same bytes, damage said in one line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planted_repertoire import planted_contents, planted_takes
+
+from choreograph.errors import ChoreographError, ParameterError, RepertoireError
+from choreograph.motion.body import BODY_JOINTS
+from choreograph.repertoire import NetArrays, Repertoire, write_repertoire
+from choreograph.repertoire.schema import ATTRIBUTES, DATASETS, FORMAT, NETS, VERSION
+from choreograph.repertoire.store import RepertoireFile
+
+LAYOUT = json.loads(
+    (Path(__file__).resolve().parents[2] / "data_schema" / "repertoire.json").read_text(encoding="utf-8")
+)
+NET = NetArrays({"width": 3}, {"linear.weight": np.arange(6.0).reshape(2, 3), "bias": np.float32(2.0)})
+
+
+@pytest.fixture(scope="module")
+def contents():
+    return replace(planted_contents(planted_takes(duration_s=12.0)), nets={"style": NET})
+
+
+@pytest.fixture(scope="module")
+def path(contents, tmp_path_factory):
+    path = tmp_path_factory.mktemp("store") / "rep.h5"
+    write_repertoire(path, contents)
+    return path
+
+
+def test_the_published_layout_is_the_codes():
+    assert (LAYOUT["format"], LAYOUT["version"]) == (FORMAT, VERSION)
+    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in LAYOUT["datasets"].items()} == DATASETS
+    assert tuple(LAYOUT["attributes"]) == ATTRIBUTES
+    assert tuple(LAYOUT["nets"]["names"]) == NETS
+    letters = {axis for d in LAYOUT["datasets"].values() for axis in d["axes"] if axis.isalpha()}
+    assert set(LAYOUT["axes"]) == letters
+    assert str(len(BODY_JOINTS)) in LAYOUT["datasets"]["body/pos_m"]["axes"]
+
+
+def test_a_file_is_laid_out_as_published(path):
+    with h5py.File(path) as file:
+        found = []
+        file.visititems(lambda name, item: found.append(name) if isinstance(item, h5py.Dataset) else None)
+        assert {name for name in found if not name.startswith("nets/")} == set(LAYOUT["datasets"])
+        assert set(file.attrs) == set(LAYOUT["attributes"])
+        sizes: dict[str, int] = {}
+        for name, told in LAYOUT["datasets"].items():
+            data = file[name]
+            is_text = h5py.check_string_dtype(data.dtype) is not None
+            assert is_text if told["kind"] == "s" else data.dtype == np.dtype(told["kind"]), name
+            assert data.ndim == len(told["axes"]), name
+            for axis, size in zip(told["axes"], data.shape, strict=True):
+                assert sizes.setdefault(axis, int(axis) if axis.isdigit() else size) == size, name
+
+
+def test_what_is_written_is_read(path, contents):
+    file = RepertoireFile(path)
+    for name, (kind, _) in DATASETS.items():
+        expected = np.asarray(contents.arrays[name])
+        read = file.read(name)
+        assert np.array_equal(read, expected if kind == "s" else expected.astype(kind)), name
+        assert np.array_equal(file.read(name, slice(1, 2)), read[1:2]), name
+    assert file.provenance == contents.provenance
+    assert file.density == "analytic"
+    net = file.read_net("style")
+    assert net.config == NET.config
+    assert {k: np.asarray(v).tolist() for k, v in net.weights.items()} == {
+        "linear.weight": [[0, 1, 2], [3, 4, 5]], "bias": 2.0,
+    }  # fmt: skip
+    with pytest.raises(RepertoireError, match="'music_density'"):
+        file.read_net("music_density")
+
+
+def test_the_same_contents_give_the_same_bytes(path, contents, tmp_path):
+    write_repertoire(tmp_path / "again.h5", contents)
+    assert (tmp_path / "again.h5").read_bytes() == path.read_bytes()
+
+
+def test_a_failure_while_writing_leaves_what_was_there(path, contents, tmp_path, monkeypatch):
+    target = tmp_path / "rep.h5"
+    target.write_bytes(b"precious")
+
+    def full_disk(*args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(h5py.Group, "create_dataset", full_disk)
+    with pytest.raises(ChoreographError, match="No space left"):
+        write_repertoire(target, contents)
+    assert target.read_bytes() == b"precious"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_what_does_not_fit_the_layout_is_not_written(contents, tmp_path):
+    arrays = dict(contents.arrays)
+    lacking = {name: array for name, array in arrays.items() if name != "clips/style"}
+    for wrong in (
+        lacking,
+        {**arrays, "clips/style": arrays["clips/style"][:, :5]},
+        {**arrays, "body/density": arrays["body/density"][:-1]},
+        {**arrays, "takes/fps": np.float64(30.0)},
+    ):
+        with pytest.raises(RepertoireError):
+            write_repertoire(tmp_path / "rep.h5", replace(contents, arrays=wrong))
+    with pytest.raises(RepertoireError, match="unknown networks"):
+        write_repertoire(tmp_path / "rep.h5", replace(contents, nets={"oracle": NET}))
+    with pytest.raises(ParameterError, match="no folder"):
+        write_repertoire(tmp_path / "none" / "rep.h5", contents)
+    assert list(tmp_path.iterdir()) == []
+
+
+def refused(path) -> str:
+    with pytest.raises(RepertoireError) as said:
+        Repertoire.open(path)
+    assert "\n" not in str(said.value)
+    return str(said.value)
+
+
+def test_what_is_not_a_repertoire(path, tmp_path):
+    assert "no such repertoire" in refused(tmp_path / "none.h5")
+    assert "folder" in refused(tmp_path)
+    (tmp_path / "text.h5").write_text("hello")
+    assert "HDF5" in refused(tmp_path / "text.h5")
+    (tmp_path / "empty.h5").write_bytes(b"")
+    assert "HDF5" in refused(tmp_path / "empty.h5")
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = 1
+    assert "another kind" in refused(tmp_path / "other.h5")
+
+
+def test_another_version_and_lacking_parts_are_named(path, tmp_path):
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes(path.read_bytes())
+    with h5py.File(copy, "a") as file:
+        del file["clips/style"]
+    assert "clips/style" in refused(copy)
+    with h5py.File(copy, "a") as file:
+        file.attrs["version"] = VERSION + 1
+    assert f"version {VERSION}, got {VERSION + 1}" in refused(copy)
+
+
+@pytest.mark.parametrize("damage", ["provenance", "shape", "dataset is a group"])
+def test_damage_inside_a_file_is_said(path, tmp_path, damage):
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes(path.read_bytes())
+    with h5py.File(copy, "a") as file:
+        if damage == "provenance":
+            file.attrs["provenance"] = "{not json"
+        elif damage == "shape":
+            del file["clips/style"]
+            file["clips/style"] = np.zeros((2, 32), np.float32)
+        else:
+            del file["clips/style"]
+            file.create_group("clips/style")
+    refused(copy)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.0, 0.999))
+def test_a_file_cut_off_anywhere_is_refused(path, tmp_path_factory, part):
+    cut = tmp_path_factory.getbasetemp() / "cut.h5"
+    whole = path.read_bytes()
+    cut.write_bytes(whole[: int(part * len(whole))])
+    refused(cut)
+
+
+def test_opening_reads_no_array(path, monkeypatch):
+    read = []
+    original = h5py.Dataset.__getitem__
+
+    def counting(self, key, *args, **kwargs):
+        read.append(self.name)
+        return original(self, key, *args, **kwargs)
+
+    monkeypatch.setattr(h5py.Dataset, "__getitem__", counting)
+    repertoire = Repertoire.open(path)
+    assert repertoire.n_clips == 15
+    assert read == []
+    motion, _ = repertoire.motion(1, 2.0, 3.0)
+    assert motion.n_frames < 40
+    assert not any(name.startswith("/body") for name in read)
