@@ -1,0 +1,65 @@
+"""Heading and place of a body, and its pose seen from there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planted_dances import swaying
+
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import BODY_JOINTS, body_pos_m, mirrored
+from choreograph.motion.motion import Motion
+from choreograph.motion.pose import from_own_place, ground_pos_m, heading_rad
+from choreograph.motion.skeleton import canonical_skeleton
+
+BODY = body_pos_m(swaying(20, seed=3))  # (T, 21, 3)
+angles = st.floats(-3.1, 3.1)
+metres = st.floats(-5, 5)
+
+
+def turned_by(a, b):
+    """The difference of angles, in (-π, π]."""
+    return np.angle(np.exp(1j * (a - b)))
+
+
+def test_the_rest_pose_faces_z():
+    skeleton = canonical_skeleton()
+    rest = Motion(skeleton, np.zeros((1, 3)), np.tile(rot.IDENTITY, (1, skeleton.n_joints, 1)), 1.0)
+    assert heading_rad(body_pos_m(rest)) == pytest.approx([0.0], abs=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(angles, metres, metres)
+def test_heading_and_place_move_with_the_body_and_the_pose_does_not(angle, x, z):
+    moved = rot.rotate(rot.about_y(angle), BODY) + np.array([x, 0.0, z])
+    assert np.allclose(turned_by(heading_rad(moved), heading_rad(BODY)), angle, atol=1e-9)
+    expected = rot.rotate(rot.about_y(angle), ground_pos_m(BODY)) + np.array([x, 0.0, z])
+    assert np.allclose(ground_pos_m(moved), expected)
+    assert np.allclose(from_own_place(moved), from_own_place(BODY))
+    velocities = np.gradient(BODY, axis=0)
+    turned = rot.rotate(rot.about_y(angle), velocities)
+    assert np.allclose(from_own_place(moved, turned), from_own_place(BODY, velocities))
+
+
+def test_from_its_own_place_a_body_stands_over_the_origin_and_faces_z():
+    own = from_own_place(BODY)
+    assert np.allclose(heading_rad(own), 0, atol=1e-9)
+    assert np.allclose(ground_pos_m(own), 0, atol=1e-9)
+    assert np.allclose(own[..., 1], BODY[..., 1])  # heights are kept
+    assert np.allclose(from_own_place(own), own)
+
+
+def test_any_leading_dimensions():
+    boxed = BODY.reshape(4, 5, 21, 3)
+    assert np.allclose(from_own_place(boxed).reshape(BODY.shape), from_own_place(BODY))
+    assert heading_rad(boxed).shape == (4, 5)
+
+
+def test_a_mirror_turns_the_heading_round_and_swaps_sides():
+    mirror = mirrored(BODY)
+    assert np.allclose(turned_by(heading_rad(mirror), -heading_rad(BODY)), 0, atol=1e-9)
+    assert np.allclose(mirrored(mirror), BODY)
+    left, right = BODY_JOINTS.index("left_wrist"), BODY_JOINTS.index("right_wrist")
+    assert np.allclose(mirror[:, left], BODY[:, right] * [-1, 1, 1])

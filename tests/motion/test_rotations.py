@@ -1,0 +1,128 @@
+"""Laws of quaternions, over shapes; scipy's rotations as the other opinion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from choreograph.motion import rotations as rot
+
+shapes = st.sampled_from([(), (1,), (5,), (3, 4), (2, 1, 3)])
+seeds = st.integers(0, 2**32 - 1)
+laws = settings(max_examples=40, deadline=None)
+
+
+def quats(seed: int, shape: tuple[int, ...]):
+    return rot.normalize(np.random.default_rng(seed).normal(size=(*shape, 4)))
+
+
+def same(a, b, atol: float = 1e-9) -> bool:
+    """Whether quaternions (..., 4) are the same rotations: q and -q are."""
+    return bool(np.allclose(np.abs(np.sum(a * b, axis=-1)), 1.0, atol=atol))
+
+
+@laws
+@given(seeds, shapes)
+def test_the_group(seed, shape):
+    a, b, c = (quats(seed + i, shape) for i in range(3))
+    assert np.allclose(rot.multiply(a, rot.multiply(b, c)), rot.multiply(rot.multiply(a, b), c))
+    assert np.allclose(rot.multiply(a, rot.invert(a)), rot.IDENTITY)
+    assert np.allclose(rot.multiply(rot.IDENTITY, a), a)
+    v = np.random.default_rng(seed).normal(size=(*shape, 3))
+    assert np.allclose(rot.rotate(rot.multiply(a, b), v), rot.rotate(a, rot.rotate(b, v)))
+    assert np.allclose(np.linalg.norm(rot.rotate(a, v), axis=-1), np.linalg.norm(v, axis=-1))
+
+
+@laws
+@given(seeds)
+def test_rotating_is_scipys(seed):
+    q = quats(seed, (6,))
+    v = np.random.default_rng(seed).normal(size=(6, 3))
+    assert np.allclose(rot.rotate(q, v), Rotation.from_quat(q, scalar_first=True).apply(v))
+
+
+@laws
+@given(seeds, shapes)
+def test_there_and_back(seed, shape):
+    q = quats(seed, shape)
+    assert same(rot.from_matrix(rot.to_matrix(q)), q)
+    assert same(rot.from_rotvec(rot.to_rotvec(q)), q)
+    assert np.linalg.norm(rot.to_rotvec(q), axis=-1).max() <= np.pi + 1e-9
+    for order in ("XYZ", "ZXY", "yzx"):
+        assert same(rot.from_euler(order, rot.to_euler(order, q)), q, atol=1e-7)
+
+
+def test_euler_angles_are_intrinsic():
+    angles = np.array([0.3, -0.4, 0.7])
+    one_by_one = rot.from_rotvec(np.diag(angles)[[0, 1, 2]])
+    expected = rot.multiply(one_by_one[0], rot.multiply(one_by_one[1], one_by_one[2]))
+    assert same(rot.from_euler("XYZ", angles), expected)
+
+
+@laws
+@given(seeds, shapes, st.floats(0, 1))
+def test_slerp_turns_evenly_on_the_shorter_arc(seed, shape, weight):
+    a, b = quats(seed, shape), quats(seed + 1, shape)
+    between = rot.slerp(a, b, np.full(shape, weight))
+    assert np.allclose(np.linalg.norm(between, axis=-1), 1.0)
+
+    def angle(p, q):
+        return 2 * np.arccos(np.clip(np.abs(np.sum(p * q, axis=-1)), 0, 1))
+
+    assert np.allclose(angle(a, between), weight * angle(a, b), atol=1e-6)
+    assert np.allclose(angle(between, b), (1 - weight) * angle(a, b), atol=1e-6)
+
+
+def test_slerp_of_nearly_equal_and_of_opposite_signs():
+    q = quats(0, (3,))
+    assert same(rot.slerp(q, q, 0.3), q)
+    assert same(rot.slerp(q, -q, 0.3), q)
+    assert same(rot.slerp(q, rot.normalize(q + 1e-9), 0.5), q)
+
+
+@laws
+@given(seeds)
+def test_continuity_flips_signs_only(seed):
+    rng = np.random.default_rng(seed)
+    steps = rot.from_rotvec(rng.normal(scale=0.2, size=(30, 4, 3)))
+    path = [steps[0]]
+    for step in steps[1:]:
+        path.append(rot.multiply(step, path[-1]))
+    smooth = np.stack(path)
+    flipped = smooth * rng.choice([-1.0, 1.0], size=(30, 4, 1))
+    continuous = rot.make_continuous(flipped)
+    assert same(continuous, smooth)
+    assert (np.sum(continuous[1:] * continuous[:-1], axis=-1) > 0).all()
+    assert np.array_equal(continuous[0], flipped[0])
+
+
+@laws
+@given(seeds, shapes)
+def test_between_takes_one_direction_to_the_other(seed, shape):
+    rng = np.random.default_rng(seed)
+    a, b = rng.normal(size=(2, *shape, 3))
+    turned = rot.rotate(rot.between(a, b), a)
+    assert np.allclose(turned / np.linalg.norm(turned, axis=-1, keepdims=True),
+                       b / np.linalg.norm(b, axis=-1, keepdims=True))  # fmt: skip
+
+
+@pytest.mark.parametrize("direction", np.vstack([np.eye(3), -np.eye(3), [[1.0, 2.0, -3.0]]]))
+def test_between_opposite_directions_is_a_half_turn(direction):
+    quat = rot.between(direction, -direction)
+    assert np.allclose(rot.rotate(quat, direction), -direction)
+    assert np.linalg.norm(quat) == pytest.approx(1.0)
+
+
+@laws
+@given(st.floats(-3.1, 3.1))
+def test_turning_about_the_vertical(angle):
+    turn = rot.about_y(angle)
+    assert np.allclose(rot.rotate(turn, np.array([0.0, 0.0, 1.0])), [np.sin(angle), 0.0, np.cos(angle)])
+    assert float(rot.yaw(turn)) == pytest.approx(angle)
+
+
+def test_a_quaternion_of_zero_is_the_identity():
+    assert np.array_equal(rot.normalize(np.zeros((2, 4))), np.tile(rot.IDENTITY, (2, 1)))
