@@ -142,27 +142,28 @@ def _gap_of(path, frame, source):  # pragma: no cover - compiled
 
 @njit(cache=True)
 def _limit_slopes(path, slopes, min_slope, max_slope, last_source):  # pragma: no cover - compiled
-    """Clamp the path's slopes in place, hold its mean, and keep it inside [0, last_source]."""
+    """Clamp the path's slopes in place, hold its mean, and keep it inside [0, last_source].
+
+    What would leave the clip runs along its border at the least slope instead: moving the whole path
+    would take its beats off the music's.
+    """
     n = len(path)
     mean = 0.0
     for i in range(n):
         mean += path[i]
     mean /= n
-    length = 0.0
     for i in range(n - 1):
         slopes[i] = min(max(path[i + 1] - path[i], min_slope), max_slope)
-        length += slopes[i]
-    if length > last_source:
-        slopes *= last_source / length
     total = 0.0
     path[0] = 0.0
     for i in range(n - 1):
         path[i + 1] = path[i] + slopes[i]
         total += path[i + 1]
     shift = mean - total / n
-    shift = min(max(shift, 0.0), last_source - path[n - 1])
     for i in range(n):
-        path[i] += shift
+        lowest = min_slope * i
+        highest = last_source - min_slope * (n - 1 - i)
+        path[i] = min(max(path[i] + shift, lowest), highest)
 
 
 @njit(cache=True, parallel=True)

@@ -1,0 +1,130 @@
+"""Assembly of runs: lengths, identity, places, and joins that cannot be seen."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from planted_dances import stepping, swaying
+
+from choreograph.blending.assembly import BLENDINGS, JOIN_S, Run, assemble, to_runs
+from choreograph.errors import ParameterError
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.pose import ground_pos_m, heading_rad
+
+TAKES = {
+    "sway": swaying(900, fps=60.0, seed=1),
+    "other": swaying(900, fps=60.0, seed=2).moved(yaw_rad=2.0, shift_m=np.array([4.0, 0.0, -3.0])),
+    "slow": swaying(450, fps=30.0, seed=3).moved(yaw_rad=-1.0),
+    "step": stepping(900, fps=60.0, period_s=0.6, seed=4),
+}
+
+
+def read_motion(take, start_s, stop_s):
+    motion = TAKES[take]
+    first = max(0, int(np.floor(start_s * motion.fps)))
+    last = min(motion.n_frames, int(np.ceil(stop_s * motion.fps)) + 2)
+    return motion.sliced(first, last), first / motion.fps
+
+
+def seconds(*starts: float, speed: float = 1.0):
+    """21 source instants of a second from each start."""
+    return [tuple(start + speed * np.arange(21) / 20) for start in starts]
+
+
+def assembled(takes, times, *, fps=60.0, duration_s=None, blending="inertial"):
+    runs = to_runs(takes, times)
+    return assemble(runs, read_motion, fps=fps, duration_s=duration_s or float(len(takes)), blending=blending)
+
+
+def test_seconds_that_follow_one_another_are_one_run():
+    runs = to_runs(["a", "a", "a", "b", "b"], seconds(2.0, 3.0, 5.0, 6.0, 7.0))
+    assert [(run.take, run.start, run.stop) for run in runs] == [("a", 0, 2), ("a", 2, 3), ("b", 3, 5)]
+    assert np.allclose(runs[0].source_times_s, np.arange(2.0, 4.001, 0.05))
+
+
+@pytest.mark.parametrize("blending", BLENDINGS)
+def test_one_run_is_the_take_itself(blending):
+    made, joins_s = assembled(["sway"] * 3, seconds(4.0, 5.0, 6.0), blending=blending)
+    assert len(joins_s) == 0
+    assert np.allclose(made.joint_pos_m(), TAKES["sway"].sliced(240, 420).joint_pos_m(), atol=1e-6)
+
+
+@pytest.mark.parametrize("blending", BLENDINGS)
+def test_a_join_of_a_take_with_itself_changes_nothing(blending):
+    # Two runs by force, where the second plays on from the first.
+    runs = [Run("sway", 0, np.arange(4.0, 6.001, 0.05)), Run("sway", 2, np.arange(6.0, 8.001, 0.05))]
+    made, joins_s = assemble(runs, read_motion, fps=60.0, duration_s=4.0, blending=blending)
+    assert joins_s.tolist() == [2.0]
+    assert np.abs(made.joint_pos_m() - TAKES["sway"].sliced(240, 480).joint_pos_m()).max() < 1e-3
+
+
+@pytest.mark.parametrize("fps", [24.0, 25.0, 29.97, 60.0])
+@pytest.mark.parametrize("duration_s", [0.01, 1.5, 2.97, 3.0])
+def test_length(fps, duration_s):
+    made, _ = assembled(["sway", "other", "slow"], seconds(2.0, 2.0, 2.0), fps=fps, duration_s=duration_s)
+    assert made.n_frames == max(1, round(duration_s * fps))
+    assert made.fps == fps
+
+
+@pytest.mark.parametrize("blending", BLENDINGS)
+@pytest.mark.parametrize("second_take", ["other", "slow", "step"])
+def test_a_run_begins_where_the_last_one_stood_and_faces_as_it_faced(blending, second_take):
+    made, _ = assembled(["sway", "sway", second_take, second_take], seconds(3, 4, 5, 6), blending=blending)
+    body = body_pos_m(made)
+    alone = body_pos_m(TAKES["sway"].sliced(180, 301))
+    at = 120
+    assert np.linalg.norm(ground_pos_m(body[at]) - ground_pos_m(alone[at])) < 0.05
+    turn = np.angle(np.exp(1j * (heading_rad(body[at]) - heading_rad(alone[at]))))
+    assert abs(turn) < 0.15
+    # Heights are the take's: nobody sinks or floats.
+    settled = 120 + int(60 * JOIN_S[blending]) + 2
+    source = TAKES[second_take].resampled(60.0)
+    heights = source.sliced(300, 420).joint_pos_m()[settled - 120 :, 0, 1]
+    assert np.allclose(made.root_pos_m[settled:, 1], heights, atol=5e-3)
+
+
+def jerk(motion):
+    """Jerk of the body, (T - 3,), m/s³, root mean square over joints."""
+    return np.sqrt(((np.diff(body_pos_m(motion), n=3, axis=0) * motion.fps**3) ** 2).mean(axis=(1, 2)))
+
+
+@pytest.mark.parametrize("blending", BLENDINGS)
+def test_joins_are_continuous(blending):
+    made, joins_s = assembled(["sway", "other", "step", "slow"], seconds(3, 7, 2, 9), blending=blending)
+    assert joins_s.tolist() == [1.0, 2.0, 3.0]
+    step = np.linalg.norm(np.diff(body_pos_m(made), axis=0), axis=2).max(axis=1) * 60  # fastest joint, m/s
+    assert step.max() < 8.0  # a hard cut between these poses is dozens of metres per second
+    assert (np.sum(made.local_quat[1:] * made.local_quat[:-1], axis=-1) > 0.9).all()
+    assert np.allclose(np.linalg.norm(made.local_quat, axis=-1), 1.0)
+
+
+def test_inertial_joins_are_smooth_where_a_hard_cut_is_not():
+    made, joins_s = assembled(["sway", "other", "step", "slow"], seconds(3, 7, 2, 9))
+    cut = [TAKES[take].resampled(60.0) for take in ("sway", "other", "step", "slow")]
+    cut_pos = [body_pos_m(m)[60 * s : 60 * s + 60] for m, s in zip(cut, (3, 7, 2, 9), strict=True)]
+    for before, after in itertools.pairwise(cut_pos):
+        after -= ground_pos_m(after[0]) - ground_pos_m(before[-1])
+    hard = np.sqrt(((np.diff(np.concatenate(cut_pos), n=3, axis=0) * 60**3) ** 2).mean(axis=(1, 2)))
+    near = (np.abs(np.arange(len(hard))[:, None] / 60 - joins_s) < 0.12).any(axis=1)
+    assert jerk(made)[near].max() < 0.02 * hard[near].max()
+
+
+def test_time_maps_are_played_smoothly():
+    # Half speed to double speed in three seconds, without any knee at the seconds' borders.
+    times = 2.0 + np.cumsum(np.concatenate([[0.0], np.linspace(0.5, 2.0, 60) / 20]))
+    made, _ = assembled(["step"] * 3, [tuple(times[20 * s : 20 * s + 21]) for s in range(3)])
+    played_s = np.interp(np.arange(180) / 60, np.arange(61) / 20, times)
+    expected = TAKES["step"].sampled(played_s * 60).joint_pos_m()
+    assert np.abs(made.joint_pos_m() - expected).max() < 0.01
+
+
+def test_a_second_at_either_end_of_a_take():
+    made, _ = assembled(["sway", "other", "sway"], seconds(0.0, 13.95, 13.95))
+    assert np.isfinite(made.joint_pos_m()).all()
+
+
+def test_an_unknown_blending():
+    with pytest.raises(ParameterError, match="'glue'"):
+        assembled(["sway"], seconds(2.0), blending="glue")
