@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
@@ -43,10 +44,14 @@ def command(sources, output, preset, resume, init_from, density, leave_out, devi
         preset=preset, seed=seed, device=device, resume=resume, init_from=init_from,
         leave_out=_names(leave_out), **given,
     )  # fmt: skip
-    with stages(quiet=quiet) as shown:
-        repertoire, notes = build_repertoire(
-            sources, output, options, report=shown.report, training_report=shown.training
-        )
+    try:
+        with stages(quiet=quiet) as shown:
+            repertoire, notes = build_repertoire(
+                sources, output, options, report=shown.report, training_report=shown.training
+            )
+    except KeyboardInterrupt:
+        click.echo("stopped; the same command with --resume goes on from here", err=True)
+        sys.exit(130)
     if not quiet:
         show_notes(notes)
         click.echo(f"{output}: {len(repertoire.takes)} takes, {repertoire.n_clips} clips")
