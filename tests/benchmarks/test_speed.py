@@ -1,0 +1,104 @@
+"""How long the engine takes; run with `pytest tests/benchmarks --benchmark-only`.
+
+Goals for a song of 180 s, K = 512 and 2,000 clips on two cores: warping 1.5 s, exact planning 2 s,
+the whole process 10 s. Measured, not asserted: another machine is another clock.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from planted_repertoire import planted_repertoire, planted_takes, write_clicks
+
+from choreograph.config import DEFAULT_WEIGHTS
+from choreograph.features.density import music_density
+from choreograph.features.music import Music
+from choreograph.graph import BUILTIN_COSTS, ClipTable, LayerSource, WeightedCost, plan_exact
+from choreograph.warping import ClipBeats, subsequence_dtw, warp_segments
+
+N_SECONDS, K, N_CLIPS = 180, 512, 2000
+
+
+@pytest.fixture(scope="module")
+def repertoire(tmp_path_factory):
+    """2,000 clips from 40 takes of 57 s."""
+    takes = planted_takes(periods_s=np.linspace(0.4, 0.9, 40), duration_s=57.0)
+    made = planted_repertoire(tmp_path_factory.mktemp("speed") / "rep.h5", takes)
+    assert made.n_clips == N_CLIPS
+    return made
+
+
+@pytest.fixture(scope="module")
+def warping(repertoire):
+    """The arguments of `warp_segments` for a song of 120 beats a minute with random candidates."""
+    rng = np.random.default_rng(0)
+    clip = np.stack([rng.permutation(N_CLIPS)[:K] for _ in range(N_SECONDS)])
+    beats_s = np.arange(0.0, N_SECONDS, 0.5)
+    beats = [repertoire.clip_motion_beats(c) for c in range(N_CLIPS)]
+    stops = np.cumsum([len(b) for b in beats])
+    ranges = np.stack([stops - [len(b) for b in beats], stops], axis=1)
+    return (
+        clip, music_density(N_SECONDS, beats_s), beats_s, repertoire.clip_density, repertoire.clip_speed,
+        ClipBeats(np.concatenate(beats), ranges),
+    )  # fmt: skip
+
+
+def test_92160_warps(benchmark):
+    rng = np.random.default_rng(0)
+    query = rng.random((K, 80), np.float32)
+    target = rng.random((K, 160), np.float32)
+
+    def warp_a_song():
+        for _ in range(N_SECONDS):
+            subsequence_dtw(query, target)
+
+    benchmark.pedantic(warp_a_song, rounds=3, warmup_rounds=1)
+
+
+def test_warping_a_song(benchmark, warping):
+    segments = benchmark.pedantic(warp_segments, args=warping, rounds=3, warmup_rounds=1)
+    assert segments.time_maps.shape == (N_SECONDS, K, 81)
+
+
+@pytest.mark.parametrize("styles", ["equal", "random"])
+def test_planning_a_song_exactly(benchmark, repertoire, warping, styles):
+    segments = warp_segments(*warping)
+    rng = np.random.default_rng(1)
+    spread = 0.0 if styles == "equal" else 0.2
+    clips = ClipTable(
+        repertoire.clip_take,
+        np.array([take.name for take in repertoire.takes]),
+        np.array([take.credits.genre for take in repertoire.takes]),
+        (spread * rng.normal(size=(N_CLIPS, 32))).astype(np.float32),
+    )
+    music = Music(
+        "planted", float(N_SECONDS), warping[2], np.zeros((N_SECONDS, 32), np.float32),
+        np.full(N_SECONDS, 8, np.float32), warping[1],
+    )  # fmt: skip
+    costs = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]
+
+    def plan():
+        return plan_exact(LayerSource(segments, clips, repertoire), costs, music)
+
+    path = benchmark.pedantic(plan, rounds=2, warmup_rounds=1)
+    assert len(path.nodes) == N_SECONDS
+
+
+def test_the_whole_process(benchmark, repertoire, tmp_path):
+    song = write_clicks(tmp_path / "song.wav", duration_s=float(N_SECONDS))
+    command = [
+        sys.executable, "-m", "choreograph", "dance", str(song), "--db", str(repertoire.path),
+        "-o", str(tmp_path / "out.bvh"), "-q",
+    ]  # fmt: skip
+    root = Path(__file__).resolve().parents[2]
+
+    def run():
+        subprocess.run(command, check=True, cwd=root, env=os.environ)
+
+    benchmark.pedantic(run, rounds=2, warmup_rounds=1)
+    assert (tmp_path / "out.bvh").stat().st_size > 1_000_000
