@@ -184,7 +184,8 @@ def _networks(
 
     elif options.density == "learned":
         notes = (*notes, "no tempo-density networks: the clips carry the analytic tempo-density")
-    return nets, _Learned(style.embed_motion, density, style.config.beat_weight), notes
+    beat_weight = style.config.beat_weight / style.config.style_weight
+    return nets, _Learned(style.embed_motion, density, beat_weight), notes
 
 
 def _heard(measured: MeasuredTake, index: int, total: int, report: Report | None):

@@ -14,7 +14,7 @@ from choreograph.warping.dtw import subsequence_dtw
 from choreograph.warping.timemap import smooth_time_maps
 
 NEAR_FRAMES = 1.0  # 50 ms: on the beat
-FAR_FRAMES = 3.0  # 150 ms: off it
+FAR_FRAMES = 5.0  # 250 ms: off it
 
 
 @dataclass(frozen=True, eq=False)
