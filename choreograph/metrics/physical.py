@@ -21,7 +21,9 @@ Floats = NDArray[np.float64]
 
 LOW_M = 0.05
 JERK_FPS = NET_FPS
+ANKLE_OVER_SOLE_M = 0.07  # of the canonical body; real ones have 7 to 10 cm
 _FEET = [BODY_JOINTS.index("left_foot"), BODY_JOINTS.index("right_foot")]
+_ANKLES = [BODY_JOINTS.index("left_ankle"), BODY_JOINTS.index("right_ankle")]
 
 
 def validate(body_pos_m: Floats, fps: float) -> Floats:
@@ -48,10 +50,25 @@ def foot_slide_cm_s(body_pos_m: Floats, fps: float, *, low_m: float = LOW_M) -> 
     return float(speed[low].mean()) if low.any() else 0.0
 
 
-def floor_penetration_cm(body_pos_m: Floats, fps: float) -> float:
-    """Mean depth in cm, over all frames, of the lowest ball of a foot under the floor."""
-    lowest = validate(body_pos_m, fps)[:, _FEET, 1].min(axis=1)
-    return float(np.maximum(-lowest, 0.0).mean() * 100.0)
+def floor_penetration_cm(body_pos_m: Floats, fps: float, *, sole_pos_m: Floats | None = None) -> float:
+    """Mean depth in cm, over all frames, of the lowest point of the feet under the floor.
+
+    The points are those of the soles (T, F, 3) if given, as `motion.floor.sole_pos_m` knows them of a
+    motion's rig; else the balls, and heels `ANKLE_OVER_SOLE_M` under the ankles.
+
+    Raises `ParameterError` as `validate`, or if the soles' frames are not the body's.
+    """
+    pos = validate(body_pos_m, fps)
+    heels_y_m = pos[:, _ANKLES, 1] - ANKLE_OVER_SOLE_M
+    points_y_m = np.concatenate([pos[:, _FEET, 1], heels_y_m], axis=1)  # (T, 4)
+    if sole_pos_m is not None:
+        soles = np.asarray(sole_pos_m, np.float64)
+        if soles.ndim != 3 or soles.shape[0] != len(pos) or soles.shape[2] != 3 or soles.shape[1] == 0:
+            raise ParameterError(f"expected points of the soles ({len(pos)}, F, 3), got {soles.shape}")
+        if not np.isfinite(soles).all():
+            raise ParameterError("expected finite points of the soles, got nan or infinity")
+        points_y_m = soles[..., 1]
+    return float(np.maximum(-points_y_m.min(axis=1), 0.0).mean() * 100.0)
 
 
 def joint_jerk_m_s3(body_pos_m: Floats, fps: float) -> tuple[Floats, Floats]:

@@ -10,6 +10,7 @@ from choreograph.errors import ParameterError
 from choreograph.features.contacts import foot_contacts
 from choreograph.metrics.physical import evaluate, foot_slide_cm_s, jerk_ratio_at
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
+from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 
@@ -57,3 +58,37 @@ def test_a_jump_shows_in_the_jerk_ratio():
 def test_wrong_contacts_shape():
     with pytest.raises(ParameterError, match="contacts"):
         lock_feet(_sliding(), np.zeros((90, 2), bool))
+
+
+def test_contacts_outside_zero_to_one():
+    with pytest.raises(ParameterError, match="0 to 1"):
+        lock_feet(_sliding(), np.full((90, 4), 2.0))
+
+
+def test_a_foot_that_stops_and_goes_is_held_without_jerk():
+    """Slide noise on a planted foot goes, the jerk of the whole does not grow."""
+    motion = _sliding()
+    contacts = np.zeros((90, 4))
+    contacts[20:50] = contacts[65:80] = 1.0
+    before, after = body_pos_m(motion), body_pos_m(lock_feet(motion, contacts))
+    ball = BODY_JOINTS.index("left_foot")
+    slid, held = (np.ptp(pos[25:45, ball, 0]) for pos in (before, after))
+    assert held < 0.3 * slid
+    assert evaluate(after, 30)["jerk_p95_m_s3"] < evaluate(before, 30)["jerk_p95_m_s3"] + 2.0
+    head = BODY_JOINTS.index("head")
+    assert np.abs(after[:, head] - before[:, head]).max() < 0.03
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3, 4])
+def test_short_motions(n_frames):
+    motion = _sliding().sliced(0, n_frames)
+    locked = lock_feet(motion, np.ones((n_frames, 4)))
+    assert np.isfinite(body_pos_m(locked)).all()
+
+
+def test_soles_come_up_to_the_floor():
+    sunk = _sliding().moved(
+        shift_m=np.array([0, -0.93, 0]) - [0, sole_pos_m(_sliding())[..., 1].min() - 0.9, 0]
+    )
+    assert sole_pos_m(sunk)[..., 1].min() < -0.02
+    assert sole_pos_m(lock_feet(sunk, np.zeros((90, 4))))[..., 1].min() > -0.001

@@ -1,0 +1,109 @@
+"""Planted slides, depths and jumps come out as planted; empty and broken input is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from choreograph.errors import ParameterError
+from choreograph.metrics import physical
+from choreograph.motion.body import BODY_JOINTS, body_pos_m
+from choreograph.motion.floor import sole_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import canonical_skeleton
+
+FPS = 60.0
+BALLS = [BODY_JOINTS.index("left_foot"), BODY_JOINTS.index("right_foot")]
+
+
+def _standing(n_frames: int = 120) -> Motion:
+    quat = np.zeros((n_frames, 24, 4))
+    quat[..., 0] = 1.0
+    skeleton = canonical_skeleton()
+    root = np.tile(skeleton.offsets_m[0], (n_frames, 1))
+    return Motion(skeleton, root, quat, FPS)
+
+
+def test_standing_still_is_perfect():
+    scores = physical.evaluate(body_pos_m(_standing()), FPS, [1.0])
+    assert scores["foot_slide_cm_s"] == 0
+    assert scores["floor_penetration_cm"] == 0
+    assert scores["jerk_p95_m_s3"] < 1e-6
+
+
+@given(speed_cm_s=st.floats(0.1, 500), heading=st.floats(-3.1, 3.1))
+def test_slide_is_the_planted_speed(speed_cm_s, heading):
+    pos = body_pos_m(_standing(40))
+    along = np.arange(40)[:, None] / FPS * speed_cm_s / 100
+    pos = pos + along[:, None] * [np.sin(heading), 0.0, np.cos(heading)]
+    assert physical.foot_slide_cm_s(pos, FPS) == pytest.approx(speed_cm_s)
+
+
+def test_a_raised_foot_does_not_slide():
+    pos = body_pos_m(_standing(40)).copy()
+    pos[:, BALLS[0], 0] += np.arange(40) * 0.01
+    assert physical.foot_slide_cm_s(pos, FPS) == pytest.approx(30.0)  # one foot of two at 60 cm/s
+    pos[:, BALLS[0], 1] += 0.2
+    assert physical.foot_slide_cm_s(pos, FPS) == 0
+    pos[:, BALLS[1], 1] += 0.2
+    assert physical.foot_slide_cm_s(pos, FPS) == 0  # never low
+
+
+@given(depth_cm=st.floats(0, 30))
+def test_penetration_is_the_planted_depth(depth_cm):
+    motion = _standing(20)
+    stands_m = sole_pos_m(motion)[..., 1].min()
+    sunk = motion.moved(shift_m=np.array([0.0, -stands_m - depth_cm / 100, 0.0]))
+    depth = physical.floor_penetration_cm(body_pos_m(sunk), FPS, sole_pos_m=sole_pos_m(sunk))
+    assert depth == pytest.approx(depth_cm, abs=1e-9)
+
+
+def test_a_sunk_heel_counts_without_soles():
+    pos = body_pos_m(_standing(20)).copy()
+    pos[:10, BODY_JOINTS.index("left_ankle"), 1] = physical.ANKLE_OVER_SOLE_M - 0.04
+    assert physical.floor_penetration_cm(pos, FPS) == pytest.approx(2.0)  # 4 cm in half of the frames
+
+
+def test_jerk_of_a_cubic_is_its_third_derivative():
+    times = np.arange(120) / FPS
+    pos = body_pos_m(_standing()) + (7.0 / 6.0 * times**3)[:, None, None] * [1.0, 0.0, 0.0]
+    instants, jerk = physical.joint_jerk_m_s3(pos, FPS)
+    assert np.allclose(jerk, 7.0, rtol=1e-6)
+    assert (np.diff(instants) > 0).all()
+    assert physical.jerk_ratio_at(pos, FPS, [1.0]) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_a_jump_shows_only_where_it_is():
+    pos = body_pos_m(_standing(240)).copy()
+    pos += np.random.default_rng(0).normal(0, 1e-4, pos.shape)
+    pos[120:, :, 0] += 0.2
+    assert physical.jerk_ratio_at(pos, FPS, [2.0]) > 5
+    assert physical.jerk_ratio_at(pos, FPS, [3.0]) < 1.5
+    assert np.isnan(physical.jerk_ratio_at(pos, FPS, []))
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3])
+def test_too_short_for_jerk(n_frames):
+    scores = physical.evaluate(body_pos_m(_standing(n_frames)), 20.0, [0.1])
+    assert scores["jerk_p95_m_s3"] == 0
+    assert np.isnan(scores["jerk_ratio_at_boundaries"])
+
+
+@pytest.mark.parametrize("broken", [np.zeros((0, 21, 3)), np.zeros((5, 20, 3)), np.full((5, 21, 3), np.nan)])
+def test_broken_positions_are_refused(broken):
+    with pytest.raises(ParameterError, match="body positions"):
+        physical.evaluate(broken, FPS)
+
+
+@pytest.mark.parametrize("fps", [0.0, -1.0, np.nan, np.inf])
+def test_broken_rates_are_refused(fps):
+    with pytest.raises(ParameterError, match="frame rate"):
+        physical.evaluate(np.zeros((5, 21, 3)), fps)
+
+
+@pytest.mark.parametrize("soles", [np.zeros((4, 2, 3)), np.zeros((5, 0, 3)), np.full((5, 2, 3), np.nan)])
+def test_broken_soles_are_refused(soles):
+    with pytest.raises(ParameterError, match="soles"):
+        physical.floor_penetration_cm(np.zeros((5, 21, 3)), FPS, sole_pos_m=soles)
