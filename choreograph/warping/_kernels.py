@@ -5,70 +5,67 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-# Steps (query frames, target frames), in the order of preference on ties.
-STEP_BOTH, STEP_TARGET_TWICE, STEP_QUERY_TWICE = 0, 1, 2  # (1, 1), (1, 2), (2, 1)
 UNREACHED = np.float32(3.0e38)
 
 
-@njit(cache=True, parallel=True, fastmath=False)
+@njit(cache=True, parallel=True, error_model="numpy")
 def dtw_batch(queries, targets):  # pragma: no cover - compiled
     """Subsequence DTW of queries (K, Tq) in targets (K, Tt), float32: source frames (K, Tq), costs (K,).
 
-    A step (2, 1) pays its last cell twice, once for each query frame it passes.
+    Steps (query, target) are (1, 1), (1, 2), (2, 1), preferred in this order on ties. A step (2, 1) pays
+    its last cell twice, once for each query frame it passes. The steps taken are found again from the
+    table of costs: a table of steps beside it would keep the rows from being vectorised.
     """
     n, n_query = queries.shape
     n_target = targets.shape[1]
     source_frames = np.empty((n, n_query), np.float32)
     costs = np.empty(n, np.float32)
     for k in prange(n):
-        steps = np.empty((n_query, n_target), np.int8)
-        # Two rows back, one row back, this row, each with two unreachable columns in front.
-        before = np.full(n_target + 2, UNREACHED, np.float32)
-        last = np.full(n_target + 2, UNREACHED, np.float32)
-        row = np.full(n_target + 2, UNREACHED, np.float32)
+        target = targets[k]
+        # One row and two columns out of reach in front.
+        table = np.full((n_query + 1, n_target + 2), UNREACHED, np.float32)
         for j in range(n_target):
-            d = queries[k, 0] - targets[k, j]
-            last[j + 2] = d * d
+            d = queries[k, 0] - target[j]
+            table[1, j + 2] = d * d
         for i in range(1, n_query):
             q = queries[k, i]
+            row, last, before = table[i + 1], table[i], table[i - 1]
             for j in range(n_target):
-                d = q - targets[k, j]
+                d = q - target[j]
                 c = d * d
                 both = last[j + 1] + c
                 target_twice = last[j] + c
-                query_twice = before[j + 1] + np.float32(2.0) * c
-                best = both
-                step = np.int8(0)
-                if target_twice < best:
-                    best = target_twice
-                    step = np.int8(1)
-                if query_twice < best:
-                    best = query_twice
-                    step = np.int8(2)
-                row[j + 2] = best
-                steps[i, j] = step
-            before, last, row = last, row, before
-        end = 0
-        for j in range(n_target):
-            if last[j + 2] < last[end + 2]:
-                end = j
-        costs[k] = last[end + 2] / n_query
-        i, j = n_query - 1, end
-        source_frames[k, i] = j
-        while i > 0:
-            step = steps[i, j]
-            if step == STEP_QUERY_TWICE:
-                source_frames[k, i - 1] = j - 0.5
-                i -= 2
-                j -= 1
-            elif step == STEP_TARGET_TWICE:
-                i -= 1
-                j -= 2
-            else:
-                i -= 1
-                j -= 1
-            source_frames[k, i] = j
+                query_twice = before[j + 1] + (c + c)
+                best = target_twice if target_twice < both else both
+                row[j + 2] = query_twice if query_twice < best else best
+        end = np.argmin(table[n_query, 2:])
+        costs[k] = table[n_query, end + 2] / n_query
+        _walk_back(queries[k], target, table, end, source_frames[k])
     return source_frames, costs
+
+
+@njit(cache=True)
+def _walk_back(query, target, table, end, source_frames):  # pragma: no cover - compiled
+    """Fill in the path that ends at `end`, from the table of costs (1 + Tq, 2 + Tt)."""
+    i, j = len(query) - 1, end
+    source_frames[i] = j
+    while i > 0:
+        d = query[i] - target[j]
+        c = d * d
+        both = table[i, j + 1] + c
+        target_twice = table[i, j] + c
+        query_twice = table[i - 1, j + 1] + (c + c)
+        if query_twice < min(both, target_twice):
+            source_frames[i - 1] = j - 0.5
+            i -= 2
+            j -= 1
+        elif target_twice < both:
+            i -= 1
+            j -= 2
+        else:
+            i -= 1
+            j -= 1
+        source_frames[i] = j
 
 
 @njit(cache=True, inline="always")
