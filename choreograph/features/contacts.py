@@ -14,7 +14,7 @@ CONTACT_JOINTS = ("left_ankle", "left_foot", "right_ankle", "right_foot")
 
 _STANDING_PERCENT = 10.0  # of frames: a joint's height while its foot stands
 _LOW_M, _LOW_WIDTH_M = 0.045, 0.007  # over that height a joint is as likely up as down
-_SLOW_M_S = 0.15  # at that speed it is as likely moving as at rest
+_SLOW_M_S = 0.4  # at that speed it is as likely moving as at rest
 _SMOOTH_S = 0.04  # against noise in the speed, and against contacts that flicker
 
 
@@ -39,5 +39,5 @@ def foot_contacts(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.fl
     smooth = gaussian_filter1d(feet, _SMOOTH_S * fps, axis=0, mode="nearest")
     step = np.gradient(smooth, axis=0) if len(feet) > 1 else np.zeros_like(feet)
     speed = np.linalg.norm(step, axis=-1) * fps  # (T, 4)
-    surely = expit((_LOW_M - height) / _LOW_WIDTH_M) / (1.0 + speed / _SLOW_M_S)
+    surely = expit((_LOW_M - height) / _LOW_WIDTH_M) / (1.0 + (speed / _SLOW_M_S) ** 4)
     return gaussian_filter1d(surely, _SMOOTH_S * fps, axis=0, mode="nearest").clip(0.0, 1.0)
