@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from choreograph.errors import NoPathError, ParameterError
 from choreograph.features.music import Music
@@ -40,6 +41,8 @@ class Path:
         return sum(sum(costs.values()) for costs in self.costs)
 
 
+# BLAS on threads of its own fights numba's for the cores: fifty times slower on two of them.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def plan_exact(
     source: LayerSource, costs: Sequence[WeightedCost], music: Music, *, report: Report | None = None
 ) -> Path:
