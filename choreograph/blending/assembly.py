@@ -61,8 +61,9 @@ def assemble(
     """The dance before its feet are locked, and the instants of its joins in seconds.
 
     Each run is turned about Y and shifted on the ground so that its body stands where the last one's
-    stood at the join, and steered a little so that the dance stays on a stage (ours). `linear` is the paper's crossfade; `inertial` lets the difference of pose,
-    speed and acceleration die away on both sides, so that neither motion is smeared.
+    stood at the join, and steered a little so that the dance stays on a stage (ours).
+    `linear` is the paper's crossfade; `inertial` lets the difference of pose, speed and acceleration
+    die away on both sides, so that neither motion is smeared.
 
     Raises `ParameterError` for an unknown blending.
     """

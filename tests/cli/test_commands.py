@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import soundfile
 from click.testing import CliRunner
+from planted_repertoire import planted_repertoire
 
 from choreograph.cli import main
-from planted_repertoire import planted_repertoire
 
 RATE = 22050
 
