@@ -50,8 +50,8 @@ def main() -> None:
         raise ParameterError(f"the repertoire holds {', '.join(sorted(seen))}: build it with --leave-out")
     takes = {take.name: take for take in read(given.data)}
     slides = {
-        t.name: physical.foot_slide_cm_s(body_pos_m(takes[t.name].motion.resampled(FPS)), FPS)
-        for t in repertoire.takes
+        take.name: physical.foot_slide_cm_s(body_pos_m(repertoire.motion(index)[0].resampled(FPS)), FPS)
+        for index, take in enumerate(repertoire.takes)
     }
     config = cg.DanceConfig(planner=given.planner, blending=given.blending, fps=FPS)
     rows = []
