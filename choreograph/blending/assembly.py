@@ -23,7 +23,9 @@ MotionReader = Callable[[str, float, float], tuple[Motion, float]]
 
 BLENDINGS = ("inertial", "linear")
 JOIN_S = {"inertial": 0.4, "linear": 0.25}  # inertial: to each side; linear: in all
-STAGE_RADIUS_M = 2.0  # beyond this from where it began, a dance is steered home with all it may
+STAGE_RADIUS_M = (
+    2.0  # this far from where it began a dance is steered home with all it may, not at all at half
+)
 MAX_STEER_RAD = 0.25  # extra turn at a join, spread over the join: 14°, feet move by about 3 cm
 _SAME_INSTANT_S = 2e-3  # two seconds whose source times meet this closely need no join
 
@@ -156,8 +158,8 @@ def _steer_rad(place_m: Floats, travel_m: Floats) -> float:
         return 0.0
     home, way = np.arctan2(-place_m[0], -place_m[2]), np.arctan2(travel_m[0], travel_m[2])
     off = (home - way + np.pi) % (2 * np.pi) - np.pi
-    need = min(1.0, float(np.linalg.norm(place_m)) / STAGE_RADIUS_M)
-    return float(np.clip(off, -MAX_STEER_RAD, MAX_STEER_RAD)) * need
+    need = np.clip(2.0 * float(np.linalg.norm(place_m)) / STAGE_RADIUS_M - 1.0, 0.0, 1.0)
+    return float(np.clip(off, -MAX_STEER_RAD, MAX_STEER_RAD) * need)
 
 
 def _join_row(played: _Played, previous: _Played) -> tuple[int, int]:

@@ -11,6 +11,7 @@ from planted_dances import stepping, swaying
 from choreograph.blending.assembly import BLENDINGS, JOIN_S, Run, assemble, to_runs
 from choreograph.errors import ParameterError
 from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
 from choreograph.motion.pose import ground_pos_m, heading_rad
 
 TAKES = {
@@ -128,3 +129,15 @@ def test_a_second_at_either_end_of_a_take():
 def test_an_unknown_blending():
     with pytest.raises(ParameterError, match="'glue'"):
         assembled(["sway"], seconds(2.0), blending="glue")
+
+
+def test_a_dance_that_walks_away_is_steered_home():
+    # One stretch that travels, again and again: as it stands it would leave the room in a line.
+    walker = swaying(2400, fps=60.0)
+    path = np.zeros((2400, 3))
+    path[:, 2] = np.arange(2400) / 60.0  # 1 m/s ahead
+    walker = Motion(walker.skeleton, walker.root_pos_m + path, walker.local_quat, 60.0)
+    runs = [Run("walk", second, np.arange(3.0, 4.001, 0.05)) for second in range(40)]
+    made, _ = assemble(runs, lambda *_: (walker, 0.0), fps=60.0, duration_s=40.0, blending="inertial")
+    away = np.linalg.norm((made.root_pos_m - made.root_pos_m[0])[:, [0, 2]], axis=1)
+    assert away.max() < 12.0
