@@ -15,6 +15,8 @@ from choreograph.warping.segments import Segments
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
 
+_ALL = slice(None)
+
 
 class PoseBank(Protocol):
     """What a layer needs of the repertoire: poses and velocities of clips at fractional frames."""
@@ -106,41 +108,44 @@ class LayerSource:
         }
         return Layer(second=second, **joined)
 
-    def _make_borders(self, start: int) -> tuple[Floats, Floats]:
+    def node(self, key: int) -> Layer:
+        """The one node with segment × 4 + offset = `key`, without building its whole layer."""
+        segment, offset = divmod(key, SEGMENT_S)
+        start, rank = divmod(segment, self._segments.clip.shape[1])
+        return self._quarter(start, offset, slice(rank, rank + 1))
+
+    def _make_borders(self, start: int, part: slice = _ALL) -> tuple[Floats, Floats]:
         """Poses and velocities at the five borders of the segments inserted at `start`, (5, K, 21, 3)."""
-        clip = self._segments.clip[start]
-        borders = self._segments.time_maps[start][:, ::NODE_FRAMES]  # (K, 5)
-        speed = self._speeds(start)  # (K, 5) source frames per output frame
+        clip = self._segments.clip[start, part]
+        maps = self._segments.time_maps[start, part]
+        borders = maps[:, ::NODE_FRAMES]  # (K, 5)
+        speed = np.gradient(maps, axis=1)[:, ::NODE_FRAMES]  # (K, 5) source frames per output frame
         pose, velocity = self._poses.poses_m(np.repeat(clip, 5), borders.ravel())
         shape = (len(clip), 5, *pose.shape[1:])
         velocity = velocity.reshape(shape) * speed[:, :, None, None]
         return pose.reshape(shape).swapaxes(0, 1), velocity.swapaxes(0, 1)
 
-    def _speeds(self, start: int) -> Floats:
-        maps = self._segments.time_maps[start]
-        return np.gradient(maps, axis=1)[:, ::NODE_FRAMES]
-
-    def _quarter(self, start: int, offset: int) -> Layer:
+    def _quarter(self, start: int, offset: int, part: slice = _ALL) -> Layer:
         segments, clips = self._segments, self._clips
-        clip = segments.clip[start]
+        clip = segments.clip[start, part]
         take = clips.take[clip]
-        n = len(clip)
-        pose, velocity = self._borders(start)
+        k = segments.clip.shape[1]
+        pose, velocity = self._borders(start) if part == _ALL else self._make_borders(start, part)
         window = slice(offset * NODE_FRAMES, (offset + 1) * NODE_FRAMES + 1)
         return Layer(
             second=start + offset,
-            segment=start * n + np.arange(n),
-            offset=np.full(n, offset),
+            segment=start * k + np.arange(k)[part],
+            offset=np.full(len(clip), offset),
             clip=clip,
             take=take,
             take_names=clips.take_names[take],
             genre=clips.genres[take],
             style=clips.style[clip],
-            fit=segments.fit[start, :, offset],
-            off_beat=segments.off_beat[start, :, offset],
-            first_beat=segments.first_beat[start, :, offset],
-            last_beat=segments.last_beat[start, :, offset],
-            source_frames=segments.time_maps[start][:, window],
+            fit=segments.fit[start, part, offset],
+            off_beat=segments.off_beat[start, part, offset],
+            first_beat=segments.first_beat[start, part, offset],
+            last_beat=segments.last_beat[start, part, offset],
+            source_frames=segments.time_maps[start, part, window],
             first_pose_m=pose[offset],
             last_pose_m=pose[offset + 1],
             first_velocity_m_s=velocity[offset],

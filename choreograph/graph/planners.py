@@ -190,9 +190,8 @@ def _priced(source: LayerSource, keys: list[int], costs: Sequence[WeightedCost],
     """The path through nodes given by segment × 4 + offset, with every cost term it pays."""
     nodes: list[Layer] = []
     priced: list[dict[str, float]] = []
-    for second, key in enumerate(keys):
-        layer = source.layer(second)
-        node = layer.chosen(np.flatnonzero(layer.segment * 4 + layer.offset == key))
+    for key in keys:
+        node = source.node(key)
         terms = {weighted.cost.name: 0.0 for weighted in costs}
         for name, value in _terms(costs, lambda c, n=node: c.node(n, music), (1,)):
             terms[name] += float(value[0])
