@@ -21,23 +21,6 @@ def root_of_differences(product, sq_a, sq_b, scale):  # pragma: no cover - compi
 
 
 @njit(cache=True)
-def add_scaled(total, cost, weight):  # pragma: no cover - compiled
-    """total += weight · cost in place, (P, N) float32; the least entry of each row of cost, nan if one is."""
-    n_a, n_b = total.shape
-    least = np.empty(n_a, np.float32)
-    for i in range(n_a):
-        low = np.float32(np.inf)
-        unordered = 0
-        for j in range(n_b):
-            c = cost[i, j]
-            unordered += c != c
-            low = c if c < low else low
-            total[i, j] += weight * c
-        least[i] = np.float32(np.nan) if unordered else low
-    return least
-
-
-@njit(cache=True)
 def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
     """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32; float32 in."""
     n_a, n_b = edges.shape

@@ -17,6 +17,7 @@ from choreograph.graph.layers import Layer, LayerSource
 Floats = NDArray[np.floating]
 Report = Callable[[int, int], None]  # seconds planned, seconds in all
 
+_WORTH_CUTTING = 0.8  # copying a layer costs about a fifth of pricing its edges
 _BLOCK = 128  # predecessors whose edges are priced at once: 1 MB at 2,048 nodes
 
 
@@ -128,8 +129,6 @@ def _edges(
     previous: Layer, following: Layer, costs: Sequence[WeightedCost], music: Music
 ) -> NDArray[np.float32]:
     """Weighted edge costs (P, N) float32."""
-    from choreograph.graph._kernels import add_scaled
-
     total = np.zeros((previous.n_nodes, following.n_nodes), np.float32)
     for weighted in costs:
         if weighted.weight == 0:
@@ -140,11 +139,12 @@ def _edges(
         value = np.asarray(value, np.float32)
         if value.shape != total.shape:
             raise ParameterError(f"cost {weighted.cost.name!r} must return {total.shape}, got {value.shape}")
-        least = add_scaled(total, value, np.float32(weighted.weight)).min(initial=np.inf)
+        least = value.min(initial=np.inf)
         if np.isnan(least):
             raise ParameterError(f"cost {weighted.cost.name!r} returned nan")
         if least < 0 and weighted.cost.edges_nonnegative:
             raise ParameterError(f"cost {weighted.cost.name!r} says edges_nonnegative, got {least:g}")
+        total += np.float32(weighted.weight) * value
     return total
 
 
@@ -176,6 +176,8 @@ def _step(
             wanted = np.flatnonzero(best > reached[block[0]])
             if len(wanted) == 0:
                 break
+            if len(wanted) > _WORTH_CUTTING * following.n_nodes:
+                wanted = np.arange(following.n_nodes)
         there = following if len(wanted) == following.n_nodes else following.chosen(wanted)
         edges = _edges(layer.chosen(block), there, costs, music)
         rows = cheapest_predecessor((reached[block] - reached[block[0]]).astype(np.float32), edges)
