@@ -3,9 +3,8 @@
 Tang, Jia, Mao: Dance with Melody (ACM Multimedia 2018). What the files do not say and we found:
 markers of several bodies are joined in most takes (thighs change from 44 to 55 cm within a second),
 and the floor under the feet drifts by up to half a metre within a take. No dancer is named. So frames
-are grouped by bone lengths into three bodies, each fitted with bones of its own; all bodies have the
-same rest directions, so their rotations play on one skeleton, the average of all frames; and the
-floor is followed over time.
+are grouped by bone lengths into three bodies; each body's frames are scaled to the size of one
+skeleton, the average of all frames, and fitted with it; and the floor is followed over time.
 """
 
 from __future__ import annotations
@@ -20,11 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
-from choreograph.motion import rotations as rot
 from choreograph.motion.fit import fit_error_m, fit_positions
-from choreograph.motion.floor import sole_pos_m, track_floor_m
+from choreograph.motion.floor import estimate_floor_m, sole_pos_m, track_floor_m
 from choreograph.motion.motion import Motion
-from choreograph.motion.proportions import Bodies, measure_bodies, measure_skeleton
+from choreograph.motion.proportions import Bodies, measure_bodies, measure_skeleton, resized, size_ratio
 from choreograph.motion.skeleton import Skeleton
 from choreograph.takes import Credits, Take
 
@@ -37,7 +35,7 @@ _SOURCE = "Tang, Jia, Mao 2018, Dance with Melody"
 _LICENCE = "none stated"
 _CONFIG_FPS = 25.0  # start_position and end_position count frames of this rate
 _POINTS = 23
-_BODIES = 3
+BODIES = 3
 _SPIKE_M = 0.1  # off the middle of the frames before and after
 # The points that are joints or landmarks. Points 21 and 22 sit on the wrists, beside 14 and 6.
 _ROLES = {
@@ -47,6 +45,7 @@ _ROLES = {
     "left_ankle": 18, "left_heel": 19, "left_foot": 20,
 }  # fmt: skip
 ROLES = (*_ROLES, "head")  # the head's joint is put between the temples
+_FEET = [ROLES.index(f"{side}_foot") for side in ("left", "right")]
 
 
 def detect(path: Path) -> bool:
@@ -66,7 +65,7 @@ def read(path: Path) -> list[Take]:
         )
     points = {folder: without_spikes(read_points_m(folder / "skeletons.json")) for folder in folders}
     everything = np.concatenate(list(points.values()))  # (sum of T, 22, 3)
-    bodies = measure_bodies(everything, ROLES, min(_BODIES, len(everything)))
+    bodies = measure_bodies(everything, ROLES, min(BODIES, len(everything)))
     skeleton = measure_skeleton(everything, ROLES)
     return [_take(folder, pos_m, skeleton, bodies) for folder, pos_m in points.items()]
 
@@ -146,11 +145,11 @@ def _span_s(path: Path) -> tuple[float, float]:
 def _take(folder: Path, pos_m: Floats, skeleton: Skeleton, bodies: Bodies) -> Take:
     start_s, end_s = _span_s(folder / "config.json")
     fps = len(pos_m) / (end_s - start_s)
-    root_pos_m, local_quat, error_m = fit_bodies(bodies, pos_m, fps)
+    root_pos_m, local_quat, error_m = fit_bodies(skeleton, bodies, pos_m, fps)
     motion, drift_m = _on_floor(Motion(skeleton, root_pos_m, local_quat, fps))
     song = folder / "audio.mp3"
     letter = _FOLDER.fullmatch(folder.name)[1]  # type: ignore[index]  # `_folders` matched it
-    notes = [f"markers fitted within {100 * error_m.mean():.1f} cm on average"]
+    notes = [f"markers, at the skeleton's size, fitted within {100 * error_m.mean():.1f} cm on average"]
     if drift_m > 0.05:
         notes.append(f"the floor under the feet moved by {100 * drift_m:.0f} cm, levelled")
     return Take(
@@ -167,29 +166,19 @@ def _take(folder: Path, pos_m: Floats, skeleton: Skeleton, bodies: Bodies) -> Ta
     )
 
 
-def fit_bodies(bodies: Bodies, pos_m: Floats, fps: float) -> tuple[Floats, Floats, Floats]:
-    """Root positions (T, 3), local rotations (T, 24, 4) and joint errors (T, R) in metres, by body.
+def fit_bodies(
+    skeleton: Skeleton, bodies: Bodies, pos_m: Floats, fps: float
+) -> tuple[Floats, Floats, Floats]:
+    """Root positions (T, 3), local rotations (T, 24, 4) and joint errors (T, R') in metres, on `skeleton`.
 
-    Where one body gives way to another, the captures were faded, and so are the rotations.
+    The markers (T, R, 3) are brought to its size first, each frame by its body's: a dancer a tenth
+    taller would be centimetres off by construction, and slide, for feet that step too far.
     """
-    share = bodies.shares(pos_m, ROLES, fps)  # (T, N)
-    root_pos_m, error_m, done = np.zeros((len(pos_m), 3)), np.zeros(()), np.zeros(len(pos_m))
-    local_quat: Floats | None = None
-    for skeleton, weight in zip(bodies.skeletons, share.T, strict=True):
-        if not weight.any():
-            continue
-        root, quat = fit_positions(skeleton, pos_m, ROLES, fps=fps)
-        error = fit_error_m(skeleton, root, quat, pos_m, ROLES)
-        done = done + weight
-        mix = np.where(done > 0, weight / np.maximum(done, 1e-12), 0.0)  # (T,)
-        if local_quat is None:
-            root_pos_m, local_quat, error_m = root, quat, error
-            continue
-        root_pos_m = root_pos_m + mix[:, None] * (root - root_pos_m)
-        local_quat = rot.slerp(local_quat, quat, mix[:, None])
-        error_m = error_m + mix[:, None] * (error - error_m)
-    assert local_quat is not None  # every frame has a body
-    return root_pos_m, rot.make_continuous(local_quat), error_m
+    size = bodies.shares(pos_m, ROLES, fps) @ [size_ratio(body, skeleton) for body in bodies.skeletons]
+    floor_m = estimate_floor_m(pos_m[:, _FEET])
+    sized_m = resized(pos_m, size, floor_m)
+    root_pos_m, local_quat = fit_positions(skeleton, sized_m, ROLES, fps=fps)
+    return root_pos_m, local_quat, fit_error_m(skeleton, root_pos_m, local_quat, sized_m, ROLES)
 
 
 def _on_floor(motion: Motion) -> tuple[Motion, float]:

@@ -56,6 +56,28 @@ def measure_bodies(pos_m: Floats, roles: Sequence[str], n_bodies: int) -> Bodies
     )
 
 
+def size_ratio(skeleton: Skeleton, other: Skeleton) -> float:
+    """By what `skeleton` is multiplied to be as large as `other`, of the same hierarchy.
+
+    Least squares over the joints of both rest poses, each about its middle.
+    """
+    own, wanted = (pos - pos.mean(axis=0) for pos in (skeleton.rest_pos_m(), other.rest_pos_m()))  # (J, 3)
+    return float(np.sum(own * wanted) / np.sum(own**2))
+
+
+def resized(pos_m: Floats, size: Floats, floor_m: float) -> Floats:
+    """Positions (T, R, 3) of a dancer `size` (T,) times as large, over a floor at `floor_m`; it stays there.
+
+    The path on the ground is scaled step by step, so feet at rest stay at rest whatever the size, and
+    where the size changes the dancer goes on from where it is.
+    """
+    middle = pos_m.mean(axis=1)  # (T, 3)
+    steps = np.diff(middle, axis=0) * (0.5 * (size[1:] + size[:-1]))[:, None]
+    path = np.concatenate([middle[:1], middle[:1] + np.cumsum(steps, axis=0)])  # (T, 3)
+    path[:, 1] = floor_m + (middle[:, 1] - floor_m) * size
+    return path[:, None] + (pos_m - middle[:, None]) * size[:, None, None]
+
+
 def _telling_lengths(pos_m: Floats, roles: Sequence[str]) -> Floats:
     index = list(roles).index
     pairs = [(f"{s}_{a}", f"{s}_{b}") for s in ("left", "right") for a, b in _TELLING_BONES]

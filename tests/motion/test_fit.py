@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from choreograph.motion.fit import REQUIRED_ROLES, fit_error_m, fit_positions
 from choreograph.motion.floor import estimate_floor_m, track_floor_m
 from choreograph.motion.ik import two_bone
 from choreograph.motion.kinematics import forward
+from choreograph.motion.proportions import resized, size_ratio
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
 
 
@@ -66,3 +69,28 @@ def test_two_bone_reaches_and_keeps_still_limbs():
     upper, lower = two_bone(hip, knee, ankle, np.array([0, -2.0, 0]), np.array([1.0, 0, 0]))
     assert np.isfinite(upper).all()
     assert np.isfinite(lower).all()
+
+
+@pytest.mark.parametrize("size", [0.8, 1.0, 1.25])
+def test_size_of_a_scaled_body(size):
+    canonical = canonical_skeleton()
+    assert size_ratio(replace(canonical, offsets_m=canonical.offsets_m / size), canonical) == pytest.approx(
+        size
+    )
+
+
+def test_resizing_keeps_the_floor_and_feet_at_rest():
+    rng = np.random.default_rng(3)
+    pos_m = rng.uniform(0.4, 2.0, (50, 6, 3))
+    pos_m[:, 0] = [2.0, 0.4, -1.0]  # a foot that stands
+    small = resized(pos_m, np.full(50, 0.8), 0.4)
+    assert np.allclose(np.ptp(small[:, 0], axis=0), 0.0)
+    assert np.allclose(small[:, 0, 1], 0.4)
+    assert np.allclose(_distances(small), 0.8 * _distances(pos_m))
+    walking = pos_m + np.linspace(0, 3, 50)[:, None, None] * [1.0, 0.0, 0.5]
+    steps = np.diff(resized(walking, np.full(50, 0.8), 0.4)[:, 0], axis=0)
+    assert np.allclose(steps, 0.8 * np.diff(walking[:, 0], axis=0))
+
+
+def _distances(pos_m: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(pos_m[:, :, None] - pos_m[:, None], axis=-1)
