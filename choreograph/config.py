@@ -25,7 +25,7 @@ class DanceConfig:
     blending: str = "inertial"
     fps: float = 60.0
     seed: int = 0
-    beats: str = "librosa"  # beat tracker
+    beats: str = "tempo-path"  # beat tracker
     weights: Mapping[str, float] = field(default_factory=dict)  # over DEFAULT_WEIGHTS; own costs default to 1
 
     def __post_init__(self) -> None:

@@ -15,8 +15,11 @@ from pathlib import Path
 import numpy as np
 
 import choreograph as cg
+from choreograph.audio.song import load_song
 from choreograph.errors import ParameterError
+from choreograph.features.mel import log_mel
 from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.features.music_beats import get_beat_tracker
 from choreograph.importers.dance_with_melody import read
 from choreograph.metrics import beat, physical
 from choreograph.motion.body import body_pos_m
@@ -35,6 +38,12 @@ def evaluate(pos_m: np.ndarray, music_beats_s: np.ndarray, rng: np.random.Genera
     }
 
 
+def librosa_beats(take: cg.Take) -> np.ndarray:
+    """Beats of a take's music by another tracker than the dance's own."""
+    song = load_song(take.song_path, start_s=take.song_start_s, duration_s=take.motion.duration_s)
+    return get_beat_tracker("librosa").beats(song, log_mel(song.samples))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
@@ -42,6 +51,7 @@ def main() -> None:
     parser.add_argument("--songs", type=Path, default=HELD_OUT)
     parser.add_argument("--planner", default="exact")
     parser.add_argument("--blending", default="inertial")
+    parser.add_argument("--beats", default="tempo-path", help="tracker danced to")
     given = parser.parse_args()
     songs = [line.strip() for line in given.songs.read_text().splitlines() if line.strip()]
     repertoire = cg.Repertoire.open(given.repertoire)
@@ -53,7 +63,7 @@ def main() -> None:
         take.name: physical.foot_slide_cm_s(body_pos_m(repertoire.motion(index)[0].resampled(FPS)), FPS)
         for index, take in enumerate(repertoire.takes)
     }
-    config = cg.DanceConfig(planner=given.planner, blending=given.blending, fps=FPS)
+    config = cg.DanceConfig(planner=given.planner, blending=given.blending, fps=FPS, beats=given.beats)
     rows = []
     for song in songs:
         take = takes[song]
@@ -65,6 +75,7 @@ def main() -> None:
         rng = np.random.default_rng(0)
         pos = body_pos_m(made.motion)
         row = evaluate(pos, music, rng)
+        row["f_librosa"] = beat.f_score(motion_beat_times_s(pos, FPS), librosa_beats(take))
         real = evaluate(body_pos_m(take.motion.resampled(FPS)), music, rng)
         row["real_f"] = real["f_score"]
         row["real_motion_to_music"] = real["motion_to_music"]

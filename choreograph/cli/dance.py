@@ -31,7 +31,7 @@ from choreograph.errors import ParameterError
 @click.option("--start", default=0.0, show_default=True, help="Second of the song to begin at.")
 @click.option("--duration", type=float, help="Seconds to dance; default to the end.")
 @click.option("--fps", type=float, help="Frames per second of the dance (60).")
-@click.option("--beats", metavar="librosa|beat-this", help="Beat tracker (librosa).")
+@click.option("--beats", metavar="tempo-path|librosa|beat-this", help="Beat tracker (tempo-path).")
 @click.option(
     "--seed", type=int, help="Kept in the plan; the same seed, song and repertoire give the same bytes."
 )

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import expit
 
-from choreograph.errors import ParameterError
-from choreograph.motion.body import BODY_JOINTS
+from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 
 CONTACT_JOINTS = ("left_ankle", "left_foot", "right_ankle", "right_foot")
 
@@ -27,13 +26,7 @@ def foot_contacts(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.fl
 
     Raises `ParameterError` if the shape is wrong or a value is not finite.
     """
-    pos = np.asarray(body_pos_m, np.float64)
-    if pos.ndim != 3 or pos.shape[1:] != (len(BODY_JOINTS), 3) or len(pos) == 0:
-        raise ParameterError(f"expected body positions (T, {len(BODY_JOINTS)}, 3), got {pos.shape}")
-    if not np.isfinite(pos).all():
-        raise ParameterError("expected finite body positions, got nan or infinity")
-    if not (np.isfinite(fps) and fps > 0):
-        raise ParameterError(f"expected a positive frame rate, got {fps}")
+    pos = checked_body_pos_m(body_pos_m, fps)
     feet = pos[:, [BODY_JOINTS.index(name) for name in CONTACT_JOINTS]]  # (T, 4, 3)
     height = feet[..., 1] - np.percentile(feet[..., 1], _STANDING_PERCENT, axis=0)  # (T, 4)
     smooth = gaussian_filter1d(feet, _SMOOTH_S * fps, axis=0, mode="nearest")

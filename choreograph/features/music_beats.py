@@ -1,4 +1,4 @@
-"""Beats of music behind one small interface: librosa by default, beat-this as an optional extra.
+"""Beats of music behind one small interface: our tempo path by default, librosa, or beat-this (an extra).
 
 No tracker is the truth: octave errors (half or double tempo) are common, so everything later takes
 beats as an argument and may be given better ones.
@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
 from choreograph.errors import ParameterError
-from choreograph.features.mel import log_mel
 from choreograph.features.rhythm import onset_envelopes
+from choreograph.features.tempo_path import levelled, tempo_path_beats
 from choreograph.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, frames_to_seconds
 
-_LEVEL_S = 8.0  # span over which loud and quiet passages are brought to one level
 _MIN_DURATION_S = 1.0  # less holds no two beats to hear a tempo from
 # Between an octave's two readings the one nearer to a step's pace wins: librosa's own 120 BPM and one
 # octave read half of the slow waltzes (84 to 90 BPM) in eighths.
@@ -29,9 +28,23 @@ _ONSET_LEAD_S = 1.0 / MUSIC_FPS  # the log power of a 93 ms window rises this mu
 class BeatTracker(Protocol):
     """Anything that hears beats in a song."""
 
-    def beats(self, song: Song) -> NDArray[np.float64]:
-        """Increasing instants of the beats in seconds, (Q,); empty if nothing sounds."""
+    def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Increasing instants of the beats in seconds, (Q,); empty if nothing sounds.
+
+        `log_mel` (T, 96) of the song, as `features.mel.log_mel` gives it.
+        """
         ...
+
+
+class TempoPathBeats:
+    """Beats and a tempo that may change, found together: see `features.tempo_path`."""
+
+    def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
+        """The song's beats, (Q,) seconds; none in a song shorter than a second."""
+        if song.duration_s < _MIN_DURATION_S:
+            return np.zeros(0)
+        beats = tempo_path_beats(log_mel)
+        return beats[beats < song.duration_s]
 
 
 class LibrosaBeats:
@@ -41,15 +54,16 @@ class LibrosaBeats:
     steady pulse are filled in (`filled`).
     """
 
-    def beats(self, song: Song) -> NDArray[np.float64]:
+    def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
+        """The song's beats, (Q,) seconds; none in a song shorter than a second."""
         if song.duration_s < _MIN_DURATION_S:
             return np.zeros(0)
-        return beats_of_mel(log_mel(song.samples), song.duration_s)
+        return beats_of_mel(log_mel, song.duration_s)
 
 
 def beats_of_mel(log_mel: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
     """Beats in seconds, (Q,), of log-mel (T, 96) at 60 fps; empty if nothing sounds. See `LibrosaBeats`."""
-    strength = _levelled(onset_envelopes(log_mel).mean(axis=1))  # (T,)
+    strength = levelled(onset_envelopes(log_mel).mean(axis=1)).astype(np.float32)  # (T,)
     if not strength.any():
         return np.zeros(0)
     from librosa.beat import beat_track
@@ -83,16 +97,20 @@ class BeatThisBeats:
                 f"expected beat-this to load its weights, got: {reason} (offline? they are fetched once)"
             ) from error
 
-    def beats(self, song: Song) -> NDArray[np.float64]:
+    def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
+        """The song's beats, (Q,) seconds; the network hears the samples, not the log-mel."""
         beats, _ = self._audio_to_beats(song.samples, SAMPLE_RATE_HZ)
         return np.asarray(beats, np.float64)
 
 
-TRACKERS: dict[str, Callable[[], BeatTracker]] = {"librosa": LibrosaBeats, "beat-this": BeatThisBeats}
+DEFAULT_TRACKER = "tempo-path"
+TRACKERS: dict[str, Callable[[], BeatTracker]] = {
+    DEFAULT_TRACKER: TempoPathBeats, "librosa": LibrosaBeats, "beat-this": BeatThisBeats,
+}  # fmt: skip
 
 
-def get_beat_tracker(name: str = "librosa") -> BeatTracker:
-    """The tracker of that name: "librosa" or "beat-this"; `ParameterError` if unknown or unavailable."""
+def get_beat_tracker(name: str = DEFAULT_TRACKER) -> BeatTracker:
+    """The tracker of that name among `TRACKERS`; `ParameterError` if unknown or unavailable."""
     if name not in TRACKERS:
         raise ParameterError(f"expected a beat tracker among {', '.join(TRACKERS)}, got {name!r}")
     return TRACKERS[name]()
@@ -123,11 +141,3 @@ def _before(first_s: float, period_s: float) -> NDArray[np.float64]:
     steps = np.arange(int(first_s / period_s + 1e-9), 0, -1, dtype=np.float64)
     return np.asarray(first_s - period_s * steps, np.float64)
 
-
-def _levelled(strength: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Onset strength over its root mean square in the 8 s around, at least a tenth of the song's."""
-    from scipy.ndimage import uniform_filter1d
-
-    power = uniform_filter1d(strength.astype(np.float64) ** 2, round(_LEVEL_S * MUSIC_FPS), mode="nearest")
-    power = np.maximum(power, 0.01 * np.mean(strength.astype(np.float64) ** 2))
-    return (strength / np.sqrt(np.maximum(power, 1e-20))).astype(np.float32)

@@ -50,27 +50,39 @@ def tempogram(onsets: NDArray[np.floating], times_s: NDArray[np.floating]) -> ND
     Each column is 1 at lag 0 (not stored) and sampled at `LAGS_S`; where a band is silent it is 0.
     Outside the song there is silence.
     """
-    window = seconds_to_frames(CONTEXT_S, MUSIC_FPS)
+    starts = np.clip(np.rint(np.asarray(times_s) * MUSIC_FPS).astype(np.int64), 0, len(onsets))  # (N,)
+    correlation = autocorrelations(onsets, starts, CONTEXT_S)  # (N, C, W)
+    frames = LAGS_S * MUSIC_FPS
+    low = frames.astype(np.int64)
+    weight = (frames - low).astype(np.float32)
+    out = correlation[..., low] * (1 - weight) + correlation[..., low + 1] * weight
+    return np.clip(out, -1.0, 1.5).astype(np.float32)
+
+
+def autocorrelations(
+    onsets: NDArray[np.floating], centres: NDArray[np.integer], context_s: float
+) -> NDArray[np.float32]:
+    """Autocorrelation of onsets (T, C) at 60 fps around each frame of `centres` (N,): (N, C, W).
+
+    W lags of a frame, as many as `context_s` holds; 1 at lag 0, made up for the window's taper, 0 where
+    a channel is silent. Outside the song there is silence.
+    """
+    window = seconds_to_frames(context_s, MUSIC_FPS)
     taper = np.hanning(window + 2)[1:-1].astype(np.float32)
     size = fft.next_fast_len(2 * window, real=True)
     padded = np.pad(np.asarray(onsets, np.float32), ((window // 2, window), (0, 0)))
-    starts = np.clip(np.rint(np.asarray(times_s) * MUSIC_FPS).astype(np.int64), 0, len(onsets))  # (N,)
     inside = np.zeros(len(padded), np.float32)
     inside[window // 2 : window // 2 + len(onsets)] = 1.0
     taper_correlation = _autocorrelation(taper[None], size)[0]
-    out = np.empty((len(starts), padded.shape[1], len(LAGS_S)), np.float32)
-    for i, start in enumerate(starts):
+    fade = np.maximum(taper_correlation / taper_correlation[0], 1e-3)
+    out = np.empty((len(centres), padded.shape[1], window), np.float32)
+    for i, start in enumerate(centres):
         segment = padded[start : start + window]  # (W, C)
         weight = taper * inside[start : start + window]
         mean = (segment * weight[:, None]).sum(axis=0) / max(weight.sum(), 1e-6)
         correlation = _autocorrelation(((segment - mean) * weight[:, None]).T, size)  # (C, W)
-        correlation = correlation / np.maximum(correlation[:, :1], 1e-9)
-        correlation /= np.maximum(taper_correlation / taper_correlation[0], 1e-3)
-        for channel in range(padded.shape[1]):
-            out[i, channel] = np.interp(
-                LAGS_S * MUSIC_FPS, np.arange(correlation.shape[1]), correlation[channel]
-            )
-    return np.clip(out, -1.0, 1.5)
+        out[i] = correlation / np.maximum(correlation[:, :1], 1e-9) / fade
+    return out
 
 
 def scale_transform(columns: NDArray[np.floating]) -> NDArray[np.float32]:

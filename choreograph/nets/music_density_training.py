@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from choreograph.errors import ParameterError
-from choreograph.features.music_beats import beats_of_mel
+from choreograph.features.tempo_path import tempo_path_beats
 from choreograph.nets.density import MotionDensity, MusicDensity
 from choreograph.nets.density_presets import DensityConfig
 from choreograph.nets.style import MEL_FRAMES
@@ -81,7 +81,7 @@ def target_density(
     """
     density = motion_density.take_density(take.body_pos_m[: _n_frames(take)])
     if synchronise:
-        beats = beats_of_mel(take.log_mel, len(take.log_mel) / MUSIC_FPS)
+        beats = tempo_path_beats(take.log_mel)
         density = resampled(density, synchronising_map(len(density), take.motion_beat_times_s, beats))
     return (density - density.mean()) / (density.std() + 1e-5)
 

@@ -8,17 +8,17 @@ from choreograph.audio.song import Song
 from choreograph.features.density import music_density
 from choreograph.features.mel import log_mel
 from choreograph.features.music import Music
-from choreograph.features.music_beats import get_beat_tracker
+from choreograph.features.music_beats import DEFAULT_TRACKER, get_beat_tracker
 from choreograph.features.rhythm import rhythm_features
 from choreograph.repertoire import Repertoire
 
 
-def hear(song: Song, repertoire: Repertoire, *, beats: str = "librosa") -> tuple[Music, tuple[str, ...]]:
+def hear(song: Song, repertoire: Repertoire, *, beats: str = DEFAULT_TRACKER) -> tuple[Music, tuple[str, ...]]:
     """The song's beats, styles and wanted tempo-densities, and notes on what is odd about it."""
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)
     mel = log_mel(song.samples)  # (T, 96)
-    beat_times_s = get_beat_tracker(beats).beats(song)
+    beat_times_s = get_beat_tracker(beats).beats(song, mel)
     if len(beat_times_s) == 0:
         notes.append(f"{song.name}: no beat heard: the dance keeps the rhythm of its takes")
     starts = np.arange(n_seconds)

@@ -1,0 +1,92 @@
+"""The tempo path on planted drum loops whose beats are known, against librosa where the tempo is steady."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from choreograph.errors import ParameterError
+from choreograph.features._kernels import beat_chain
+from choreograph.features.mel import log_mel
+from choreograph.features.music_beats import beats_of_mel
+from choreograph.features.tempo_path import onset_strength, tempo_path_beats
+from choreograph.metrics.beat import f_score
+from choreograph.timebase import SAMPLE_RATE_HZ
+
+
+def drum_loop(beat_times_s: np.ndarray, *, swing: float = 0.0, off_beat_hat: float = 0.5) -> np.ndarray:
+    """Kick and snare on the beats, a hat on every eighth; `swing` 1 puts the off-beats on the triplet."""
+    rng = np.random.default_rng(0)
+    n = np.arange(4000) / SAMPLE_RATE_HZ
+    kick = np.sin(2 * np.pi * 55 * n) * np.exp(-12 * n)
+    snare = 0.4 * rng.normal(size=4000) * np.exp(-30 * n)
+    hat = 0.3 * np.diff(rng.normal(size=4001)) * np.exp(-80 * n)
+    samples = np.zeros(round((beat_times_s[-1] + 1.0) * SAMPLE_RATE_HZ))
+    for i, time_s in enumerate(beat_times_s):
+        period_s = np.diff(beat_times_s)[min(i, len(beat_times_s) - 2)]
+        sounds = [(time_s, snare if i % 2 else kick), (time_s, 0.5 * hat)]
+        sounds.append((time_s + period_s * (0.5 + swing / 6), off_beat_hat * hat))
+        for at_s, sound in sounds:
+            start = round(at_s * SAMPLE_RATE_HZ)
+            room = samples[start : start + 4000]
+            room += sound[: len(room)]
+    return (0.8 * samples / np.abs(samples).max()).astype(np.float32)
+
+
+def ramp(first_bpm: float, last_bpm: float, duration_s: float = 50.0) -> np.ndarray:
+    times = [0.3]
+    while times[-1] < duration_s:
+        times.append(times[-1] + 60 / (first_bpm + (last_bpm - first_bpm) * times[-1] / duration_s))
+    return np.array(times)
+
+
+@pytest.mark.parametrize("swing", [0.0, 1.0])
+@pytest.mark.parametrize(("first", "last"), [(90, 140), (140, 90)])
+def test_a_ramp_is_followed(first, last, swing):
+    times_s = ramp(first, last)
+    mel = log_mel(drum_loop(times_s, swing=swing))
+    assert f_score(tempo_path_beats(mel), times_s) > 0.95
+    assert f_score(beats_of_mel(mel, len(mel) / 60), times_s) < 0.92  # what one tempo for all makes of it
+
+
+@pytest.mark.parametrize("bpm", [80, 96, 120, 138])
+def test_steady_beats_are_librosas_and_true(bpm):
+    times_s = 0.3 + np.arange(0, 40, 60 / bpm)
+    mel = log_mel(drum_loop(times_s))
+    beats = tempo_path_beats(mel)
+    assert f_score(beats, times_s) > 0.95
+    assert f_score(beats, beats_of_mel(mel, len(mel) / 60)) > 0.9
+    nearest = times_s[np.abs(beats[:, None] - times_s).argmin(axis=1)]
+    assert abs(np.median(beats - nearest)) < 0.02
+
+
+def test_the_kick_decides_against_a_loud_off_beat():
+    times_s = 0.3 + np.arange(0, 40, 0.5)
+    kicks_only = drum_loop(np.repeat(times_s, 1), off_beat_hat=1.2)
+    assert f_score(tempo_path_beats(log_mel(kicks_only)), times_s) > 0.95
+
+
+@given(st.integers(20, 60), st.integers(0, 19), st.integers(300, 900))
+@settings(deadline=None, max_examples=25)
+def test_a_chain_of_pulses_is_found_whole(period, phase, n_frames):
+    strength = np.zeros(n_frames)
+    strength[phase::period] = 1.0
+    gain = np.zeros((1, 66))
+    gain[0, period - 15] = 0.5
+    beats = beat_chain(strength, gain, n_frames, 15, 200.0)
+    inner = beats[(beats > 0) & (beats < n_frames - period)]
+    assert set(inner) <= set(range(phase, n_frames, period))
+    assert (np.diff(beats) > 0).all()
+
+
+def test_strength_forgets_loudness():
+    mel = log_mel(drum_loop(0.3 + np.arange(0, 20, 0.5)))
+    quieter = mel - 3.0
+    np.testing.assert_allclose(onset_strength(mel), onset_strength(quieter), rtol=1e-3, atol=1e-3)
+
+
+def test_another_shape_is_refused():
+    with pytest.raises(ParameterError, match="log-mel"):
+        tempo_path_beats(np.zeros((10, 4)))
