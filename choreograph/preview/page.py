@@ -1,0 +1,200 @@
+"""The preview: one HTML file with the dance, its song and the page that plays them, for any browser, offline.
+
+The page draws with a small WebGL renderer of its own (`page/renderer.js`, some 300 lines). The alternative, a
+renderer taken from an installed Python package when the page is written, was left: the packages that carry
+one (notebook viewers) are tens of megabytes, would be a dependency for one file of theirs, and put 0.6 MB or
+more of general engine into every preview, for one skinned body, a floor and a shadow.
+
+The page's parts lie in `page/`: ES modules in the order of `_SCRIPTS`, which are put in one script, a
+style sheet and the frame. All that differs from dance to dance is data: JSON, and packed bytes in base64.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import ParameterError
+from choreograph.files import atomic_path, check_target
+from choreograph.motion.motion import Motion
+from choreograph.plan import Plan, PlannedSecond
+from choreograph.preview.figure import build_figure
+from choreograph.preview.packing import ROTVEC_STEP_RAD, pack_figure, pack_motion, to_text
+from choreograph.preview.sound import Levels, encode_mp4, song_part
+
+_SCRIPTS = (
+    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "renderer.js",
+    "colours.js", "timeline.js", "card.js", "player.js", "controls.js", "main.js",
+)  # fmt: skip
+_LEVELS_PER_S = 50
+_LENGTH_SLACK_S = 0.1  # a plan's length is the song's, a motion's is whole frames
+
+
+def write_page(
+    path: str | Path,
+    motion: Motion,
+    plan: Plan,
+    *,
+    song_path: str | Path | None,
+    motion_beats_s: Sequence[float] | NDArray[np.floating],
+    start_s: float | None = None,
+    duration_s: float | None = None,
+    title: str | None = None,
+) -> None:
+    """Write the dance as one self-contained HTML file; the same dance gives the same bytes.
+
+    Parameters
+    ----------
+    path : the file to write, whole or not at all
+    motion, plan : of a dance; the plan's seconds are the timeline's blocks
+    song_path : the song as it came; its danced part goes into the page. None: the page is silent
+    motion_beats_s : (Q,) instants in the dance, increasing
+    start_s : of the dance in the song file; the plan's `start_s` unless given
+    duration_s : seconds to show, from the beginning; the whole motion unless given
+    title : heading of the page; the song's name unless given
+
+    Raises
+    ------
+    ParameterError     the folder is missing; motion and plan differ in length; a time is out of range
+    FormatError        the song cannot be read
+    ChoreographError   the disk is full, or may not be written to
+    """
+    path = check_target(path)
+    beats_s = _checked_beats(motion_beats_s)
+    duration_s = _checked_duration(motion, plan, duration_s)
+    start_s = plan.start_s if start_s is None else start_s
+    shown = motion.sliced(0, min(motion.n_frames, int(np.ceil(duration_s * motion.fps)) + 1))
+    sound, levels, levels_per_s = _sound(song_path, start_s, duration_s)
+    packed = pack_motion(shown)
+    mesh, figure = pack_figure(build_figure(motion.skeleton))
+    title = title or plan.song or "Dance"
+    dance = {
+        "title": title,
+        "song": plan.song,
+        "duration_s": round(duration_s, 6),
+        "fps": packed.fps,
+        "frames": packed.n_frames,
+        "root_step_m": packed.root_step_m,
+        "root_origin_m": packed.root_origin_m,
+        "rotvec_step_rad": ROTVEC_STEP_RAD,
+        "names": motion.skeleton.names,
+        "parents": motion.skeleton.parents.tolist(),
+        "offsets_m": np.round(motion.skeleton.offsets_m, 6).tolist(),
+        "figure": figure,
+        "levels_per_s": levels_per_s,
+        "music_beats_s": _rounded(plan.music_beats_s, duration_s),
+        "motion_beats_s": _rounded(beats_s, duration_s),
+        "planner": plan.planner,
+        "repertoire": Path(plan.repertoire).name,
+        **_sources(plan, duration_s),
+    }
+    text = _filled(title, _script_safe(dance), packed.text, mesh, levels, sound)
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _checked_beats(motion_beats_s: Sequence[float] | NDArray[np.floating]) -> NDArray[np.float64]:
+    beats_s = np.asarray(motion_beats_s, np.float64)
+    if beats_s.ndim != 1 or not np.isfinite(beats_s).all() or (np.diff(beats_s) < 0).any():
+        raise ParameterError("expected increasing finite motion_beats_s (Q,): instants in seconds")
+    return beats_s
+
+
+def _checked_duration(motion: Motion, plan: Plan, duration_s: float | None) -> float:
+    if abs(motion.duration_s - plan.duration_s) > _LENGTH_SLACK_S:
+        raise ParameterError(
+            f"expected the plan's own motion, got {motion.duration_s:.2f} s of motion and a plan of "
+            f"{plan.duration_s:.2f} s: they may be of two dances"
+        )
+    if duration_s is None:
+        return min(motion.duration_s, float(len(plan.seconds)))
+    if not (np.isfinite(duration_s) and 0 < duration_s <= motion.duration_s + _LENGTH_SLACK_S):
+        raise ParameterError(
+            f"expected a duration in (0, {motion.duration_s:.2f}] s, the dance's length, got {duration_s:g}"
+        )
+    return min(duration_s, motion.duration_s)
+
+
+def _sound(song_path: str | Path | None, start_s: float, duration_s: float) -> tuple[str, str, float]:
+    """The sound in base64, the waveform's levels, and how many of them there are in a second."""
+    if song_path is None:
+        return "", "", float(_LEVELS_PER_S)
+    levels = Levels(_LEVELS_PER_S)
+    sound = encode_mp4(levels.through(song_part(song_path, start_s=start_s, duration_s=duration_s)))
+    # A plane of peaks, then one of RMS: alike numbers side by side deflate better.
+    planes = np.ascontiguousarray(levels.to_bytes().T)
+    return base64.b64encode(sound).decode("ascii"), to_text(planes.tobytes()), levels.bins_per_s
+
+
+def _rounded(times_s: Sequence[float] | NDArray[np.floating], duration_s: float) -> list[float]:
+    return [round(float(time), 4) for time in times_s if 0 <= time <= duration_s]
+
+
+def _sources(plan: Plan, duration_s: float) -> dict[str, Any]:
+    """Every second's block: takes by index into a table of names and credits."""
+    shown = [second for second in plan.seconds if second.second < duration_s]
+    names = sorted({second.take for second in shown})
+    credits = {second.take: second.credits for second in shown}
+    takes = [
+        {
+            "name": name,
+            "genre": credits[name].genre,
+            "performer": credits[name].performer,
+            "licence": credits[name].licence,
+            "source": credits[name].source,
+        }
+        for name in names
+    ]
+    index = {name: i for i, name in enumerate(names)}
+    return {"takes": takes, "seconds": [_block(second, index[second.take]) for second in shown]}
+
+
+def _block(second: PlannedSecond, take: int) -> dict[str, Any]:
+    first, last = second.source_times_s[0], second.source_times_s[-1]
+    return {
+        "take": take,
+        "clip": second.clip,
+        "clip_start_s": round(second.clip_start_s, 3),
+        "from_s": round(first, 3),
+        "to_s": round(last, 3),
+        "segment": second.segment_second,
+        "costs": {name: round(cost, 4) for name, cost in second.costs.items()},
+    }
+
+
+def _script_safe(data: Any) -> str:
+    """JSON that cannot end the script element it stands in, whatever a take is called."""
+    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def _filled(title: str, dance: str, motion: str, mesh: str, levels: str, sound: str) -> str:
+    """The page's frame with everything in its place."""
+    folder = resources.files("choreograph.preview") / "page"
+    scripts = [(folder / name).read_text(encoding="utf-8") for name in _SCRIPTS]
+    parts = {
+        "title": html.escape(title),
+        "style": (folder / "style.css").read_text(encoding="utf-8"),
+        "dance": dance,
+        "motion": motion,
+        "mesh": mesh,
+        "levels": levels,
+        "sound": sound,
+        "script": "\n".join(_without_imports(script) for script in scripts),
+    }
+    pieces = (folder / "index.html").read_text(encoding="utf-8").split("@@")
+    return "".join(parts[piece] if i % 2 else piece for i, piece in enumerate(pieces))
+
+
+def _without_imports(script: str) -> str:
+    """A module's text for the one script that holds them all: no import, no export."""
+    lines = [line for line in script.splitlines() if not line.startswith("import ")]
+    return "\n".join(line.removeprefix("export ") for line in lines)

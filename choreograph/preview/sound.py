@@ -1,0 +1,165 @@
+"""The danced part of a song, at its own rate, for files that are played: the page and the video.
+
+AAC in MP4, because of what a click track showed in Chromium 156, milliseconds between a click's place in
+the file and the media clock when it sounded, at the start / after seeking: WAV 0.0 / 0.0, AAC in MP4
+0.0 / 0.0 (the edit list takes the encoder's delay out, the sample table makes seeks exact), FLAC 0.0 / 0.0
+but ten times the size, MP3 0.0 / 25.1 (seeks land on a guess), Opus in Ogg 4.8 / 1.7, in WebM 1.6 / 2.7
+(and Opus has no 44.1 kHz).
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.audio.decode import decoded_blocks
+from choreograph.errors import FormatError, ParameterError
+
+Blocks = Iterator[NDArray[np.float32]]  # each (S_b, C)
+
+AAC_RATES_HZ = (8000, 11025, 12000, 16000, 22050, 24000, 32000, 44100, 48000)
+_BIT_RATE_PER_CHANNEL = 80_000
+_SILENT_FRAMES = 1 << 16
+
+
+@dataclass(frozen=True, eq=False)
+class SongPart:
+    """A span of a song as blocks of samples, exactly `n_frames` long: silent where the song is over."""
+
+    rate_hz: int
+    n_channels: int  # 1 or 2
+    n_frames: int
+    blocks: Blocks  # to be read once
+
+
+def song_part(path: str | Path, *, start_s: float, duration_s: float) -> SongPart:
+    """The `duration_s` seconds of a song file from `start_s`, at its own rate, more than two channels mixed.
+
+    Raises `FormatError` if the file is missing, empty, not audio or damaged (damage only while the blocks
+    are read), and `ParameterError` if the start is negative or the duration not positive.
+    """
+    path = Path(path)
+    if not (np.isfinite(start_s) and start_s >= 0):
+        raise ParameterError(f"expected a start in seconds of 0 or more, got {start_s:g}")
+    if not (np.isfinite(duration_s) and duration_s > 0):
+        raise ParameterError(f"expected a duration in seconds above 0, got {duration_s:g}")
+    if not path.is_file() or path.stat().st_size == 0:
+        raise FormatError(f"expected a song at {path}, got no such file or an empty one")
+    rate_hz, blocks = decoded_blocks(path)
+    n_frames = max(1, round(duration_s * rate_hz))
+    first = next(blocks, None)
+    if first is None:
+        raise FormatError(f"expected a song in {path}, got no sound at all: the file may be cut off")
+    n_channels = min(first.shape[1], 2)
+    cut = _cut(first, blocks, round(start_s * rate_hz), n_frames, n_channels)
+    return SongPart(rate_hz, n_channels, n_frames, cut)
+
+
+def _cut(first: NDArray[np.float32], rest: Blocks, start: int, n_frames: int, n_channels: int) -> Blocks:
+    """`n_frames` frames from `start` on, then silence up to that number."""
+    done, position, block = 0, 0, first
+    while block is not None and done < n_frames:
+        piece = block[max(0, start - position) :][: n_frames - done]
+        position += len(block)
+        if len(piece):
+            done += len(piece)
+            yield _mixed(np.nan_to_num(piece), n_channels)
+        block = next(rest, None) if done < n_frames else None
+    while done < n_frames:
+        silent = min(_SILENT_FRAMES, n_frames - done)
+        done += silent
+        yield np.zeros((silent, n_channels), np.float32)
+
+
+def _mixed(block: NDArray[np.float32], n_channels: int) -> NDArray[np.float32]:
+    """One or two channels of (S_b, C): all beyond the second are heard on both sides."""
+    if block.shape[1] <= 2:
+        return block
+    rest = block[:, 2:].mean(axis=1, keepdims=True)
+    return (0.6 * block[:, :n_channels] + 0.4 * rest).astype(np.float32)
+
+
+@dataclass
+class Levels:
+    """Peak and RMS of the sound per bin, collected while blocks run through: the timeline's waveform."""
+
+    bins_per_s: float
+    _peaks: list[float] = field(default_factory=list)
+    _powers: list[float] = field(default_factory=list)
+
+    def through(self, part: SongPart) -> SongPart:
+        """The same part, measured as it is read."""
+        return SongPart(part.rate_hz, part.n_channels, part.n_frames, self._measured(part))
+
+    def _measured(self, part: SongPart) -> Blocks:
+        bin_frames = max(1, round(part.rate_hz / self.bins_per_s))
+        self.bins_per_s = part.rate_hz / bin_frames
+        left = np.zeros(0, np.float32)
+        for block in part.blocks:
+            loud = np.concatenate([left, np.abs(block).max(axis=1)])
+            whole = len(loud) // bin_frames * bin_frames
+            self._add(loud[:whole].reshape(-1, bin_frames))
+            left = loud[whole:]
+            yield block
+        if len(left):
+            self._add(left[None])
+
+    def _add(self, loud: NDArray[np.float32]) -> None:
+        self._peaks.extend(loud.max(axis=1))
+        self._powers.extend(np.sqrt((loud**2).mean(axis=1)))
+
+    def to_bytes(self) -> NDArray[np.uint8]:
+        """(bins, 2) peak and RMS, 255 for the loudest peak of the song."""
+        levels = np.stack([self._peaks, self._powers], axis=1)  # (bins, 2)
+        return np.round(255 * levels / max(float(levels.max(initial=0.0)), 1e-4)).astype(np.uint8)
+
+
+def encode_mp4(part: SongPart) -> bytes:
+    """The part as AAC in MP4, byte for byte the same each time."""
+    import av
+
+    buffer = io.BytesIO()
+    with av.open(buffer, "w", format="mp4") as container:
+        add_sound(container, part)
+    return buffer.getvalue()
+
+
+def add_sound(container: Any, part: SongPart) -> None:
+    """Encode the part as an AAC stream of its own in an open PyAV container, and mux it."""
+    for packet in aac_packets(aac_stream(container, part), part):
+        container.mux(packet)
+
+
+def aac_stream(container: Any, part: SongPart) -> Any:
+    """A new AAC stream for the part, at its own rate where AAC has it."""
+    rate_hz = min(AAC_RATES_HZ, key=lambda r: (r < min(part.rate_hz, 48000), abs(r - part.rate_hz)))
+    layout = "mono" if part.n_channels == 1 else "stereo"
+    stream = container.add_stream("aac", rate=rate_hz, layout=layout)
+    stream.bit_rate = _BIT_RATE_PER_CHANNEL * part.n_channels
+    return stream
+
+
+def aac_packets(stream: Any, part: SongPart) -> Iterator[Any]:
+    """The part's encoded packets in order, the last ones flushed."""
+    import av
+
+    layout = stream.layout.name
+    resampler = av.AudioResampler(format="fltp", layout=layout, rate=stream.rate)
+    position = 0
+    for block in part.blocks:
+        packed = np.ascontiguousarray(block, np.float32).reshape(1, -1)
+        frame = av.AudioFrame.from_ndarray(packed, format="flt", layout=layout)
+        frame.sample_rate, frame.pts, frame.time_base = part.rate_hz, position, Fraction(1, part.rate_hz)
+        position += len(block)
+        for resampled in resampler.resample(frame):
+            yield from stream.encode(resampled)
+    for resampled in resampler.resample(None):
+        yield from stream.encode(resampled)
+    yield from stream.encode(None)
