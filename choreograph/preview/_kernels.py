@@ -270,9 +270,15 @@ def shade_figure(
                 unit = one / np.sqrt(hx * hx + hy * hy + hz * hz)
                 gloss = max((nx * hx + ny * hy + nz * hz) * unit, zero) ** 32 * np.float32(0.10)
                 above = half + half * ny
-                red = key * tints[0, 0] + fill * tints[1, 0] + above * tints[3, 0] + (one - above) * tints[4, 0]
-                green = key * tints[0, 1] + fill * tints[1, 1] + above * tints[3, 1] + (one - above) * tints[4, 1]
-                blue = key * tints[0, 2] + fill * tints[1, 2] + above * tints[3, 2] + (one - above) * tints[4, 2]
+                red = (
+                    key * tints[0, 0] + fill * tints[1, 0] + above * tints[3, 0] + (one - above) * tints[4, 0]
+                )
+                green = (
+                    key * tints[0, 1] + fill * tints[1, 1] + above * tints[3, 1] + (one - above) * tints[4, 1]
+                )
+                blue = (
+                    key * tints[0, 2] + fill * tints[1, 2] + above * tints[3, 2] + (one - above) * tints[4, 2]
+                )
                 c = colours[i]
                 r += c[0] * red + back * tints[2, 0] + gloss * tints[0, 0]
                 g += c[1] * green + back * tints[2, 1] + gloss * tints[0, 1]

@@ -151,7 +151,9 @@ def _of_bones(skeleton: Skeleton) -> Figure:
     pos_m, quat = skeleton.rest_pos_m(), np.tile(rot.IDENTITY, (skeleton.n_joints, 1))
     size_m = max(float(np.ptp(pos_m, axis=0).max()), 10 * _SHORTEST_BONE_M)
     bones = _extra_bones(skeleton, pos_m, quat, set(), 0.03 * size_m)
-    knob = anatomy.knob(pos_m[0], 0.02 * size_m, 0, PARTS.index("extra"))  # something to see, whatever the bones
+    knob = anatomy.knob(
+        pos_m[0], 0.02 * size_m, 0, PARTS.index("extra")
+    )  # something to see, whatever the bones
     return _assembled([knob, *bones], pos_m, quat)
 
 

@@ -35,7 +35,9 @@ class Camera:
         if not np.hypot(sight[0], sight[2]) > 1e-6:
             raise ParameterError("a camera cannot look straight up or down: move its target off the vertical")
         if not 0.0 < self.fov_rad < np.pi:
-            raise ParameterError(f"expected a field of view between 0 and 180 degrees, got {self.fov_rad} rad")
+            raise ParameterError(
+                f"expected a field of view between 0 and 180 degrees, got {self.fov_rad} rad"
+            )
 
     def axes(self) -> NDArray[np.float32]:
         """Unit directions to the right, up and into the picture, rows of (3, 3)."""
