@@ -2,7 +2,8 @@
 
 Conventions: body positions (T, 21, 3) in metres at `fps`, Y up, the floor at y = 0. A foot is low
 when its ball is at most `LOW_M` over the floor. Jerk is the third difference of all joints' places
-at one rate, 20 fps whatever the source's, so that dances and takes compare; m/s³.
+at one rate, 20 fps whatever the source's, so that dances and takes compare; m/s³. Positions of another
+shape, not finite, or without a rate are refused with a `ParameterError`.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from choreograph.errors import ParameterError
-from choreograph.motion.body import BODY_JOINTS
+from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 from choreograph.timebase import NET_FPS, frame_times_s
 
 Floats = NDArray[np.float64]
@@ -26,24 +27,12 @@ _FEET = [BODY_JOINTS.index("left_foot"), BODY_JOINTS.index("right_foot")]
 _ANKLES = [BODY_JOINTS.index("left_ankle"), BODY_JOINTS.index("right_ankle")]
 
 
-def validate(body_pos_m: Floats, fps: float) -> Floats:
-    """The positions as float64; `ParameterError` unless they are finite, (T, 21, 3), and `fps` positive."""
-    pos = np.asarray(body_pos_m, np.float64)
-    if pos.ndim != 3 or pos.shape[1:] != (len(BODY_JOINTS), 3) or len(pos) == 0:
-        raise ParameterError(f"expected body positions (T, {len(BODY_JOINTS)}, 3), got {pos.shape}")
-    if not np.isfinite(pos).all():
-        raise ParameterError("expected finite body positions, got nan or infinity")
-    if not (np.isfinite(fps) and fps > 0):
-        raise ParameterError(f"expected a positive frame rate, got {fps}")
-    return pos
-
-
 def foot_slide_cm_s(body_pos_m: Floats, fps: float, *, low_m: float = LOW_M) -> float:
     """Mean horizontal speed of the balls of the feet while low, cm/s; 0 if they never are.
 
     A step counts as low if the foot is low at both its ends.
     """
-    feet = validate(body_pos_m, fps)[:, _FEET]  # (T, 2, 3)
+    feet = checked_body_pos_m(body_pos_m, fps)[:, _FEET]  # (T, 2, 3)
     low = feet[..., 1] <= low_m
     low = low[1:] & low[:-1]
     speed = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1) * fps * 100.0  # (T-1, 2)
@@ -56,9 +45,9 @@ def floor_penetration_cm(body_pos_m: Floats, fps: float, *, sole_pos_m: Floats |
     The points are those of the soles (T, F, 3) if given, as `motion.floor.sole_pos_m` knows them of a
     motion's rig; else the balls, and heels `ANKLE_OVER_SOLE_M` under the ankles.
 
-    Raises `ParameterError` as `validate`, or if the soles' frames are not the body's.
+    Raises `ParameterError`, too, if the soles' frames are not the body's.
     """
-    pos = validate(body_pos_m, fps)
+    pos = checked_body_pos_m(body_pos_m, fps)
     heels_y_m = pos[:, _ANKLES, 1] - ANKLE_OVER_SOLE_M
     points_y_m = np.concatenate([pos[:, _FEET, 1], heels_y_m], axis=1)  # (T, 4)
     if sole_pos_m is not None:
@@ -73,7 +62,7 @@ def floor_penetration_cm(body_pos_m: Floats, fps: float, *, sole_pos_m: Floats |
 
 def joint_jerk_m_s3(body_pos_m: Floats, fps: float) -> tuple[Floats, Floats]:
     """Instants in seconds and mean jerk over the joints in m/s³, both (T' - 3,) at `JERK_FPS`."""
-    pos = validate(body_pos_m, fps)
+    pos = checked_body_pos_m(body_pos_m, fps)
     times_s = frame_times_s(len(pos), fps)
     if fps != JERK_FPS and len(pos) > 1:
         wanted_s = frame_times_s(int(times_s[-1] * JERK_FPS) + 1, JERK_FPS)

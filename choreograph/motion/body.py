@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.errors import ParameterError
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS
@@ -45,6 +46,18 @@ def body_pos_m(motion: Motion) -> NDArray[np.float64]:
             name = CANONICAL_JOINTS[CANONICAL_PARENTS[CANONICAL_JOINTS.index(name)]]
         indices.append(roles[name])
     return pos[:, indices]  # (T, 21, 3)
+
+
+def checked_body_pos_m(body_pos_m: NDArray[np.floating], fps: float = 1.0) -> NDArray[np.float64]:
+    """The positions as float64; `ParameterError` unless they are finite, (T, 21, 3), and `fps` positive."""
+    pos = np.asarray(body_pos_m, np.float64)
+    if pos.ndim != 3 or pos.shape[1:] != (len(BODY_JOINTS), 3) or len(pos) == 0:
+        raise ParameterError(f"expected body positions (T, {len(BODY_JOINTS)}, 3), got {pos.shape}")
+    if not np.isfinite(pos).all():
+        raise ParameterError("expected finite body positions, got nan or infinity")
+    if not (np.isfinite(fps) and fps > 0):
+        raise ParameterError(f"expected a positive frame rate, got {fps}")
+    return pos
 
 
 def mirrored(body_pos_m: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -121,6 +121,7 @@ class _Fit:
         self.front = np.cross(self.left, self.up)
 
     def solve(self) -> tuple[Floats, Floats]:
+        """Root positions (T, 3) in metres and local rotations (T, J, 4), limb by limb from the pelvis."""
         self._pelvis()
         placed = [role for role in self.targets if role in self.joints]
         target = np.stack([self.targets[role] for role in placed], axis=1)  # (T, R', 3)

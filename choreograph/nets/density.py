@@ -8,8 +8,6 @@ every density has zero mean and unit variance over its segment, so that it canno
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -17,50 +15,21 @@ from torch import Tensor, nn
 
 from choreograph.errors import ParameterError
 from choreograph.features.mel import MEL_BANDS
-from choreograph.motion.body import BODY_JOINTS
+from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 from choreograph.nets.density_presets import DensityConfig
+from choreograph.nets.stored import StoredNet
 from choreograph.nets.style import MEL_FRAMES, centred
 from choreograph.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SEGMENT_FRAMES
 
 BODY_DIM = 3 * len(BODY_JOINTS)
 HIDDEN_FRAMES = 4
-_BATCH = 128  # at inference
 _HOP_FRAMES = NET_FPS  # of the windows of a whole take
 
 
-class _StoredNet(nn.Module):
-    """What both networks share: how they are kept in a file, and running many segments."""
-
-    config: DensityConfig
-
-    def to_arrays(self) -> tuple[dict[str, NDArray], dict]:
-        """Weights by name, and the configuration as a plain dictionary: what a file needs to keep."""
-        return {n: v.detach().cpu().numpy() for n, v in self.state_dict().items()}, asdict(self.config)
-
-    @classmethod
-    def from_arrays(cls, arrays: dict[str, NDArray], config: dict):
-        """The network that `to_arrays` described; `ParameterError` if weights and config disagree."""
-        unknown = set(config) - {field.name for field in fields(DensityConfig)}
-        if unknown:
-            raise ParameterError(f"expected fields of DensityConfig, got {', '.join(sorted(unknown))}")
-        tuples = {name: tuple(v) if name.endswith("channels") else v for name, v in config.items()}
-        net = cls(DensityConfig(**tuples))  # type: ignore[arg-type]  # checked by the config itself
-        try:
-            net.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in arrays.items()})
-        except RuntimeError as error:
-            raise ParameterError(
-                "expected weights of the tempo-density network described, got others: the file mixes versions"
-            ) from error
-        return net.eval()
-
-    def _in_batches(self, n: int, computed) -> NDArray[np.float32]:
-        self.eval()
-        with torch.no_grad():
-            return np.concatenate([computed(slice(i, i + _BATCH)).numpy() for i in range(0, n, _BATCH)])
-
-
-class MotionDensity(_StoredNet):
+class MotionDensity(StoredNet):
     """The estimator: centred clips (B, 160, 21, 3) to densities (B, 160) and contents (B, C)."""
+
+    config_class = DensityConfig
 
     def __init__(self, config: DensityConfig) -> None:
         super().__init__()
@@ -82,6 +51,7 @@ class MotionDensity(_StoredNet):
         )
 
     def forward(self, body: Tensor) -> tuple[Tensor, Tensor]:
+        """Centred clips (B, 160, 21, 3) in metres to standardised densities (B, 160) and contents (B, C)."""
         pos = body.flatten(2)  # (B, 160, 63)
         # Ten frames of velocity are about as large as the positions they lead through.
         velocity = 10 * torch.gradient(pos, dim=1)[0]
@@ -100,9 +70,7 @@ class MotionDensity(_StoredNet):
 
         The mean of windows of 8 s, one starting every second; a shorter take holds its end poses.
         """
-        body = np.asarray(body_pos_m, np.float32)
-        if body.ndim != 3 or body.shape[1:] != (len(BODY_JOINTS), 3) or len(body) == 0:
-            raise ParameterError(f"expected body positions (T, {len(BODY_JOINTS)}, 3), got {body.shape}")
+        body = checked_body_pos_m(body_pos_m).astype(np.float32)
         n_frames = len(body)
         last = max(0, n_frames - CLIP_FRAMES)
         starts = np.unique(np.append(np.arange(0, last + 1, _HOP_FRAMES), last))
@@ -137,6 +105,7 @@ class MotionDecoder(nn.Module):
         self.to_body = nn.Linear(config.width, BODY_DIM)
 
     def forward(self, density: Tensor, content: Tensor) -> Tensor:
+        """Densities (B, 160) and contents (B, C) to centred clips (B, 160, 21, 3) in metres."""
         seen = [self.from_density(density[:, None])]
         for conv in self.convs:
             seen.append(conv(seen[-1]))
@@ -147,8 +116,10 @@ class MotionDecoder(nn.Module):
         return self.to_body(self.transformer(x)).unflatten(2, (len(BODY_JOINTS), 3))
 
 
-class MusicDensity(_StoredNet):
+class MusicDensity(StoredNet):
     """Log-mel (B, 240, 96) of 4 s to the tempo-density wanted, (B, 80) at 20 fps."""
+
+    config_class = DensityConfig
 
     def __init__(self, config: DensityConfig) -> None:
         super().__init__()
@@ -176,6 +147,7 @@ class MusicDensity(_StoredNet):
         self.last = nn.ConvTranspose1d(2 * channels[1], 1, 3, padding=1)  # the fifth: 80 to 80
 
     def forward(self, mel: Tensor) -> Tensor:
+        """Log-mel (B, 240, 96), raw, to densities (B, 80), not yet standardised."""
         x = (mel - self.mel_mean) / self.mel_std
         x = self.transformers(self.embed(x)).transpose(1, 2)
         seen = []

@@ -5,9 +5,11 @@ The paper gives layer counts, the hidden vector of 4096, the content of 1024; ot
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
+from typing import Any
 
 from choreograph.errors import ParameterError
+from choreograph.nets.presets import changed_preset
 
 DENSITY_LOSSES = ("paper", "locatable")
 
@@ -77,11 +79,6 @@ _PRESETS = {
 }
 
 
-def density_config(preset: str, **changes) -> DensityConfig:
+def density_config(preset: str, **changes: Any) -> DensityConfig:
     """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
-    if preset not in _PRESETS:
-        raise ParameterError(f"expected a preset among {', '.join(_PRESETS)}, got {preset!r}")
-    unknown = set(changes) - {field.name for field in fields(DensityConfig)}
-    if unknown:
-        raise ParameterError(f"expected fields of DensityConfig, got {', '.join(sorted(unknown))}")
-    return replace(_PRESETS[preset], **changes)
+    return changed_preset(_PRESETS, preset, changes)

@@ -5,13 +5,16 @@ The paper gives layer counts, input and output shapes; widths it does not give a
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
 
 from choreograph.errors import ParameterError
 
 STYLE_DIM = 32
 MUSIC_INPUTS = ("mel", "mel+rhythm")
 STYLE_LOSSES = ("paper", "contrastive")
+Config = TypeVar("Config", bound=Any)  # a frozen dataclass
 
 
 @dataclass(frozen=True)
@@ -67,11 +70,17 @@ _STYLE_PRESETS = {
 }
 
 
-def style_config(preset: str, **changes) -> StyleConfig:
+def style_config(preset: str, **changes: Any) -> StyleConfig:
     """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
-    if preset not in _STYLE_PRESETS:
-        raise ParameterError(f"expected a preset among {', '.join(_STYLE_PRESETS)}, got {preset!r}")
-    unknown = set(changes) - {field.name for field in fields(StyleConfig)}
+    return changed_preset(_STYLE_PRESETS, preset, changes)
+
+
+def changed_preset(presets: Mapping[str, Config], preset: str, changes: Mapping[str, Any]) -> Config:
+    """One of `presets` with fields changed; `ParameterError` for an unknown name or field."""
+    if preset not in presets:
+        raise ParameterError(f"expected a preset among {', '.join(presets)}, got {preset!r}")
+    config = presets[preset]
+    unknown = set(changes) - {field.name for field in fields(config)}
     if unknown:
-        raise ParameterError(f"expected fields of StyleConfig, got {', '.join(sorted(unknown))}")
-    return replace(_STYLE_PRESETS[preset], **changes)
+        raise ParameterError(f"expected fields of {type(config).__name__}, got {', '.join(sorted(unknown))}")
+    return replace(config, **changes)

@@ -11,9 +11,6 @@ network may hear the rhythm (tempogram and scale transform) of the 12 s around t
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
-from typing import Any
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -23,13 +20,13 @@ from torch.nn import functional
 from choreograph.errors import ParameterError
 from choreograph.features.mel import MEL_BANDS
 from choreograph.features.rhythm import RHYTHM_DIM, RHYTHM_FPS
-from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS
+from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, checked_body_pos_m
 from choreograph.nets.presets import STYLE_DIM, StyleConfig
+from choreograph.nets.stored import StoredNet
 from choreograph.timebase import MUSIC_FPS, SEGMENT_FRAMES, SEGMENT_S
 
 MEL_FRAMES = SEGMENT_S * MUSIC_FPS
 _GRAPH_STRIDES = (2, 2, 1, 1)  # 80 motion frames to 20 steps of the GRU
-_BATCH = 256  # at inference
 _LEFT_HIP, _RIGHT_HIP = BODY_JOINTS.index("left_hip"), BODY_JOINTS.index("right_hip")
 
 
@@ -59,6 +56,7 @@ class MusicStyle(nn.Module):
         self.linear = nn.Linear(width, STYLE_DIM)
 
     def forward(self, mel: Tensor, rhythm: Tensor) -> Tensor:
+        """Standardised log-mel (B, 240, 96) and rhythm (B, RHYTHM_DIM) to unit vectors (B, 32)."""
         x = self.blocks(mel[:, None])  # (B, C, 15, 6)
         x, _ = self.gru(x.transpose(1, 2).flatten(2))  # (B, 15, G)
         x = self.dropout(x.mean(dim=1))
@@ -84,15 +82,17 @@ class MotionStyle(nn.Module):
         self.linear = nn.Linear(config.gru_width, STYLE_DIM)
 
     def forward(self, body: Tensor) -> Tensor:
+        """Centred body positions (B, 3, 80, 21) in metres, channels first, to unit vectors (B, 32)."""
         x = self.blocks(body).mean(dim=3)  # (B, C, 20)
         x, _ = self.gru(x.transpose(1, 2))  # (B, 20, G)
         x = self.spread(self.dropout(x.mean(dim=1)))
         return functional.normalize(self.linear(x), dim=1)
 
 
-class StyleNets(nn.Module):
+class StyleNets(StoredNet):
     """Both embeddings, the beat-count head, and the statistics their inputs are standardised by."""
 
+    config_class = StyleConfig
     mel_mean: Tensor
     mel_std: Tensor
     rhythm_mean: Tensor
@@ -151,6 +151,7 @@ class StyleNets(nn.Module):
                 torch.from_numpy(padded[frames[part, None] + np.arange(MEL_FRAMES)]),
                 torch.from_numpy(rhythm[rows[part]]),
             ),
+            STYLE_DIM,
         )
 
     def embed_motion(
@@ -160,53 +161,19 @@ class StyleNets(nn.Module):
 
         `body_pos_m` (T, 21, 3) at 20 fps; frames outside hold the end poses.
         """
-        body = np.asarray(body_pos_m, np.float32)
-        if body.ndim != 3 or body.shape[1:] != (len(BODY_JOINTS), 3) or len(body) == 0:
-            raise ParameterError(f"expected body positions (T, {len(BODY_JOINTS)}, 3), got {body.shape}")
+        body = checked_body_pos_m(body_pos_m).astype(np.float32)
         starts = np.asarray(start_frames, np.int64)
 
         def embedded(part: slice) -> Tensor:
             frames = np.clip(starts[part, None] + np.arange(SEGMENT_FRAMES), 0, len(body) - 1)
             return self.style_of_motion(torch.from_numpy(centred(body[frames])))
 
-        return self._in_batches(len(starts), embedded)
+        return self._in_batches(len(starts), embedded, STYLE_DIM)
 
     def predict_beat_count(self, music_style: NDArray[np.floating]) -> NDArray[np.float32]:
         """Motion beats expected in each 4 s segment, (N,), from music styles (N, 32)."""
         styles = np.asarray(music_style, np.float32)
         return self._in_batches(len(styles), lambda part: self.beat_count(torch.from_numpy(styles[part])))
-
-    def _in_batches(self, n: int, embedded) -> NDArray[np.float32]:
-        self.eval()
-        with torch.no_grad():
-            parts = [embedded(slice(i, i + _BATCH)).numpy() for i in range(0, n, _BATCH)]
-        return np.concatenate(parts) if parts else np.zeros((0, STYLE_DIM), np.float32)
-
-    def to_arrays(self) -> tuple[dict[str, NDArray], dict]:
-        """Weights by name, and the configuration as a plain dictionary: what a file needs to keep."""
-        return {name: value.detach().cpu().numpy() for name, value in self.state_dict().items()}, asdict(
-            self.config
-        )
-
-    @classmethod
-    def from_arrays(cls, arrays: dict[str, NDArray], config: dict[str, Any]) -> StyleNets:
-        """The networks that `to_arrays` described; `ParameterError` if weights and config disagree."""
-        known = {field.name for field in fields(StyleConfig)}
-        if set(config) - known:
-            raise ParameterError(
-                f"expected fields of StyleConfig, got {', '.join(sorted(set(config) - known))}"
-            )
-        tuples: dict[str, Any] = {
-            name: tuple(v) if name.endswith("channels") else v for name, v in config.items()
-        }
-        nets = cls(StyleConfig(**tuples))
-        try:
-            nets.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in arrays.items()})
-        except RuntimeError as error:
-            raise ParameterError(
-                "expected weights of the style networks described, got others: the file mixes two versions"
-            ) from error
-        return nets.eval()
 
 
 def centred(body_pos_m: NDArray[np.floating]) -> NDArray[np.float32]:
