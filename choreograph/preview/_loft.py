@@ -10,7 +10,7 @@ from scipy.interpolate import PchipInterpolator
 
 Floats = NDArray[np.float64]
 
-_CAP_ANGLES = np.radians([68.0, 42.0, 20.0])  # rings of a rounded end, besides its pole
+_CAP_ANGLES = np.radians([60.0, 30.0])  # rings of a rounded end, besides its pole
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +45,16 @@ def smooth_rows(table: Floats, at: Floats) -> Floats:
 
 
 def frames_along(axis: Floats, front: Floats) -> tuple[Floats, Floats]:
-    """`across` and `ahead` (R, 3) square to `axis` (R, 3), `ahead` as near `front` (3,) as can be."""
-    axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
-    ahead = front - axis * (axis @ front)[:, None]
+    """`across` and `ahead` (R, 3) square to `axis` (R, 3), `ahead` as near `front` (3,) as can be.
+
+    Where the line itself runs to the front, `ahead` is upward.
+    """
+    axis = axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-12)
+    parallel = np.abs(axis @ front)[:, None] > 0.97
+    wanted = np.where(
+        parallel, np.roll(front, 1), front
+    )  # (R, 3): another direction, square to a level front
+    ahead = wanted - axis * np.sum(axis * wanted, axis=1, keepdims=True)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
     return np.cross(axis, ahead), ahead
 
@@ -136,15 +143,16 @@ def _outward(rings: Rings, end: int) -> Floats:
 
 def _with_caps(rings: Rings, start_m: float, end_m: float) -> tuple[Rings, NDArray[np.int64]]:
     """Rings with those of rounded ends, and the original gap of each gap between them."""
-    order = [0] * (3 if start_m else 0) + list(range(len(rings.centres_m)))
-    order += [len(rings.centres_m) - 1] * (3 if end_m else 0)
+    n_cap = len(_CAP_ANGLES)
+    order = [0] * (n_cap if start_m else 0) + list(range(len(rings.centres_m)))
+    order += [len(rings.centres_m) - 1] * (n_cap if end_m else 0)
     centres, radii = rings.centres_m[order], rings.radii_m[order]
     if start_m:
-        centres[:3] += np.sin(_CAP_ANGLES)[:, None] * start_m * _outward(rings, 0)
-        radii[:3] *= np.cos(_CAP_ANGLES)[:, None]
+        centres[:n_cap] += np.sin(_CAP_ANGLES)[:, None] * start_m * _outward(rings, 0)
+        radii[:n_cap] *= np.cos(_CAP_ANGLES)[:, None]
     if end_m:
-        centres[-3:] += np.sin(_CAP_ANGLES[::-1])[:, None] * end_m * _outward(rings, -1)
-        radii[-3:] *= np.cos(_CAP_ANGLES[::-1])[:, None]
+        centres[-n_cap:] += np.sin(_CAP_ANGLES[::-1])[:, None] * end_m * _outward(rings, -1)
+        radii[-n_cap:] *= np.cos(_CAP_ANGLES[::-1])[:, None]
     capped = Rings(
         centres, rings.across[order], rings.ahead[order], radii, rings.joints[order], rings.weights[order]
     )
@@ -167,3 +175,14 @@ def _ring_triangles(n_rings: int, sides: int) -> tuple[NDArray[np.int64], NDArra
     quads += [np.stack([np.full(sides, last), top + here, top + there], axis=1)]
     gaps += [0] * sides + [n_rings - 1] * sides
     return np.concatenate(quads), np.array(gaps)
+
+
+def smoothstep(x: Floats) -> Floats:
+    """0 below 0, 1 above 1, smooth between."""
+    x = np.clip(x, 0.0, 1.0)
+    return x * x * (3 - 2 * x)
+
+
+def shares(second: Floats) -> Floats:
+    """Weights (R, 2) of a first and a second joint from the second's share (R,)."""
+    return np.stack([1 - second, second], axis=1)

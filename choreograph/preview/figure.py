@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
-from choreograph.preview import _anatomy as anatomy
-from choreograph.preview._bind import bind_pose
+from choreograph.preview._body import standing_body
+from choreograph.preview._limbs import arm, hand, knob, leg, shoe, taper
 from choreograph.preview._loft import Piece, vertex_normals
+from choreograph.preview._trunk import head, neck, trunk
 
 Floats = NDArray[np.float64]
 
@@ -26,10 +26,10 @@ PARTS = (
 _PALETTE = {
     "torso": "#46506b", "pelvis": "#3a425a", "head": "#e9c6a4", "hair": "#4a3a33",
     "left_arm": "#f0a578", "right_arm": "#7fb3c8", "left_hand": "#e9c6a4", "right_hand": "#e9c6a4",
-    "left_leg": "#d98a5c", "right_leg": "#5b95ae", "left_shoe": "#f3ede4", "right_shoe": "#f3ede4",
+    "left_leg": "#d98a5c", "right_leg": "#5b95ae", "left_shoe": "#d9d3ca", "right_shoe": "#d9d3ca",
     "extra": "#9a9aa6",
 }  # fmt: skip
-_LEG_OF_HEIGHT = 0.462  # hip to ankle over the body's height
+_THICKEST_EXTRA_M = 0.010  # bones of no known part, on a 1.70 m body
 _SHORTEST_BONE_M = 0.01  # a shorter one is not drawn
 
 
@@ -67,60 +67,36 @@ def build_figure(skeleton: Skeleton, motion: Motion | None = None) -> Figure:
     does not stand: it tells how the joints are turned against a standing body's.
     """
     try:
-        roles = joint_roles(skeleton)
+        body = standing_body(skeleton, motion)
     except ParameterError:
         return _of_bones(skeleton)
-    pos_m, quat = bind_pose(skeleton, motion)
-    body = _body(skeleton, roles, pos_m, quat)
-    index = {name: PARTS.index(name) for name in PARTS}
+    part = {name: index for index, name in enumerate(PARTS)}
+    covered = _covered(skeleton, body.roles)
     pieces = [
-        anatomy.trunk(body, index["torso"], index["pelvis"]),
-        anatomy.neck(body, index["head"]),
-        *anatomy.head(body, index["head"], index["hair"]),
+        trunk(body, part["torso"], part["pelvis"], part["head"]),
+        neck(body, part["head"]),
+        *head(body, part["head"], part["hair"]),
     ]
     for side in ("left", "right"):
-        pieces.append(anatomy.yoke(body, side, index["torso"]))
-        pieces += anatomy.limb(body, side, ("shoulder", "elbow", "wrist"), index[f"{side}_arm"])
-        pieces += anatomy.limb(body, side, ("hip", "knee", "ankle"), index[f"{side}_leg"])
-        pieces += anatomy.hand(body, side, index[f"{side}_hand"])
-        pieces.append(anatomy.shoe(body, side, index[f"{side}_shoe"]))
-    pieces += _extra_bones(skeleton, pos_m, quat, _clothed(skeleton, roles), 0.011 * body.scale)
-    return _assembled(pieces, pos_m, quat)
+        own_fingers = _has_fingers(skeleton, body.roles[f"{side}_wrist"], covered)
+        pieces += arm(body, side, part[f"{side}_arm"], part["torso"])
+        pieces += leg(body, side, part[f"{side}_leg"], part["pelvis"])
+        pieces += hand(body, side, part[f"{side}_hand"], fingers=not own_fingers)
+        pieces.append(shoe(body, side, part[f"{side}_shoe"]))
+    pieces += _extra_bones(skeleton, body.pos_m, body.quat, covered, _THICKEST_EXTRA_M * body.scale)
+    return _assembled(pieces, body.pos_m, body.quat)
 
 
-def _body(skeleton: Skeleton, roles: dict[str, int], pos_m: Floats, quat: Floats) -> anatomy.Body:
-    legs = [
-        float(np.linalg.norm(np.diff(pos_m[[roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle")]],
-                                     axis=0), axis=1).sum())
-        for side in ("left", "right")
-    ]  # fmt: skip
-    scale = max(sum(legs) / 2 / _LEG_OF_HEIGHT, 1e-3) / 1.70
-    chest = roles.get("spine3", roles.get("spine1", roles["pelvis"]))
-    spine = [chest]
-    while spine[-1] not in (roles["pelvis"], 0):
-        spine.append(int(skeleton.parents[spine[-1]]))
-    across = sum(pos_m[roles[f"left_{part}"]] - pos_m[roles[f"right_{part}"]] for part in ("hip", "shoulder"))
-    front = np.cross(across, anatomy.UP)
-    front = front / max(np.linalg.norm(front), 1e-9)
-    return anatomy.Body(pos_m, roles, tuple(spine[::-1]), front, scale, _sole_m(skeleton, roles, pos_m, quat))
+def _has_fingers(skeleton: Skeleton, wrist: int, covered: set[int]) -> bool:
+    """Whether at least four joints that play no part of the body hang below the wrist."""
+    below = {wrist}
+    for joint in range(wrist + 1, skeleton.n_joints):
+        if int(skeleton.parents[joint]) in below:
+            below.add(joint)
+    return len(below - covered) >= 4
 
 
-def _sole_m(skeleton: Skeleton, roles: dict[str, int], pos_m: Floats, quat: Floats) -> float:
-    """Height of the floor under the bind pose: the lowest point of the feet that the skeleton has."""
-    owners = [
-        roles[f"{side}_{part}"]
-        for side in ("left", "right")
-        for part in ("ankle", "foot")
-        if f"{side}_{part}" in roles
-    ]
-    heights = list(pos_m[owners, 1])
-    for owner, tip in zip(skeleton.tip_parents, skeleton.tips_m, strict=True):
-        if owner in owners:
-            heights.append(pos_m[owner, 1] + rot.rotate(quat[owner], tip)[1])
-    return float(min(heights))
-
-
-def _clothed(skeleton: Skeleton, roles: dict[str, int]) -> set[int]:
+def _covered(skeleton: Skeleton, roles: dict[str, int]) -> set[int]:
     """Joints that the body's own pieces cover: those with a role, and all above them."""
     covered: set[int] = set()
     for joint in roles.values():
@@ -143,7 +119,7 @@ def _extra_bones(
         length = float(np.linalg.norm(end - pos_m[parent]))
         if length > _SHORTEST_BONE_M:
             wide = min(thickest_m, 0.25 * length)
-            bones.append(anatomy.taper(pos_m[parent], end, wide, 0.6 * wide, parent, part, sides=6, rings=2))
+            bones.append(taper(pos_m[parent], end, wide, 0.6 * wide, parent, part, sides=6, rings=2))
     return bones
 
 
@@ -151,10 +127,8 @@ def _of_bones(skeleton: Skeleton) -> Figure:
     pos_m, quat = skeleton.rest_pos_m(), np.tile(rot.IDENTITY, (skeleton.n_joints, 1))
     size_m = max(float(np.ptp(pos_m, axis=0).max()), 10 * _SHORTEST_BONE_M)
     bones = _extra_bones(skeleton, pos_m, quat, set(), 0.03 * size_m)
-    knob = anatomy.knob(
-        pos_m[0], 0.02 * size_m, 0, PARTS.index("extra")
-    )  # something to see, whatever the bones
-    return _assembled([knob, *bones], pos_m, quat)
+    ball = knob(pos_m[0], 0.02 * size_m, 0, PARTS.index("extra"))  # something to see, whatever the bones
+    return _assembled([ball, *bones], pos_m, quat)
 
 
 def _assembled(pieces: list[Piece], pos_m: Floats, quat: Floats) -> Figure:

@@ -20,7 +20,7 @@ _FOV_RAD = float(np.radians(28.0))
 _SIDE_RAD = float(np.radians(28.0))  # of the camera from straight ahead of the dancer
 _EYE_OF_HEIGHT = 0.78  # a little below the dancer's eyes
 _HIGH_OF_HEIGHT = 1.36  # what has to fit: the body with its arms up,
-_WIDE_OF_HEIGHT = 1.14  # and out to the sides, both with some air
+_WIDE_OF_HEIGHT = 1.05  # and out to the sides, both with some air
 _MIDDLE_OF_HEIGHT = 0.54
 
 
@@ -44,8 +44,9 @@ def follow(motion: Motion, times_s: Sequence[float] | Floats, *, aspect: float, 
     """The poses at `times_s` (T,) and cameras for pictures `aspect` times as wide as high.
 
     The cameras all look the same way, a quarter from the side of where the dancer faces on average
-    between the first and the last time, so that turns are seen. They follow the dancer's place on the ground, without what happens faster than
-    about `calm_s`. Raises `ParameterError` if a time lies outside the motion.
+    between the first and the last time, so that turns are seen. They follow the dancer's place on the
+    ground, without what happens faster than about `calm_s`. Raises `ParameterError` if a time lies
+    outside the motion.
     """
     times = np.asarray(times_s, dtype=np.float64)
     if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():

@@ -1,6 +1,8 @@
-"""The pose a figure's mesh is made in: the skeleton standing, whatever its rest pose."""
+"""The body a figure is made around: a skeleton standing, whatever its rest pose, and its measures."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,10 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS, Ske
 
 Floats = NDArray[np.float64]
 
+UP = np.array([0.0, 1.0, 0.0])
+
 _SHORTEST_BONE_M = 0.01
+_LEG_M = 0.785  # hip to ankle of the 1.70 m body that the tables measure
 _SAMPLES = 200  # frames of a motion that tell how its rig's joints are turned
 
 
@@ -80,3 +85,84 @@ def _turns_from_bones(skeleton: Skeleton) -> Floats:
 
 def _unit(vectors: Floats) -> Floats:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A skeleton standing in its bind pose, as the pieces need it."""
+
+    pos_m: Floats  # (J, 3)
+    quat: Floats  # (J, 4) turns against the rest pose
+    roles: dict[str, int]  # canonical role -> joint
+    spine: tuple[int, ...]  # joints from the pelvis up to where the arms meet
+    front: Floats  # (3,) unit, level
+    scale: float  # body height over 1.70 m
+    sole_m: float  # height of the floor
+
+    def place(self, role: str) -> Floats:
+        """Where the joint of a role is, (3,) metres."""
+        return self.pos_m[self.roles[role]]
+
+    def middle(self, part: str) -> Floats:
+        """Half-way between the left and the right joint of a part, (3,) metres."""
+        return (self.place(f"left_{part}") + self.place(f"right_{part}")) / 2
+
+    def half_span(self, part: str) -> float:
+        """Half the distance between the left and the right joint of a part, metres."""
+        return float(np.linalg.norm(self.place(f"left_{part}") - self.place(f"right_{part}"))) / 2
+
+    def neck_base(self) -> Floats:
+        """Where the neck starts, (3,) metres: its joint, or over the middle of the shoulders."""
+        if "neck" in self.roles:
+            return self.place("neck")
+        return self.middle("shoulder") + 0.05 * self.scale * UP
+
+    def head_place(self) -> Floats:
+        """Where the skull sits on the neck, (3,) metres: its joint, or a neck's length over the neck."""
+        if "head" in self.roles:
+            return self.place("head")
+        return self.neck_base() + 0.09 * self.scale * UP
+
+    def head_joint(self) -> int:
+        """The joint that the skull moves with."""
+        return self.roles.get("head", self.roles.get("neck", self.spine[-1]))
+
+
+def standing_body(skeleton: Skeleton, motion: Motion | None) -> Body:
+    """The body of a known rig in its bind pose; `motion` is for rigs whose rest pose does not stand.
+
+    Raises `ParameterError` if the joint names are not a known rig's.
+    """
+    roles = joint_roles(skeleton)
+    pos_m, quat = bind_pose(skeleton, motion)
+    chains = [[roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in ("left", "right")]
+    leg_m = np.linalg.norm(np.diff(pos_m[chains], axis=1), axis=-1).sum(axis=-1).mean()
+    spine = [roles.get("spine3", roles.get("spine1", roles["pelvis"]))]
+    while spine[-1] not in (roles["pelvis"], 0):
+        spine.append(int(skeleton.parents[spine[-1]]))
+    lefts, rights = ([roles[f"{side}_{part}"] for part in ("hip", "shoulder")] for side in ("left", "right"))
+    front = np.cross((pos_m[lefts] - pos_m[rights]).sum(axis=0), UP)
+    return Body(
+        pos_m,
+        quat,
+        roles,
+        tuple(spine[::-1]),
+        front / max(float(np.linalg.norm(front)), 1e-9),
+        max(float(leg_m), _SHORTEST_BONE_M) / _LEG_M,
+        _sole_m(skeleton, roles, pos_m, quat),
+    )
+
+
+def _sole_m(skeleton: Skeleton, roles: dict[str, int], pos_m: Floats, quat: Floats) -> float:
+    """Height of the floor under the bind pose: the lowest point of the feet that the skeleton has."""
+    owners = [
+        roles[f"{side}_{part}"]
+        for side in ("left", "right")
+        for part in ("ankle", "foot")
+        if f"{side}_{part}" in roles
+    ]
+    heights = list(pos_m[owners, 1])
+    for owner, tip in zip(skeleton.tip_parents, skeleton.tips_m, strict=True):
+        if owner in owners:
+            heights.append(pos_m[owner, 1] + rot.rotate(quat[owner], tip)[1])
+    return float(min(heights))
