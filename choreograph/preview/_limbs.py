@@ -22,7 +22,7 @@ from choreograph.preview._loft import (
 
 # First column: 0 hip, 1 knee, 2 ankle.
 _LEG = np.array([
-    (0.00, 0.076, 0.080, 0.092), (0.12, 0.082, 0.084, 0.096), (0.30, 0.078, 0.082, 0.084),
+    (0.00, 0.072, 0.078, 0.090), (0.12, 0.076, 0.083, 0.095), (0.30, 0.075, 0.082, 0.084),
     (0.55, 0.065, 0.073, 0.067), (0.80, 0.053, 0.059, 0.053), (0.93, 0.049, 0.053, 0.049),
     (1.00, 0.047, 0.052, 0.047), (1.08, 0.046, 0.047, 0.049), (1.20, 0.050, 0.040, 0.060),
     (1.34, 0.052, 0.038, 0.066), (1.55, 0.043, 0.036, 0.050), (1.75, 0.032, 0.031, 0.037),
@@ -30,7 +30,7 @@ _LEG = np.array([
 ])  # fmt: skip
 # First column: 0 shoulder, 1 elbow, 2 wrist; the hand's width lies in front and back of the wrist.
 _ARM = np.array([
-    (0.00, 0.054, 0.054, 0.054), (0.12, 0.056, 0.055, 0.056), (0.30, 0.048, 0.049, 0.047),
+    (0.00, 0.047, 0.049, 0.050), (0.14, 0.050, 0.051, 0.052), (0.32, 0.046, 0.048, 0.047),
     (0.50, 0.043, 0.046, 0.045), (0.70, 0.039, 0.042, 0.040), (0.90, 0.035, 0.036, 0.036),
     (1.00, 0.034, 0.034, 0.036), (1.10, 0.036, 0.038, 0.036), (1.25, 0.038, 0.040, 0.037),
     (1.50, 0.033, 0.034, 0.032), (1.75, 0.025, 0.027, 0.026), (1.95, 0.020, 0.027, 0.026),
@@ -63,7 +63,7 @@ def leg(body: Body, side: str, part: int, shorts: int) -> list[Piece]:
 
 def arm(body: Body, side: str, part: int, sleeve: int) -> list[Piece]:
     """From inside the shoulder to the wrist."""
-    names, caps = ("shoulder", "elbow", "wrist"), (0.052, 0.018)
+    names, caps = ("shoulder", "elbow", "wrist"), (0.038, 0.018)
     return _limb(body, [f"{side}_{name}" for name in names], _ARM, caps, (sleeve, _SLEEVE), part)
 
 
@@ -79,7 +79,7 @@ def _limb(
     start, middle, end = (body.place(role) for role in roles)
     joints = [body.roles[role] for role in roles]
     bend = 1 + np.array([-0.12, -0.03, -0.01, 0.01, 0.03, 0.12])
-    at = np.concatenate([np.linspace(0, 0.76, 6), [cloth[1]], bend, np.linspace(1.24, 2.0, 6)])  # (R,)
+    at = np.concatenate([np.linspace(0, 0.76, 5), [cloth[1]], bend, np.linspace(1.24, 2.0, 6)])  # (R,)
     at = np.unique(at)
     centres = np.where(
         (at < 1)[:, None],
@@ -94,11 +94,11 @@ def _limb(
     # The bend is sharp: a wide one would sink in at the outside, where the ball now carries it.
     rings = Rings(centres, across, ahead, radii, np.tile(joints[:2], (len(at), 1)), shares(turn))
     parts = np.where(at[:-1] < cloth[1] - 1e-9, cloth[0], part)
-    tube = loft(rings, parts, sides=14, start_cap_m=caps_m[0] * body.scale, end_cap_m=caps_m[1] * body.scale)
+    tube = loft(rings, parts, sides=12, start_cap_m=caps_m[0] * body.scale, end_cap_m=caps_m[1] * body.scale)
     wide, front, back = 0.985 * smooth_rows(table, np.array([1.0]))[0] * body.scale
     knee = int(np.argmin(np.abs(at - 1)))
     axes = np.stack([across[knee] * wide, axes[knee] * front, ahead[knee] * (front + back) / 2])
-    return [tube, ellipsoid(middle + ahead[knee] * (front - back) / 2, axes, joints[1], part)]
+    return [tube, ellipsoid(middle + ahead[knee] * (front - back) / 2, axes, joints[1], part, sides=10)]
 
 
 def hand(body: Body, side: str, part: int, *, fingers: bool) -> list[Piece]:
@@ -112,7 +112,7 @@ def hand(body: Body, side: str, part: int, *, fingers: bool) -> list[Piece]:
     inward = body.middle("hip") - wrist if abs(along[1]) > _HANGING else -UP
     down = across if across @ inward > 0 else -across  # out of the palm
     joint = body.roles[f"{side}_wrist"]
-    at = np.linspace(0.0, 1.0, 7)
+    at = np.linspace(0.0, 1.0, 6)
     n = len(at)
     still = np.full((n, 2), joint), shares(np.zeros(n))
     frames = np.tile(across, (n, 1)), np.tile(ahead, (n, 1))
@@ -138,7 +138,7 @@ def _finger(line_m: Floats, radii_m: Floats, joint: int, part: int) -> Piece:
     across, ahead = frames_along(np.gradient(line_m, axis=0), UP)
     still = np.full((len(line_m), 2), joint), shares(np.zeros(len(line_m)))
     rings = Rings(line_m, across, ahead, radii_m[:, None] * np.ones(3), *still)
-    return loft(rings, part, sides=6, start_cap_m=0.5 * radii_m[0], end_cap_m=radii_m[-1])
+    return loft(rings, part, sides=6, start_cap_m=0.5 * radii_m[0], end_cap_m=radii_m[-1], cap_rings=1)
 
 
 def shoe(body: Body, side: str, part: int) -> Piece:
@@ -150,7 +150,7 @@ def shoe(body: Body, side: str, part: int) -> Piece:
     pointed = long > 0.04 * k
     ahead = reach / long if pointed else body.front
     stretch = np.clip(long / (_BALL_AHEAD_M * k), 0.8, 1.3) if pointed else 1.0
-    at = np.concatenate([np.linspace(-0.055, 0.10, 7), np.linspace(0.12, 0.208, 6)])
+    at = np.concatenate([np.linspace(-0.055, 0.10, 6), np.linspace(0.12, 0.208, 5)])
     table = smooth_rows(_SHOE, at) * k
     rise = max(ankle[1] - body.sole_m, 0.03 * k)
     top = table[:, 1] * np.interp(at, [0.0, 0.12], [np.clip(rise / (_ANKLE_M * k), 0.7, 1.6), 1.0])
@@ -167,7 +167,7 @@ def shoe(body: Body, side: str, part: int) -> Piece:
         np.tile([joint, ball if ball is not None else joint], (n, 1)),
         shares(share),
     )
-    piece = loft(rings, part, sides=14, start_cap_m=0.010 * k, end_cap_m=0.010 * k, squareness=2.5)
+    piece = loft(rings, part, sides=12, start_cap_m=0.010 * k, end_cap_m=0.010 * k, squareness=2.5)
     piece.vertices_m[:, 1] = np.maximum(piece.vertices_m[:, 1], body.sole_m)
     return piece
 

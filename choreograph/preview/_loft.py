@@ -10,8 +10,6 @@ from scipy.interpolate import PchipInterpolator
 
 Floats = NDArray[np.float64]
 
-_CAP_ANGLES = np.radians([60.0, 30.0])  # rings of a rounded end, besides its pole
-
 
 @dataclass(frozen=True, eq=False)
 class Piece:
@@ -66,14 +64,16 @@ def loft(
     sides: int = 16,
     start_cap_m: float = 0.0,
     end_cap_m: float = 0.0,
+    cap_rings: int = 2,
     squareness: float = 2.0,
 ) -> Piece:
-    """The closed surface through rings; ends are rounded over `start_cap_m` and `end_cap_m`.
+    """The closed surface through rings.
 
+    Its ends are rounded over `start_cap_m` and `end_cap_m`, by `cap_rings` rings and a pole each.
     `parts` is one part, or one per gap between rings (R - 1,). `squareness` is the exponent of the
     rings' superellipse: 2 is round, more has flatter sides.
     """
-    rings, bands = _with_caps(rings, start_cap_m, end_cap_m)
+    rings, bands = _with_caps(rings, start_cap_m, end_cap_m, cap_rings)
     n_rings = len(rings.centres_m)
     angles = np.arange(sides) * (2 * np.pi / sides)
     c, s = np.cos(angles), np.sin(angles)
@@ -85,9 +85,10 @@ def loft(
         + width[..., None] * rings.across[:, None]
         + depth[..., None] * rings.ahead[:, None]
     )  # (R, sides, 3)
+    slope = 1 - np.sin(np.pi / 2 * cap_rings / (cap_rings + 1))  # of a cap, from its last ring to its pole
     poles = np.stack([rings.centres_m[0], rings.centres_m[-1]])
-    poles[0] += _outward(rings, 0) * start_cap_m * (1 - np.sin(_CAP_ANGLES[0]))
-    poles[1] += _outward(rings, -1) * end_cap_m * (1 - np.sin(_CAP_ANGLES[0]))
+    poles[0] += _outward(rings, 0) * start_cap_m * slope
+    poles[1] += _outward(rings, -1) * end_cap_m * slope
     triangles, gaps = _ring_triangles(n_rings, sides)
     ring_of = np.concatenate([np.repeat(np.arange(n_rings), sides), [0, n_rings - 1]])
     vertices = np.concatenate([points.reshape(-1, 3), poles])  # (R · sides + 2, 3)
@@ -141,22 +142,22 @@ def _outward(rings: Rings, end: int) -> Floats:
     return direction if direction @ (rings.centres_m[end] - inner) > 0 else -direction
 
 
-def _with_caps(rings: Rings, start_m: float, end_m: float) -> tuple[Rings, NDArray[np.int64]]:
-    """Rings with those of rounded ends, and the original gap of each gap between them."""
-    n_cap = len(_CAP_ANGLES)
-    order = [0] * (n_cap if start_m else 0) + list(range(len(rings.centres_m)))
-    order += [len(rings.centres_m) - 1] * (n_cap if end_m else 0)
+def _with_caps(rings: Rings, start_m: float, end_m: float, n: int) -> tuple[Rings, NDArray[np.int64]]:
+    """Rings with the `n` of each rounded end, and the original gap of each gap between them."""
+    last = len(rings.centres_m) - 1
+    order = [0] * (n if start_m else 0) + list(range(last + 1)) + [last] * (n if end_m else 0)
     centres, radii = rings.centres_m[order], rings.radii_m[order]
+    angles = np.pi / 2 * np.arange(n, 0, -1) / (n + 1)
     if start_m:
-        centres[:n_cap] += np.sin(_CAP_ANGLES)[:, None] * start_m * _outward(rings, 0)
-        radii[:n_cap] *= np.cos(_CAP_ANGLES)[:, None]
+        centres[:n] += np.sin(angles)[:, None] * start_m * _outward(rings, 0)
+        radii[:n] *= np.cos(angles)[:, None]
     if end_m:
-        centres[-n_cap:] += np.sin(_CAP_ANGLES[::-1])[:, None] * end_m * _outward(rings, -1)
-        radii[-n_cap:] *= np.cos(_CAP_ANGLES[::-1])[:, None]
+        centres[-n:] += np.sin(angles[::-1])[:, None] * end_m * _outward(rings, -1)
+        radii[-n:] *= np.cos(angles[::-1])[:, None]
     capped = Rings(
         centres, rings.across[order], rings.ahead[order], radii, rings.joints[order], rings.weights[order]
     )
-    return capped, np.minimum(np.array(order), len(rings.centres_m) - 2)
+    return capped, np.minimum(np.array(order), last - 1)
 
 
 def _ring_triangles(n_rings: int, sides: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

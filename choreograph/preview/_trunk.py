@@ -25,14 +25,14 @@ from choreograph.preview._loft import (
 
 # Half width, depth to the front and to the back; first column: 0 at the hips' height, 1 at the shoulders'.
 _TRUNK = np.array([
-    (-0.13, 0.066, 0.060, 0.066), (-0.07, 0.112, 0.078, 0.096), (0.02, 0.144, 0.090, 0.112),
-    (0.10, 0.154, 0.092, 0.112), (0.22, 0.146, 0.088, 0.096), (0.36, 0.124, 0.083, 0.078),
+    (-0.13, 0.070, 0.060, 0.066), (-0.07, 0.122, 0.078, 0.096), (0.02, 0.155, 0.090, 0.112),
+    (0.10, 0.161, 0.092, 0.112), (0.22, 0.150, 0.088, 0.096), (0.36, 0.124, 0.083, 0.078),
     (0.47, 0.117, 0.083, 0.073), (0.58, 0.125, 0.092, 0.080), (0.72, 0.144, 0.107, 0.094),
-    (0.84, 0.160, 0.108, 0.100), (0.93, 0.172, 0.094, 0.096), (1.00, 0.172, 0.076, 0.086),
-    (1.05, 0.150, 0.066, 0.077), (1.09, 0.110, 0.058, 0.068), (1.12, 0.076, 0.051, 0.060),
-    (1.15, 0.056, 0.046, 0.054),
+    (0.84, 0.160, 0.108, 0.100), (0.93, 0.173, 0.094, 0.096), (1.00, 0.178, 0.076, 0.086),
+    (1.045, 0.170, 0.063, 0.074), (1.075, 0.138, 0.056, 0.067), (1.10, 0.102, 0.051, 0.061),
+    (1.125, 0.074, 0.048, 0.057), (1.15, 0.057, 0.046, 0.054),
 ])  # fmt: skip
-_WAIST, _NECKLINE = 0.40, 1.085  # of that height, where the clothes part and end
+_WAIST, _NECKLINE = 0.40, 1.09  # of that height, where the clothes part and end
 _COLLAR_FROM = 0.76  # of that height: the chest below does not follow the collar bones
 # First column: 0 under the chin, 1 the crown.
 _HEAD = np.array([
@@ -47,7 +47,11 @@ _SKULL_BEHIND_HEAD_M = 0.004
 
 def trunk(body: Body, torso: int, pelvis: int, skin: int) -> Piece:
     """From the crotch over the shoulders to the base of the neck, bending with spine and collar bones."""
-    at = np.unique(np.concatenate([np.linspace(_TRUNK[0, 0], 0.9, 15), np.linspace(0.94, 1.15, 7)]))
+    at = np.unique(
+        np.concatenate(
+            [np.linspace(_TRUNK[0, 0], 0.88, 13), np.linspace(0.93, 1.03, 4), np.linspace(1.05, 1.15, 5)]
+        )
+    )
     at = np.unique(np.append(at, [_WAIST, _NECKLINE]))
     low, high = body.middle("hip"), body.middle("shoulder")
     centres = low + at[:, None] * (high - low)
@@ -62,7 +66,9 @@ def trunk(body: Body, torso: int, pelvis: int, skin: int) -> Piece:
     joints, weights = bending(body.pos_m[list(body.spine)], body.spine, centres, limit)
     parts = np.where(at[:-1] < _WAIST - 1e-9, pelvis, np.where(at[:-1] < _NECKLINE - 1e-9, torso, skin))
     rings = Rings(centres, across, ahead, radii, joints, weights)
-    piece = loft(rings, parts, sides=22, start_cap_m=0.025 * body.scale, end_cap_m=0.01 * body.scale)
+    piece = loft(
+        rings, parts, sides=20, squareness=2.2, start_cap_m=0.025 * body.scale, end_cap_m=0.01 * body.scale
+    )
     _hang_on_collars(piece, body, low, high - low)
     return piece
 
@@ -102,7 +108,7 @@ def head(body: Body, skin: int, hair: int) -> list[Piece]:
     """Skull with chin, nose and brow, ears, and a cap of hair that leaves the face free."""
     k, joint = body.scale, body.head_joint()
     chin = body.head_place() - k * (_CHIN_BELOW_HEAD_M * UP + _SKULL_BEHIND_HEAD_M * body.front)
-    at = np.linspace(0.0, 0.97, 15)
+    at = np.linspace(0.0, 0.97, 14)
     left = np.cross(UP, body.front)
     radii = smooth_rows(_HEAD, at) * k
     centres = chin + at[:, None] * _HEAD_HEIGHT_M * k * UP
@@ -111,13 +117,13 @@ def head(body: Body, skin: int, hair: int) -> list[Piece]:
     rings = Rings(centres, np.tile(left, (n, 1)), np.tile(body.front, (n, 1)), radii, joints, weights)
     skull = loft(rings, skin, sides=24, start_cap_m=0.008 * k, end_cap_m=0.0066 * k)
     _shape_face(skull.vertices_m, chin, left, body.front, k)
-    cap = loft(rings, hair, sides=24, start_cap_m=0.008 * k, end_cap_m=0.0066 * k)
+    cap = loft(rings, hair, sides=20, start_cap_m=0.008 * k, end_cap_m=0.0066 * k)
     _shape_hair(cap.vertices_m, chin, left, body.front, k)
     ears = []
     for sign in (1.0, -1.0):
         place = chin + (0.47 * UP * _HEAD_HEIGHT_M + sign * 0.071 * left - 0.012 * body.front) * k
         axes = np.stack([0.030 * UP, 0.010 * left, 0.017 * body.front]) * k
-        ears.append(ellipsoid(place, axes, joint, skin, sides=10))
+        ears.append(ellipsoid(place, axes, joint, skin, sides=8))
     return [skull, cap, *ears]
 
 

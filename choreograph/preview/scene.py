@@ -55,11 +55,11 @@ class Light:
     key: tuple[float, float, float] = (-0.55, 0.75, -0.55)  # right, up, into the picture
     fill: tuple[float, float, float] = (0.8, 0.25, -0.5)
     back: tuple[float, float, float] = (0.3, 0.6, 0.8)
-    key_rgb: tuple[float, float, float] = (0.98, 0.93, 0.86)
+    key_rgb: tuple[float, float, float] = (1.08, 1.02, 0.94)
     fill_rgb: tuple[float, float, float] = (0.16, 0.19, 0.24)
     back_rgb: tuple[float, float, float] = (0.22, 0.24, 0.28)
-    sky_rgb: tuple[float, float, float] = (0.34, 0.36, 0.40)
-    ground_rgb: tuple[float, float, float] = (0.17, 0.15, 0.13)
+    sky_rgb: tuple[float, float, float] = (0.27, 0.29, 0.33)
+    ground_rgb: tuple[float, float, float] = (0.13, 0.115, 0.10)
 
 
 @dataclass(frozen=True)
