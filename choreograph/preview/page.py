@@ -14,6 +14,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import re
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -196,5 +197,4 @@ def _filled(title: str, dance: str, motion: str, mesh: str, levels: str, sound: 
 
 def _without_imports(script: str) -> str:
     """A module's text for the one script that holds them all: no import, no export."""
-    lines = [line for line in script.splitlines() if not line.startswith("import ")]
-    return "\n".join(line.removeprefix("export ") for line in lines)
+    return re.sub(r"^(import [^;]*;\n|export )", "", script, flags=re.MULTILINE)

@@ -1,0 +1,65 @@
+// A camera that goes round the dancer, or round the middle of the stage.
+
+import { clamp, lookAt, multiplied, perspective } from "./math.js";
+
+const FOV_Y = 0.5;
+const FIRST_PITCH = 0.14;
+const FIRST_TURN = 0.35; // a little from the side: a body seen straight from the front looks flat
+const BLEND_S = 0.45;
+
+export class Camera {
+  constructor(dancer) {
+    this.dancer = dancer;
+    this.height = dancer.height();
+    this.stage = dancer.stage();
+    this.front = dancer.heading();
+    this.following = true;
+    this.blend = 1; // 1: on the dancer, 0: on the stage
+    this.mirrored = false;
+    this.reset();
+  }
+
+  reset() {
+    this.yaw = this.front + FIRST_TURN;
+    this.pitch = FIRST_PITCH;
+    this.closeness = 1;
+  }
+
+  // Radians; in a mirrored view the hand still pulls the picture along.
+  turn(yaw, pitch) {
+    this.yaw += this.mirrored ? -yaw : yaw;
+    this.pitch = clamp(this.pitch + pitch, 0.015, 1.5);
+  }
+
+  approach(factor) { this.closeness = clamp(this.closeness * factor, 0.35, 6); }
+
+  // Moves on by real time; true while it is under way.
+  settle(elapsedS) {
+    const goal = this.following ? 1 : 0;
+    const step = elapsedS / BLEND_S;
+    this.blend = goal > this.blend ? Math.min(goal, this.blend + step) : Math.max(goal, this.blend - step);
+    return this.blend !== goal;
+  }
+
+  // What the renderer needs: the eye, what it looks at, and the matrix from the world to the screen.
+  at(timeS, aspect) {
+    const eased = this.blend * this.blend * (3 - 2 * this.blend);
+    const stands = this.dancer.standsAt(timeS);
+    const [x, z] = stands.map((v, k) => v * eased + this.stage.middle[k] * (1 - eased));
+    const tall = this.height * 0.62;
+    const wide = this.height * 0.42 + this.stage.radius * (1 - eased);
+    const tan = Math.tan(FOV_Y / 2);
+    const far = Math.max(tall / tan, wide / (tan * aspect)) + this.stage.radius * 0.6 * (1 - eased);
+    const distance = far / this.closeness;
+    const target = [x, this.height * 0.5, z];
+    const flat = Math.cos(this.pitch) * distance;
+    const eye = [
+      x + Math.sin(this.yaw) * flat,
+      target[1] + Math.sin(this.pitch) * distance,
+      z + Math.cos(this.yaw) * flat,
+    ];
+    const projection = perspective(FOV_Y, aspect, 0.05, 60);
+    if (this.mirrored) projection[0] = -projection[0];
+    return { eye, target, matrix: multiplied(projection, lookAt(eye, target)), mirrored: this.mirrored };
+  }
+}

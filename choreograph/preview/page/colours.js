@@ -1,0 +1,38 @@
+// A colour for every take: from its name, so that a take looks the same in every dance.
+
+const HUES = 30;
+
+// CSS colours and light for the rim, by take; evenly bright because they are chosen in OKLCH.
+export function takeColours(names, lightness, chroma) {
+  const taken = new Set();
+  return names.map((name) => {
+    let slot = hash(name) % HUES;
+    // A dance of few takes must not show two of them alike: the later in the alphabet gives way.
+    for (let i = 0; taken.has(slot) && i < HUES && taken.size < HUES; i++) slot = (slot + 7) % HUES;
+    taken.add(slot);
+    const light = fromOklch(lightness, chroma, (slot / HUES) * 2 * Math.PI);
+    const css = light.map((x) => Math.round(255 * (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055)));
+    return { css: `rgb(${css.join(" ")})`, light };
+  });
+}
+
+// FNV-1a with a last stir: names that differ in a digit must not come out side by side.
+function hash(text) {
+  let h = 0x811c9dc5;
+  for (const byte of new TextEncoder().encode(text)) h = Math.imul(h ^ byte, 0x01000193) >>> 0;
+  h = Math.imul(h ^ (h >>> 15), 0x2c1b3c6d) >>> 0;
+  return (h ^ (h >>> 12)) >>> 0;
+}
+
+// Linear sRGB in 0 to 1 (Ottosson's OKLab).
+function fromOklch(lightness, chroma, hue) {
+  const a = chroma * Math.cos(hue), b = chroma * Math.sin(hue);
+  const l = (lightness + 0.3963377774 * a + 0.2158037573 * b) ** 3;
+  const m = (lightness - 0.1055613458 * a - 0.0638541728 * b) ** 3;
+  const s = (lightness - 0.0894841775 * a - 1.291485548 * b) ** 3;
+  return [
+    4.0767416621 * l - 3.3077115913 * m + 0.2309699292 * s,
+    -1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s,
+    -0.0041960863 * l - 0.7034186147 * m + 1.707614701 * s,
+  ].map((x) => Math.min(1, Math.max(0, x)));
+}

@@ -1,0 +1,127 @@
+// Buttons, keys, and the hands on the stage.
+
+import { made } from "./card.js";
+
+const SPEEDS = [1, 0.5];
+
+export class Controls {
+  constructor(player, camera, timeline, wake) {
+    Object.assign(this, { player, camera, timeline, wake });
+    const on = (id, act) => document.getElementById(id).addEventListener("click", act);
+    on("play", () => player.toggle());
+    on("big-play", () => player.play());
+    on("speed", () => this.#changeSpeed());
+    on("loop", () => player.setLooping(!player.loop.on));
+    on("mirror", () => this.#mirror());
+    on("follow", () => this.#follow());
+    on("mute", () => player.setMuted(!player.muted));
+    on("help", () => this.#help());
+    player.addEventListener("change", () => this.show());
+    addEventListener("keydown", (event) => this.#key(event));
+    new StageHands(document.getElementById("view"), camera, wake);
+    this.show();
+  }
+
+  show() {
+    const { player, camera } = this;
+    document.body.classList.toggle("playing", player.playing);
+    document.body.classList.toggle("muted", player.muted);
+    if (player.playing || player.time > 0) document.body.classList.add("started");
+    document.getElementById("play").setAttribute("aria-label", player.playing ? "Pause" : "Play");
+    const pressed = { speed: player.speed < 1, loop: player.loop.on, mirror: camera.mirrored, follow: camera.following, mute: player.muted };
+    for (const [id, state] of Object.entries(pressed)) document.getElementById(id).setAttribute("aria-pressed", state);
+    document.getElementById("mute").hidden = player.audio === null;
+    this.timeline.showLoop(player.loop);
+    this.wake();
+  }
+
+  #changeSpeed() { this.player.setSpeed(SPEEDS[(SPEEDS.indexOf(this.player.speed) + 1) % SPEEDS.length]); }
+  #mirror() { this.camera.mirrored = !this.camera.mirrored; this.show(); }
+  #follow() { this.camera.following = !this.camera.following; this.show(); }
+  #help() { document.getElementById("keys").showModal(); }
+
+  #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || document.getElementById("keys").open) return;
+    const { player, timeline } = this;
+    const { time, loop } = player;
+    const walk = (sign) => (event.shiftKey ? player.step(sign) : player.seek(time + sign));
+    const acts = {
+      " ": () => player.toggle(),
+      ArrowLeft: () => walk(-1),
+      ArrowRight: () => walk(1),
+      Home: () => player.seek(0),
+      End: () => player.seek(player.durationS),
+      s: () => this.#changeSpeed(),
+      m: () => this.#mirror(),
+      f: () => this.#follow(),
+      l: () => player.setLooping(!loop.on),
+      i: () => player.setLoop(time, loop.to > time ? loop.to : player.durationS),
+      o: () => player.setLoop(loop.from < time ? loop.from : 0, time),
+      u: () => player.setMuted(!player.muted),
+      "+": () => timeline.zoomBy(1.5, timeline.x(time)),
+      "=": () => timeline.zoomBy(1.5, timeline.x(time)),
+      "-": () => timeline.zoomBy(1 / 1.5, timeline.x(time)),
+      0: () => timeline.showAll(),
+      "?": () => this.#help(),
+    };
+    const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    // Space and Enter on a focused button or link press it, as everywhere.
+    const pressing = event.key === " " && event.target.closest?.("button, summary");
+    if (!act || pressing) return;
+    event.preventDefault();
+    act();
+  }
+}
+
+// Drag to look round, wheel or pinch to come closer.
+class StageHands {
+  constructor(view, camera, wake) {
+    Object.assign(this, { view, camera, wake, fingers: new Map() });
+    view.addEventListener("pointerdown", (event) => {
+      view.setPointerCapture(event.pointerId);
+      this.fingers.set(event.pointerId, [event.clientX, event.clientY]);
+    });
+    view.addEventListener("pointermove", (event) => this.#move(event));
+    for (const name of ["pointerup", "pointercancel"]) view.addEventListener(name, (event) => this.fingers.delete(event.pointerId));
+    view.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
+    view.addEventListener("dblclick", () => { camera.reset(); wake(); });
+  }
+
+  #move(event) {
+    const before = this.fingers.get(event.pointerId);
+    if (!before) return;
+    const here = [event.clientX, event.clientY];
+    const others = [...this.fingers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
+    const share = 1 / this.fingers.size; // two fingers moving together turn no faster than one
+    this.camera.turn(-(here[0] - before[0]) * 0.008 * share, (here[1] - before[1]) * 0.006 * share);
+    if (others.length) {
+      const apart = ([x, y]) => Math.max(20, Math.hypot(x - others[0][0], y - others[0][1]));
+      this.camera.approach(apart(here) / apart(before));
+    }
+    this.fingers.set(event.pointerId, here);
+    this.wake();
+  }
+
+  #wheel(event) {
+    event.preventDefault();
+    this.camera.approach(Math.exp(-Math.max(-120, Math.min(120, event.deltaY)) * 0.0018));
+    this.wake();
+  }
+}
+
+// Totals in a line, and whose takes were danced for how long.
+export function showCredits(dance, colours) {
+  const danced = dance.takes.map(() => 0);
+  dance.seconds.forEach((second, s) => (danced[second.take] += Math.min(1, dance.duration_s - s)));
+  const clips = new Set(dance.seconds.map((second) => second.clip)).size;
+  const count = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
+  document.getElementById("totals").textContent =
+    `· ${Math.round(dance.duration_s)} s from ${count(dance.takes.length, "take")}, ${count(clips, "clip")} · credits`;
+  const rows = dance.takes.map((take, i) => {
+    const dot = made("i", "dot");
+    dot.style.setProperty("--take", colours[i].css);
+    const cells = [take.genre, take.performer, take.licence, take.source].map((text) => made("td", "", [text || "–"]));
+    return made("tr", "", [made("td", "", [dot, take.name]), made("td", "", [`${danced[i].toFixed(0)} s`]), ...cells]);
+  });
+  document.querySelector("#credits tbody").replaceChildren(...rows);
+}

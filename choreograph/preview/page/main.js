@@ -1,0 +1,146 @@
+// Puts the page together and keeps the picture at the clock's time.
+
+import { Camera } from "./camera.js";
+import { Card } from "./card.js";
+import { takeColours } from "./colours.js";
+import { Controls, showCredits } from "./controls.js";
+import { Player } from "./player.js";
+import { Renderer } from "./renderer.js";
+import { Dancer } from "./skeleton.js";
+import { Timeline, clockText } from "./timeline.js";
+import { takeText, unpackLevels, unpackMesh, unpackMotion } from "./unpack.js";
+
+const $ = (id) => document.getElementById(id);
+
+class Page {
+  constructor(dance, motion, mesh, levels, sound) {
+    this.dance = dance;
+    this.dancer = new Dancer(dance, motion);
+    this.camera = new Camera(this.dancer);
+    this.player = new Player(dance, sound);
+    this.card = new Card(dance);
+    this.timeline = new Timeline(dance, levels, this.player, { onHover: (second, x) => this.#hover(second, x) });
+    this.renderer = openRenderer(mesh, this.dancer);
+    this.drawn = 0;
+    this.lastAt = 0;
+    this.second = -1;
+    this.asked = false;
+    $("time-all").textContent = `/ ${clockText(dance.duration_s, true)}`;
+    new Controls(this.player, this.camera, this.timeline, () => this.wake());
+    this.player.addEventListener("soundlost", () => notice("This browser cannot play the song: the dance goes on without it."));
+    matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.recolour());
+    new ResizeObserver(() => { this.timeline.redraw(); this.wake(); }).observe($("stage"));
+    this.recolour();
+  }
+
+  recolour() {
+    const style = getComputedStyle(document.documentElement);
+    const number = (name) => Number(style.getPropertyValue(name));
+    this.colours = takeColours(this.dance.takes.map((take) => take.name), number("--block-light"), number("--block-chroma"));
+    this.renderer?.readColours();
+    this.timeline.recolour(this.colours);
+    showCredits(this.dance, this.colours);
+    this.second = -1;
+    this.wake();
+  }
+
+  #hover(second, x) {
+    const left = $("timeline").getBoundingClientRect().left;
+    this.card.show(second, left + x, this.colours);
+  }
+
+  // Ask for a frame; while the dance plays, each asks for the next.
+  wake() {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame((at) => this.#frame(at / 1000));
+  }
+
+  #frame(at) {
+    this.asked = false;
+    const elapsed = Math.min(0.1, at - this.lastAt);
+    const running = this.lastAt > 0 && at - this.lastAt < 0.25;
+    this.lastAt = at;
+    const { player, camera, renderer } = this;
+    const time = player.tick();
+    this.dancer.pose(time);
+    const moving = camera.settle(elapsed);
+    if (renderer) {
+      if (running && player.playing) renderer.paced(elapsed);
+      renderer.resize();
+      renderer.draw(camera.at(time, renderer.canvas.width / renderer.canvas.height));
+    }
+    this.drawn += 1;
+    this.#showTime(time);
+    if (player.playing || moving || player.clock.wanted != null) this.wake();
+  }
+
+  #showTime(time) {
+    this.timeline.show(time);
+    const text = clockText(time, true);
+    if (text !== this.text) {
+      $("time-now").textContent = this.text = text;
+      const slider = $("timeline");
+      slider.setAttribute("aria-valuenow", time.toFixed(2));
+      slider.setAttribute("aria-valuetext", `${text} of ${clockText(this.dance.duration_s, true)}`);
+    }
+    const second = Math.min(Math.floor(time), this.dance.seconds.length - 1);
+    if (second === this.second) return;
+    this.second = second;
+    const { take } = this.dance.seconds[second];
+    $("now").style.setProperty("--take", this.colours[take].css);
+    $("now-take").textContent = this.dance.takes[take].name;
+    $("now-genre").textContent = this.dance.takes[take].genre;
+    if (this.renderer) this.renderer.rim = this.colours[take].light.map((v) => 0.15 + 0.5 * v);
+  }
+
+  // What others may read: see the documentation of `write_page`.
+  state() {
+    const page = this, { player, camera, dancer, dance } = this;
+    return Object.freeze({
+      get time() { return player.time; },
+      get frame() { return Math.round(player.time * dance.fps); },
+      get fps() { return dance.fps; },
+      get duration() { return dance.duration_s; },
+      get playing() { return player.playing; },
+      get speed() { return player.speed; },
+      get loop() { return { ...player.loop }; },
+      get mirrored() { return camera.mirrored; },
+      get following() { return camera.following; },
+      get audioTime() { return player.audio ? player.audio.currentTime : null; },
+      get framesDrawn() { return page.drawn; },
+      get pixelScale() { return page.renderer?.scale ?? 0; },
+      get shownFrom() { return page.timeline.fromS; },
+      get shownTo() { return Math.min(dance.duration_s, page.timeline.fromS + page.timeline.shownS); },
+      get take() { return dance.takes[dance.seconds[Math.min(Math.floor(player.time), dance.seconds.length - 1)].take].name; },
+      get joints() {
+        dancer.pose(player.time);
+        return dance.names.map((_, j) => Array.from(dancer.positions.subarray(3 * j, 3 * j + 3)));
+      },
+    });
+  }
+}
+
+function openRenderer(mesh, dancer) {
+  try {
+    return new Renderer($("view"), mesh, dancer);
+  } catch (error) {
+    if (error.message !== "no WebGL 2") throw error;
+    notice("This browser has no WebGL 2 to draw the dancer with; the song and its timeline play.");
+    return null;
+  }
+}
+
+function notice(text) {
+  $("notice").textContent = text;
+  $("notice").hidden = false;
+}
+
+const dance = JSON.parse(takeText("dance"));
+const [motion, mesh, levels] = await Promise.all([
+  unpackMotion(takeText("motion"), dance),
+  unpackMesh(takeText("mesh"), dance.figure),
+  unpackLevels(takeText("levels")),
+]);
+const page = new Page(dance, motion, mesh, levels, takeText("sound"));
+window.choreograph = page.state();

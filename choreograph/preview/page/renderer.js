@@ -1,0 +1,220 @@
+// Draws the dancer on the floor with WebGL 2: one skinned mesh, its shadow, a disc.
+
+import { normalized } from "./math.js";
+import {
+  BLUR_FRAGMENT, BLUR_VERTEX, BODY_FRAGMENT, BODY_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, SHADOW_FRAGMENT, SHADOW_VERTEX,
+} from "./shaders.js";
+
+const SHADOW_SIZE = 160; // texels
+const SHADOW_HALF_M = 1.9;
+const FLOOR_RADIUS_M = 6.5;
+const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
+const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aJoints", "aWeight", "aCorner"];
+const MAX_PIXEL_RATIO = 2;
+const SMALLEST_SCALE = 0.5;
+const SLOW_FRAME_S = 1 / 48;
+const PATIENCE = 40; // slow frames until the picture gets coarser
+
+export class Renderer {
+  constructor(canvas, mesh, dancer) {
+    this.canvas = canvas;
+    this.mesh = mesh;
+    this.dancer = dancer;
+    this.scale = 1;
+    this.slow = 0;
+    this.rim = [0.3, 0.3, 0.3];
+    const [x, , z] = normalized([Math.sin(dancer.heading() - 0.7), 0, Math.cos(dancer.heading() - 0.7)]);
+    this.light = normalized([x, LIGHT_HEIGHT, z]);
+    this.slide = [x / LIGHT_HEIGHT, z / LIGHT_HEIGHT].map((v) => 0.75 * v); // a high, wide lamp: short shadows
+    const gl = canvas.getContext("webgl2", { alpha: false, antialias: true });
+    if (!gl) throw new Error("no WebGL 2");
+    this.gl = gl;
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => { this.#build(); this.draw(this.last); });
+    this.#build();
+  }
+
+  #build() {
+    const { gl, mesh } = this;
+    this.body = program(gl, BODY_VERTEX, BODY_FRAGMENT);
+    this.shadow = program(gl, SHADOW_VERTEX, SHADOW_FRAGMENT);
+    this.blur = program(gl, BLUR_VERTEX, BLUR_FRAGMENT);
+    this.floor = program(gl, FLOOR_VERTEX, FLOOR_FRAGMENT);
+    this.skinned = gl.createVertexArray();
+    gl.bindVertexArray(this.skinned);
+    attribute(gl, "aPlace", mesh.places, 3, gl.FLOAT, false);
+    attribute(gl, "aNormal", mesh.normals, 3, gl.BYTE, true);
+    attribute(gl, "aColour", mesh.colours, 3, gl.UNSIGNED_BYTE, true);
+    attribute(gl, "aWeight", mesh.weights, 1, gl.UNSIGNED_BYTE, true);
+    attribute(gl, "aJoints", mesh.joints, 2, gl.UNSIGNED_SHORT, null);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.indices, gl.STATIC_DRAW);
+    this.disc = gl.createVertexArray();
+    gl.bindVertexArray(this.disc);
+    const rim = Array.from({ length: 49 }, (_, i) => [Math.cos((i * Math.PI) / 24), Math.sin((i * Math.PI) / 24)]);
+    attribute(gl, "aCorner", new Float32Array([0, 0, ...rim.flat()]), 2, gl.FLOAT, false);
+    this.empty = gl.createVertexArray();
+    this.skin = texture(gl, gl.NEAREST);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, 3, this.dancer.joints);
+    this.shades = [0, 1].map(() => target(gl, SHADOW_SIZE));
+    this.readColours();
+  }
+
+  // The stage's colours are the style sheet's, so that both follow the scheme.
+  readColours() {
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => [1, 3, 5].map((i) => parseInt(style.getPropertyValue(name).trim().slice(i, i + 2), 16) / 255);
+    this.colours = { stage: colour("--stage"), floor: colour("--floor"), line: colour("--line"), shade: colour("--shadow") };
+    this.exposure = Number(style.getPropertyValue("--light"));
+  }
+
+  // Fit the drawing buffer to the element; true if its size changed.
+  resize() {
+    const ratio = Math.min(devicePixelRatio || 1, MAX_PIXEL_RATIO) * this.scale;
+    const width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
+    const height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
+    if (this.canvas.width === width && this.canvas.height === height) return false;
+    this.canvas.width = width;
+    this.canvas.height = height;
+    return true;
+  }
+
+  // Tell how long the last frame took: where frames keep being slow, fewer pixels are drawn.
+  paced(elapsedS) {
+    this.slow = elapsedS > SLOW_FRAME_S ? this.slow + 1 : Math.max(0, this.slow - 2);
+    if (this.slow < PATIENCE || this.scale <= SMALLEST_SCALE) return;
+    this.scale = Math.max(SMALLEST_SCALE, this.scale * 0.8);
+    this.slow = 0;
+    this.resize();
+  }
+
+  draw(view) {
+    const { gl } = this;
+    this.last = view;
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.skin);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 3, this.dancer.joints, gl.RGBA, gl.FLOAT, this.dancer.skin);
+    const p = this.dancer.positions;
+    const centre = [p[0] - this.slide[0] * p[1] * 0.5, p[2] - this.slide[1] * p[1] * 0.5, SHADOW_HALF_M];
+    this.#drawShadow(centre);
+    this.#drawStage(view, centre);
+  }
+
+  #drawShadow(centre) {
+    const { gl, shadow, blur, shades } = this;
+    gl.viewport(0, 0, SHADOW_SIZE, SHADOW_SIZE);
+    gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.CULL_FACE);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, shades[0].frame);
+    gl.clearColor(0, 0, 0, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    gl.enable(gl.BLEND);
+    gl.blendEquation(gl.MAX);
+    gl.useProgram(shadow.program);
+    gl.uniform1i(shadow.uSkin, 0);
+    gl.uniform3fv(shadow.uCentre, centre);
+    gl.uniform2fv(shadow.uSlide, this.slide);
+    this.#drawMesh();
+    gl.disable(gl.BLEND);
+    gl.useProgram(blur.program);
+    gl.uniform1i(blur.uSource, 0);
+    gl.bindVertexArray(this.empty);
+    for (const [from, to, step] of [[0, 1, [1, 0]], [1, 0, [0, 1]]]) {
+      gl.bindFramebuffer(gl.FRAMEBUFFER, shades[to].frame);
+      gl.bindTexture(gl.TEXTURE_2D, shades[from].texture);
+      gl.uniform2f(blur.uStep, step[0] / SHADOW_SIZE, step[1] / SHADOW_SIZE);
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  #drawStage({ eye, target: at, matrix, mirrored }, centre) {
+    const { gl, body, floor, colours } = this;
+    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
+    gl.clearColor(...colours.stage, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.enable(gl.DEPTH_TEST);
+    gl.enable(gl.CULL_FACE);
+    gl.frontFace(mirrored ? gl.CW : gl.CCW);
+    gl.bindTexture(gl.TEXTURE_2D, this.skin);
+    gl.useProgram(body.program);
+    gl.uniform1i(body.uSkin, 0);
+    gl.uniformMatrix4fv(body.uMatrix, false, matrix);
+    gl.uniform3fv(body.uEye, eye);
+    gl.uniform3fv(body.uLight, this.light);
+    gl.uniform3fv(body.uRim, this.rim);
+    gl.uniform3fv(body.uGround, colours.floor.map((v) => 0.12 + 0.55 * v * v));
+    gl.uniform1f(body.uExposure, this.exposure);
+    this.#drawMesh();
+    gl.disable(gl.CULL_FACE);
+    gl.bindTexture(gl.TEXTURE_2D, this.shades[0].texture);
+    gl.useProgram(floor.program);
+    gl.uniform1i(floor.uShadow, 0);
+    gl.uniformMatrix4fv(floor.uMatrix, false, matrix);
+    gl.uniform3f(floor.uDisc, at[0], at[2], FLOOR_RADIUS_M);
+    gl.uniform3fv(floor.uCentre, centre);
+    gl.uniform3fv(floor.uStage, colours.stage);
+    gl.uniform3fv(floor.uFloor, colours.floor);
+    gl.uniform3fv(floor.uLine, colours.line);
+    gl.uniform3fv(floor.uShade, colours.shade);
+    gl.bindVertexArray(this.disc);
+    gl.drawArrays(gl.TRIANGLE_FAN, 0, 50);
+  }
+
+  #drawMesh() {
+    const { gl } = this;
+    gl.bindVertexArray(this.skinned);
+    gl.drawElements(gl.TRIANGLES, this.mesh.indices.length, gl.UNSIGNED_INT, 0);
+  }
+}
+
+// A linked program and the places of its uniforms by name.
+function program(gl, vertex, fragment) {
+  const linked = gl.createProgram();
+  for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    gl.attachShader(linked, shader);
+  }
+  ATTRIBUTES.forEach((name, i) => gl.bindAttribLocation(linked, i, name));
+  gl.linkProgram(linked);
+  if (!gl.getProgramParameter(linked, gl.LINK_STATUS) && !gl.isContextLost()) {
+    const logs = gl.getAttachedShaders(linked).map((shader) => gl.getShaderInfoLog(shader));
+    throw new Error(`${gl.getProgramInfoLog(linked)} ${logs.join(" ")}`);
+  }
+  const places = { program: linked };
+  for (let i = 0; i < gl.getProgramParameter(linked, gl.ACTIVE_UNIFORMS); i++) {
+    const { name } = gl.getActiveUniform(linked, i);
+    places[name] = gl.getUniformLocation(linked, name);
+  }
+  return places;
+}
+
+// normalise: true or false for numbers, null for whole numbers that stay whole.
+function attribute(gl, name, data, size, type, normalise) {
+  const at = ATTRIBUTES.indexOf(name);
+  gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+  gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
+  gl.enableVertexAttribArray(at);
+  if (normalise === null) gl.vertexAttribIPointer(at, size, type, 0, 0);
+  else gl.vertexAttribPointer(at, size, type, normalise, 0, 0);
+}
+
+function texture(gl, filter) {
+  const made = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, made);
+  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, filter);
+  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+  return made;
+}
+
+function target(gl, size) {
+  const made = texture(gl, gl.LINEAR);
+  gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RG8, size, size);
+  const frame = gl.createFramebuffer();
+  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, made, 0);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  return { texture: made, frame };
+}

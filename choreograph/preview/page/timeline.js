@@ -1,0 +1,296 @@
+// The song and where each second comes from. Still layers are drawn when the view changes, not every frame.
+
+import { clamp } from "./math.js";
+
+const RULER = 15, WAVE = [17, 60], BEATS = [64, 80], BLOCKS = [86, 120]; // rows, in pixels from the top
+const ROOMY_PX_PER_S = 20; // a longer song is shown in part
+const MAX_PX_PER_S = 400;
+const PAGE_AT = 0.08; // of the width: where the playhead stands after a page is turned
+
+export class Timeline {
+  constructor(dance, levels, player, { onHover }) {
+    Object.assign(this, { dance, levels, player, onHover });
+    this.durationS = dance.duration_s;
+    this.element = document.getElementById("timeline");
+    this.tracks = document.getElementById("tracks");
+    this.overview = document.getElementById("overview");
+    this.playhead = document.getElementById("playhead");
+    this.pointer = document.getElementById("pointer");
+    this.range = document.getElementById("range");
+    this.fromS = 0;
+    this.zoom = null; // pixels a second; null: as first shown
+    this.wasInside = true;
+    this.element.setAttribute("aria-valuemax", this.durationS.toFixed(2));
+    new Gestures(this);
+  }
+
+  get width() { return this.element.clientWidth; }
+  get pxPerS() { return Math.max(this.zoom ?? ROOMY_PX_PER_S, this.width / this.durationS); }
+  get shownS() { return this.width / this.pxPerS; }
+  x(timeS) { return (timeS - this.fromS) * this.pxPerS; }
+  timeAt(x) { return clamp(this.fromS + x / this.pxPerS, 0, this.durationS); }
+
+  recolour(colours) { this.colours = colours; this.redraw(); }
+
+  // Closer by a factor, the instant under x staying where it is.
+  zoomBy(factor, x = this.width / 2) {
+    const still = this.timeAt(x);
+    this.zoom = clamp(this.pxPerS * factor, this.width / this.durationS, MAX_PX_PER_S);
+    this.pan(still - x / this.pxPerS - this.fromS);
+  }
+
+  showAll() { this.zoom = 0; this.pan(0); }
+
+  pan(seconds) {
+    this.fromS = clamp(this.fromS + seconds, 0, Math.max(0, this.durationS - this.shownS));
+    this.wasInside = this.#inside(this.player.time);
+    this.redraw();
+  }
+
+  #inside(timeS) { return timeS >= this.fromS && timeS <= this.fromS + this.shownS; }
+
+  // The playhead in its place; turns the page when it walks off it.
+  show(timeS) {
+    if (!this.#inside(timeS) && this.wasInside) {
+      this.fromS = clamp(timeS - PAGE_AT * this.shownS, 0, Math.max(0, this.durationS - this.shownS));
+      this.redraw();
+    }
+    this.wasInside = this.#inside(timeS);
+    this.playhead.style.transform = `translateX(${this.x(timeS)}px)`;
+    this.#showOverviewHead(timeS);
+  }
+
+  showLoop({ on, from, to }) {
+    this.range.hidden = !on;
+    this.range.style.transform = `translateX(${this.x(from)}px)`;
+    this.range.style.width = `${(to - from) * this.pxPerS}px`;
+  }
+
+  redraw() {
+    if (!this.colours || !this.width) return;
+    const context = fitted(this.tracks, this.width, this.element.clientHeight);
+    const style = getComputedStyle(document.documentElement);
+    this.ink = (name) => style.getPropertyValue(name);
+    this.#drawRuler(context);
+    this.#drawBeatLines(context);
+    this.#drawWave(context);
+    this.#drawBeats(context);
+    this.#drawBlocks(context, this.fromS, this.pxPerS, BLOCKS, 4);
+    this.#drawOverview();
+    this.showLoop(this.player.loop);
+    this.show(this.player.time);
+  }
+
+  #drawRuler(context) {
+    const apart = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600].find((s) => s * this.pxPerS >= 62) ?? 1200;
+    context.fillStyle = this.ink("--faint");
+    context.font = "10.5px system-ui, sans-serif";
+    for (let i = Math.ceil(this.fromS / apart); i * apart < this.fromS + this.shownS; i++) {
+      const label = clockText(i * apart, apart < 1);
+      const x = this.x(i * apart);
+      const left = clamp(x - context.measureText(label).width / 2, 0, this.width);
+      if (x < this.width - 16) context.fillText(label, left, 10);
+    }
+  }
+
+  #between(times) {
+    const end = this.fromS + this.shownS;
+    return times.filter((time) => time >= this.fromS - 0.1 && time <= end + 0.1);
+  }
+
+  #drawBeatLines(context) {
+    const beats = this.#between(this.dance.music_beats_s);
+    if (this.width / Math.max(1, beats.length) < 5) return;
+    context.fillStyle = this.ink("--beat");
+    for (const beat of beats) context.fillRect(Math.round(this.x(beat) * 2) / 2 - 0.5, RULER, 1, BLOCKS[1] - RULER);
+  }
+
+  #drawWave(context) {
+    const { peaks, cores } = this.levels;
+    const [top, bottom] = WAVE, middle = (top + bottom) / 2, half = (bottom - top) / 2;
+    const bar = 2, gap = 1;
+    for (const [levels, colour] of [[peaks, this.ink("--wave")], [cores, this.ink("--wave-core")]]) {
+      context.fillStyle = colour;
+      for (let x = 0; x < this.width; x += bar + gap) {
+        const from = Math.floor(this.timeOff(x) * this.dance.levels_per_s);
+        const to = Math.max(from + 1, Math.ceil(this.timeOff(x + bar + gap) * this.dance.levels_per_s));
+        let level = 0;
+        for (let i = from; i < to && i < levels.length; i++) level = Math.max(level, levels[i]);
+        const high = Math.max(0.5, (level / 255) * half);
+        context.fillRect(x, middle - high, bar, 2 * high);
+      }
+    }
+  }
+
+  timeOff(x) { return this.fromS + x / this.pxPerS; }
+
+  #drawBeats(context) {
+    const [top, bottom] = BEATS;
+    const ticks = this.#between(this.dance.music_beats_s), pips = this.#between(this.dance.motion_beats_s);
+    const roomy = this.width / Math.max(1, pips.length, ticks.length) >= 5;
+    context.fillStyle = this.ink("--tick");
+    context.globalAlpha = roomy ? 1 : 0.5;
+    for (const beat of ticks) context.fillRect(this.x(beat) - (roomy ? 1 : 0.5), top, roomy ? 2 : 1, 7);
+    context.fillStyle = this.ink("--pip");
+    for (const beat of pips) {
+      context.beginPath();
+      context.arc(this.x(beat), bottom - 3, roomy ? 3 : 1.5, 0, 2 * Math.PI);
+      context.fill();
+    }
+    context.globalAlpha = 1;
+  }
+
+  // One block a second; seconds that follow each other in their take touch.
+  #drawBlocks(context, fromS, pxPerS, [top, bottom], radius) {
+    const { seconds } = this.dance;
+    const first = Math.max(0, Math.floor(fromS)), last = Math.min(seconds.length, Math.ceil(fromS + context.canvas.clientWidth / pxPerS));
+    for (let s = first; s < last; s++) {
+      const here = seconds[s];
+      const joined = (a, b) => a && b && a.take === b.take && Math.abs(a.to_s - b.from_s) < 0.02;
+      const end = Math.min(s + 1, this.durationS);
+      const cut = joined(here, seconds[s + 1]) ? 0.5 : Math.min(2, 0.12 * pxPerS);
+      const x = (s - fromS) * pxPerS, width = Math.max(0.5, (end - s) * pxPerS - cut);
+      const left = joined(seconds[s - 1], here) ? 0 : radius, right = joined(here, seconds[s + 1]) ? 0 : radius;
+      context.fillStyle = this.colours[here.take].css;
+      context.beginPath();
+      context.roundRect(x, top, width, bottom - top, [left, right, right, left].map((r) => Math.min(r, width / 2)));
+      context.fill();
+    }
+  }
+
+  #drawOverview() {
+    const partly = this.shownS < this.durationS - 0.01;
+    this.overview.hidden = !partly;
+    if (!partly) return;
+    const width = this.overview.clientWidth, height = this.overview.clientHeight;
+    const scale = width / this.durationS;
+    const context = fitted(this.overview, width, height);
+    this.#drawBlocks(context, 0, scale, [4, height - 4], 1);
+    const from = this.fromS * scale, wide = this.shownS * scale;
+    context.fillStyle = this.ink("--panel");
+    context.globalAlpha = 0.62;
+    context.fillRect(0, 0, from, height);
+    context.fillRect(from + wide, 0, width, height);
+    context.globalAlpha = 1;
+    context.strokeStyle = this.ink("--ink");
+    context.lineWidth = 1.5;
+    context.beginPath();
+    context.roundRect(from + 0.75, 0.75, wide - 1.5, height - 1.5, 4);
+    context.stroke();
+  }
+
+  #showOverviewHead(timeS) {
+    const head = document.getElementById("overview-head");
+    head.hidden = this.overview.hidden;
+    if (!head.hidden) head.style.transform = `translateX(${(timeS / this.durationS) * this.overview.clientWidth}px)`;
+  }
+}
+
+// Pointer, wheel and touch on the timeline.
+class Gestures {
+  constructor(timeline) {
+    this.timeline = timeline;
+    this.touches = new Map();
+    this.drag = null; // (x) => void, while a button or finger is down
+    const { element, overview } = timeline;
+    element.addEventListener("pointerdown", (event) => this.#down(event));
+    element.addEventListener("pointermove", (event) => this.#move(event));
+    for (const name of ["pointerup", "pointercancel"]) element.addEventListener(name, (event) => this.#up(event));
+    element.addEventListener("pointerleave", () => { if (!this.drag) this.#hover(null); });
+    element.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
+    const jump = (event) => {
+      if (event.buttons) timeline.player.seek((event.offsetX / overview.clientWidth) * timeline.durationS);
+    };
+    overview.addEventListener("pointerdown", (event) => { overview.setPointerCapture(event.pointerId); jump(event); });
+    overview.addEventListener("pointermove", jump);
+  }
+
+  #x(event) { return event.clientX - this.timeline.element.getBoundingClientRect().left; }
+
+  #down(event) {
+    if (event.button > 0) return;
+    const { timeline } = this, { player } = timeline;
+    timeline.element.setPointerCapture(event.pointerId);
+    this.touches.set(event.pointerId, this.#x(event));
+    if (this.touches.size > 1) { this.#letGo(); return; }
+    const x = this.#x(event), at = timeline.timeAt(x);
+    const grip = event.pointerType === "touch" ? 14 : 6;
+    const { on, from, to } = player.loop;
+    if (event.shiftKey) this.drag = (x2) => player.setLoop(at, timeline.timeAt(x2));
+    else if (on && Math.abs(x - timeline.x(to)) < grip) this.drag = (x2) => player.setLoop(from, timeline.timeAt(x2));
+    else if (on && Math.abs(x - timeline.x(from)) < grip) this.drag = (x2) => player.setLoop(timeline.timeAt(x2), to);
+    else this.#scrub(x);
+    this.#hover(x);
+  }
+
+  #scrub(x) {
+    const { timeline } = this, { player } = timeline;
+    this.resume = player.playing;
+    if (this.resume) player.pause();
+    this.drag = (x2) => player.seek(timeline.timeAt(x2));
+    this.drag(x);
+  }
+
+  #move(event) {
+    const x = this.#x(event);
+    if (this.touches.has(event.pointerId)) {
+      if (this.touches.size === 2) this.#pinch(event.pointerId, x);
+      this.touches.set(event.pointerId, x);
+    }
+    this.drag?.(x);
+    this.#hover(x);
+  }
+
+  #pinch(id, x) {
+    const [other] = [...this.touches].filter(([key]) => key !== id).map(([, value]) => value);
+    const before = this.touches.get(id);
+    this.timeline.zoomBy(Math.max(20, Math.abs(x - other)) / Math.max(20, Math.abs(before - other)), other);
+  }
+
+  #up(event) {
+    this.touches.delete(event.pointerId);
+    this.#letGo();
+    if (event.pointerType === "touch") this.leaving = setTimeout(() => this.#hover(null), 2500);
+  }
+
+  #letGo() {
+    if (this.resume) this.timeline.player.play();
+    this.resume = false;
+    this.drag = null;
+  }
+
+  #wheel(event) {
+    event.preventDefault();
+    const { timeline } = this;
+    const sideways = event.shiftKey ? event.deltaY : event.deltaX;
+    if (Math.abs(sideways) > Math.abs(event.deltaY) || event.shiftKey) timeline.pan(sideways / timeline.pxPerS);
+    else timeline.zoomBy(Math.exp(-clamp(event.deltaY, -120, 120) * 0.0025), this.#x(event));
+    this.#hover(this.#x(event));
+  }
+
+  #hover(x) {
+    clearTimeout(this.leaving);
+    const { timeline } = this;
+    timeline.pointer.hidden = x === null;
+    if (x === null) { timeline.onHover(null); return; }
+    timeline.pointer.style.transform = `translateX(${x}px)`;
+    const second = Math.min(Math.floor(timeline.timeAt(x)), timeline.dance.seconds.length - 1);
+    timeline.onHover(second, clamp(timeline.x(second + 0.5), 0, timeline.width));
+  }
+}
+
+export function clockText(timeS, tenths) {
+  const rounded = tenths ? Math.floor(timeS * 10 + 1e-6) / 10 : Math.floor(timeS + 1e-6);
+  const rest = rounded % 60;
+  return `${Math.floor(rounded / 60)}:${tenths ? rest.toFixed(1).padStart(4, "0") : String(rest).padStart(2, "0")}`;
+}
+
+// A canvas's context for drawing in CSS pixels, cleared.
+function fitted(canvas, width, height) {
+  const ratio = devicePixelRatio || 1;
+  canvas.width = Math.round(width * ratio);
+  canvas.height = Math.round(height * ratio);
+  const context = canvas.getContext("2d");
+  context.scale(ratio, ratio);
+  return context;
+}
