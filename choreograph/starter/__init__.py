@@ -1,0 +1,1 @@
+"""The built-in repertoire: songs and takes the project makes itself."""

@@ -1,0 +1,44 @@
+"""The example songs that come along: `python -m choreograph.starter.synth.examples` renders them anew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from choreograph.starter.synth.song import SynthSong, render_song, write_song
+
+SONGS_FOLDER = Path(__file__).resolve().parent.parent / "songs"
+_DURATION_S = 39.0
+_COMPRESSION = 0.85  # about 85 kbit/s
+_EXAMPLES = {  # file: genre, BPM, seed; apart from the takes' and the test bed's
+    "house": ("house", 124.0, 2001),
+    "cha-cha": ("cha-cha", 120.0, 2002),
+    "waltz": ("waltz", 90.0, 2003),
+}
+
+
+def example_songs() -> dict[str, SynthSong]:
+    """The examples by name, rendered."""
+    return {
+        name: render_song(genre, bpm=bpm, duration_s=_DURATION_S, seed=seed)
+        for name, (genre, bpm, seed) in _EXAMPLES.items()
+    }
+
+
+def example_paths() -> dict[str, Path]:
+    """Where the rendered files lie, by name."""
+    return {name: SONGS_FOLDER / f"{name}.ogg" for name in _EXAMPLES}
+
+
+def write_examples(folder: Path = SONGS_FOLDER) -> list[Path]:
+    """Render all examples into a folder as Ogg Vorbis; the paths written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name, song in example_songs().items():
+        paths.append(folder / f"{name}.ogg")
+        write_song(paths[-1], song, compression_level=_COMPRESSION)
+    return paths
+
+
+if __name__ == "__main__":
+    for path in write_examples():
+        print(f"{path}  {path.stat().st_size / 1024:.0f} KB")
