@@ -25,7 +25,7 @@ class RandomPoses:
 
 
 def random_source(
-    seed: int, *, n_seconds: int = 6, k: int = 4, n_clips: int = 6
+    seed: int, *, n_seconds: int = 6, k: int = 4, n_clips: int = 6, cast: np.ndarray | None = None
 ) -> tuple[LayerSource, Music]:
     """`n_seconds` layers of at most 4·k nodes with everything random, and music to go with them."""
     rng = np.random.default_rng(seed)
@@ -42,6 +42,7 @@ def random_source(
     )
     clips = ClipTable(
         take=np.arange(n_clips) % 2,
+        start_frame=20 * np.arange(n_clips),
         take_names=np.array(["left", "right"]),
         genres=np.array(["waltz", "rumba"]),
         style=rng.normal(size=(n_clips, 32)).astype(np.float32),
@@ -51,4 +52,4 @@ def random_source(
         rng.normal(size=(n_seconds, 32)).astype(np.float32), np.full(n_seconds, 8, np.float32),
         np.zeros((n_seconds, SEGMENT_FRAMES), np.float32),
     )  # fmt: skip
-    return LayerSource(segments, clips, RandomPoses(n_clips, seed)), music
+    return LayerSource(segments, clips, RandomPoses(n_clips, seed), cast), music

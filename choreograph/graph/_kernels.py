@@ -38,3 +38,15 @@ def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
                     best[j] = c
                     who[first + j] = i
     return who
+
+
+@njit(cache=True)
+def goes_back(take_a, end_a, take_b, start_b, least, most):  # pragma: no cover - compiled
+    """1 where b's take is a's and b starts more than `least` and less than `most` before a ends, (P, N)."""
+    n_a, n_b = len(take_a), len(take_b)
+    back = np.zeros((n_a, n_b), np.float32)
+    for i in range(n_a):
+        for j in range(n_b):
+            if take_a[i] == take_b[j] and least < end_a[i] - start_b[j] < most:
+                back[i, j] = 1.0
+    return back

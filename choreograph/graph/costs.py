@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 
 from choreograph.features.music import Music
 from choreograph.graph.layers import Layer
-from choreograph.timebase import NODE_FRAMES
+from choreograph.timebase import CLIP_FRAMES, NODE_FRAMES
 
 Floats = NDArray[np.floating]
+
+_PLAYING_ON = NODE_FRAMES // 4
 
 
 class Cost:
@@ -97,7 +99,38 @@ class Rhythm(Cost):
         return layer.off_beat + layer.fit
 
 
-BUILTIN_COSTS: tuple[type[Cost], ...] = (Style, Completeness, Transition, Velocity, Rhythm)
+class Variety(Cost):
+    """1 for a take that is not cast in this phrase: it has danced lately, or suits the music less.
+
+    Ours; see `selection.casting`.
+    """
+
+    def node(self, layer: Layer, music: Music) -> Floats:
+        return (~layer.cast).astype(np.float32)
+
+
+class Repeat(Cost):
+    """1 for going back to what has just been danced: less than a clip's length back in the same take.
+
+    Ours. Beats may be shared: up to a quarter second back is playing on.
+    """
+
+    edges_nonnegative = True
+
+    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
+        from choreograph.graph._kernels import goes_back
+
+        return goes_back(
+            previous.take,
+            previous.take_frames[:, 1],
+            next.take,
+            next.take_frames[:, 0],
+            _PLAYING_ON,
+            CLIP_FRAMES,
+        )
+
+
+BUILTIN_COSTS: tuple[type[Cost], ...] = (Style, Completeness, Transition, Velocity, Rhythm, Variety, Repeat)
 
 
 def _rms_distances(a: Floats, b: Floats) -> Floats:

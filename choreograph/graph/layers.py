@@ -43,6 +43,8 @@ class Layer:
     take_names: NDArray[np.str_]  # (N,)
     genre: NDArray[np.str_]  # (N,)
     style: Floats  # (N, 32) of the clip
+    cast: NDArray[np.bool_]  # (N,) whether the node's take is wanted in this phrase
+    take_frames: Floats  # (N, 2) take frames (20 fps) at the second's two borders
     fit: Floats  # (N,) mean squared difference of tempo-densities, this second
     off_beat: Floats  # (N,) share of beats, music's and motion's, that fall alone this second
     first_beat: Floats  # (N,) frame (20 fps) of the first motion beat in the second, nan if none
@@ -77,16 +79,24 @@ class ClipTable:
     """Per clip of the repertoire, what layers show of it."""
 
     take: Ints  # (N,)
+    start_frame: Ints  # (N,) in its take, 20 fps
     take_names: NDArray[np.str_]  # (takes,)
     genres: NDArray[np.str_]  # (takes,)
     style: NDArray[np.float32]  # (N, 32)
 
 
 class LayerSource:
-    """Builds the layer of any second; segments inserted more than three seconds before are gone."""
+    """Builds the layer of any second; segments inserted more than three seconds before are gone.
 
-    def __init__(self, segments: Segments, clips: ClipTable, poses: PoseBank) -> None:
+    `cast` (S, takes) says which takes are wanted when; None: all of them.
+    """
+
+    def __init__(
+        self, segments: Segments, clips: ClipTable, poses: PoseBank, cast: NDArray[np.bool_] | None = None
+    ) -> None:
         self._segments = segments
+        everyone = np.broadcast_to(True, (len(segments.clip), len(clips.take_names)))
+        self._cast = everyone if cast is None else cast
         self._clips = clips
         self._poses = poses
         # A layer looks at the last four insertions, and the planner at two layers.
@@ -132,6 +142,7 @@ class LayerSource:
         k = segments.clip.shape[1]
         pose, velocity = self._borders(start) if part == _ALL else self._make_borders(start, part)
         window = slice(offset * NODE_FRAMES, (offset + 1) * NODE_FRAMES + 1)
+        source_frames = segments.time_maps[start, part, window]  # (K, 21)
         return Layer(
             second=start + offset,
             segment=start * k + np.arange(k)[part],
@@ -141,11 +152,13 @@ class LayerSource:
             take_names=clips.take_names[take],
             genre=clips.genres[take],
             style=clips.style[clip],
+            cast=self._cast[start + offset, take],
+            take_frames=clips.start_frame[clip, None] + source_frames[:, ::NODE_FRAMES],
             fit=segments.fit[start, part, offset],
             off_beat=segments.off_beat[start, part, offset],
             first_beat=segments.first_beat[start, part, offset],
             last_beat=segments.last_beat[start, part, offset],
-            source_frames=segments.time_maps[start, part, window],
+            source_frames=source_frames,
             first_pose_m=pose[offset],
             last_pose_m=pose[offset + 1],
             first_velocity_m_s=velocity[offset],

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from choreograph.errors import NoPathError
 from choreograph.features.music import Music
-from choreograph.graph.costs import Transition
+from choreograph.graph.costs import BUILTIN_COSTS, Transition
 from choreograph.graph.layers import Layer, LayerSource
 from choreograph.graph.planners import Path, WeightedCost
 
@@ -27,9 +27,7 @@ def plan_motion_graph(source: LayerSource, costs: Sequence[WeightedCost], music:
     """
     allowed_clips = _never_ending(source, music)
     priced = [w for w in costs if w.cost.name == Transition.name]
-    own = [
-        w for w in costs if w.cost.name not in ("style", "completeness", "velocity", "rhythm", "transition")
-    ]
+    own = [w for w in costs if type(w.cost) not in BUILTIN_COSTS]
     nodes: list[Layer] = []
     terms: list[dict[str, float]] = []
     for second in range(source.n_seconds):

@@ -24,6 +24,7 @@ from choreograph.graph import (
     Cost,
     Layer,
     LayerSource,
+    Variety,
     WeightedCost,
     plan_exact,
     plan_greedy,
@@ -34,7 +35,7 @@ from choreograph.motion.motion import Motion
 from choreograph.pipeline.hearing import hear
 from choreograph.plan import Plan, PlannedSecond
 from choreograph.repertoire import Repertoire
-from choreograph.selection import select_clips
+from choreograph.selection import cast_takes, phrase_of_seconds, select_clips, take_losses
 from choreograph.timebase import NET_FPS
 from choreograph.warping import ClipBeats, warp_segments
 
@@ -163,25 +164,42 @@ def _planned(
     """Select, warp, build the graph and plan."""
     clips = ClipTable(
         repertoire.clip_take,
+        repertoire.clip_start_frame,
         np.array([take.name for take in repertoire.takes]),
         np.array([take.credits.genre for take in repertoire.takes]),
         repertoire.clip_style,
     )
-    chosen = select_clips(
-        music.style, music.beat_count, repertoire.clip_style, repertoire.clip_beat_count,
-        candidates=config.candidates, beat_weight=repertoire.selection_beat_weight,
-    )  # fmt: skip
+    chosen, cast = _selected(music, repertoire, config, costs)
     segments = warp_segments(
         chosen, music.density, music.beat_times_s, repertoire.clip_density,
         repertoire.clip_speed, _clip_beats(repertoire), report=_stage(report, "warping"),
     )  # fmt: skip
-    source = LayerSource(segments, clips, repertoire)
+    source = LayerSource(segments, clips, repertoire, cast)
     if config.planner == "motion-graph":
         path = plan_motion_graph(source, costs, music)
     else:
         planner = plan_exact if config.planner == "exact" else plan_greedy
         path = planner(source, costs, music, report=_stage(report, "planning"))
     return path.nodes, path.costs
+
+
+def _selected(
+    music: Music, repertoire: Repertoire, config: DanceConfig, costs: list[WeightedCost]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """The candidates of each second (S, K), and the takes cast in it (S, takes)."""
+    known = (music.style, music.beat_count, repertoire.clip_style, repertoire.clip_beat_count)
+    beat_weight = repertoire.selection_beat_weight
+    losses = take_losses(
+        *known, repertoire.clip_take, n_takes=len(repertoire.takes), beat_weight=beat_weight
+    )  # fmt: skip
+    phrases = phrase_of_seconds(music.beat_times_s, len(music.style))
+    cast = cast_takes(losses, phrases, rng=np.random.default_rng(config.seed))
+    wanted = next(w.weight for w in costs if w.cost.name == Variety.name)
+    chosen = select_clips(
+        *known, candidates=config.candidates, beat_weight=beat_weight,
+        penalty=lambda second: wanted * ~cast[second, repertoire.clip_take],
+    )  # fmt: skip
+    return chosen, cast
 
 
 def _stage(report: Report | None, name: str) -> Callable[[int, int], None] | None:

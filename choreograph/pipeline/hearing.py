@@ -13,7 +13,9 @@ from choreograph.features.rhythm import rhythm_features
 from choreograph.repertoire import Repertoire
 
 
-def hear(song: Song, repertoire: Repertoire, *, beats: str = DEFAULT_TRACKER) -> tuple[Music, tuple[str, ...]]:
+def hear(
+    song: Song, repertoire: Repertoire, *, beats: str = DEFAULT_TRACKER
+) -> tuple[Music, tuple[str, ...]]:
     """The song's beats, styles and wanted tempo-densities, and notes on what is odd about it."""
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)

@@ -1,5 +1,6 @@
-"""Selection: the K clips whose style suits each second of the song best."""
+"""Selection: the K clips whose style suits each second of the song best, and the takes cast for a phrase."""
 
-from choreograph.selection.select import select_clips
+from choreograph.selection.casting import cast_takes, phrase_of_seconds
+from choreograph.selection.select import select_clips, take_losses
 
-__all__ = ["select_clips"]
+__all__ = ["cast_takes", "phrase_of_seconds", "select_clips", "take_losses"]

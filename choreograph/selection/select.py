@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,7 @@ def select_clips(
     *,
     candidates: int,
     beat_weight: float,
+    penalty: Callable[[int], NDArray[np.floating]] | None = None,
 ) -> NDArray[np.int64]:
     """The clips with the least style loss for each music segment, best first.
 
@@ -29,6 +32,7 @@ def select_clips(
     clip_beat_count : float array (N,)      motion beats in the clip's middle 4 s
     candidates : int                        K; all clips if there are fewer
     beat_weight : float                     λ_b against λ_cs = 1, as in training
+    penalty : second -> float array (N,)    added to the loss of every clip: who should stand back
 
     Returns
     -------
@@ -45,18 +49,60 @@ def select_clips(
         raise ParameterError("there is no clip to select from: every take is shorter than 8 s")
     k = min(candidates, n_clips)
     chosen = np.empty((len(music_style), k), np.int64)
-    block = max(1, int(_BLOCK_BYTES / (8 * n_clips)))
-    clip_sq = np.sum(clip_style**2, axis=1)
-    for start in range(0, len(music_style), block):
-        style = music_style[start : start + block]  # (B, D)
-        sq = np.sum(style**2, axis=1)[:, None] + clip_sq - 2.0 * style @ clip_style.T
-        loss = np.sqrt(np.maximum(sq, 0.0))  # (B, N)
-        loss += beat_weight * np.abs(music_beat_count[start : start + block, None] - clip_beat_count)
+    losses = style_losses(
+        music_style, music_beat_count, clip_style, clip_beat_count, beat_weight=beat_weight
+    )  # fmt: skip
+    for start, loss in losses:
+        if penalty is not None:
+            loss = loss + np.stack([penalty(start + row) for row in range(len(loss))])
         if k < n_clips:
             nearest = np.argpartition(loss, k - 1, axis=1)[:, :k]
             nearest.sort(axis=1)
         else:
             nearest = np.broadcast_to(np.arange(n_clips), loss.shape)
         order = np.argsort(np.take_along_axis(loss, nearest, axis=1), axis=1, kind="stable")
-        chosen[start : start + block] = np.take_along_axis(nearest, order, axis=1)
+        chosen[start : start + len(loss)] = np.take_along_axis(nearest, order, axis=1)
     return chosen
+
+
+def style_losses(
+    music_style: NDArray[np.floating],
+    music_beat_count: NDArray[np.floating],
+    clip_style: NDArray[np.floating],
+    clip_beat_count: NDArray[np.floating],
+    *,
+    beat_weight: float,
+) -> Iterator[tuple[int, NDArray[np.floating]]]:
+    """Equation 1 of every clip for every music segment, in blocks: (first second, loss (B, N))."""
+    block = max(1, int(_BLOCK_BYTES / (8 * len(clip_style))))
+    clip_sq = np.sum(clip_style**2, axis=1)
+    for start in range(0, len(music_style), block):
+        style = music_style[start : start + block]  # (B, D)
+        sq = np.sum(style**2, axis=1)[:, None] + clip_sq - 2.0 * style @ clip_style.T
+        loss = np.sqrt(np.maximum(sq, 0.0))  # (B, N)
+        yield (
+            start,
+            loss + beat_weight * np.abs(music_beat_count[start : start + block, None] - clip_beat_count),
+        )
+
+
+def take_losses(
+    music_style: NDArray[np.floating],
+    music_beat_count: NDArray[np.floating],
+    clip_style: NDArray[np.floating],
+    clip_beat_count: NDArray[np.floating],
+    clip_take: NDArray[np.integer],
+    *,
+    n_takes: int,
+    beat_weight: float,
+) -> NDArray[np.float32]:
+    """The loss of each take's best clip, (S, takes); inf for a take without clips."""
+    best = np.full((len(music_style), n_takes), np.inf, np.float32)
+    order = np.argsort(clip_take, kind="stable")
+    takes, firsts = np.unique(clip_take[order], return_index=True)
+    losses = style_losses(
+        music_style, music_beat_count, clip_style, clip_beat_count, beat_weight=beat_weight
+    )  # fmt: skip
+    for start, loss in losses:
+        best[start : start + len(loss), takes] = np.minimum.reduceat(loss[:, order], firsts, axis=1)
+    return best

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from planted_layers import random_source
 
-from choreograph.graph import Completeness, Cost, Rhythm, Style, Transition, Velocity
+from choreograph.graph import Completeness, Cost, Repeat, Rhythm, Style, Transition, Variety, Velocity
 
 
 @pytest.fixture(params=range(3))
@@ -58,6 +58,23 @@ def test_style_and_rhythm(layers):
     by_hand = [math.dist(style, music.style[3]) for style in a.style]
     assert np.allclose(Style().node(a, music), by_hand, rtol=1e-5)
     assert np.allclose(Rhythm().node(a, music), a.off_beat + a.fit)
+
+
+def test_variety_prices_takes_that_are_not_cast():
+    source, music = random_source(0, cast=np.tile([True, False], (6, 1)))
+    layer = source.layer(3)
+    assert np.array_equal(Variety().node(layer, music), layer.take == 1)
+
+
+def test_repeat_is_going_back_less_than_a_clip_in_one_take(layers):
+    a, b, music = layers
+    back = a.take_frames[:, 1][:, None] - b.take_frames[:, 0][None]
+    by_hand = (a.take[:, None] == b.take[None]) & (back > 5) & (back < 160)
+    cost = Repeat().edge(a, b, music)
+    assert np.array_equal(cost, by_hand)
+    assert 0 < cost.sum() < cost.size
+    here, there = a.successors_in(b)
+    assert not cost[here, there].any()
 
 
 def test_successors_are_the_pairs_of_one_segment_one_quarter_apart(layers):

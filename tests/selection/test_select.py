@@ -71,3 +71,11 @@ def test_nothing_to_select(n_clips, k):
             candidates=k,
             beat_weight=0.0,
         )
+
+
+def test_who_is_penalised_stands_back():
+    chosen = select_clips(
+        np.zeros((2, 4)), np.zeros(2), np.zeros((6, 4)), np.zeros(6), candidates=2, beat_weight=0.0,
+        penalty=lambda second: (np.arange(6) < 4 + second).astype(float),
+    )  # fmt: skip
+    assert chosen.tolist() == [[4, 5], [5, 0]]
