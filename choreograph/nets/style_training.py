@@ -26,6 +26,10 @@ def train_style(
 ) -> StyleNets:
     """Train both embeddings and the beat-count head together (ChoreoGraph, section 3.1).
 
+    All songs are learned from, to the last step. Holding a tenth of each genre's songs out and keeping
+    the weights they liked best was measured on five songs left out: by their loss it kept nearly the
+    last step and found no more of the genre (0.565 for 0.558), by their retrieval less (0.497).
+
     Parameters
     ----------
     takes : pairs of music and motion of at least two songs
