@@ -7,7 +7,7 @@ linear light until `to_srgb`. All arrays are float32 unless said.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 NOTHING = -1  # in a buffer of triangle indices
 _NEAR_M = np.float32(0.05)
@@ -157,7 +157,7 @@ def blur(image, radius, times):  # pragma: no cover - compiled
     return out
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def paint_backdrop(
     image, eye, right, up, ahead, focal, slit, sky, floor, shade, origin, texel, middle
 ):  # pragma: no cover - compiled
@@ -171,7 +171,7 @@ def paint_backdrop(
     n = len(shade)
     half_w, half_h = np.float32(0.5 * width - 0.5), np.float32(0.5 * height - 0.5)
     one, half = np.float32(1.0), np.float32(0.5)
-    for row in prange(height):
+    for row in range(height):
         v = (half_h - np.float32(row)) / focal
         for column in range(width):
             u = (np.float32(column) - half_w) / focal
@@ -217,7 +217,7 @@ def paint_backdrop(
             image[row, column, 2] = b
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def shade_figure(
     image, owners, grid, corner, screen, triangles, points, normals, colours, eye, lights, tints
 ):  # pragma: no cover - compiled
@@ -230,19 +230,35 @@ def shade_figure(
     rows, columns = owners.shape[0] // grid, owners.shape[1] // grid
     share = np.float32(1.0) / np.float32(grid * grid)
     zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
-    for row in prange(rows):
+    for row in range(rows):
         for column in range(columns):
-            r = g = b = covered = zero
-            for sample in range(grid * grid):
-                sy, sx = row * grid + sample // grid, column * grid + sample % grid
-                t = owners[sy, sx]
+            r = g = b = zero
+            covered = zero
+            top, left = row * grid, column * grid
+            # Most pixels are of one triangle: those are shaded once, in their middle.
+            alike = True
+            for sample in range(1, grid * grid):
+                alike = alike and owners[top + sample // grid, left + sample % grid] == owners[top, left]
+            n_shaded = 1 if alike else grid * grid
+            weight = np.float32(grid * grid) if alike else one
+            for sample in range(n_shaded):
+                sy, sx = sample // grid, sample % grid
+                t = owners[top + sy, left + sx]
                 if t < 0:
                     continue
+                px, py = np.float32(left), np.float32(top)
+                if alike:
+                    px += half * np.float32(grid)
+                    py += half * np.float32(grid)
+                else:
+                    px += np.float32(sx) + half
+                    py += np.float32(sy) + half
                 i, j, k = triangles[t]
                 x0, y0 = screen[i, 0], screen[i, 1]
                 ax, ay = screen[j, 0] - x0, screen[j, 1] - y0
                 bx, by = screen[k, 0] - x0, screen[k, 1] - y0
-                px, py = np.float32(sx) + half - x0, np.float32(sy) + half - y0
+                px -= x0
+                py -= y0
                 scale = one / (ax * by - bx * ay)
                 b1 = (px * by - py * bx) * scale * screen[j, 2]
                 b2 = (py * ax - px * ay) * scale * screen[k, 2]
@@ -280,10 +296,10 @@ def shade_figure(
                     key * tints[0, 2] + fill * tints[1, 2] + above * tints[3, 2] + (one - above) * tints[4, 2]
                 )
                 c = colours[i]
-                r += c[0] * red + back * tints[2, 0] + gloss * tints[0, 0]
-                g += c[1] * green + back * tints[2, 1] + gloss * tints[0, 1]
-                b += c[2] * blue + back * tints[2, 2] + gloss * tints[0, 2]
-                covered += one
+                r += weight * (c[0] * red + back * tints[2, 0] + gloss * tints[0, 0])
+                g += weight * (c[1] * green + back * tints[2, 1] + gloss * tints[0, 1])
+                b += weight * (c[2] * blue + back * tints[2, 2] + gloss * tints[0, 2])
+                covered += weight
             if covered > 0:
                 rest = one - covered * share
                 pixel = image[corner[0] + row, corner[1] + column]
@@ -292,15 +308,20 @@ def shade_figure(
                 pixel[2] = pixel[2] * rest + b * share
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def to_srgb(image, table):  # pragma: no cover - compiled
-    """Bytes (H, W, 3) of linear light (H, W, 3); `table` (N,) uint8 holds sRGB of 0 to 1 in even steps."""
+@njit(cache=True, nogil=True)
+def to_srgb(image, table, thresholds):  # pragma: no cover - compiled
+    """Bytes (H, W, 3) of linear light (H, W, 3); `table` (N,) holds sRGB, 0 to 255, of 0 to 1 in even steps.
+
+    `thresholds` (4, 4), 0 to 1, repeat over the picture: what rounds up there. They hide the steps that
+    a smooth backdrop would show.
+    """
     height, width, _ = image.shape
     last = len(table) - 1
     out = np.empty((height, width, 3), np.uint8)
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
+            threshold = thresholds[row & 3, column & 3]
             for c in range(3):
-                value = image[row, column, c] * np.float32(last) + np.float32(0.5)
-                out[row, column, c] = table[min(max(int(value), 0), last)]
+                value = int(image[row, column, c] * np.float32(last) + np.float32(0.5))
+                out[row, column, c] = np.uint8(table[min(max(value, 0), last)] + threshold)
     return out

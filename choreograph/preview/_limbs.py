@@ -22,7 +22,7 @@ from choreograph.preview._loft import (
 
 # First column: 0 hip, 1 knee, 2 ankle.
 _LEG = np.array([
-    (0.00, 0.072, 0.078, 0.090), (0.12, 0.076, 0.083, 0.095), (0.30, 0.075, 0.082, 0.084),
+    (0.00, 0.064, 0.070, 0.084), (0.12, 0.075, 0.082, 0.094), (0.30, 0.075, 0.082, 0.084),
     (0.55, 0.065, 0.073, 0.067), (0.80, 0.053, 0.059, 0.053), (0.93, 0.049, 0.053, 0.049),
     (1.00, 0.047, 0.052, 0.047), (1.08, 0.046, 0.047, 0.049), (1.20, 0.050, 0.040, 0.060),
     (1.34, 0.052, 0.038, 0.066), (1.55, 0.043, 0.036, 0.050), (1.75, 0.032, 0.031, 0.037),
@@ -57,7 +57,7 @@ _ANKLE_M = 0.07  # over the sole, likewise
 
 def leg(body: Body, side: str, part: int, shorts: int) -> list[Piece]:
     """From inside the pelvis to inside the shoe."""
-    names, caps = ("hip", "knee", "ankle"), (0.074, 0.03)
+    names, caps = ("hip", "knee", "ankle"), (0.060, 0.03)
     return _limb(body, [f"{side}_{name}" for name in names], _LEG, caps, (shorts, _SHORTS), part)
 
 

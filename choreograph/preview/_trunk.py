@@ -117,7 +117,7 @@ def head(body: Body, skin: int, hair: int) -> list[Piece]:
     rings = Rings(centres, np.tile(left, (n, 1)), np.tile(body.front, (n, 1)), radii, joints, weights)
     skull = loft(rings, skin, sides=24, start_cap_m=0.008 * k, end_cap_m=0.0066 * k)
     _shape_face(skull.vertices_m, chin, left, body.front, k)
-    cap = loft(rings, hair, sides=20, start_cap_m=0.008 * k, end_cap_m=0.0066 * k)
+    cap = loft(rings, hair, sides=24, start_cap_m=0.008 * k, end_cap_m=0.0066 * k)
     _shape_hair(cap.vertices_m, chin, left, body.front, k)
     ears = []
     for sign in (1.0, -1.0):

@@ -20,6 +20,9 @@ _SHADE_TEXELS = 192
 _SHADE_M = 4.2  # width of the piece of floor that holds the shadow
 _CONTACT_TOP_M = 0.22  # only what is lower darkens the floor beneath it
 _LINE_M = 0.006  # half width of the floor's grid lines
+# An ordered dither: rounding thresholds that are spread evenly over each 4 x 4 pixels.
+_BAYER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
+_THRESHOLDS = ((_BAYER + 0.5) / 16).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +109,11 @@ def render_pose(
     shade, origin = _floor_shade(points, figure.triangles, lights[0], stage.shadow)
     middle = points[:, [0, 2]].mean(axis=0)
     kernels.paint_backdrop(
-        image, eye, *axes, focal, np.float32(_LINE_M), _linear(stage.horizon, stage.overhead),
+        image, eye, axes[0], axes[1], axes[2], focal, np.float32(_LINE_M), _linear(stage.horizon, stage.overhead),
         _linear(stage.floor, stage.grid), shade, origin, np.float32(_SHADE_M / _SHADE_TEXELS), middle,
     )  # fmt: skip
     _draw_figure(image, figure, points, normals, eye, axes, focal, lights, light)
-    return kernels.to_srgb(image, _srgb_table())
+    return kernels.to_srgb(image, _srgb_table(), _THRESHOLDS)
 
 
 def _draw_figure(image, figure, points, normals, eye, axes, focal, lights, light) -> None:
@@ -168,8 +171,8 @@ def _linear(*colours: str) -> NDArray[np.float32]:
 
 
 @lru_cache(maxsize=1)
-def _srgb_table() -> Pixels:
-    return np.round(255.0 * np.linspace(0.0, 1.0, 4097) ** (1 / 2.2)).astype(np.uint8)
+def _srgb_table() -> NDArray[np.float32]:
+    return (255.0 * np.linspace(0.0, 1.0, 8193) ** (1 / 2.2)).astype(np.float32)
 
 
 def _unit(vector: Floats) -> NDArray[np.float32]:
