@@ -122,7 +122,8 @@ class LayerSource:
         """The one node with segment × 4 + offset = `key`, without building its whole layer."""
         segment, offset = divmod(key, SEGMENT_S)
         start, rank = divmod(segment, self._segments.clip.shape[1])
-        return self._quarter(start, offset, slice(rank, rank + 1))
+        # Picked out as copies: a view would keep the maps of all candidates alive.
+        return self._quarter(start, offset, slice(rank, rank + 1)).chosen(np.array([0]))
 
     def _make_borders(self, start: int, part: slice = _ALL) -> tuple[Floats, Floats]:
         """Poses and velocities at the five borders of the segments inserted at `start`, (5, K, 21, 3)."""

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from choreograph.errors import RepertoireError
 from choreograph.files import atomic_path
-from choreograph.repertoire.schema import ATTRIBUTES, DATASETS, FORMAT, NETS, VERSION
+from choreograph.repertoire.schema import ATTRIBUTES, DATASETS, FORMAT, NETS, PACKED_STEPS, VERSION
+
+_CHUNK_FRAMES = 4096  # of a packed array
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +38,11 @@ class Contents:
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
 
 
-def write_repertoire(path: Path, contents: Contents) -> None:
+def write_repertoire(path: Path, contents: Contents, *, packed: bool = False) -> None:
     """Write all of `contents` to `path`, or nothing.
 
-    The bytes depend on the contents alone. Raises `RepertoireError` if an array is missing or not
+    `packed` rounds motion to 16 bits (`schema.PACKED_STEPS`) for a file of a third of the size. The
+    bytes depend on the arguments alone. Raises `RepertoireError` if an array is missing or not
     of the schema's kind and shape; `ParameterError` if the folder does not exist.
     """
     _check(contents)
@@ -54,14 +57,29 @@ def write_repertoire(path: Path, contents: Contents) -> None:
                 array = np.array([str(text) for text in array], dtype=object)
                 file.create_dataset(name, data=array, dtype=h5py.string_dtype(), track_times=False)
             else:
-                packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-                options = packed if array.size > 4096 else {}
-                file.create_dataset(name, data=array.astype(kind), track_times=False, **options)
+                _write_numbers(file, name, array.astype(kind), PACKED_STEPS.get(name) if packed else None)
         for name, net in sorted(contents.nets.items()):
             group = file.create_group(f"nets/{name}")
             group.attrs["config"] = json.dumps(net.config, sort_keys=True)
             for weight, array in sorted(net.weights.items()):
                 group.create_dataset(weight, data=array, track_times=False)
+
+
+def _write_numbers(file: h5py.File, name: str, array: NDArray, step: float | None) -> None:
+    options: dict[str, Any] = {}
+    if array.size > 4096:
+        options = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+    if step is None or np.abs(array).max(initial=0.0) > np.iinfo(np.int16).max * step:
+        file.create_dataset(name, data=array, track_times=False, **options)
+        return
+    if options:
+        # One column a chunk: neighbours in time are alike, neighbouring joints are not.
+        options |= {
+            "compression_opts": 9,
+            "chunks": (min(len(array), _CHUNK_FRAMES), *(1,) * (array.ndim - 1)),
+        }
+    integers = np.rint(array / step).astype(np.int16)
+    file.create_dataset(name, data=integers, track_times=False, **options).attrs["step"] = step
 
 
 def _check(contents: Contents) -> None:
@@ -143,7 +161,8 @@ class RepertoireFile:
             data = file[name]
             if DATASETS[name][0] == "s":
                 return np.array(data.asstr()[part], dtype=np.str_)
-            return data[part]
+            values = data[part]
+            return values if "step" not in data.attrs else (values * data.attrs["step"]).astype(np.float32)
 
     def read_net(self, name: str) -> NetArrays:
         """A network's config and weights; `RepertoireError` if the file has none of that name."""

@@ -16,7 +16,7 @@ from planted_repertoire import planted_contents, planted_takes
 from choreograph.errors import ChoreographError, ParameterError, RepertoireError
 from choreograph.motion.body import BODY_JOINTS
 from choreograph.repertoire import NetArrays, Repertoire, write_repertoire
-from choreograph.repertoire.schema import ATTRIBUTES, DATASETS, FORMAT, NETS, VERSION
+from choreograph.repertoire.schema import ATTRIBUTES, DATASETS, FORMAT, NETS, PACKED_STEPS, VERSION
 from choreograph.repertoire.store import RepertoireFile
 
 LAYOUT = json.loads(
@@ -188,3 +188,27 @@ def test_opening_reads_no_array(path, monkeypatch):
     motion, _ = repertoire.motion(1, 2.0, 3.0)
     assert motion.n_frames < 40
     assert not any(name.startswith("/body") for name in read)
+
+
+def test_a_packed_file_is_smaller_and_hardly_different(contents, path, tmp_path):
+    small = tmp_path / "packed.h5"
+    write_repertoire(small, contents, packed=True)
+    assert small.stat().st_size < path.stat().st_size
+    whole, packed = RepertoireFile(path), RepertoireFile(small)
+    for name, (_kind, _) in DATASETS.items():
+        a, b = whole.read(name), packed.read(name)
+        if name in PACKED_STEPS:
+            assert b.dtype == a.dtype
+            np.testing.assert_allclose(b, a, atol=PACKED_STEPS[name] / 2 + 1e-7)
+            np.testing.assert_array_equal(packed.read(name, slice(3, 9)), b[3:9])
+        else:
+            np.testing.assert_array_equal(a, b)
+    assert set(LAYOUT["packed"]["datasets"]) == set(PACKED_STEPS)
+
+
+def test_what_16_bits_cannot_hold_stays_whole(contents, tmp_path):
+    far = replace(contents, arrays={**contents.arrays, "body/pos_m": contents.arrays["body/pos_m"] + 100.0})
+    write_repertoire(tmp_path / "far.h5", far, packed=True)
+    np.testing.assert_array_equal(
+        RepertoireFile(tmp_path / "far.h5").read("body/pos_m"), far.arrays["body/pos_m"].astype(np.float32)
+    )
