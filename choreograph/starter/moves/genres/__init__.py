@@ -1,0 +1,5 @@
+"""One module a genre: its moves as data, and a `Genre` that says how they are danced."""
+
+from choreograph.starter.moves.genres.disco import DISCO
+
+GENRES = {genre.name: genre for genre in (DISCO,)}
