@@ -35,7 +35,7 @@ class PackedMotion:
     fps: float
     n_frames: int
     root_step_m: float
-    root_origin_m: tuple[float, float, float]
+    root_origin_m: tuple[float, ...]  # (3,)
 
 
 def pack_motion(motion: Motion, *, max_bytes: int = _MAX_MOTION_BYTES) -> PackedMotion:

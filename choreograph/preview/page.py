@@ -32,8 +32,8 @@ from choreograph.preview.packing import ROTVEC_STEP_RAD, pack_figure, pack_motio
 from choreograph.preview.sound import Levels, encode_mp4, song_part
 
 _SCRIPTS = (
-    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "renderer.js",
-    "colours.js", "timeline.js", "card.js", "player.js", "controls.js", "main.js",
+    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
+    "renderer.js", "colours.js", "timeline.js", "card.js", "player.js", "controls.js", "main.js",
 )  # fmt: skip
 _LEVELS_PER_S = 50
 _LENGTH_SLACK_S = 0.1  # a plan's length is the song's, a motion's is whole frames

@@ -13,6 +13,7 @@ import io
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -64,14 +65,15 @@ def song_part(path: str | Path, *, start_s: float, duration_s: float) -> SongPar
 
 def _cut(first: NDArray[np.float32], rest: Blocks, start: int, n_frames: int, n_channels: int) -> Blocks:
     """`n_frames` frames from `start` on, then silence up to that number."""
-    done, position, block = 0, 0, first
-    while block is not None and done < n_frames:
+    done = position = 0
+    for block in chain([first], rest):
         piece = block[max(0, start - position) :][: n_frames - done]
         position += len(block)
+        done += len(piece)
         if len(piece):
-            done += len(piece)
             yield _mixed(np.nan_to_num(piece), n_channels)
-        block = next(rest, None) if done < n_frames else None
+        if done == n_frames:
+            return
     while done < n_frames:
         silent = min(_SILENT_FRAMES, n_frames - done)
         done += silent
@@ -127,14 +129,9 @@ def encode_mp4(part: SongPart) -> bytes:
 
     buffer = io.BytesIO()
     with av.open(buffer, "w", format="mp4") as container:
-        add_sound(container, part)
+        for packet in aac_packets(aac_stream(container, part), part):
+            container.mux(packet)
     return buffer.getvalue()
-
-
-def add_sound(container: Any, part: SongPart) -> None:
-    """Encode the part as an AAC stream of its own in an open PyAV container, and mux it."""
-    for packet in aac_packets(aac_stream(container, part), part):
-        container.mux(packet)
 
 
 def aac_stream(container: Any, part: SongPart) -> Any:

@@ -47,11 +47,12 @@ export class Camera {
     const stands = this.dancer.standsAt(timeS);
     const [x, z] = stands.map((v, k) => v * eased + this.stage.middle[k] * (1 - eased));
     const tall = this.height * 0.62;
-    const wide = this.height * 0.42 + this.stage.radius * (1 - eased);
+    const wide = this.height * 0.52 + this.stage.radius * (1 - eased);
     const tan = Math.tan(FOV_Y / 2);
     const far = Math.max(tall / tan, wide / (tan * aspect)) + this.stage.radius * 0.6 * (1 - eased);
     const distance = far / this.closeness;
-    const target = [x, this.height * 0.5, z];
+    // From near, the chest and face are looked at.
+    const target = [x, this.height * (0.5 + 0.2 * clamp((this.closeness - 1) / 1.5, 0, 1)), z];
     const flat = Math.cos(this.pitch) * distance;
     const eye = [
       x + Math.sin(this.yaw) * flat,

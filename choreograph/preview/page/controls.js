@@ -116,7 +116,7 @@ export function showCredits(dance, colours) {
   const clips = new Set(dance.seconds.map((second) => second.clip)).size;
   const count = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
   document.getElementById("totals").textContent =
-    `· ${Math.round(dance.duration_s)} s from ${count(dance.takes.length, "take")}, ${count(clips, "clip")} · credits`;
+    `· ${Math.round(dance.duration_s)} s from ${count(dance.takes.length, "take")}, ${count(clips, "clip")}`;
   const rows = dance.takes.map((take, i) => {
     const dot = made("i", "dot");
     dot.style.setProperty("--take", colours[i].css);

@@ -10,6 +10,8 @@ import { Dancer } from "./skeleton.js";
 import { Timeline, clockText } from "./timeline.js";
 import { takeText, unpackLevels, unpackMesh, unpackMotion } from "./unpack.js";
 
+const SETTLED_MS = 120;
+
 const $ = (id) => document.getElementById(id);
 
 class Page {
@@ -25,7 +27,8 @@ class Page {
     this.lastAt = 0;
     this.second = -1;
     this.asked = false;
-    $("time-all").textContent = `/ ${clockText(dance.duration_s, true)}`;
+    this.still = false; // nothing moves: a finer picture is worth its time
+    $("time-all").textContent = clockText(dance.duration_s, true);
     new Controls(this.player, this.camera, this.timeline, () => this.wake());
     this.player.addEventListener("soundlost", () => notice("This browser cannot play the song: the dance goes on without it."));
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.recolour());
@@ -51,6 +54,12 @@ class Page {
 
   // Ask for a frame; while the dance plays, each asks for the next.
   wake() {
+    clearTimeout(this.settling);
+    this.still = false;
+    this.#ask();
+  }
+
+  #ask() {
     if (this.asked) return;
     this.asked = true;
     requestAnimationFrame((at) => this.#frame(at / 1000));
@@ -67,12 +76,13 @@ class Page {
     const moving = camera.settle(elapsed);
     if (renderer) {
       if (running && player.playing) renderer.paced(elapsed);
-      renderer.resize();
+      renderer.resize(this.still);
       renderer.draw(camera.at(time, renderer.canvas.width / renderer.canvas.height));
     }
     this.drawn += 1;
     this.#showTime(time);
     if (player.playing || moving || player.clock.wanted != null) this.wake();
+    else if (!this.still) this.settling = setTimeout(() => { this.still = true; this.#ask(); }, SETTLED_MS);
   }
 
   #showTime(time) {

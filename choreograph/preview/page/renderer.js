@@ -1,16 +1,20 @@
 // Draws the dancer on the floor with WebGL 2: one skinned mesh, its shadow, a disc.
 
 import { normalized } from "./math.js";
+import { Skin } from "./skin.js";
 import {
-  BLUR_FRAGMENT, BLUR_VERTEX, BODY_FRAGMENT, BODY_VERTEX, FLOOR_FRAGMENT, FLOOR_VERTEX, SHADOW_FRAGMENT, SHADOW_VERTEX,
+  BLUR_FRAGMENT, BLUR_VERTEX, BODY_FRAGMENT, BODY_VERTEX, FLOOR_FRAGMENT, GROUND_VERTEX, SHADE_FRAGMENT,
+  SHADOW_FRAGMENT, SHADOW_VERTEX,
 } from "./shaders.js";
 
-const SHADOW_SIZE = 160; // texels
+const SHADOW_SIZE = 128; // texels
 const SHADOW_HALF_M = 1.9;
-const FLOOR_RADIUS_M = 6.5;
+const FLOOR_RADIUS_M = 7;
+const RIM_POINTS = 48;
 const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
-const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aJoints", "aWeight", "aCorner"];
+const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aCorner"];
 const MAX_PIXEL_RATIO = 2;
+const STILL_PIXEL_RATIO = 2; // where there is no other smoothing of edges
 const SMALLEST_SCALE = 0.5;
 const SLOW_FRAME_S = 1 / 48;
 const PATIENCE = 40; // slow frames until the picture gets coarser
@@ -19,6 +23,7 @@ export class Renderer {
   constructor(canvas, mesh, dancer) {
     this.canvas = canvas;
     this.mesh = mesh;
+    this.skin = new Skin(mesh);
     this.dancer = dancer;
     this.scale = 1;
     this.slow = 0;
@@ -26,36 +31,35 @@ export class Renderer {
     const [x, , z] = normalized([Math.sin(dancer.heading() - 0.7), 0, Math.cos(dancer.heading() - 0.7)]);
     this.light = normalized([x, LIGHT_HEIGHT, z]);
     this.slide = [x / LIGHT_HEIGHT, z / LIGHT_HEIGHT].map((v) => 0.75 * v); // a high, wide lamp: short shadows
-    const gl = canvas.getContext("webgl2", { alpha: false, antialias: true });
-    if (!gl) throw new Error("no WebGL 2");
-    this.gl = gl;
+    // Where the processor draws, smooth edges are for pictures that stand still.
+    this.slowMachine = drawnInSoftware();
+    this.gl = canvas.getContext("webgl2", { alpha: false, antialias: !this.slowMachine });
+    if (!this.gl) throw new Error("no WebGL 2");
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => { this.#build(); this.draw(this.last); });
     this.#build();
   }
 
   #build() {
-    const { gl, mesh } = this;
+    const { gl, mesh, skin } = this;
     this.body = program(gl, BODY_VERTEX, BODY_FRAGMENT);
     this.shadow = program(gl, SHADOW_VERTEX, SHADOW_FRAGMENT);
     this.blur = program(gl, BLUR_VERTEX, BLUR_FRAGMENT);
-    this.floor = program(gl, FLOOR_VERTEX, FLOOR_FRAGMENT);
+    this.floor = program(gl, GROUND_VERTEX, FLOOR_FRAGMENT);
+    this.shade = program(gl, GROUND_VERTEX, SHADE_FRAGMENT);
     this.skinned = gl.createVertexArray();
     gl.bindVertexArray(this.skinned);
-    attribute(gl, "aPlace", mesh.places, 3, gl.FLOAT, false);
-    attribute(gl, "aNormal", mesh.normals, 3, gl.BYTE, true);
-    attribute(gl, "aColour", mesh.colours, 3, gl.UNSIGNED_BYTE, true);
-    attribute(gl, "aWeight", mesh.weights, 1, gl.UNSIGNED_BYTE, true);
-    attribute(gl, "aJoints", mesh.joints, 2, gl.UNSIGNED_SHORT, null);
+    this.buffers = {
+      places: attribute(gl, "aPlace", skin.places, 3, gl.FLOAT),
+      normals: attribute(gl, "aNormal", skin.normals, 3, gl.FLOAT),
+    };
+    attribute(gl, "aColour", mesh.colours, 3, gl.UNSIGNED_BYTE);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.indices, gl.STATIC_DRAW);
-    this.disc = gl.createVertexArray();
-    gl.bindVertexArray(this.disc);
-    const rim = Array.from({ length: 49 }, (_, i) => [Math.cos((i * Math.PI) / 24), Math.sin((i * Math.PI) / 24)]);
-    attribute(gl, "aCorner", new Float32Array([0, 0, ...rim.flat()]), 2, gl.FLOAT, false);
+    const angles = Array.from({ length: RIM_POINTS }, (_, i) => (2 * Math.PI * i) / RIM_POINTS);
+    this.disc = shape(gl, angles.flatMap((angle) => [Math.cos(angle), Math.sin(angle)]));
+    this.square = shape(gl, [-1, -1, 1, -1, 1, 1, -1, 1]);
     this.empty = gl.createVertexArray();
-    this.skin = texture(gl, gl.NEAREST);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, 3, this.dancer.joints);
     this.shades = [0, 1].map(() => target(gl, SHADOW_SIZE));
     this.readColours();
   }
@@ -68,15 +72,15 @@ export class Renderer {
     this.exposure = Number(style.getPropertyValue("--light"));
   }
 
-  // Fit the drawing buffer to the element; true if its size changed.
-  resize() {
-    const ratio = Math.min(devicePixelRatio || 1, MAX_PIXEL_RATIO) * this.scale;
+  // Fit the drawing buffer to the element; `still` for a picture that will stand.
+  resize(still) {
+    const fine = Math.min(devicePixelRatio || 1, MAX_PIXEL_RATIO);
+    const ratio = still ? Math.max(fine, this.slowMachine ? STILL_PIXEL_RATIO : 0) : fine * this.scale;
     const width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
     const height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
-    if (this.canvas.width === width && this.canvas.height === height) return false;
+    if (this.canvas.width === width && this.canvas.height === height) return;
     this.canvas.width = width;
     this.canvas.height = height;
-    return true;
   }
 
   // Tell how long the last frame took: where frames keep being slow, fewer pixels are drawn.
@@ -85,15 +89,16 @@ export class Renderer {
     if (this.slow < PATIENCE || this.scale <= SMALLEST_SCALE) return;
     this.scale = Math.max(SMALLEST_SCALE, this.scale * 0.8);
     this.slow = 0;
-    this.resize();
   }
 
   draw(view) {
     const { gl } = this;
     this.last = view;
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.skin);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 3, this.dancer.joints, gl.RGBA, gl.FLOAT, this.dancer.skin);
+    this.skin.pose(this.dancer.skin);
+    for (const name of ["places", "normals"]) {
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers[name]);
+      gl.bufferSubData(gl.ARRAY_BUFFER, 0, this.skin[name]);
+    }
     const p = this.dancer.positions;
     const centre = [p[0] - this.slide[0] * p[1] * 0.5, p[2] - this.slide[1] * p[1] * 0.5, SHADOW_HALF_M];
     this.#drawShadow(centre);
@@ -111,7 +116,6 @@ export class Renderer {
     gl.enable(gl.BLEND);
     gl.blendEquation(gl.MAX);
     gl.useProgram(shadow.program);
-    gl.uniform1i(shadow.uSkin, 0);
     gl.uniform3fv(shadow.uCentre, centre);
     gl.uniform2fv(shadow.uSlide, this.slide);
     this.#drawMesh();
@@ -129,16 +133,14 @@ export class Renderer {
   }
 
   #drawStage({ eye, target: at, matrix, mirrored }, centre) {
-    const { gl, body, floor, colours } = this;
+    const { gl, body, colours } = this;
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clearColor(...colours.stage, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);
     gl.frontFace(mirrored ? gl.CW : gl.CCW);
-    gl.bindTexture(gl.TEXTURE_2D, this.skin);
     gl.useProgram(body.program);
-    gl.uniform1i(body.uSkin, 0);
     gl.uniformMatrix4fv(body.uMatrix, false, matrix);
     gl.uniform3fv(body.uEye, eye);
     gl.uniform3fv(body.uLight, this.light);
@@ -146,19 +148,35 @@ export class Renderer {
     gl.uniform3fv(body.uGround, colours.floor.map((v) => 0.12 + 0.55 * v * v));
     gl.uniform1f(body.uExposure, this.exposure);
     this.#drawMesh();
+    this.#drawGround(matrix, at, centre);
+  }
+
+  // Without a place in depth: all of it is under the body, and the shade in the floor's own plane.
+  #drawGround(matrix, at, centre) {
+    const { gl, floor, shade, colours } = this;
     gl.disable(gl.CULL_FACE);
-    gl.bindTexture(gl.TEXTURE_2D, this.shades[0].texture);
+    gl.depthMask(false);
     gl.useProgram(floor.program);
-    gl.uniform1i(floor.uShadow, 0);
     gl.uniformMatrix4fv(floor.uMatrix, false, matrix);
-    gl.uniform3f(floor.uDisc, at[0], at[2], FLOOR_RADIUS_M);
-    gl.uniform3fv(floor.uCentre, centre);
+    gl.uniform3f(floor.uPlace, at[0], at[2], FLOOR_RADIUS_M);
     gl.uniform3fv(floor.uStage, colours.stage);
     gl.uniform3fv(floor.uFloor, colours.floor);
     gl.uniform3fv(floor.uLine, colours.line);
-    gl.uniform3fv(floor.uShade, colours.shade);
     gl.bindVertexArray(this.disc);
-    gl.drawArrays(gl.TRIANGLE_FAN, 0, 50);
+    gl.drawArrays(gl.TRIANGLE_FAN, 0, RIM_POINTS);
+    gl.enable(gl.BLEND);
+    gl.blendEquation(gl.FUNC_ADD);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    gl.bindTexture(gl.TEXTURE_2D, this.shades[0].texture);
+    gl.useProgram(shade.program);
+    gl.uniform1i(shade.uShadow, 0);
+    gl.uniformMatrix4fv(shade.uMatrix, false, matrix);
+    gl.uniform3fv(shade.uPlace, centre);
+    gl.uniform3fv(shade.uShade, colours.shade);
+    gl.bindVertexArray(this.square);
+    gl.drawArrays(gl.TRIANGLE_FAN, 0, 4);
+    gl.disable(gl.BLEND);
+    gl.depthMask(true);
   }
 
   #drawMesh() {
@@ -166,6 +184,19 @@ export class Renderer {
     gl.bindVertexArray(this.skinned);
     gl.drawElements(gl.TRIANGLES, this.mesh.indices.length, gl.UNSIGNED_INT, 0);
   }
+}
+
+// Whether there is no graphics card, or none that the browser trusts.
+function drawnInSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) return true;
+  let name = gl.getParameter(gl.RENDERER);
+  if (name === "WebKit WebGL") {
+    const more = gl.getExtension("WEBGL_debug_renderer_info");
+    if (more) name = gl.getParameter(more.UNMASKED_RENDERER_WEBGL);
+  }
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }
 
 // A linked program and the places of its uniforms by name.
@@ -191,26 +222,29 @@ function program(gl, vertex, fragment) {
   return places;
 }
 
-// normalise: true or false for numbers, null for whole numbers that stay whole.
-function attribute(gl, name, data, size, type, normalise) {
-  const at = ATTRIBUTES.indexOf(name);
-  gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-  gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
+function attribute(gl, name, data, size, type) {
+  const at = ATTRIBUTES.indexOf(name), buffer = gl.createBuffer();
+  gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+  gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
   gl.enableVertexAttribArray(at);
-  if (normalise === null) gl.vertexAttribIPointer(at, size, type, 0, 0);
-  else gl.vertexAttribPointer(at, size, type, normalise, 0, 0);
+  gl.vertexAttribPointer(at, size, type, type !== gl.FLOAT, 0, 0);
+  return buffer;
 }
 
-function texture(gl, filter) {
-  const made = gl.createTexture();
-  gl.bindTexture(gl.TEXTURE_2D, made);
-  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, filter);
-  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+// A fan of corners (N, 2) on the ground.
+function shape(gl, corners) {
+  const made = gl.createVertexArray();
+  gl.bindVertexArray(made);
+  attribute(gl, "aCorner", new Float32Array(corners), 2, gl.FLOAT);
   return made;
 }
 
+// A texture to draw into and to read from.
 function target(gl, size) {
-  const made = texture(gl, gl.LINEAR);
+  const made = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, made);
+  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
+  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
   gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RG8, size, size);
   const frame = gl.createFramebuffer();
   gl.bindFramebuffer(gl.FRAMEBUFFER, frame);

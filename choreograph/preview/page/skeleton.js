@@ -3,7 +3,7 @@
 import { clamp, matrixInto, multiplyInto, slerpInto } from "./math.js";
 
 const PATH_FPS = 10;
-const CALM_S = 0.5; // standard deviation of the path that the camera follows
+const CALM_S = 0.35; // standard deviation of the path that the camera follows
 
 export class Dancer {
   constructor(dance, { roots, quats }) {
