@@ -1,10 +1,10 @@
-# make test: set up and run every test.   make dance SONG=song.mp3 DB=rep.h5: set up and dance.
+# make test: set up and run every test.   make dance [SONG=song.mp3] [DB=rep.h5]: set up and dance.
 PYTHON ?= python3
 BIN := .venv/bin
-SONG ?=
-DB ?= rep.h5
+SONG ?= $(shell $(BIN)/choreograph songs --path house)
+DB ?=
 
-.PHONY: setup test lint dance benchmark format
+.PHONY: setup test lint dance starter benchmark format
 
 setup: .venv/.ready
 
@@ -27,7 +27,11 @@ format: setup
 	$(BIN)/ruff format .
 
 dance: setup
-	$(BIN)/choreograph dance $(SONG) --db $(DB)
+	$(BIN)/choreograph dance "$(SONG)" $(if $(DB),--db "$(DB)")
+
+# Renders the built-in takes and songs and builds their repertoire again; TAKES adds real ones to learn from.
+starter: setup
+	$(BIN)/python -m choreograph.starter $(if $(TAKES),--learn-from "$(TAKES)")
 
 benchmark: setup
 	$(BIN)/pytest --benchmark-only tests/benchmarks

@@ -3,6 +3,7 @@
 - `build_repertoire` — takes and their songs to a repertoire file
 - `Repertoire` — an opened repertoire file
 - `dance` — a song and a repertoire to a `Dance`: motion, plan, notes
+- `starter_repertoire`, `example_songs` — what comes along to begin with
 - `render` — the motion of a (perhaps edited) `Plan`
 - `Cost`, `Layer`, `Music` — for costs of your own
 - `Motion`, `Skeleton`, `Take` — motion and where it comes from
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from choreograph.pipeline import BuildOptions, Dance, build_repertoire, dance, render
     from choreograph.plan import Plan
     from choreograph.repertoire import Repertoire
+    from choreograph.starter import example_songs, starter_repertoire
     from choreograph.takes import Credits, Take
 
 # Imported when first asked for: `choreograph --help` must not wait for numba and torch.
@@ -40,12 +42,15 @@ _HOMES = {
     "Take": "takes",
     "build_repertoire": "pipeline",
     "dance": "pipeline",
+    "example_songs": "starter",
     "render": "pipeline",
+    "starter_repertoire": "starter",
 }
 
 __all__ = [
     "BuildOptions", "ChoreographError", "Cost", "Credits", "Dance", "DanceConfig", "Layer", "Motion", "Music",
-    "Plan", "Repertoire", "Skeleton", "Take", "build_repertoire", "dance", "render",
+    "Plan", "Repertoire", "Skeleton", "Take", "build_repertoire", "dance", "example_songs", "render",
+    "starter_repertoire",
 ]  # fmt: skip
 
 

@@ -7,12 +7,17 @@ from pathlib import Path
 
 import click
 
-from choreograph.cli.present import show_notes, stages
+from choreograph.cli.present import examples, show_notes, stages
 
 
 @click.command(
     "build-db",
-    epilog="Example: choreograph build-db takes/ -o rep.h5 --preset small   (stopped? add --resume)",
+    epilog=examples(
+        "choreograph build-db takes/ -o rep.h5                      NAME.bvh with NAME.wav in one folder",
+        "choreograph build-db takes/ -o rep.h5 --resume             go on after it was stopped",
+        "choreograph build-db aist/motions -o rep.h5 --preset tiny  quickly, to try it out",
+        "choreograph build-db new/ -o rep.h5 --init-from old.h5     begin with learned networks",
+    ),
 )
 @click.argument("sources", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Repertoire to write.")

@@ -9,15 +9,24 @@ from typing import Any
 
 import click
 
+from choreograph.cli.present import examples
 
-@click.command(epilog="Example: choreograph inspect rep.h5 --json")
-@click.argument("db", type=click.Path(path_type=Path))
+
+@click.command(
+    epilog=examples(
+        "choreograph inspect rep.h5",
+        "choreograph inspect                     the built-in repertoire",
+        "choreograph inspect rep.h5 --json",
+    )
+)
+@click.argument("db", required=False, type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="For machines.")
 def command(db, as_json) -> None:
-    """Show takes, clips, skeleton and networks of the repertoire DB."""
+    """Show takes, clips, skeleton and networks of the repertoire DB, by default of the built-in one."""
     from choreograph.repertoire import Repertoire
+    from choreograph.starter import STARTER_PATH
 
-    facts = _facts(Repertoire.open(db))
+    facts = _facts(Repertoire.open(db or STARTER_PATH))
     click.echo(json.dumps(facts, indent=1) if as_json else _text(facts))
 
 

@@ -8,12 +8,13 @@ from importlib import import_module
 
 import click
 
+from choreograph.cli.present import examples
 from choreograph.errors import ChoreographError
 
 # Threads that wait for one another must not spin: with two cores shared, warping was seven times slower.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-_COMMANDS = {"build-db": "build_db", "dance": "dance", "inspect": "inspect"}
+_COMMANDS = {"build-db": "build_db", "dance": "dance", "inspect": "inspect", "songs": "songs"}
 
 
 class _Commands(click.Group):
@@ -38,7 +39,11 @@ class _Commands(click.Group):
 @click.group(
     cls=_Commands,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Start with: choreograph build-db TAKES -o rep.h5, then choreograph dance song.mp3 --db rep.h5",
+    epilog=examples(
+        "choreograph dance song.mp3 --open              a dance with the built-in takes, to watch",
+        "choreograph build-db TAKES -o rep.h5           your own motion library",
+        "choreograph dance song.mp3 --db rep.h5         and a dance with it",
+    ),
 )
 @click.version_option(package_name="choreograph")
 def main() -> None:

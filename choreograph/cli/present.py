@@ -19,6 +19,11 @@ def show_notes(notes: Iterable[str]) -> None:
         click.echo(f"note: {note}", err=True)
 
 
+def examples(*lines: str) -> str:
+    """Lines of a command's help that click must not wrap."""
+    return "\b\n" + "\n".join(["Examples:", *(f"  {line}" for line in lines)])
+
+
 class Stages:
     """A progress bar a stage; nothing at all where stderr is no terminal or `quiet` is asked for."""
 

@@ -11,9 +11,10 @@ from choreograph.exporters.npz import NpzWriter
 from choreograph.files import atomic_path
 from choreograph.motion.motion import Motion
 
-__all__ = ["BvhOptions", "BvhWriter", "NpzWriter", "Writer", "get_writer", "save_motion"]
+__all__ = ["FORMATS", "BvhOptions", "BvhWriter", "NpzWriter", "Writer", "get_writer", "save_motion"]
 
 _WRITERS: dict[str, type[Writer]] = {writer.format: writer for writer in (BvhWriter, NpzWriter)}
+FORMATS = tuple(_WRITERS)
 
 
 def get_writer(format: str) -> Writer:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,9 @@ from choreograph.blending.assembly import assemble, to_runs
 from choreograph.blending.feet import lock_feet
 from choreograph.config import DanceConfig, resolve_weights
 from choreograph.errors import ParameterError, RepertoireError
-from choreograph.exporters import get_writer, save_motion
 from choreograph.features.contacts import foot_contacts
+from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.features.music import Music
-from choreograph.files import atomic_path, check_target
 from choreograph.graph import (
     BUILTIN_COSTS,
     ClipTable,
@@ -33,13 +33,12 @@ from choreograph.graph.motion_graph import plan_motion_graph
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.pipeline.hearing import hear
+from choreograph.pipeline.saving import Report, save
 from choreograph.plan import Plan, PlannedSecond
 from choreograph.repertoire import Repertoire
 from choreograph.selection import cast_takes, phrase_of_seconds, select_clips, take_losses
-from choreograph.timebase import NET_FPS
+from choreograph.timebase import NET_FPS, STORE_FPS
 from choreograph.warping import ClipBeats, warp_segments
-
-Report = Callable[[str, int, int], None]  # stage, done, of how many
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,25 +48,21 @@ class Dance:
     motion: Motion
     plan: Plan
     notes: tuple[str, ...] = ()  # one line each
+    song_path: Path | None = None  # for what is heard in pages and videos; None: they are silent
 
-    def save(self, path: str | Path) -> None:
-        """Write the dance; the suffix says the format: .bvh, .npz, or .json for the plan.
+    @cached_property
+    def motion_beats_s(self) -> NDArray[np.float64]:
+        """Motion beats of the finished dance in seconds, (Q,)."""
+        return motion_beat_times_s(body_pos_m(self.motion.resampled(STORE_FPS)), STORE_FPS)
 
-        Raises `ParameterError` for an unknown format or a folder that does not exist.
+    def save(self, path: str | Path, *, report: Report | None = None) -> None:
+        """Write the dance; the suffix says what: see `pipeline.saving.OUTPUT_FORMATS`.
+
+        bvh and npz hold the motion, json the plan, html the page that plays it with its song, mp4 a
+        video, png a strip of poses on the beats. Raises `ParameterError` for another suffix or a
+        folder that does not exist, `FormatError` if the song can no longer be read.
         """
-        if Path(path).suffix.lower() == ".json":
-            with atomic_path(path) as temporary:
-                temporary.write_text(self.plan.to_json(), encoding="utf-8")
-        else:
-            save_motion(path, self.motion)
-
-
-def check_outputs(paths: Sequence[str | Path]) -> None:
-    """Raise `ParameterError` before any work if a format is unknown or a folder does not exist."""
-    for path in paths:
-        if Path(path).suffix.lower() != ".json":
-            get_writer(Path(path).suffix.removeprefix("."))
-        check_target(path)
+        save(self, path, report)
 
 
 def dance(
@@ -118,6 +113,8 @@ def dance(
         raise RepertoireError(
             f"{repertoire.path}: the repertoire has no clip: its takes are shorter than 8 s"
         )
+    if report is not None:
+        report("hearing", 0, 0)
     music, notes = hear(song, repertoire, beats=config.beats)
     if repertoire.n_clips < config.candidates and config.planner != "motion-graph":
         notes = (
@@ -126,7 +123,9 @@ def dance(
         )
     nodes, priced = _planned(music, repertoire, config, weighted, report)
     plan = _to_plan(nodes, priced, music, repertoire, config, resolved, start_s)
-    return Dance(render(plan, repertoire), plan, notes)
+    if report is not None:
+        report("rendering", 0, 0)
+    return Dance(render(plan, repertoire), plan, notes, song.path)
 
 
 def render(plan: Plan, repertoire: Repertoire) -> Motion:

@@ -1,0 +1,48 @@
+"""`choreograph songs`: the songs that come along."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import click
+
+from choreograph.cli.present import examples
+from choreograph.errors import ParameterError
+from choreograph.files import atomic_path
+
+
+@click.command(
+    epilog=examples(
+        "choreograph songs                       what there is, and where",
+        "choreograph songs --copy .              all of them, here",
+        "choreograph dance $(choreograph songs --path house) --open",
+    )
+)
+@click.option(
+    "--copy", "folder", type=click.Path(path_type=Path), metavar="FOLDER", help="Copy them to a folder."
+)
+@click.option("--path", "name", metavar="NAME", help="Print the path of one, for use in another command.")
+@click.option("--json", "as_json", is_flag=True, help="For machines.")
+def command(folder, name, as_json) -> None:
+    """List a few short songs to begin with; the project made them, use them as you like."""
+    from choreograph.starter import example_songs
+
+    songs = example_songs()
+    if name is not None:
+        if name not in songs:
+            raise ParameterError(f"no song {name!r} comes along: expected one of {', '.join(songs)}")
+        click.echo(songs[name])
+        return
+    if folder is not None:
+        for path in songs.values():
+            with atomic_path(folder / path.name) as temporary:
+                shutil.copyfile(path, temporary)
+        songs = {song: folder / path.name for song, path in songs.items()}
+    if as_json:
+        click.echo(json.dumps({song: str(path) for song, path in songs.items()}, indent=1))
+        return
+    width = max(map(len, songs), default=0)
+    for song, path in songs.items():
+        click.echo(f"{song:<{width}}  {path}")
