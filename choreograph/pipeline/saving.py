@@ -39,7 +39,7 @@ def check_outputs(paths: Sequence[str | Path]) -> None:
     for path in paths:
         if _suffix(path) not in OUTPUT_FORMATS:
             raise ParameterError(
-                f"unknown output format {_suffix(path)!r} ({path}): expected one of {', '.join(OUTPUT_FORMATS)}"
+                f"{path}: unknown format {_suffix(path)!r}: expected one of {', '.join(OUTPUT_FORMATS)}"
             )
         check_target(path)
 

@@ -219,7 +219,7 @@ def test_progress_is_reported(repertoire, song):
     seen = []
     cg.dance(song, repertoire, report=lambda stage, done, total: seen.append((stage, done, total)))
     assert list(dict.fromkeys(s for s, _, _ in seen)) == ["hearing", "warping", "planning", "rendering"]
-    assert seen[-1] == ("planning", 13, 13)
+    assert ("planning", 13, 13) in seen
 
 
 def test_poses_of_the_last_frame_of_a_take_are_its_own(repertoire):
