@@ -20,7 +20,9 @@ Floats = NDArray[np.float64]
 UP = np.array([0.0, 1.0, 0.0])
 
 _SHORTEST_BONE_M = 0.01
-_LEG_M = 0.785  # hip to ankle of the 1.70 m body that the tables measure
+# Of the 1.70 m body that the tables measure: hip to ankle, and hips' to shoulders' height.
+_LEG_M, _TRUNK_M = 0.785, 0.525
+_SPREAD = 0.2  # sine between bones of one joint from which on they fix how it is turned
 _SAMPLES = 200  # frames of a motion that tell how its rig's joints are turned
 
 
@@ -77,7 +79,11 @@ def _turns_from_bones(skeleton: Skeleton) -> Floats:
     for joint in range(skeleton.n_joints):
         if joint in bones:
             lying, upright = (_unit(np.array(ends)) for ends in zip(*bones[joint], strict=True))
-            turns[joint] = Rotation.align_vectors(upright, lying)[0].as_quat(scalar_first=True)
+            if np.linalg.matrix_rank(lying, tol=_SPREAD) < 2:  # the most upright bone says all there is
+                main = int(np.argmax(np.abs(upright[:, 1])))
+                turns[joint] = rot.between(lying[main], upright[main])
+            else:
+                turns[joint] = Rotation.align_vectors(upright, lying)[0].as_quat(scalar_first=True)
         elif joint:
             turns[joint] = turns[skeleton.parents[joint]]
     return turns
@@ -137,6 +143,10 @@ def standing_body(skeleton: Skeleton, motion: Motion | None) -> Body:
     pos_m, quat = bind_pose(skeleton, motion)
     chains = [[roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in ("left", "right")]
     leg_m = np.linalg.norm(np.diff(pos_m[chains], axis=1), axis=-1).sum(axis=-1).mean()
+    hips, shoulders = (
+        pos_m[[roles[f"left_{part}"], roles[f"right_{part}"]]].mean(axis=0) for part in ("hip", "shoulder")
+    )
+    scale = (leg_m / _LEG_M + np.linalg.norm(shoulders - hips) / _TRUNK_M) / 2
     spine = [roles.get("spine3", roles.get("spine1", roles["pelvis"]))]
     while spine[-1] not in (roles["pelvis"], 0):
         spine.append(int(skeleton.parents[spine[-1]]))
@@ -148,7 +158,7 @@ def standing_body(skeleton: Skeleton, motion: Motion | None) -> Body:
         roles,
         tuple(spine[::-1]),
         front / max(float(np.linalg.norm(front)), 1e-9),
-        max(float(leg_m), _SHORTEST_BONE_M) / _LEG_M,
+        max(float(scale), _SHORTEST_BONE_M),
         _sole_m(skeleton, roles, pos_m, quat),
     )
 

@@ -56,8 +56,8 @@ def trunk(body: Body, torso: int, pelvis: int, skin: int) -> Piece:
     low, high = body.middle("hip"), body.middle("shoulder")
     centres = low + at[:, None] * (high - low)
     radii = smooth_rows(_TRUNK, at) * body.scale
-    hips = body.half_span("hip") / (0.085 * body.scale)
-    shoulders = body.half_span("shoulder") / (0.17 * body.scale)
+    hips = np.clip(body.half_span("hip") / (0.085 * body.scale), 0.75, 1.2)
+    shoulders = np.clip(body.half_span("shoulder") / (0.17 * body.scale), 0.7, 1.3)
     # Wide bodies are wide all over, but less so than their joints; the neck is not.
     wider = np.interp(at, [0.2, 0.8, 1.0, 1.15], [hips, shoulders, shoulders, 1.0]) - 1
     radii[:, 0] *= 1 + np.interp(at, [0.2, 0.8, 0.95], [0.6, 0.6, 1.0]) * wider

@@ -109,8 +109,9 @@ def render_pose(
     shade, origin = _floor_shade(points, figure.triangles, lights[0], stage.shadow)
     middle = points[:, [0, 2]].mean(axis=0)
     kernels.paint_backdrop(
-        image, eye, axes[0], axes[1], axes[2], focal, np.float32(_LINE_M), _linear(stage.horizon, stage.overhead),
-        _linear(stage.floor, stage.grid), shade, origin, np.float32(_SHADE_M / _SHADE_TEXELS), middle,
+        image, eye, axes[0], axes[1], axes[2], focal, np.float32(_LINE_M),
+        _linear(stage.horizon, stage.overhead), _linear(stage.floor, stage.grid),
+        shade, origin, np.float32(_SHADE_M / _SHADE_TEXELS), middle,
     )  # fmt: skip
     _draw_figure(image, figure, points, normals, eye, axes, focal, lights, light)
     return kernels.to_srgb(image, _srgb_table(), _THRESHOLDS)

@@ -1,0 +1,231 @@
+"""The mannequin: on the usual rigs and on none, whole, around its joints, and its skinning."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planted_dances import on_other_axes, swaying
+
+from choreograph.motion import rotations as rot
+from choreograph.motion.kinematics import forward
+from choreograph.motion.motion import Motion
+from choreograph.motion.rigs import rest_stands
+from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
+from choreograph.preview import _kernels as kernels
+from choreograph.preview.figure import PARTS, Figure, build_figure, skin_matrices
+
+_MIXAMO = {
+    "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2", "neck": "Neck",
+    "head": "Head", "hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase",
+    "collar": "Shoulder", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand",
+}  # fmt: skip
+
+
+def mixamo() -> Skeleton:
+    """The canonical body without its hands, in Mixamo's words, with three fingers of two joints each."""
+    body = canonical_skeleton()
+    names, parents, offsets = [], [], []
+    for name, parent, offset in zip(CANONICAL_JOINTS, body.parents, body.offsets_m, strict=True):
+        if name.endswith("hand"):
+            continue
+        side, _, part = name.rpartition("_")
+        names.append("mixamorig:" + side.title() + _MIXAMO[part])
+        parents.append(parent)
+        offsets.append(offset)
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        for finger, across in (("Index", 0.03), ("Middle", 0.0), ("Pinky", -0.03)):
+            wrist = names.index(f"mixamorig:{side}Hand")
+            names += [f"mixamorig:{side}Hand{finger}1", f"mixamorig:{side}Hand{finger}2"]
+            parents += [wrist, len(names) - 2]
+            offsets += [[sign * 0.09, 0.0, across], [sign * 0.04, 0.0, 0.0]]
+    return Skeleton(tuple(names), np.array(parents), np.array(offsets))
+
+
+def with_tail() -> Skeleton:
+    """The canonical body with two joints more that no rig has, and a bone end on the last."""
+    body = canonical_skeleton()
+    return Skeleton(
+        (*body.names, "tail1", "tail2"),
+        np.append(body.parents, [0, 24]),
+        np.vstack([body.offsets_m, [0.0, 0.0, -0.2], [0.0, 0.0, -0.3]]),
+        np.append(body.tip_parents, 25),
+        np.vstack([body.tips_m, [0.0, 0.1, -0.2]]),
+    )
+
+
+def unknown() -> Skeleton:
+    """A chain that is no body."""
+    return Skeleton(("a", "b", "c"), np.array([-1, 0, 1]), np.array([[0, 0, 0], [0.5, 0, 0], [0, 0.4, 0.0]]))
+
+
+SKELETONS = {"canonical": canonical_skeleton, "mixamo": mixamo, "tail": with_tail, "unknown": unknown}
+
+
+def posed(figure: Figure, motion: Motion, frame: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and normals in the world in a frame of a motion."""
+    pos, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
+    matrices = skin_matrices(figure, pos[frame], quat[frame])
+    return kernels.skin(figure.vertices_m, figure.normals, figure.joints, figure.weights, matrices)
+
+
+@pytest.mark.parametrize("name", SKELETONS)
+def test_arrays_fit_together(name):
+    skeleton = SKELETONS[name]()
+    figure = build_figure(skeleton)
+    n = len(figure.vertices_m)
+    assert figure.vertices_m.shape == figure.normals.shape == (n, 3)
+    assert figure.joints.shape == figure.weights.shape == (n, 2) and figure.parts.shape == (n,)
+    assert figure.triangles.min() >= 0 and figure.triangles.max() < n
+    assert figure.joints.min() >= 0 and figure.joints.max() < skeleton.n_joints
+    assert np.allclose(figure.weights.sum(axis=1), 1.0) and figure.weights.min() >= 0
+    assert np.allclose(np.linalg.norm(figure.normals, axis=1), 1.0, atol=1e-3)
+    assert figure.palette.shape == (len(PARTS), 3) and set(figure.parts) <= set(range(len(PARTS)))
+    corners = figure.parts[figure.triangles]
+    assert (corners == corners[:, :1]).all()  # a triangle is of one part
+
+
+@pytest.mark.parametrize("name", SKELETONS)
+def test_pieces_are_closed_and_face_outward(name):
+    figure = build_figure(SKELETONS[name]())
+    # Vertices that differ by part only are one: every edge then has two triangles, once each way.
+    _, same = np.unique(np.round(figure.vertices_m, 6), axis=0, return_inverse=True)
+    triangles = same[figure.triangles]
+    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    edges = np.concatenate([triangles[:, [i, (i + 1) % 3]] for i in range(3)])
+    forward_edges, counts = np.unique(edges, axis=0, return_counts=True)
+    backward_edges, back_counts = np.unique(edges[:, ::-1], axis=0, return_counts=True)
+    assert np.array_equal(forward_edges, backward_edges) and np.array_equal(counts, back_counts)
+    a, b, c = (figure.vertices_m[figure.triangles[:, k]] for k in range(3))
+    faces = np.cross(b - a, c - a)
+    agree = np.einsum("ij,ij->i", faces, figure.normals[figure.triangles].sum(axis=1))
+    assert (agree > 0).mean() > 0.98
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0  # six times the volume
+
+
+def test_size_of_the_mesh_and_of_the_body():
+    figure = build_figure(canonical_skeleton())
+    assert 2000 <= len(figure.triangles) <= 8000
+    low, high = figure.vertices_m.min(axis=0), figure.vertices_m.max(axis=0)
+    assert 1.65 < high[1] - low[1] < 1.80
+    assert 1.60 < high[0] - low[0] < 1.85  # the arms' span
+    joints = figure.bind_pos_m
+    assert (low > joints.min(axis=0) - 0.25).all() and (high < joints.max(axis=0) + 0.25).all()
+
+
+def test_left_and_right_mirror_each_other():
+    figure = build_figure(canonical_skeleton())
+    for left, right in (("left_arm", "right_arm"), ("left_shoe", "right_shoe"), ("left_leg", "right_leg")):
+        mine = figure.vertices_m[figure.parts == PARTS.index(left)]
+        other = figure.vertices_m[figure.parts == PARTS.index(right)] * [-1.0, 1.0, 1.0]
+        assert np.allclose(mine.min(axis=0), other.min(axis=0), atol=1e-4)
+        assert np.allclose(mine.max(axis=0), other.max(axis=0), atol=1e-4)
+        assert not np.allclose(figure.palette[PARTS.index(left)], figure.palette[PARTS.index(right)])
+
+
+@pytest.mark.parametrize("name", ["canonical", "mixamo", "tail"])
+def test_soles_lie_on_the_floor_of_the_rest_pose(name):
+    skeleton = SKELETONS[name]()
+    figure = build_figure(skeleton)
+    floor = skeleton.rest_pos_m()[
+        [skeleton.parents.tolist().index(7), skeleton.parents.tolist().index(8)], 1
+    ].min()
+    for shoe in ("left_shoe", "right_shoe"):
+        heights = figure.vertices_m[figure.parts == PARTS.index(shoe), 1]
+        assert heights.min() == pytest.approx(floor, abs=1e-3)
+        assert (heights < floor + 0.004).sum() >= 10  # flat, not a point
+    assert figure.vertices_m[:, 1].min() == pytest.approx(floor, abs=1e-3)
+
+
+def test_face_and_toes_look_ahead():
+    figure = build_figure(canonical_skeleton())
+    skull = figure.vertices_m[figure.parts == PARTS.index("head")]
+    nose = skull[skull[:, 2].argmax()]
+    assert abs(nose[0]) < 0.01 and nose[2] > figure.bind_pos_m[15, 2] + 0.08
+    hair = figure.vertices_m[figure.parts == PARTS.index("hair")]
+    brow = np.abs(hair[:, 1] - (nose[1] + 0.02)) < 0.03
+    assert hair[brow, 2].max() < nose[2] - 0.02 and hair[brow, 2].min() < skull[:, 2].min()  # behind only
+    shoe = figure.vertices_m[figure.parts == PARTS.index("left_shoe")]
+    ankle = figure.bind_pos_m[7]
+    assert shoe[:, 2].max() - ankle[2] > 2.5 * (ankle[2] - shoe[:, 2].min())
+
+
+@pytest.mark.parametrize("name", SKELETONS)
+def test_the_bind_pose_gives_the_mesh_back(name):
+    skeleton = SKELETONS[name]()
+    figure = build_figure(skeleton)
+    still = rot.IDENTITY * np.ones((1, skeleton.n_joints, 1))
+    vertices, normals = posed(figure, Motion(skeleton, skeleton.rest_pos_m()[:1], still, 30.0))
+    assert np.allclose(vertices, figure.vertices_m, atol=1e-5)
+    assert np.allclose(normals, figure.normals, atol=1e-5)
+
+
+@settings(max_examples=20, deadline=None)
+@given(yaw=st.floats(-3.1, 3.1), x=st.floats(-5, 5), y=st.floats(-1, 1))
+def test_the_mesh_moves_with_the_body(yaw, x, y):
+    motion = swaying(3)
+    figure = build_figure(motion.skeleton)
+    shift = np.array([x, y, 0.5])
+    before, _ = posed(figure, motion)
+    after, _ = posed(figure, motion.moved(yaw_rad=yaw, shift_m=shift))
+    assert np.allclose(rot.rotate(rot.about_y(yaw), before.astype(np.float64)) + shift, after, atol=1e-4)
+
+
+def test_a_bent_knee_keeps_its_girth():
+    skeleton = canonical_skeleton()
+    figure = build_figure(skeleton)
+    quat = np.tile(rot.IDENTITY, (1, 24, 1))
+    quat[0, skeleton.index("left_knee")] = rot.from_rotvec(np.array([np.radians(100.0), 0.0, 0.0]))
+    motion = Motion(skeleton, skeleton.rest_pos_m()[:1], quat, 30.0)
+    leg = figure.parts == PARTS.index("left_leg")
+    pos = motion.joint_pos_m()[0]
+    hip, knee, ankle = (pos[skeleton.index(f"left_{part}")] for part in ("hip", "knee", "ankle"))
+    outward = -((hip - knee) / np.linalg.norm(hip - knee) + (ankle - knee) / np.linalg.norm(ankle - knee))
+    outward /= np.linalg.norm(outward)
+    reach = ((posed(figure, motion)[0][leg] - knee) @ outward).max()
+    assert reach > 0.04  # the knee cap is there, though the tube is folded
+
+
+def test_extra_joints_get_bones_and_own_fingers_replace_ours():
+    tail = build_figure(with_tail())
+    extra = tail.vertices_m[tail.parts == PARTS.index("extra")]
+    assert extra[:, 2].min() < -0.6  # the end of the tail
+    plain = build_figure(canonical_skeleton())
+    assert not (plain.parts == PARTS.index("extra")).any()
+    fingered = build_figure(mixamo())
+    hand = fingered.vertices_m[fingered.parts == PARTS.index("left_hand")]
+    assert hand[:, 0].max() < plain.vertices_m[plain.parts == PARTS.index("left_hand"), 0].max() - 0.04
+    assert (fingered.parts == PARTS.index("extra")).any()
+
+
+@pytest.mark.parametrize("scale", [0.4, 2.5])
+def test_a_dwarf_and_a_giant_have_the_same_shape(scale):
+    body = canonical_skeleton()
+    scaled = Skeleton(body.names, body.parents, body.offsets_m * scale, body.tip_parents, body.tips_m * scale)
+    assert np.allclose(
+        build_figure(scaled).vertices_m, build_figure(body).vertices_m * scale, atol=1e-3 * scale
+    )
+
+
+def test_a_rig_that_lies_in_its_rest_pose_looks_the_same():
+    motion = swaying(120)
+    lying = on_other_axes(motion, 0)
+    assert not rest_stands(lying.skeleton)
+    figure = build_figure(lying.skeleton, lying)
+    wanted, _ = posed(build_figure(motion.skeleton), motion, 60)
+    got, _ = posed(figure, lying, 60)
+    away = np.linalg.norm(got - wanted, axis=1)
+    assert np.median(away) < 0.01 and away.max() < 0.12
+    assert figure.vertices_m[:, 1].argmax() == build_figure(motion.skeleton).vertices_m[:, 1].argmax()
+
+
+def test_a_rig_that_lies_stands_even_without_a_motion():
+    body = canonical_skeleton()
+    along_x = np.linalg.norm(body.offsets_m, axis=1)[:, None] * [1.0, 0.0, 0.0]
+    figure = build_figure(replace(body, offsets_m=along_x))
+    roles = {name: figure.bind_pos_m[i] for i, name in enumerate(body.names)}
+    assert roles["head"][1] > roles["pelvis"][1] + 0.3 and roles["pelvis"][1] > roles["left_ankle"][1] + 0.5
+    assert np.isfinite(figure.vertices_m).all()
