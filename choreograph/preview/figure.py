@@ -26,7 +26,7 @@ PARTS = (
 _PALETTE = {
     "torso": "#46506b", "pelvis": "#3a425a", "head": "#e9c6a4", "hair": "#4a3a33",
     "left_arm": "#f0a578", "right_arm": "#7fb3c8", "left_hand": "#e9c6a4", "right_hand": "#e9c6a4",
-    "left_leg": "#d98a5c", "right_leg": "#5b95ae", "left_shoe": "#ddd0c3", "right_shoe": "#c7d1d6",
+    "left_leg": "#d98a5c", "right_leg": "#5b95ae", "left_shoe": "#dad0c6", "right_shoe": "#cbd0d2",
     "extra": "#9a9aa6",
 }  # fmt: skip
 _THICKEST_EXTRA_M = 0.010  # bones of no known part, on a 1.70 m body

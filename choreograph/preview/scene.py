@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
 from choreograph.preview import _kernels as kernels
+from choreograph.preview import _paint_kernels as paint
 from choreograph.preview.figure import Figure, skin_matrices
 
 Floats = NDArray[np.float64]
@@ -19,6 +20,8 @@ _GRID = 2  # samples a pixel along each axis
 _SHADE_TEXELS = 192
 _SHADE_M = 4.2  # width of the piece of floor that holds the shadow
 _CONTACT_TOP_M = 0.22  # only what is lower darkens the floor beneath it
+_KEY_TEXEL_M = 0.007
+_LARGEST_KEY_MAP = 1024
 _LINE_M = 0.006  # half width of the floor's grid lines
 # An ordered dither: rounding thresholds that are spread evenly over each 4 x 4 pixels.
 _BAYER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
@@ -108,13 +111,13 @@ def render_pose(
     image = np.empty((height, width, 3), np.float32)
     shade, origin = _floor_shade(points, figure.triangles, lights[0], stage.shadow)
     middle = points[:, [0, 2]].mean(axis=0)
-    kernels.paint_backdrop(
+    paint.paint_backdrop(
         image, eye, axes[0], axes[1], axes[2], focal, np.float32(_LINE_M),
         _linear(stage.horizon, stage.overhead), _linear(stage.floor, stage.grid),
         shade, origin, np.float32(_SHADE_M / _SHADE_TEXELS), middle,
     )  # fmt: skip
     _draw_figure(image, figure, points, normals, eye, axes, focal, lights, light)
-    return kernels.to_srgb(image, _srgb_table(), _THRESHOLDS)
+    return paint.to_srgb(image, _srgb_table(), _THRESHOLDS)
 
 
 def _draw_figure(image, figure, points, normals, eye, axes, focal, lights, light) -> None:
@@ -138,10 +141,30 @@ def _draw_figure(image, figure, points, normals, eye, axes, focal, lights, light
         [light.key_rgb, light.fill_rgb, light.back_rgb, light.sky_rgb, light.ground_rgb], np.float32
     )
     colours = (np.asarray(figure.palette, np.float32) ** np.float32(2.2))[figure.parts]
-    kernels.shade_figure(
+    seen_by_key, key_map = _key_light_map(points, figure.triangles, lights[0])
+    paint.shade_figure(
         image, owners, _GRID, low[::-1].copy(), screen, figure.triangles, points, normals, colours, eye,
-        lights, tints,
+        lights, tints, seen_by_key, key_map,
     )  # fmt: skip
+
+
+def _key_light_map(points, triangles, key) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The vertices (V, 3) as the key light sees them, and how near the nearest surface is (N, N).
+
+    Of those surfaces that face away from it: the lit ones are then never in their own shadow.
+    """
+    right = _unit(np.cross(key, [0.0, 1.0, 0.0]))
+    axes = np.stack([right, -np.cross(right, -key), key]).astype(np.float32)
+    seen = points @ axes.T  # x, y down, nearness to the light, metres
+    low = seen.min(axis=0)
+    seen[:, :2] -= low[:2] - np.float32(4 * _KEY_TEXEL_M)
+    seen[:, 2] -= low[2] - np.float32(0.1)  # nothing is at 0, where the map has no surface
+    seen[:, :2] /= np.float32(_KEY_TEXEL_M)
+    n = min(int(seen[:, :2].max()) + 5, _LARGEST_KEY_MAP)
+    nearness = np.zeros((n, n), np.float32)
+    away = np.ascontiguousarray(triangles[:, ::-1])
+    kernels.rasterise(seen, away, nearness, np.empty((n, n), np.int32))
+    return seen, nearness
 
 
 def _floor_shade(points, triangles, key, darkest: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
