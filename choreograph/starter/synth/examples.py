@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from choreograph.starter import SONGS_PATH
 from choreograph.starter.synth.song import SynthSong, render_song, write_song
 
-SONGS_FOLDER = Path(__file__).resolve().parent.parent / "songs"
 _DURATION_S = 39.0
 _COMPRESSION = 0.85  # about 85 kbit/s
 _EXAMPLES = {  # file: genre, BPM, seed; apart from the takes' and the test bed's
@@ -16,7 +16,7 @@ _EXAMPLES = {  # file: genre, BPM, seed; apart from the takes' and the test bed'
 }
 
 
-def example_songs() -> dict[str, SynthSong]:
+def rendered_examples() -> dict[str, SynthSong]:
     """The examples by name, rendered."""
     return {
         name: render_song(genre, bpm=bpm, duration_s=_DURATION_S, seed=seed)
@@ -24,16 +24,11 @@ def example_songs() -> dict[str, SynthSong]:
     }
 
 
-def example_paths() -> dict[str, Path]:
-    """Where the rendered files lie, by name."""
-    return {name: SONGS_FOLDER / f"{name}.ogg" for name in _EXAMPLES}
-
-
-def write_examples(folder: Path = SONGS_FOLDER) -> list[Path]:
+def write_examples(folder: Path = SONGS_PATH) -> list[Path]:
     """Render all examples into a folder as Ogg Vorbis; the paths written."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for name, song in example_songs().items():
+    for name, song in rendered_examples().items():
         paths.append(folder / f"{name}.ogg")
         write_song(paths[-1], song, compression_level=_COMPRESSION)
     return paths
