@@ -28,7 +28,9 @@ _TEMPO_WEIGHT = 1.5  # of the repetition, beside the strength of onsets under th
 _CHANGE_PENALTY = 200.0
 # Between an octave's two readings the one nearer to a step's pace wins.
 _PRIOR_BPM, _PRIOR_OCTAVES = 108.0, 0.7
-_LEAD_S = 1.0 / MUSIC_FPS  # the power of a 93 ms window rises this much before the onset itself
+# How late the rise of amplitude peaks: 11 ms (spread 6) in the median over mixed songs of eleven genres
+# whose beats are known to the sample; of a bare kick or click it is 1 ms late to 7 ms early.
+_LAG_S = 0.011
 
 
 def tempo_path_beats(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -45,7 +47,7 @@ def tempo_path_beats(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
     if not strength.any():
         return np.zeros(0)
     frames = beat_chain(strength, _tempo_gain(strength), _HOP, _SHORTEST, _CHANGE_PENALTY)
-    return frames_to_seconds(frames, MUSIC_FPS) + _LEAD_S
+    return np.maximum(0.0, frames_to_seconds(frames, MUSIC_FPS) - _LAG_S)
 
 
 def onset_strength(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import soxr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,6 +14,7 @@ from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import beats_of_mel
 from choreograph.features.tempo_path import onset_strength, tempo_path_beats
 from choreograph.metrics.beat import f_score
+from choreograph.starter.synth.testbed import SONGS
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 
@@ -60,6 +62,17 @@ def test_steady_beats_are_librosas_and_true(bpm):
     assert f_score(beats, beats_of_mel(mel, len(mel) / 60)) > 0.9
     nearest = times_s[np.abs(beats[:, None] - times_s).argmin(axis=1)]
     assert abs(np.median(beats - nearest)) < 0.02
+
+
+@pytest.mark.parametrize("song", [SONGS[i] for i in (0, 4, 5, 8, 10)], ids=lambda song: song.name)
+def test_beats_of_mixed_songs_are_on_time(song):
+    """Beside instruments an onset is heard later than alone; 70 ms of tolerance are for dancers."""
+    rendered = song.render()
+    mono = soxr.resample(rendered.samples.mean(axis=1), 44100, SAMPLE_RATE_HZ)
+    beats, true = tempo_path_beats(log_mel(mono)), rendered.beat_times_s
+    assert f_score(beats[(beats > true[0] - 0.07) & (beats < true[-1] + 0.07)], true) > 0.95
+    nearest = np.abs(beats - true[:, None]).argmin(axis=1)
+    assert abs(np.median(beats[nearest] - true)) < 0.008
 
 
 def test_the_kick_decides_against_a_loud_off_beat():
