@@ -196,7 +196,9 @@ class Gestures {
     element.addEventListener("pointerdown", (event) => this.#down(event));
     element.addEventListener("pointermove", (event) => this.#move(event));
     for (const name of ["pointerup", "pointercancel"]) element.addEventListener(name, (event) => this.#up(event));
-    element.addEventListener("pointerleave", () => { if (!this.drag) this.#hover(null); });
+    element.addEventListener("pointerleave", (event) => {
+      if (!this.drag && event.pointerType !== "touch") this.#hover(null);
+    });
     element.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
     const jump = (event) => {
       if (event.buttons) timeline.player.seek((event.offsetX / overview.clientWidth) * timeline.durationS);

@@ -1,0 +1,359 @@
+"""The page in headless Chromium: it plays, seeks, loops, mirrors, and dances as Python does."""
+
+from __future__ import annotations
+
+import io
+import re
+import shutil
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from planted_dances import swaying
+from planted_pages import plan_for, write_seconds
+
+from choreograph.preview.page import write_page
+
+sync_api = pytest.importorskip("playwright.sync_api")
+
+FPS = 60.0
+MOTION = swaying(480, fps=FPS)  # 8 s
+FLAGS = [
+    "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--autoplay-policy=no-user-gesture-required",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def browser():
+    found = next(
+        (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))),
+        None,
+    )
+    if found is None:
+        pytest.skip("no Chromium on this machine: the page is not tried in a browser")
+    with sync_api.sync_playwright() as playwright:
+        launched = playwright.chromium.launch(executable_path=found, args=FLAGS)
+        yield launched
+        launched.close()
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """The same dance with its song, without, and with a song that no browser can play."""
+    folder = tmp_path_factory.mktemp("pages")
+    song = write_seconds(folder / "song.wav", duration_s=9.0)
+    options = {"motion_beats_s": np.arange(0.25, 8.0, 0.5), "title": "A dance"}
+    write_page(folder / "song.html", MOTION, plan_for(MOTION), song_path=song, **options)
+    write_page(folder / "silent.html", MOTION, plan_for(MOTION), song_path=None, **options)
+    text = (folder / "song.html").read_text(encoding="utf-8")
+    broken = re.sub(r'(id="sound">)[^<]{4000}', r"\g<1>" + "AAAA" * 1000, text)
+    (folder / "broken.html").write_text(broken, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def opened(browser, files):
+    """Open one of the pages; at the end, whatever it complained of or wanted from outside fails the test."""
+    contexts, complaints = [], []
+
+    def open_page(name: str = "song.html", *, folder: Path = files, **options):
+        context = browser.new_context(
+            viewport=options.pop("viewport", {"width": 900, "height": 640}), **options
+        )
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: complaints.append(request.url) if "://" in request.url[:9]
+                and not request.url.startswith(("file://", "blob:", "data:")) else None)  # fmt: skip
+        page.goto((folder / name).as_uri())
+        until(page, "window.choreograph !== undefined", timeout_s=20)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert complaints == []
+
+
+def state(page, name: str):
+    return page.evaluate(f"choreograph.{name}")
+
+
+def until(page, condition: str, *, timeout_s: float = 8.0) -> None:
+    """Wait for a condition on the page's state; the page's own security policy forbids Playwright's way."""
+    end_s = time.monotonic() + timeout_s
+    while not page.evaluate(condition):
+        assert time.monotonic() < end_s, condition
+        page.wait_for_timeout(20)
+
+
+def picture(page) -> np.ndarray:
+    """The stage as it stands, (H, W, 3); the page's own words and buttons left out."""
+    page.evaluate(
+        "document.querySelectorAll('header, #big-play').forEach((e) => (e.style.visibility = 'hidden'))"
+    )
+    page.wait_for_timeout(400)
+    png = page.locator("#view").screenshot()
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)
+
+
+def python_joints_m(time_s: float) -> np.ndarray:
+    return MOTION.sampled(np.array([time_s * FPS])).joint_pos_m()[0]
+
+
+def wait_until_still(page) -> None:
+    until(page, "choreograph.audioTime === null || Math.abs(choreograph.time - choreograph.audioTime) < 1e-3")
+
+
+def test_a_dancer_stands_on_the_stage_and_dances(opened):
+    page = opened()
+    before = picture(page)
+    stage = before[4, 4]
+    body = np.abs(before - stage).sum(axis=2) > 150
+    assert 0.01 < body.mean() < 0.5
+    page.keyboard.press("Space")
+    until(page, "choreograph.time > 1.0")
+    assert state(page, "playing")
+    page.keyboard.press("Space")
+    moved = np.abs(picture(page) - before).sum(axis=2) > 60
+    assert moved.mean() > 0.01
+
+
+@pytest.mark.parametrize("name", ["song.html", "silent.html"])
+def test_joints_are_where_python_has_them(opened, name):
+    page = opened(name)
+    for keys in (["ArrowRight"] * 3, ["Shift+ArrowRight"] * 5, ["End"], ["Shift+ArrowLeft"] * 7, ["Home"]):
+        for key in keys:
+            page.keyboard.press(key)
+        wait_until_still(page)
+        joints_m = np.array(state(page, "joints"))
+        apart_m = np.linalg.norm(joints_m - python_joints_m(state(page, "time")), axis=1)
+        assert apart_m.max() < 0.005
+
+
+def test_a_click_seeks_to_the_frame(opened):
+    page = opened()
+    box = page.locator("#timeline").bounding_box()
+    for part in (0.71, 0.13, 0.5):
+        x = round(box["width"] * part)
+        page.mouse.click(box["x"] + x, box["y"] + 40)
+        wait_until_still(page)
+        wanted_s = state(page, "shownFrom") + x / box["width"] * (
+            state(page, "shownTo") - state(page, "shownFrom")
+        )
+        assert abs(state(page, "time") - wanted_s) <= 1 / FPS
+        assert abs(state(page, "frame") - wanted_s * FPS) <= 1
+        assert abs(state(page, "audioTime") - wanted_s) <= 1 / FPS
+
+
+def test_dragging_seeks_and_playing_goes_on_from_there(opened):
+    page = opened()
+    page.keyboard.press("Space")
+    box = page.locator("#timeline").bounding_box()
+    page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 40)
+    page.mouse.down()
+    for part in (0.3, 0.4, 0.5, 0.6):
+        page.mouse.move(box["x"] + part * box["width"], box["y"] + 40)
+    assert not state(page, "playing")
+    assert state(page, "time") == pytest.approx(0.6 * 8, abs=0.05)
+    page.mouse.up()
+    until(page, "choreograph.playing && choreograph.time > 5.0")
+    assert state(page, "time") < 6.5
+
+
+def test_the_sound_is_the_clock(opened):
+    page = opened()
+    page.keyboard.press("Space")
+    until(page, "choreograph.time > 0.3")
+    for _ in range(15):
+        time_s, audio_s = page.evaluate("[choreograph.time, choreograph.audioTime]")
+        assert abs(time_s - audio_s) < 0.07
+        page.wait_for_timeout(30)
+    page.keyboard.press("Space")
+    wait_until_still(page)
+    paused_s = state(page, "audioTime")
+    page.wait_for_timeout(200)
+    assert state(page, "time") == pytest.approx(paused_s, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["song.html", "silent.html"])
+def test_half_speed(opened, name):
+    page = opened(name)
+    page.keyboard.press("s")
+    assert state(page, "speed") == 0.5
+    assert page.get_attribute("#speed", "aria-pressed") == "true"
+    page.keyboard.press("Space")
+    until(page, "choreograph.time > 0.2")
+    first = page.evaluate("[choreograph.time, performance.now() / 1000]")
+    page.wait_for_timeout(1200)
+    second = page.evaluate("[choreograph.time, performance.now() / 1000]")
+    assert (second[0] - first[0]) / (second[1] - first[1]) == pytest.approx(0.5, abs=0.08)
+
+
+def test_the_mirrored_view_is_a_mirror_image(opened):
+    page = opened()
+    page.keyboard.press("ArrowRight")
+    plain = picture(page)
+    page.keyboard.press("m")
+    assert state(page, "mirrored")
+    mirrored = picture(page)
+    assert np.abs(mirrored - plain).mean() > 1.0
+    assert np.abs(mirrored[:, ::-1] - plain).mean() < 0.3
+
+
+@pytest.mark.parametrize("name", ["song.html", "silent.html"])
+def test_a_range_loops(opened, name):
+    page = opened(name)
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("i")
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("o")
+    assert state(page, "loop") == {"on": True, "from": 1, "to": 2}
+    page.keyboard.press("Space")
+    times = []
+    for _ in range(26):
+        times.append(state(page, "time"))
+        page.wait_for_timeout(100)
+    assert state(page, "playing")
+    assert (np.diff(times) < -0.5).sum() >= 2
+    assert min(times[2:]) >= 0.99 and max(times) < 2.2
+    page.keyboard.press("l")
+    until(page, "choreograph.time > 2.5")
+
+
+def test_shift_drag_draws_a_loop(opened):
+    page = opened()
+    box = page.locator("#timeline").bounding_box()
+    page.keyboard.down("Shift")
+    page.mouse.move(box["x"] + 0.75 * box["width"], box["y"] + 40)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 40, steps=3)
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    loop = state(page, "loop")
+    assert loop["on"]
+    assert (loop["from"], loop["to"]) == (pytest.approx(2.0, abs=0.02), pytest.approx(6.0, abs=0.02))
+    assert state(page, "time") == 0
+
+
+def test_the_end_is_the_end_and_play_begins_again(opened):
+    page = opened()
+    page.keyboard.press("End")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Space")
+    until(page, "!choreograph.playing && choreograph.time > 7.9")
+    assert page.get_attribute("#play", "aria-label") == "Play"
+    page.click("#play")
+    until(page, "choreograph.playing && choreograph.time > 0.1 && choreograph.time < 4")
+
+
+def test_keys_and_buttons(opened):
+    page = opened()
+    for key, name, button in (("m", "mirrored", "mirror"), ("f", "following", "follow")):
+        before = state(page, name)
+        page.keyboard.press(key)
+        assert state(page, name) is not before
+        assert page.get_attribute(f"#{button}", "aria-pressed") == str(not before).lower()
+        page.click(f"#{button}")
+        assert state(page, name) is before
+    page.keyboard.press("?")
+    assert page.locator("#keys").is_visible()
+    page.keyboard.press("Escape")
+    assert not page.locator("#keys").is_visible()
+    page.locator("#loop").focus()
+    page.keyboard.press("Space")  # on a focused button the space bar presses it
+    assert state(page, "loop")["on"] and not state(page, "playing")
+    page.locator("#timeline").focus()
+    shown_s = state(page, "shownTo")
+    page.keyboard.press("+")
+    assert state(page, "shownTo") - state(page, "shownFrom") < 0.7 * shown_s
+    page.keyboard.press("0")
+    assert state(page, "shownTo") == shown_s
+
+
+def test_pointing_at_a_second_tells_where_it_is_from(opened):
+    page = opened()
+    box = page.locator("#timeline").bounding_box()
+    assert not page.locator("#card").is_visible()
+    page.mouse.move(box["x"] + box["width"] * 3.5 / 8, box["y"] + 100)
+    text = page.locator("#card").inner_text()
+    for words in (
+        "ben-house",
+        "genre of ben-house",
+        "dancer of ben-house",
+        "CC0",
+        "41",
+        "15.25",
+        "16.50",
+        "1.25×",
+    ):
+        assert words in text
+    assert re.search(r"style\s+0\.280", text) and re.search(r"transition\s+0\.000", text)
+    assert page.locator("#card .bar").count() == 2
+    page.mouse.move(5, 5)
+    assert not page.locator("#card").is_visible()
+
+
+def test_looking_round_and_coming_closer(opened):
+    page = opened()
+    first = picture(page)
+    page.mouse.move(450, 200)
+    page.mouse.down()
+    page.mouse.move(650, 200, steps=4)
+    page.mouse.up()
+    turned = picture(page)
+    page.mouse.wheel(0, -400)
+    closer = picture(page)
+    page.mouse.dblclick(300, 200)
+    again = picture(page)
+    for one, other in ((first, turned), (turned, closer)):
+        assert np.abs(one - other).mean() > 1.0
+    assert np.abs(first - again).mean() < 0.1
+
+
+def test_a_song_that_cannot_be_played_is_said_and_the_dance_goes_on(opened):
+    page = opened("broken.html")
+    page.wait_for_selector("#notice:visible")
+    assert "cannot play the song" in page.locator("#notice").inner_text()
+    page.keyboard.press("Space")
+    until(page, "choreograph.time > 0.5")
+
+
+def test_a_phone(opened):
+    page = opened(
+        viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True, device_scale_factor=2
+    )
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    boxes = [
+        page.locator(f"#{name}").bounding_box()
+        for name in ("play", "speed", "loop", "mirror", "follow", "help")
+    ]
+    assert all(box["x"] >= 0 and box["x"] + box["width"] <= 390 and box["height"] >= 36 for box in boxes)
+    box = page.locator("#timeline").bounding_box()
+    page.touchscreen.tap(box["x"] + 100, box["y"] + 60)
+    assert page.locator("#card").is_visible()
+    card = page.locator("#card").bounding_box()
+    assert card["x"] >= 0 and card["x"] + card["width"] <= 390
+    assert state(page, "time") > 0
+
+
+def test_light_and_dark(opened):
+    brightness = {scheme: picture(opened(color_scheme=scheme))[4, 4].mean() for scheme in ("light", "dark")}
+    assert brightness["light"] > 180
+    assert brightness["dark"] < 60
+
+
+def test_names_are_shown_as_they_are(opened, tmp_path):
+    evil = "<img src=x onerror=alert(1)></script>"
+    plan = replace(plan_for(MOTION, takes=(evil,)), song=evil)
+    write_page(tmp_path / "page.html", MOTION, plan, song_path=None, motion_beats_s=[])
+    page = opened("page.html", folder=tmp_path)
+    assert page.locator("h1").inner_text() == evil
+    assert page.locator("#now-take").inner_text() == evil
+    assert page.title() == evil
