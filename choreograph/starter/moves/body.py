@@ -22,11 +22,12 @@ Floats = NDArray[np.float64]
 _SKELETON = canonical_skeleton()
 _INDEX = {name: i for i, name in enumerate(_SKELETON.names)}
 _LEG_M = float(sum(np.linalg.norm(_SKELETON.offsets_m[_INDEX[j]]) for j in ("left_knee", "left_ankle")))
-_REACH = 0.975  # of a leg's length: knees stay a little soft
-_STANDING_M = float(_SKELETON.offsets_m[0][1]) - 0.03  # pelvis over the floor, knees soft
+_REACH = 0.978  # of a leg's length: knees stay a little soft
+_STANDING_M = float(_SKELETON.offsets_m[0][1]) - 0.02  # pelvis over the floor, knees soft
 _GLIDE_S = 0.03  # takes the edges off the weight's way
-_SETTLE_S = 0.10  # the pelvis is lowered for the legs over so long a time
+_SETTLE_S = 0.16  # the pelvis is lowered for the legs over so long a time
 _BODY_HZ, _ARM_HZ, _DAMPING = 5.0, 4.0, 0.72  # the springs spine and arms follow with
+_LEAN_RAD = 0.06  # the trunk is a little forward over soft knees
 # Joint, its share of bend, side and twist, of the arch (lower spine forward, upper back), lag in s.
 _SPINE = (("spine1", 0.38, -0.36, -0.015), ("spine2", 0.34, 0.06, 0.0), ("spine3", 0.28, 0.6, 0.02))
 
@@ -74,7 +75,16 @@ def _channels(
 
 
 # What leads and what follows, seconds after the count; the elbow and the hand are later still.
-_LAG_S = {"hip": -0.03, "drop": -0.02, "bend": -0.01, "nod": 0.03, "look": 0.03, "tilt": 0.03, "arm": 0.02}
+_LAG_S = {
+    "ground": -0.02,
+    "hip": -0.03,
+    "drop": -0.02,
+    "bend": -0.01,
+    "nod": 0.02,
+    "look": 0.03,
+    "tilt": 0.02,
+    "arm": 0.0,
+}
 
 # A body is never still: metres and radians.
 _UNREST = {
@@ -113,7 +123,7 @@ def _pelvis_pos(
     tempo: Tempo, times: Floats, fps: float,
 ) -> Floats:  # fmt: skip
     """(T, 3): over the feet by their share of the weight, as high as knees, bounce and legs let it be."""
-    spot = evaluate(score.ground, tempo.counts(times))  # (T, 2)
+    spot = evaluate(score.ground, tempo.counts(times - _LAG_S["ground"]))  # (T, 2)
     spot = gaussian_filter1d(spot, _GLIDE_S * fps, axis=0, mode="nearest")
     sway = np.stack([ch["hip_side"], np.zeros_like(facing), ch["hip_fwd"]], axis=-1)
     pos = rot.rotate(rot.about_y(facing), sway)
@@ -121,7 +131,7 @@ def _pelvis_pos(
     pos[:, 1] = 0.0
     limit = np.min([_highest(pos, root_quat, side, feet[side]) for side in SIDES], axis=0)
     width = max(1, round(_SETTLE_S * fps))
-    limit = gaussian_filter1d(minimum_filter1d(limit, 2 * width + 1), 0.5 * width, truncate=2.0)
+    limit = gaussian_filter1d(minimum_filter1d(limit, 2 * width + 1), 0.6 * width, truncate=2.0)
     wanted = _STANDING_M - ch["bob"] - ch["drop"]
     pos[:, 1] = _soft_min(wanted, limit)
     return pos
@@ -135,7 +145,7 @@ def _highest(pos: Floats, root_quat: Floats, side: str, foot: FootPath) -> Float
     return gap[:, 1] + np.sqrt(level)
 
 
-def _soft_min(a: Floats, b: Floats, width: float = 0.012) -> Floats:
+def _soft_min(a: Floats, b: Floats, width: float = 0.02) -> Floats:
     return 0.5 * (a + b - np.sqrt((a - b) ** 2 + width**2))
 
 
@@ -143,7 +153,7 @@ def _spine_and_head(local: Floats, ch: dict[str, Floats], fps: float) -> None:
     """Spine, neck and head: the chest stays quiet over moving hips, the head over a moving chest."""
     side = -ch["side"] - 0.85 * ch["hip_roll"]  # about +Z, so that left is negative
     twist = ch["twist"] - 0.9 * ch["hip_turn"]
-    bend = ch["bend"] + 0.85 * ch["hip_tilt"]
+    bend = _LEAN_RAD + ch["bend"] + 0.85 * ch["hip_tilt"]
     for name, share, arch, lag_s in _SPINE:
         x, y, z = share * bend - arch * ch["arch"], share * twist, share * side
         local[:, _INDEX[name]] = _euler(*(_later(angle, lag_s * fps) for angle in (x, y, z)))

@@ -27,7 +27,7 @@ _HEEL_FROM_BALL_M = np.array([0.0, -BALL_OVER_FLOOR_M, -BALL_FROM_ANKLE_M[2] - 0
 
 _SHORTEST_S, _LONGEST_S = 0.14, 0.70  # a step's time in the air, whatever the tempo
 _UP_FIRST, _DOWN_LAST = 0.10, 0.06  # of a swing: up before it goes, there before it is down
-_HEEL_OFF_S = 0.13  # the heel comes up so long before the ball leaves
+_HEEL_OFF_S = 0.17  # the heel comes up so long before the ball leaves
 _HEEL_OFF_RAD = np.radians(26.0)  # for a step of _FAR_M or more
 _FAR_M = 0.30
 _PIVOT_RAD = np.radians(5.0)  # the heel is a little off the floor while the foot turns on its ball

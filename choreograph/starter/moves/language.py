@@ -41,10 +41,26 @@ sit on counts. Give a pose on (nearly) every count for the channels the move is 
 makes the body pass through instead (slow dances). Channels: see `CHANNELS`; arms: names in
 `poses.ARMS` or an `Arm(upper, fore)`. Left is positive; degrees and metres.
 
-A style's hints: bounce 0.03-0.06 m "down" (hip-hop, house: lowest on the count) or "up" (disco, swing:
-highest on it); hips lead, chest turns against the legs (left foot steps: twist to the right is
-natural, -8 … -15); arms travel 0.3 m and more between counts; the head nods or looks where the
-step goes. `size` scales steps and poses when rendered, `sharpness` how late and fast each pose is hit.
+Turns, quick steps, kicks, rises. ::
+
+    step("left", 1, (0.20, 0.10), face=90.0),        # a three step turn to the left: a quarter,
+    pivot("left", 2, face=200.0),                    # the planted foot turns along,
+    step("right", 2, (0.62, 0.12), face=250.0, bow=(0.0, 0.24)),   # past it, in an arc, ...
+    kick("left", 1, (0.0, 0.62), 0.27),              # kick ball change: straight out on 1,
+    ball("left", 1.5, (0.0, -0.14)), step("right", 2),             # and back, change: swings shorten
+    press("right", 3, pitch=25.0, weight=1.0),       # a rise onto the ball in place (and drop=-0.02)
+
+A genre is a module in `genres/` with its moves and a `Genre`, listed in `genres/__init__.py`; a waltz has
+counts=3 or 6 and `Genre(bar=3)`. The tests then hold each move to floor, beat, limbs and its mirror.
+
+What was learnt writing the first genre: bounce 0.02-0.05 m, "down" (hip-hop, house: lowest on the count)
+or "up" (disco, swing: highest on it). Hips lead, the chest turns against the legs (left foot steps:
+twist -6 … -15). Arms that travel 0.3 m and more between counts make the accents; a pose between counts
+("and") is a stop of its own: give it `flow=1.0` unless it is meant. `hip_side` against the weight just
+taken moves the accent off the count. Home's 0.2 m between the feet does not scale with `size`: a foot that
+crosses or passes needs 0.15 m clear at 0.7 too, or a `bow`. Look at strips from the front and the side
+(`choreograph.preview.strip.write_strip`). A move that ends with the other foot free alternates sides by
+itself; one that ends with the same foot free is repeated to the same side, so write both in 4 counts.
 """
 
 from __future__ import annotations

@@ -19,9 +19,10 @@ Arrival = tuple[float, tuple[float, ...]]  # a count, and where something is fro
 HOME_SIDE_M = 0.10  # a foot's ball at home: to the side of the middle
 HOME_FWD_M = 0.09  # and in front of it
 TOE_OUT_DEG = 10.0
+_BEHIND_BALL_M = -0.065  # and so far behind it, over the arch
 _INSIDE_FOOT_M = 0.045  # standing on one foot the pelvis is so far inside its ball's line
 _ARRIVES = 0.9  # counts after a foot's landing, at most, the body has arrived over it
-_THROUGH = 0.45  # of its mean speed it has on the counts
+_THROUGH = 0.4  # of its mean speed it has on the counts
 _BODY_TO_GO, _TURN_TO_GO = 0.25, 0.08  # of its way, for each of those counts, is left as the foot lands
 
 
@@ -164,7 +165,7 @@ def _load(count: float, on_left: float, plants: dict[Side, list[Plant]], facing_
     spot = np.zeros(2)
     for side, sign, share in zip(SIDES, (1.0, -1.0), (on_left, 1.0 - on_left), strict=True):
         foot = plants[side][-1]
-        behind = rot.rotate(rot.about_y(foot.yaw_rad), np.array([0.0, 0.0, -HOME_FWD_M]))
+        behind = rot.rotate(rot.about_y(foot.yaw_rad), np.array([0.0, 0.0, _BEHIND_BALL_M]))
         inside = rot.rotate(rot.about_y(facing_rad), np.array([-sign * _INSIDE_FOOT_M, 0.0, 0.0]))
         spot += share * (np.array(foot.ball_m) + (behind + inside)[[0, 2]])
     return Load(count, on_left, (spot[0], spot[1]))
