@@ -15,9 +15,15 @@ from numpy.typing import NDArray
 
 from choreograph.errors import RepertoireError
 from choreograph.files import atomic_path
-from choreograph.repertoire.schema import ATTRIBUTES, DATASETS, FORMAT, NETS, PACKED_STEPS, VERSION
-
-_CHUNK_FRAMES = 4096  # of a packed array
+from choreograph.repertoire.schema import (
+    ATTRIBUTES,
+    DATASETS,
+    FORMAT,
+    NETS,
+    PACKED_RESTART,
+    PACKED_STEPS,
+    VERSION,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +47,7 @@ class Contents:
 def write_repertoire(path: Path, contents: Contents, *, packed: bool = False) -> None:
     """Write all of `contents` to `path`, or nothing.
 
-    `packed` rounds motion to 16 bits (`schema.PACKED_STEPS`) for a file of a third of the size. The
+    `packed` rounds motion and networks to 16 bits (`schema.PACKED_STEPS`): a quarter of the size. The
     bytes depend on the arguments alone. Raises `RepertoireError` if an array is missing or not
     of the schema's kind and shape; `ParameterError` if the folder does not exist.
     """
@@ -62,6 +68,7 @@ def write_repertoire(path: Path, contents: Contents, *, packed: bool = False) ->
             group = file.create_group(f"nets/{name}")
             group.attrs["config"] = json.dumps(net.config, sort_keys=True)
             for weight, array in sorted(net.weights.items()):
+                array = np.asarray(array, np.float16) if packed else array
                 group.create_dataset(weight, data=array, track_times=False)
 
 
@@ -74,12 +81,24 @@ def _write_numbers(file: h5py.File, name: str, array: NDArray, step: float | Non
         return
     if options:
         # One column a chunk: neighbours in time are alike, neighbouring joints are not.
-        options |= {
-            "compression_opts": 9,
-            "chunks": (min(len(array), _CHUNK_FRAMES), *(1,) * (array.ndim - 1)),
-        }
+        chunk = (min(len(array), PACKED_RESTART), *(1,) * (array.ndim - 1))
+        options |= {"compression_opts": 9, "chunks": chunk}
     integers = np.rint(array / step).astype(np.int16)
-    file.create_dataset(name, data=integers, track_times=False, **options).attrs["step"] = step
+    differences = np.diff(integers, axis=0, prepend=np.zeros_like(integers[:1]))
+    differences[::PACKED_RESTART] = integers[::PACKED_RESTART]
+    data = file.create_dataset(name, data=differences, track_times=False, **options)
+    data.attrs["step"], data.attrs["restart"] = step, PACKED_RESTART
+
+
+def _unpacked(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
+    restart = int(data.attrs["restart"])
+    start, stop, _ = part.indices(len(data))
+    first = start // restart * restart
+    differences = data[first:stop]
+    for row in range(0, len(differences), restart):
+        block = differences[row : row + restart]
+        np.cumsum(block, axis=0, dtype=np.int16, out=block)
+    return (differences[start - first :] * data.attrs["step"]).astype(np.float32)
 
 
 def _check(contents: Contents) -> None:
@@ -161,8 +180,7 @@ class RepertoireFile:
             data = file[name]
             if DATASETS[name][0] == "s":
                 return np.array(data.asstr()[part], dtype=np.str_)
-            values = data[part]
-            return values if "step" not in data.attrs else (values * data.attrs["step"]).astype(np.float32)
+            return _unpacked(data, part) if "step" in data.attrs else data[part]
 
     def read_net(self, name: str) -> NetArrays:
         """A network's config and weights; `RepertoireError` if the file has none of that name."""
@@ -170,9 +188,13 @@ class RepertoireFile:
             raise RepertoireError(f"{self.path}: the repertoire has no network {name!r}")
         with self._opened() as file:
             group = file[f"nets/{name}"]
-            weights = {weight: group[weight][()] for weight in group}
+            weights = {weight: _single(group[weight][()]) for weight in group}
             config = _from_json(group.attrs["config"], f"{self.path}: the config of network {name}")
             return NetArrays(config, weights)
+
+
+def _single(weight: NDArray) -> NDArray:
+    return weight.astype(np.float32) if weight.dtype == np.float16 else weight
 
 
 def _from_json(text: str, what: str) -> dict[str, Any]:
