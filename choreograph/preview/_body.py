@@ -23,6 +23,7 @@ _SHORTEST_BONE_M = 0.01
 # Of the 1.70 m body that the tables measure: hip to ankle, and hips' to shoulders' height.
 _LEG_M, _TRUNK_M = 0.785, 0.525
 _SPREAD = 0.2  # sine between bones of one joint from which on they fix how it is turned
+_STANDING_PERCENT, _MOST_PITCH_RAD = 90.0, 0.7
 _SAMPLES = 200  # frames of a motion that tell how its rig's joints are turned
 
 
@@ -57,7 +58,22 @@ def _turns_from_motion(motion: Motion) -> Floats:
             turns[joint] = mean.as_quat(scalar_first=True)
         elif joint:
             turns[joint] = turns[skeleton.parents[joint]]
+    known = joint_roles(skeleton)
+    for side in ("left", "right"):
+        feet = [known[role] for role in (f"{side}_ankle", f"{side}_foot") if role in known]
+        turns[feet] = rot.multiply(_flat_foot(turns[feet[0]], quat[:, feet[0]]), turns[feet])
     return turns
+
+
+def _flat_foot(turn: Floats, quat: Floats) -> Floats:
+    """How far a foot (4,) has to be pitched in the bind pose for its sole to be level when it stands.
+
+    Rigs differ in how high the ankle is over the ball of the foot, so the bone between them does not
+    tell. Standing, a foot has its toes as high as they get but for a few steps onto the heel.
+    """
+    ahead = rot.rotate(rot.multiply(quat, rot.invert(turn)), np.array([0.0, 0.0, 1.0]))  # (T, 3)
+    pitch_rad = np.arcsin(np.clip(np.percentile(ahead[:, 1], _STANDING_PERCENT), -1.0, 1.0))
+    return rot.from_rotvec(np.array([-np.clip(pitch_rad, -_MOST_PITCH_RAD, _MOST_PITCH_RAD), 0.0, 0.0]))
 
 
 def _turns_from_bones(skeleton: Skeleton) -> Floats:

@@ -222,6 +222,25 @@ def test_a_rig_that_lies_in_its_rest_pose_looks_the_same():
     assert figure.vertices_m[:, 1].argmax() == build_figure(motion.skeleton).vertices_m[:, 1].argmax()
 
 
+def test_soles_of_a_rig_that_lies_are_level_where_it_stands():
+    body = canonical_skeleton()
+    offsets = np.array(body.offsets_m)
+    offsets[[10, 11]] = [0.0, -0.09, 0.09]  # the ball of the foot steeper under the ankle than ours
+    steep = Skeleton(body.names, body.parents, offsets, body.tip_parents, body.tips_m)
+    sway = swaying(120)
+    quat = np.array(sway.local_quat)
+    quat[:, [0, 1, 2, 4, 5, 7, 8, 10, 11]] = rot.IDENTITY  # the trunk dances, the legs stand
+    lying = on_other_axes(Motion(steep, sway.root_pos_m * 0 + [0.0, 1.0, 0.0], quat, sway.fps), 3)
+    assert not rest_stands(lying.skeleton)
+    figure = build_figure(lying.skeleton, lying)
+    world, _ = posed(figure, lying, 50)
+    for shoe in ("left_shoe", "right_shoe"):
+        sole = (figure.parts == PARTS.index(shoe)) & (
+            figure.vertices_m[:, 1] < figure.vertices_m[:, 1].min() + 1e-3
+        )
+        assert sole.sum() >= 10 and np.ptp(world[sole, 1]) < 0.012
+
+
 def test_a_rig_that_lies_stands_even_without_a_motion():
     body = canonical_skeleton()
     along_x = np.linalg.norm(body.offsets_m, axis=1)[:, None] * [1.0, 0.0, 0.0]
