@@ -29,6 +29,7 @@ from choreograph.cli.present import examples, show_notes, stages
 @click.option(
     "--init-from", type=click.Path(path_type=Path), help="Begin with the networks of another repertoire."
 )
+@click.option("--keep-networks", is_flag=True, help="Take those as they are: no training.")
 @click.option(
     "--density", default=None, metavar="analytic|learned", help="Which tempo-density the clips carry."
 )
@@ -38,7 +39,7 @@ from choreograph.cli.present import examples, show_notes, stages
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of the training.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, no notes.")
 def command(
-    sources, output, preset, resume, init_from, density, packed, leave_out, device, seed, quiet
+    sources, output, preset, resume, init_from, keep_networks, density, packed, leave_out, device, seed, quiet
 ) -> None:
     """Build a repertoire from SOURCES: folders or files of recorded dances with their music.
 
@@ -50,7 +51,7 @@ def command(
     given = {} if density is None else {"density": density}
     options = BuildOptions(
         preset=preset, seed=seed, device=device, resume=resume, init_from=init_from,
-        packed=packed, leave_out=_names(leave_out), **given,
+        keep_networks=keep_networks, packed=packed, leave_out=_names(leave_out), **given,
     )  # fmt: skip
     try:
         with stages(quiet=quiet) as shown:

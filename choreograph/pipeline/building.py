@@ -39,6 +39,7 @@ class BuildOptions:
     device: str = "auto"
     resume: bool = False
     init_from: Path | None = None  # networks of another repertoire to begin with
+    keep_networks: bool = False  # take those as they are instead of training on
     packed: bool = False  # motion in 16 bits: a third of the size, turns to 0.02 degrees
     leave_out: tuple[str, ...] = ()  # takes left out of everything, by name
 
@@ -68,6 +69,8 @@ def build_repertoire(
     FormatError      a source is damaged
     """
     options = options or BuildOptions()
+    if options.keep_networks and options.init_from is None:
+        raise ParameterError("expected another repertoire to keep the networks of (--init-from), got none")
     output = check_target(output)
     takes, notes = _imported(sources, options, report)
     measured = [_measured(take) for take in takes]
@@ -90,7 +93,7 @@ def build_repertoire(
         "seed": options.seed,
         "init_from": options.init_from.name if options.init_from else None,
         "left_out": sorted(options.leave_out),
-        "trained_on": sorted({m.take.song_name for m in measured if m.take.song_path}) if nets else [],
+        "trained_on": learned.trained_on,
         "selection_beat_weight": learned.selection_beat_weight,
     }
     write_repertoire(
@@ -139,6 +142,7 @@ class _Learned:
     embed_motion: Callable | None = None
     density: Callable | None = None
     selection_beat_weight: float = 0.0
+    trained_on: Sequence[str] = ()  # songs
 
 
 def _networks(
@@ -153,26 +157,26 @@ def _networks(
     from choreograph.pipeline.learning import train_networks
 
     with_music = [m for m in measured if m.take.song_path is not None]
-    start = None
+    start, trained_on = None, sorted({m.take.song_name for m in with_music})
     if options.init_from is not None:
         other = Repertoire.open(options.init_from)
         start = {name: other.net(name) for name in other.net_names}
-    songs = {m.take.song_name for m in with_music}
     notes: tuple[str, ...] = ()
-    if len(songs) >= 2:
+    if len(trained_on) >= 2 and not options.keep_networks:
         nets = train_networks(
             [_heard(m, i, len(with_music), report) for i, m in enumerate(with_music)],
             work=output.with_name(output.name + ".build"), options=options, start=start,
             report=training_report,
         )  # fmt: skip
     elif start is not None:
-        nets = start
-        notes = ("fewer than two takes' songs to learn from: the networks are taken over as they are",)
+        nets, trained_on = start, list(other.provenance.get("trained_on", []))
+        if not options.keep_networks:
+            notes = ("fewer than two takes' songs to learn from: the networks are taken over as they are",)
     else:
-        nets = {}
+        nets, trained_on = {}, []
         notes = ("fewer than two songs to learn from: no networks, so clips are not chosen by style",)
     if "style" not in nets:
-        return nets, _Learned(), notes
+        return nets, _Learned(trained_on=trained_on), notes
     style = StyleNets.from_arrays(nets["style"].weights, nets["style"].config)
     density = None
     if options.density == "learned" and "motion_density" in nets:
@@ -187,7 +191,7 @@ def _networks(
     elif options.density == "learned":
         notes = (*notes, "no tempo-density networks: the clips carry the analytic tempo-density")
     beat_weight = style.config.beat_weight / style.config.style_weight
-    return nets, _Learned(style.embed_motion, density, beat_weight), notes
+    return nets, _Learned(style.embed_motion, density, beat_weight, trained_on), notes
 
 
 def _heard(measured: MeasuredTake, index: int, total: int, report: Report | None):

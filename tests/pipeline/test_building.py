@@ -41,6 +41,14 @@ def test_build_resume_take_over_and_dance(takes, tmp_path):
     assert any("taken over" in note for note in notes)
     assert [take.name for take in one.takes] == [TAKES[0]]
 
+    kept, _ = build_repertoire(
+        [takes], tmp_path / "c.h5", BuildOptions(init_from=built.path, keep_networks=True, packed=True)
+    )
+    assert kept.provenance["trained_on"] == built.provenance["trained_on"]
+    assert not (tmp_path / "c.h5.build").exists()
+    assert kept.path.stat().st_size < 0.5 * built.path.stat().st_size
+    np.testing.assert_allclose(kept.clip_style, built.clip_style, atol=1e-5)
+
     made = cg.dance(takes / "DANCE_W_11" / "audio.mp3", built, duration_s=12.0)
     assert abs(made.motion.n_frames - 12.0 * 60) <= 1
 
@@ -49,3 +57,8 @@ def test_two_takes_of_one_name_are_refused(takes, tmp_path):
     with pytest.raises(ParameterError, match="two takes are called"):
         build_repertoire([takes / TAKES[0], takes / TAKES[0]], tmp_path / "x.h5")
     assert not (tmp_path / "x.h5").exists()
+
+
+def test_networks_to_keep_must_be_given(takes, tmp_path):
+    with pytest.raises(ParameterError, match="init-from"):
+        build_repertoire([takes], tmp_path / "x.h5", BuildOptions(keep_networks=True))

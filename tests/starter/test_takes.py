@@ -1,0 +1,60 @@
+"""The starter's takes: enough of everything, true to their songs, and read by the ordinary importer."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.importers import import_takes
+from choreograph.metrics.beat import f_score
+from choreograph.motion.body import body_pos_m
+from choreograph.starter import takes
+from choreograph.starter.moves.genres import GENRES
+from choreograph.starter.synth import STYLES
+from choreograph.starter.synth.testbed import FIRST_SEED, SONGS
+
+
+def test_the_takes_are_enough_and_apart_from_the_test_songs():
+    plans = list(takes.take_plans())
+    assert len({plan.name for plan in plans}) == len(plans)
+    assert len({plan.seed for plan in plans}) == len(plans)
+    assert max(plan.seed for plan in plans) < FIRST_SEED <= min(song.seed for song in SONGS)
+    assert len(GENRES) >= 8 and set(GENRES) <= set(STYLES)
+    assert all(len({move.name for move in genre.moves}) >= 8 for genre in GENRES.values())
+    assert len(plans) * takes.DURATION_S >= 40 * 60
+    assert min(plan.bpm for plan in plans) <= 80 and max(plan.bpm for plan in plans) >= 180
+
+
+@pytest.mark.parametrize("genre", sorted(GENRES))
+def test_a_take_keeps_the_beat_of_its_song(genre):
+    plan = next(plan for plan in takes.take_plans() if plan.genre == genre)
+    song, dance = takes.rendered(plan)
+    assert song.beat_times_s[-1] < dance.motion.duration_s <= song.duration_s
+    beats_s = motion_beat_times_s(body_pos_m(dance.motion.resampled(60.0)), 60.0)
+    counts_s = dance.count_times_s
+    rng = np.random.default_rng(0)
+    chance = np.mean([f_score(np.sort((beats_s + shift) % 30), counts_s) for shift in rng.uniform(0, 30, 20)])
+    assert f_score(beats_s, counts_s) > max(0.75, chance + 0.3)
+
+
+def test_takes_are_written_as_any_library_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(takes, "TAKES_PER_GENRE", 2)
+    monkeypatch.setattr(takes, "GENRES", {"disco": GENRES["disco"]})
+    monkeypatch.setattr(takes, "DURATION_S", 10.0)
+    plans = takes.write_takes(tmp_path / "takes")
+    read = list(import_takes(tmp_path / "takes"))
+    assert [take.name for take in read] == [plan.name for plan in plans] == ["disco-01", "disco-02"]
+    for take, plan in zip(read, plans, strict=True):
+        assert take.credits.genre == "disco" and take.credits.licence == "CC0-1.0"
+        assert take.song_path is not None and take.song_name == plan.name
+        _, dance = takes.rendered(plan)
+        order = [dance.motion.skeleton.index(name) for name in take.motion.skeleton.names]
+        moved_m = take.motion.joint_pos_m() - dance.motion.joint_pos_m()[:, order]
+        np.testing.assert_allclose(moved_m, np.broadcast_to(moved_m[0, 0], moved_m.shape), atol=1e-3)
+        assert abs(moved_m[0, 0]).max() < 0.02  # the importer puts the lowest foot joint on the floor
+        truth = json.loads((tmp_path / "takes" / f"{plan.name}.truth.json").read_text(encoding="utf-8"))
+        assert truth["beat_times_s"] == sorted(truth["beat_times_s"])
+        assert {move["name"] for move in truth["moves"]} <= {move.name for move in GENRES["disco"].moves}
