@@ -52,7 +52,7 @@ export class Camera {
     const far = Math.max(tall / tan, wide / (tan * aspect)) + this.stage.radius * 0.6 * (1 - eased);
     const distance = far / this.closeness;
     // From near, the chest and face are looked at.
-    const target = [x, this.height * (0.5 + 0.2 * clamp((this.closeness - 1) / 1.5, 0, 1)), z];
+    const target = [x, this.height * (0.5 + 0.26 * clamp((this.closeness - 1) / 1.5, 0, 1)), z];
     const flat = Math.cos(this.pitch) * distance;
     const eye = [
       x + Math.sin(this.yaw) * flat,

@@ -2,41 +2,54 @@
 
 import { clamp } from "./math.js";
 
-// A browser may say the same time for some frames on end; the picture goes on for at most this long meanwhile.
-const STALE_S = 0.06;
+// A sound's clock is read once a frame and read raggedly: some milliseconds early or late, in some browsers the
+// same for a few frames. The picture moves on evenly and is drawn to the clock, so it never drifts from the sound.
+const DRAWN_S = 0.25; // time in which most of a difference is gone
+const JUMP_S = 0.08; // a difference that is no raggedness: the sound has jumped
+const STALE_S = 0.1; // a clock that says the same for longer has stopped
 
 export class SoundClock {
   constructor(audio, durationS) {
     this.audio = audio;
     this.durationS = durationS;
     this.wanted = null; // where a seek under way will land
-    this.read = { time: 0, at: 0 };
-    this.shown = 0;
+    this.time = 0; // in the dance, at the last frame
+    this.meant = false; // to play
+    this.followed = { at: 0, said: 0, changedAt: -1, playing: false };
     audio.addEventListener("seeked", () => this.#landed());
-  }
-
-  get time() {
-    if (this.wanted !== null) return this.wanted;
-    const now = performance.now() / 1000;
-    const said = this.audio.currentTime;
-    if (said !== this.read.time) this.read = { time: said, at: now };
-    const carried = this.playing ? Math.min(now - this.read.at, STALE_S) * this.audio.playbackRate : 0;
-    const time = clamp(said + carried, 0, this.durationS);
-    const back = this.shown - time;
-    // A carried time may come out a little late for the next said one: wait for it rather than step back.
-    if (!(this.playing && back > 0 && back < STALE_S)) this.shown = time;
-    return this.shown;
   }
 
   get playing() { return !this.audio.paused && !this.audio.ended; }
   get ended() { return this.audio.ended || this.time >= this.durationS; }
   set speed(speed) { this.audio.playbackRate = speed; }
 
-  async play() { await this.audio.play(); }
-  pause() { this.audio.pause(); }
+  // A seek under way lands first: one that passes the end on its way would stop the sound there.
+  async play() {
+    this.meant = true;
+    while (this.wanted !== null) await new Promise((landed) => this.audio.addEventListener("seeked", landed, { once: true }));
+    if (this.meant) await this.audio.play();
+  }
+
+  pause() {
+    this.meant = false;
+    this.audio.pause();
+  }
+
+  // Bring `time` to the instant `now` of the browser's clock, seconds.
+  follow(now) {
+    const { followed, playing } = this;
+    const said = this.audio.currentTime;
+    const started = playing && !followed.playing;
+    const changedAt = started ? -1 : said !== followed.said ? now : followed.changedAt;
+    if (this.wanted === null) {
+      const even = this.time + Math.max(0, now - followed.at) * this.audio.playbackRate;
+      this.time = clamp(playing && changedAt >= 0 ? drawn(even, this.time, said, now - followed.at, now - changedAt) : said, 0, this.durationS);
+    }
+    this.followed = { at: now, said, changedAt, playing };
+  }
 
   seek(timeS) {
-    this.wanted = clamp(timeS, 0, this.durationS);
+    this.wanted = this.time = clamp(timeS, 0, this.durationS);
     if (!this.audio.seeking) this.audio.currentTime = this.wanted;
   }
 
@@ -46,9 +59,17 @@ export class SoundClock {
       this.audio.currentTime = this.wanted; // dragged on while the last seek was under way
       return;
     }
-    this.shown = this.wanted;
     this.wanted = null;
+    this.followed.playing = false; // the sound takes a moment to start again
   }
+}
+
+// The time to show when moving on evenly leads to `even` and the sound says `said`.
+function drawn(even, before, said, elapsed, stale) {
+  const off = said - even;
+  if (Math.abs(off) > JUMP_S) return said;
+  if (stale > STALE_S) return before;
+  return stale > 0 ? even : even + off * (1 - Math.exp(-Math.max(0, elapsed) / DRAWN_S));
 }
 
 // For a dance without sound, or a browser that cannot play it.
@@ -58,7 +79,10 @@ export class SilentClock {
     this.from = 0; // dance time at `since`
     this.since = null; // null: paused
     this.rate = 1;
+    this.wanted = null; // a seek here is done at once
   }
+
+  follow() {} // time is read when it is asked for
 
   get time() {
     const gone = this.since === null ? 0 : (performance.now() / 1000 - this.since) * this.rate;

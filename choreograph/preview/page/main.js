@@ -71,7 +71,7 @@ class Page {
     const running = this.lastAt > 0 && at - this.lastAt < 0.25;
     this.lastAt = at;
     const { player, camera, renderer } = this;
-    const time = player.tick();
+    const time = player.tick(at);
     this.dancer.pose(time);
     const moving = camera.settle(elapsed);
     if (renderer) {
@@ -81,7 +81,7 @@ class Page {
     }
     this.drawn += 1;
     this.#showTime(time);
-    if (player.playing || moving || player.clock.wanted != null) this.wake();
+    if (player.playing || moving || player.clock.wanted !== null) this.wake();
     else if (!this.still) this.settling = setTimeout(() => { this.still = true; this.#ask(); }, SETTLED_MS);
   }
 
@@ -101,7 +101,7 @@ class Page {
     $("now").style.setProperty("--take", this.colours[take].css);
     $("now-take").textContent = this.dance.takes[take].name;
     $("now-genre").textContent = this.dance.takes[take].genre;
-    if (this.renderer) this.renderer.rim = this.colours[take].light.map((v) => 0.15 + 0.5 * v);
+    if (this.renderer) this.renderer.rim = this.colours[take].light.map((v) => 0.12 + 0.3 * v);
   }
 
   // What others may read: see the documentation of `write_page`.

@@ -23,7 +23,7 @@ export class Player extends EventTarget {
     audio.preservesPitch = true;
     audio.preload = "auto";
     audio.addEventListener("error", () => this.#loseSound());
-    audio.addEventListener("timeupdate", () => this.tick()); // loops go on in a hidden tab
+    audio.addEventListener("timeupdate", () => { if (document.hidden) this.tick(performance.now() / 1000); }); // loops go on in a hidden tab
     for (const name of ["play", "pause", "ended", "volumechange"]) audio.addEventListener(name, () => this.#changed());
     audio.src = URL.createObjectURL(new Blob([fromBase64(sound)], { type: "audio/mp4" }));
     this.audio = audio;
@@ -48,11 +48,12 @@ export class Player extends EventTarget {
   get playing() { return this.clock.playing; }
   get muted() { return this.audio?.muted ?? true; }
 
-  // The time now, after what the end of the loop or of the dance asks for.
-  tick() {
+  // The time at the instant `now`, seconds, after what the end of the loop or of the dance asks for.
+  tick(now) {
     const { loop, clock } = this;
+    clock.follow(now);
     if (clock.playing || clock.ended) {
-      if (loop.on && clock.wanted == null && (clock.time >= loop.to || (clock.ended && loop.to >= this.durationS - 1e-3))) {
+      if (loop.on && clock.wanted === null && (clock.time >= loop.to || (clock.ended && loop.to >= this.durationS - 1e-3))) {
         this.seek(loop.from);
         if (!clock.playing) this.play();
       } else if (clock.ended && clock.since != null) {
