@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 UP = np.array([0.0, 1.0, 0.0])
 
 _SHORTEST_BONE_M = 0.01
+_NO_LENGTH_M = 1e-3
 # Of the 1.70 m body that the tables measure: hip to ankle, and hips' to shoulders' height.
 _LEG_M, _TRUNK_M = 0.785, 0.525
 _SPREAD = 0.2  # sine between bones of one joint from which on they fix how it is turned
@@ -113,8 +114,9 @@ def _unit(vectors: Floats) -> Floats:
 class Body:
     """A skeleton standing in its bind pose, as the pieces need it."""
 
-    pos_m: Floats  # (J, 3)
-    quat: Floats  # (J, 4) turns against the rest pose
+    bind_pos_m: Floats  # (J, 3)
+    bind_quat: Floats  # (J, 4) turns against the rest pose
+    pos_m: Floats  # (J, 3) as bound, but bones without length have a little: the pieces need directions
     roles: dict[str, int]  # canonical role -> joint
     spine: tuple[int, ...]  # joints from the pelvis up to where the arms meet
     front: Floats  # (3,) unit, level
@@ -156,27 +158,46 @@ def standing_body(skeleton: Skeleton, motion: Motion | None) -> Body:
     Raises `ParameterError` if the joint names are not a known rig's.
     """
     roles = joint_roles(skeleton)
-    pos_m, quat = bind_pose(skeleton, motion)
-    chains = [[roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in ("left", "right")]
-    leg_m = np.linalg.norm(np.diff(pos_m[chains], axis=1), axis=-1).sum(axis=-1).mean()
-    hips, shoulders = (
-        pos_m[[roles[f"left_{part}"], roles[f"right_{part}"]]].mean(axis=0) for part in ("hip", "shoulder")
-    )
-    scale = (leg_m / _LEG_M + np.linalg.norm(shoulders - hips) / _TRUNK_M) / 2
+    bind_pos_m, quat = bind_pose(skeleton, motion)
+    pos_m = _drawn_out(bind_pos_m, roles)
     spine = [roles.get("spine3", roles.get("spine1", roles["pelvis"]))]
     while spine[-1] not in (roles["pelvis"], 0):
         spine.append(int(skeleton.parents[spine[-1]]))
     lefts, rights = ([roles[f"{side}_{part}"] for part in ("hip", "shoulder")] for side in ("left", "right"))
     front = np.cross((pos_m[lefts] - pos_m[rights]).sum(axis=0), UP)
+    breadth = float(np.linalg.norm(front))
     return Body(
-        pos_m,
+        bind_pos_m,
         quat,
+        pos_m,
         roles,
         tuple(spine[::-1]),
-        front / max(float(np.linalg.norm(front)), 1e-9),
-        max(float(scale), _SHORTEST_BONE_M),
-        _sole_m(skeleton, roles, pos_m, quat),
+        front / breadth if breadth > _NO_LENGTH_M else np.array([0.0, 0.0, 1.0]),
+        max(_scale(pos_m, roles), _SHORTEST_BONE_M),
+        _sole_m(skeleton, roles, bind_pos_m, quat),
     )
+
+
+def _drawn_out(pos_m: Floats, roles: dict[str, int]) -> Floats:
+    """The places (J, 3), where a bone without length has a millimetre in the canonical body's direction."""
+    places, standing = np.array(pos_m), canonical_skeleton().offsets_m
+    for role, joint in roles.items():
+        index = CANONICAL_JOINTS.index(role)
+        above = CANONICAL_JOINTS[CANONICAL_PARENTS[index]] if index else ""
+        if above in roles and np.linalg.norm(pos_m[joint] - pos_m[roles[above]]) < _NO_LENGTH_M:
+            direction = standing[index] / np.linalg.norm(standing[index])
+            places[joint] = places[roles[above]] + _NO_LENGTH_M * direction
+    return places
+
+
+def _scale(pos_m: Floats, roles: dict[str, int]) -> float:
+    """Size of the body against the tables' 1.70 m, by legs and trunk alike."""
+    chains = [[roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in ("left", "right")]
+    leg_m = np.linalg.norm(np.diff(pos_m[chains], axis=1), axis=-1).sum(axis=-1).mean()
+    hips, shoulders = (
+        pos_m[[roles[f"left_{part}"], roles[f"right_{part}"]]].mean(axis=0) for part in ("hip", "shoulder")
+    )
+    return float(leg_m / _LEG_M + np.linalg.norm(shoulders - hips) / _TRUNK_M) / 2
 
 
 def _sole_m(skeleton: Skeleton, roles: dict[str, int], pos_m: Floats, quat: Floats) -> float:

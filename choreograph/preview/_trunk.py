@@ -82,7 +82,7 @@ def _hang_on_collars(piece: Piece, body: Body, low: Floats, up: Floats) -> None:
         if f"{side}_collar" not in body.roles:
             continue
         out = body.place(f"{side}_shoulder") - body.middle("shoulder")
-        beside = places @ out / (out @ out)  # 1 at the shoulder
+        beside = places @ out / max(float(out @ out), 1e-12)  # 1 at the shoulder
         share = smoothstep((beside - 0.25) / 0.6) * smoothstep((height - _COLLAR_FROM) / 0.2)
         moved = share > 0
         piece.joints[moved] = chest, body.roles[f"{side}_collar"]

@@ -83,8 +83,8 @@ def build_figure(skeleton: Skeleton, motion: Motion | None = None) -> Figure:
         pieces += leg(body, side, part[f"{side}_leg"], part["pelvis"])
         pieces += hand(body, side, part[f"{side}_hand"], fingers=not own_fingers)
         pieces.append(shoe(body, side, part[f"{side}_shoe"]))
-    pieces += _extra_bones(skeleton, body.pos_m, body.quat, covered, _THICKEST_EXTRA_M * body.scale)
-    return _assembled(pieces, body.pos_m, body.quat)
+    pieces += _extra_bones(skeleton, body.bind_pos_m, body.bind_quat, covered, _THICKEST_EXTRA_M * body.scale)
+    return _assembled(pieces, body.bind_pos_m, body.bind_quat)
 
 
 def _has_fingers(skeleton: Skeleton, wrist: int, covered: set[int]) -> bool:

@@ -210,6 +210,19 @@ def test_a_dwarf_and_a_giant_have_the_same_shape(scale):
     )
 
 
+@settings(max_examples=25, deadline=None)
+@given(flat=st.sets(st.integers(1, 23)), scale=st.sampled_from([1.0, 1e-5, 0.0]))
+@pytest.mark.filterwarnings("error")
+def test_bones_without_length_give_a_figure_all_the_same(flat, scale):
+    body = canonical_skeleton()
+    offsets = body.offsets_m * scale
+    offsets[list(flat)] = 0.0
+    figure = build_figure(replace(body, offsets_m=offsets))
+    assert np.isfinite(figure.vertices_m).all() and np.isfinite(figure.normals).all()
+    bones = figure.bind_pos_m[1:] - figure.bind_pos_m[body.parents[1:]]
+    assert np.allclose(np.linalg.norm(bones, axis=1), np.linalg.norm(offsets[1:], axis=1))
+
+
 def test_a_rig_that_lies_in_its_rest_pose_looks_the_same():
     motion = swaying(120)
     lying = on_other_axes(motion, 0)

@@ -1,0 +1,17 @@
+"""How fast the dancer is drawn: pytest tests/benchmarks --benchmark-only"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from planted_dances import swaying
+
+from choreograph.preview.follow import follow
+
+pytestmark = pytest.mark.slow
+
+
+def test_a_picture_of_720_lines(benchmark):
+    shots = follow(swaying(60), np.array([0.5]), aspect=16 / 9)
+    shots.render(0, (1280, 720))  # compiled before it is timed
+    benchmark(shots.render, 0, (1280, 720))
