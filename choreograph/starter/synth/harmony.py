@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -113,3 +114,25 @@ def _places(current: Chord, low: int, high: int, voices: int) -> list[list[int]]
 def scale_notes(scale: str, tonic: int, low: int, high: int) -> list[int]:
     """MIDI notes of a scale from `low` to `high`."""
     return [note for note in range(low, high + 1) if (note - tonic) % 12 in SCALES[scale]]
+
+
+def fitting_scale(chords: Sequence[Chord], names: Sequence[str]) -> tuple[str, int]:
+    """The scale, by name and tonic, that suits chords best.
+
+    Its notes should sound in the chords (others clash), it should hold the chords' notes, and at equal
+    merit begin where the first chord does.
+    """
+    sounding = {c for chord in chords for c in chord.pitch_classes}
+
+    def merit(name: str, tonic: int) -> float:
+        notes = {(tonic + step) % 12 for step in SCALES[name]}
+        common = len(notes & sounding)
+        return common / len(notes) + 0.5 * common / len(sounding) + 0.2 * (tonic == chords[0].root)
+
+    return max(product(names, range(12)), key=lambda option: merit(*option))
+
+
+def kinship(first: Sequence[Chord], second: Sequence[Chord]) -> float:
+    """Share of their pitch classes that two progressions have in common, 0 … 1."""
+    one, other = ({c for chord in row for c in chord.pitch_classes} for row in (first, second))
+    return len(one & other) / len(one | other)

@@ -62,10 +62,15 @@ def realised(
         last = i == len(rows) - 1
         if cadence and last:
             note = _nearest(note, chord.pitch_classes[:2])
-        elif step % _STRONG == 0 or steps >= 4:
+        elif step % _STRONG == 0 or steps >= 4 or (steps >= 2 and _grates(note, chord)):
             note = _nearest(note, chord.pitch_classes)
         pitches.append(note)
     return pitches
+
+
+def _grates(note: int, chord: Chord) -> bool:
+    """A half step above a tone of the chord: for passing only."""
+    return note % 12 not in chord.pitch_classes and (note - 1) % 12 in chord.pitch_classes
 
 
 def _nearest(note: int, pitch_classes: Sequence[int]) -> int:

@@ -8,7 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from choreograph.starter.synth.arrangement import Section
-from choreograph.starter.synth.harmony import Chord, progression, scale_notes, voiced
+from choreograph.starter.synth.harmony import (
+    Chord,
+    fitting_scale,
+    kinship,
+    progression,
+    scale_notes,
+    voiced,
+)
 from choreograph.starter.synth.melody import Motif, realised
 from choreograph.starter.synth.style import Lane, Part, SongStyle
 
@@ -37,9 +44,10 @@ class Track:
 
 @dataclass(frozen=True)
 class Harmony:
-    """Chords of a song, by bar, and their voicings for a range."""
+    """Chords of a song by bar, and the scales of its melodies."""
 
     bars: tuple[tuple[Chord, ...], ...]  # one more than the song has: the last chord
+    scales: dict[str, list[int]]  # MIDI notes for the verse (and all else) and for the chorus
     steps_per_bar: int
 
     def at(self, step: int) -> Chord:
@@ -60,7 +68,6 @@ def compose(style: SongStyle, sections: Sequence[Section], rng: np.random.Genera
     harmony = _harmony(style, sections, tonic, rng)
     tracks = [_drum_track(style, lane, sections, rng) for lane in style.lanes]
     tracks += _fills(style, sections, rng)
-    scale = str(rng.choice(style.scales))
     for part in style.parts:
         voice = str(rng.choice(part.voices))
         if part.role == "bass":
@@ -68,20 +75,34 @@ def compose(style: SongStyle, sections: Sequence[Section], rng: np.random.Genera
         elif part.role == "chords":
             notes = _chords(style, part, sections, harmony, rng)
         else:
-            notes = _melody(style, part, sections, harmony, scale_notes(scale, tonic, 0, 127), rng)
+            notes = _melody(style, part, sections, harmony, rng)
         tracks.append(Track(voice, part, tuple(notes)))
     return [track for track in tracks if track.notes]
 
 
 def _harmony(style: SongStyle, sections: Sequence[Section], tonic: int, rng: np.random.Generator) -> Harmony:
-    verse, chorus = rng.permutation(len(style.progressions))[[0, -1]]
+    progressions = [progression(text, tonic) for text in style.progressions]
+    flat = [[chord for bar in bars for chord in bar] for bars in progressions]
+    verse = int(rng.integers(len(flat)))
+    others = sorted(set(range(len(flat))) - {verse}, key=lambda i: -kinship(flat[verse], flat[i]))
+    chosen = {
+        "verse": verse,
+        "chorus": int(rng.choice(others[:2] or [verse])),
+    }  # of a chorus akin to the verse
     bars: list[tuple[Chord, ...]] = []
     for section in sections:
-        text = style.progressions[chorus if section.name == "chorus" else verse]
-        chords = progression(text, tonic)
+        chords = progressions[chosen[_book(section)]]
         bars += [chords[i % len(chords)] for i in range(section.bars)]
-    home = min((chord for bar in bars for chord in bar), key=lambda chord: (chord.root - tonic) % 12)
-    return Harmony((*bars, (home,)), style.steps_per_bar)
+    last = flat[chosen[_book(sections[-1])]]
+    home = next((chord for chord in last if chord.root == tonic), last[0])
+    scales = {book: fitting_scale(flat[i], style.scales) for book, i in chosen.items()}
+    notes = {book: scale_notes(name, root, 0, 127) for book, (name, root) in scales.items()}
+    return Harmony((*bars, (home,)), notes, style.steps_per_bar)
+
+
+def _book(section: Section) -> str:
+    """Which of a song's two ideas a section is made of."""
+    return "chorus" if section.name == "chorus" else "verse"
 
 
 def _plays(source: Lane | Part, section: Section) -> bool:
@@ -232,16 +253,18 @@ def _melody(
     part: Part,
     sections: Sequence[Section],
     harmony: Harmony,
-    scale: list[int],
     rng: np.random.Generator,
 ) -> list[Note]:
     """Motifs in the order A A' B A'' through each section; verse and chorus have their own."""
-    books = {name: (Motif.drawn(part.patterns, rng), Motif.drawn(part.patterns, rng)) for name in ("a", "b")}
+    books = {
+        name: (Motif.drawn(part.patterns, rng), Motif.drawn(part.patterns, rng)) for name in harmony.scales
+    }
     notes: list[Note] = []
     for section in sections:
         if not _plays(part, section):
             continue
-        first, second = books["b" if section.name == "chorus" else "a"]
+        first, second = books[_book(section)]
+        scale = harmony.scales[_book(section)]
         bar = section.first_bar
         for slot in range(section.bars):
             motif = second if slot % 4 == 2 else first

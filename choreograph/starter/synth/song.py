@@ -108,7 +108,8 @@ def render_song(
     ----------
     style : a `SongStyle`, or a genre's name in `STYLES`
     bpm : beats a minute; None for the middle of the genre's range
-    n_bars, duration_s : length; give one. A duration is met to the nearest even number of bars
+    n_bars, duration_s : length of the bars; give one. A duration is met to the nearest even number of
+        bars. The closing chord rings for another bar and 1.5 s
     seed : key, chords, motifs, sounds and touches follow from it; the same seed gives the same samples
     swing : 0 (straight) to 1 (triplets); None for the genre's own
     ramp_to_bpm : tempo at the end, reached by the same BPM every second

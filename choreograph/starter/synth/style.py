@@ -52,8 +52,8 @@ class SongStyle:
     bpm: tuple[float, float]  # usual range
     lanes: tuple[Lane, ...]
     parts: tuple[Part, ...]
-    progressions: tuple[str, ...]  # one bar a word, as if in C; verse and chorus draw one each
-    scales: tuple[str, ...]  # of the melody, by tonic C; one is drawn per song
+    progressions: tuple[str, ...]  # one bar a word, as if in C; verse and chorus take one each
+    scales: tuple[str, ...]  # for melodies; the one that suits the chords is taken
     fills: tuple[tuple[str, str], ...]  # (drum, one bar) of which one is drawn per song
     ending: tuple[str, ...] = ("kick", "crash")  # drums on the last downbeat
     crash: str | None = "crash"  # at the head of full sections

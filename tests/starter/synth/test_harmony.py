@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
 from choreograph.starter.synth.genres import STYLES
-from choreograph.starter.synth.harmony import chord, progression, scale_notes, voiced
+from choreograph.starter.synth.harmony import chord, fitting_scale, kinship, progression, scale_notes, voiced
 from choreograph.starter.synth.melody import Motif, realised
 
 
@@ -66,3 +66,16 @@ def test_melodies_rest_on_chord_tones(seed, tonic):
     strong = [note for note, (step, steps, _) in zip(notes, rows, strict=True) if step % 8 == 0 or steps >= 4]
     assert all(note % 12 in home.pitch_classes for note in strong)
     assert max(notes) - min(notes) <= 26
+
+
+def test_the_scale_is_the_chords_own():
+    def chords(text):
+        return [chord for bar in progression(text, 0) for chord in bar]
+
+    assert fitting_scale(chords("Am Dm7 E7 Am"), ("minor", "harmonic minor", "major")) == (
+        "harmonic minor",
+        9,
+    )
+    assert fitting_scale(chords("C Am7 Dm7 G7"), ("major", "minor pentatonic")) == ("major", 0)
+    assert fitting_scale(chords("Dm7 Em7 Dm7 Em7"), ("dorian", "mixolydian"))[1] in (2, 9)
+    assert kinship(chords("C Am7"), chords("Am7 C")) == 1.0 > kinship(chords("C"), chords("C#")) == 0.0

@@ -152,13 +152,13 @@ SWING = SongStyle(
     swing=1.0,
     room_s=1.0,
     lanes=(
-        Lane("ride", ("x...x.o.x...x.o.",), enters=0.5, db=-8.0, pan=0.3),
+        Lane("ride", ("x...x.o.x...x.o.",), enters=0.5, db=-6.5, pan=0.3),
         Lane("pedal", ("....X.......X...",), db=-9.0, pan=0.15),
-        Lane("hat", ("x...x.o.x...x.o.",), leaves=0.5, db=-9.0, pan=0.2),
+        Lane("hat", ("x...x.o.x...x.o.",), leaves=0.5, db=-7.5, pan=0.2),
         Lane("soft kick", ("x...x...x...x...",), enters=0.5, db=-6.5, send=0.0),
         Lane("snare", ("....x.......x...", "....x.......x.o."), enters=0.8, db=-9.0, send=0.12),
         Lane("ghost", ("......o.......o.", "..............o."), enters=0.5, db=-14.0),
-        Lane("snap", ("....x.......x...",), leaves=0.5, db=-11.0, send=0.25),
+        Lane("snap", ("....x.......x...",), leaves=0.5, db=-9.5, send=0.25),
     ),
     parts=(
         Part(
