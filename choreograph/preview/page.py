@@ -75,7 +75,7 @@ def write_page(
     shown = motion.sliced(0, min(motion.n_frames, int(np.ceil(duration_s * motion.fps)) + 1))
     sound, levels, levels_per_s = _sound(song_path, start_s, duration_s)
     packed = pack_motion(shown)
-    mesh, figure = pack_figure(build_figure(motion.skeleton))
+    mesh, figure = pack_figure(build_figure(motion.skeleton, motion))
     title = title or plan.song or "Dance"
     dance = {
         "title": title,

@@ -15,6 +15,8 @@ from PIL import Image
 from planted_dances import swaying
 from planted_pages import plan_for, write_seconds
 
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton
 from choreograph.preview.page import write_page
 
 sync_api = pytest.importorskip("playwright.sync_api")
@@ -357,3 +359,14 @@ def test_names_are_shown_as_they_are(opened, tmp_path):
     assert page.locator("h1").inner_text() == evil
     assert page.locator("#now-take").inner_text() == evil
     assert page.title() == evil
+
+
+def test_the_smallest_dance_of_the_oddest_body(opened, tmp_path):
+    """One frame of one joint of no known name: still a page that opens, plays and ends."""
+    skeleton = Skeleton(("thing",), np.array([-1]), np.zeros((1, 3)))
+    motion = Motion(skeleton, np.zeros((1, 3)), np.array([[[1.0, 0.0, 0.0, 0.0]]]), 30.0)
+    write_page(tmp_path / "page.html", motion, plan_for(motion), song_path=None, motion_beats_s=[])
+    page = opened("page.html", folder=tmp_path)
+    page.keyboard.press("Space")
+    until(page, "!choreograph.playing && choreograph.time > 0.03")
+    assert state(page, "joints") == [[0, 0, 0]]
