@@ -14,7 +14,8 @@ def beat_chain(strength, tempo_gain, gain_hop, first_period, change_penalty):
 
     A state is a beat at frame t whose interval back is p frames; it earns p times (strength[t] +
     tempo_gain there), so that a song's total is a time average and no tempo earns by its number of
-    beats. Changing p by more than the grid's one frame costs `change_penalty` · p · (relative change)².
+    beats. Changing p by more than half a frame, which the grid makes us do, costs
+    `change_penalty` · p · (relative change)².
 
     strength (T,), tempo_gain (G, P): column i is the period first_period + i, row j the frames from
     j · gain_hop on. Returns int64 (Q,), at least one.
@@ -38,7 +39,7 @@ def beat_chain(strength, tempo_gain, gain_hop, first_period, change_penalty):
             low = max(first_period, int(period * 0.85))
             high = min(last_period, int(period * 1.18) + 1)
             for previous in range(low, high + 1):
-                change = max(abs(period - previous) - 1, 0) / period
+                change = max(abs(period - previous) - 0.5, 0.0) / period
                 score = then[previous - first_period] - change_penalty * period * change * change
                 if score > best:
                     best, chosen = score, previous

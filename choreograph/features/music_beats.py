@@ -140,4 +140,3 @@ def filled(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.
 def _before(first_s: float, period_s: float) -> NDArray[np.float64]:
     steps = np.arange(int(first_s / period_s + 1e-9), 0, -1, dtype=np.float64)
     return np.asarray(first_s - period_s * steps, np.float64)
-

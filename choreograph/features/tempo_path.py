@@ -25,7 +25,7 @@ _COMPRESSION = 0.6  # of the strength: a loud accent is no proof that it is the 
 _CONTEXT_S = 8.0  # music around an instant that its tempo is heard in
 _HOP = 30  # frames between two such instants
 _TEMPO_WEIGHT = 1.5  # of the repetition, beside the strength of onsets under the beats
-_CHANGE_PENALTY = 200.0
+_CHANGE_PENALTY = 1000.0
 # Between an octave's two readings the one nearer to a step's pace wins.
 _PRIOR_BPM, _PRIOR_OCTAVES = 108.0, 0.7
 # How late the rise of amplitude peaks: 11 ms (spread 6) in the median over mixed songs of eleven genres
