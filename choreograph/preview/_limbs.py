@@ -78,7 +78,7 @@ def _limb(
     """One tube over the middle joint, and a ball that fills its bend; `cloth`: a part, and down to where."""
     start, middle, end = (body.place(role) for role in roles)
     joints = [body.roles[role] for role in roles]
-    bend = 1 + np.array([-0.12, -0.03, -0.01, 0.01, 0.03, 0.12])
+    bend = 1 + np.array([-0.12, -0.045, -0.015, 0.015, 0.045, 0.12])
     at = np.concatenate([np.linspace(0, 0.76, 5), [cloth[1]], bend, np.linspace(1.24, 2.0, 6)])  # (R,)
     at = np.unique(at)
     centres = np.where(
@@ -87,7 +87,7 @@ def _limb(
         middle + (at[:, None] - 1) * (end - middle),
     )
     upper, lower = middle - start, end - middle
-    turn = smoothstep((at - 0.97) / 0.06)
+    turn = smoothstep((at - 0.955) / 0.09)
     axes = upper / np.linalg.norm(upper) * (1 - turn[:, None]) + lower / np.linalg.norm(lower) * turn[:, None]
     across, ahead = frames_along(axes, body.front)
     radii = smooth_rows(table, at) * body.scale

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 _BIAS_M = np.float32(0.012)  # a surface does not shade itself closer than this
+_SHADOW = np.float32(0.3)  # share of the key light that shadows on the body keep: the lamp is large
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -17,49 +18,51 @@ def paint_backdrop(
 ):  # pragma: no cover - compiled
     """Floor with grid and shadow, and sky, into `image` (H, W, 3).
 
-    `sky` (2, 3): colours at the horizon and overhead. `floor` (2, 3): floor and grid. `slit`: half a
-    grid line's width in metres. `shade` (N, N) is the light the floor loses. `middle` (x, z): the floor is
-    brightest there and fades into the horizon away from it.
+    `right`, `up` and `ahead` (3,) are the camera's unit axes, `right` level. `sky` (2, 3): colours at the
+    horizon and overhead. `floor` (2, 3): floor and grid. `slit`: half a grid line's width in metres.
+    `shade` (N, N) is the light the floor loses. `middle` (x, z): the floor is brightest there and fades
+    into the horizon away from it.
     """
     height, width, _ = image.shape
     n = len(shade)
     half_w, half_h = np.float32(0.5 * width - 0.5), np.float32(0.5 * height - 0.5)
     one, half = np.float32(1.0), np.float32(0.5)
+    pixel, per_texel = one / focal, one / texel
     for row in range(height):
-        v = (half_h - np.float32(row)) / focal
+        v = (half_h - np.float32(row)) * pixel
+        dy = ahead[1] + v * up[1]  # the camera stands level: a row looks down as steeply all along
+        down = dy < np.float32(-1e-4) and eye[1] > 0
+        away = -eye[1] / dy if down else np.float32(0.0)
         for column in range(width):
-            u = (np.float32(column) - half_w) / focal
+            u = (np.float32(column) - half_w) * pixel
             dx = ahead[0] + u * right[0] + v * up[0]
-            dy = ahead[1] + u * right[1] + v * up[1]
             dz = ahead[2] + u * right[2] + v * up[2]
-            length = np.sqrt(dx * dx + dy * dy + dz * dz)
-            rise = max(dy / length, np.float32(0.0))
+            inverse = one / np.sqrt(dx * dx + dy * dy + dz * dz)
+            rise = max(dy * inverse, np.float32(0.0))
             mix = min(rise * np.float32(1.6), one)
             r = sky[0, 0] + (sky[1, 0] - sky[0, 0]) * mix
             g = sky[0, 1] + (sky[1, 1] - sky[0, 1]) * mix
             b = sky[0, 2] + (sky[1, 2] - sky[0, 2]) * mix
-            if dy < np.float32(-1e-4) and eye[1] > 0:
-                away = -eye[1] / dy
+            if down:
                 x, z = eye[0] + away * dx, eye[2] + away * dz
                 px, pz = x - middle[0], z - middle[1]
                 far = np.sqrt(px * px + pz * pz)
-                solid = max(one - far / np.float32(9.0), np.float32(0.0))
-                solid = solid * solid * (3 - 2 * solid)
+                solid = max(one - far * np.float32(1.0 / 9.0), np.float32(0.0))
+                solid = solid * solid * (np.float32(3.0) - np.float32(2.0) * solid)
                 if solid > 0:
                     # A sample covers this much floor, across the view and along it.
-                    across = away * length / focal
-                    steep = max(-dy / length, np.float32(0.02))
-                    span = across / np.sqrt(steep)
+                    steep = max(-dy * inverse, np.float32(0.02))
+                    span = away * pixel / (inverse * np.sqrt(steep))
                     gx = np.abs(x - np.floor(x + half))
                     gz = np.abs(z - np.floor(z + half))
-                    near = max(span, slit)
-                    line = max(one - gx / near, np.float32(0.0)) + max(one - gz / near, np.float32(0.0))
-                    line = min(line, one) * slit / near
+                    sharp = one / max(span, slit)
+                    line = max(one - gx * sharp, np.float32(0.0)) + max(one - gz * sharp, np.float32(0.0))
+                    line = min(line, one) * slit * sharp
                     lit = np.float32(0.80) + np.float32(0.20) / (one + np.float32(0.18) * far * far)
-                    fx, fz = (x - origin[0]) / texel, (z - origin[1]) / texel
+                    fx, fz = (x - origin[0]) * per_texel, (z - origin[1]) * per_texel
                     if 0 <= fx < n - 1 and 0 <= fz < n - 1:
                         ix, iz = int(fx), int(fz)
-                        wx, wz = fx - ix, fz - iz
+                        wx, wz = fx - np.float32(ix), fz - np.float32(iz)
                         low = shade[iz, ix] * (one - wx) + shade[iz, ix + 1] * wx
                         high = shade[iz + 1, ix] * (one - wx) + shade[iz + 1, ix + 1] * wx
                         lit *= one - (low * (one - wz) + high * wz)
@@ -94,7 +97,7 @@ def shade_figure(
     `lights` (3, 3): unit directions to key, fill and back light; `tints` (5, 3): their colours, then the
     light from overhead and the light off the floor. `colours` (V, 3) are the vertices' own. `key_map` (N, N)
     is how near to the key light the nearest surface is that faces away from it, metres, and `seen_by_key`
-    (V, 3) where the vertices are on it: what lies behind gets no key light.
+    (V, 3) where the vertices are on it: what lies behind gets little key light.
     """
     rows, columns = owners.shape[0] // grid, owners.shape[1] // grid
     share = np.float32(1.0) / np.float32(grid * grid)
@@ -152,7 +155,7 @@ def shade_figure(
                     lx = b0 * seen_by_key[i, 0] + b1 * seen_by_key[j, 0] + b2 * seen_by_key[k, 0]
                     ly = b0 * seen_by_key[i, 1] + b1 * seen_by_key[j, 1] + b2 * seen_by_key[k, 1]
                     near = b0 * seen_by_key[i, 2] + b1 * seen_by_key[j, 2] + b2 * seen_by_key[k, 2]
-                    key *= _lit(key_map, lx, ly, near + _BIAS_M)
+                    key *= _SHADOW + (one - _SHADOW) * _lit(key_map, lx, ly, near + _BIAS_M)
                 fill = max(nx * lights[1, 0] + ny * lights[1, 1] + nz * lights[1, 2], zero)
                 back = max(nx * lights[2, 0] + ny * lights[2, 1] + nz * lights[2, 2], zero)
                 back = edge * (half + back)
