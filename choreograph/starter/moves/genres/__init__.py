@@ -1,5 +1,6 @@
 """One module a genre: its moves as data, and a `Genre` that says how they are danced."""
 
 from choreograph.starter.moves.genres.disco import DISCO
+from choreograph.starter.moves.genres.waltz import WALTZ
 
-GENRES = {genre.name: genre for genre in (DISCO,)}
+GENRES = {genre.name: genre for genre in (DISCO, WALTZ)}
