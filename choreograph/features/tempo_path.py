@@ -27,7 +27,7 @@ _HOP = 30  # frames between two such instants
 _TEMPO_WEIGHT = 1.5  # of the repetition, beside the strength of onsets under the beats
 _CHANGE_PENALTY = 1000.0
 # Between an octave's two readings the one nearer to a step's pace wins.
-_PRIOR_BPM, _PRIOR_OCTAVES = 108.0, 0.7
+_PRIOR_BPM, _PRIOR_OCTAVES = 112.0, 0.7
 # How late the rise of amplitude peaks: 11 ms (spread 6) in the median over mixed songs of eleven genres
 # whose beats are known to the sample; of a bare kick or click it is 1 ms late to 7 ms early.
 _LAG_S = 0.011
