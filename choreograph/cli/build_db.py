@@ -51,7 +51,7 @@ def command(
     given = {} if density is None else {"density": density}
     options = BuildOptions(
         preset=preset, seed=seed, device=device, resume=resume, init_from=init_from,
-        keep_networks=keep_networks, packed=packed, leave_out=_names(leave_out), **given,
+        keep_networks=keep_networks, packed=packed, leave_out=names_of(leave_out), **given,
     )  # fmt: skip
     try:
         with stages(quiet=quiet) as shown:
@@ -66,7 +66,8 @@ def command(
         click.echo(f"{output}: {len(repertoire.takes)} takes, {repertoire.n_clips} clips")
 
 
-def _names(given: tuple[str, ...]) -> tuple[str, ...]:
+def names_of(given: tuple[str, ...]) -> tuple[str, ...]:
+    """Take names as given, those of each @FILE in its place; `FormatError` if one cannot be read."""
     from choreograph.errors import FormatError
 
     names: list[str] = []

@@ -14,7 +14,10 @@ from choreograph.errors import ChoreographError
 # Threads that wait for one another must not spin: with two cores shared, warping was seven times slower.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-_COMMANDS = {"build-db": "build_db", "dance": "dance", "inspect": "inspect", "songs": "songs"}
+_COMMANDS = {
+    "build-db": "build_db", "build-starter": "build_starter", "dance": "dance", "inspect": "inspect",
+    "songs": "songs",
+}  # fmt: skip
 
 
 class _Commands(click.Group):

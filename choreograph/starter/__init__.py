@@ -4,7 +4,7 @@
 - `example_songs` — a few short songs that come along
 - `moves` — the language of steps and poses its takes are written in, and the genres
 - `synth` — the synthesiser of its songs, whose beats are known exactly
-- `python -m choreograph.starter` — renders takes and songs and builds the shipped file again
+- `build` — renders takes and songs and builds the shipped file again (`choreograph build-starter`)
 """
 
 from __future__ import annotations

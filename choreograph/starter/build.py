@@ -1,0 +1,45 @@
+"""Building the shipped repertoire: takes and songs rendered, networks learned, one file written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from choreograph.pipeline import BuildOptions, build_repertoire
+from choreograph.repertoire import Repertoire
+from choreograph.starter import STARTER_PATH
+from choreograph.starter.synth.examples import write_examples
+from choreograph.starter.takes import write_takes
+
+
+def build_starter(
+    work: Path,
+    output: Path = STARTER_PATH,
+    *,
+    learn_from: Sequence[Path] = (),
+    leave_out: Sequence[str] = (),
+    preset: str = "small",
+    seed: int = 0,
+    report: Callable[[str, int, int], None] | None = None,
+    training_report: Callable[[Any], None] | None = None,
+) -> tuple[Repertoire, tuple[str, ...]]:
+    """Render the starter's takes and songs, learn from them and from real takes, write the repertoire.
+
+    Only the rendered takes go into it; of the real ones (`learn_from`, without those named in
+    `leave_out`) nothing but what the networks learned. Takes and checkpoints stay in `work`, so that a
+    run that was stopped goes on where it was. Returns the repertoire and notes; raises as
+    `build_repertoire`.
+    """
+    takes = work / "takes"
+    if not (takes / "manifest.csv").exists():
+        write_takes(takes, report=report)
+    learned = work / "learned.h5"
+    training = BuildOptions(preset=preset, seed=seed, resume=True, leave_out=tuple(leave_out))
+    _, notes = build_repertoire(
+        [takes, *learn_from], learned, training, report=report, training_report=training_report
+    )
+    keeping = BuildOptions(preset=preset, seed=seed, init_from=learned, keep_networks=True, packed=True)
+    repertoire, more = build_repertoire([takes], output, keeping, report=report)
+    write_examples()
+    return repertoire, (*notes, *more)
