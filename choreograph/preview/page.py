@@ -1,6 +1,6 @@
 """The preview: one HTML file with the dance, its song and the page that plays them, for any browser, offline.
 
-The page draws with a small WebGL renderer of its own (`page/renderer.js`, some 300 lines). The alternative, a
+The page draws with a small WebGL renderer of its own (`page/renderer.js`, some 400 lines with its shaders). The alternative, a
 renderer taken from an installed Python package when the page is written, was left: the packages that carry
 one (notebook viewers) are tens of megabytes, would be a dependency for one file of theirs, and put 0.6 MB or
 more of general engine into every preview, for one skinned body, a floor and a shadow.
@@ -32,8 +32,8 @@ from choreograph.preview.packing import ROTVEC_STEP_RAD, pack_figure, pack_motio
 from choreograph.preview.sound import Levels, encode_mp4, song_part
 
 _SCRIPTS = (
-    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
-    "renderer.js", "colours.js", "timeline.js", "card.js", "player.js", "controls.js", "main.js",
+    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js", "renderer.js",
+    "colours.js", "gestures.js", "timeline.js", "card.js", "player.js", "controls.js", "main.js",
 )  # fmt: skip
 _LEVELS_PER_S = 50
 _LENGTH_SLACK_S = 0.1  # a plan's length is the song's, a motion's is whole frames

@@ -20,8 +20,8 @@ export class Card {
     this.second = second;
     const box = this.element.getBoundingClientRect();
     const top = document.getElementById("timeline").getBoundingClientRect().top - box.height - 10;
-    this.element.style.transform =
-      `translate(${Math.round(clamp(x - box.width / 2, 8, innerWidth - box.width - 8))}px, ${Math.round(Math.max(8, top))}px)`;
+    const left = clamp(x - box.width / 2, 8, innerWidth - box.width - 8);
+    this.element.style.transform = `translate(${Math.round(left)}px, ${Math.round(Math.max(8, top))}px)`;
   }
 
   #fill(index, colours) {
@@ -43,7 +43,9 @@ export class Card {
       made("p", "sub", [sub || "no credits given"]),
       made("dl", "", facts.flatMap(([name, value]) => [made("dt", "", [name]), made("dd", "", [value])])),
       made("dl", "costs", [
-        ...costs.flatMap(([name, cost]) => [made("dt", "", [name]), this.#bar(cost), made("dd", "", [cost.toFixed(3)])]),
+        ...costs.flatMap(([name, cost]) => [
+          made("dt", "", [name]), this.#bar(cost), made("dd", "", [cost.toFixed(3)]),
+        ]),
         made("dt", "", ["cost in all"]), made("span"), made("dd", "", [total.toFixed(3)]),
       ]),
     );

@@ -26,7 +26,9 @@ export class SoundClock {
   // A seek under way lands first: one that passes the end on its way would stop the sound there.
   async play() {
     this.meant = true;
-    while (this.wanted !== null) await new Promise((landed) => this.audio.addEventListener("seeked", landed, { once: true }));
+    while (this.wanted !== null) {
+      await new Promise((landed) => this.audio.addEventListener("seeked", landed, { once: true }));
+    }
     if (this.meant) await this.audio.play();
   }
 
@@ -42,10 +44,21 @@ export class SoundClock {
     const started = playing && !followed.playing;
     const changedAt = started ? -1 : said !== followed.said ? now : followed.changedAt;
     if (this.wanted === null) {
-      const even = this.time + Math.max(0, now - followed.at) * this.audio.playbackRate;
-      this.time = clamp(playing && changedAt >= 0 ? drawn(even, this.time, said, now - followed.at, now - changedAt) : said, 0, this.durationS);
+      const elapsed = Math.max(0, now - followed.at);
+      const going = playing && changedAt >= 0;
+      const time = going ? this.#drawn(elapsed, said, now - changedAt) : said;
+      this.time = clamp(time, 0, this.durationS);
     }
     this.followed = { at: now, said, changedAt, playing };
+  }
+
+  // The time to show `elapsed` seconds after the last, drawn towards what the sound says.
+  #drawn(elapsed, said, staleFor) {
+    const even = this.time + elapsed * this.audio.playbackRate;
+    const off = said - even;
+    if (Math.abs(off) > JUMP_S) return said;
+    if (staleFor > STALE_S) return this.time;
+    return staleFor > 0 ? even : even + off * (1 - Math.exp(-elapsed / DRAWN_S));
   }
 
   seek(timeS) {
@@ -62,14 +75,6 @@ export class SoundClock {
     this.wanted = null;
     this.followed.playing = false; // the sound takes a moment to start again
   }
-}
-
-// The time to show when moving on evenly leads to `even` and the sound says `said`.
-function drawn(even, before, said, elapsed, stale) {
-  const off = said - even;
-  if (Math.abs(off) > JUMP_S) return said;
-  if (stale > STALE_S) return before;
-  return stale > 0 ? even : even + off * (1 - Math.exp(-Math.max(0, elapsed) / DRAWN_S));
 }
 
 // For a dance without sound, or a browser that cannot play it.

@@ -28,8 +28,13 @@ export class Controls {
     document.body.classList.toggle("muted", player.muted);
     if (player.playing || player.time > 0) document.body.classList.add("started");
     document.getElementById("play").setAttribute("aria-label", player.playing ? "Pause" : "Play");
-    const pressed = { speed: player.speed < 1, loop: player.loop.on, mirror: camera.mirrored, follow: camera.following, mute: player.muted };
-    for (const [id, state] of Object.entries(pressed)) document.getElementById(id).setAttribute("aria-pressed", state);
+    const pressed = {
+      speed: player.speed < 1, loop: player.loop.on, mirror: camera.mirrored, follow: camera.following,
+      mute: player.muted,
+    };
+    for (const [id, state] of Object.entries(pressed)) {
+      document.getElementById(id).setAttribute("aria-pressed", state);
+    }
     document.getElementById("mute").hidden = player.audio === null;
     this.timeline.showLoop(player.loop);
     this.wake();
@@ -82,7 +87,9 @@ class StageHands {
       this.fingers.set(event.pointerId, [event.clientX, event.clientY]);
     });
     view.addEventListener("pointermove", (event) => this.#move(event));
-    for (const name of ["pointerup", "pointercancel"]) view.addEventListener(name, (event) => this.fingers.delete(event.pointerId));
+    for (const name of ["pointerup", "pointercancel"]) {
+      view.addEventListener(name, (event) => this.fingers.delete(event.pointerId));
+    }
     view.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
     view.addEventListener("dblclick", () => { camera.reset(); wake(); });
   }
@@ -120,8 +127,10 @@ export function showCredits(dance, colours) {
   const rows = dance.takes.map((take, i) => {
     const dot = made("i", "dot");
     dot.style.setProperty("--take", colours[i].css);
-    const cells = [take.genre, take.performer, take.licence, take.source].map((text) => made("td", "", [text || "–"]));
-    return made("tr", "", [made("td", "", [dot, take.name]), made("td", "", [`${danced[i].toFixed(0)} s`]), ...cells]);
+    const texts = [take.genre, take.performer, take.licence, take.source];
+    const cells = texts.map((text) => made("td", "", [text || "–"]));
+    const name = made("td", "", [dot, take.name]);
+    return made("tr", "", [name, made("td", "", [`${danced[i].toFixed(0)} s`]), ...cells]);
   });
   document.querySelector("#credits tbody").replaceChildren(...rows);
 }

@@ -25,12 +25,14 @@ class Page {
     this.renderer = openRenderer(mesh, this.dancer);
     this.drawn = 0;
     this.lastAt = 0;
-    this.second = -1;
+    this.shown = null; // the take that the heading tells of
     this.asked = false;
     this.still = false; // nothing moves: a finer picture is worth its time
     $("time-all").textContent = clockText(dance.duration_s, true);
     new Controls(this.player, this.camera, this.timeline, () => this.wake());
-    this.player.addEventListener("soundlost", () => notice("This browser cannot play the song: the dance goes on without it."));
+    this.player.addEventListener("soundlost", () => {
+      notice("This browser cannot play the song: the dance goes on without it.");
+    });
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.recolour());
     new ResizeObserver(() => { this.timeline.redraw(); this.wake(); }).observe($("stage"));
     this.recolour();
@@ -39,11 +41,12 @@ class Page {
   recolour() {
     const style = getComputedStyle(document.documentElement);
     const number = (name) => Number(style.getPropertyValue(name));
-    this.colours = takeColours(this.dance.takes.map((take) => take.name), number("--block-light"), number("--block-chroma"));
+    const names = this.dance.takes.map((take) => take.name);
+    this.colours = takeColours(names, number("--block-light"), number("--block-chroma"));
     this.renderer?.readColours();
     this.timeline.recolour(this.colours);
     showCredits(this.dance, this.colours);
-    this.second = -1;
+    this.shown = null;
     this.wake();
   }
 
@@ -94,14 +97,20 @@ class Page {
       slider.setAttribute("aria-valuenow", time.toFixed(2));
       slider.setAttribute("aria-valuetext", `${text} of ${clockText(this.dance.duration_s, true)}`);
     }
-    const second = Math.min(Math.floor(time), this.dance.seconds.length - 1);
-    if (second === this.second) return;
-    this.second = second;
-    const { take } = this.dance.seconds[second];
-    $("now").style.setProperty("--take", this.colours[take].css);
-    $("now-take").textContent = this.dance.takes[take].name;
-    $("now-genre").textContent = this.dance.takes[take].genre;
-    if (this.renderer) this.renderer.rim = this.colours[take].light.map((v) => 0.12 + 0.3 * v);
+    const source = this.source(time);
+    if (source === this.shown) return;
+    this.shown = source;
+    const colour = this.colours[this.dance.takes.indexOf(source)];
+    $("now").style.setProperty("--take", colour.css);
+    $("now-take").textContent = source.name;
+    $("now-genre").textContent = source.genre;
+    if (this.renderer) this.renderer.rim = colour.light.map((v) => 0.12 + 0.3 * v);
+  }
+
+  // The take danced at an instant.
+  source(timeS) {
+    const { seconds, takes } = this.dance;
+    return takes[seconds[Math.min(Math.floor(timeS), seconds.length - 1)].take];
   }
 
   // What others may read: see the documentation of `write_page`.
@@ -122,7 +131,7 @@ class Page {
       get pixelScale() { return page.renderer?.scale ?? 0; },
       get shownFrom() { return page.timeline.fromS; },
       get shownTo() { return Math.min(dance.duration_s, page.timeline.fromS + page.timeline.shownS); },
-      get take() { return dance.takes[dance.seconds[Math.min(Math.floor(player.time), dance.seconds.length - 1)].take].name; },
+      get take() { return page.source(player.time).name; },
       get joints() {
         dancer.pose(player.time);
         return dance.names.map((_, j) => Array.from(dancer.positions.subarray(3 * j, 3 * j + 3)));

@@ -23,7 +23,9 @@ export class Player extends EventTarget {
     audio.preservesPitch = true;
     audio.preload = "auto";
     audio.addEventListener("error", () => this.#loseSound());
-    audio.addEventListener("timeupdate", () => { if (document.hidden) this.tick(performance.now() / 1000); }); // loops go on in a hidden tab
+    audio.addEventListener("timeupdate", () => {
+      if (document.hidden) this.tick(performance.now() / 1000); // no frames then, but loops go on
+    });
     for (const name of ["play", "pause", "ended", "volumechange"]) audio.addEventListener(name, () => this.#changed());
     audio.src = URL.createObjectURL(new Blob([fromBase64(sound)], { type: "audio/mp4" }));
     this.audio = audio;
@@ -53,7 +55,8 @@ export class Player extends EventTarget {
     const { loop, clock } = this;
     clock.follow(now);
     if (clock.playing || clock.ended) {
-      if (loop.on && clock.wanted === null && (clock.time >= loop.to || (clock.ended && loop.to >= this.durationS - 1e-3))) {
+      const over = clock.time >= loop.to || (clock.ended && loop.to >= this.durationS - 1e-3);
+      if (loop.on && clock.wanted === null && over) {
         this.seek(loop.from);
         if (!clock.playing) this.play();
       } else if (clock.ended && clock.since != null) {

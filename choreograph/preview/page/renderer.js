@@ -3,21 +3,21 @@
 import { normalized } from "./math.js";
 import { Skin } from "./skin.js";
 import {
-  BLUR_FRAGMENT, BLUR_VERTEX, BODY_FRAGMENT, BODY_VERTEX, FLOOR_FRAGMENT, GROUND_VERTEX, SHADE_FRAGMENT,
-  SHADOW_FRAGMENT, SHADOW_VERTEX,
+  BLUR_FRAGMENT, BLUR_VERTEX, FLOOR_FRAGMENT, GROUND_VERTEX, SHADE_FRAGMENT, SHADOW_FRAGMENT, SHADOW_VERTEX,
+  bodyShaders,
 } from "./shaders.js";
 
-const SHADOW_SIZE = 128; // texels
-const SHADOW_HALF_M = 1.9;
+const SHADOW_SIZE = 112; // texels
+const SHADOW_HALF_M = 1.5;
 const FLOOR_RADIUS_M = 7;
 const RIM_POINTS = 48;
 const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
 const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aCorner"];
 const MAX_PIXEL_RATIO = 2;
 const STILL_PIXEL_RATIO = 2; // where there is no other smoothing of edges
-const SMALLEST_SCALE = 0.5;
+const SMALLEST_SCALE = 0.6;
 const SLOW_FRAME_S = 1 / 48;
-const PATIENCE = 40; // slow frames until the picture gets coarser
+const PATIENCE = 90; // a slow frame counts 3, a good one takes 1 back; then the picture gets coarser
 
 export class Renderer {
   constructor(canvas, mesh, dancer) {
@@ -42,7 +42,7 @@ export class Renderer {
 
   #build() {
     const { gl, mesh, skin } = this;
-    this.body = program(gl, BODY_VERTEX, BODY_FRAGMENT);
+    this.bodies = { fine: program(gl, ...bodyShaders(true)), quick: program(gl, ...bodyShaders(false)) };
     this.shadow = program(gl, SHADOW_VERTEX, SHADOW_FRAGMENT);
     this.blur = program(gl, BLUR_VERTEX, BLUR_FRAGMENT);
     this.floor = program(gl, GROUND_VERTEX, FLOOR_FRAGMENT);
@@ -67,13 +67,19 @@ export class Renderer {
   // The stage's colours are the style sheet's, so that both follow the scheme.
   readColours() {
     const style = getComputedStyle(document.documentElement);
-    const colour = (name) => [1, 3, 5].map((i) => parseInt(style.getPropertyValue(name).trim().slice(i, i + 2), 16) / 255);
-    this.colours = { stage: colour("--stage"), floor: colour("--floor"), line: colour("--line"), shade: colour("--shadow") };
+    const colour = (name) => {
+      const hex = style.getPropertyValue(name).trim();
+      return [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255);
+    };
+    this.colours = {
+      stage: colour("--stage"), floor: colour("--floor"), line: colour("--line"), shade: colour("--shadow"),
+    };
     this.exposure = Number(style.getPropertyValue("--light"));
   }
 
   // Fit the drawing buffer to the element; `still` for a picture that will stand.
   resize(still) {
+    this.still = still;
     const fine = Math.min(devicePixelRatio || 1, MAX_PIXEL_RATIO);
     const ratio = still ? Math.max(fine, this.slowMachine ? STILL_PIXEL_RATIO : 0) : fine * this.scale;
     const width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
@@ -85,7 +91,7 @@ export class Renderer {
 
   // Tell how long the last frame took: where frames keep being slow, fewer pixels are drawn.
   paced(elapsedS) {
-    this.slow = elapsedS > SLOW_FRAME_S ? this.slow + 1 : Math.max(0, this.slow - 2);
+    this.slow = elapsedS > SLOW_FRAME_S ? this.slow + 3 : Math.max(0, this.slow - 1);
     if (this.slow < PATIENCE || this.scale <= SMALLEST_SCALE) return;
     this.scale = Math.max(SMALLEST_SCALE, this.scale * 0.8);
     this.slow = 0;
@@ -133,7 +139,8 @@ export class Renderer {
   }
 
   #drawStage({ eye, target: at, matrix, mirrored }, centre) {
-    const { gl, body, colours } = this;
+    const { gl, colours } = this;
+    const body = this.bodies[this.slowMachine && !this.still ? "quick" : "fine"];
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clearColor(...colours.stage, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);

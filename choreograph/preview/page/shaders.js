@@ -1,47 +1,54 @@
 // The three things that are drawn: the body, its shadow from above, the floor.
 
-export const BODY_VERTEX = `#version 300 es
-uniform mat4 uMatrix;
-in vec3 aPlace;
-in vec3 aNormal;
-in vec3 aColour;
-out vec3 vPlace;
-out vec3 vNormal;
-out vec3 vColour;
-void main() {
-  vPlace = aPlace;
-  vNormal = aNormal;
-  vColour = aColour * aColour; // to light, near enough to the power 2.2
-  gl_Position = uMatrix * vec4(aPlace, 1.0);
-}`;
-
 // Hemisphere and key light, a soft highlight, and a rim that lifts the body off the stage.
-export const BODY_FRAGMENT = `#version 300 es
-precision highp float;
+const LIGHTING = `
 uniform vec3 uEye;
 uniform vec3 uLight;
 uniform vec3 uRim;
 uniform vec3 uGround;
 uniform float uExposure;
-in vec3 vPlace;
-in vec3 vNormal;
-in vec3 vColour;
-out vec4 colour;
-void main() {
-  vec3 n = normalize(vNormal);
-  vec3 v = normalize(uEye - vPlace);
+vec3 lit(vec3 place, vec3 normal, vec3 colour) {
+  vec3 n = normalize(normal);
+  vec3 v = normalize(uEye - place);
   float up = 0.5 + 0.5 * n.y;
   float key = max(0.0, (dot(n, uLight) + 0.22) / 1.22);
   float grazing = 1.0 - max(0.0, dot(n, v));
   float shine = max(0.0, dot(n, normalize(uLight + v)));
   for (int i = 0; i < 5; i++) shine *= shine;
-  float near = smoothstep(-0.02, 0.28, vPlace.y); // less light reaches what is close to the floor
+  float near = smoothstep(-0.02, 0.28, place.y); // less light reaches what is close to the floor
   vec3 fill = mix(uGround, vec3(0.40, 0.44, 0.52), up) * (0.55 + 0.45 * near);
-  vec3 lit = vColour * (fill + key * key * vec3(1.30, 1.22, 1.10)) + 0.10 * shine * key;
+  // To light and back, near enough to the power 2.2.
+  vec3 sum = colour * colour * (fill + key * key * vec3(1.30, 1.22, 1.10)) + 0.10 * shine * key;
   grazing *= grazing;
-  lit += uRim * (grazing * grazing * (0.35 + 0.65 * up));
-  colour = vec4(sqrt(clamp(lit * uExposure, 0.0, 1.0)), 1.0);
+  sum += uRim * (grazing * grazing * (0.35 + 0.65 * up));
+  return sqrt(clamp(sum * uExposure, 0.0, 1.0));
+}
+`;
+
+// The body lit at each pixel, or, for a processor that draws, at each vertex.
+export function bodyShaders(atPixels) {
+  const vertex = `#version 300 es
+precision highp float;
+uniform mat4 uMatrix;
+in vec3 aPlace;
+in vec3 aNormal;
+in vec3 aColour;
+out vec3 vColour;
+${atPixels ? "out vec3 vPlace;\nout vec3 vNormal;" : LIGHTING}
+void main() {
+  ${atPixels ? "vPlace = aPlace; vNormal = aNormal; vColour = aColour;" : "vColour = lit(aPlace, aNormal, aColour);"}
+  gl_Position = uMatrix * vec4(aPlace, 1.0);
 }`;
+  const fragment = `#version 300 es
+precision highp float;
+in vec3 vColour;
+out vec4 colour;
+${atPixels ? `in vec3 vPlace;\nin vec3 vNormal;${LIGHTING}` : ""}
+void main() {
+  colour = vec4(${atPixels ? "lit(vPlace, vNormal, vColour)" : "vColour"}, 1.0);
+}`;
+  return [vertex, fragment];
+}
 
 // From above, slid along the light: red is what touches the floor, green what is over it.
 export const SHADOW_VERTEX = `#version 300 es

@@ -79,8 +79,10 @@ export class Dancer {
   // Middle of all the places stood at, and how far the farthest is from it.
   stage() {
     const xs = this.path.filter((_, i) => i % 2 === 0), zs = this.path.filter((_, i) => i % 2 === 1);
-    const middle = [xs, zs].map((v) => (v.reduce((a, b) => Math.min(a, b)) + v.reduce((a, b) => Math.max(a, b))) / 2);
-    return { middle, radius: xs.reduce((far, x, i) => Math.max(far, Math.hypot(x - middle[0], zs[i] - middle[1])), 0) };
+    const least = (v) => v.reduce((a, b) => Math.min(a, b)), most = (v) => v.reduce((a, b) => Math.max(a, b));
+    const middle = [xs, zs].map((v) => (least(v) + most(v)) / 2);
+    const radius = most(xs.map((x, i) => Math.hypot(x - middle[0], zs[i] - middle[1])));
+    return { middle, radius };
   }
 
   // Height of the standing body, metres.

@@ -1,10 +1,12 @@
 // The song and where each second comes from. Still layers are drawn when the view changes, not every frame.
 
+import { Gestures } from "./gestures.js";
 import { clamp } from "./math.js";
 
 const RULER = 15, WAVE = [17, 60], BEATS = [64, 80], BLOCKS = [86, 120]; // rows, in pixels from the top
 const ROOMY_PX_PER_S = 20; // a longer song is shown in part
 const MAX_PX_PER_S = 400;
+const LABELS_APART_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600];
 const PAGE_AT = 0.08; // of the width: where the playhead stands after a page is turned
 
 export class Timeline {
@@ -82,7 +84,7 @@ export class Timeline {
   }
 
   #drawRuler(context) {
-    const apart = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600].find((s) => s * this.pxPerS >= 62) ?? 1200;
+    const apart = LABELS_APART_S.find((s) => s * this.pxPerS >= 62) ?? 1200;
     context.fillStyle = this.ink("--faint");
     context.font = "10.5px system-ui, sans-serif";
     for (let i = Math.ceil(this.fromS / apart); i * apart < this.fromS + this.shownS; i++) {
@@ -112,8 +114,8 @@ export class Timeline {
     for (const [levels, colour] of [[peaks, this.ink("--wave")], [cores, this.ink("--wave-core")]]) {
       context.fillStyle = colour;
       for (let x = 0; x < this.width; x += bar + gap) {
-        const from = Math.floor(this.timeOff(x) * this.dance.levels_per_s);
-        const to = Math.max(from + 1, Math.ceil(this.timeOff(x + bar + gap) * this.dance.levels_per_s));
+        const from = Math.floor((this.fromS + x / this.pxPerS) * this.dance.levels_per_s);
+        const to = Math.max(from + 1, from + Math.ceil(((bar + gap) / this.pxPerS) * this.dance.levels_per_s));
         let level = 0;
         for (let i = from; i < to && i < levels.length; i++) level = Math.max(level, levels[i]);
         const high = Math.max(0.5, (level / 255) * half);
@@ -121,8 +123,6 @@ export class Timeline {
       }
     }
   }
-
-  timeOff(x) { return this.fromS + x / this.pxPerS; }
 
   #drawBeats(context) {
     const [top, bottom] = BEATS;
@@ -143,7 +143,8 @@ export class Timeline {
   // One block a second; seconds that follow each other in their take touch.
   #drawBlocks(context, fromS, pxPerS, [top, bottom], radius) {
     const { seconds } = this.dance;
-    const first = Math.max(0, Math.floor(fromS)), last = Math.min(seconds.length, Math.ceil(fromS + context.canvas.clientWidth / pxPerS));
+    const first = Math.max(0, Math.floor(fromS));
+    const last = Math.min(seconds.length, Math.ceil(fromS + context.canvas.clientWidth / pxPerS));
     for (let s = first; s < last; s++) {
       const here = seconds[s];
       const joined = (a, b) => a && b && a.take === b.take && Math.abs(a.to_s - b.from_s) < 0.02;
@@ -182,102 +183,8 @@ export class Timeline {
   #showOverviewHead(timeS) {
     const head = document.getElementById("overview-head");
     head.hidden = this.overview.hidden;
-    if (!head.hidden) head.style.transform = `translateX(${(timeS / this.durationS) * this.overview.clientWidth}px)`;
-  }
-}
-
-// Pointer, wheel and touch on the timeline.
-class Gestures {
-  constructor(timeline) {
-    this.timeline = timeline;
-    this.touches = new Map();
-    this.drag = null; // (x) => void, while a button or finger is down
-    const { element, overview } = timeline;
-    element.addEventListener("pointerdown", (event) => this.#down(event));
-    element.addEventListener("pointermove", (event) => this.#move(event));
-    for (const name of ["pointerup", "pointercancel"]) element.addEventListener(name, (event) => this.#up(event));
-    element.addEventListener("pointerleave", (event) => {
-      if (!this.drag && event.pointerType !== "touch") this.#hover(null);
-    });
-    element.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
-    const jump = (event) => {
-      if (event.buttons) timeline.player.seek((event.offsetX / overview.clientWidth) * timeline.durationS);
-    };
-    overview.addEventListener("pointerdown", (event) => { overview.setPointerCapture(event.pointerId); jump(event); });
-    overview.addEventListener("pointermove", jump);
-  }
-
-  #x(event) { return event.clientX - this.timeline.element.getBoundingClientRect().left; }
-
-  #down(event) {
-    if (event.button > 0) return;
-    const { timeline } = this, { player } = timeline;
-    timeline.element.setPointerCapture(event.pointerId);
-    this.touches.set(event.pointerId, this.#x(event));
-    if (this.touches.size > 1) { this.#letGo(); return; }
-    const x = this.#x(event), at = timeline.timeAt(x);
-    const grip = event.pointerType === "touch" ? 14 : 6;
-    const { on, from, to } = player.loop;
-    if (event.shiftKey) this.drag = (x2) => player.setLoop(at, timeline.timeAt(x2));
-    else if (on && Math.abs(x - timeline.x(to)) < grip) this.drag = (x2) => player.setLoop(from, timeline.timeAt(x2));
-    else if (on && Math.abs(x - timeline.x(from)) < grip) this.drag = (x2) => player.setLoop(timeline.timeAt(x2), to);
-    else this.#scrub(x);
-    this.#hover(x);
-  }
-
-  #scrub(x) {
-    const { timeline } = this, { player } = timeline;
-    this.resume = player.playing;
-    if (this.resume) player.pause();
-    this.drag = (x2) => player.seek(timeline.timeAt(x2));
-    this.drag(x);
-  }
-
-  #move(event) {
-    const x = this.#x(event);
-    if (this.touches.has(event.pointerId)) {
-      if (this.touches.size === 2) this.#pinch(event.pointerId, x);
-      this.touches.set(event.pointerId, x);
-    }
-    this.drag?.(x);
-    this.#hover(x);
-  }
-
-  #pinch(id, x) {
-    const [other] = [...this.touches].filter(([key]) => key !== id).map(([, value]) => value);
-    const before = this.touches.get(id);
-    this.timeline.zoomBy(Math.max(20, Math.abs(x - other)) / Math.max(20, Math.abs(before - other)), other);
-  }
-
-  #up(event) {
-    this.touches.delete(event.pointerId);
-    this.#letGo();
-    if (event.pointerType === "touch") this.leaving = setTimeout(() => this.#hover(null), 2500);
-  }
-
-  #letGo() {
-    if (this.resume) this.timeline.player.play();
-    this.resume = false;
-    this.drag = null;
-  }
-
-  #wheel(event) {
-    event.preventDefault();
-    const { timeline } = this;
-    const sideways = event.shiftKey ? event.deltaY : event.deltaX;
-    if (Math.abs(sideways) > Math.abs(event.deltaY) || event.shiftKey) timeline.pan(sideways / timeline.pxPerS);
-    else timeline.zoomBy(Math.exp(-clamp(event.deltaY, -120, 120) * 0.0025), this.#x(event));
-    this.#hover(this.#x(event));
-  }
-
-  #hover(x) {
-    clearTimeout(this.leaving);
-    const { timeline } = this;
-    timeline.pointer.hidden = x === null;
-    if (x === null) { timeline.onHover(null); return; }
-    timeline.pointer.style.transform = `translateX(${x}px)`;
-    const second = Math.min(Math.floor(timeline.timeAt(x)), timeline.dance.seconds.length - 1);
-    timeline.onHover(second, clamp(timeline.x(second + 0.5), 0, timeline.width));
+    const x = (timeS / this.durationS) * this.overview.clientWidth;
+    if (!head.hidden) head.style.transform = `translateX(${x}px)`;
   }
 }
 

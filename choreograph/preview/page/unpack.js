@@ -41,10 +41,13 @@ export async function unpackMotion(text, dance) {
   const quats = new Float32Array(frames * joints * 4);
   const turn = dance.rotvec_step_rad;
   for (let t = 0; t < frames; t++) {
-    for (let k = 0; k < 3; k++) roots[3 * t + k] = steps[k * frames + t] * dance.root_step_m + dance.root_origin_m[k];
+    for (let k = 0; k < 3; k++) {
+      roots[3 * t + k] = steps[k * frames + t] * dance.root_step_m + dance.root_origin_m[k];
+    }
     for (let j = 0; j < joints; j++) {
       const at = (3 + 3 * j) * frames + t;
-      rotationVectorInto(quats, 4 * (t * joints + j), steps[at] * turn, steps[at + frames] * turn, steps[at + 2 * frames] * turn);
+      const vector = [steps[at] * turn, steps[at + frames] * turn, steps[at + 2 * frames] * turn];
+      rotationVectorInto(quats, 4 * (t * joints + j), ...vector);
     }
   }
   return { roots, quats };
