@@ -1,9 +1,10 @@
 """The preview: one HTML file with the dance, its song and the page that plays them, for any browser, offline.
 
-The page draws with a small WebGL renderer of its own (`page/renderer.js`, some 400 lines with its shaders). The alternative, a
-renderer taken from an installed Python package when the page is written, was left: the packages that carry
-one (notebook viewers) are tens of megabytes, would be a dependency for one file of theirs, and put 0.6 MB or
-more of general engine into every preview, for one skinned body, a floor and a shadow.
+The page draws with a small WebGL renderer of its own (`page/renderer.js` and its shaders, 400 lines). The
+alternative, a renderer taken from an installed Python package when the page is written, was left: users may
+have nothing but Python, the packages that carry one (notebook viewers) are tens of megabytes for one file of
+theirs, and 0.6 MB or more of general engine would go into every preview, for one skinned body, a floor and a
+shadow.
 
 The page's parts lie in `page/`: ES modules in the order of `_SCRIPTS`, which are put in one script, a
 style sheet and the frame. All that differs from dance to dance is data: JSON, and packed bytes in base64.
