@@ -33,6 +33,7 @@ _SHOULDER_UP = Arm((0.85, -0.50, 0.12), (0.95, 0.22, 0.25), 15, 20)
 # The bent arm that swings like a pendulum in front of the body, and behind it.
 _PENDULUM_IN = Arm((0.30, -0.80, 0.50), (-0.88, -0.30, 0.55), 15, 25)
 _PENDULUM_OUT = Arm((0.85, -0.55, -0.15), (0.55, -0.75, 0.20), 10, 25)
+_CROSS_OVER = Arm((0.12, -0.66, 0.70), (-0.72, -0.35, 0.60), 10, 25)  # over the other arm
 _SHOULDER_BRUSH = Arm((0.25, -0.35, 0.80), (-0.75, 0.55, -0.10), 20, 20)
 
 TWO_STEP = Move(
@@ -67,18 +68,19 @@ GROOVE = Move(
             bend=14, arch=-8, side=8, twist=14, hip_side=0.02, nod=8, look=8, left="low_guard", right="guard"
         ),
         2: pose(
-            bend=14, arch=-8, side=-8, twist=-14, hip_side=-0.02, nod=8, look=-8,
+            bend=14, arch=-8, side=-8, twist=-14, hip_side=0.0, nod=8, look=-8,
             left="guard", right="low_guard",
         ),
         3: pose(
-            bend=20, arch=-10, side=5, twist=10, drop=0.05, nod=4, look=0,
+            bend=20, arch=-10, side=10, twist=16, hip_side=0.04, drop=0.05, nod=4, look=0,
             left="swing_back", right="pump_high",
         ),
         4: pose(
-            bend=-2, arch=8, side=-3, twist=-8, drop=0.0, nod=-6, look=0, left="pump_high", right="swing_back"
+            bend=-2, arch=8, side=-4, twist=-10, hip_side=0.0, drop=0.0, nod=-6, look=0,
+            left="guard", right="swing_back",
         ),
     },
-    bounce=Bounce(0.055, "down"),
+    bounce=Bounce(0.04, "down"),
 )  # fmt: skip
 
 # Side to side like on a skateboard: both arms swing across, the trailing foot drags behind.
@@ -123,13 +125,13 @@ CABBAGE_PATCH = Move(
         1: pose(bend=5, side=9, twist=16, hip_side=0.04, look=6, nod=4, left=_OWN_SIDE, right=_OTHER_SIDE),
         1.5: pose(bend=-4, arms=_NEAR, flow=1.0),
         2: pose(
-            bend=5, side=-9, twist=-16, hip_side=-0.04, look=-6, nod=4, left=_OTHER_SIDE, right=_OWN_SIDE
+            bend=5, side=-9, twist=-16, hip_side=0.0, look=-6, nod=4, left=_OTHER_SIDE, right=_OWN_SIDE
         ),
         2.5: pose(bend=12, arms=_FAR, flow=1.0),
-        3: pose(bend=5, side=9, twist=16, hip_side=0.04, look=6, nod=4, left=_OWN_SIDE, right=_OTHER_SIDE),
+        3: pose(bend=5, side=9, twist=16, hip_side=0.07, look=6, nod=4, left=_OWN_SIDE, right=_OTHER_SIDE),
         3.5: pose(bend=-4, arms=_NEAR, flow=1.0),
         4: pose(
-            bend=5, side=-9, twist=-16, hip_side=-0.03, look=-6, nod=4, left=_OTHER_SIDE, right=_OWN_SIDE
+            bend=5, side=-9, twist=-16, hip_side=0.0, look=-6, nod=4, left=_OTHER_SIDE, right=_OWN_SIDE
         ),
     },
     bounce=Bounce(0.035, "down"),
@@ -205,7 +207,7 @@ BODY_ROLL = Move(
     poses={
         1: pose(arch=20, bend=-6, hip_tilt=10, hip_fwd=-0.03, nod=-12, arms="elbow_back"),
         2: pose(arch=-10, bend=-6, hip_tilt=-14, hip_fwd=0.06, drop=0.03, nod=8, arms="low_guard"),
-        3: pose(arch=-14, bend=26, hip_tilt=8, hip_fwd=-0.04, drop=0.09, nod=4, arms="swing_fwd"),
+        3: pose(arch=-14, bend=26, hip_tilt=8, hip_fwd=-0.04, drop=0.09, nod=4, arms="swing_out"),
         4: pose(
             arch=8, bend=-2, hip_tilt=0, hip_fwd=0.0, drop=0.0, side=5, nod=-4,
             left="swing_back", right="guard",
@@ -214,20 +216,32 @@ BODY_ROLL = Move(
     bounce=Bounce(0.015, "down"),
 )  # fmt: skip
 
+# Twice quick and out to the side, then a slow step each way with a brush of the shoulder.
 KICK_BALL_CHANGE = Move(
-    "kick ball change", counts=4,
+    "kick ball change", counts=8,
     steps=(
         kick("left", 1, (0.02, 0.50), 0.23),
         ball("left", 1.5, (0.0, -0.12)),
         step("right", 2, (0.0, 0.02)),
         touch("left", 3, (0.32, 0.0), toe_out=18.0),
         touch("left", 4),
+        step("left", 5, (0.28, 0.02), toe_out=14.0),
+        touch("right", 6, (0.22, 0.12), toe_out=4.0),
+        step("right", 7, toe_out=14.0),
+        touch("left", 8),
     ),
     poses={
         1: pose(bend=-3, twist=-12, hip_tilt=-6, nod=2, left="swing_back", right="pump_high"),
         2: pose(bend=10, twist=10, hip_tilt=2, nod=5, left="pump_high", right="swing_back"),
         3: pose(bend=6, twist=-6, side=-8, look=14, nod=0, left="low_out", right=_SHOULDER_BRUSH),
         4: pose(bend=8, twist=4, side=3, look=0, nod=6, left="low_guard", right="elbow_back"),
+        5: pose(bend=12, twist=12, side=8, look=8, nod=6, drop=0.02, left="swing_back", right="guard"),
+        6: pose(bend=0, arch=6, twist=-10, side=-4, hip_roll=-5, look=-6, nod=-4, drop=0.0,
+                left=_SHOULDER_BRUSH, right="low_out"),
+        7: pose(
+            bend=12, arch=0, twist=-12, side=-8, hip_roll=0, look=-8, nod=6, left="guard", right="swing_back"
+        ),
+        8: pose(bend=2, twist=8, side=3, hip_roll=4, look=0, nod=0, left="swing_back", right="pump_high"),
     },
     bounce=Bounce(0.035, "down"),
 )  # fmt: skip
@@ -256,14 +270,14 @@ STEVE_MARTIN = Move(
 CRISS_CROSS = Move(
     "criss cross", counts=4,
     steps=(
-        step("left", 1, (0.18, 0.0), toe_out=16.0),
-        step("right", 2, (0.10, 0.20), bow=(0.0, 0.06), toe_out=4.0),
-        step("left", 3, (0.24, 0.0), toe_out=14.0),
-        step("right", 4, (0.20, 0.0)),
+        step("left", 1, (0.12, -0.06), toe_out=16.0),
+        step("right", 2, (0.36, 0.25), bow=(0.0, 0.08), toe_out=4.0),
+        step("left", 3, (0.36, 0.0), bow=(0.0, -0.12), toe_out=14.0),
+        step("right", 4, (0.31, 0.0), bow=(0.0, 0.04)),
     ),
     poses={
         1: pose(bend=6, side=4, twist=-8, look=6, arms="low_out"),
-        2: pose(bend=12, twist=14, hip_turn=10, nod=6, look=-4, arms="cross_low"),
+        2: pose(bend=12, twist=14, hip_turn=10, nod=6, look=-4, left="cross_low", right=_CROSS_OVER),
         3: pose(bend=4, side=-4, twist=-10, hip_turn=0, nod=-2, look=10, left="low_out", right="guard"),
         4: pose(bend=12, twist=6, nod=8, look=0, left="elbow_back", right="low_guard"),
     },
@@ -276,6 +290,7 @@ HIP_HOP = Genre(
         TWO_STEP, GROOVE, BART_SIMPSON, CABBAGE_PATCH, RUNNING_MAN, ARM_WAVE, BODY_ROLL, KICK_BALL_CHANGE,
         STEVE_MARTIN, CRISS_CROSS,
     ),
-    sharpness=0.55,
+    size=0.9,
+    sharpness=0.42,
     bounce=1.1,
 )  # fmt: skip
