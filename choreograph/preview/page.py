@@ -63,6 +63,11 @@ def write_page(
     duration_s : seconds to show, from the beginning; the whole motion unless given
     title : heading of the page; the song's name unless given
 
+    The page shows its state to scripts as `window.choreograph`, read-only: time, duration and shownFrom,
+    shownTo (of the timeline) in seconds; frame, fps, framesDrawn; playing, speed, loop {on, from, to},
+    mirrored, following; audioTime (null without sound); take, the name of the one danced; pixelScale, below
+    1 where the machine is slow; joints, J places [x, y, z] in metres, as `motion.joint_pos_m()` has them.
+
     Raises
     ------
     ParameterError     the folder is missing; motion and plan differ in length; a time is out of range
@@ -80,7 +85,6 @@ def write_page(
     title = title or plan.song or "Dance"
     dance = {
         "title": title,
-        "song": plan.song,
         "duration_s": round(duration_s, 6),
         "fps": packed.fps,
         "frames": packed.n_frames,
@@ -94,8 +98,6 @@ def write_page(
         "levels_per_s": levels_per_s,
         "music_beats_s": _rounded(plan.music_beats_s, duration_s),
         "motion_beats_s": _rounded(beats_s, duration_s),
-        "planner": plan.planner,
-        "repertoire": Path(plan.repertoire).name,
         **_sources(plan, duration_s),
     }
     text = _filled(title, _script_safe(dance), packed.text, mesh, levels, sound)
@@ -167,7 +169,6 @@ def _block(second: PlannedSecond, take: int) -> dict[str, Any]:
         "clip_start_s": round(second.clip_start_s, 3),
         "from_s": round(first, 3),
         "to_s": round(last, 3),
-        "segment": second.segment_second,
         "costs": {name: round(cost, 4) for name, cost in second.costs.items()},
     }
 

@@ -361,6 +361,26 @@ def test_names_are_shown_as_they_are(opened, tmp_path):
     assert page.title() == evil
 
 
+@pytest.mark.slow
+def test_drawing_four_minutes_does_not_hold_up_the_sound(opened, tmp_path, record_property):
+    """On a machine without a graphics card too; what it reached is recorded, not demanded."""
+    motion = swaying(14_400, fps=FPS)
+    song = write_seconds(tmp_path / "song.wav", duration_s=240.0)
+    beats_s = np.arange(0.25, 240.0, 0.5)
+    write_page(tmp_path / "page.html", motion, plan_for(motion), song_path=song, motion_beats_s=beats_s)
+    page = opened("page.html", folder=tmp_path, viewport={"width": 1280, "height": 800})
+    page.keyboard.press("Space")
+    until(page, "choreograph.time > 1")
+    counted = "[choreograph.framesDrawn, choreograph.audioTime, performance.now() / 1000]"
+    first = np.array(page.evaluate(counted))
+    page.wait_for_timeout(10_000)
+    frames, sounded_s, passed_s = np.array(page.evaluate(counted)) - first
+    record_property("frames_per_s", frames / passed_s)
+    record_property("pixel_scale", state(page, "pixelScale"))
+    assert sounded_s / passed_s == pytest.approx(1.0, abs=0.03)
+    assert frames / passed_s > 5
+
+
 def test_the_smallest_dance_of_the_oddest_body(opened, tmp_path):
     """One frame of one joint of no known name: still a page that opens, plays and ends."""
     skeleton = Skeleton(("thing",), np.array([-1]), np.zeros((1, 3)))

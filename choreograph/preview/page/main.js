@@ -95,7 +95,8 @@ class Page {
       $("time-now").textContent = this.text = text;
       const slider = $("timeline");
       slider.setAttribute("aria-valuenow", time.toFixed(2));
-      slider.setAttribute("aria-valuetext", `${text} of ${clockText(this.dance.duration_s, true)}`);
+      const all = clockText(this.dance.duration_s, true);
+      slider.setAttribute("aria-valuetext", `${text} of ${all}, ${this.source(time).name}`);
     }
     const source = this.source(time);
     if (source === this.shown) return;

@@ -194,12 +194,13 @@ export function clockText(timeS, tenths) {
   return `${Math.floor(rounded / 60)}:${tenths ? rest.toFixed(1).padStart(4, "0") : String(rest).padStart(2, "0")}`;
 }
 
-// A canvas's context for drawing in CSS pixels, cleared.
+// A canvas's context for drawing in CSS pixels, cleared. Kept off the graphics card: it is drawn once and then
+// is part of the page's still background, where a layer of its own would be put together anew every frame.
 function fitted(canvas, width, height) {
   const ratio = devicePixelRatio || 1;
   canvas.width = Math.round(width * ratio);
   canvas.height = Math.round(height * ratio);
-  const context = canvas.getContext("2d");
+  const context = canvas.getContext("2d", { willReadFrequently: true });
   context.scale(ratio, ratio);
   return context;
 }
