@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,14 +31,15 @@ def test_the_same_seed_gives_the_same_take(genre) -> None:
 
 @every_genre
 def test_moves_follow_one_another_without_a_gap(genre) -> None:
-    placed = render_take(genre, BEATS_S, seed=2).placed
+    rendered = render_take(genre, BEATS_S, seed=2)
+    placed = rendered.placed
     for before, after in itertools.pairwise(placed):
         assert after.start == before.start + before.move.counts
         assert (after.origin_m, after.yaw_rad) == before.end()
         assert None in (before.move.free_foot, after.move.first_foot) or (
             before.move.free_foot == after.move.first_foot
         )
-    assert placed[-1].start + placed[-1].move.counts >= len(BEATS_S) - 1
+    assert placed[-1].start + placed[-1].move.counts >= len(rendered.count_times_s) - 1
     assert len({p.move.name for p in placed}) >= 4
 
 
@@ -59,9 +61,33 @@ def test_on_the_beat_through_a_ramp_of_tempo(genre) -> None:
 
 
 @every_genre
+def test_half_time_takes_two_beats_a_count(genre) -> None:
+    beats = 1.0 + np.arange(120) * 60.0 / 175.0
+
+    def danced(from_bpm: float):
+        return render_take(
+            replace(genre, half_time_from_bpm=from_bpm), beats, seed=1, energy=0.6, first_downbeat=2
+        )
+
+    half, full = danced(170.0), danced(180.0)
+    assert np.array_equal(half.count_times_s, beats[2::2])
+    assert np.array_equal(full.count_times_s, beats[2:])
+    assert half.motion.n_frames == full.motion.n_frames
+    last = half.placed[-1]
+    assert last.start + last.move.counts >= len(half.count_times_s) - 1
+    inside = half.count_times_s[1:-2]
+    found = motion_beat_times_s(body_pos_m(half.motion), half.motion.fps)
+    found = found[(found > inside[0] - 0.3) & (found < inside[-1] + 0.3)]
+    assert f_score(found, inside) >= 0.75
+    slow, quick = (np.median(mean_joint_speed_m_s(body_pos_m(r.motion), 60.0)) for r in (half, full))
+    assert slow < 0.85 * quick
+
+
+@every_genre
 def test_no_jerk_where_moves_meet(genre) -> None:
     rendered = render_take(genre, BEATS_S, seed=3)
-    borders = [BEATS_S[p.start] for p in rendered.placed if 0 < p.start < len(BEATS_S)]
+    counts_s = rendered.count_times_s
+    borders = [counts_s[p.start] for p in rendered.placed if 0 < p.start < len(counts_s)]
     assert jerk_ratio_at(body_pos_m(rendered.motion), 60.0, borders) < 1.4
 
 
