@@ -22,6 +22,7 @@ TOE_OUT_DEG = 10.0
 _BEHIND_BALL_M = -0.065  # and so far behind it, over the arch
 _INSIDE_FOOT_M = 0.045  # standing on one foot the pelvis is so far inside its ball's line
 _ARRIVES = 0.9  # counts after a foot's landing, at most, the body has arrived over it
+_QUICK = 0.49  # counts: a foot that carries it for less does not get it over itself, as a swung "and"
 _THROUGH = 0.4  # of its mean speed it has on the counts
 _BODY_TO_GO, _TURN_TO_GO = 0.25, 0.08  # of its way, for each of those counts, is left as the foot lands
 
@@ -174,13 +175,15 @@ def _load(count: float, on_left: float, plants: dict[Side, list[Plant]], facing_
 def _arriving(arrivals: Sequence[Arrival], *, to_go: float) -> list[Key]:
     """The body sets off a count before a foot lands, is nearly there on the count, then arrives.
 
-    Through steps that follow one another it flows on, slowest on the counts. `to_go` of its way is
-    left on a count, for each count it may take afterwards.
+    Through steps that follow one another it flows on, slowest on the counts, and is not taken to and fro
+    by the quickest. `to_go` of its way is left on a count, for each count it may take afterwards.
     """
     keys = [Key(*arrivals[0])]
     for i, (count, value) in enumerate(arrivals[1:], start=1):
-        before, here = np.array(arrivals[i - 1][1]), np.array(value)
         following = arrivals[i + 1][0] if i + 1 < len(arrivals) else np.inf
+        before, here = np.array(arrivals[i - 1][1]), np.array(value)
+        if following < count + _QUICK:
+            here = before + ((following - count) / _QUICK) ** 2 * (here - before)
         if keys[-1].count < count - 1.1:
             keys.append(Key(count - 1.0, arrivals[i - 1][1]))
         late = min(_ARRIVES, 0.45 * (following - count))

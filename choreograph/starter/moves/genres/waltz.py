@@ -168,8 +168,8 @@ HESITATION = Move(
         touch("right", 2, (0.02, 0.32)),
         kick("right", 3, (-0.02, -0.16), 0.20, pitch=52.0),
         step("right", 4, (0.0, 0.0), toe_out=14.0),
-        touch("left", 5, (0.0, 0.05)),
-        press("right", 6, pitch=14.0),
+        touch("left", 5, (0.02, 0.04)),
+        press("left", 6, pitch=14.0),
     ),
     poses=_rise_and_fall({
         1: pose(twist=-8, bend=3, nod=4, look=-6, left="first", right="en_bas"),
@@ -178,7 +178,7 @@ HESITATION = Move(
                 right="reach"),
         4: pose(twist=10, bend=5, nod=5, look=16, left="second", right="first"),
         5: pose(twist=-4, side=6, tilt=4, look=24, nod=-2, left="second", right="fifth"),
-        6: pose(twist=0, side=9, tilt=6, arch=4, look=12, nod=-6, left="en_bas", right="second"),
+        6: pose(twist=4, side=-5, tilt=-4, arch=4, look=0, nod=-6, left="second", right="en_bas"),
     }),
     bounce=_LEVEL,
 )  # fmt: skip
