@@ -115,7 +115,7 @@ def _euler(x: Floats, y: Floats, z: Floats) -> Floats:
 
 
 def _pelvis_quat(facing: Floats, ch: dict[str, Floats]) -> Floats:
-    return _euler(-ch["hip_tilt"], facing + ch["hip_turn"], ch["hip_roll"])
+    return _euler(ch["hip_tilt"], facing + ch["hip_turn"], ch["hip_roll"])
 
 
 def _pelvis_pos(
@@ -153,7 +153,7 @@ def _spine_and_head(local: Floats, ch: dict[str, Floats], fps: float) -> None:
     """Spine, neck and head: the chest stays quiet over moving hips, the head over a moving chest."""
     side = -ch["side"] - 0.85 * ch["hip_roll"]  # about +Z, so that left is negative
     twist = ch["twist"] - 0.9 * ch["hip_turn"]
-    bend = _LEAN_RAD + ch["bend"] + 0.85 * ch["hip_tilt"]
+    bend = _LEAN_RAD + ch["bend"] - 0.85 * ch["hip_tilt"]
     for name, share, arch, lag_s in _SPINE:
         x, y, z = share * bend - arch * ch["arch"], share * twist, share * side
         local[:, _INDEX[name]] = _euler(*(_later(angle, lag_s * fps) for angle in (x, y, z)))

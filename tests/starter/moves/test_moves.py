@@ -16,7 +16,7 @@ from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.kinematics import forward
 from choreograph.starter.moves import Move, Rendered, in_a_row, render
 from choreograph.starter.moves.genres import GENRES
-from choreograph.starter.moves.language import SIDES
+from choreograph.starter.moves.language import SIDES, pose, step, touch
 
 MOVES = {f"{genre.name}: {move.name}": move for genre in GENRES.values() for move in genre.moves}
 REPEATS = 3
@@ -115,3 +115,17 @@ def test_knees_bend_the_right_way(name: str) -> None:
         hip, knee, ankle = (pos[:, motion.skeleton.index(f"{side}_{j}")] for j in ("hip", "knee", "ankle"))
         ahead = rot.rotate(rot.about_y(danced(name)[0].feet[side].yaw_rad), np.array([0.0, 0.0, 1.0]))
         assert (np.sum((knee - 0.5 * (hip + ankle)) * ahead, axis=-1) > -0.02).all()
+
+
+@pytest.mark.parametrize("tilt", [15.0, -15.0])
+def test_hip_tilt_puts_the_tail_back_under_a_quiet_chest(tilt: float) -> None:
+    move = Move("tilt", 2, (step("left", 1), touch("right", 2)), {c: pose(hip_tilt=tilt) for c in (1, 2)})
+    motion = render(in_a_row([move, move.mirrored()]), START_S + 0.5 * np.arange(4), rng=None).motion
+    frame = round((START_S + 1.0) * motion.fps)
+    _, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
+    pelvis, chest = (
+        rot.rotate(quat[frame, motion.skeleton.index(joint)], np.array([0.0, 1.0, 0.0]))[2]
+        for joint in ("pelvis", "spine3")
+    )
+    assert np.sign(pelvis) == np.sign(tilt) and abs(pelvis) > 0.2  # its top forward: the tail back
+    assert abs(chest) < 0.6 * abs(pelvis)

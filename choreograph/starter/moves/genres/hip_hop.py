@@ -205,8 +205,8 @@ BODY_ROLL = Move(
         touch("left", 4, (0.02, 0.0)),
     ),
     poses={
-        1: pose(arch=20, bend=-6, hip_tilt=10, hip_fwd=-0.03, nod=-12, arms="elbow_back"),
-        2: pose(arch=-10, bend=-6, hip_tilt=-14, hip_fwd=0.06, drop=0.03, nod=8, arms="low_guard"),
+        1: pose(arch=24, bend=-2, hip_tilt=12, hip_fwd=-0.05, nod=-12, arms="elbow_back"),
+        2: pose(arch=-12, bend=-10, hip_tilt=-20, hip_fwd=0.10, drop=0.04, nod=8, arms="low_guard"),
         3: pose(arch=-14, bend=26, hip_tilt=8, hip_fwd=-0.04, drop=0.09, nod=4, arms="swing_out"),
         4: pose(
             arch=8, bend=-2, hip_tilt=0, hip_fwd=0.0, drop=0.0, side=5, nod=-4,

@@ -226,7 +226,7 @@ SCISSORS = Move(
 SWIRL = Move(
     "swirl", counts=4,
     steps=(
-        step("left", 1, (0.05, 0.0), face=-24.0, weight=0.5),
+        step("left", 1, face=-24.0, weight=0.5),
         pivot("right", 1, face=-24.0),
         pivot("left", 2, face=24.0), pivot("right", 2, face=24.0),
         pivot("left", 3, face=-24.0), pivot("right", 3, face=-24.0),
