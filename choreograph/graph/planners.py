@@ -169,8 +169,10 @@ def _step(
     who = np.zeros(following.n_nodes, np.int64)
     priced = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
     nonnegative = all(w.weight > 0 and w.cost.edges_nonnegative for w in priced)
-    for start in range(0, len(order), _BLOCK):
-        block = order[start : start + _BLOCK]
+    start = 0
+    while start < len(order):
+        block = order[start : start + max(_BLOCK, start)]
+        start += len(block)
         wanted = np.arange(following.n_nodes)
         if nonnegative:
             wanted = np.flatnonzero(best > reached[block[0]])
