@@ -74,7 +74,7 @@ BODY_ROLL = Move(
         5: _via(nod=16, arch=-14, bend=20, hip_fwd=0.04, hip_tilt=-10, drop=0.14, arms=_ROUND_LOW),
         6: _via(nod=8, arch=12, bend=0, hip_fwd=0.04, hip_tilt=-4, drop=0.04, arms=_ROUND_MID),
         7: _via(nod=-16, arch=16, bend=-8, hip_fwd=0.0, hip_tilt=2, drop=0.0, arms=_ROUND_HIGH),
-        8: _via(nod=0, arch=4, bend=0, hip_fwd=0.0, hip_tilt=0, drop=0.02, arms="low_out"),
+        8: _via(nod=0, arch=4, bend=0, hip_fwd=0, hip_tilt=0, drop=0.02, twist=6, left=_HEART, right="loose"),
     },
     bounce=_BREATH,
 )  # fmt: skip
@@ -94,7 +94,7 @@ LUNGE = Move(
         5: _via(drop=0.06, side=-16, bend=0, twist=-10, look=-16, nod=-6, left=_UP, right=_SIDE),
         6: _slow(drop=0.03, side=-4, bend=-6, arch=10, twist=0, look=0, nod=-16, arms=_ROUND_HIGH),
         7: _slow(drop=0.09, side=6, bend=12, arch=-6, hip_roll=0, nod=6, arms=_ROUND_MID),
-        8: _via(drop=0.0, side=0, bend=0, arch=0, nod=0, arms="low_out"),
+        8: _via(drop=0.0, side=0, bend=0, arch=0, nod=0, left=_LOW, right=_ROUND_LOW),
     },
     bounce=_BREATH,
 )  # fmt: skip
@@ -111,7 +111,7 @@ CONTRACTION = Move(
         1: _via(arch=10, bend=-4, nod=-8, drop=0.02, arms=_SIDE),
         2: _via(arch=-16, bend=26, nod=16, hip_tilt=-14, hip_fwd=-0.04, drop=0.11, arms=_HUG),
         3: _via(arch=18, bend=-10, nod=-16, hip_tilt=6, hip_fwd=0.03, drop=0.03, arms="wide_up"),
-        4: _via(arch=0, bend=2, nod=4, hip_tilt=0, hip_fwd=0.0, drop=0.03, arms="low_out"),
+        4: _via(arch=0, bend=2, nod=4, hip_tilt=0, hip_fwd=0, drop=0.03, side=5, left="loose", right=_LOW),
     },
     bounce=_BREATH,
 )  # fmt: skip
@@ -179,7 +179,7 @@ PLIE_SWEEP = Move(
         5: _via(drop=0.20, bend=14, side=-10, twist=-16, look=-10, nod=4, left=_HUG, right=_SIDE),
         6: _via(drop=0.08, bend=-4, side=-14, twist=-6, look=-18, nod=-10, left=_UP, right=_SIDE),
         7: _via(drop=0.03, bend=-6, arch=8, side=0, twist=0, look=0, nod=-12, arms=_ROUND_HIGH),
-        8: _via(drop=0.02, bend=2, arch=0, nod=2, arms="low_out"),
+        8: _via(drop=0.02, bend=2, arch=0, nod=2, look=12, twist=6, left="low_out", right=_ROUND_LOW),
     },
     bounce=_BREATH,
 )  # fmt: skip
@@ -188,16 +188,15 @@ SWING_DROP = Move(
     "drop and rebound", counts=4,
     steps=(
         step("left", 1, (0.10, 0.0), weight=0.5),
-        press("left", 3, weight=0.5, pitch=16.0),
-        press("right", 3, weight=0.5, pitch=16.0),
-        press("right", 3.5),
+        press("left", 3, weight=0.0, pitch=16.0),
+        press("right", 3, pitch=16.0),
         step("left", 4),
     ),
     poses={
         1: _via(arch=10, bend=-6, nod=-12, drop=0.0, arms=_UP),
-        2: _via(arch=-8, bend=64, nod=20, hip_fwd=-0.13, hip_tilt=14, drop=0.22, arms=_HANG),
+        2: _via(twist=0, look=0, arch=-8, bend=64, nod=20, hip_fwd=-0.13, hip_tilt=14, drop=0.22, arms=_HANG),
         3: _via(arch=12, bend=-8, nod=-16, hip_fwd=0.0, hip_tilt=0, drop=-0.01, left=_UP, right=_DIAGONAL),
-        4: _via(arch=-2, bend=6, nod=6, drop=0.05, arms="low_out"),
+        4: _via(arch=-2, bend=6, nod=6, drop=0.05, twist=-10, look=-12, left=_ROUND_MID, right=_LOW),
     },
     bounce=Bounce(0.01, "down", every=2.0, start=2.0),
 )  # fmt: skip
@@ -222,7 +221,7 @@ WALKING_MELT = Move(
         5: _via(twist=10, drop=0.16, bend=14, arch=-6, nod=8, side=4, left=_HEART, right=_LOW),
         6: _via(twist=-8, drop=0.04, bend=-2, arch=8, nod=-6, side=0, left=_DIAGONAL, right=_LOW),
         7: _via(twist=6, drop=0.01, bend=-4, arch=8, nod=-8, left=_SIDE, right=_UP),
-        8: _via(twist=0, drop=0.02, bend=2, arch=0, nod=2, arms="low_out"),
+        8: _via(twist=0, drop=0.02, bend=2, arch=0, nod=2, tilt=5, left="relaxed", right=_ROUND_LOW),
     },
     bounce=_BREATH,
 )  # fmt: skip
@@ -263,7 +262,7 @@ FALL_AND_CATCH = Move(
         1: _via(twist=18, hip_turn=-10, side=-4, drop=0.03, look=-10, left=_LOW, right=_HUG),
         2: _via(twist=-14, hip_turn=6, side=-12, bend=12, drop=0.13, look=-18, nod=8, left=_HUG, right=_SIDE),
         3: _slow(twist=8, hip_turn=0, side=10, bend=-4, arch=8, drop=0, nod=-9, left=_SIDE, right=_UP),
-        4: _via(twist=0, side=0, bend=4, arch=0, drop=0.05, look=4, nod=4, arms="low_out"),
+        4: _via(twist=0, side=0, bend=4, arch=0, drop=0.05, look=4, nod=4, tilt=-4, left=_HEART, right=_LOW),
     },
     bounce=_BREATH,
 )  # fmt: skip
