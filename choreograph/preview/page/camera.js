@@ -6,6 +6,7 @@ const FOV_Y = 0.5;
 const FIRST_PITCH = 0.14;
 const FIRST_TURN = 0.35; // a little from the side: a body seen straight from the front looks flat
 const BLEND_S = 0.45;
+const FLOOR_RADIUS_M = 7;
 
 export class Camera {
   constructor(dancer) {
@@ -61,6 +62,7 @@ export class Camera {
     ];
     const projection = perspective(FOV_Y, aspect, 0.05, 60);
     if (this.mirrored) projection[0] = -projection[0];
-    return { eye, target, matrix: multiplied(projection, lookAt(eye, target)), mirrored: this.mirrored };
+    const floorRadius = FLOOR_RADIUS_M + this.stage.radius * (1 - eased);
+    return { eye, target, matrix: multiplied(projection, lookAt(eye, target)), mirrored: this.mirrored, floorRadius };
   }
 }

@@ -23,10 +23,11 @@ export class SoundClock {
   get ended() { return this.audio.ended || this.time >= this.durationS; }
   set speed(speed) { this.audio.playbackRate = speed; }
 
-  // A seek under way lands first: one that passes the end on its way would stop the sound there.
+  // A seek under way lands first: one that passes the end on its way would stop the sound there. A seek in a
+  // sound that is not loaded yet (phones wait for the first play) is under way only once it is.
   async play() {
     this.meant = true;
-    while (this.wanted !== null) {
+    while (this.audio.seeking) {
       await new Promise((landed) => this.audio.addEventListener("seeked", landed, { once: true }));
     }
     if (this.meant) await this.audio.play();

@@ -1,20 +1,24 @@
-// A colour for every take: from its name, so that a take looks the same in every dance.
+// A colour for every take: from its name, so that a take looks the same from dance to dance, or nearly.
 
-const HUES = 30;
+const HUES = 16; // neighbours can just be told apart
+const DARKER = 0.12; // second round of hues, for dances of more takes
 
 // CSS colours and light for the rim, by take; evenly bright because they are chosen in OKLCH.
 export function takeColours(names, lightness, chroma) {
   const taken = new Set();
-  return names.map((name) => {
-    let slot = hash(name) % HUES;
-    // A dance of few takes must not show two of them alike: the later in the alphabet gives way.
-    for (let i = 0; taken.has(slot) && i < HUES && taken.size < HUES; i++) slot = (slot + 7) % HUES;
-    taken.add(slot);
-    const light = fromOklch(lightness, chroma, (slot / HUES) * 2 * Math.PI);
-    const css = light.map((x) => Math.round(255 * (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055)));
+  return names.map((name, i) => {
+    let hue = hash(name) % HUES;
+    if (i % HUES === 0) taken.clear();
+    // No two of one round look alike: the later in the alphabet gives way.
+    while (taken.has(hue)) hue = (hue + 7) % HUES;
+    taken.add(hue);
+    const light = fromOklch(lightness - (Math.floor(i / HUES) % 2) * DARKER, chroma, (hue / HUES) * 2 * Math.PI);
+    const css = light.map((x) => Math.round(255 * encoded(x)));
     return { css: `rgb(${css.join(" ")})`, light };
   });
 }
+
+const encoded = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055); // sRGB
 
 // FNV-1a with a last stir: names that differ in a digit must not come out side by side.
 function hash(text) {

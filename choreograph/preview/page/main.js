@@ -84,7 +84,7 @@ class Page {
     }
     this.drawn += 1;
     this.#showTime(time);
-    if (player.playing || moving || player.clock.wanted !== null) this.wake();
+    if (player.playing || moving) this.wake();
     else if (!this.still) this.settling = setTimeout(() => { this.still = true; this.#ask(); }, SETTLED_MS);
   }
 

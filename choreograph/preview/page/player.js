@@ -26,7 +26,7 @@ export class Player extends EventTarget {
     audio.addEventListener("timeupdate", () => {
       if (document.hidden) this.tick(performance.now() / 1000); // no frames then, but loops go on
     });
-    for (const name of ["play", "pause", "ended", "volumechange"]) audio.addEventListener(name, () => this.#changed());
+    for (const name of ["play", "pause", "seeked", "ended"]) audio.addEventListener(name, () => this.#changed());
     audio.src = URL.createObjectURL(new Blob([fromBase64(sound)], { type: "audio/mp4" }));
     this.audio = audio;
     this.clock = new SoundClock(audio, this.durationS);

@@ -9,7 +9,6 @@ import {
 
 const SHADOW_SIZE = 112; // texels
 const SHADOW_HALF_M = 1.5;
-const FLOOR_RADIUS_M = 7;
 const RIM_POINTS = 48;
 const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
 const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aCorner"];
@@ -138,7 +137,7 @@ export class Renderer {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  #drawStage({ eye, target: at, matrix, mirrored }, centre) {
+  #drawStage({ eye, target: at, matrix, mirrored, floorRadius }, centre) {
     const { gl, colours } = this;
     const body = this.bodies[this.slowMachine && !this.still ? "quick" : "fine"];
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
@@ -155,17 +154,17 @@ export class Renderer {
     gl.uniform3fv(body.uGround, colours.floor.map((v) => 0.12 + 0.55 * v * v));
     gl.uniform1f(body.uExposure, this.exposure);
     this.#drawMesh();
-    this.#drawGround(matrix, at, centre);
+    this.#drawGround(matrix, [at[0], at[2], floorRadius], centre);
   }
 
   // Without a place in depth: all of it is under the body, and the shade in the floor's own plane.
-  #drawGround(matrix, at, centre) {
+  #drawGround(matrix, disc, centre) {
     const { gl, floor, shade, colours } = this;
     gl.disable(gl.CULL_FACE);
     gl.depthMask(false);
     gl.useProgram(floor.program);
     gl.uniformMatrix4fv(floor.uMatrix, false, matrix);
-    gl.uniform3f(floor.uPlace, at[0], at[2], FLOOR_RADIUS_M);
+    gl.uniform3fv(floor.uPlace, disc);
     gl.uniform3fv(floor.uStage, colours.stage);
     gl.uniform3fv(floor.uFloor, colours.floor);
     gl.uniform3fv(floor.uLine, colours.line);
