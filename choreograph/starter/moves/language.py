@@ -228,6 +228,7 @@ class Move:
     steps: tuple[Step, ...]
     poses: Mapping[float, Pose] = field(default_factory=dict)
     bounce: Bounce = Bounce(0.025)
+    fastest_bpm: float = 400.0  # counts a minute: above, its quick steps are no longer danced
 
     def __post_init__(self) -> None:
         counts = [s.count for s in self.steps] + list(self.poses)

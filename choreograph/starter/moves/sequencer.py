@@ -134,7 +134,10 @@ def _phrase(
     genre: Genre, move: Move, placed: list[Placed], count: int, counts_s: Floats, energies: Floats,
     rng: np.random.Generator,
 ) -> list[Placed]:  # fmt: skip
-    """The move repeated for two or four bars from `count`; empty if its first foot is not free."""
+    """The move repeated for two or four bars from `count`; empty if the song is too fast for it there."""
+    first = min(count, len(counts_s) - 2)
+    if counts_s[first + 1] - counts_s[first] < 60.0 / move.fastest_bpm:
+        return []
     length = genre.bar * int(rng.choice([2, 4], p=[0.6, 0.4]))
     phrase: list[Placed] = []
     at = count

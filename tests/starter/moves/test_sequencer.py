@@ -116,6 +116,16 @@ def test_the_mirrored_moves_are_the_motion_in_a_mirror(genre) -> None:
         np.testing.assert_allclose(body_pos_m(other), mirrored(body_pos_m(one)), atol=1e-6)
 
 
+def test_fast_swing_leaves_the_triples_out() -> None:
+    slow, fast = (
+        {p.move.name for seed in range(6)
+         for p in render_take(GENRES["swing"], 1.0 + np.arange(64) * 60.0 / bpm, seed=seed).placed}
+        for bpm in (140.0, 176.0)
+    )  # fmt: skip
+    triples = {"triple step basic", "tuck turn", "lindy circle"}
+    assert triples <= slow and not triples & fast
+
+
 def test_size_scales_steps_but_not_home() -> None:
     move = GENRES["disco"].moves[0]
     small, big = (render(in_a_row([move], size=s), BEATS_S[:4], rng=None) for s in (0.6, 1.2))

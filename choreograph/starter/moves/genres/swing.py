@@ -31,6 +31,7 @@ Place = tuple[float, float]  # (left, forward), m
 _AND = 2.0 / 3.0
 _PULSE = Bounce(0.028, "down")
 _EVEN = Bounce(0.02, "down")  # triples bounce by themselves: the feet are quicker than the knees
+_TRIPLES_TO_BPM = 158.0  # faster songs are danced in single steps
 _LOW = 0.025  # how much deeper than standing swing is danced, m
 
 _JAZZ_HAND = Arm((0.72, -0.80, 0.15), (0.62, 0.75, 0.50), -20, -20)
@@ -81,6 +82,7 @@ TRIPLE_BASIC = Move(
         12: pose(drop=_LOW, bend=12, side=5, twist=-14, look=0, nod=4, left="reach_back", right="pump_high"),
     },
     bounce=_EVEN,
+    fastest_bpm=_TRIPLES_TO_BPM,
 )  # fmt: skip
 
 # The basic of fast songs: one step for two counts, a tap of the free foot between.
@@ -135,6 +137,7 @@ TUCK_TURN = Move(
         8: pose(drop=0.04, bend=14, twist=-10, side=6, look=0, nod=5, left=_JAZZ_LOW, right=_JAZZ_LOW),
     },
     bounce=_EVEN,
+    fastest_bpm=_TRIPLES_TO_BPM,
 )  # fmt: skip
 
 KICK_BALL_CHANGE = Move(
@@ -320,6 +323,7 @@ LINDY_CIRCLE = Move(
         8: pose(drop=_LOW, bend=4, side=-2, twist=-12, look=0, nod=5, left="across", right="reach_back"),
     },
     bounce=_EVEN,
+    fastest_bpm=_TRIPLES_TO_BPM,
 )  # fmt: skip
 
 
