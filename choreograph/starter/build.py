@@ -1,4 +1,4 @@
-"""Building the shipped repertoire: takes and songs rendered, networks learned, one file written."""
+"""Building the shipped repertoire: takes rendered, networks learned, one file written."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any
 from choreograph.pipeline import BuildOptions, build_repertoire
 from choreograph.repertoire import Repertoire
 from choreograph.starter import STARTER_PATH
-from choreograph.starter.synth.examples import write_examples
 from choreograph.starter.takes import write_takes
 
 
@@ -24,7 +23,7 @@ def build_starter(
     report: Callable[[str, int, int], None] | None = None,
     training_report: Callable[[Any], None] | None = None,
 ) -> tuple[Repertoire, tuple[str, ...]]:
-    """Render the starter's takes and songs, learn from them and from real takes, write the repertoire.
+    """Render the starter's takes, learn from them and from real takes, write the repertoire.
 
     Only the rendered takes go into it; of the real ones (`learn_from`, without those named in
     `leave_out`) nothing but what the networks learned. Takes and checkpoints stay in `work`, so that a
@@ -41,5 +40,4 @@ def build_starter(
     )
     keeping = BuildOptions(preset=preset, seed=seed, init_from=learned, keep_networks=True, packed=True)
     repertoire, more = build_repertoire([takes], output, keeping, report=report)
-    write_examples()
     return repertoire, (*notes, *more)
