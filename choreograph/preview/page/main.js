@@ -29,6 +29,7 @@ class Page {
     this.asked = false;
     this.still = false; // nothing moves: a finer picture is worth its time
     $("time-all").textContent = clockText(dance.duration_s, true);
+    $("time-now").style.setProperty("--digits", $("time-all").textContent.length);
     new Controls(this.player, this.camera, this.timeline, () => this.wake());
     this.player.addEventListener("soundlost", () => {
       notice("This browser cannot play the song: the dance goes on without it.");

@@ -7,7 +7,7 @@ import {
   bodyShaders,
 } from "./shaders.js";
 
-const SHADOW_SIZE = 112; // texels
+const SHADOW_SIZE = 80; // texels
 const SHADOW_HALF_M = 1.5;
 const RIM_POINTS = 48;
 const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
@@ -123,7 +123,8 @@ export class Renderer {
     gl.useProgram(shadow.program);
     gl.uniform3fv(shadow.uCentre, centre);
     gl.uniform2fv(shadow.uSlide, this.slide);
-    this.#drawMesh();
+    gl.bindVertexArray(this.skinned);
+    gl.drawArrays(gl.POINTS, 0, this.mesh.weights.length);
     gl.disable(gl.BLEND);
     gl.useProgram(blur.program);
     gl.uniform1i(blur.uSource, 0);
@@ -153,7 +154,8 @@ export class Renderer {
     gl.uniform3fv(body.uRim, this.rim);
     gl.uniform3fv(body.uGround, colours.floor.map((v) => 0.12 + 0.55 * v * v));
     gl.uniform1f(body.uExposure, this.exposure);
-    this.#drawMesh();
+    gl.bindVertexArray(this.skinned);
+    gl.drawElements(gl.TRIANGLES, this.mesh.indices.length, gl.UNSIGNED_INT, 0);
     this.#drawGround(matrix, [at[0], at[2], floorRadius], centre);
   }
 
@@ -185,11 +187,6 @@ export class Renderer {
     gl.depthMask(true);
   }
 
-  #drawMesh() {
-    const { gl } = this;
-    gl.bindVertexArray(this.skinned);
-    gl.drawElements(gl.TRIANGLES, this.mesh.indices.length, gl.UNSIGNED_INT, 0);
-  }
 }
 
 // Whether there is no graphics card, or none that the browser trusts.

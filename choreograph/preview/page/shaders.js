@@ -50,7 +50,8 @@ void main() {
   return [vertex, fragment];
 }
 
-// From above, slid along the light: red is what touches the floor, green what is over it.
+// From above, slid along the light, a dot a vertex, which the blur makes one: red is what touches the floor,
+// green what is over it.
 export const SHADOW_VERTEX = `#version 300 es
 uniform vec3 uCentre; // x, z and half the width
 uniform vec2 uSlide;
@@ -60,6 +61,7 @@ void main() {
   vHeight = aPlace.y;
   vec2 ground = (aPlace.xz - uSlide * aPlace.y - uCentre.xy) / uCentre.z;
   gl_Position = vec4(ground, 0.0, 1.0);
+  gl_PointSize = 2.0;
 }`;
 
 export const SHADOW_FRAGMENT = `#version 300 es
