@@ -1,0 +1,97 @@
+"""What comes along: small enough, big enough, of every genre, and it dances to its songs at once."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import choreograph as cg
+from choreograph.cli import main
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.metrics.beat import f_score
+from choreograph.metrics.physical import floor_penetration_cm
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.skeleton import CANONICAL_JOINTS
+from choreograph.starter import SONGS_PATH, STARTER_PATH
+from choreograph.starter.moves.genres import GENRES
+from choreograph.starter.synth import write_song
+from choreograph.starter.synth.testbed import SONGS
+
+
+@pytest.fixture(scope="module")
+def starter():
+    return cg.starter_repertoire()
+
+
+def test_it_is_small_and_there_is_enough_of_it(starter):
+    shipped = STARTER_PATH.stat().st_size + sum(path.stat().st_size for path in SONGS_PATH.iterdir())
+    assert shipped < 10e6
+    assert sum(take.duration_s for take in starter.takes) > 40 * 60
+    assert set(Counter(take.credits.genre for take in starter.takes)) == set(GENRES)
+    assert set(starter.skeleton.names) == set(CANONICAL_JOINTS)
+    assert {take.credits.licence for take in starter.takes} == {"CC0-1.0"}
+    assert {"style", "motion_density", "music_density"} == set(starter.net_names)
+
+
+def test_what_it_learned_from_is_named(starter):
+    card = STARTER_PATH.with_name("MODEL_CARD.md").read_text(encoding="utf-8")
+    assert "Dance with Melody" in card
+    assert any(song.startswith("DANCE_") for song in starter.provenance["trained_on"])
+    held_out = (STARTER_PATH.parents[2] / "examples" / "dance_with_melody_held_out.txt").read_text().split()
+    assert not set(held_out) & set(starter.provenance["trained_on"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bench", [SONGS[6], SONGS[10], SONGS[16]], ids=lambda song: song.name)
+def test_it_keeps_the_true_beat(starter, tmp_path, bench):
+    truth = bench.render()
+    write_song(tmp_path / "song.wav", truth)
+    made = cg.dance(tmp_path / "song.wav", starter)
+    pos = body_pos_m(made.motion)
+    assert f_score(motion_beat_times_s(pos, made.motion.fps), truth.beat_times_s) > 0.75
+    assert floor_penetration_cm(pos, made.motion.fps) < 0.5
+    takes = [second.take for second in made.plan.seconds]
+    assert len(set(takes)) >= 5
+    for a, b in zip(made.plan.seconds, made.plan.seconds[1:], strict=False):
+        back_s = a.source_times_s[-1] - b.source_times_s[0]
+        assert a.take != b.take or not 0.25 < back_s < 8.0
+
+
+def test_songs_are_listed_found_and_copied(tmp_path):
+    listed = json.loads(CliRunner().invoke(main, ["songs", "--json"]).output)
+    assert set(listed) == {"cha-cha", "house", "waltz"}
+    assert CliRunner().invoke(main, ["songs", "--path", "waltz"]).output.strip() == listed["waltz"]
+    assert CliRunner().invoke(main, ["songs", "--copy", str(tmp_path)]).exit_code == 0
+    assert {path.stem for path in tmp_path.iterdir()} == set(listed)
+    unknown = CliRunner().invoke(main, ["songs", "--path", "polka"])
+    assert unknown.exit_code == 2
+    assert "polka" in unknown.stderr
+
+
+def test_the_first_command_needs_nothing_but_a_song(tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("click.launch", opened.append)
+    song = str(cg.example_songs()["house"])
+    done = CliRunner().invoke(main, ["dance", song, "--duration", "6", "--open", "--json"])
+    assert done.exit_code == 0, done.output
+    facts = json.loads(done.stdout)
+    assert facts["outputs"] == ["house.bvh", "house.html"]
+    assert facts["repertoire"] == "starter.h5"
+    assert sum(take["seconds"] for take in facts["takes"]) == 6
+    assert opened == [(tmp_path / "house.html").resolve().as_uri()]
+    assert "<html" in (tmp_path / "house.html").read_text(encoding="utf-8")
+
+
+def test_another_seed_is_another_dance(starter):
+    song = cg.example_songs()["house"]
+    dances = [
+        cg.dance(song, starter, duration_s=20.0, config=cg.DanceConfig(seed=seed)) for seed in (0, 0, 1)
+    ]
+    first, same, other = (dance.motion.joint_pos_m() for dance in dances)
+    np.testing.assert_array_equal(first, same)
+    assert np.linalg.norm(first - other, axis=-1).mean() > 0.1
