@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from importlib import import_module
 
@@ -10,9 +9,6 @@ import click
 
 from choreograph.cli.present import examples
 from choreograph.errors import ChoreographError
-
-# Threads that wait for one another must not spin: with two cores shared, warping was seven times slower.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 _COMMANDS = {
     "build-db": "build_db", "build-starter": "build_starter", "dance": "dance", "inspect": "inspect",

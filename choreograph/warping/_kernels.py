@@ -1,14 +1,19 @@
-"""Compiled loops of the warper: one candidate a thread, rows of the cost table vectorised."""
+"""Compiled loops of the warper, rows of the cost table vectorised.
+
+They let go of the interpreter, so that `segments` warps several seconds at once in threads of its own.
+Plain loops stand where numpy's words would be shorter: a median or a slice's assignment compiles for
+seconds, and the first dance on a new machine waits for that.
+"""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 UNREACHED = np.float32(3.0e38)
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def dtw_batch(queries, targets):  # pragma: no cover - compiled
     """Subsequence DTW of queries (K, Tq) in targets (K, Tt), float32: source frames (K, Tq), costs (K,).
 
@@ -20,7 +25,7 @@ def dtw_batch(queries, targets):  # pragma: no cover - compiled
     n_target = targets.shape[1]
     source_frames = np.empty((n, n_query), np.float32)
     costs = np.empty(n, np.float32)
-    for k in prange(n):
+    for k in range(n):
         target = targets[k]
         # One row and two columns out of reach in front.
         table = np.full((n_query + 1, n_target + 2), UNREACHED, np.float32)
@@ -38,7 +43,10 @@ def dtw_batch(queries, targets):  # pragma: no cover - compiled
                 query_twice = before[j + 1] + (c + c)
                 best = target_twice if target_twice < both else both
                 row[j + 2] = query_twice if query_twice < best else best
-        end = np.argmin(table[n_query, 2:])
+        end = 0
+        for j in range(1, n_target):
+            if table[n_query, j + 2] < table[n_query, end + 2]:
+                end = j
         costs[k] = table[n_query, end + 2] / n_query
         _walk_back(queries[k], target, table, end, source_frames[k])
     return source_frames, costs
@@ -68,7 +76,7 @@ def _walk_back(query, target, table, end, source_frames):  # pragma: no cover - 
         source_frames[i] = j
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _solve_banded(main, first, second, rhs):  # pragma: no cover - compiled
     """In-place LDLᵀ solve of a symmetric positive definite matrix with two bands beside the diagonal."""
     n = len(main)
@@ -163,7 +171,7 @@ def _limit_slopes(path, slopes, min_slope, max_slope, last_source):  # pragma: n
         path[i] = min(max(path[i] + shift, lowest), highest)
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def smooth_batch(
     paths, beats, beat_ranges, music, window, stiffness, anchor_weight, min_slope, max_slope, last_source
 ):  # pragma: no cover - compiled
@@ -174,16 +182,18 @@ def smooth_batch(
     """
     n, n_frames = paths.shape
     maps = np.empty((n, n_frames), np.float64)
-    for k in prange(n):
-        main = np.empty(n_frames)
-        first = np.empty(n_frames)
-        second = np.empty(n_frames)
-        rhs = np.empty(n_frames)
-        slopes = np.empty(n_frames)
+    main = np.empty(n_frames)
+    first = np.empty(n_frames)
+    second = np.empty(n_frames)
+    rhs = np.empty(n_frames)
+    slopes = np.empty(n_frames)
+    anchor_frame = np.empty(len(music) + 1)
+    anchor_source = np.empty(len(music) + 1)
+    for k in range(n):
         mine = beats[beat_ranges[k, 0] : beat_ranges[k, 1]]
-        anchor_frame = np.empty(len(music) + 1)
-        anchor_source = np.empty(len(music) + 1)
-        path = paths[k].astype(np.float64)
+        path = maps[k]
+        for i in range(n_frames):
+            path[i] = paths[k, i]
         # The first round only takes the staircase out; the second snaps beats seen along a calm path.
         for turn in range(2):
             _normal_equations(path, stiffness, main, first, second, rhs)
@@ -198,9 +208,9 @@ def smooth_batch(
                     rhs[low] += anchor_weight * (1 - w) * anchor_source[a]
                     rhs[low + 1] += anchor_weight * w * anchor_source[a]
             _solve_banded(main, first, second, rhs)
-            path[:] = rhs
+            for i in range(n_frames):
+                path[i] = rhs[i]
             _limit_slopes(path, slopes, min_slope, max_slope, last_source)
-        maps[k] = path
     return maps
 
 
@@ -222,7 +232,7 @@ def _normal_equations(path, stiffness, main, first, second, rhs):  # pragma: no 
         second[i] += stiffness
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def beat_fit(maps, speeds, music, near, far, prominence):  # pragma: no cover - compiled
     """How each quarter of each warped segment keeps the beat, for time maps (K, Tq + 1).
 
@@ -237,7 +247,7 @@ def beat_fit(maps, speeds, music, near, far, prominence):  # pragma: no cover - 
     off = np.zeros((n, 4), np.float32)
     first = np.full((n, 4), np.nan, np.float32)
     last = np.full((n, 4), np.nan, np.float32)
-    for k in prange(n):
+    for k in range(n):
         placed, count = _played_beats(maps[k], speeds[k], prominence)
         seen = np.zeros(4)
         for p in range(count):
@@ -269,7 +279,7 @@ def _played_beats(time_map, speed, prominence):  # pragma: no cover - compiled
         weight = time_map[i] - low
         slope = (time_map[min(i + 1, n - 1)] - time_map[max(i - 1, 0)]) / (min(i + 1, n - 1) - max(i - 1, 0))
         played[i] = slope * (speed[low] + weight * (speed[low + 1] - speed[low]))
-    deep = prominence * np.median(played)
+    deep = prominence * _median(played)
     beats = np.empty(n)
     count = 0
     for i in range(1, n - 1):
@@ -290,6 +300,20 @@ def _played_beats(time_map, speed, prominence):  # pragma: no cover - compiled
         beats[count] = i + 0.5 * (played[i - 1] - played[i + 1]) / max(bend, 1e-9)
         count += 1
     return beats, count
+
+
+@njit(cache=True)
+def _median(values):  # pragma: no cover - compiled
+    """The median, by sorting a copy; quick for a segment's 80 frames."""
+    n = len(values)
+    ordered = np.empty(n)
+    for i in range(n):
+        j = i
+        while j > 0 and ordered[j - 1] > values[i]:
+            ordered[j] = ordered[j - 1]
+            j -= 1
+        ordered[j] = values[i]
+    return 0.5 * (ordered[(n - 1) // 2] + ordered[n // 2])
 
 
 @njit(cache=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,34 +55,49 @@ def warp_segments(
     `music_beats_s` (Q,) are seconds of the song.
     ChoreoGraph, section 3.2; the time map's smoothing is ours.
     """
-    from choreograph.warping._kernels import beat_fit
-
     n_seconds, k = clip.shape
     time_maps = np.empty((n_seconds, k, SEGMENT_FRAMES + 1), np.float32)
     per_quarter = [np.empty((n_seconds, k, SEGMENT_S), np.float32) for _ in range(4)]
-    for second in range(n_seconds):
+
+    def warp(second: int) -> None:
         chosen = clip[second]
-        ranges = beats.ranges[chosen]
-        targets = clip_density(chosen)  # (K, 160)
-        query = music_density[second]  # (80,)
-        paths, _ = subsequence_dtw(query, targets)  # (K, 80)
         here = music_beats_s[slice(*np.searchsorted(music_beats_s, [second - 0.5, second + SEGMENT_S + 0.5]))]
-        music_frames = (here - second) * NET_FPS
-        maps = smooth_time_maps(
-            paths, clip_frames=CLIP_FRAMES - 1, motion_beats=beats.frames, beat_ranges=ranges,
-            music_beats=music_frames,
+        maps, *fits = _warped(
+            music_density[second], clip_density(chosen), clip_speed(chosen), (here - second) * NET_FPS,
+            beats.frames, beats.ranges[chosen],
         )  # fmt: skip
-        # The end of the last frame, at most the slope of the frame before it.
-        end = np.minimum(2 * maps[:, -1] - maps[:, -2], CLIP_FRAMES - 1)
-        maps = np.concatenate([maps, end[:, None]], axis=1)  # (K, 81)
         time_maps[second] = maps
-        per_quarter[0][second] = _misfit(query, targets, maps)
-        fits = beat_fit(maps, clip_speed(chosen), music_frames, NEAR_FRAMES, FAR_FRAMES, MIN_PROMINENCE)
-        for stored, fit in zip(per_quarter[1:], fits, strict=True):
+        for stored, fit in zip(per_quarter, fits, strict=True):
             stored[second] = fit
-        if report is not None:
-            report(second + 1, n_seconds)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for done, _ in enumerate(pool.map(warp, range(n_seconds))):
+            if report is not None:
+                report(done + 1, n_seconds)
     return Segments(np.asarray(clip, np.int64), time_maps, *per_quarter)
+
+
+def _warped(
+    query: NDArray[np.float32],
+    targets: NDArray[np.float32],
+    speeds: NDArray[np.float32],
+    music_frames: NDArray[np.floating],
+    beat_frames: NDArray[np.float64],
+    beat_ranges: NDArray[np.int64],
+) -> tuple[NDArray, ...]:
+    """Time maps (K, 81) of one second's candidates, then fit, off_beat, first_beat and last_beat (K, 4)."""
+    from choreograph.warping._kernels import beat_fit
+
+    paths, _ = subsequence_dtw(query, targets)  # (K, 80)
+    maps = smooth_time_maps(
+        paths, clip_frames=CLIP_FRAMES - 1, motion_beats=beat_frames, beat_ranges=beat_ranges,
+        music_beats=music_frames,
+    )  # fmt: skip
+    # The end of the last frame, at most the slope of the frame before it.
+    end = np.minimum(2 * maps[:, -1] - maps[:, -2], CLIP_FRAMES - 1)
+    maps = np.concatenate([maps, end[:, None]], axis=1)  # (K, 81)
+    fits = beat_fit(maps, speeds, music_frames, NEAR_FRAMES, FAR_FRAMES, MIN_PROMINENCE)
+    return maps, _misfit(query, targets, maps), *fits
 
 
 def _misfit(
