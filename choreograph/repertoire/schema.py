@@ -45,11 +45,11 @@ DATASETS: dict[str, tuple[str, str]] = {
     "sources/take": ("i4", "C"),
 }
 
-# A packed file holds these as i2 with attributes `step` and `restart`: value = integer × step, integers as
-# differences from the row before (modulo 2^16) that restart every so many rows. The steps keep a joint's
-# turn to 0.02 degrees and places to a quarter of a millimetre. Networks' weights are f2 there.
-PACKED_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 2.0**-12, "body/pos_m": 0.0005}
-PACKED_RESTART = 2048
+# A packed file holds these as i2 with attributes `step`, `order` and `restart`: value = integer × step, the
+# integers as differences of that order from row to row (modulo 2^16) that restart every so many rows. The
+# steps keep a joint's turn to 0.03 degrees and places to half a millimetre. Networks' weights are f2 there.
+PACKED_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
+PACKED_ORDER, PACKED_RESTART = 2, 8192
 
 # nets/<name>: a group with the attribute `config` (JSON) and one dataset per weight, any shape.
 NETS = ("style", "motion_density", "music_density")

@@ -20,6 +20,7 @@ from choreograph.repertoire.schema import (
     DATASETS,
     FORMAT,
     NETS,
+    PACKED_ORDER,
     PACKED_RESTART,
     PACKED_STEPS,
     VERSION,
@@ -84,10 +85,13 @@ def _write_numbers(file: h5py.File, name: str, array: NDArray, step: float | Non
         chunk = (min(len(array), PACKED_RESTART), *(1,) * (array.ndim - 1))
         options |= {"compression_opts": 9, "chunks": chunk}
     integers = np.rint(array / step).astype(np.int16)
-    differences = np.diff(integers, axis=0, prepend=np.zeros_like(integers[:1]))
-    differences[::PACKED_RESTART] = integers[::PACKED_RESTART]
+    differences = integers
+    for _ in range(PACKED_ORDER):
+        steps = np.diff(differences, axis=0, prepend=np.zeros_like(differences[:1]))
+        steps[::PACKED_RESTART] = differences[::PACKED_RESTART]
+        differences = steps
     data = file.create_dataset(name, data=differences, track_times=False, **options)
-    data.attrs["step"], data.attrs["restart"] = step, PACKED_RESTART
+    data.attrs.update(step=step, order=PACKED_ORDER, restart=PACKED_RESTART)
 
 
 def _unpacked(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
@@ -97,7 +101,8 @@ def _unpacked(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
     differences = data[first:stop]
     for row in range(0, len(differences), restart):
         block = differences[row : row + restart]
-        np.cumsum(block, axis=0, dtype=np.int16, out=block)
+        for _ in range(int(data.attrs["order"])):
+            np.cumsum(block, axis=0, dtype=np.int16, out=block)
     return (differences[start - first :] * data.attrs["step"]).astype(np.float32)
 
 
