@@ -1,4 +1,4 @@
-"""Where a body stands and which way it faces, and its pose seen from there."""
+"""Where a body stands and which way it faces, and its poses seen from there."""
 
 from __future__ import annotations
 
@@ -37,3 +37,12 @@ def from_own_place(body_pos_m: Floats, vectors: Floats | None = None) -> Floats:
     if vectors is not None:
         return rot.rotate(turn, vectors)
     return rot.rotate(turn, body_pos_m - ground_pos_m(body_pos_m)[..., None, :])
+
+
+def phrases_from_own_place(body_pos_m: Floats) -> Floats:
+    """Phrases (..., T, 21, 3) turned and moved as wholes: heading 0 in their middle frame, and the pelvis
+    on average above the origin. What a phrase travels and turns within itself stays in it."""
+    middle = body_pos_m[..., body_pos_m.shape[-3] // 2, :, :]  # (..., 21, 3)
+    turn = rot.about_y(-heading_rad(middle))[..., None, None, :]  # (..., 1, 1, 4)
+    place = ground_pos_m(body_pos_m).mean(axis=-2)[..., None, None, :]  # (..., 1, 1, 3)
+    return rot.rotate(turn, body_pos_m - place)

@@ -11,7 +11,7 @@ from planted_dances import swaying
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_pos_m, mirrored
 from choreograph.motion.motion import Motion
-from choreograph.motion.pose import from_own_place, ground_pos_m, heading_rad
+from choreograph.motion.pose import from_own_place, ground_pos_m, heading_rad, phrases_from_own_place
 from choreograph.motion.skeleton import canonical_skeleton
 
 BODY = body_pos_m(swaying(20, seed=3))  # (T, 21, 3)
@@ -63,3 +63,13 @@ def test_a_mirror_turns_the_heading_round_and_swaps_sides():
     assert np.allclose(mirrored(mirror), BODY)
     left, right = BODY_JOINTS.index("left_wrist"), BODY_JOINTS.index("right_wrist")
     assert np.allclose(mirror[:, left], BODY[:, right] * [-1, 1, 1])
+
+
+def test_a_phrase_from_its_own_place_keeps_its_travel_and_forgets_where_it_was():
+    phrase = phrases_from_own_place(BODY[None])[0]
+    moved = rot.rotate(rot.about_y(1.3), BODY) + np.array([2.0, 0.0, -1.0])
+    assert np.allclose(phrases_from_own_place(moved[None])[0], phrase)
+    assert heading_rad(phrase[len(BODY) // 2]) == pytest.approx(0.0, abs=1e-9)
+    assert np.allclose(ground_pos_m(phrase).mean(axis=0), 0.0)
+    travel = np.linalg.norm(BODY[-1] - BODY[0], axis=-1)
+    assert np.allclose(np.linalg.norm(phrase[-1] - phrase[0], axis=-1), travel)

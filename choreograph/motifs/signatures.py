@@ -1,0 +1,90 @@
+"""Signatures: how often a dance does what, and what follows what (Rhythm is a Dancer, sections 3.4, 4.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import ParameterError
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.integer]
+
+_SUM_TOLERANCE = 1e-6
+
+
+def signature(motifs: Indices, n_motifs: int) -> Floats:
+    """Share of every motif, (K,), in a sequence of motifs (N,); sums to 1.
+
+    Raises `ParameterError` if the sequence is empty or names a motif outside 0 … K - 1.
+    """
+    sequence = checked_sequence(motifs, n_motifs)
+    if len(sequence) == 0:
+        raise ParameterError("expected a dance of one motif or more to make a signature of, got none")
+    return np.bincount(sequence, minlength=n_motifs) / len(sequence)
+
+
+def template(dances: Sequence[Indices], n_motifs: int) -> Floats:
+    """A genre's signature, (K,): the mean of its dances' signatures, each counted once however long.
+
+    Dances without a word are left out; `ParameterError` if none is left.
+    """
+    signatures = [signature(dance, n_motifs) for dance in dances if len(dance)]
+    if not signatures:
+        raise ParameterError("expected a dance with motion words to make a template of, got none")
+    return np.mean(signatures, axis=0)
+
+
+def chi_square_distance(a: Floats, b: Floats) -> Floats:
+    """Distance of signatures (..., K), broadcasting: equation 11, from 0 (equal) to 1 (nothing shared).
+
+    Read as ½ Σ_k (a_k - b_k)² / (a_k + b_k); a motif that neither has counts 0.
+    """
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    both = a + b
+    return 0.5 * np.sum(np.square(a - b) / np.where(both > 0, both, 1.0), axis=-1)
+
+
+def transition_matrix(dances: Sequence[Indices], n_motifs: int) -> Floats:
+    """Probability that motif j follows motif i, (K, K), counted over the dances; rows sum to 1.
+
+    As in the paper: pairs of consecutive motifs, counted within a dance and not smoothed; a motif may
+    follow itself. Ours, because the paper says nothing of it: after a motif that nothing followed comes
+    any, in proportion to how often the dances have it.
+
+    Raises `ParameterError` if no dance has a motif, or one is outside 0 … K - 1.
+    """
+    sequences = [checked_sequence(dance, n_motifs) for dance in dances]
+    everything = np.concatenate(sequences) if sequences else np.zeros(0, np.int64)
+    if len(everything) == 0:
+        raise ParameterError("expected a dance with motion words to count transitions in, got none")
+    counts = np.zeros((n_motifs, n_motifs))
+    for sequence in sequences:
+        np.add.at(counts, (sequence[:-1], sequence[1:]), 1.0)
+    totals = counts.sum(axis=1, keepdims=True)  # (K, 1)
+    return np.where(totals > 0, counts / np.maximum(totals, 1.0), signature(everything, n_motifs))
+
+
+def checked_sequence(motifs: Indices, n_motifs: int) -> NDArray[np.int64]:
+    """A sequence of motifs (N,) as integers; `ParameterError` unless all lie in 0 … K - 1."""
+    sequence = np.asarray(motifs)
+    if sequence.ndim != 1 or (len(sequence) and not np.issubdtype(sequence.dtype, np.integer)):
+        raise ParameterError(f"expected motif numbers (N,), got {sequence.dtype} of shape {sequence.shape}")
+    outside = sequence[(sequence < 0) | (sequence >= n_motifs)]
+    if len(outside):
+        raise ParameterError(f"expected motifs 0 to {n_motifs - 1}, got motif {outside[0]}")
+    return sequence.astype(np.int64)
+
+
+def checked_signature(values: Floats, n_motifs: int) -> Floats:
+    """A signature (K,); `ParameterError` unless its shares are 0 or more and sum to 1."""
+    shares = np.asarray(values, np.float64)
+    if shares.shape != (n_motifs,):
+        raise ParameterError(f"expected a signature of {n_motifs} motifs, got an array {shares.shape}")
+    if not (np.isfinite(shares).all() and (shares >= 0).all() and abs(shares.sum() - 1) <= _SUM_TOLERANCE):
+        raise ParameterError(
+            f"expected a signature of shares of 0 or more that sum to 1, got a sum of {shares.sum():.6g}"
+        )
+    return shares

@@ -1,0 +1,140 @@
+"""The choreography level: pins are honoured, steps are those of dancers, the signature is approached."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from choreograph.errors import ParameterError
+from choreograph.motifs.choreography import NEEDS, draw_motifs
+from choreograph.motifs.signatures import chi_square_distance, signature, template, transition_matrix
+
+K = 8
+
+
+def _library(seed, n_motifs=K):
+    """Dances whose motifs follow each other by few rules: every motif has three that may come next."""
+    rng = np.random.default_rng(seed)
+    nexts = np.stack([rng.choice(n_motifs, 3, replace=False) for _ in range(n_motifs)])
+    nexts[:, 0] = (np.arange(n_motifs) + 1) % n_motifs  # so that every motif can be reached
+    library = []
+    for _ in range(6):
+        dance = [int(rng.integers(n_motifs))]
+        while len(dance) < 120:
+            dance.append(int(rng.choice(nexts[dance[-1]])))
+        library.append(np.array(dance))
+    return template(library, n_motifs), transition_matrix(library, n_motifs)
+
+
+GOAL, STEPS = _library(0)
+
+
+def _danced(motifs, steps=STEPS):
+    return np.all(steps[motifs[:-1], motifs[1:]] > 0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(1, 60).flatmap(
+        lambda n: st.tuples(
+            st.just(n), st.dictionaries(st.integers(0, n - 1), st.integers(0, K - 1), max_size=n)
+        )
+    ),
+    st.integers(0, 99),
+    st.sampled_from(NEEDS),
+)
+def test_pins_are_honoured_whatever_they_are(size_and_pins, seed, need):
+    n, pins = size_and_pins
+    motifs = draw_motifs(n, GOAL, STEPS, rng=np.random.default_rng(seed), pins=pins, need=need)
+    assert motifs.shape == (n,) and motifs.min() >= 0 and motifs.max() < K
+    assert all(motifs[position] == motif for position, motif in pins.items())
+
+
+@pytest.mark.parametrize("need", NEEDS)
+def test_a_dance_comes_near_its_signature_by_steps_that_are_danced(need):
+    ends = []
+    for seed in range(5):
+        motifs = draw_motifs(250, GOAL, STEPS, rng=np.random.default_rng(seed), need=need)
+        assert _danced(motifs)
+        far = [float(chi_square_distance(signature(motifs[:n], K), GOAL)) for n in (10, 250)]
+        assert far[1] < far[0]
+        ends.append(far[1])
+    assert np.mean(ends) < (0.002 if need == "missing" else 0.1)  # by the letter it is pulled away, too
+
+
+def test_a_signature_of_ones_own_is_approached_where_steps_allow():
+    goal = np.full(K, 0.5 / (K - 1))
+    goal[3] = 0.5
+    free = np.full((K, K), 1 / K)
+    motifs = draw_motifs(200, goal, free, rng=np.random.default_rng(0))
+    assert chi_square_distance(signature(motifs, K), goal) < 0.001
+
+
+def test_gaps_between_pins_are_filled_by_danced_steps():
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        real = draw_motifs(80, GOAL, STEPS, rng=rng)
+        pins = {int(at): int(real[at]) for at in rng.choice(80, 25, replace=False)}
+        motifs = draw_motifs(80, GOAL, STEPS, rng=rng, pins=pins)
+        assert _danced(motifs)  # the pins come from a dance, so there is a way
+        assert not np.array_equal(motifs, real)
+
+
+def test_a_chain_with_one_way_is_found_backwards_from_the_pin():
+    # 0 goes to 1 or 2; only 2 leads on to 4, and only after 3.
+    steps = np.zeros((5, 5))
+    steps[0, [1, 2]] = 0.9, 0.1
+    steps[1, 1] = steps[2, 3] = steps[3, 4] = steps[4, 0] = 1.0
+    goal = np.full(5, 0.2)
+    for seed in range(10):
+        motifs = draw_motifs(4, goal, steps, rng=np.random.default_rng(seed), pins={0: 0, 3: 4})
+        np.testing.assert_array_equal(motifs, [0, 2, 3, 4])
+
+
+def test_a_whole_dance_given_is_that_dance():
+    dance = np.random.default_rng(5).integers(0, K, 40)
+    pins = dict(enumerate(dance.tolist()))
+    np.testing.assert_array_equal(
+        draw_motifs(40, GOAL, STEPS, rng=np.random.default_rng(0), pins=pins), dance
+    )
+
+
+def test_seeds_make_dances_and_the_same_seed_the_same():
+    dances = [draw_motifs(100, GOAL, STEPS, rng=np.random.default_rng(seed)) for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(dances[0], dances[1])
+    assert np.mean(dances[0] != dances[2]) > 0.3
+
+
+def test_banned_motifs_do_not_occur():
+    motifs = draw_motifs(100, GOAL, STEPS, rng=np.random.default_rng(0), banned={0, 1, 5}, pins={50: 2})
+    assert not np.isin(motifs, [0, 1, 5]).any()
+    only = draw_motifs(5, np.eye(3)[0], np.eye(3), rng=np.random.default_rng(0), banned=[0, 1])
+    np.testing.assert_array_equal(only, 2)  # the signature has only what is banned
+
+
+def test_no_words_are_no_dance():
+    assert draw_motifs(0, GOAL, STEPS, rng=np.random.default_rng(0)).shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"n_words": -1}, "-1"),
+        ({"pins": {10: 0}}, "word 10"),
+        ({"pins": {-1: 0}}, "word -1"),
+        ({"pins": {1: K}}, f"motif {K}"),
+        ({"banned": [99]}, "motif 99"),
+        ({"pins": {2: 3}, "banned": [3]}, "give up one"),
+        ({"banned": range(K)}, "all 8 banned"),
+        ({"signature": GOAL * 0.9}, "sum"),
+        ({"signature": GOAL[:-1] / GOAL[:-1].sum()}, "transitions"),
+        ({"transitions": STEPS * 0.5}, "rows"),
+        ({"transitions": STEPS[:, :3]}, "transitions"),
+        ({"need": "some"}, "some"),
+    ],
+)
+def test_what_cannot_be_danced_is_refused_in_one_line(changes, named):
+    wanted = {"n_words": 10, "signature": GOAL, "transitions": STEPS, "rng": np.random.default_rng(0)}
+    with pytest.raises(ParameterError, match=named) as caught:
+        draw_motifs(**{**wanted, **changes})
+    assert "\n" not in str(caught.value)

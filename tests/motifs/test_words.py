@@ -1,0 +1,91 @@
+"""Motion words: where a dance is cut, and what a word keeps and forgets."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planted_dances import stepping, swaying
+
+from choreograph.errors import ParameterError
+from choreograph.motifs.words import LONGEST_S, SHORTEST_S, cut_words, word_bounds_s, word_distance_m
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.pose import ground_pos_m, heading_rad
+
+FPS = 30.0
+BODY = body_pos_m(swaying(300, fps=FPS, seed=1))  # 10 s
+BEATS = np.arange(0.25, 10, 0.5)
+
+
+def test_words_are_the_dance_between_beats():
+    words = cut_words(BODY, FPS, BEATS)
+    np.testing.assert_allclose(words.start_s, BEATS[:-1])
+    np.testing.assert_allclose(words.end_s, BEATS[1:])
+    assert words.body_pos_m.shape == (19, 13, 21, 3)
+    # Distances between joints do not depend on the place: frame 6 of a word is its middle instant.
+    middle = BODY[15]  # 0.5 s
+    wanted = np.linalg.norm(middle[:, None] - middle[None], axis=-1)
+    got = words.body_pos_m[0, 6]
+    np.testing.assert_allclose(np.linalg.norm(got[:, None] - got[None], axis=-1), wanted, atol=1e-9)
+
+
+def test_a_word_stands_in_its_own_place_and_keeps_its_travel():
+    words = cut_words(BODY, FPS, BEATS).body_pos_m
+    np.testing.assert_allclose(heading_rad(words[:, 6]), 0.0, atol=1e-9)
+    np.testing.assert_allclose(ground_pos_m(words).mean(axis=1), 0.0, atol=1e-9)
+    travel = np.linalg.norm(words[:, -1, 0] - words[:, 0, 0], axis=-1)
+    first, last = BODY[7] * 0.5 + BODY[8] * 0.5, BODY[22] * 0.5 + BODY[23] * 0.5  # 0.25 and 0.75 s
+    assert travel[0] == pytest.approx(np.linalg.norm(last[0] - first[0]), abs=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(-3, 3), st.floats(-4, 4), st.floats(-4, 4))
+def test_words_do_not_know_where_on_the_floor_they_are(yaw, x, z):
+    moved = rot.rotate(rot.about_y(yaw), BODY) + np.array([x, 0.0, z])
+    np.testing.assert_allclose(
+        cut_words(moved, FPS, BEATS).body_pos_m, cut_words(BODY, FPS, BEATS).body_pos_m, atol=1e-9
+    )
+
+
+def test_a_word_danced_twice_as_fast_is_the_same_word():
+    slow = cut_words(body_pos_m(stepping(301, fps=60, period_s=1.0, seed=2)), 60, np.arange(5.0))
+    fast = cut_words(body_pos_m(stepping(301, fps=60, period_s=0.5, seed=2)), 60, np.arange(5.0) / 2)
+    assert word_distance_m(slow.body_pos_m, fast.body_pos_m).max() < 0.002
+    assert word_distance_m(slow.body_pos_m[0], slow.body_pos_m[1]) > 0.02  # there and back differ
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(-2, 14), max_size=40))
+def test_words_tile_the_time_between_the_beats(beats):
+    words = cut_words(BODY, FPS, np.array(beats))
+    assert np.isfinite(words.body_pos_m).all()
+    np.testing.assert_array_equal(words.start_s[1:], words.end_s[:-1])
+    lengths = words.end_s - words.start_s
+    assert np.all(lengths >= SHORTEST_S - 1e-9) and np.all(lengths <= LONGEST_S + 1e-9)
+    assert np.all(words.start_s >= 0) and np.all(words.end_s <= 299 / FPS)
+
+
+def test_beats_too_close_are_one_and_gaps_are_divided():
+    np.testing.assert_allclose(word_bounds_s(np.array([1.0, 1.1, 1.5]), 9.0), [1.0, 1.5])
+    np.testing.assert_allclose(word_bounds_s(np.array([4.0, 1.0]), 9.0), [1.0, 2.5, 4.0])
+    for beats in ([], [2.0], [-1.0, 3.0, 20.0]):
+        assert len(cut_words(BODY, FPS, np.array(beats))) == 0
+
+
+@pytest.mark.parametrize(
+    ("body", "fps", "beats"),
+    [
+        (BODY[:, :5], FPS, BEATS),
+        (np.full_like(BODY, np.nan), FPS, BEATS),
+        (BODY, 0.0, BEATS),
+        (BODY, FPS, np.array([0.0, np.nan])),
+        (BODY, FPS, BEATS[:, None]),
+    ],
+)
+def test_malformed_input_is_refused(body, fps, beats):
+    with pytest.raises(ParameterError):
+        cut_words(body, fps, beats)
+
+
+def test_one_frame_has_no_word():
+    assert len(cut_words(BODY[:1], FPS, BEATS)) == 0
