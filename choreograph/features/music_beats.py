@@ -22,6 +22,7 @@ _MIN_DURATION_S = 1.0  # less holds no two beats to hear a tempo from
 # Between an octave's two readings the one nearer to a step's pace wins: librosa's own 120 BPM and one
 # octave read half of the slow waltzes (84 to 90 BPM) in eighths.
 _PRIOR_BPM, _PRIOR_OCTAVES = 100.0, 0.7
+_LENGTH_SLACK_S = 0.1
 _ONSET_LEAD_S = 1.0 / MUSIC_FPS  # the log power of a 93 ms window rises this much before the onset itself
 
 
@@ -114,6 +115,24 @@ def get_beat_tracker(name: str = DEFAULT_TRACKER) -> BeatTracker:
     if name not in TRACKERS:
         raise ParameterError(f"expected a beat tracker among {', '.join(TRACKERS)}, got {name!r}")
     return TRACKERS[name]()
+
+
+def checked_beat_times_s(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
+    """Beats (Q,) of a song as float64; `ParameterError` unless they are increasing, finite and inside it.
+
+    A tenth of a second over the end is let pass: decoders differ on a song's length by a packet.
+    """
+    beats = np.asarray(beat_times_s, np.float64)
+    if beats.ndim != 1 or not np.isfinite(beats).all() or (np.diff(beats) <= 0).any():
+        raise ParameterError(
+            f"expected increasing, finite beat_times_s (Q,), got shape {beats.shape}: unsorted or doubled?"
+        )
+    if len(beats) and not (beats[0] >= 0 and beats[-1] <= duration_s + _LENGTH_SLACK_S):
+        raise ParameterError(
+            f"expected beats within the song's {duration_s:.2f} s, got {beats[0]:.2f} to {beats[-1]:.2f} s: "
+            "they may be another song's"
+        )
+    return beats
 
 
 def filled(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:

@@ -1,0 +1,176 @@
+"""Colour of music from beat to beat: 87 spectral features per beat interval, by librosa.
+
+The paper's Table 2, row by row (a1 to a4 are the rhythmic features, `features.frame_rhythm`):
+
+| a | feature | numbers | column |
+| --- | --- | --- | --- |
+| 5–16 | chromagram of the short-time Fourier transform, C to B | 12 | chroma |
+| 17–28 | constant-Q chromagram | 12 | chroma_cqt |
+| 29–40 | chroma energy normalised (CENS) | 12 | chroma_cens |
+| 41–66 | mel-scaled spectrogram, in decibels | 26 | mel_db |
+| 67–79 | mel-frequency cepstral coefficients | 13 | mfcc |
+| 80 | spectral centroid | 1 | centroid_hz |
+| 81 | spectral bandwidth | 1 | bandwidth_hz |
+| 82 | spectral contrast, mean of librosa's seven bands | 1 | contrast_db |
+| 83 | spectral flatness | 1 | flatness |
+| 84 | roll-off frequency | 1 | rolloff_hz |
+| 85–90 | tonal centroid features | 6 | tonnetz |
+| 91 | zero-crossing rate, of a sample | 1 | zero_crossing_rate |
+
+12 + 12 + 12 + 26 + 13 + 5 + 6 + 1 = 87. Where the table is silent: contrast has one number there and
+seven in librosa, so we take their mean; the mel spectrogram is in decibels, since power spans six orders
+of magnitude; an interval's row is the mean of the frames centred in it. Windows and bands are librosa's
+own (2,048 samples, hop 512; 128 mel bands under the MFCC). The song is brought to one loudness first.
+"""
+
+from __future__ import annotations
+
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.features.loudness import at_unit_loudness
+from choreograph.features.music_beats import checked_beat_times_s
+from choreograph.timebase import SAMPLE_RATE_HZ, times_to_frames
+
+_COLUMNS = {
+    "chroma": 12, "chroma_cqt": 12, "chroma_cens": 12, "mel_db": 26, "mfcc": 13, "centroid_hz": 1,
+    "bandwidth_hz": 1, "contrast_db": 1, "flatness": 1, "rolloff_hz": 1, "tonnetz": 6,
+    "zero_crossing_rate": 1,
+}  # fmt: skip
+SPECTRAL_COLUMNS = {
+    name: slice(stop - size, stop)
+    for (name, size), stop in zip(_COLUMNS.items(), accumulate(_COLUMNS.values()), strict=True)
+}
+SPECTRAL_DIM = sum(_COLUMNS.values())
+
+_WINDOW, _HOP = 2048, 512  # samples
+_BLOCK_FRAMES = 4096
+_CQT_BINS_PER_OCTAVE, _CQT_BINS = 36, 252  # seven octaves from C1
+_CQT_SHORTEST = 1 << 16  # samples; the lowest octave's filters are this long
+_TUNING_HOP = 8 * _HOP
+# White noise at unit loudness has 768 in every bin of a power spectrum, 16-bit dither some 1e-4: what lies
+# under the floor is not heard, and must not be the colour of a pause.
+_POWER_FLOOR = 1e-3
+_MEL_POWER_FLOOR = 1e-5
+_CQT_FLOOR = 1e-3  # of the song's strongest tone
+_CROSSING_FLOOR = 1e-3  # amplitude of a sample
+
+
+def spectral_features(
+    samples: NDArray[np.floating], beat_times_s: NDArray[np.floating]
+) -> NDArray[np.float32]:
+    """The 87 spectral features of every interval between two consecutive beats.
+
+    Parameters
+    ----------
+    samples : float array (S,)        mono at 22.05 kHz, at any gain
+    beat_times_s : float array (Q,)   increasing instants inside the song: the bounds of the intervals
+
+    Returns
+    -------
+    float32 array (Q - 1, 87)   columns as in `SPECTRAL_COLUMNS`; no row if there are fewer than two beats.
+    An interval too short to hold a frame (23 ms) has the next one's features. In silence the mel bands
+    lie at their floor of -50 dB, flatness is 1 (a spectrum without a peak), and the rest is 0 but mfcc.
+
+    Raises
+    ------
+    ParameterError   if samples are empty, not mono or not finite, or beats not increasing in the song
+
+    References
+    ----------
+    Rhythm is a Dancer, section 3.1.2 and Table 2 (a5 to a91).
+    """
+    samples = at_unit_loudness(samples)
+    beats = checked_beat_times_s(beat_times_s, len(samples) / SAMPLE_RATE_HZ)
+    if len(beats) < 2:
+        return np.zeros((0, SPECTRAL_DIM), np.float32)
+    tuning = _tuning(samples)
+    tonal = _tonal_frames(samples, tuning)
+    frames = np.empty((len(tonal["tonnetz"]), SPECTRAL_DIM))  # (T, 87), frame i centred at i * 512 samples
+    for name, rows in tonal.items():
+        frames[:, SPECTRAL_COLUMNS[name]] = rows
+    padded = np.pad(samples, _WINDOW // 2)
+    for start in range(0, len(frames), _BLOCK_FRAMES):
+        stop = min(start + _BLOCK_FRAMES, len(frames))
+        block = padded[start * _HOP : (stop - 1) * _HOP + _WINDOW]
+        for name, rows in _timbre_frames(block, tuning).items():
+            frames[start:stop, SPECTRAL_COLUMNS[name]] = rows
+    return _interval_means(frames, beats).astype(np.float32)
+
+
+def _tonal_frames(samples: NDArray[np.float32], tuning: float) -> dict[str, NDArray[np.floating]]:
+    """What hangs on the constant-Q transform, each (T, n) with T = 1 + S // 512."""
+    from librosa import cqt
+    from librosa.feature import chroma_cens, chroma_cqt, tonnetz
+
+    n_frames = 1 + len(samples) // _HOP
+    long_enough = np.pad(samples, (0, max(0, _CQT_SHORTEST - len(samples))))
+    tones = np.abs(
+        cqt(
+            long_enough, sr=SAMPLE_RATE_HZ, hop_length=_HOP, n_bins=_CQT_BINS,
+            bins_per_octave=_CQT_BINS_PER_OCTAVE, tuning=tuning * _CQT_BINS_PER_OCTAVE / 12,
+        )
+    )  # (252, T)  # fmt: skip
+    tones[tones < _CQT_FLOOR * tones.max()] = 0.0
+    chroma = chroma_cqt(C=tones, bins_per_octave=_CQT_BINS_PER_OCTAVE)  # (12, T)
+    cens = chroma_cens(C=tones, bins_per_octave=_CQT_BINS_PER_OCTAVE)
+    rows = {"chroma_cqt": chroma, "chroma_cens": cens, "tonnetz": tonnetz(chroma=chroma)}
+    return {name: row[:, :n_frames].T for name, row in rows.items()}
+
+
+def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArray[np.floating]]:
+    """What hangs on the short-time spectrum, each (T_b, n), of samples that begin half a window early."""
+    from librosa import feature, power_to_db, stft
+
+    rate: dict[str, Any] = {"sr": SAMPLE_RATE_HZ}
+    spectrum = stft(block, n_fft=_WINDOW, hop_length=_HOP, center=False)  # (F, T_b)
+    power = spectrum.real**2 + spectrum.imag**2
+    heard = np.where(power < _POWER_FLOOR, np.float32(0.0), power)
+    amplitude = np.sqrt(heard)
+    at_floor = np.sqrt(np.maximum(power, _POWER_FLOOR))  # decibels need something to compare with
+
+    def mel_db(n_mels: int) -> NDArray[np.floating]:
+        mel = feature.melspectrogram(S=heard, n_mels=n_mels, **rate)
+        return power_to_db(mel, amin=_MEL_POWER_FLOOR, top_db=None)
+
+    centroid = feature.spectral_centroid(S=amplitude, **rate)
+    rows = {
+        "chroma": feature.chroma_stft(S=heard, tuning=tuning, **rate),
+        "mel_db": mel_db(_COLUMNS["mel_db"]),
+        "mfcc": feature.mfcc(S=mel_db(128), n_mfcc=_COLUMNS["mfcc"], **rate),
+        "centroid_hz": centroid,
+        "bandwidth_hz": feature.spectral_bandwidth(S=amplitude, centroid=centroid, **rate),
+        "contrast_db": feature.spectral_contrast(S=at_floor, **rate).mean(axis=0, keepdims=True),
+        "flatness": feature.spectral_flatness(S=amplitude, amin=_POWER_FLOOR),
+        "rolloff_hz": feature.spectral_rolloff(S=amplitude, **rate),
+        "zero_crossing_rate": feature.zero_crossing_rate(
+            block, frame_length=_WINDOW, hop_length=_HOP, center=False, threshold=_CROSSING_FLOOR
+        ),
+    }
+    return {name: row.T for name, row in rows.items()}
+
+
+def _tuning(samples: NDArray[np.float32]) -> float:
+    """How far the song's A lies from 440 Hz, in semitones, -0.5 to 0.5; 0 where no pitch is heard."""
+    from librosa import piptrack, pitch_tuning
+
+    longest = np.pad(samples, (0, max(0, _WINDOW - len(samples))))
+    pitches, strengths = piptrack(
+        y=longest, sr=SAMPLE_RATE_HZ, n_fft=_WINDOW, hop_length=_TUNING_HOP, center=False
+    )
+    if not (pitches > 0).any():
+        return 0.0
+    clear = (pitches > 0) & (strengths >= np.median(strengths[pitches > 0]))
+    return float(pitch_tuning(pitches[clear]))
+
+
+def _interval_means(frames: NDArray[np.floating], beats: NDArray[np.float64]) -> NDArray[np.floating]:
+    """Mean of the frames (T, D) centred in each interval [beat, next beat), (Q - 1, D)."""
+    bounds = np.ceil(times_to_frames(beats, SAMPLE_RATE_HZ / _HOP) - 1e-6).astype(np.int64)
+    starts = np.minimum(bounds[:-1], len(frames) - 1)
+    stop = max(min(bounds[-1], len(frames)), starts[-1] + 1)
+    sums = np.add.reduceat(frames[:stop], starts, axis=0)  # an empty interval gives its first frame
+    return sums / np.maximum(1, np.diff(np.append(starts, stop)))[:, None]
