@@ -13,7 +13,7 @@ Floats = NDArray[np.floating]
 Indices = NDArray[np.int64]
 
 MOST_MOTIFS = 500
-WORDS_A_MOTIF = 12  # fewer words than this for each leave most motifs to one take alone
+WORDS_A_MOTIF = 20  # twelve: finer, but dances of one genre share less; sixty, as in the paper: coarse
 _RESTARTS = 3
 _CHUNK = 4096  # words measured at a time
 
@@ -36,7 +36,7 @@ class Motifs:
 
 
 def n_motifs_for(n_words: int) -> int:
-    """How many motifs to look for: one for 12 words, 500 at most (the paper's, from about 25,000 words)."""
+    """How many motifs to look for: one for 20 words, 500 at most (the paper's, of about 30,000 words)."""
     return max(1, min(MOST_MOTIFS, n_words // WORDS_A_MOTIF))
 
 
