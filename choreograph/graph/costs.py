@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,12 +20,13 @@ class Cost:
     """A price on nodes, on edges, or on both; subclass it and override what you need.
 
     `name` is what plans, weights and errors call it; by default the class' name in lower case.
-    Values are of any unit (a weight brings them to scale); `inf` forbids, `nan` is an error. Say
-    `edges_nonnegative = True` if no edge is ever below 0: the exact planner then need not look at all.
+    Values are of any unit (a weight brings them to scale); `inf` forbids, `nan` is an error. Say in
+    `least_jump` what an edge that leaves its warped segment costs at least, and the exact planner need not
+    look at edges that cannot win: 0 if no edge is ever negative.
     """
 
     name: str = ""
-    edges_nonnegative: bool = False
+    least_jump: float = -math.inf
 
     def __init_subclass__(cls, **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
@@ -54,7 +57,7 @@ class Completeness(Cost):
     the two joined seconds, section 3.3.
     """
 
-    edges_nonnegative = True
+    least_jump = 1.0
 
     def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
         cost = np.ones((previous.n_nodes, next.n_nodes), np.float32)
@@ -74,7 +77,7 @@ class Transition(Cost):
     are at distance 0. The first node costs nothing.
     """
 
-    edges_nonnegative = True
+    least_jump = 0.0
 
     def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
         return _rms_distances(previous.last_pose_m, next.first_pose_m)
@@ -83,7 +86,7 @@ class Transition(Cost):
 class Velocity(Cost):
     """Root mean square difference of joint velocities at the border, m/s; ours, not the paper's."""
 
-    edges_nonnegative = True
+    least_jump = 0.0
 
     def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
         return _rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)
@@ -115,7 +118,7 @@ class Repeat(Cost):
     Ours. Beats may be shared: up to a quarter second back is playing on.
     """
 
-    edges_nonnegative = True
+    least_jump = 0.0
 
     def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
         from choreograph.graph._kernels import goes_back

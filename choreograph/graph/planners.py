@@ -19,6 +19,8 @@ Report = Callable[[int, int], None]  # seconds planned, seconds in all
 
 _WORTH_CUTTING = 0.8  # copying a layer costs about a fifth of pricing its edges
 _BLOCK = 128  # predecessors whose edges are priced at once: 1 MB at 2,048 nodes
+_PAIRS = 64  # pairs that play on are priced as the diagonal of so small a block of edges
+_ROUNDING = 1e-4
 
 
 @dataclass(frozen=True)
@@ -142,10 +144,20 @@ def _edges(
         least = value.min(initial=np.inf)
         if np.isnan(least):
             raise ParameterError(f"cost {weighted.cost.name!r} returned nan")
-        if least < 0 and weighted.cost.edges_nonnegative:
-            raise ParameterError(f"cost {weighted.cost.name!r} says edges_nonnegative, got {least:g}")
+        if least < weighted.cost.least_jump:
+            _check_jumps(previous, following, value, weighted.cost)
         total += np.float32(weighted.weight) * value
     return total
+
+
+def _check_jumps(previous: Layer, following: Layer, value: NDArray[np.float32], cost: Cost) -> None:
+    """Raise `ParameterError` if an edge between segments costs less than the cost says."""
+    jumps = np.array(value)
+    jumps[previous.successors_in(following)] = np.inf
+    if jumps.min(initial=np.inf) < cost.least_jump:
+        raise ParameterError(
+            f"cost {cost.name!r} says least_jump = {cost.least_jump:g}, got an edge of {jumps.min():g}"
+        )
 
 
 def _step(
@@ -157,29 +169,28 @@ def _step(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Cheapest way into every node of `following`, and from where.
 
-    Predecessors come cheapest first, in blocks that grow. With no negative edge, one that is already
-    dearer than the best way found into a node cannot improve it: such rows and columns of the edges
-    are never computed. Exact: the answer is that of all edges.
+    First those that play on in their segment, one way into each. Then all predecessors, cheapest first,
+    in blocks that grow: one that with the least jump is already dearer than the best way found into a
+    node cannot improve it, and such rows and columns of the edges are never computed. Exact: the answer
+    is that of all edges.
     """
     from choreograph.graph._kernels import cheapest_predecessor
 
+    best, who = _playing_on(layer, following, reached, costs, music)
     order = np.argsort(reached, kind="stable")
     order = order[np.isfinite(reached[order])]
-    best = np.full(following.n_nodes, np.inf)
-    who = np.zeros(following.n_nodes, np.int64)
     priced = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
-    nonnegative = all(w.weight > 0 and w.cost.edges_nonnegative for w in priced)
+    jump = sum(w.weight * w.cost.least_jump if w.weight > 0 else -np.inf for w in priced)
     start = 0
     while start < len(order):
         block = order[start : start + max(_BLOCK, start)]
         start += len(block)
-        wanted = np.arange(following.n_nodes)
-        if nonnegative:
-            wanted = np.flatnonzero(best > reached[block[0]])
-            if len(wanted) == 0:
-                break
-            if len(wanted) > _WORTH_CUTTING * following.n_nodes:
-                wanted = np.arange(following.n_nodes)
+        # The float32 sums of edges may fall short of their bound by their rounding.
+        wanted = np.flatnonzero(best > reached[block[0]] + jump - _ROUNDING)
+        if len(wanted) == 0:
+            break
+        if len(wanted) > _WORTH_CUTTING * following.n_nodes:
+            wanted = np.arange(following.n_nodes)
         there = following if len(wanted) == following.n_nodes else following.chosen(wanted)
         edges = _edges(layer.chosen(block), there, costs, music)
         rows = cheapest_predecessor((reached[block] - reached[block[0]]).astype(np.float32), edges)
@@ -187,6 +198,25 @@ def _step(
         better = cost < best[wanted]
         best[wanted[better]] = cost[better]
         who[wanted[better]] = block[rows[better]]
+    return best, who
+
+
+def _playing_on(
+    layer: Layer,
+    following: Layer,
+    reached: NDArray[np.float64],
+    costs: Sequence[WeightedCost],
+    music: Music,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The way into each node from the one before it in its segment; infinite where there is none."""
+    best = np.full(following.n_nodes, np.inf)
+    who = np.zeros(following.n_nodes, np.int64)
+    here, there = layer.successors_in(following)
+    for start in range(0, len(here), _PAIRS):
+        a, b = here[start : start + _PAIRS], there[start : start + _PAIRS]
+        edges = _edges(layer.chosen(a), following.chosen(b), costs, music)
+        best[b] = reached[a] + np.diagonal(edges)
+        who[b] = a
     return best, who
 
 
