@@ -21,7 +21,7 @@ class WordConfig:
     width: int = 64  # channels of the temporal convolutions
     n_blocks: int = 2
     same_m: float = 0.04  # words at less than about that distance count as one
-    contrast_weight: float = 0.3
+    contrast_weight: float = 0.1
     distance_weight: float = 1.0  # embedding distance against the words' own
     batch_size: int = 128
     steps: int = 800

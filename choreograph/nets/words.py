@@ -57,8 +57,11 @@ class WordNet(StoredNet):
         self.linear.bias.zero_()
 
     def forward(self, body: Tensor) -> Tensor:
-        """Body positions (B, 13, 21, 3) in metres, anywhere on the floor, to embeddings (B, 184)."""
-        x = (in_own_place(body).flatten(2) - self.mean_m) / self.std_m  # (B, 13, 63)
+        """Body positions (B, T, 21, 3) in metres, anywhere on the floor, to embeddings (B, 184).
+
+        Words of another length than 13 frames are time-scaled, from the first frame to the last.
+        """
+        x = (in_own_place(_time_scaled(body)).flatten(2) - self.mean_m) / self.std_m  # (B, 13, 63)
         bent = self.blocks(self.into(x.transpose(1, 2)))  # (B, C, 13)
         # From standard deviations summed over joints and frames to metres of joint distance (its root mean).
         scale_m = self.std_m / (WORD_FRAMES * len(BODY_JOINTS)) ** 0.5
@@ -84,6 +87,14 @@ def in_own_place(body: Tensor) -> Tensor:
     place = body[:, :, :1].mean(dim=1, keepdim=True)  # (B, 1, 1, 3) the pelvis, on average
     x, z = body[..., 0] - place[..., 0], body[..., 2] - place[..., 2]
     return torch.stack([cos * x + sin * z, body[..., 1], cos * z - sin * x], dim=-1)
+
+
+def _time_scaled(body: Tensor) -> Tensor:
+    if body.shape[1] == WORD_FRAMES:
+        return body
+    values = body.flatten(2).transpose(1, 2)  # (B, 63, T)
+    scaled = functional.interpolate(values, WORD_FRAMES, mode="linear", align_corners=True)
+    return scaled.transpose(1, 2).unflatten(2, body.shape[2:])  # (B, 13, 21, 3)
 
 
 class _Block(nn.Module):

@@ -6,6 +6,7 @@ import torch
 from planted_dances import swaying
 
 from choreograph.errors import ParameterError
+from choreograph.motifs.words import cut_words
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, mirrored
 from choreograph.motion.pose import phrases_from_own_place
@@ -63,6 +64,14 @@ def test_embeddings_do_not_depend_on_where_a_word_is_danced(trained):
     np.testing.assert_allclose(trained.embed(moved), trained.embed(words), atol=1e-4)
     np.testing.assert_allclose(trained.embed(mirrored(mirrored(words))), trained.embed(words), atol=1e-6)
     assert np.linalg.norm(trained.embed(mirrored(words)) - trained.embed(words), axis=1).min() > 0.02
+
+
+def test_a_word_of_any_length_is_time_scaled_as_the_arrays_are(trained):
+    body = TAKES[0].body_pos_m[30:48]  # 18 frames: 17 / 30 s
+    words = cut_words(TAKES[0].body_pos_m, FPS, np.array([1.0, 47 / FPS])).body_pos_m
+    with torch.no_grad():
+        found = trained(torch.from_numpy(body[None].astype(np.float32)))
+    np.testing.assert_allclose(found.numpy(), trained.embed(words), atol=1e-4)
 
 
 def test_it_begins_with_the_words_own_distances():
