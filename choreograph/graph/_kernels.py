@@ -1,6 +1,6 @@
 """Compiled loops of the planner: distances from a matrix product, and the cheapest predecessor.
 
-One thread: a block of edges fits the cache, and is done before a second thread would have woken.
+One thread a call: the planner prices parts of a block of edges in threads of its own.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def root_of_differences(product, sq_a, sq_b, scale):  # pragma: no cover - compiled
     """√(scale · max(0, |a|² + |b|² - 2 a·b)) in place of a·b, (P, N) float32."""
     n_a, n_b = product.shape
@@ -20,7 +20,7 @@ def root_of_differences(product, sq_a, sq_b, scale):  # pragma: no cover - compi
     return product
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
     """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32; float32 in."""
     n_a, n_b = edges.shape
@@ -40,7 +40,7 @@ def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
     return who
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def goes_back(take_a, end_a, take_b, start_b, least, most):  # pragma: no cover - compiled
     """1 where b's take is a's and b starts more than `least` and less than `most` before a ends, (P, N)."""
     n_a, n_b = len(take_a), len(take_b)

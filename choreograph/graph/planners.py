@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from choreograph.errors import NoPathError, ParameterError
 from choreograph.features.music import Music
-from choreograph.graph.costs import Cost
+from choreograph.graph.costs import BUILTIN_COSTS, Cost
 from choreograph.graph.layers import Layer, LayerSource
 
 Floats = NDArray[np.floating]
@@ -19,6 +21,8 @@ Report = Callable[[int, int], None]  # seconds planned, seconds in all
 
 _WORTH_CUTTING = 0.8  # copying a layer costs about a fifth of pricing its edges
 _BLOCK = 128  # predecessors whose edges are priced at once: 1 MB at 2,048 nodes
+_THREADS = min(4, os.cpu_count() or 1)
+_WORTH_THREADS = 100_000  # edges: a millisecond's work
 _PAIRS = 64  # pairs that play on are priced as the diagonal of so small a block of edges
 _ROUNDING = 1e-4
 
@@ -58,18 +62,19 @@ def plan_exact(
     layer, reached = _allowed(source.layer(0), costs, music)
     kept = [layer.segment * 4 + layer.offset]
     parents: list[NDArray[np.int32]] = []
-    for second in range(1, source.n_seconds):
-        following, node_cost = _allowed(source.layer(second), costs, music)
-        best, who = _step(layer, following, reached, costs, music)
-        if not np.isfinite(best).any():
-            raise NoPathError(f"no allowed way into second {second}: every edge is forbidden")
-        # Nodes that cannot be reached stay, at infinite cost, so that indices agree.
-        reached = best + node_cost
-        layer = following
-        kept.append(layer.segment * 4 + layer.offset)
-        parents.append(who.astype(np.int32))
-        if report is not None:
-            report(second + 1, source.n_seconds)
+    with ThreadPoolExecutor(_THREADS) as pool:
+        for second in range(1, source.n_seconds):
+            following, node_cost = _allowed(source.layer(second), costs, music)
+            best, who = _step(layer, following, reached, costs, music, pool)
+            if not np.isfinite(best).any():
+                raise NoPathError(f"no allowed way into second {second}: every edge is forbidden")
+            # Nodes that cannot be reached stay, at infinite cost, so that indices agree.
+            reached = best + node_cost
+            layer = following
+            kept.append(layer.segment * 4 + layer.offset)
+            parents.append(who.astype(np.int32))
+            if report is not None:
+                report(second + 1, source.n_seconds)
     chosen = [int(np.argmin(reached))]
     for parent in reversed(parents):
         chosen.append(int(parent[chosen[-1]]))
@@ -166,6 +171,7 @@ def _step(
     reached: NDArray[np.float64],
     costs: Sequence[WeightedCost],
     music: Music,
+    pool: ThreadPoolExecutor,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Cheapest way into every node of `following`, and from where.
 
@@ -180,6 +186,7 @@ def _step(
     order = np.argsort(reached, kind="stable")
     order = order[np.isfinite(reached[order])]
     priced = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
+    in_threads = all(type(w.cost) in BUILTIN_COSTS for w in priced)
     jump = sum(w.weight * w.cost.least_jump if w.weight > 0 else -np.inf for w in priced)
     start = 0
     while start < len(order):
@@ -191,13 +198,22 @@ def _step(
             break
         if len(wanted) > _WORTH_CUTTING * following.n_nodes:
             wanted = np.arange(following.n_nodes)
-        there = following if len(wanted) == following.n_nodes else following.chosen(wanted)
-        edges = _edges(layer.chosen(block), there, costs, music)
-        rows = cheapest_predecessor((reached[block] - reached[block[0]]).astype(np.float32), edges)
-        cost = reached[block[rows]] + edges[rows, np.arange(len(wanted))]
-        better = cost < best[wanted]
-        best[wanted[better]] = cost[better]
-        who[wanted[better]] = block[rows[better]]
+        # Costs of one's own may keep things between calls: only the built-in ones are priced in threads.
+        many = in_threads and len(block) * len(wanted) > _WORTH_THREADS
+
+        def price(part: NDArray[np.int64], block: NDArray[np.int64] = block) -> None:
+            there = following if len(part) == following.n_nodes else following.chosen(part)
+            edges = _edges(layer.chosen(block), there, costs, music)
+            rows = cheapest_predecessor((reached[block] - reached[block[0]]).astype(np.float32), edges)
+            cost = reached[block[rows]] + edges[rows, np.arange(len(part))]
+            better = cost < best[part]
+            best[part[better]] = cost[better]
+            who[part[better]] = block[rows[better]]
+
+        if many:
+            list(pool.map(price, np.array_split(wanted, _THREADS)))
+        else:
+            price(wanted)
     return best, who
 
 
