@@ -51,8 +51,10 @@ def transition_matrix(dances: Sequence[Indices], n_motifs: int) -> Floats:
     """Probability that motif j follows motif i, (K, K), counted over the dances; rows sum to 1.
 
     As in the paper: pairs of consecutive motifs, counted within a dance and not smoothed; a motif may
-    follow itself. Ours, because the paper says nothing of it: after a motif that nothing followed comes
-    any, in proportion to how often the dances have it.
+    follow itself. Ours: the end of a dance counts as one step more, to any motif in proportion to how
+    often the dances have it. Without, a dance whose last motif is its own is a trap that drawing never
+    leaves; with it all motifs of the genre can be reached from everywhere. So goes a motif that no dance
+    has.
 
     Raises `ParameterError` if no dance has a motif, or one is outside 0 … K - 1.
     """
@@ -60,11 +62,13 @@ def transition_matrix(dances: Sequence[Indices], n_motifs: int) -> Floats:
     everything = np.concatenate(sequences) if sequences else np.zeros(0, np.int64)
     if len(everything) == 0:
         raise ParameterError("expected a dance with motion words to count transitions in, got none")
+    anything = signature(everything, n_motifs)
     counts = np.zeros((n_motifs, n_motifs))
     for sequence in sequences:
         np.add.at(counts, (sequence[:-1], sequence[1:]), 1.0)
+        counts[sequence[-1:]] += anything
     totals = counts.sum(axis=1, keepdims=True)  # (K, 1)
-    return np.where(totals > 0, counts / np.maximum(totals, 1.0), signature(everything, n_motifs))
+    return np.where(totals > 0, counts / np.maximum(totals, 1.0), anything)
 
 
 def checked_sequence(motifs: Indices, n_motifs: int) -> NDArray[np.int64]:

@@ -80,6 +80,14 @@ def test_gaps_between_pins_are_filled_by_danced_steps():
         assert not np.array_equal(motifs, real)
 
 
+def test_a_dance_that_ends_on_one_motif_is_no_trap():
+    dances = [np.array([0, 1, 2, 3, 4, 4, 4, 4, 4]), np.array([3, 2, 1, 0, 1, 2])]
+    goal, steps = template(dances, 5), transition_matrix(dances, 5)
+    for seed in range(10):
+        motifs = draw_motifs(200, goal, steps, rng=np.random.default_rng(seed))
+        assert chi_square_distance(signature(motifs, 5), goal) < 0.01
+
+
 def test_a_chain_with_one_way_is_found_backwards_from_the_pin():
     # 0 goes to 1 or 2; only 2 leads on to 4, and only after 3.
     steps = np.zeros((5, 5))

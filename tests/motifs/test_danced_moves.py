@@ -1,0 +1,63 @@
+"""Dances whose moves are known: words of one move find each other across dances, and share motifs."""
+
+import numpy as np
+import pytest
+from sklearn.metrics import adjusted_mutual_info_score
+
+from choreograph.motifs.clustering import find_motifs
+from choreograph.motifs.signatures import chi_square_distance, signature
+from choreograph.motifs.words import cut_words
+from choreograph.motion.body import body_pos_m
+from choreograph.nets.word_presets import word_config
+from choreograph.nets.word_training import WordTake, train_word_net
+from choreograph.starter.moves.genres import GENRES
+from choreograph.starter.moves.sequencer import render_take
+
+FPS = 30.0
+DANCES = [("salsa", 0, 100.0), ("salsa", 1, 108.0), ("waltz", 2, 90.0), ("waltz", 3, 96.0)]
+
+
+@pytest.fixture(scope="module")
+def danced():
+    """Words, the embeddings a tiny network gives them, their dance and the move they are from."""
+    words, moves, dances, takes = [], [], [], []
+    for number, (genre, seed, bpm) in enumerate(DANCES):
+        beats = np.arange(64) * 60 / bpm + 0.2
+        take = render_take(GENRES[genre], beats, seed=seed, fps=FPS)
+        body = body_pos_m(take.motion)
+        cut = cut_words(body, FPS, beats)
+        starts = take.count_times_s[[p.start for p in take.placed if p.start < len(take.count_times_s)]]
+        index = np.searchsorted(starts, cut.start_s + 0.05, side="right") - 1
+        words.append(cut.body_pos_m)
+        moves += [f"{genre} {take.placed[i].move.name}" for i in index]
+        dances += [number] * len(cut)
+        takes.append(WordTake(str(number), body, FPS, cut.start_s, cut.end_s))
+    net = train_word_net(takes, word_config("tiny", steps=60), seed=0)
+    embeddings = net.embed(np.concatenate(words))
+    return embeddings, np.array(dances), np.unique(moves, return_inverse=True)[1]
+
+
+def test_a_words_nearest_in_another_dance_is_mostly_of_the_same_move(danced):
+    embeddings, dances, moves = danced
+    apart = ((embeddings[:, None] - embeddings[None]) ** 2).sum(-1)
+    apart[dances[:, None] == dances[None]] = np.inf
+    genres = np.array([genre for genre, *_ in DANCES])[dances]
+    nearest = apart.argmin(axis=1)
+    assert np.mean(genres[nearest] == genres) > 0.65  # a third by chance
+    # Two dances of a genre do not share all their moves: only words whose move the other has can be found.
+    shared = np.array([np.any((moves == m) & (dances != d)) for m, d in zip(moves, dances, strict=True)])
+    found = np.mean((moves[nearest] == moves)[shared])
+    chance = np.mean((moves[np.random.default_rng(0).permutation(nearest)] == moves)[shared])
+    assert found > 0.65 > 4 * chance
+
+
+def test_motifs_tell_moves_and_signatures_tell_genres(danced):
+    embeddings, dances, moves = danced
+    motifs, labels = find_motifs(embeddings, n_motifs=30)
+    shuffled = np.random.default_rng(0).permutation(labels)
+    assert adjusted_mutual_info_score(moves, labels) > 0.15  # 0 by chance; a move is several words
+    assert abs(adjusted_mutual_info_score(moves, shuffled)) < 0.05
+    signatures = [signature(labels[dances == d], len(motifs)) for d in range(len(DANCES))]
+    own = [chi_square_distance(signatures[i], signatures[i + 1]) for i in (0, 2)]
+    others = [chi_square_distance(signatures[i], signatures[j]) for i in (0, 1) for j in (2, 3)]
+    assert max(own) + 0.2 < min(others)
