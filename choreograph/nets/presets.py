@@ -14,6 +14,7 @@ from choreograph.errors import ParameterError
 STYLE_DIM = 32
 MUSIC_INPUTS = ("mel", "mel+rhythm")
 STYLE_LOSSES = ("paper", "contrastive")
+SONGS = 32  # what the presets' steps are for
 Config = TypeVar("Config", bound=Any)  # a frozen dataclass
 
 
@@ -35,7 +36,7 @@ class StyleConfig:
     genre_weight: float = 1.0  # pairs of one genre against the others, where takes name theirs
     temperature: float = 0.2  # of squared distances between unit vectors
     batch_size: int = 32
-    steps: int = 220
+    steps: int = 220  # for up to `SONGS` songs; see `style_config`
     learning_rate: float = 5e-3
     weight_decay: float = 1e-2
 
@@ -70,9 +71,14 @@ _STYLE_PRESETS = {
 }
 
 
-def style_config(preset: str, **changes: Any) -> StyleConfig:
-    """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
-    return changed_preset(_STYLE_PRESETS, preset, changes)
+def style_config(preset: str, *, n_songs: int = 0, **changes: Any) -> StyleConfig:
+    """The preset's configuration with fields changed; `ParameterError` for an unknown name or field.
+
+    Steps are meant for `SONGS` songs; more songs (`n_songs`) take as many more steps, so that each is heard
+    as often: with 119 songs in 220 steps the genres did not come apart.
+    """
+    config = changed_preset(_STYLE_PRESETS, preset, changes)
+    return replace(config, steps=round(config.steps * max(1.0, n_songs / SONGS)))
 
 
 def changed_preset(presets: Mapping[str, Config], preset: str, changes: Mapping[str, Any]) -> Config:

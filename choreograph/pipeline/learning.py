@@ -37,17 +37,16 @@ def train_networks(
     place = TrainingPlace(work, options.resume, options.device, report or (lambda progress: None))
     weights = {name: net.weights for name, net in (start or {}).items()}
     seed = options.seed
-    style = train_style(
-        takes, style_config(options.preset), seed=seed, place=place, start=weights.get("style")
-    )
+    config = style_config(options.preset, n_songs=len({take.song_name for take in takes}))
+    style = train_style(takes, config, seed=seed, place=place, start=weights.get("style"))
     nets = {"style": _stored(*style.to_arrays())}
     if any(min(len(take.body_pos_m) / NET_FPS, len(take.log_mel) / MUSIC_FPS) >= CLIP_S for take in takes):
-        config = density_config(options.preset)
+        densities = density_config(options.preset)
         motion = train_motion_density(
-            takes, config, seed=seed, place=place, start=weights.get("motion_density")
+            takes, densities, seed=seed, place=place, start=weights.get("motion_density")
         )
         music = train_music_density(
-            takes, motion, config, seed=seed, place=place, start=weights.get("music_density")
+            takes, motion, densities, seed=seed, place=place, start=weights.get("music_density")
         )
         nets["motion_density"] = _stored(*motion.to_arrays())
         nets["music_density"] = _stored(*music.to_arrays())
