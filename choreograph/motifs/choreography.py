@@ -20,7 +20,8 @@ from choreograph.motifs.signatures import checked_signature
 Floats = NDArray[np.float64]
 
 NEEDS = ("missing", "absolute")
-_LEAP = 1e-9  # chance of a step the dances never made, in all: taken where pins leave no other way
+_LEAP = 1e-9  # chance of a step that no dance has, looking ahead: for pins that leave no other way
+_DEAD_END = 1e-7  # wanted motifs of so small a share of what can follow lead to a pin by leaps only
 
 
 def draw_motifs(
@@ -46,7 +47,8 @@ def draw_motifs(
     Each motif is drawn by equation 5 times the probability that the transitions lead from it to the next
     pin in the steps that are left (backward messages, one a position), so that a gap is filled with a way
     that dancers take wherever there is one. Pinned motifs count as danced from the start: the rest of the
-    signature is left to the gaps. Where no wanted motif can follow, any that can follow may.
+    signature is left to the gaps. Where no wanted motif can follow, any that can follow may; where none
+    can, because pins or bans contradict the transitions, any that is allowed.
 
     Raises `ParameterError` if shapes disagree, the signature or a row does not sum to 1, a pin lies
     outside the dance, a pin or ban names an unknown motif, a pinned motif is banned, or all are.
@@ -60,8 +62,7 @@ def draw_motifs(
         )
     pins = dict(pins or {})
     allowed = _allowed(n_motifs, pins, banned, n_words)
-    steps = (1.0 - _LEAP) * steps + _LEAP / n_motifs
-    ahead = _ahead(n_words, steps, pins, allowed)
+    ahead = _ahead(n_words, (1.0 - _LEAP) * steps + _LEAP / n_motifs, pins, allowed)
     counts = np.bincount(list(pins.values()), minlength=n_motifs).astype(np.float64)
     motifs = np.empty(n_words, np.int64)
     for position in range(n_words):
@@ -71,10 +72,10 @@ def draw_motifs(
         follows = steps[motifs[position - 1]] if position else target
         likely = follows * ahead[position] * allowed
         wanted = likely * _need(counts, target, need)
-        # Only leaps may be left among the wanted: rather a step that dancers make.
-        chances = wanted if wanted.sum() > _LEAP * likely.sum() else likely
-        if not chances.sum() > 0:
-            chances = ahead[position] * allowed  # the first word, where all the signature has is banned
+        if wanted.sum() > _DEAD_END * likely.sum():
+            chances = wanted
+        else:
+            chances = likely if likely.sum() > 0 else ahead[position] * allowed
         motifs[position] = rng.choice(n_motifs, p=chances / chances.sum())
         counts[motifs[position]] += 1
     return motifs

@@ -71,7 +71,7 @@ def test_a_signature_of_ones_own_is_approached_where_steps_allow():
 
 
 def test_gaps_between_pins_are_filled_by_danced_steps():
-    for seed in range(20):
+    for seed in range(100):
         rng = np.random.default_rng(seed)
         real = draw_motifs(80, GOAL, STEPS, rng=rng)
         pins = {int(at): int(real[at]) for at in rng.choice(80, 25, replace=False)}
@@ -97,6 +97,21 @@ def test_a_chain_with_one_way_is_found_backwards_from_the_pin():
     for seed in range(10):
         motifs = draw_motifs(4, goal, steps, rng=np.random.default_rng(seed), pins={0: 0, 3: 4})
         np.testing.assert_array_equal(motifs, [0, 2, 3, 4])
+
+
+def test_far_pins_are_reached_without_a_step_nobody_made():
+    goal, steps = _library(7, n_motifs=60)
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        pins = {0: int(rng.integers(60)), 30: int(rng.integers(60)), 90: int(rng.integers(60))}
+        assert _danced(draw_motifs(120, goal, steps, rng=rng, pins=pins), steps)
+
+
+def test_pins_no_dance_can_join_are_still_kept():
+    steps = np.eye(3)[[1, 2, 0]]  # 0, 1, 2, 0, ...
+    motifs = draw_motifs(6, np.full(3, 1 / 3), steps, rng=np.random.default_rng(0), pins={0: 0, 5: 0})
+    assert motifs[0] == motifs[5] == 0
+    assert np.sum(steps[motifs[:-1], motifs[1:]] == 0) == 1  # one leap is enough
 
 
 def test_a_whole_dance_given_is_that_dance():
