@@ -22,8 +22,8 @@ from choreograph.starter.moves.genres import GENRES
 from choreograph.starter.moves.sequencer import Rendered, render_take
 from choreograph.starter.synth import STYLES, SynthSong, render_song, write_song
 
-TAKES_PER_GENRE = 10
-DURATION_S = 31.0
+TAKES_PER_GENRE = 16  # many short ones: a dance of three minutes can stay in its genre and still vary
+DURATION_S = 20.0
 FPS = 30.0  # stored; between the frames playing back turns evenly
 CREDITS = {"performer": "choreograph", "licence": "CC0-1.0", "source": "choreograph starter"}
 _MANIFEST = ("name", "genre", "performer", "licence", "source")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.selection import cast_takes, phrase_of_seconds, take_losses
 
 
+@settings(deadline=None)
 @given(st.floats(0.2, 1.5), st.floats(0, 1), st.integers(1, 200))
 def test_phrases_last_from_6_to_12_seconds_and_have_no_gap(period_s, first_s, n_seconds):
     phrase = phrase_of_seconds(first_s + period_s * np.arange(400), n_seconds)
@@ -26,11 +27,11 @@ def test_without_beats_a_phrase_is_8_s(beats):
 
 def test_who_danced_lately_stands_back():
     phrase = np.repeat(np.arange(20), 8)
-    loss = np.random.default_rng(0).uniform(0, 1, (1, 20)).repeat(160, axis=0)
+    loss = np.random.default_rng(0).uniform(0, 1, (1, 40)).repeat(160, axis=0)
     cast = cast_takes(loss, phrase, rng=np.random.default_rng(0))
-    assert (cast.sum(axis=1) == 4).all()
+    assert (cast.sum(axis=1) == 6).all()
     assert all((cast[phrase == p] == cast[phrase == p][0]).all() for p in range(20))
-    assert cast.any(axis=0).all()  # in time everybody dances
+    assert cast.any(axis=0).mean() > 0.8  # in time nearly everybody dances
     assert (cast[8:] & cast[:-8]).any(axis=1).mean() < 0.5  # seldom twice running
 
 
