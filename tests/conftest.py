@@ -5,6 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# A loaded machine is no failure: laws are held to what they say, not to how long it takes.
+settings.register_profile("choreograph", deadline=None)
+settings.load_profile("choreograph")
 
 
 @pytest.fixture(scope="session")
