@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 PHRASE_BEATS = 16  # two bars of eight counts, what a teacher calls a phrase
 _PHRASE_S = (6.0, 12.0)  # a phrase lasts at least and at most this long, whatever the tracker hears
-_SHARE = 0.1  # of all takes are cast at a time: fewer vary more, but fit the beat less
-_LEAST = 6  # takes to choose the fit and the joins from
+_CAST = 6  # takes in a phrase: fewer vary more, but fit the beat less
 _REST = 2.0  # standard deviations of style that a take just danced falls back by
 _FORGET = 0.75  # of that is left after each further phrase
 _WHIM = 0.3  # standard deviations of style left to the seed
@@ -47,11 +46,11 @@ def cast_takes(
 
     Returns
     -------
-    bool array (S, takes); in every phrase the same, a tenth of the takes and at least six:
+    bool array (S, takes); in every phrase the same six (or all, if there are fewer):
     those of the nearest style, where one danced lately stands back for the others.
     """
     usable = np.isfinite(take_loss).all(axis=0)
-    n_cast = min(int(usable.sum()), max(_LEAST, round(_SHARE * take_loss.shape[1])))
+    n_cast = min(int(usable.sum()), _CAST)
     cast = np.zeros(take_loss.shape, bool)
     if n_cast == 0:
         return cast
