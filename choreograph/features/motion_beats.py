@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
 
 from choreograph.errors import ParameterError
 from choreograph.timebase import frames_to_seconds
@@ -34,6 +33,8 @@ def motion_beat_times_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray
     about one shallow beat in eight is missed. A dip
     shallower than 3 % of the median speed is tremor, not a beat (the paper gives no threshold).
     """
+    from scipy.signal import find_peaks  # half a second to import, and planning does without
+
     speed = mean_joint_speed_m_s(body_pos_m, fps)
     if len(speed) < 3:
         return np.zeros(0)

@@ -29,7 +29,6 @@ from choreograph.graph import (
     plan_exact,
     plan_greedy,
 )
-from choreograph.graph.motion_graph import plan_motion_graph
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.pipeline.hearing import hear
@@ -175,6 +174,8 @@ def _planned(
     )  # fmt: skip
     source = LayerSource(segments, clips, repertoire, cast)
     if config.planner == "motion-graph":
+        from choreograph.graph.motion_graph import plan_motion_graph
+
         path = plan_motion_graph(source, costs, music)
     else:
         planner = plan_exact if config.planner == "exact" else plan_greedy
