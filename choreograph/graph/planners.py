@@ -48,7 +48,7 @@ class Path:
         return sum(sum(costs.values()) for costs in self.costs)
 
 
-# BLAS on threads of its own fights numba's for the cores: fifty times slower on two of them.
+# BLAS on threads of its own fights the planner's, and whatever else runs, for the cores: four times slower.
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def plan_exact(
     source: LayerSource, costs: Sequence[WeightedCost], music: Music, *, report: Report | None = None

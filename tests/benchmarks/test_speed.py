@@ -9,16 +9,19 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from planted_repertoire import planted_repertoire, planted_takes, write_clicks
+from planted_repertoire import planted_contents, planted_takes, write_clicks
 
 from choreograph.config import DEFAULT_WEIGHTS
 from choreograph.features.density import music_density
 from choreograph.features.music import Music
 from choreograph.graph import BUILTIN_COSTS, ClipTable, LayerSource, WeightedCost, plan_exact
+from choreograph.repertoire import Repertoire, write_repertoire
+from choreograph.starter import starter_repertoire
 from choreograph.starter.synth import render_song, write_song
 from choreograph.warping import ClipBeats, subsequence_dtw, warp_segments
 
@@ -27,9 +30,12 @@ N_SECONDS, K, N_CLIPS = 180, 512, 2000
 
 @pytest.fixture(scope="module")
 def repertoire(tmp_path_factory):
-    """2,000 clips from 40 takes of 57 s."""
+    """2,000 clips from 40 takes of 57 s, and the built-in style networks: a song is heard by real ones."""
     takes = planted_takes(periods_s=np.linspace(0.4, 0.9, 40), duration_s=57.0)
-    made = planted_repertoire(tmp_path_factory.mktemp("speed") / "rep.h5", takes)
+    contents = replace(planted_contents(takes), nets={"style": starter_repertoire().net("style")})
+    path = tmp_path_factory.mktemp("speed") / "rep.h5"
+    write_repertoire(path, contents)
+    made = Repertoire.open(path)
     assert made.n_clips == N_CLIPS
     return made
 
