@@ -1,0 +1,80 @@
+"""The vocabulary of a repertoire: its motifs, every word of its takes, and what its genres make of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import ParameterError
+from choreograph.motifs.clustering import Motifs
+from choreograph.motifs.signatures import template, transition_matrix
+
+Indices = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+ALL_GENRES = "all"  # the template and transitions of all takes together
+
+
+@dataclass(frozen=True, eq=False)
+class Vocabulary:
+    """Motifs, words and genres (Rhythm is a Dancer, sections 3.3 and 3.4).
+
+    Words are in the order of the takes, and within a take in that of time; each begins where the one
+    before it in its take ends.
+    """
+
+    motifs: Motifs  # K, the most frequent first; `motifs.words` index the words here
+    word_take: Indices  # (N,) index of the word's take
+    word_start_s: Floats  # (N,) in its take
+    word_end_s: Floats  # (N,)
+    word_motif: Indices  # (N,)
+    genres: tuple[str, ...]  # G names, sorted, and last `ALL_GENRES`
+    signatures: Floats  # (G, K) templates
+    transitions: Floats  # (G, K, K) row i: what follows motif i
+
+    @property
+    def n_motifs(self) -> int:
+        """Number of motifs K."""
+        return len(self.motifs)
+
+    def genre_index(self, genre: str) -> int:
+        """Row of a genre; `ParameterError` naming those there are."""
+        if genre not in self.genres:
+            raise ParameterError(f"expected a genre among {', '.join(self.genres)}, got {genre!r}")
+        return self.genres.index(genre)
+
+    def words_of_motif(self, motif: int) -> Indices:
+        """All words of a motif, (M,), at least one."""
+        return np.flatnonzero(self.word_motif == motif)
+
+    def words_of_take(self, take: int) -> Indices:
+        """All words of a take in order, (M,), perhaps none."""
+        return np.flatnonzero(self.word_take == take)
+
+
+def make_vocabulary(
+    motifs: Motifs,
+    word_motif: Indices,
+    word_take: Indices,
+    word_start_s: Floats,
+    word_end_s: Floats,
+    take_genres: Sequence[str],
+) -> Vocabulary:
+    """Templates and transitions of every genre among the takes, and of all takes together.
+
+    `take_genres` holds the genre of every take; a take without words, and a genre of such takes only, has
+    no part in them. Raises `ParameterError` if there is no word.
+    """
+    words = [word_motif[word_take == take] for take in range(len(take_genres))]
+    danced = [(genre, sequence) for genre, sequence in zip(take_genres, words, strict=True) if len(sequence)]
+    genres = (*sorted({genre for genre, _ in danced if genre and genre != ALL_GENRES}), ALL_GENRES)
+    dances = [[s for genre, s in danced if name in (genre, ALL_GENRES)] for name in genres]
+    k = len(motifs)
+    return Vocabulary(
+        motifs, word_take, word_start_s, word_end_s, word_motif, genres,
+        np.stack([template(of_genre, k) for of_genre in dances]),
+        np.stack([transition_matrix(of_genre, k) for of_genre in dances]),
+    )  # fmt: skip
