@@ -11,6 +11,7 @@ from typing import Any
 
 from choreograph.errors import FormatError, ParameterError
 
+ENGINES = ("graph", "mixer", "rollout")
 PLANNERS = ("exact", "greedy", "motion-graph")
 # Weighed on dances to training songs; the paper gives no numbers.
 DEFAULT_WEIGHTS = {
@@ -23,7 +24,8 @@ DEFAULT_WEIGHTS = {
 class DanceConfig:
     """How to dance; field names are the keys of a config file and, with dashes, the CLI's options."""
 
-    planner: str = "exact"
+    engine: str = "graph"  # how a dance comes about: seconds of takes, words of takes, or a network
+    planner: str = "exact"  # of the graph engine
     candidates: int = 512  # K clips warped for each second
     blending: str = "inertial"
     fps: float = 60.0
@@ -35,6 +37,7 @@ class DanceConfig:
         from choreograph.blending.assembly import BLENDINGS
         from choreograph.features.music_beats import TRACKERS
 
+        _choice("engine", self.engine, ENGINES)
         _choice("planner", self.planner, PLANNERS)
         _choice("blending", self.blending, BLENDINGS)
         _choice("beats", self.beats, tuple(TRACKERS))

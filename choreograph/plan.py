@@ -1,4 +1,4 @@
-"""`Plan`: which second of which take is danced when, what it cost and whose it is; JSON and back."""
+"""`Plan`: what of which take is danced when, what it cost and whose it is; JSON and back."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from choreograph.takes import Credits
 from choreograph.timebase import NODE_FRAMES, SEGMENT_S
 
 FORMAT = "choreograph-plan"
-VERSION = 1
+VERSION = 2  # version 1 had neither engine nor words; it is still read
+_TOUCH_S = 1e-3  # words that meet this closely leave no gap
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,37 @@ class PlannedSecond:
 
 
 @dataclass(frozen=True)
+class PlannedWord:
+    """One motion word of the dance, from beat to beat, at an even speed."""
+
+    start_s: float  # in the dance
+    end_s: float
+    motif: int  # that was wanted
+    take: str  # empty if a network dances it
+    source_start_s: float  # in the take
+    source_end_s: float
+    credits: Credits
+    pinned: bool = False  # asked for by the user
+
+
+@dataclass(frozen=True)
+class Block:
+    """From when to when one piece of one take is danced."""
+
+    start_s: float  # in the dance
+    end_s: float
+    source_start_s: float  # in the take
+    source_end_s: float
+    planned: PlannedSecond | PlannedWord
+
+
+@dataclass(frozen=True)
 class Plan:
-    """A whole dance as decisions: render it again with `choreograph dance --plan`."""
+    """A whole dance as decisions: render it again with `choreograph dance --plan`.
+
+    The graph engine plans seconds, and words only where motifs are pinned: those are danced instead of
+    what the seconds say there. The other engines plan words alone, from the first instant to the last.
+    """
 
     song: str
     duration_s: float
@@ -50,10 +80,27 @@ class Plan:
     weights: dict[str, float]
     music_beats_s: tuple[float, ...]
     seconds: tuple[PlannedSecond, ...]
+    engine: str = "graph"
+    words: tuple[PlannedWord, ...] = ()
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """What is danced from when to when, in order: the words, and the seconds where no word is."""
+        blocks = [Block(w.start_s, w.end_s, w.source_start_s, w.source_end_s, w) for w in self.words]
+        for second in self.seconds:
+            blocks.extend(_left_over(second, self.words, self.duration_s))
+        return tuple(sorted(blocks, key=lambda block: block.start_s))
+
+    def takes_s(self) -> dict[str, float]:
+        """How many seconds of the dance are of which take, in the order of their first."""
+        danced: dict[str, float] = {}
+        for block in self.blocks:
+            danced[block.planned.take] = danced.get(block.planned.take, 0.0) + block.end_s - block.start_s
+        return danced
 
     @property
     def total_cost(self) -> float:
-        """Sum of all weighted costs."""
+        """Sum of all weighted costs of the seconds; words have none."""
         return sum(sum(second.costs.values()) for second in self.seconds)
 
     def to_json(self) -> str:
@@ -67,14 +114,22 @@ class Plan:
             data = json.loads(text)
         except (ValueError, RecursionError) as error:
             raise FormatError(f"{name}: expected a plan (JSON), could not parse it: {error}") from error
-        if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("version") != VERSION:
-            raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION}")
+        if (
+            not isinstance(data, dict)
+            or data.get("format") != FORMAT
+            or data.get("version") not in (1, VERSION)
+        ):
+            raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION} or 1")
+        if data["version"] == 1:
+            data = {"engine": "graph", "words": [], **data}
         data = {key: value for key, value in data.items() if key not in ("format", "version")}
-        seconds = data.pop("seconds", None)
-        if not isinstance(seconds, list):
-            raise FormatError(f"{name}: expected a list of seconds, got {reprlib.repr(seconds)}")
-        planned = tuple(_second(entry, name, index) for index, entry in enumerate(seconds))
-        plan = cls(**_known(cls, data, name, except_for="seconds"), seconds=planned)
+        lists = {key: data.pop(key, None) for key in ("seconds", "words")}
+        for key, entries in lists.items():
+            if not isinstance(entries, list):
+                raise FormatError(f"{name}: expected a list of {key}, got {reprlib.repr(entries)}")
+        seconds = tuple(_second(entry, name, index) for index, entry in enumerate(lists["seconds"]))
+        words = tuple(_word(entry, f"{name}: word {index}") for index, entry in enumerate(lists["words"]))
+        plan = cls(**_known(cls, data, name, except_for=("seconds", "words")), seconds=seconds, words=words)
         plan._check(name)
         return plan
 
@@ -88,21 +143,61 @@ class Plan:
         return cls.from_json(text, name=str(path))
 
     def _check(self, name: str) -> None:
-        if not self.seconds:
-            raise FormatError(f"{name}: the plan has no second")
-        if not 0 < self.duration_s <= len(self.seconds):
-            raise FormatError(f"{name}: {len(self.seconds)} seconds cannot fill {self.duration_s} s")
         if self.start_s < 0:
             raise FormatError(f"{name}: expected a start_s of 0 or more, got {self.start_s}")
         try:
-            DanceConfig(planner=self.planner, blending=self.blending, fps=self.fps, seed=self.seed)
+            DanceConfig(
+                engine=self.engine, planner=self.planner, blending=self.blending, fps=self.fps, seed=self.seed
+            )
         except ParameterError as error:
             raise FormatError(f"{name}: {error}") from error
+        if self.duration_s <= 0:
+            raise FormatError(f"{name}: expected a duration_s above 0, got {self.duration_s}")
+        if self.engine == "graph":
+            if not self.duration_s <= len(self.seconds):
+                raise FormatError(f"{name}: {len(self.seconds)} seconds cannot fill {self.duration_s} s")
+        elif self.seconds:
+            raise FormatError(
+                f"{name}: the {self.engine} engine plans words, got {len(self.seconds)} seconds"
+            )
+        self._check_words(name)
+
+    def _check_words(self, name: str) -> None:
+        """Words in order, none over another, of takes unless a network dances, and without a gap if alone."""
+        gap_allowed = self.engine == "graph"
+        done_s = 0.0
+        for index, word in enumerate(self.words):
+            where = f"{name}: word {index}"
+            if not -_TOUCH_S <= word.start_s - done_s <= (np.inf if gap_allowed else _TOUCH_S):
+                raise FormatError(f"{where}: expected it to begin at {done_s:g} s, got {word.start_s:g} s")
+            if not word.start_s < word.end_s <= self.duration_s + _TOUCH_S:
+                raise FormatError(f"{where}: expected an end after its start and within the dance")
+            if bool(word.take) != (self.engine != "rollout"):
+                raise FormatError(f"{where}: the {self.engine} engine cannot dance take {word.take!r}")
+            if word.take and not 0 <= word.source_start_s < word.source_end_s:
+                raise FormatError(f"{where}: expected 0 <= source_start_s < source_end_s")
+            done_s = word.end_s
+        if not gap_allowed and done_s < self.duration_s - _TOUCH_S:
+            raise FormatError(f"{name}: words to {done_s:g} s cannot fill {self.duration_s:g} s")
+
+
+def _left_over(second: PlannedSecond, words: tuple[PlannedWord, ...], duration_s: float) -> list[Block]:
+    """The parts of a second that no word takes the place of."""
+    instants = np.linspace(second.second, second.second + 1, NODE_FRAMES + 1)
+    end_s = min(second.second + 1.0, duration_s)
+    covers = [(w.start_s, w.end_s) for w in words if w.end_s > second.second and w.start_s < end_s]
+    blocks, start_s = [], float(second.second)
+    for cover in (*covers, (end_s, end_s)):
+        if cover[0] > start_s:
+            first, last = np.interp([start_s, cover[0]], instants, second.source_times_s)
+            blocks.append(Block(start_s, cover[0], float(first), float(last), second))
+        start_s = max(start_s, cover[1])
+    return blocks
 
 
 def _second(entry: Any, name: str, index: int) -> PlannedSecond:
     where = f"{name}: second {index}"
-    known = _known(PlannedSecond, entry, where, except_for="credits")
+    known = _known(PlannedSecond, entry, where, except_for=("credits",))
     times = known["source_times_s"]
     if len(times) != NODE_FRAMES + 1 or not (np.diff(times) > 0).all():
         raise FormatError(f"{where} needs {NODE_FRAMES + 1} increasing source_times_s")
@@ -113,7 +208,12 @@ def _second(entry: Any, name: str, index: int) -> PlannedSecond:
     return PlannedSecond(**known, credits=Credits(**_known(Credits, entry.get("credits"), where)))
 
 
-def _known(kind: type, data: Any, where: str, *, except_for: str = "") -> dict[str, Any]:
+def _word(entry: Any, where: str) -> PlannedWord:
+    known = _known(PlannedWord, entry, where, except_for=("credits",))
+    return PlannedWord(**known, credits=Credits(**_known(Credits, entry.get("credits"), where)))
+
+
+def _known(kind: type, data: Any, where: str, *, except_for: tuple[str, ...] = ()) -> dict[str, Any]:
     """The fields of dataclass `kind` in `data`, each of its declared type; `FormatError` otherwise."""
     if not isinstance(data, dict):
         raise FormatError(f"{where}: expected {kind.__name__.lower()} by key, got {reprlib.repr(data)}")
@@ -123,7 +223,7 @@ def _known(kind: type, data: Any, where: str, *, except_for: str = "") -> dict[s
         raise FormatError(f"{where}: unknown key {unknown[0]!r}; known are {', '.join(wanted)}")
     known = {}
     for key, declared in wanted.items():
-        if key == except_for:
+        if key in except_for:
             continue
         if key not in data:
             raise FormatError(f"{where}: the key {key} is missing")
@@ -139,6 +239,7 @@ _IS_A: dict[str, Callable[[Any], bool]] = {
     "str": lambda v: isinstance(v, str),
     "int": lambda v: is_number(v) and isinstance(v, int) and v >= 0,
     "float": is_number,
+    "bool": lambda v: isinstance(v, bool),
     "dict[str, float]": lambda v: isinstance(v, dict) and all(map(is_number, v.values())),
     "tuple[float, ...]": lambda v: isinstance(v, list) and all(map(is_number, v)),
 }

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from choreograph.config import PLANNERS
+from choreograph.config import ENGINES, PLANNERS
 from choreograph.errors import FormatError
-from choreograph.plan import Plan, PlannedSecond
+from choreograph.plan import Plan, PlannedSecond, PlannedWord
 from choreograph.takes import Credits
 
 SCHEMA = json.loads(
@@ -43,6 +43,64 @@ PLAN = Plan(
 )  # fmt: skip
 
 
+def word(start_s: float, end_s: float, *, take: str = "täke", pinned: bool = False) -> PlannedWord:
+    source_end_s = 4.0 + 1.25 * (end_s - start_s) if take else 0.0
+    return PlannedWord(
+        start_s, end_s, 3, take, 4.0 if take else 0.0, source_end_s, Credits(licence="CC0"), pinned
+    )
+
+
+PINNED = replace(PLAN, words=(word(0.5, 1.25, pinned=True), word(2.0, 2.5)))
+MIXED = replace(PLAN, engine="mixer", seconds=(), words=(word(0.0, 0.75), word(0.75, 1.5), word(1.5, 2.5)))
+ROLLED = replace(PLAN, engine="rollout", seconds=(), words=(word(0, 1, take=""), word(1, 2.5, take="")))
+
+
+@pytest.mark.parametrize("plan", [PINNED, MIXED, ROLLED], ids=lambda plan: plan.engine)
+def test_plans_of_words_survive_their_json(plan):
+    assert Plan.from_json(plan.to_json()) == plan
+    jsonschema.validate(json.loads(plan.to_json()), SCHEMA)
+
+
+def test_plans_of_version_1_are_still_read():
+    data = json.loads(PLAN.to_json())
+    del data["engine"], data["words"]
+    assert Plan.from_json(json.dumps({**data, "version": 1})) == PLAN
+
+
+def test_words_are_danced_instead_of_the_seconds_there():
+    spans = [(b.start_s, b.end_s, isinstance(b.planned, PlannedWord)) for b in PINNED.blocks]
+    assert spans == [(0, 0.5, False), (0.5, 1.25, True), (1.25, 2, False), (2, 2.5, True)]
+    after = PINNED.blocks[2]  # of second 1, which begins at 4 s of its take
+    assert (after.source_start_s, after.source_end_s) == pytest.approx((4.25, 5.0))
+    assert sum(PINNED.takes_s().values()) == pytest.approx(2.5)
+    assert [(b.start_s, b.end_s) for b in PLAN.blocks] == [(0, 1), (1, 2), (2, 2.5)]
+    assert [b.planned for b in MIXED.blocks] == list(MIXED.words)
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        replace(MIXED, words=MIXED.words[1:]),
+        replace(MIXED, words=MIXED.words[:-1]),
+        replace(MIXED, words=(MIXED.words[0], MIXED.words[2])),
+        replace(MIXED, words=MIXED.words[::-1]),
+        replace(MIXED, words=()),
+        replace(MIXED, seconds=PLAN.seconds),
+        replace(MIXED, engine="rollout"),
+        replace(ROLLED, engine="mixer"),
+        replace(PINNED, words=(word(0.5, 1.25), word(1.0, 1.5))),
+        replace(PINNED, words=(word(2.0, 3.0),)),
+        replace(PINNED, words=(word(1.0, 1.0),)),
+        replace(PINNED, words=(replace(word(1.0, 2.0), source_start_s=9.0),)),
+        replace(PLAN, engine="mixer"),
+    ],
+)
+def test_words_that_are_no_dance(plan):
+    with pytest.raises(FormatError) as said:
+        Plan.from_json(plan.to_json(), name="p.json")
+    assert str(said.value).startswith("p.json: ") and "\n" not in str(said.value)
+
+
 def test_a_plan_survives_its_json(tmp_path):
     assert Plan.from_json(PLAN.to_json()) == PLAN
     (tmp_path / "plan.json").write_text(PLAN.to_json(), encoding="utf-8")
@@ -57,8 +115,11 @@ def test_the_schema_is_the_plans():
     assert set(SCHEMA["properties"]) == set(SCHEMA["required"])
     second = SCHEMA["$defs"]["second"]
     assert set(second["properties"]) == set(second["required"]) == {f.name for f in fields(PlannedSecond)}
+    of_word = SCHEMA["$defs"]["word"]
+    assert set(of_word["properties"]) == set(of_word["required"]) == {f.name for f in fields(PlannedWord)}
     credit_keys = {f.name for f in fields(Credits)}
-    assert set(second["properties"]["credits"]["properties"]) == credit_keys
+    assert set(SCHEMA["$defs"]["credits"]["properties"]) == credit_keys
+    assert tuple(SCHEMA["properties"]["engine"]["enum"]) == ENGINES
     assert tuple(SCHEMA["properties"]["planner"]["enum"]) == PLANNERS
 
 
@@ -80,7 +141,7 @@ def edited_second(**changes) -> str:
         "[]",
         "null",
         edited(format="something else"),
-        edited(version=2),
+        edited(version=3),
         edited(seconds=[]),
         edited(seconds=None),
         edited(seconds={"0": {}}),
@@ -95,6 +156,11 @@ def edited_second(**changes) -> str:
         edited(unknown=1),
         edited(blending="glue"),
         edited(planner="best"),
+        edited(engine="steam"),
+        edited(words=None),
+        edited(words=[{}]),
+        edited(words=[{**json.loads(PINNED.to_json())["words"][0], "pinned": 1}]),
+        edited(words=[{**json.loads(PINNED.to_json())["words"][0], "motif": -1}]),
         edited(song=5),
         edited(seed="x"),
         edited(music_beats_s=["a"]),
@@ -132,8 +198,9 @@ json_values = st.recursive(
 @settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_any_damage_ends_in_a_plan_or_a_format_error(data):
-    plan = json.loads(PLAN.to_json())
-    holder = data.draw(st.sampled_from([plan, plan["seconds"][0], plan["seconds"][2]["credits"]]))
+    plan = json.loads(PINNED.to_json())
+    holders = [plan, plan["seconds"][0], plan["seconds"][2]["credits"], plan["words"][0]]
+    holder = data.draw(st.sampled_from(holders))
     key = data.draw(st.sampled_from(sorted(holder)))
     if data.draw(st.booleans()):
         del holder[key]
