@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,13 @@ from planted_dances import stepping
 
 from choreograph.features.density import motion_density
 from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.motifs.clustering import find_motifs
+from choreograph.motifs.vocabulary import Vocabulary, make_vocabulary
+from choreograph.motifs.words import cut_words
 from choreograph.motion.body import body_pos_m
-from choreograph.repertoire import Contents, Repertoire, write_repertoire
+from choreograph.repertoire import Contents, NetArrays, Repertoire, write_repertoire
 from choreograph.repertoire.contents import MeasuredTake, to_arrays
+from choreograph.repertoire.motif_arrays import motif_arrays
 from choreograph.takes import Credits, Take
 from choreograph.timebase import NET_FPS, SAMPLE_RATE_HZ
 
@@ -50,9 +55,46 @@ def planted_contents(takes: Sequence[MeasuredTake] | None = None) -> Contents:
     return Contents(arrays, "analytic", {"preset": "planted", "selection_beat_weight": 0.1})
 
 
-def planted_repertoire(path: Path, takes: Sequence[MeasuredTake] | None = None) -> Repertoire:
-    """The repertoire of the takes, written to `path` and opened."""
-    write_repertoire(path, planted_contents(takes))
+def planted_vocabulary(takes: Sequence[MeasuredTake]) -> tuple[Vocabulary, NetArrays]:
+    """The takes' words, cut on their motion beats, and the network they are embedded by: untrained."""
+    import torch
+
+    from choreograph.nets.word_presets import word_config
+    from choreograph.nets.words import WordNet
+
+    cut = [cut_words(body_pos_m(m.take.motion), m.take.motion.fps, m.motion_beats_s) for m in takes]
+    words = np.concatenate([c.body_pos_m for c in cut])
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        net = WordNet(word_config("tiny"))
+    net.begin_with(torch.from_numpy(words.astype(np.float32)))
+    motifs, word_motif = find_motifs(net.embed(words))
+    vocabulary = make_vocabulary(
+        motifs, word_motif, np.repeat(np.arange(len(takes)), [len(c) for c in cut]),
+        np.concatenate([c.start_s for c in cut]), np.concatenate([c.end_s for c in cut]),
+        [m.take.credits.genre for m in takes],
+    )  # fmt: skip
+    weights, config = net.to_arrays()
+    return vocabulary, NetArrays(config, weights)
+
+
+def with_vocabulary(contents: Contents, takes: Sequence[MeasuredTake]) -> Contents:
+    """The same contents with the takes' words, motifs and word network beside them."""
+    vocabulary, net = planted_vocabulary(takes)
+    return replace(
+        contents,
+        arrays={**contents.arrays, **motif_arrays(vocabulary)},
+        nets={**contents.nets, "words": net},
+    )
+
+
+def planted_repertoire(
+    path: Path, takes: Sequence[MeasuredTake] | None = None, *, vocabulary: bool = False
+) -> Repertoire:
+    """The repertoire of the takes, written to `path` and opened; with its words if asked for."""
+    takes = planted_takes() if takes is None else takes
+    contents = planted_contents(takes)
+    write_repertoire(path, with_vocabulary(contents, takes) if vocabulary else contents)
     return Repertoire.open(path)
 
 

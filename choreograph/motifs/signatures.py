@@ -12,7 +12,7 @@ from choreograph.errors import ParameterError
 Floats = NDArray[np.float64]
 Indices = NDArray[np.integer]
 
-_SUM_TOLERANCE = 1e-6
+SUM_TOLERANCE = 1e-6
 
 
 def signature(motifs: Indices, n_motifs: int) -> Floats:
@@ -87,7 +87,7 @@ def checked_signature(values: Floats, n_motifs: int) -> Floats:
     shares = np.asarray(values, np.float64)
     if shares.shape != (n_motifs,):
         raise ParameterError(f"expected a signature of {n_motifs} motifs, got an array {shares.shape}")
-    if not (np.isfinite(shares).all() and (shares >= 0).all() and abs(shares.sum() - 1) <= _SUM_TOLERANCE):
+    if not (np.isfinite(shares).all() and (shares >= 0).all() and abs(shares.sum() - 1) <= SUM_TOLERANCE):
         raise ParameterError(
             f"expected a signature of shares of 0 or more that sum to 1, got a sum of {shares.sum():.6g}"
         )

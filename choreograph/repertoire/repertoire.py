@@ -5,19 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.errors import RepertoireError
+from choreograph.errors import ParameterError, RepertoireError
 from choreograph.features.motion_beats import mean_joint_speed_m_s
+from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import from_own_place
 from choreograph.motion.skeleton import Skeleton
+from choreograph.repertoire.motif_arrays import vocabulary_from
 from choreograph.repertoire.store import NetArrays, RepertoireFile
 from choreograph.takes import Credits
 from choreograph.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
+
+if TYPE_CHECKING:
+    from choreograph.nets.words import WordNet
 
 
 @dataclass(frozen=True)
@@ -73,6 +79,38 @@ class Repertoire:
     def net(self, name: str) -> NetArrays:
         """A network's config and weights; `RepertoireError` if there is none of that name."""
         return self._file.read_net(name)
+
+    @property
+    def has_vocabulary(self) -> bool:
+        """Whether the file holds motion words and motifs."""
+        return self._file.has_motifs
+
+    @cached_property
+    def vocabulary(self) -> Vocabulary:
+        """Motion words, motifs and what the genres make of them; `RepertoireError` if there are none."""
+        self._expect_vocabulary()
+        try:
+            return vocabulary_from(self._file.read, len(self.takes))
+        except RepertoireError as error:
+            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
+
+    def word_net(self) -> WordNet:
+        """The network that embeds motion words as the vocabulary's; `RepertoireError` if there is none."""
+        from choreograph.nets.words import WordNet
+
+        self._expect_vocabulary()
+        net = self.net("words")
+        try:
+            return WordNet.from_arrays(net.weights, net.config)
+        except ParameterError as error:
+            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
+
+    def _expect_vocabulary(self) -> None:
+        if not self.has_vocabulary:
+            raise RepertoireError(
+                f"{self.path}: expected motion words and motifs, got a repertoire without: made by an older "
+                "choreograph or of too few words; build it again with `choreograph build-db`"
+            )
 
     @cached_property
     def skeleton(self) -> Skeleton:

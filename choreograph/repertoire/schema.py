@@ -45,14 +45,29 @@ DATASETS: dict[str, tuple[str, str]] = {
     "sources/take": ("i4", "C"),
 }
 
+# Motion words and motifs, all of these or none: K motif, W word, G genre. They go with the network `words`.
+MOTIFS: dict[str, tuple[str, str]] = {
+    "motifs/embeddings": ("f4", "K 184"),
+    "motifs/words": ("i8", "K"),
+    "motifs/counts": ("i8", "K"),
+    "motifs/word_take": ("i4", "W"),
+    "motifs/word_start_s": ("f8", "W"),
+    "motifs/word_end_s": ("f8", "W"),
+    "motifs/word_motif": ("i4", "W"),
+    "motifs/genres": ("s", "G"),
+    "motifs/signatures": ("f8", "G K"),
+    "motifs/transitions": ("f8", "G K K"),
+}
+
 # A packed file holds these as i2 with attributes `step`, `order` and `restart`: value = integer × step, the
 # integers as differences of that order from row to row (modulo 2^16) that restart every so many rows. The
-# steps keep a joint's turn to 0.03 degrees and places to half a millimetre. Networks' weights are f2 there.
+# steps keep a joint's turn to 0.03 degrees and places to half a millimetre.
 PACKED_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
 PACKED_ORDER, PACKED_RESTART = 2, 8192
+PACKED_HALVES = ("motifs/embeddings",)  # f2 in a packed file, as networks' weights are
 
 # nets/<name>: a group with the attribute `config` (JSON) and one dataset per weight, any shape.
-NETS = ("style", "motion_density", "music_density")
+NETS = ("style", "motion_density", "music_density", "words")
 
 # Attributes of the file itself.
 ATTRIBUTES = ("format", "version", "density", "provenance")

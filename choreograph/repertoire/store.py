@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +19,9 @@ from choreograph.repertoire.schema import (
     ATTRIBUTES,
     DATASETS,
     FORMAT,
+    MOTIFS,
     NETS,
+    PACKED_HALVES,
     PACKED_ORDER,
     PACKED_RESTART,
     PACKED_STEPS,
@@ -37,9 +39,9 @@ class NetArrays:
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """Everything a repertoire file holds, by the paths of `schema.DATASETS`."""
+    """Everything a repertoire file holds."""
 
-    arrays: Mapping[str, NDArray]
+    arrays: Mapping[str, NDArray]  # by the paths of `schema.DATASETS`, and all or none of `schema.MOTIFS`
     density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
     provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
@@ -58,13 +60,14 @@ def write_repertoire(path: Path, contents: Contents, *, packed: bool = False) ->
         file.attrs["version"] = VERSION
         file.attrs["density"] = contents.density
         file.attrs["provenance"] = json.dumps(contents.provenance, sort_keys=True)
-        for name, (kind, _) in DATASETS.items():
+        for name, (kind, _) in _layout(contents.arrays).items():
             array = np.asarray(contents.arrays[name])
             if kind == "s":
                 array = np.array([str(text) for text in array], dtype=object)
                 file.create_dataset(name, data=array, dtype=h5py.string_dtype(), track_times=False)
-            else:
-                _write_numbers(file, name, array.astype(kind), PACKED_STEPS.get(name) if packed else None)
+                continue
+            kind = "f2" if packed and name in PACKED_HALVES else kind
+            _write_numbers(file, name, array.astype(kind), PACKED_STEPS.get(name) if packed else None)
         for name, net in sorted(contents.nets.items()):
             group = file.create_group(f"nets/{name}")
             group.attrs["config"] = json.dumps(net.config, sort_keys=True)
@@ -106,11 +109,17 @@ def _unpacked(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
     return (differences[start - first :] * data.attrs["step"]).astype(np.float32)
 
 
+def _layout(names: Container[str]) -> dict[str, tuple[str, str]]:
+    """The datasets a file with any of these has: with one of `schema.MOTIFS`, all of them."""
+    return DATASETS | MOTIFS if any(name in names for name in MOTIFS) else DATASETS
+
+
 def _check(contents: Contents) -> None:
-    missing = [name for name in DATASETS if name not in contents.arrays]
+    layout = _layout(contents.arrays)
+    missing = [name for name in layout if name not in contents.arrays]
     if missing:
         raise RepertoireError(f"cannot write a repertoire without {', '.join(missing)}")
-    misfit = _misfit({name: np.shape(contents.arrays[name]) for name in DATASETS})
+    misfit = _misfit({name: np.shape(contents.arrays[name]) for name in layout})
     if misfit:
         raise RepertoireError(misfit)
     unknown = set(contents.nets) - set(NETS)
@@ -120,9 +129,10 @@ def _check(contents: Contents) -> None:
 
 def _misfit(shapes: Mapping[str, tuple[int, ...]]) -> str:
     """The first array whose shape disagrees with the schema or with those before it; empty if none."""
-    sizes: dict[str, int] = {"3": 3, "4": 4, "21": 21, "32": 32}
-    for name, (_, axes) in DATASETS.items():
+    sizes: dict[str, int] = {}
+    for name, (_, axes) in _layout(shapes).items():
         letters, shape = axes.split(), shapes[name]
+        sizes |= {letter: int(letter) for letter in letters if letter.isdigit()}
         if len(shape) != len(letters) or any(
             sizes.setdefault(letter, n) != n for letter, n in zip(letters, shape, strict=True)
         ):
@@ -155,14 +165,16 @@ class RepertoireFile:
                     f"{path}: expected repertoire version {VERSION}, got {version}: made by another "
                     "version of choreograph; build it again from its takes"
                 )
-            missing = [name for name in DATASETS if not isinstance(file.get(name), h5py.Dataset)]
+            self.has_motifs = "motifs" in file
+            layout = DATASETS | MOTIFS if self.has_motifs else DATASETS
+            missing = [name for name in layout if not isinstance(file.get(name), h5py.Dataset)]
             missing += [name for name in ATTRIBUTES if name not in file.attrs]
             if missing:
                 raise RepertoireError(f"{path}: the repertoire lacks {', '.join(missing)}: a damaged file")
             self.density = str(file.attrs["density"])
             self.provenance = _from_json(file.attrs["provenance"], f"{path}: provenance")
             self.net_names = tuple(file["nets"]) if "nets" in file else ()
-            self.shapes: dict[str, tuple[int, ...]] = {name: file[name].shape for name in DATASETS}
+            self.shapes: dict[str, tuple[int, ...]] = {name: file[name].shape for name in layout}
         misfit = _misfit(self.shapes)
         if misfit:
             raise RepertoireError(f"{path}: {misfit}: a damaged file")
@@ -180,10 +192,10 @@ class RepertoireFile:
             ) from error
 
     def read(self, name: str, part: slice = slice(None)) -> NDArray:
-        """One array of `schema.DATASETS`, or a slice of its first axis; strings as numpy str."""
+        """One array of the schema, or a slice of its first axis; strings as numpy str."""
         with self._opened() as file:
             data = file[name]
-            if DATASETS[name][0] == "s":
+            if (DATASETS | MOTIFS)[name][0] == "s":
                 return np.array(data.asstr()[part], dtype=np.str_)
             return _unpacked(data, part) if "step" in data.attrs else data[part]
 

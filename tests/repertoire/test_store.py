@@ -15,8 +15,18 @@ from planted_repertoire import planted_contents, planted_takes
 
 from choreograph.errors import ChoreographError, ParameterError, RepertoireError
 from choreograph.motion.body import BODY_JOINTS
+from choreograph.nets.word_presets import WORD_DIM
 from choreograph.repertoire import NetArrays, Repertoire, write_repertoire
-from choreograph.repertoire.schema import ATTRIBUTES, DATASETS, FORMAT, NETS, PACKED_STEPS, VERSION
+from choreograph.repertoire.schema import (
+    ATTRIBUTES,
+    DATASETS,
+    FORMAT,
+    MOTIFS,
+    NETS,
+    PACKED_HALVES,
+    PACKED_STEPS,
+    VERSION,
+)  # fmt: skip
 from choreograph.repertoire.store import RepertoireFile
 
 LAYOUT = json.loads(
@@ -42,7 +52,11 @@ def test_the_published_layout_is_the_codes():
     assert {name: (d["kind"], " ".join(d["axes"])) for name, d in LAYOUT["datasets"].items()} == DATASETS
     assert tuple(LAYOUT["attributes"]) == ATTRIBUTES
     assert tuple(LAYOUT["nets"]["names"]) == NETS
-    letters = {axis for d in LAYOUT["datasets"].values() for axis in d["axes"] if axis.isalpha()}
+    motifs = LAYOUT["motifs"]["datasets"]
+    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in motifs.items()} == MOTIFS
+    assert str(WORD_DIM) in motifs["motifs/embeddings"]["axes"]
+    told = (*LAYOUT["datasets"].values(), *motifs.values())
+    letters = {axis for d in told for axis in d["axes"] if axis.isalpha()}
     assert set(LAYOUT["axes"]) == letters
     assert str(len(BODY_JOINTS)) in LAYOUT["datasets"]["body/pos_m"]["axes"]
 
@@ -207,6 +221,7 @@ def test_a_packed_file_is_smaller_and_hardly_different(contents, path, tmp_path)
     np.testing.assert_allclose(packed.read_net("style").weights["bias"], NET.weights["bias"], rtol=1e-3)
     assert packed.read_net("style").weights["bias"].dtype == np.float32
     assert set(LAYOUT["packed"]["datasets"]) == set(PACKED_STEPS)
+    assert set(LAYOUT["packed"]["halves"]) == set(PACKED_HALVES)
 
 
 def test_packing_restarts_its_differences(contents, tmp_path, monkeypatch):

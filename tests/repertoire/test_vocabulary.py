@@ -1,0 +1,144 @@
+"""Motion words and motifs in a repertoire file: what went in comes out, and contradictions are said."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from planted_repertoire import planted_contents, planted_takes, planted_vocabulary, with_vocabulary
+
+from choreograph.errors import RepertoireError
+from choreograph.motifs.words import cut_words
+from choreograph.motion.body import body_pos_m
+from choreograph.nets.words import WordNet
+from choreograph.repertoire import Repertoire, write_repertoire
+from choreograph.repertoire.schema import MOTIFS
+
+COLUMNS = (
+    "word_take", "word_start_s", "word_end_s", "word_motif", "signatures", "transitions",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def takes():
+    return planted_takes()
+
+
+@pytest.fixture(scope="module")
+def contents(takes):
+    return with_vocabulary(planted_contents(takes), takes)
+
+
+@pytest.fixture(scope="module")
+def path(contents, tmp_path_factory):
+    path = tmp_path_factory.mktemp("vocabulary") / "rep.h5"
+    write_repertoire(path, contents)
+    return path
+
+
+def test_a_vocabulary_comes_out_as_it_went_in(path, takes):
+    expected, _ = planted_vocabulary(takes)
+    found = Repertoire.open(path).vocabulary
+    assert found.genres == expected.genres == ("a", "b", "c", "all")
+    for column in COLUMNS:
+        np.testing.assert_array_equal(getattr(found, column), getattr(expected, column))
+    for column in ("embeddings", "words", "counts"):
+        np.testing.assert_array_equal(getattr(found.motifs, column), getattr(expected.motifs, column))
+
+
+def test_its_network_embeds_the_medoids_where_they_are(path, takes):
+    repertoire = Repertoire.open(path)
+    vocabulary, net = repertoire.vocabulary, repertoire.word_net()
+    cut = [cut_words(body_pos_m(m.take.motion), m.take.motion.fps, m.motion_beats_s) for m in takes]
+    embedded = net.embed(np.concatenate([c.body_pos_m for c in cut]))
+    np.testing.assert_allclose(embedded[vocabulary.motifs.words], vocabulary.motifs.embeddings, atol=1e-6)
+    np.testing.assert_array_equal(vocabulary.motifs.nearest(embedded), vocabulary.word_motif)
+
+
+def test_a_packed_file_keeps_every_words_motif(contents, path, takes, tmp_path):
+    write_repertoire(tmp_path / "packed.h5", contents, packed=True)
+    packed, whole = Repertoire.open(tmp_path / "packed.h5"), Repertoire.open(path)
+    cut = cut_words(body_pos_m(takes[1].take.motion), takes[1].take.motion.fps, takes[1].motion_beats_s)
+    labels = [r.vocabulary.motifs.nearest(r.word_net().embed(cut.body_pos_m)) for r in (whole, packed)]
+    assert np.mean(labels[0] == labels[1]) > 0.95
+    assert packed.vocabulary.motifs.embeddings.dtype == np.float32
+    np.testing.assert_array_equal(packed.vocabulary.word_motif, whole.vocabulary.word_motif)
+
+
+def test_a_file_without_words_opens_and_says_so(takes, tmp_path):
+    write_repertoire(tmp_path / "none.h5", planted_contents(takes))
+    repertoire = Repertoire.open(tmp_path / "none.h5")
+    assert not repertoire.has_vocabulary
+    assert repertoire.n_clips > 0
+    for ask in (lambda: repertoire.vocabulary, repertoire.word_net):
+        with pytest.raises(RepertoireError, match="build-db") as said:
+            ask()
+        assert "\n" not in str(said.value)
+
+
+def test_some_of_the_arrays_are_not_written(contents, tmp_path):
+    lacking = {name: array for name, array in contents.arrays.items() if name != "motifs/words"}
+    with pytest.raises(RepertoireError, match="motifs/words"):
+        write_repertoire(tmp_path / "rep.h5", type(contents)(lacking, "analytic", {}, contents.nets))
+
+
+def changed(name: str, array: np.ndarray):
+    array = array.copy()
+    if name == "motifs/words":
+        array[0] = 10**6
+    elif name == "motifs/embeddings":
+        array[1, 1] = np.nan
+    elif name in ("motifs/word_start_s", "motifs/word_end_s"):
+        array[3] += 0.1
+    elif name == "motifs/genres":
+        array = np.array([b"a", b"b", b"c", b"d"], dtype=h5py.string_dtype())
+    else:
+        array[-1] += 1
+    return array
+
+
+@pytest.mark.parametrize("name", MOTIFS)
+def test_an_array_that_contradicts_the_others_is_damage(path, tmp_path, name):
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes(path.read_bytes())
+    with h5py.File(copy, "a") as file:
+        array = changed(name, file[name][()])
+        del file[name]
+        file[name] = array
+    with pytest.raises(RepertoireError, match="damaged file") as said:
+        _ = Repertoire.open(copy).vocabulary
+    assert "\n" not in str(said.value) and str(copy) in str(said.value)
+
+
+@pytest.mark.parametrize("damage", ["no array", "another shape", "no network", "another network", "config"])
+def test_lacking_parts_are_damage(path, tmp_path, damage):
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes(path.read_bytes())
+    with h5py.File(copy, "a") as file:
+        if damage == "no array":
+            del file["motifs/counts"]
+        elif damage == "another shape":
+            del file["motifs/transitions"]
+            file["motifs/transitions"] = np.ones((2, 2, 2))
+        elif damage == "no network":
+            del file["nets/words"]
+        elif damage == "another network":
+            del file["nets/words/linear.bias"]
+            file["nets/words/linear.bias"] = np.zeros(7, np.float32)
+        else:
+            config = json.loads(file["nets/words"].attrs["config"])
+            file["nets/words"].attrs["config"] = json.dumps({**config, "depth": 3})
+    with pytest.raises(RepertoireError, match=str(copy)) as said:
+        Repertoire.open(copy).word_net()
+    assert "\n" not in str(said.value)
+
+
+def test_opening_a_file_does_not_load_the_network(path, monkeypatch):
+    def loaded(*args):
+        raise AssertionError("the network was loaded")
+
+    monkeypatch.setattr(WordNet, "from_arrays", loaded)
+    assert Repertoire.open(Path(path)).vocabulary.n_motifs > 1
