@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from choreograph.blending.joins import apply_offset, crossfade, fading, inertial_offsets
+from choreograph.blending.runs import Run
 from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import ground_pos_m, heading_rad
-from choreograph.timebase import NET_FPS, seconds_to_frames
+from choreograph.timebase import seconds_to_frames
 
 Floats = NDArray[np.float64]
 # take index, first and last instant wanted -> motion around them and the instant of its first frame
@@ -27,34 +28,7 @@ STAGE_RADIUS_M = (
     2.0  # this far from where it began a dance is steered home with all it may, not at all at half
 )
 MAX_STEER_RAD = 0.25  # extra turn at a join, spread over the join: 14°, feet move by about 3 cm
-_SAME_INSTANT_S = 2e-3  # two seconds whose source times meet this closely need no join
-
-
-@dataclass(frozen=True)
-class Run:
-    """Seconds that play on without a join: one take, one continuous time map."""
-
-    take: str
-    start: int  # first second of the dance
-    source_times_s: Floats  # (20 n + 1,) take instants at 20 fps
-
-    @property
-    def stop(self) -> int:
-        """The second after the last one."""
-        return self.start + (len(self.source_times_s) - 1) // NET_FPS
-
-
-def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> list[Run]:
-    """Seconds grouped into runs; each second gives its take and 21 source instants."""
-    runs: list[Run] = []
-    for second, (take, given) in enumerate(zip(takes, source_times_s, strict=True)):
-        times = np.asarray(given, np.float64)
-        if runs and runs[-1].take == take and abs(runs[-1].source_times_s[-1] - times[0]) < _SAME_INSTANT_S:
-            joined = np.concatenate([runs[-1].source_times_s, times[1:]])
-            runs[-1] = Run(take, runs[-1].start, joined)
-        else:
-            runs.append(Run(take, second, times))
-    return runs
+_JOIN_SHARE = 0.4  # of a run may be blended at either end: a short one keeps what it is in its middle
 
 
 def assemble(
@@ -65,25 +39,25 @@ def assemble(
     Each run is turned about Y and shifted on the ground so that its body stands where the last one's
     stood at the join, and steered a little so that the dance stays on a stage (ours).
     `linear` is the paper's crossfade; `inertial` lets the difference of pose, speed and acceleration
-    die away on both sides, so that neither motion is smeared.
+    die away on both sides, so that neither motion is smeared. Short runs are joined in less time.
 
     Raises `ParameterError` for an unknown blending.
     """
     if blending not in BLENDINGS:
         raise ParameterError(f"expected a blending among {', '.join(BLENDINGS)}, got {blending!r}")
     margin = seconds_to_frames(JOIN_S[blending] + 0.05, fps)
-    total = seconds_to_frames(runs[-1].stop, fps) if runs else 0
+    total = seconds_to_frames(runs[-1].stop_s, fps) if runs else 0
     root_out = np.empty((total, 3))
     quat_out: Floats | None = None
     previous: _Played | None = None
     for run in runs:
         played = _play(run, read_motion, fps, margin)
         if previous is not None:
-            played = _placed(previous, played)
+            played = _placed(previous, played, fps)
         if quat_out is None:
             quat_out = np.empty((total, *played.quat.shape[1:]))
         first = played.first_frame + margin
-        stop = seconds_to_frames(run.stop, fps)
+        stop = seconds_to_frames(run.stop_s, fps)
         body = slice(margin, margin + stop - first)
         root_out[first:stop], quat_out[first:stop] = played.root[body], played.quat[body]
         if previous is not None:
@@ -93,7 +67,7 @@ def assemble(
         raise ParameterError("expected a plan of one second or more, got none")
     n_frames = max(1, seconds_to_frames(duration_s, fps))
     motion = Motion(previous.motion.skeleton, root_out, rot.make_continuous(rot.normalize(quat_out)), fps)
-    joins_s = np.array([run.start for run in runs[1:]], np.float64)
+    joins_s = np.array([run.start_s for run in runs[1:]], np.float64)
     return motion.sliced(0, min(n_frames, total)), joins_s
 
 
@@ -109,16 +83,11 @@ class _Played:
 
 def _play(run: Run, read_motion: MotionReader, fps: float, margin: int) -> _Played:
     """Sample a run at its warped times; beyond its ends the take plays on at the end's speed."""
-    knots = run.source_times_s
-    n_frames = seconds_to_frames(run.stop, fps) - seconds_to_frames(run.start, fps)
-    times = np.arange(-margin, n_frames + margin) / fps  # (T,) from the run's start
-    length = (len(knots) - 1) / NET_FPS
-    inside = CubicSpline(np.arange(len(knots)) / NET_FPS, knots)
-    source = inside(np.clip(times, 0.0, length))
-    source += np.minimum(times, 0.0) * inside(0.0, 1) + np.maximum(times - length, 0.0) * inside(length, 1)
+    first = seconds_to_frames(run.start_s, fps) - margin
+    source = run.source_s(np.arange(first, seconds_to_frames(run.stop_s, fps) + margin) / fps)
     motion, first_s = read_motion(run.take, float(source.min()), float(source.max()))
     root, quat = _sampled_smoothly(motion, (source - first_s) * motion.fps)
-    return _Played(motion, seconds_to_frames(run.start, fps) - margin, root, quat)
+    return _Played(motion, first, root, quat)
 
 
 def _sampled_smoothly(motion: Motion, frames: Floats) -> tuple[Floats, Floats]:
@@ -133,7 +102,7 @@ def _sampled_smoothly(motion: Motion, frames: Floats) -> tuple[Floats, Floats]:
     return CubicSpline(knots, motion.root_pos_m)(frames), rot.normalize(quat)
 
 
-def _placed(previous: _Played, played: _Played) -> _Played:
+def _placed(previous: _Played, played: _Played, fps: float) -> _Played:
     """`played` moved so that at the join its body stands and faces as the previous one's."""
     at = _join_row(played, previous)
     before = body_pos_m(_still(previous, at[1]))[0]
@@ -141,7 +110,8 @@ def _placed(previous: _Played, played: _Played) -> _Played:
     end = body_pos_m(_still(played, len(played.root) - 1 - at[0]))[0]
     yaw = heading_rad(before) - heading_rad(after)
     travel_m = rot.rotate(rot.about_y(yaw), ground_pos_m(end) - ground_pos_m(after))
-    turn = rot.about_y(yaw + _steer_rad(ground_pos_m(before), travel_m))
+    share = min(1.0, (len(played.root) - 2 * at[0]) / fps)  # short runs come with many joins
+    turn = rot.about_y(yaw + share * _steer_rad(ground_pos_m(before), travel_m))
     shift = ground_pos_m(before) - rot.rotate(turn, ground_pos_m(after))
     quat = np.array(played.quat)
     quat[:, 0] = rot.multiply(turn, quat[:, 0])
@@ -180,8 +150,10 @@ def _join(
 ) -> None:
     """Blend the frames around the join at `frame` of the output, where b is already written after a."""
     row_a, row_b = frame - a.first_frame, frame - b.first_frame
+    shorter = min(len(a.root), len(b.root)) - 2 * row_b  # frames of the run without its margins
+    room = max(1, int(_JOIN_SHARE * shorter))
     if blending == "linear":
-        half = seconds_to_frames(JOIN_S["linear"], fps) // 2
+        half = min(seconds_to_frames(JOIN_S["linear"], fps) // 2, room)
         out = slice(max(0, frame - half), min(len(root_out), frame + half))
         in_a = slice(out.start - a.first_frame, out.stop - a.first_frame)
         in_b = slice(out.start - b.first_frame, out.stop - b.first_frame)
@@ -191,7 +163,7 @@ def _join(
     root, turn = inertial_offsets(
         a.root[around_a], a.quat[around_a], b.root[around_b], b.quat[around_b], fps=fps
     )
-    length = seconds_to_frames(JOIN_S["inertial"], fps)
+    length = min(seconds_to_frames(JOIN_S["inertial"], fps), room)
     times = np.arange(length) / fps
     after = slice(frame, min(len(root_out), frame + length))
     n = after.stop - after.start

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.audio.song import Song, load_song
-from choreograph.blending.assembly import assemble, to_runs
+from choreograph.blending.assembly import assemble
 from choreograph.blending.feet import lock_feet
+from choreograph.blending.runs import to_runs
 from choreograph.config import DanceConfig, resolve_weights
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.features.contacts import foot_contacts

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from planted_dances import stepping, swaying
 
-from choreograph.blending.assembly import BLENDINGS, JOIN_S, Run, assemble, to_runs
+from choreograph.blending.assembly import BLENDINGS, JOIN_S, assemble
+from choreograph.blending.runs import Run, to_runs
 from choreograph.errors import ParameterError
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
@@ -41,7 +42,7 @@ def assembled(takes, times, *, fps=60.0, duration_s=None, blending="inertial"):
 
 def test_seconds_that_follow_one_another_are_one_run():
     runs = to_runs(["a", "a", "a", "b", "b"], seconds(2.0, 3.0, 5.0, 6.0, 7.0))
-    assert [(run.take, run.start, run.stop) for run in runs] == [("a", 0, 2), ("a", 2, 3), ("b", 3, 5)]
+    assert [(run.take, run.start_s, run.stop_s) for run in runs] == [("a", 0, 2), ("a", 2, 3), ("b", 3, 5)]
     assert np.allclose(runs[0].source_times_s, np.arange(2.0, 4.001, 0.05))
 
 
@@ -55,7 +56,10 @@ def test_one_run_is_the_take_itself(blending):
 @pytest.mark.parametrize("blending", BLENDINGS)
 def test_a_join_of_a_take_with_itself_changes_nothing(blending):
     # Two runs by force, where the second plays on from the first.
-    runs = [Run("sway", 0, np.arange(4.0, 6.001, 0.05)), Run("sway", 2, np.arange(6.0, 8.001, 0.05))]
+    runs = [
+        Run("sway", 0.0, 2.0, np.arange(4.0, 6.001, 0.05)),
+        Run("sway", 2.0, 4.0, np.arange(6.0, 8.001, 0.05)),
+    ]
     made, joins_s = assemble(runs, read_motion, fps=60.0, duration_s=4.0, blending=blending)
     assert joins_s.tolist() == [2.0]
     assert np.abs(made.joint_pos_m() - TAKES["sway"].sliced(240, 480).joint_pos_m()).max() < 1e-3
@@ -137,7 +141,23 @@ def test_a_dance_that_walks_away_is_steered_home():
     path = np.zeros((2400, 3))
     path[:, 2] = np.arange(2400) / 60.0  # 1 m/s ahead
     walker = Motion(walker.skeleton, walker.root_pos_m + path, walker.local_quat, 60.0)
-    runs = [Run("walk", second, np.arange(3.0, 4.001, 0.05)) for second in range(40)]
+    runs = [Run("walk", s, s + 1.0, np.arange(3.0, 4.001, 0.05)) for s in range(40)]
     made, _ = assemble(runs, lambda *_: (walker, 0.0), fps=60.0, duration_s=40.0, blending="inertial")
     away = np.linalg.norm((made.root_pos_m - made.root_pos_m[0])[:, [0, 2]], axis=1)
     assert away.max() < 12.0
+
+
+@pytest.mark.parametrize("blending", BLENDINGS)
+def test_short_runs_are_joined_without_a_jump_and_keep_their_middles(blending):
+    starts = np.arange(0.0, 6.0, 0.4)
+    takes = ["sway", "other", "step"] * 5
+    runs = [Run(t, s, s + 0.4, np.linspace(s + 2, s + 2.4, 9)) for t, s in zip(takes, starts, strict=True)]
+    made, joins_s = assemble(runs, read_motion, fps=60.0, duration_s=6.0, blending=blending)
+    assert joins_s == pytest.approx(starts[1:])
+    assert made.n_frames == 360
+    step = np.linalg.norm(np.diff(body_pos_m(made), axis=0), axis=2).max(axis=1) * 60  # m/s
+    assert step.max() < 12.0
+    middle = round(60 * (starts[4] + 0.2))  # of a run of "other"
+    source = TAKES["other"].sampled(np.array([(starts[4] + 2.2) * 60]))
+    arms = slice(made.skeleton.index("neck"), None)
+    assert np.allclose(made.local_quat[middle, arms], source.local_quat[0, arms], atol=5e-3)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from choreograph.blending.assembly import Run, assemble
+from choreograph.blending.assembly import assemble
+from choreograph.blending.runs import Run
 from choreograph.features.density import motion_density, music_density
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers import dance_with_melody
@@ -27,7 +28,7 @@ def takes(shared_data, tmp_path_factory):
 
 def jerk_m_s3(motion, source_times_s: np.ndarray) -> np.ndarray:
     """Jerk of a segment as a dance plays it: `source_times_s` (81,) are instants of the take."""
-    run = Run("take", 0, source_times_s)
+    run = Run("take", 0.0, (len(source_times_s) - 1) / NET_FPS, source_times_s)
     dance, _ = assemble(
         [run], lambda *_: (motion, 0.0), fps=STORE_FPS, duration_s=SEGMENT_S, blending="inertial"
     )
