@@ -29,7 +29,7 @@ from choreograph.cli.present import examples, show_notes, stages
 @click.option(
     "--init-from", type=click.Path(path_type=Path), help="Begin with the networks of another repertoire."
 )
-@click.option("--keep-networks", is_flag=True, help="Take those as they are: no training.")
+@click.option("--keep-networks", is_flag=True, help="Take those as they are; train only what it lacks.")
 @click.option(
     "--density", default=None, metavar="analytic|learned", help="Which tempo-density the clips carry."
 )

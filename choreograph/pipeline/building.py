@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from choreograph.audio.song import load_song
-from choreograph.errors import FormatError, ParameterError
+from choreograph.errors import ParameterError
 from choreograph.features.density import motion_density
-from choreograph.features.mel import log_mel
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.features.rhythm import rhythm_features
 from choreograph.files import check_target, sha256_of
 from choreograph.importers import import_takes
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.retarget import retarget
 from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.pipeline.learning import Beginning, Report, music_networks, training_place, word_network
+from choreograph.pipeline.wording import FEWEST_WORDS, cut_takes, make_motifs
 from choreograph.repertoire import Contents, NetArrays, Repertoire, write_repertoire
 from choreograph.repertoire.contents import MeasuredTake, to_arrays
+from choreograph.repertoire.motif_arrays import motif_arrays
 from choreograph.takes import Take
-from choreograph.timebase import CLIP_S, MUSIC_FPS, NET_FPS, STORE_FPS, seconds_to_frames
+from choreograph.timebase import CLIP_S, NET_FPS, STORE_FPS
 
-Report = Callable[[str, int, int], None]
+if TYPE_CHECKING:
+    from choreograph.nets.training import TrainingPlace
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class BuildOptions:
     device: str = "auto"
     resume: bool = False
     init_from: Path | None = None  # networks of another repertoire to begin with
-    keep_networks: bool = False  # take those as they are instead of training on
+    keep_networks: bool = False  # take those as they are; only what they lack is trained
     packed: bool = False  # motion in 16 bits: a third of the size, turns to 0.03 degrees
     leave_out: tuple[str, ...] = ()  # takes left out of everything, by name
 
@@ -72,20 +74,25 @@ def build_repertoire(
     if options.keep_networks and options.init_from is None:
         raise ParameterError("expected another repertoire to keep the networks of (--init-from), got none")
     output = check_target(output)
+    beginning = Beginning.of(options.init_from, keep=options.keep_networks)
     takes, notes = _imported(sources, options, report)
     measured = [_measured(take) for take in takes]
     short = [m.take.name for m in measured if len(m.body_pos_m) < CLIP_S * NET_FPS]
     if short:
         notes = (*notes, f"{', '.join(short)}: shorter than {CLIP_S} s: no clip comes from there")
-    nets, learned, more = _networks(measured, output, options, report, training_report)
-    checksums = [
-        (str(path), sha256_of(path), index) for index, take in enumerate(takes) for path in take.source_paths
-    ]
+    place = training_place(output.with_name(output.name + ".build"), options, training_report)
+    nets, trained_on, more = music_networks(measured, beginning, options=options, place=place, report=report)
+    learned, about_density = _learned(nets, options)
+    words, about_words = _worded(measured, beginning, options, place, report)
+    if words.net is not None:
+        nets["words"] = words.net
     arrays = to_arrays(
         measured,
         embed_motion=learned.embed_motion,
         density=learned.density or (lambda m: motion_density(len(m.body_pos_m), m.motion_beats_s)),
-        checksums=checksums,
+        checksums=[
+            (str(path), sha256_of(path), i) for i, take in enumerate(takes) for path in take.source_paths
+        ],
     )
     provenance = {
         "choreograph": version("choreograph"),
@@ -93,14 +100,15 @@ def build_repertoire(
         "seed": options.seed,
         "init_from": options.init_from.name if options.init_from else None,
         "left_out": sorted(options.leave_out),
-        "trained_on": learned.trained_on,
+        "trained_on": trained_on,
         "selection_beat_weight": learned.selection_beat_weight,
     }
     write_repertoire(
-        output, Contents(arrays, options.density if learned.density else "analytic", provenance, nets),
+        output,
+        Contents(arrays | words.arrays, options.density if learned.density else "analytic", provenance, nets),
         packed=options.packed,
-    )  # fmt: skip
-    return Repertoire.open(output), (*notes, *more)
+    )
+    return Repertoire.open(output), (*notes, *more, *about_density, *about_words)
 
 
 def _imported(
@@ -142,83 +150,51 @@ class _Learned:
     embed_motion: Callable | None = None
     density: Callable | None = None
     selection_beat_weight: float = 0.0
-    trained_on: Sequence[str] = ()  # songs
 
 
-def _networks(
-    measured: Sequence[MeasuredTake],
-    output: Path,
-    options: BuildOptions,
-    report: Report | None,
-    training_report: Callable[[Any], None] | None,
-) -> tuple[dict[str, NetArrays], _Learned, tuple[str, ...]]:
-    """Train what the takes allow, or take over another repertoire's networks."""
-    from choreograph.nets.style import StyleNets
-    from choreograph.pipeline.learning import train_networks
-
-    with_music = [m for m in measured if m.take.song_path is not None]
-    start, trained_on = None, sorted({m.take.song_name for m in with_music})
-    if options.init_from is not None:
-        other = Repertoire.open(options.init_from)
-        start = {name: other.net(name) for name in other.net_names}
-    notes: tuple[str, ...] = ()
-    if len(trained_on) >= 2 and not options.keep_networks:
-        nets = train_networks(
-            [_heard(m, i, len(with_music), report) for i, m in enumerate(with_music)],
-            work=output.with_name(output.name + ".build"), options=options, start=start,
-            report=training_report,
-        )  # fmt: skip
-    elif start is not None:
-        nets, trained_on = start, list(other.provenance.get("trained_on", []))
-        if not options.keep_networks:
-            notes = ("fewer than two takes' songs to learn from: the networks are taken over as they are",)
-    else:
-        nets, trained_on = {}, []
-        notes = ("fewer than two songs to learn from: no networks, so clips are not chosen by style",)
+def _learned(nets: Mapping[str, NetArrays], options: BuildOptions) -> tuple[_Learned, tuple[str, ...]]:
+    """Style vectors and tempo-densities as the networks give them, and notes."""
     if "style" not in nets:
-        return nets, _Learned(trained_on=trained_on), notes
+        return _Learned(), ()
+    from choreograph.nets.style import StyleNets
+
     style = StyleNets.from_arrays(nets["style"].weights, nets["style"].config)
-    density = None
-    if options.density == "learned" and "motion_density" in nets:
-        from choreograph.nets.density import MotionDensity
-
-        net = nets["motion_density"]
-        estimator = MotionDensity.from_arrays(net.weights, net.config)
-
-        def density(m: MeasuredTake):
-            return estimator.take_density(m.body_pos_m)
-
-    elif options.density == "learned":
-        notes = (*notes, "no tempo-density networks: the clips carry the analytic tempo-density")
     beat_weight = style.config.beat_weight / style.config.style_weight
-    return nets, _Learned(style.embed_motion, density, beat_weight, trained_on), notes
+    if options.density != "learned":
+        return _Learned(style.embed_motion, None, beat_weight), ()
+    if "motion_density" not in nets:
+        note = "no tempo-density networks: the clips carry the analytic tempo-density"
+        return _Learned(style.embed_motion, None, beat_weight), (note,)
+    from choreograph.nets.density import MotionDensity
+
+    net = nets["motion_density"]
+    estimator = MotionDensity.from_arrays(net.weights, net.config)
+    return _Learned(style.embed_motion, lambda m: estimator.take_density(m.body_pos_m), beat_weight), ()
 
 
-def _heard(measured: MeasuredTake, index: int, total: int, report: Report | None):
-    """A take as the networks learn from it; the song's part from the motion's first frame on."""
-    from choreograph.nets.style_data import StyleTake
+@dataclass(frozen=True, eq=False)
+class _Worded:
+    """The word network, if there is one, and the arrays of the vocabulary, none if there is none."""
 
-    take = measured.take
-    assert take.song_path is not None  # only takes with music are heard
-    song = load_song(take.song_path)
-    mel = log_mel(song.samples)
-    rhythm = rhythm_features(mel, start_s=max(0.0, take.song_start_s))
-    first = seconds_to_frames(take.song_start_s, MUSIC_FPS)
-    last = first + seconds_to_frames(take.motion.duration_s, MUSIC_FPS)
-    if first >= len(mel):
-        raise FormatError(
-            f"{take.song_path}: expected music at {take.song_start_s:g} s, where {take.name} begins, but the "
-            f"song lasts {song.duration_s:.1f} s"
-        )
-    silent = np.full((max(0, -first), mel.shape[1]), mel.min(), mel.dtype)
-    if report is not None:
-        report("hearing", index + 1, total)
-    return StyleTake(
-        name=take.name,
-        song_name=take.song_name,
-        genre=take.credits.genre,
-        log_mel=np.concatenate([silent, mel[max(0, first) : max(0, last)]]),
-        rhythm=rhythm,
-        body_pos_m=measured.body_pos_m,
-        motion_beat_times_s=measured.motion_beats_s,
-    )
+    net: NetArrays | None
+    arrays: dict[str, NDArray] = field(default_factory=dict)
+
+
+def _worded(
+    measured: Sequence[MeasuredTake],
+    beginning: Beginning,
+    options: BuildOptions,
+    place: TrainingPlace,
+    report: Report | None,
+) -> tuple[_Worded, tuple[str, ...]]:
+    """The takes' motion words, their network and their motifs, and notes."""
+    cut, notes = cut_takes(measured, report=report)
+    net = word_network(cut, beginning, options=options, place=place)
+    n_words = sum(len(take.words) for take in cut)
+    if net is None or n_words < FEWEST_WORDS:
+        few = f"{n_words} motion words, fewer than {FEWEST_WORDS}: no motifs, so no genre to dance by"
+        return _Worded(net), (*notes, few)
+    from choreograph.nets.words import WordNet
+
+    vocabulary = make_motifs(cut, WordNet.from_arrays(net.weights, net.config), seed=options.seed)
+    return _Worded(net, motif_arrays(vocabulary)), notes

@@ -1,57 +1,175 @@
-"""Training all networks of a repertoire, one after another."""
+"""All networks of a repertoire, one after another: kept from another repertoire, or trained."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from choreograph.nets.density_presets import density_config
-from choreograph.nets.density_training import train_motion_density
-from choreograph.nets.music_density_training import train_music_density
-from choreograph.nets.presets import style_config
-from choreograph.nets.style_data import StyleTake
-from choreograph.nets.style_training import train_style
-from choreograph.nets.training import TrainingPlace
-from choreograph.repertoire import NetArrays
-from choreograph.timebase import CLIP_S, MUSIC_FPS, NET_FPS
+import numpy as np
+
+from choreograph.audio.song import load_song
+from choreograph.errors import FormatError
+from choreograph.features.mel import log_mel
+from choreograph.features.rhythm import rhythm_features
+from choreograph.pipeline.wording import FEWEST_WORDS, CutTake
+from choreograph.repertoire import NetArrays, Repertoire
+from choreograph.repertoire.contents import MeasuredTake
+from choreograph.timebase import CLIP_S, MUSIC_FPS, NET_FPS, seconds_to_frames
 
 if TYPE_CHECKING:
+    from choreograph.nets.style_data import StyleTake
+    from choreograph.nets.training import TrainingPlace
     from choreograph.pipeline.building import BuildOptions
 
+Report = Callable[[str, int, int], None]
+MUSIC_NETS = ("style", "motion_density", "music_density")  # learned from pairs of music and motion
 
-def train_networks(
-    takes: Sequence[StyleTake],
+
+@dataclass(frozen=True)
+class Beginning:
+    """Networks of another repertoire: to train on from, or to keep."""
+
+    nets: Mapping[str, NetArrays] = field(default_factory=dict)
+    trained_on: tuple[str, ...] = ()  # songs
+    keep: bool = False
+
+    @classmethod
+    def of(cls, path: Path | None, *, keep: bool) -> Beginning:
+        """Those of the repertoire at `path`; none for None. `RepertoireError` if it cannot be read."""
+        if path is None:
+            return cls()
+        other = Repertoire.open(path)
+        trained_on = tuple(other.provenance.get("trained_on", ()))
+        return cls({name: other.net(name) for name in other.net_names}, trained_on, keep)
+
+    @property
+    def kept(self) -> Mapping[str, NetArrays]:
+        """Networks that are taken as they are."""
+        return self.nets if self.keep else {}
+
+    def weights(self, name: str) -> Mapping[str, Any] | None:
+        """Weights to begin with; None for none."""
+        return self.nets[name].weights if name in self.nets else None
+
+
+def training_place(work: Path, options: BuildOptions, report: Callable[[Any], None] | None) -> TrainingPlace:
+    """Checkpoints NAME.pt and logs NAME.jsonl in `work`; `options.resume` goes on from there."""
+    from choreograph.nets.training import TrainingPlace
+
+    return TrainingPlace(work, options.resume, options.device, report or (lambda progress: None))
+
+
+def music_networks(
+    measured: Sequence[MeasuredTake],
+    beginning: Beginning,
     *,
-    work: Path,
     options: BuildOptions,
-    start: Mapping[str, NetArrays] | None,
-    report: Callable[[Any], None] | None,
-) -> dict[str, NetArrays]:
-    """Networks by name: style, then the tempo-density of motion, then of music, which follows the motion's.
+    place: TrainingPlace,
+    report: Report | None,
+) -> tuple[dict[str, NetArrays], list[str], tuple[str, ...]]:
+    """Style and tempo-density networks, the songs they learned from, and notes.
 
-    Each keeps NAME.pt and NAME.jsonl in `work`; with `options.resume` a complete network is taken from
-    there and an incomplete one goes on. `start` holds weights to begin with, by the same names. Without
-    a take of 8 s of music and motion there are no tempo-density networks.
+    Those that are not kept are trained, if two takes or more have songs of their own; with fewer, what
+    there is to begin with is taken over.
     """
-    place = TrainingPlace(work, options.resume, options.device, report or (lambda progress: None))
-    weights = {name: net.weights for name, net in (start or {}).items()}
-    seed = options.seed
-    config = style_config(options.preset, n_songs=len({take.song_name for take in takes}))
-    style = train_style(takes, config, seed=seed, place=place, start=weights.get("style"))
-    nets = {"style": _stored(*style.to_arrays())}
-    if any(min(len(take.body_pos_m) / NET_FPS, len(take.log_mel) / MUSIC_FPS) >= CLIP_S for take in takes):
-        densities = density_config(options.preset)
-        motion = train_motion_density(
-            takes, densities, seed=seed, place=place, start=weights.get("motion_density")
-        )
-        music = train_music_density(
-            takes, motion, densities, seed=seed, place=place, start=weights.get("music_density")
-        )
-        nets["motion_density"] = _stored(*motion.to_arrays())
-        nets["music_density"] = _stored(*music.to_arrays())
+    with_music = [m for m in measured if m.take.song_path is not None]
+    songs = {m.take.song_name for m in with_music}
+    known = {name: net for name, net in beginning.nets.items() if name in MUSIC_NETS}
+    if beginning.keep and set(known) == set(MUSIC_NETS):
+        return known, sorted(beginning.trained_on), ()
+    if len(songs) >= 2:
+        heard = [_heard(m, i, len(with_music), report) for i, m in enumerate(with_music)]
+        nets = _trained(heard, beginning, options=options, place=place)
+        return nets, sorted(songs | set(beginning.trained_on if beginning.keep else ())), ()
+    if known:
+        note = "fewer than two takes' songs to learn from: the networks are taken over as they are"
+        return known, sorted(beginning.trained_on), () if beginning.keep else (note,)
+    return {}, [], ("fewer than two songs to learn from: no networks, so clips are not chosen by style",)
+
+
+def _trained(
+    takes: Sequence[StyleTake], beginning: Beginning, *, options: BuildOptions, place: TrainingPlace
+) -> dict[str, NetArrays]:
+    """The three networks: style, then the tempo-density of motion, then of music, which follows the motion's.
+
+    Without a take of 8 s of music and motion no tempo-density is trained.
+    """
+    from choreograph.nets.density import MotionDensity
+    from choreograph.nets.density_presets import density_config
+    from choreograph.nets.density_training import train_motion_density
+    from choreograph.nets.music_density_training import train_music_density
+    from choreograph.nets.presets import style_config
+    from choreograph.nets.style_training import train_style
+
+    nets = {name: net for name, net in beginning.kept.items() if name in MUSIC_NETS}
+    given: dict[str, Any] = {"seed": options.seed, "place": place}
+    if "style" not in nets:
+        config = style_config(options.preset, n_songs=len({take.song_name for take in takes}))
+        style = train_style(takes, config, start=beginning.weights("style"), **given)
+        nets["style"] = _stored(style)
+    longest_s = max(min(len(t.body_pos_m) / NET_FPS, len(t.log_mel) / MUSIC_FPS) for t in takes)
+    if longest_s < CLIP_S:
+        return nets
+    densities = density_config(options.preset)
+    if "motion_density" in nets:
+        motion = MotionDensity.from_arrays(nets["motion_density"].weights, nets["motion_density"].config)
+    else:
+        motion = train_motion_density(takes, densities, start=beginning.weights("motion_density"), **given)
+        nets["motion_density"] = _stored(motion)
+    if "music_density" not in nets:
+        start = beginning.weights("music_density")
+        nets["music_density"] = _stored(train_music_density(takes, motion, densities, start=start, **given))
     return nets
 
 
-def _stored(weights, config) -> NetArrays:
+def word_network(
+    takes: Sequence[CutTake], beginning: Beginning, *, options: BuildOptions, place: TrainingPlace
+) -> NetArrays | None:
+    """The network that embeds motion words; None if there are too few words and none to take over."""
+    from choreograph.nets.word_presets import word_config
+    from choreograph.nets.word_training import train_word_net
+
+    if "words" in beginning.kept or sum(len(take.words) for take in takes) < FEWEST_WORDS:
+        return beginning.nets.get("words")
+    net = train_word_net(
+        [take.to_learn_from() for take in takes], word_config(options.preset),
+        seed=options.seed, place=place, start=beginning.weights("words"),
+    )  # fmt: skip
+    return _stored(net)
+
+
+def _stored(net) -> NetArrays:
+    weights, config = net.to_arrays()
     return NetArrays(config, weights)
+
+
+def _heard(measured: MeasuredTake, index: int, total: int, report: Report | None) -> StyleTake:
+    """A take as the networks learn from it; the song's part from the motion's first frame on."""
+    from choreograph.nets.style_data import StyleTake
+
+    take = measured.take
+    assert take.song_path is not None  # only takes with music are heard
+    song = load_song(take.song_path)
+    mel = log_mel(song.samples)
+    rhythm = rhythm_features(mel, start_s=max(0.0, take.song_start_s))
+    first = seconds_to_frames(take.song_start_s, MUSIC_FPS)
+    last = first + seconds_to_frames(take.motion.duration_s, MUSIC_FPS)
+    if first >= len(mel):
+        raise FormatError(
+            f"{take.song_path}: expected music at {take.song_start_s:g} s, where {take.name} begins, but the "
+            f"song lasts {song.duration_s:.1f} s"
+        )
+    silent = np.full((max(0, -first), mel.shape[1]), mel.min(), mel.dtype)
+    if report is not None:
+        report("hearing", index + 1, total)
+    return StyleTake(
+        name=take.name,
+        song_name=take.song_name,
+        genre=take.credits.genre,
+        log_mel=np.concatenate([silent, mel[max(0, first) : max(0, last)]]),
+        rhythm=rhythm,
+        body_pos_m=measured.body_pos_m,
+        motion_beat_times_s=measured.motion_beats_s,
+    )
