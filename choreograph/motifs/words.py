@@ -15,6 +15,8 @@ from choreograph.timebase import WORD_FRAMES, times_to_frames
 Floats = NDArray[np.float64]
 
 SHORTEST_S = 0.2  # beats closer than at 300 a minute are one: nobody moves anew so fast
+NO_BEAT_S = 0.5  # a word's length where no beat is heard
+_NEAR_GAPS = 8  # beats that say how far apart those before and after them would be
 LONGEST_S = 1.5  # a longer gap is divided evenly: a tracker lost the beat, or the dancer stood still
 
 
@@ -51,10 +53,7 @@ def cut_words(body_pos_m: NDArray[np.floating], fps: float, beat_times_s: NDArra
     bounds = word_bounds_s(beat_times_s, (len(pos) - 1) / fps)
     start_s, end_s = bounds[:-1], bounds[1:]
     times = start_s[:, None] + (end_s - start_s)[:, None] * np.linspace(0.0, 1.0, WORD_FRAMES)  # (N, 13)
-    frames = np.minimum(times_to_frames(times, fps), len(pos) - 1)
-    low = np.minimum(frames.astype(np.int64), max(len(pos) - 2, 0))
-    weight = (frames - low)[..., None, None]
-    body = pos[low] * (1 - weight) + pos[np.minimum(low + 1, len(pos) - 1)] * weight  # (N, 13, 21, 3)
+    body = poses_at(pos, fps, times)  # (N, 13, 21, 3)
     return Words(phrases_from_own_place(body), start_s, end_s)
 
 
@@ -77,6 +76,35 @@ def word_bounds_s(beat_times_s: NDArray[np.floating], duration_s: float) -> Floa
             pieces = int(np.ceil(gap / LONGEST_S))
             bounds.extend(bounds[-1] + gap * np.arange(1, pieces + 1) / pieces)
     return np.array(bounds, np.float64) if len(bounds) > 1 else np.zeros(1)
+
+
+def dance_bounds_s(beat_times_s: NDArray[np.floating], duration_s: float) -> Floats:
+    """Instants (N + 1,) at which the words of a whole dance begin and end, N at least 1.
+
+    Those of `word_bounds_s`, and before and after them more, as far apart as beats are there, from the
+    dance's first instant to its last. Where less than half a beat is left, the first word begins a little
+    later than the dance, or the last ends a little earlier: its neighbours' speed goes on there. Without
+    beats words last half a second.
+    """
+    inner = word_bounds_s(beat_times_s, duration_s)
+    if len(inner) < 2:
+        inner = np.array([0.0, min(NO_BEAT_S, duration_s)])
+    gaps = np.diff(inner)
+    before_s, after_s = np.median(gaps[:_NEAR_GAPS]), np.median(gaps[-_NEAR_GAPS:])
+    n_before = round(inner[0] / before_s)
+    n_after = round((duration_s - inner[-1]) / after_s)
+    before = np.linspace(0.0, inner[0], n_before + 1)[:-1] if n_before else inner[:0]
+    after = np.linspace(inner[-1], duration_s, n_after + 1)[1:] if n_after else inner[:0]
+    return np.concatenate([before, inner, after])
+
+
+def poses_at(body_pos_m: NDArray[np.floating], fps: float, times_s: NDArray[np.floating]) -> Floats:
+    """Poses (..., 21, 3) of a motion (T, 21, 3) at instants (...), linear between frames, still outside."""
+    pos = np.asarray(body_pos_m, np.float64)
+    frames = np.clip(times_to_frames(times_s, fps), 0, len(pos) - 1)
+    low = np.minimum(frames.astype(np.int64), max(len(pos) - 2, 0))
+    weight = (frames - low)[..., None, None]
+    return pos[low] * (1 - weight) + pos[np.minimum(low + 1, len(pos) - 1)] * weight
 
 
 def word_distance_m(a: NDArray[np.floating], b: NDArray[np.floating]) -> Floats:

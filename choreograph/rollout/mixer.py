@@ -1,0 +1,88 @@
+"""The choreography mixer: for each motif the word of its cluster that goes on best from the word before.
+
+Rhythm is a Dancer, section 5.2.5, where each word is chosen once, after the one before it (`greedy`); by
+default all words are chosen together, the cheapest way through them all. There the first three poses of a
+word are compared with the last three of the one before; here both with what their take does around the
+same instant, so that position and velocity are compared at the join, and a word that really followed fits
+without any difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import NoPathError, ParameterError
+
+Floats = NDArray[np.floating]
+Indices = NDArray[np.int64]
+
+SEARCHES = ("exact", "greedy")
+_AGAIN_M = 0.15  # what the very same word again costs, in metres of joint distance
+
+
+@dataclass(frozen=True, eq=False)
+class Choices:
+    """The words that may be danced in one place of the dance, M of them."""
+
+    words: Indices  # (M,) indices in the vocabulary
+    price_m: Floats  # (M,) of the word itself, in metres of joint distance; inf forbids
+    first_m: Floats  # (M, 3, 21, 3) the poses around its start, from their own place
+    last_m: Floats  # (M, 3, 21, 3) those around its end
+
+    def without(self, word: int) -> Choices:
+        """The same, with one word forbidden."""
+        return replace(self, price_m=np.where(self.words == word, np.inf, self.price_m))
+
+
+def choose_words(choices: Sequence[Choices], *, search: str = "exact") -> Indices:
+    """A word for every place, (N,): those that cost the least in all.
+
+    Going from one word to the next costs the root mean square distance of their three poses at the join,
+    metres, and more if it is the same word again.
+
+    Raises `ParameterError` for an unknown search, `NoPathError` naming the place where every word is
+    forbidden.
+    """
+    if search not in SEARCHES:
+        raise ParameterError(f"expected a search among {', '.join(SEARCHES)}, got {search!r}")
+    for place, here in enumerate(choices):
+        if not np.isfinite(here.price_m).any():
+            raise NoPathError(f"every word of place {place} of the dance is forbidden")
+    if not choices:
+        return np.zeros(0, np.int64)
+    rows = (_greedy if search == "greedy" else _cheapest)(choices)
+    return np.array([here.words[row] for here, row in zip(choices, rows, strict=True)])
+
+
+def _greedy(choices: Sequence[Choices]) -> list[int]:
+    rows = [int(np.argmin(choices[0].price_m))]
+    for before, here in pairwise(choices):
+        rows.append(int(np.argmin(_joins_m(before, here)[rows[-1]] + here.price_m)))
+    return rows
+
+
+def _cheapest(choices: Sequence[Choices]) -> list[int]:
+    reached = choices[0].price_m  # (M,)
+    parents: list[Indices] = []
+    for before, here in pairwise(choices):
+        ways = reached[:, None] + _joins_m(before, here)  # (M, M')
+        parents.append(np.argmin(ways, axis=0))
+        reached = ways[parents[-1], np.arange(len(here.words))] + here.price_m
+    rows = [int(np.argmin(reached))]
+    for parent in reversed(parents):
+        rows.append(int(parent[rows[-1]]))
+    return rows[::-1]
+
+
+def _joins_m(before: Choices, here: Choices) -> Floats:
+    """What it costs to go from each word (M) to each of the next place (M'), (M, M')."""
+    a, b = before.last_m.reshape(len(before.words), -1), here.first_m.reshape(len(here.words), -1)
+    squares = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2.0 * a @ b.T
+    n_points = a.shape[1] // 3
+    again = before.words[:, None] == here.words
+    return np.sqrt(np.maximum(squares, 0.0) / n_points) + _AGAIN_M * again
