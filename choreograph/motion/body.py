@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from choreograph.errors import ParameterError
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
-from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS
+from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS, Skeleton
 
 # The canonical body without its hands and its middle spine joint.
 BODY_JOINTS = tuple(j for j in CANONICAL_JOINTS if j not in ("spine2", "left_hand", "right_hand"))
@@ -32,20 +32,24 @@ LEFT_RIGHT = tuple(
 )
 
 
-def body_pos_m(motion: Motion) -> NDArray[np.float64]:
-    """World positions of the 21 body joints, (T, 21, 3) in metres.
+def body_indices(skeleton: Skeleton) -> list[int]:
+    """The joint of a rig that stands for each of the 21 body joints.
 
     A joint the rig lacks is taken at its nearest present ancestor in the canonical body. Raises
     `ParameterError` if the rig's names are unknown.
     """
-    roles = joint_roles(motion.skeleton)
-    pos = motion.joint_pos_m()  # (T, J, 3)
+    roles = joint_roles(skeleton)
     indices = []
     for name in BODY_JOINTS:
         while name not in roles:
             name = CANONICAL_JOINTS[CANONICAL_PARENTS[CANONICAL_JOINTS.index(name)]]
         indices.append(roles[name])
-    return pos[:, indices]  # (T, 21, 3)
+    return indices
+
+
+def body_pos_m(motion: Motion) -> NDArray[np.float64]:
+    """World positions of the 21 body joints, (T, 21, 3) in metres, as `body_indices` finds them."""
+    return motion.joint_pos_m()[:, body_indices(motion.skeleton)]
 
 
 def checked_body_pos_m(body_pos_m: NDArray[np.floating], fps: float = 1.0) -> NDArray[np.float64]:

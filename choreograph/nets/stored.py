@@ -33,7 +33,7 @@ class StoredNet(nn.Module):
         unknown = set(config) - {field.name for field in fields(cls.config_class)}
         if unknown:
             raise ParameterError(f"expected fields of {name}, got {', '.join(sorted(unknown))}")
-        tuples = {key: tuple(v) if key.endswith("channels") else v for key, v in config.items()}
+        tuples = {key: tuple(v) if isinstance(v, list) else v for key, v in config.items()}
         net = cls(cls.config_class(**tuples))
         try:
             net.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in arrays.items()})
