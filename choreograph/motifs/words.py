@@ -91,11 +91,15 @@ def dance_bounds_s(beat_times_s: NDArray[np.floating], duration_s: float) -> Flo
         inner = np.array([0.0, min(NO_BEAT_S, duration_s)])
     gaps = np.diff(inner)
     before_s, after_s = np.median(gaps[:_NEAR_GAPS]), np.median(gaps[-_NEAR_GAPS:])
-    n_before = round(inner[0] / before_s)
-    n_after = round((duration_s - inner[-1]) / after_s)
+    n_before, n_after = _pieces(inner[0], before_s), _pieces(duration_s - inner[-1], after_s)
     before = np.linspace(0.0, inner[0], n_before + 1)[:-1] if n_before else inner[:0]
     after = np.linspace(inner[-1], duration_s, n_after + 1)[1:] if n_after else inner[:0]
     return np.concatenate([before, inner, after])
+
+
+def _pieces(gap_s: float, beat_s: float) -> int:
+    """Into how many words a gap is divided, none if it is less than half a beat."""
+    return int(np.clip(round(gap_s / beat_s), gap_s // LONGEST_S, gap_s // SHORTEST_S))
 
 
 def poses_at(body_pos_m: NDArray[np.floating], fps: float, times_s: NDArray[np.floating]) -> Floats:

@@ -38,6 +38,10 @@ class Choices:
         """The same, with one word forbidden."""
         return replace(self, price_m=np.where(self.words == word, np.inf, self.price_m))
 
+    def preferring(self, word: int, by_m: float) -> Choices:
+        """The same, with all words but one dearer."""
+        return replace(self, price_m=self.price_m + by_m * (self.words != word))
+
 
 def choose_words(choices: Sequence[Choices], *, search: str = "exact") -> Indices:
     """A word for every place, (N,): those that cost the least in all.

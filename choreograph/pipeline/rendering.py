@@ -1,0 +1,70 @@
+"""From a plan to its motion, and which motifs the motion really dances."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.blending.assembly import assemble
+from choreograph.blending.feet import lock_feet
+from choreograph.blending.runs import Run, overlaid, to_runs, words_to_runs
+from choreograph.errors import ParameterError
+from choreograph.features.contacts import foot_contacts
+from choreograph.motifs.words import cut_words
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.pipeline.wording import WORD_FPS
+from choreograph.plan import Plan
+from choreograph.repertoire import Repertoire
+
+_LENGTH_SLACK_S = 0.1  # a take's last frame is held that long
+
+
+def render(plan: Plan, repertoire: Repertoire) -> Motion:
+    """The motion of a plan: seconds and words sampled from their takes, joined, feet locked.
+
+    Raises `RepertoireError` if the plan names a take that the repertoire does not have,
+    `ParameterError` if it wants a take beyond its end, or holds words of no take.
+    """
+    if plan.engine == "rollout":
+        raise ParameterError("a plan of the rollout engine holds motifs, no takes: dance to its song again")
+    indices = {block.planned.take: repertoire.take_index(block.planned.take) for block in plan.blocks}
+    for block in plan.blocks:
+        length = repertoire.takes[indices[block.planned.take]].duration_s
+        if block.source_start_s < 0 or block.source_end_s > length + _LENGTH_SLACK_S:
+            raise ParameterError(
+                f"the plan wants {block.source_start_s:.2f} to {block.source_end_s:.2f} s of take "
+                f"{block.planned.take!r} at {block.start_s:.2f} s, but it lasts {length:.2f} s"
+            )
+    motion, _ = assemble(
+        plan_runs(plan),
+        lambda take, start_s, stop_s: repertoire.motion(indices[take], start_s, stop_s),
+        fps=plan.fps,
+        duration_s=plan.duration_s,
+        blending=plan.blending,
+    )
+    return lock_feet(motion, foot_contacts(body_pos_m(motion), motion.fps))
+
+
+def plan_runs(plan: Plan) -> list[Run]:
+    """What is played without a join: runs of the plan's seconds, and its words in their place."""
+    words = words_to_runs(
+        [word.take for word in plan.words],
+        np.array([(word.start_s, word.end_s) for word in plan.words]),
+        np.array([(word.source_start_s, word.source_end_s) for word in plan.words]),
+    )
+    seconds = to_runs([s.take for s in plan.seconds], [s.source_times_s for s in plan.seconds])
+    return overlaid(seconds, words)
+
+
+def danced_motifs(motion: Motion, bounds_s: NDArray[np.float64], repertoire: Repertoire) -> NDArray[np.int64]:
+    """The motif of each word (N,) of a motion, cut at `bounds_s` (N + 1,), as a repertoire's own are."""
+    body = body_pos_m(motion.resampled(WORD_FPS))
+    inside = np.clip(bounds_s, 0.0, (len(body) - 1) / WORD_FPS)
+    words = cut_words(body, WORD_FPS, inside)
+    motifs = np.full(len(bounds_s) - 1, -1, np.int64)
+    if len(words):
+        places = np.searchsorted(bounds_s, (words.start_s + words.end_s) / 2, side="right") - 1
+        embedded = repertoire.word_net().embed(words.body_pos_m)
+        motifs[places] = repertoire.vocabulary.motifs.nearest(embedded)
+    return motifs
