@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from choreograph.blending.joins import apply_offset, crossfade, fading, inertial_offsets
 from choreograph.blending.runs import Run
+from choreograph.blending.stage import steer_rad
 from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
@@ -24,10 +25,6 @@ MotionReader = Callable[[str, float, float], tuple[Motion, float]]
 
 BLENDINGS = ("inertial", "linear")
 JOIN_S = {"inertial": 0.4, "linear": 0.25}  # inertial: to each side; linear: in all
-STAGE_RADIUS_M = (
-    2.0  # this far from where it began a dance is steered home with all it may, not at all at half
-)
-MAX_STEER_RAD = 0.25  # extra turn at a join, spread over the join: 14°, feet move by about 3 cm
 _JOIN_SHARE = 0.4  # of a run may be blended at either end: a short one keeps what it is in its middle
 
 
@@ -111,25 +108,11 @@ def _placed(previous: _Played, played: _Played, fps: float) -> _Played:
     yaw = heading_rad(before) - heading_rad(after)
     travel_m = rot.rotate(rot.about_y(yaw), ground_pos_m(end) - ground_pos_m(after))
     share = min(1.0, (len(played.root) - 2 * at[0]) / fps)  # short runs come with many joins
-    turn = rot.about_y(yaw + share * _steer_rad(ground_pos_m(before), travel_m))
+    turn = rot.about_y(yaw + share * steer_rad(ground_pos_m(before), travel_m))
     shift = ground_pos_m(before) - rot.rotate(turn, ground_pos_m(after))
     quat = np.array(played.quat)
     quat[:, 0] = rot.multiply(turn, quat[:, 0])
     return _Played(played.motion, played.first_frame, rot.rotate(turn, played.root) + shift, quat)
-
-
-def _steer_rad(place_m: Floats, travel_m: Floats) -> float:
-    """Extra turn that bends the coming run's way over the ground (3,) towards the stage's middle.
-
-    Nodes that each lead forward add up to a walk out of the room; a turn at a join costs nothing that
-    the join does not smooth anyway.
-    """
-    if np.linalg.norm(travel_m) < 0.1:
-        return 0.0
-    home, way = np.arctan2(-place_m[0], -place_m[2]), np.arctan2(travel_m[0], travel_m[2])
-    off = (home - way + np.pi) % (2 * np.pi) - np.pi
-    need = np.clip(2.0 * float(np.linalg.norm(place_m)) / STAGE_RADIUS_M - 1.0, 0.0, 1.0)
-    return float(np.clip(off, -MAX_STEER_RAD, MAX_STEER_RAD) * need)
 
 
 def _join_row(played: _Played, previous: _Played) -> tuple[int, int]:

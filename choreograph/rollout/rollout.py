@@ -104,17 +104,16 @@ def _on_stage(poses: NDArray[np.float32], score: MotifScore, skeleton: Skeleton)
     rows[:, 3] = gaussian_filter1d(rows[:, 3], _SMOOTH_HEADING_S * ROLLOUT_FPS, mode="nearest")
     rows[0, 3] = 0.0
     borders = np.rint(times_to_frames([*score.start_s, score.end_s[-1]], ROLLOUT_FPS)).astype(np.int64)
-    place, heading = np.zeros(3), 0.0
+    place, heading = np.zeros(3), 0.0  # of the frame before the word
     for first, stop in zip(borders[:-1], borders[1:].clip(max=len(rows)), strict=True):
-        if stop - first < 2:
-            continue
-        word = to_motion(rows[first:stop], skeleton, heading_rad=heading)
-        extra = steer_rad(place, word.root_pos_m[-1] * [1.0, 0.0, 1.0])
-        window = np.hanning(stop - first + 2)[1:-1]
-        rows[first:stop, 3] += extra * window / window.sum()
-        turned = to_motion(rows[first:stop], skeleton, heading_rad=heading)
-        place = place + turned.root_pos_m[-1] * [1.0, 0.0, 1.0]
-        heading += float(rows[first:stop, 3].sum())
+        before = max(first - 1, 0)
+        way = to_motion(rows[before:stop], skeleton, heading_rad=heading).root_pos_m[-1] * [1.0, 0.0, 1.0]
+        window = np.hanning(stop - before + 2)[1:-1]
+        window[0] = 0.0
+        rows[before:stop, 3] += steer_rad(place, way) * window / max(window.sum(), 1e-9)
+        steered = to_motion(rows[before:stop], skeleton, heading_rad=heading)
+        place = place + steered.root_pos_m[-1] * [1.0, 0.0, 1.0]
+        heading += float(rows[before + 1 : stop, 3].sum())
     return to_motion(rows, skeleton)
 
 
