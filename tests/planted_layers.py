@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from choreograph.features.music import Music
-from choreograph.graph import ClipTable, LayerSource
+from choreograph.graph import ClipTable, LayerSource, node_motifs, song_words_s
 from choreograph.timebase import CLIP_FRAMES, NODE_FRAMES, SEGMENT_FRAMES
 from choreograph.warping import Segments
 
@@ -25,9 +25,18 @@ class RandomPoses:
 
 
 def random_source(
-    seed: int, *, n_seconds: int = 6, k: int = 4, n_clips: int = 6, cast: np.ndarray | None = None
+    seed: int,
+    *,
+    n_seconds: int = 6,
+    k: int = 4,
+    n_clips: int = 6,
+    cast: np.ndarray | None = None,
+    n_motifs: int = 0,
 ) -> tuple[LayerSource, Music]:
-    """`n_seconds` layers of at most 4·k nodes with everything random, and music to go with them."""
+    """`n_seconds` layers of at most 4·k nodes with everything random, and music to go with them.
+
+    With `n_motifs`, nodes dance random motifs, two words a second but for the last, which has one.
+    """
     rng = np.random.default_rng(seed)
     beats = np.sort(rng.uniform(0, NODE_FRAMES, (2, n_seconds, k, 4)), axis=0).astype(np.float32)
     beats[:, rng.random((n_seconds, k, 4)) < 0.2] = np.nan
@@ -52,4 +61,13 @@ def random_source(
         rng.normal(size=(n_seconds, 32)).astype(np.float32), np.full(n_seconds, 8, np.float32),
         np.zeros((n_seconds, SEGMENT_FRAMES), np.float32),
     )  # fmt: skip
-    return LayerSource(segments, clips, RandomPoses(n_clips, seed), cast), music
+    motifs = None
+    if n_motifs:
+        words = rng.integers(n_motifs, size=10_000)
+        motifs = node_motifs(
+            segments, clips, song_words_s(music), lambda take, start_s, stop_s: words[: take.size]
+        )
+    source = LayerSource(
+        segments, clips, RandomPoses(n_clips, seed), cast, motifs=motifs, n_motifs=n_motifs
+    )  # fmt: skip
+    return source, music

@@ -3,6 +3,7 @@
 - `Layer` — all nodes that may be danced in one second, as arrays
 - `Cost`, `Style`, `Completeness`, `Transition`, `Velocity`, `Rhythm`, `Variety`,
   `Repeat` — what makes a node dear
+- `Signature`, `MotifTransition` — what steers a dance towards a genre; `node_motifs` for them
 - `plan_exact`, `plan_greedy` — the cheapest path, the paper's walk
 """
 
@@ -18,9 +19,12 @@ from choreograph.graph.costs import (
     Velocity,
 )
 from choreograph.graph.layers import ClipTable, Layer, LayerSource
+from choreograph.graph.motif_costs import MOTIF_COSTS, MotifTransition, Signature, song_words_s
+from choreograph.graph.node_motifs import node_motifs
 from choreograph.graph.planners import Path, WeightedCost, plan_exact, plan_greedy
 
 __all__ = [
-    "BUILTIN_COSTS", "ClipTable", "Completeness", "Cost", "Layer", "LayerSource", "Path", "Repeat",
-    "Rhythm", "Style", "Transition", "Variety", "Velocity", "WeightedCost", "plan_exact", "plan_greedy",
+    "BUILTIN_COSTS", "MOTIF_COSTS", "ClipTable", "Completeness", "Cost", "Layer", "LayerSource",
+    "MotifTransition", "Path", "Repeat", "Rhythm", "Signature", "Style", "Transition", "Variety", "Velocity",
+    "WeightedCost", "node_motifs", "plan_exact", "plan_greedy", "song_words_s",
 ]  # fmt: skip

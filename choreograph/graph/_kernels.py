@@ -50,3 +50,35 @@ def goes_back(take_a, end_a, take_b, start_b, least, most):  # pragma: no cover 
             if take_a[i] == take_b[j] and least < end_a[i] - start_b[j] < most:
                 back[i, j] = 1.0
     return back
+
+
+@njit(cache=True, nogil=True)
+def prices_after(step, danced, motifs):  # pragma: no cover - compiled
+    """Sum over a node's motifs of step[motif, times danced before], (P, N) float32.
+
+    step (K, C) float32; danced (P, K) on the way to each predecessor; motifs (N, W) padded with -1.
+    """
+    n_a, n_b, width = len(danced), len(motifs), motifs.shape[1]
+    n_motifs, most = step.shape
+    again = np.zeros((n_b, width), np.int64)  # how often a node has danced the motif before
+    for j in range(n_b):
+        for w in range(width):
+            for v in range(w):
+                again[j, w] += motifs[j, v] == motifs[j, w]
+    price = np.empty(n_motifs, np.float32)
+    total = np.zeros((n_a, n_b), np.float32)
+    for i in range(n_a):
+        for k in range(n_motifs):
+            price[k] = step[k, min(danced[i, k], most - 1)]
+        for j in range(n_b):
+            cost = np.float32(0.0)
+            for w in range(width):
+                motif = motifs[j, w]
+                if motif < 0:
+                    break
+                if again[j, w] == 0:
+                    cost += price[motif]
+                else:
+                    cost += step[motif, min(danced[i, motif] + again[j, w], most - 1)]
+            total[i, j] = cost
+    return total

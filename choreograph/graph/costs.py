@@ -41,6 +41,10 @@ class Cost:
         """Cost (P, N) of going from each node of `previous` to each of `next`, or None."""
         return None
 
+    def least_edges(self, previous: Layer, next: Layer, music: Music) -> Floats | float:
+        """What an edge that leaves its segment costs at least, by the node of `next` (N,) or for all."""
+        return self.least_jump
+
 
 class Style(Cost):
     """‖S_x(clip) - S_m(second)‖₂: how far a clip's style is from the music's (equation 5)."""

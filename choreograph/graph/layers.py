@@ -54,6 +54,8 @@ class Layer:
     last_pose_m: Floats  # (N, 21, 3)
     first_velocity_m_s: Floats  # (N, 21, 3)
     last_velocity_m_s: Floats  # (N, 21, 3)
+    motifs: Ints  # (N, W) of the words danced, in order, padded with -1; W = 0 if no cost asks
+    danced: Ints  # (N, M) how often each motif came on the cheapest way through the node; M = 0 likewise
 
     @property
     def n_nodes(self) -> int:
@@ -64,6 +66,15 @@ class Layer:
         """The layer with only these nodes, by index or mask."""
         arrays = {f.name: getattr(self, f.name)[nodes] for f in fields(self) if f.name != "second"}
         return replace(self, **arrays)
+
+    def after(self, danced: Ints) -> Layer:
+        """The layer as reached: `danced` (N, M) on the way to each node, and what the node itself dances."""
+        if danced.shape[1] == 0:
+            return self
+        danced = danced.copy()
+        node, place = np.nonzero(self.motifs >= 0)
+        np.add.at(danced, (node, self.motifs[node, place]), 1)
+        return replace(self, danced=danced)
 
     def successors_in(self, following: Layer) -> tuple[Ints, Ints]:
         """Pairs (node here, node there) that follow one another inside one warped segment."""
@@ -88,13 +99,23 @@ class ClipTable:
 class LayerSource:
     """Builds the layer of any second; segments inserted more than three seconds before are gone.
 
-    `cast` (S, takes) says which takes are wanted when; None: all of them.
+    `cast` (S, takes) says which takes are wanted when; None: all of them. `motifs` (S, K, 4, W), as
+    `node_motifs` gives them, are what each node dances of `n_motifs` in all; None: nobody asks.
     """
 
     def __init__(
-        self, segments: Segments, clips: ClipTable, poses: PoseBank, cast: NDArray[np.bool_] | None = None
+        self,
+        segments: Segments,
+        clips: ClipTable,
+        poses: PoseBank,
+        cast: NDArray[np.bool_] | None = None,
+        *,
+        motifs: NDArray[np.integer] | None = None,
+        n_motifs: int = 0,
     ) -> None:
         self._segments = segments
+        self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
+        self._n_motifs = 0 if motifs is None else n_motifs
         everyone = np.broadcast_to(True, (len(segments.clip), len(clips.take_names)))
         self._cast = everyone if cast is None else cast
         self._clips = clips
@@ -164,4 +185,6 @@ class LayerSource:
             last_pose_m=pose[offset + 1],
             first_velocity_m_s=velocity[offset],
             last_velocity_m_s=velocity[offset + 1],
+            motifs=self._motifs[start, part, offset],
+            danced=np.zeros((len(clip), self._n_motifs), np.int16),
         )

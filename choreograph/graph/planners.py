@@ -15,6 +15,7 @@ from choreograph.errors import NoPathError, ParameterError
 from choreograph.features.music import Music
 from choreograph.graph.costs import BUILTIN_COSTS, Cost
 from choreograph.graph.layers import Layer, LayerSource
+from choreograph.graph.motif_costs import MOTIF_COSTS
 
 Floats = NDArray[np.floating]
 Report = Callable[[int, int], None]  # seconds planned, seconds in all
@@ -55,11 +56,15 @@ def plan_exact(
 ) -> Path:
     """The cheapest path over the whole song, by dynamic programming over the layers.
 
-    Never costlier than `plan_greedy` on the same layers. Raises `NoPathError` naming the second if
-    no path is allowed, `ParameterError` if a cost returns nan or a wrong shape. The paper plans
-    greedily (section 3.3).
+    A cost that depends on all that has been danced (`Signature`) is priced for each node by the cheapest way
+    found to it: a beam of as many ways as a layer has nodes, and the path is then cheap rather than the
+    cheapest. Never costlier than `plan_greedy` on the same layers. Raises `NoPathError` naming the second if
+    no path is allowed, `ParameterError` if a cost returns nan or a wrong shape. The paper plans greedily
+    (section 3.3).
     """
     layer, reached = _allowed(source.layer(0), costs, music)
+    walk = _Walk(layer, reached) if layer.danced.size else None
+    layer = layer.after(layer.danced)
     kept = [layer.segment * 4 + layer.offset]
     parents: list[NDArray[np.int32]] = []
     with ThreadPoolExecutor(_THREADS) as pool:
@@ -68,9 +73,11 @@ def plan_exact(
             best, who = _step(layer, following, reached, costs, music, pool)
             if not np.isfinite(best).any():
                 raise NoPathError(f"no allowed way into second {second}: every edge is forbidden")
+            if walk is not None and not walk.goes_on(following, node_cost, costs, music):
+                walk = None
             # Nodes that cannot be reached stay, at infinite cost, so that indices agree.
             reached = best + node_cost
-            layer = following
+            layer = following.after(layer.danced[who])
             kept.append(layer.segment * 4 + layer.offset)
             parents.append(who.astype(np.int32))
             if report is not None:
@@ -79,6 +86,8 @@ def plan_exact(
     for parent in reversed(parents):
         chosen.append(int(parent[chosen[-1]]))
     keys = [int(keys[index]) for keys, index in zip(kept, reversed(chosen), strict=True)]
+    if walk is not None and walk.total < reached.min():
+        keys = walk.keys
     return _priced(source, keys, costs, music)
 
 
@@ -89,19 +98,38 @@ def plan_greedy(
 
     Raises as `plan_exact`; it can also walk into a dead end that `plan_exact` avoids.
     """
-    layer, node_cost = _allowed(source.layer(0), costs, music)
-    here = layer.chosen(np.array([np.argmin(node_cost)]))
-    keys = [int(here.segment[0] * 4 + here.offset[0])]
+    walk = _Walk(*_allowed(source.layer(0), costs, music))
     for second in range(1, source.n_seconds):
-        layer, node_cost = _allowed(source.layer(second), costs, music)
-        total = node_cost + _edges(here, layer, costs, music)[0]
-        if not np.isfinite(total).any():
+        if not walk.goes_on(*_allowed(source.layer(second), costs, music), costs, music):
             raise NoPathError(f"no allowed way into second {second}: every edge is forbidden")
-        here = layer.chosen(np.array([np.argmin(total)]))
-        keys.append(int(here.segment[0] * 4 + here.offset[0]))
         if report is not None:
             report(second + 1, source.n_seconds)
-    return _priced(source, keys, costs, music)
+    return _priced(source, walk.keys, costs, music)
+
+
+class _Walk:
+    """The greedy walk: where it stands, what it has cost, and the nodes it came by."""
+
+    def __init__(self, layer: Layer, node_cost: NDArray[np.float64]) -> None:
+        self.total = float(node_cost.min())
+        self.keys: list[int] = []
+        self._stand_on(layer, int(np.argmin(node_cost)), layer.danced[:1])
+
+    def goes_on(
+        self, layer: Layer, node_cost: NDArray[np.float64], costs: Sequence[WeightedCost], music: Music
+    ) -> bool:
+        """Take the cheapest step into `layer`; False if there is none."""
+        total = node_cost + _edges(self._here, layer, costs, music)[0]
+        best = int(np.argmin(total))
+        if not np.isfinite(total[best]):
+            return False
+        self.total += float(total[best])
+        self._stand_on(layer, best, self._here.danced)
+        return True
+
+    def _stand_on(self, layer: Layer, node: int, danced: NDArray[np.integer]) -> None:
+        self._here = layer.chosen(np.array([node])).after(danced)
+        self.keys.append(int(self._here.segment[0] * 4 + self._here.offset[0]))
 
 
 def _allowed(layer: Layer, costs: Sequence[WeightedCost], music: Music) -> tuple[Layer, NDArray[np.float64]]:
@@ -186,8 +214,10 @@ def _step(
     order = np.argsort(reached, kind="stable")
     order = order[np.isfinite(reached[order])]
     priced = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
-    in_threads = all(type(w.cost) in BUILTIN_COSTS for w in priced)
-    jump = sum(w.weight * w.cost.least_jump if w.weight > 0 else -np.inf for w in priced)
+    in_threads = all(type(w.cost) in (*BUILTIN_COSTS, *MOTIF_COSTS) for w in priced)
+    jump = np.zeros(following.n_nodes)
+    for w in priced:
+        jump += w.weight * w.cost.least_edges(layer, following, music) if w.weight > 0 else -np.inf
     start = 0
     while start < len(order):
         block = order[start : start + max(_BLOCK, start)]
@@ -249,6 +279,6 @@ def _priced(source: LayerSource, keys: list[int], costs: Sequence[WeightedCost],
             last = nodes[-1]
             for name, value in _terms(costs, lambda c, a=last, b=node: c.edge(a, b, music), (1, 1)):
                 terms[name] += float(value[0, 0])
-        nodes.append(node)
+        nodes.append(node.after(nodes[-1].danced if nodes else node.danced))
         priced.append(terms)
     return Path(tuple(nodes), tuple(priced))

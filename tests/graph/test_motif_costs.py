@@ -1,0 +1,208 @@
+"""Steering costs: what is paid is the distance reached, and both planners reach what can be reached."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planted_layers import random_source
+
+from choreograph.config import DEFAULT_WEIGHTS
+from choreograph.graph import (
+    BUILTIN_COSTS,
+    Cost,
+    MotifTransition,
+    Signature,
+    WeightedCost,
+    node_motifs,
+    plan_exact,
+    plan_greedy,
+    song_words_s,
+)
+from choreograph.motifs.goals import MotifGoal
+from choreograph.motifs.signatures import chi_square_distance, signature
+
+BUILTIN = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]
+K = 5
+
+
+def random_goal(seed: int, n_motifs: int = K) -> MotifGoal:
+    rng = np.random.default_rng(seed)
+    shares = rng.dirichlet(np.full(n_motifs, 0.5))
+    return MotifGoal(shares, rng.dirichlet(np.full(n_motifs, 0.3), size=n_motifs))
+
+
+def danced(path) -> np.ndarray:
+    motifs = np.concatenate([node.motifs[0] for node in path.nodes])
+    return motifs[motifs >= 0].astype(int)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**31), st.sampled_from([plan_exact, plan_greedy]))
+def test_the_mean_of_what_is_paid_is_the_distance_of_the_dance(seed, planner):
+    source, music = random_source(seed, n_seconds=8, k=5, n_motifs=K)
+    goal = random_goal(seed)
+    path = planner(source, [*BUILTIN, WeightedCost(Signature(goal, music), 3.0)], music)
+    paid = [costs["signature"] for costs in path.costs]
+    distance = chi_square_distance(signature(danced(path), K), goal.signature)
+    assert np.mean(paid) / 3.0 == pytest.approx(distance, abs=1e-5)
+    counts = np.bincount(danced(path), minlength=K)
+    assert np.array_equal(path.nodes[-1].danced[0], counts)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**31), st.floats(0.1, 20.0))
+def test_exact_is_never_costlier_than_greedy_with_a_signature(seed, weight):
+    source, music = random_source(seed, n_seconds=8, k=5, n_motifs=K)
+    costs = [*BUILTIN, WeightedCost(Signature(random_goal(seed), music), weight)]
+    assert plan_exact(source, costs, music).total <= plan_greedy(source, costs, music).total + 1e-4
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_leaving_out_hopeless_predecessors_changes_nothing_with_a_signature(seed):
+    source, music = random_source(seed, n_seconds=7, k=12, n_clips=14, n_motifs=K)
+    goal = random_goal(seed)
+
+    class Unbounded(Signature):
+        name = "signature"
+
+        def least_edges(self, previous, next, music):
+            return -np.inf
+
+    paths = [
+        plan_exact(source, [*BUILTIN, WeightedCost(cost(goal, music), 4.0)], music)
+        for cost in (Signature, Unbounded)
+    ]
+    assert paths[0].total == pytest.approx(paths[1].total, abs=1e-4)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**31))
+def test_no_edge_costs_less_than_the_cost_says(seed):
+    source, music = random_source(seed, n_seconds=4, n_motifs=K)
+    cost = Signature(random_goal(seed), music)
+    rng = np.random.default_rng(seed)
+    previous, following = source.layer(2), source.layer(3)
+    previous = previous.after(rng.integers(0, 4, previous.danced.shape).astype(np.int16))
+    assert (
+        cost.edge(previous, following, music).min(axis=0)
+        >= cost.least_edges(previous, following, music) - 1e-6
+    ).all()
+
+
+class Wanders(Cost):
+    """Prefers one motif strongly enough that without a signature nothing else is danced."""
+
+    def node(self, layer, music):
+        return 0.1 * (layer.motifs != 0).sum(axis=1)
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
+def test_a_signature_that_can_be_danced_is_danced(planner):
+    # 30 nodes a second with two random words each: any mix can be put together, to a word or two.
+    source, music = random_source(0, n_seconds=24, k=30, n_clips=30, n_motifs=4)
+    goal = MotifGoal(np.array([0.1, 0.5, 0.4, 0.0]), np.full((4, 4), 0.25))
+    wandering = [WeightedCost(Wanders(), 1.0)]
+    without = planner(source, wandering, music)
+    assert chi_square_distance(signature(danced(without), 4), goal.signature) > 0.5
+    steered = planner(source, [*wandering, WeightedCost(Signature(goal, music), 20.0)], music)
+    assert chi_square_distance(signature(danced(steered), 4), goal.signature) < 0.005
+
+
+def test_the_beam_comes_near_the_best_of_all_paths():
+    regrets = []
+    for seed in range(12):
+        source, music = random_source(seed, n_seconds=6, k=1, n_clips=2, n_motifs=3)
+        cost = Signature(random_goal(seed, 3), music)
+        goal = random_goal(seed, 3)
+        layers = [source.layer(second).motifs for second in range(6)]
+        distances = [
+            chi_square_distance(signature(words[words >= 0].astype(int), 3), goal.signature)
+            for words in map(np.concatenate, itertools.product(*layers))
+        ]
+        found = plan_exact(source, [WeightedCost(cost, 1.0)], music).total / 6
+        assert found >= min(distances) - 1e-5
+        regrets.append(found - min(distances))
+    assert np.mean(regrets) < 0.01
+    assert np.mean(np.array(regrets) < 1e-5) >= 0.5
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
+def test_steps_that_dancers_take_are_taken(planner):
+    source, music = random_source(3, n_seconds=12, k=40, n_clips=40, n_motifs=3)
+    cycle = MotifGoal(np.full(3, 1 / 3), np.roll(np.eye(3), 1, axis=1))
+    path = planner(source, [WeightedCost(MotifTransition(cycle, music), 1.0)], music)
+    words = danced(path)
+    assert np.array_equal((words[:-1] + 1) % 3, words[1:])
+    assert path.total == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
+def test_a_transition_pays_for_every_step_from_word_to_word(planner):
+    source, music = random_source(4, n_seconds=8, n_motifs=K)
+    goal = random_goal(4)
+    path = planner(source, [*BUILTIN, WeightedCost(MotifTransition(goal, music), 2.0)], music)
+    words = danced(path)
+    by_hand = np.minimum(-np.log(goal.transitions[words[:-1], words[1:]]) / np.log(1000), 1.0)
+    paid = sum(costs["motif_transition"] for costs in path.costs)
+    assert paid == pytest.approx(2.0 * by_hand.sum() * music.n_seconds / len(words), rel=1e-5)
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
+def test_weights_of_zero_leave_the_dance_as_it_was(planner):
+    plain, music = random_source(5, n_seconds=8)
+    source, _ = random_source(5, n_seconds=8, n_motifs=K)
+    goal = random_goal(5)
+    off = [WeightedCost(cost(goal, music), 0.0) for cost in (Signature, MotifTransition)]
+    with_them, without = planner(source, [*BUILTIN, *off], music), planner(plain, BUILTIN, music)
+    for a, b in zip(with_them.nodes, without.nodes, strict=True):
+        assert a.segment == b.segment and a.offset == b.offset
+    assert with_them.total == without.total
+
+
+def test_a_song_without_words_costs_nothing():
+    source, music = random_source(6, n_seconds=1)
+    goal = random_goal(6)
+    costs = [WeightedCost(cost(goal, music), 1.0) for cost in (Signature, MotifTransition)]
+    assert plan_exact(source, costs, music).total == 0.0
+
+
+def test_nodes_dance_the_words_whose_middle_they_hold():
+    source, music = random_source(7, n_seconds=6, k=3)
+    segments, clips = source._segments, source._clips
+    asked = []
+
+    def motifs_of(take, start_s, stop_s):
+        asked.append((take, start_s, stop_s))
+        return np.arange(take.size)
+
+    motifs = node_motifs(segments, clips, song_words_s(music), motifs_of)
+    [(take, start_s, stop_s)] = asked
+    assert motifs.shape == (6, 3, 4, 2)
+    for second, rank, offset in np.ndindex(6, 3, 4):
+        clip = segments.clip[second, rank]
+        origin = clips.start_frame[clip] + segments.time_maps[second, rank, 0]
+        words = motifs[second, rank, offset]
+        held = [t for t in (0, 0.5) if second + offset + t + 0.5 <= 5.5]
+        assert (words >= 0).sum() == len(held)
+        for place, t in enumerate(held):
+            word = words[place]
+            assert take[word] == clips.take[clip]
+            # The planted maps play at the take's own pace.
+            assert start_s[word] == pytest.approx((origin + 20 * (offset + t)) / 20, abs=1e-4)
+            assert stop_s[word] - start_s[word] == pytest.approx(0.5, abs=1e-4)
+
+
+def test_a_word_over_the_border_belongs_to_where_its_middle_is():
+    source, _ = random_source(8, n_seconds=4, k=2)
+    bounds = np.array([0.3, 1.2, 2.4, 3.1])  # middles at 0.75, 1.8, 2.75
+    motifs = node_motifs(
+        source._segments, source._clips, bounds, lambda take, start_s, stop_s: np.zeros(take.size, int)
+    )
+    counts = (motifs >= 0).sum(axis=-1)  # (S, K, 4)
+    assert counts[0].tolist() == [[1, 1, 1, 0]] * 2
+    assert counts[1].tolist() == [[1, 1, 0, 0]] * 2
+    assert counts[3].sum() == 0
