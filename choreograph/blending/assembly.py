@@ -25,7 +25,7 @@ MotionReader = Callable[[str, float, float], tuple[Motion, float]]
 
 BLENDINGS = ("inertial", "linear")
 JOIN_S = {"inertial": 0.4, "linear": 0.25}  # inertial: to each side; linear: in all
-_JOIN_SHARE = 0.4  # of a run may be blended at either end: a short one keeps what it is in its middle
+_JOIN_SHARE = 0.5  # of a run may be blended at either end: a short one still is itself in its middle
 
 
 def assemble(
