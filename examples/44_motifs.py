@@ -30,14 +30,13 @@ from choreograph.importers import import_takes
 from choreograph.motifs.choreography import NEEDS, draw_motifs
 from choreograph.motifs.clustering import Motifs, find_motifs
 from choreograph.motifs.signatures import chi_square_distance, signature, template, transition_matrix
+from choreograph.motifs.vocabulary import make_vocabulary
 from choreograph.motifs.words import Words, cut_words, word_distance_m
 from choreograph.motion.body import body_pos_m
-from choreograph.motion.motion import Motion
-from choreograph.motion.pose import ground_pos_m, heading_rad
 from choreograph.nets.word_presets import word_config
 from choreograph.nets.word_training import WordTake, train_word_net, word_copies
 from choreograph.nets.words import WordNet, in_own_place
-from choreograph.preview.strip import write_strip
+from choreograph.preview.motif_strip import ShownWord, words_to_show, write_motif_strip
 from choreograph.takes import Take
 from choreograph.timebase import WORD_FRAMES
 
@@ -175,31 +174,23 @@ def show_signatures(
 def write_strips(folder: Path, motifs: Motifs, labels: np.ndarray, everything: list[Danced]) -> None:
     """Every 20th motif, one PNG: its medoid and three words of other takes; begin, middle and end."""
     folder.mkdir(parents=True, exist_ok=True)
-    owners = [(d, i) for d in everything for i in range(len(d.words))]
+    words = [d.words for d in everything]
+    vocabulary = make_vocabulary(
+        motifs, labels, np.repeat(np.arange(len(words)), [len(w) for w in words]),
+        np.concatenate([w.start_s for w in words]), np.concatenate([w.end_s for w in words]),
+        [d.take.credits.genre for d in everything],
+    )  # fmt: skip
     for motif in range(0, len(motifs), 20):
-        shown, names = [motifs.words[motif]], {owners[motifs.words[motif]][0].take.name}
-        for word in np.random.default_rng(motif).permutation(np.flatnonzero(labels == motif)):
-            if owners[word][0].take.name not in names and len(shown) < 4:
-                shown.append(word)
-                names.add(owners[word][0].take.name)
-        poses = [three_poses(*owners[word]) for word in shown]
-        motion = Motion(
-            poses[0].skeleton,
-            *(np.concatenate([getattr(p, part) for p in poses]) for part in ("root_pos_m", "local_quat")),
-            FPS,
-        )
-        captions = [text for word in shown for text in (owners[word][0].take.name, "", "")]
-        times = np.arange(motion.n_frames) / FPS
-        write_strip(
-            folder / f"motif-{motif:03d}.png", motion, times, labels=captions, columns=3, tile=(160, 220)
-        )
-
-
-def three_poses(danced: Danced, word: int) -> Motion:
-    at = np.linspace(danced.words.start_s[word], danced.words.end_s[word], 3)
-    poses = danced.take.motion.sampled(at * danced.take.motion.fps)
-    body = body_pos_m(poses)
-    return poses.moved(shift_m=-ground_pos_m(body).mean(axis=0)).moved(yaw_rad=-float(heading_rad(body[1])))
+        shown = [
+            ShownWord(
+                everything[vocabulary.word_take[word]].take.name,
+                everything[vocabulary.word_take[word]].take.motion,
+                vocabulary.word_start_s[word],
+                vocabulary.word_end_s[word],
+            )
+            for word in words_to_show(vocabulary, motif)
+        ]
+        write_motif_strip(folder / f"motif-{motif:03d}.png", shown)
 
 
 def main() -> None:

@@ -11,22 +11,34 @@ import click
 
 from choreograph.cli.present import examples
 
+_COMMON = 5  # motifs named of a genre
+
 
 @click.command(
     epilog=examples(
         "choreograph inspect rep.h5",
         "choreograph inspect                     the built-in repertoire",
         "choreograph inspect rep.h5 --json",
+        "choreograph inspect rep.h5 --plots plots/   signatures, transitions and motifs as PNG",
     )
 )
 @click.argument("db", required=False, type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="For machines.")
-def command(db, as_json) -> None:
-    """Show takes, clips, skeleton and networks of the repertoire DB, by default of the built-in one."""
+@click.option(
+    "--plots", type=click.Path(path_type=Path), metavar="FOLDER",
+    help="Write what its genres are made of as PNG: signatures, transitions, distances, motifs.",
+)  # fmt: skip
+def command(db, as_json, plots) -> None:
+    """Show takes, clips, networks and motifs of the repertoire DB, by default of the built-in one."""
     from choreograph.repertoire import Repertoire
     from choreograph.starter import STARTER_PATH
 
-    facts = _facts(Repertoire.open(db or STARTER_PATH))
+    repertoire = Repertoire.open(db or STARTER_PATH)
+    facts = _facts(repertoire)
+    if plots is not None:
+        from choreograph.preview.motif_plots import write_motif_plots
+
+        facts["plots"] = [str(path) for path in write_motif_plots(plots, repertoire)]
     click.echo(json.dumps(facts, indent=1) if as_json else _text(facts))
 
 
@@ -50,7 +62,32 @@ def _facts(repertoire) -> dict[str, Any]:
         "density": repertoire.density,
         "nets": list(repertoire.net_names),
         "provenance": repertoire.provenance,
+        "vocabulary": _vocabulary_facts(repertoire) if repertoire.has_vocabulary else None,
     }
+
+
+def _vocabulary_facts(repertoire) -> dict[str, Any]:
+    from choreograph.motifs.signatures import chi_square_distance
+    from choreograph.motifs.templates import dances_of, distances_to_template
+
+    vocabulary = repertoire.vocabulary
+    take_genres = [take.credits.genre for take in repertoire.takes]
+    genres = {}
+    for genre, template in zip(vocabulary.genres, vocabulary.signatures, strict=True):
+        takes = dances_of(vocabulary, take_genres, genre)
+        common = sorted(range(len(template)), key=lambda motif: -template[motif])[:_COMMON]
+        distances = chi_square_distance(template, vocabulary.signatures)
+        genres[genre] = {
+            "takes": len(takes),
+            "common_motifs": {str(motif): round(float(template[motif]), 4) for motif in common},
+            "takes_to_template": round(float(distances_to_template(vocabulary, genre, takes).mean()), 4),
+            "to_other_templates": {
+                other: round(float(distance), 4)
+                for other, distance in zip(vocabulary.genres, distances, strict=True)
+                if other != genre
+            },
+        }
+    return {"n_words": len(vocabulary.word_motif), "n_motifs": vocabulary.n_motifs, "genres": genres}
 
 
 def _text(facts: dict[str, Any]) -> str:
@@ -67,4 +104,30 @@ def _text(facts: dict[str, Any]) -> str:
             f"  {take['name']:<{width}}  {take['genre'] or '-':<10} {take['duration_s']:7.1f} s  "
             f"{take['clips']:4d} clips  {owner}"
         )
+    lines += _vocabulary_text(facts["vocabulary"]) if facts["vocabulary"] else ["no motion words"]
+    if "plots" in facts:
+        lines.append(f"{len(facts['plots'])} plots in {Path(facts['plots'][0]).parent}")
     return "\n".join(lines)
+
+
+def _vocabulary_text(vocabulary: dict[str, Any]) -> list[str]:
+    genres = vocabulary["genres"]
+    width = max(len(genre) for genre in genres)
+    lines = [
+        f"{vocabulary['n_words']} motion words of {vocabulary['n_motifs']} motifs; "
+        "genre, takes, their χ² distance to its template, its most common motifs:"
+    ]
+    for genre, about in genres.items():
+        common = ", ".join(f"{motif} ({share:.1%})" for motif, share in about["common_motifs"].items())
+        lines.append(f"  {genre:<{width}}  {about['takes']:3d}  {about['takes_to_template']:.2f}  {common}")
+    if len(genres) > 2:  # two genres and all takes together
+        lines.append("χ² distance between templates:")
+        lines.append("  " + " " * width + "".join(f"  {genre:>6}" for genre in genres))
+        for genre, about in genres.items():
+            row = [about["to_other_templates"].get(other) for other in genres]
+            cells = [
+                f"  {'-' if distance is None else f'{distance:.2f}':>{max(6, len(other))}}"
+                for other, distance in zip(genres, row, strict=True)
+            ]
+            lines.append(f"  {genre:<{width}}" + "".join(cells))
+    return lines

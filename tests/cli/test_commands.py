@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from planted_repertoire import planted_repertoire
 
 from choreograph.cli import main
+from choreograph.repertoire import Repertoire
 
 RATE = 22050
 
@@ -69,6 +70,29 @@ def test_inspect_speaks_to_people_and_machines(db):
     assert "clips" in run("inspect", db).output
     facts = json.loads(run("inspect", db, "--json").output)
     assert facts["n_clips"] == sum(take["clips"] for take in facts["takes"])
+    assert facts["vocabulary"] is None
+    assert_one_line(run("inspect", db, "--plots", db.with_name("plots")), says="build-db")
+
+
+def test_inspect_tells_and_plots_what_genres_are_made_of(tmp_path, monkeypatch):
+    monkeypatch.setattr("choreograph.preview.motif_plots.STRIPS", 1)
+    path = planted_repertoire(tmp_path / "rep.h5", vocabulary=True).path
+    shown = run("inspect", path, "--plots", tmp_path / "plots")
+    assert shown.exit_code == 0, shown.output
+    assert "motion words of" in shown.output
+    assert f"8 plots in {tmp_path / 'plots'}" in shown.output
+    facts = json.loads(run("inspect", path, "--json").output)["vocabulary"]
+    vocabulary = Repertoire.open(path).vocabulary
+    assert (facts["n_words"], facts["n_motifs"]) == (len(vocabulary.word_motif), vocabulary.n_motifs)
+    assert list(facts["genres"]) == ["a", "b", "c", "all"]
+    for index, genre in enumerate("abc"):
+        about, template = facts["genres"][genre], vocabulary.signatures[index]
+        assert about["takes"] == 1
+        assert about["takes_to_template"] == 0.0  # one take is its genre's template
+        assert list(about["common_motifs"].values()) == pytest.approx(np.sort(template)[::-1][:5], abs=1e-4)
+        assert set(about["to_other_templates"]) == {"a", "b", "c", "all"} - {genre}
+        assert all(0 < distance <= 1 for distance in about["to_other_templates"].values())
+    assert facts["genres"]["all"]["takes"] == 3
 
 
 def test_build_and_dance_with_takes_without_music(tmp_path, song, db):

@@ -1,12 +1,20 @@
-"""Building a repertoire with its networks, from real takes: resumed, taken over, danced with."""
+"""Building a repertoire with its networks and words, from real takes: resumed, taken over, danced with."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from planted_dances import stepping
+from planted_repertoire import planted_takes, write_clicks
 
 import choreograph as cg
 from choreograph.errors import ParameterError
+from choreograph.exporters import save_motion
 from choreograph.pipeline import BuildOptions, build_repertoire
+from choreograph.pipeline.wording import FEWEST_WORDS, cut_takes
+from choreograph.repertoire import Repertoire
 
+TRUE_BPM = 120.0
 TAKES = ("DANCE_C_8", "DANCE_R_2", "DANCE_W_11")
 
 
@@ -24,7 +32,9 @@ def test_build_resume_take_over_and_dance(takes, tmp_path):
     built, _ = build_repertoire(
         [takes], tmp_path / "a.h5", BuildOptions(preset="tiny"), training_report=progress.append
     )
-    assert set(built.net_names) == {"style", "motion_density", "music_density"}
+    assert set(built.net_names) == {"style", "motion_density", "music_density", "words"}
+    assert built.vocabulary.genres == ("cha-cha", "rumba", "waltz", "all")
+    assert set(built.vocabulary.word_take.tolist()) == {0, 1, 2}
     assert {take.credits.genre for take in built.takes} == {"cha-cha", "rumba", "waltz"}
     assert np.isfinite(built.clip_style).all()
     assert built.clip_style.std(axis=0).max() > 0.01  # a collapsed embedding would be constant
@@ -39,6 +49,7 @@ def test_build_resume_take_over_and_dance(takes, tmp_path):
         [takes], tmp_path / "b.h5", BuildOptions(preset="tiny", init_from=built.path, leave_out=TAKES[1:])
     )
     assert any("taken over" in note for note in notes)
+    assert set(one.net_names) == set(built.net_names)
     assert [take.name for take in one.takes] == [TAKES[0]]
 
     kept, _ = build_repertoire(
@@ -48,6 +59,7 @@ def test_build_resume_take_over_and_dance(takes, tmp_path):
     assert not (tmp_path / "c.h5.build").exists()
     assert kept.path.stat().st_size < 0.5 * built.path.stat().st_size
     np.testing.assert_allclose(kept.clip_style, built.clip_style, atol=1e-5)
+    np.testing.assert_array_equal(kept.vocabulary.word_motif, built.vocabulary.word_motif)
 
     made = cg.dance(takes / "DANCE_W_11" / "audio.mp3", built, duration_s=12.0)
     assert abs(made.motion.n_frames - 12.0 * 60) <= 1
@@ -62,3 +74,74 @@ def test_two_takes_of_one_name_are_refused(takes, tmp_path):
 def test_networks_to_keep_must_be_given(takes, tmp_path):
     with pytest.raises(ParameterError, match="init-from"):
         build_repertoire([takes], tmp_path / "x.h5", BuildOptions(keep_networks=True))
+
+
+@pytest.fixture(scope="module")
+def silent_takes(tmp_path_factory):
+    """Two dances without music, of 40 words and more together, one take of 3 s, which has few."""
+    folder = tmp_path_factory.mktemp("silent")
+    for name, duration_s in (("long", 30.0), ("longer", 36.0), ("short", 3.0)):
+        save_motion(folder / f"{name}.bvh", stepping(round(duration_s * 30), period_s=0.6, seed=1))
+    return folder
+
+
+def test_takes_without_music_have_words_on_their_motion_beats(silent_takes, tmp_path):
+    built, notes = build_repertoire([silent_takes], tmp_path / "a.h5", BuildOptions(preset="tiny"))
+    assert built.net_names == ("words",)
+    vocabulary = built.vocabulary
+    take = built.take_index("longer")
+    words = vocabulary.words_of_take(take)
+    assert len(words) > FEWEST_WORDS / 2
+    beats = built.motion_beats_s(take)
+    for edges in (vocabulary.word_start_s[words], vocabulary.word_end_s[words]):
+        assert np.abs(edges[:, None] - beats).min(axis=1).max() < 1e-9
+    assert vocabulary.genres == ("all",)
+    assert any("fewer than two songs" in note for note in notes)
+
+    # Networks to keep: the words' is there, so nothing is trained, and nothing is where training would be.
+    kept, _ = build_repertoire(
+        [silent_takes], tmp_path / "b.h5", BuildOptions(init_from=built.path, keep_networks=True)
+    )
+    assert not (tmp_path / "b.h5.build").exists()
+    np.testing.assert_array_equal(kept.vocabulary.word_motif, vocabulary.word_motif)
+
+
+def test_what_a_kept_repertoire_lacks_is_trained(silent_takes, tmp_path):
+    build_repertoire([silent_takes], tmp_path / "old.h5", BuildOptions(preset="tiny"))
+    old = Repertoire.open(tmp_path / "old.h5")
+    with_old = BuildOptions(
+        preset="tiny", init_from=old.path, keep_networks=True, leave_out=("long", "longer")
+    )
+    few, notes = build_repertoire([silent_takes], tmp_path / "few.h5", with_old)
+    assert few.net_names == ("words",)  # taken over, though its takes have too few words for motifs
+    assert not few.has_vocabulary
+    assert any(f"fewer than {FEWEST_WORDS}" in note for note in notes)
+    lacking, _ = build_repertoire(
+        [silent_takes], tmp_path / "none.h5", BuildOptions(preset="tiny", leave_out=("long", "longer"))
+    )
+    assert lacking.net_names == ()
+    trained, _ = build_repertoire(
+        [silent_takes], tmp_path / "c.h5", replace(with_old, init_from=lacking.path, leave_out=())
+    )
+    assert trained.net_names == ("words",)
+    assert (tmp_path / "c.h5.build" / "words.pt").exists()
+
+
+def test_words_are_cut_on_the_music_where_it_plays_while_the_take_lasts(tmp_path):
+    song = write_clicks(tmp_path / "clicks.wav", duration_s=25.0, bpm=TRUE_BPM)
+    [planted] = planted_takes(periods_s=[0.75], duration_s=12.0)
+    cases = {
+        "begins 3.2 s into the song": dict(song_path=song, song_start_s=3.2),
+        "begins after the song": dict(song_path=song, song_start_s=40.0),
+        "no music": {},
+    }
+    takes = [
+        replace(planted, take=replace(planted.take, name=name, **changes)) for name, changes in cases.items()
+    ]
+    (inside, after, silent), notes = cut_takes(takes)
+    clicks_s = np.arange(0.0, 25.0, 60.0 / TRUE_BPM) - 3.2
+    assert len(inside.words) >= 20
+    assert np.abs(inside.words.start_s[:, None] - clicks_s).min(axis=1).max() < 0.05
+    for cut in (after, silent):
+        assert np.abs(cut.words.start_s[:, None] - planted.motion_beats_s).min(axis=1).max() < 1e-9
+    assert len(notes) == 1 and notes[0].startswith("begins after the song")

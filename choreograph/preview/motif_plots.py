@@ -1,0 +1,175 @@
+"""What a repertoire's genres are made of, as PNGs: signatures, transitions, distance over time, motifs.
+
+After Figures 3 and 12 of Rhythm is a Dancer. Needs the extra `plots` (matplotlib).
+"""
+
+from __future__ import annotations
+
+import colorsys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import ParameterError
+from choreograph.files import atomic_path
+from choreograph.motifs.signatures import signature
+from choreograph.motifs.templates import dances_of, distance_over_time, distances_to_template
+from choreograph.motifs.vocabulary import ALL_GENRES, Vocabulary
+from choreograph.preview.motif_strip import ShownWord, words_to_show, write_motif_strip
+from choreograph.repertoire import Repertoire
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOTIFS_SHOWN = 20  # as in Figure 3
+STRIPS = 12
+_TAKES_SHOWN = 3  # below a template: the nearest, the middle one and the farthest
+_DPI = 110
+_GOLDEN = 0.618034  # turns of hue from motif to motif: neighbours differ
+_COLUMNS = 3  # of panels
+_MEAN_POINTS = 200
+
+
+def write_motif_plots(folder: str | Path, repertoire: Repertoire) -> list[Path]:
+    """Write all plots into `folder`, made if missing; the files.
+
+    `signature-GENRE.png`, `transitions-GENRE.png`, `distance-over-time.png` and, of the most frequent motifs,
+    `motif-NUMBER.png`. Raises `ParameterError` if matplotlib is missing or the folder cannot be made,
+    `RepertoireError` if the repertoire has no motion words.
+    """
+    _expect_matplotlib()
+    folder, vocabulary = Path(folder), repertoire.vocabulary
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ParameterError(f"cannot make the folder {folder}: {error.strerror}") from error
+    names = [take.name for take in repertoire.takes]
+    genres = vocabulary.genres[:-1] or (ALL_GENRES,)
+    take_genres = [take.credits.genre for take in repertoire.takes]
+    dances = {genre: dances_of(vocabulary, take_genres, genre) for genre in genres}
+    written = []
+    for genre in genres:
+        written.append(folder / f"signature-{_file_name(genre)}.png")
+        _save(signature_figure(vocabulary, genre, dances[genre], names), written[-1])
+        written.append(folder / f"transitions-{_file_name(genre)}.png")
+        _save(transitions_figure(vocabulary, genre), written[-1])
+    written.append(folder / "distance-over-time.png")
+    _save(distance_figure(vocabulary, dances), written[-1])
+    for motif in range(min(STRIPS, vocabulary.n_motifs)):
+        written.append(folder / f"motif-{motif:03d}.png")
+        write_motif_strip(
+            written[-1], [_shown(repertoire, word) for word in words_to_show(vocabulary, motif)]
+        )
+    return written
+
+
+def signature_figure(vocabulary: Vocabulary, genre: str, takes: list[int], names: list[str]) -> Figure:
+    """The template over its most frequent motifs, and below it the signatures of three of its takes."""
+    template = vocabulary.signatures[vocabulary.genre_index(genre)]
+    motifs = np.argsort(-template, kind="stable")[:MOTIFS_SHOWN]
+    distances = distances_to_template(vocabulary, genre, takes)
+    order = np.argsort(distances, kind="stable")
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, _TAKES_SHOWN).round().astype(int))]
+    figure = _figure(9.0, 1.9 * (1 + len(chosen)))
+    axes = figure.subplots(1 + len(chosen), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    _bars(axes[0], template, motifs)
+    axes[0].set_title(
+        f"{genre}: template of {_takes(len(takes))}, {template[motifs].sum():.0%} of it in these motifs",
+        loc="left",
+    )
+    for axis, index in zip(axes[1:], chosen, strict=True):
+        words = vocabulary.words_of_take(takes[index])
+        _bars(axis, signature(vocabulary.word_motif[words], vocabulary.n_motifs), motifs)
+        axis.set_title(f"{names[takes[index]]}: χ² distance {distances[index]:.2f}", loc="left")
+    axes[-1].set_xticks(range(len(motifs)), [str(m) for m in motifs])
+    axes[-1].set_xlabel("motif")
+    return figure
+
+
+def transitions_figure(vocabulary: Vocabulary, genre: str) -> Figure:
+    """How probably each of the genre's most frequent motifs follows each."""
+    row = vocabulary.genre_index(genre)
+    motifs = np.argsort(-vocabulary.signatures[row], kind="stable")[:MOTIFS_SHOWN]
+    figure = _figure(7.6, 6.6)
+    axis = figure.subplots()
+    image = axis.imshow(vocabulary.transitions[row][np.ix_(motifs, motifs)], cmap="magma_r", vmin=0.0)
+    axis.set_xticks(range(len(motifs)), [str(m) for m in motifs], rotation=90)
+    axis.set_yticks(range(len(motifs)), [str(m) for m in motifs])
+    axis.set_xlabel("next motif")
+    axis.set_ylabel("motif")
+    axis.set_title(f"{genre}: what follows what among its {len(motifs)} most frequent motifs", loc="left")
+    figure.colorbar(image, ax=axis, label="probability", fraction=0.046)
+    return figure
+
+
+def distance_figure(vocabulary: Vocabulary, dances: dict[str, list[int]]) -> Figure:
+    """χ² distance of every take so far to its genre's template, over the seconds danced; a panel a genre."""
+    columns = min(_COLUMNS, len(dances))
+    rows = -(-len(dances) // columns)
+    figure = _figure(1.5 + 3.6 * columns, 0.6 + 2.8 * rows)
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axis, (genre, takes) in zip(panels.flat, dances.items(), strict=False):
+        curves = [distance_over_time(vocabulary, genre, take) for take in takes]
+        for seconds, distance in curves:
+            axis.plot(seconds, distance, color="#8a93a8", linewidth=0.8, alpha=0.7)
+        # Beyond the middle take's end the mean would jump whenever one of few takes ends.
+        until_s = sorted(seconds[-1] for seconds, _ in curves)[len(curves) // 2]
+        at_s = np.linspace(min(seconds[0] for seconds, _ in curves), until_s, _MEAN_POINTS)
+        mean = [np.mean([np.interp(s, *c) for c in curves if c[0][-1] >= s]) for s in at_s]
+        axis.plot(at_s, mean, color="#c1272d", linewidth=1.8, label="mean")
+        axis.set_title(f"{genre}: {_takes(len(takes))}", loc="left")
+        axis.tick_params(labelbottom=True)
+        axis.set_ylim(0.0, 1.0)
+        axis.set_xlim(left=0.0)
+        axis.grid(alpha=0.25)
+    for axis in panels.flat[len(dances) :]:
+        axis.set_axis_off()
+    panels[0, 0].legend(frameon=False)
+    figure.supxlabel("seconds danced")
+    figure.supylabel("χ² distance to the genre's template")
+    return figure
+
+
+def _bars(axis, shares: NDArray[np.float64], motifs: NDArray[np.int64]) -> None:
+    colours = [colorsys.hls_to_rgb(motif * _GOLDEN % 1.0, 0.52, 0.55) for motif in motifs]
+    axis.bar(range(len(motifs)), 100.0 * shares[motifs], color=colours, width=0.8)
+    axis.set_ylabel("% of words")
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def _shown(repertoire: Repertoire, word: int) -> ShownWord:
+    vocabulary = repertoire.vocabulary
+    take = int(vocabulary.word_take[word])
+    start_s, end_s = float(vocabulary.word_start_s[word]), float(vocabulary.word_end_s[word])
+    motion, first_s = repertoire.motion(take, start_s, end_s)
+    return ShownWord(repertoire.takes[take].name, motion, start_s - first_s, end_s - first_s)
+
+
+def _takes(number: int) -> str:
+    return "1 take" if number == 1 else f"{number} takes"
+
+
+def _file_name(genre: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in genre)
+
+
+def _expect_matplotlib() -> None:
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise ParameterError(
+            "expected matplotlib to plot with, found none: install the extra 'plots'"
+        ) from error
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), dpi=_DPI, layout="constrained")
+
+
+def _save(figure: Figure, path: Path) -> None:
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary)
