@@ -1,0 +1,36 @@
+"""What the rollout network hears: rhythm frame by frame, and the colour of each word's music."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.audio.song import Song
+from choreograph.features.frame_rhythm import FRAME_RHYTHM_FPS, frame_rhythm
+from choreograph.features.spectral import spectral_features
+from choreograph.timebase import seconds_to_frames
+
+
+def rhythm_from(song: Song, beat_times_s: NDArray[np.float64], start_s: float) -> NDArray[np.float32]:
+    """The four rhythmic features (T, 4) at 30 fps from an instant of the song on; at least one row.
+
+    Before the song's first instant they are what they are at it.
+    """
+    rhythm = frame_rhythm(song.samples, beat_times_s)
+    first = seconds_to_frames(start_s, FRAME_RHYTHM_FPS)
+    if first < 0:
+        return np.concatenate([np.repeat(rhythm[:1], -first, axis=0), rhythm])
+    return rhythm[min(first, len(rhythm) - 1) :]
+
+
+def word_spectra(song: Song, bounds_s: NDArray[np.float64]) -> NDArray[np.float32]:
+    """The 87 spectral features of the music of each word (N, 87), of instants (N + 1,) in the song.
+
+    A word that lies outside the song has those of the nearest one inside.
+    """
+    inside = np.unique(np.clip(bounds_s, 0.0, song.duration_s))
+    if len(inside) < 2:
+        inside = np.array([0.0, song.duration_s])
+    rows = spectral_features(song.samples, inside)
+    middles = (bounds_s[1:] + bounds_s[:-1]) / 2
+    return rows[(np.searchsorted(inside, middles, side="right") - 1).clip(0, len(rows) - 1)]
