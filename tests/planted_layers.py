@@ -35,7 +35,7 @@ def random_source(
 ) -> tuple[LayerSource, Music]:
     """`n_seconds` layers of at most 4·k nodes with everything random, and music to go with them.
 
-    With `n_motifs`, nodes dance random motifs, two words a second but for the last, which has one.
+    With `n_motifs`, nodes dance random motifs, two words a second.
     """
     rng = np.random.default_rng(seed)
     beats = np.sort(rng.uniform(0, NODE_FRAMES, (2, n_seconds, k, 4)), axis=0).astype(np.float32)

@@ -9,7 +9,7 @@ from choreograph.features.music import Music
 from choreograph.graph.costs import Cost, Floats
 from choreograph.graph.layers import Layer
 from choreograph.motifs.goals import MotifGoal
-from choreograph.motifs.words import word_bounds_s
+from choreograph.motifs.words import dance_bounds_s
 
 _RAREST = 1e-3  # a step that no dance has is as dear as one in a thousand
 
@@ -26,7 +26,7 @@ class Signature(Cost):
     """
 
     def __init__(self, goal: MotifGoal, music: Music) -> None:
-        n_words = max(1, len(song_words_s(music)) - 1)
+        n_words = len(song_words_s(music)) - 1
         counts = np.arange(n_words + 2)
         expected = n_words * goal.signature[:, None]  # (K, 1)
         both = counts + expected  # (K, N + 2)
@@ -64,7 +64,7 @@ class MotifTransition(Cost):
     least_jump = 0.0
 
     def __init__(self, goal: MotifGoal, music: Music) -> None:
-        n_words = max(1, len(song_words_s(music)) - 1)
+        n_words = len(song_words_s(music)) - 1
         price = np.log(np.clip(goal.transitions, _RAREST, 1.0)) / np.log(_RAREST)
         # One row and column more, for no motif: index -1.
         self._price = np.zeros((len(price) + 1, len(price) + 1), np.float32)
@@ -86,4 +86,4 @@ MOTIF_COSTS: tuple[type[Cost], ...] = (Signature, MotifTransition)
 
 def song_words_s(music: Music) -> NDArray[np.float64]:
     """Instants (Q + 1,) at which the words of a dance to a song begin and end."""
-    return word_bounds_s(music.beat_times_s, music.duration_s)
+    return dance_bounds_s(music.beat_times_s, music.duration_s)

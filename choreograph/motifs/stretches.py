@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.motifs.clustering import Motifs
+from choreograph.motifs.words import poses_at
 from choreograph.motion.pose import phrases_from_own_place
-from choreograph.timebase import WORD_FRAMES, times_to_frames
+from choreograph.timebase import WORD_FRAMES
 
 Floats = NDArray[np.floating]
 Indices = NDArray[np.int64]
@@ -75,10 +76,5 @@ class StretchMotifs:
 
     def _words(self, take: int, middle_s: Floats, length_s: Floats) -> Floats:
         """Words (N, 13, 21, 3) around the middles given, from their own place."""
-        body = np.asarray(self._body_pos_m(take), np.float64)
-        times = middle_s[:, None] + length_s[:, None] * np.linspace(-0.5, 0.5, WORD_FRAMES)  # (N, 13)
-        frames = np.clip(times_to_frames(times, self._fps), 0, len(body) - 1)
-        low = np.minimum(frames.astype(np.int64), max(len(body) - 2, 0))
-        weight = (frames - low)[..., None, None]
-        words = body[low] * (1 - weight) + body[np.minimum(low + 1, len(body) - 1)] * weight
-        return phrases_from_own_place(words)
+        times_s = middle_s[:, None] + length_s[:, None] * np.linspace(-0.5, 0.5, WORD_FRAMES)  # (N, 13)
+        return phrases_from_own_place(poses_at(self._body_pos_m(take), self._fps, times_s))
