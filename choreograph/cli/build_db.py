@@ -33,13 +33,30 @@ from choreograph.cli.present import examples, show_notes, stages
 @click.option(
     "--density", default=None, metavar="analytic|learned", help="Which tempo-density the clips carry."
 )
+@click.option(
+    "--rollout",
+    is_flag=True,
+    help="Train the network of `dance --engine rollout`, too (small: half an hour).",
+)
 @click.option("--packed", is_flag=True, help="A third of the size: motion in 16 bits.")
 @click.option("--leave-out", multiple=True, metavar="TAKE", help="Leave a take out; @FILE names one a line.")
 @click.option("--device", default="auto", show_default=True, metavar="auto|cpu|cuda", help="Where to train.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of the training.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, no notes.")
 def command(
-    sources, output, preset, resume, init_from, keep_networks, density, packed, leave_out, device, seed, quiet
+    sources,
+    output,
+    preset,
+    resume,
+    init_from,
+    keep_networks,
+    density,
+    rollout,
+    packed,
+    leave_out,
+    device,
+    seed,
+    quiet,
 ) -> None:
     """Build a repertoire from SOURCES: folders or files of recorded dances with their music.
 
@@ -51,7 +68,7 @@ def command(
     given = {} if density is None else {"density": density}
     options = BuildOptions(
         preset=preset, seed=seed, device=device, resume=resume, init_from=init_from,
-        keep_networks=keep_networks, packed=packed, leave_out=names_of(leave_out), **given,
+        keep_networks=keep_networks, rollout=rollout, packed=packed, leave_out=names_of(leave_out), **given,
     )  # fmt: skip
     try:
         with stages(quiet=quiet) as shown:

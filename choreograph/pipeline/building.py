@@ -43,6 +43,7 @@ class BuildOptions:
     init_from: Path | None = None  # networks of another repertoire to begin with
     keep_networks: bool = False  # take those as they are; only what they lack is trained
     packed: bool = False  # motion in 16 bits: a third of the size, turns to 0.03 degrees
+    rollout: bool = False  # train the network that dances motifs, too: as long as all else together
     leave_out: tuple[str, ...] = ()  # takes left out of everything, by name
 
 
@@ -84,8 +85,7 @@ def build_repertoire(
     nets, trained_on, more = music_networks(measured, beginning, options=options, place=place, report=report)
     learned, about_density = _learned(nets, options)
     words, about_words = _worded(measured, beginning, options, place, report)
-    if words.net is not None:
-        nets["words"] = words.net
+    nets |= words.nets
     arrays = to_arrays(
         measured,
         embed_motion=learned.embed_motion,
@@ -174,9 +174,9 @@ def _learned(nets: Mapping[str, NetArrays], options: BuildOptions) -> tuple[_Lea
 
 @dataclass(frozen=True, eq=False)
 class _Worded:
-    """The word network, if there is one, and the arrays of the vocabulary, none if there is none."""
+    """Networks of motion words, and the arrays of the vocabulary; none where there are too few words."""
 
-    net: NetArrays | None
+    nets: dict[str, NetArrays] = field(default_factory=dict)
     arrays: dict[str, NDArray] = field(default_factory=dict)
 
 
@@ -187,14 +187,26 @@ def _worded(
     place: TrainingPlace,
     report: Report | None,
 ) -> tuple[_Worded, tuple[str, ...]]:
-    """The takes' motion words, their network and their motifs, and notes."""
+    """The takes' motion words, their networks and their motifs, and notes."""
     cut, notes = cut_takes(measured, report=report)
     net = word_network(cut, beginning, options=options, place=place)
+    nets = {} if net is None else {"words": net}
     n_words = sum(len(take.words) for take in cut)
     if net is None or n_words < FEWEST_WORDS:
         few = f"{n_words} motion words, fewer than {FEWEST_WORDS}: no motifs, so no genre to dance by"
-        return _Worded(net), (*notes, few)
+        return _Worded(nets), (*notes, few)
     from choreograph.nets.words import WordNet
 
-    vocabulary = make_motifs(cut, WordNet.from_arrays(net.weights, net.config), seed=options.seed)
-    return _Worded(net, motif_arrays(vocabulary)), notes
+    words = WordNet.from_arrays(net.weights, net.config)
+    vocabulary = make_motifs(cut, words, seed=options.seed)
+    if "rollout" in beginning.kept:
+        nets["rollout"] = beginning.kept["rollout"]
+    elif options.rollout:
+        from choreograph.nets.rollout_presets import rollout_config
+        from choreograph.pipeline.rollout_learning import rollout_network
+
+        nets["rollout"] = rollout_network(
+            measured, cut, vocabulary, words, rollout_config(options.preset), seed=options.seed, place=place,
+            start=beginning.nets.get("rollout"), report=report,
+        )  # fmt: skip
+    return _Worded(nets, motif_arrays(vocabulary)), notes

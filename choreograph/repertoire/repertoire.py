@@ -23,6 +23,7 @@ from choreograph.takes import Credits
 from choreograph.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 
 if TYPE_CHECKING:
+    from choreograph.nets.rollout import RolloutNet
     from choreograph.nets.words import WordNet
 
 
@@ -102,6 +103,21 @@ class Repertoire:
         net = self.net("words")
         try:
             return WordNet.from_arrays(net.weights, net.config)
+        except ParameterError as error:
+            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
+
+    def rollout_net(self) -> RolloutNet:
+        """The network that dances motifs; `RepertoireError` if there is none."""
+        from choreograph.nets.rollout import RolloutNet
+
+        if "rollout" not in self.net_names:
+            raise RepertoireError(
+                f"{self.path}: expected a rollout network, got a repertoire without: build it again with "
+                "`choreograph build-db --rollout`"
+            )
+        net = self.net("rollout")
+        try:
+            return RolloutNet.from_arrays(net.weights, net.config)
         except ParameterError as error:
             raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
 
