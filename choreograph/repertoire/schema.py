@@ -60,8 +60,9 @@ MOTIFS: dict[str, tuple[str, str]] = {
 }
 
 # A packed file holds these as i2 with attributes `step`, `order` and `restart`: value = integer × step, the
-# integers as differences of that order from row to row (modulo 2^16) that restart every so many rows. The
-# steps keep a joint's turn to 0.03 degrees and places to half a millimetre.
+# integers as differences of that order from row to row (modulo 2^16) that restart every so many rows; where
+# the attribute `folded` is true they are u2, 0, -1, 1, -2, … as 0, 1, 2, 3, …. The steps keep a joint's turn
+# to 0.03 degrees and places to half a millimetre.
 PACKED_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
 PACKED_ORDER, PACKED_RESTART = 2, 8192
 PACKED_HALVES = ("motifs/embeddings",)  # f2 in a packed file, as networks' weights are

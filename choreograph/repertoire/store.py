@@ -28,6 +28,8 @@ from choreograph.repertoire.schema import (
     VERSION,
 )
 
+_FEW = 4096  # values: compressing fewer saves nothing
+
 
 @dataclass(frozen=True, eq=False)
 class NetArrays:
@@ -72,29 +74,41 @@ def write_repertoire(path: Path, contents: Contents, *, packed: bool = False) ->
             group = file.create_group(f"nets/{name}")
             group.attrs["config"] = json.dumps(net.config, sort_keys=True)
             for weight, array in sorted(net.weights.items()):
-                array = np.asarray(array, np.float16) if packed else array
-                group.create_dataset(weight, data=array, track_times=False)
+                array = np.asarray(array, np.float16) if packed else np.asarray(array)
+                options = _compression(9) if packed and array.size > _FEW else {}
+                group.create_dataset(weight, data=array, track_times=False, **options)
+
+
+def _compression(level: int) -> dict[str, Any]:
+    return {"compression": "gzip", "compression_opts": level, "shuffle": True}
 
 
 def _write_numbers(file: h5py.File, name: str, array: NDArray, step: float | None) -> None:
-    options: dict[str, Any] = {}
-    if array.size > 4096:
-        options = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+    options = _compression(1) if array.size > _FEW else {}
     if step is None or np.abs(array).max(initial=0.0) > np.iinfo(np.int16).max * step:
         file.create_dataset(name, data=array, track_times=False, **options)
         return
     if options:
         # One column a chunk: neighbours in time are alike, neighbouring joints are not.
         chunk = (min(len(array), PACKED_RESTART), *(1,) * (array.ndim - 1))
-        options |= {"compression_opts": 9, "chunks": chunk}
+        options = {**_compression(9), "chunks": chunk}
     integers = np.rint(array / step).astype(np.int16)
     differences = integers
     for _ in range(PACKED_ORDER):
         steps = np.diff(differences, axis=0, prepend=np.zeros_like(differences[:1]))
         steps[::PACKED_RESTART] = differences[::PACKED_RESTART]
         differences = steps
-    data = file.create_dataset(name, data=differences, track_times=False, **options)
-    data.attrs.update(step=step, order=PACKED_ORDER, restart=PACKED_RESTART)
+    data = file.create_dataset(name, data=_folded(differences), track_times=False, **options)
+    data.attrs.update(step=step, order=PACKED_ORDER, restart=PACKED_RESTART, folded=True)
+
+
+def _folded(integers: NDArray[np.int16]) -> NDArray[np.uint16]:
+    """0, -1, 1, -2, … as 0, 1, 2, 3, …: the high bytes of small numbers are then 0, whatever their sign."""
+    return ((integers << 1) ^ (integers >> 15)).view(np.uint16)
+
+
+def _unfolded(folded: NDArray[np.uint16]) -> NDArray[np.int16]:
+    return ((folded >> 1) ^ -(folded & 1)).view(np.int16)
 
 
 def _unpacked(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
@@ -102,6 +116,8 @@ def _unpacked(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
     start, stop, _ = part.indices(len(data))
     first = start // restart * restart
     differences = data[first:stop]
+    if data.attrs.get("folded", False):
+        differences = _unfolded(differences)
     for row in range(0, len(differences), restart):
         block = differences[row : row + restart]
         for _ in range(int(data.attrs["order"])):

@@ -27,7 +27,7 @@ from choreograph.repertoire.schema import (
     PACKED_STEPS,
     VERSION,
 )  # fmt: skip
-from choreograph.repertoire.store import RepertoireFile
+from choreograph.repertoire.store import RepertoireFile, _folded, _unfolded
 
 LAYOUT = json.loads(
     (Path(__file__).resolve().parents[2] / "data_schema" / "repertoire.json").read_text(encoding="utf-8")
@@ -231,6 +231,28 @@ def test_packing_restarts_its_differences(contents, tmp_path, monkeypatch):
     whole = packed.read("body/pos_m")
     np.testing.assert_allclose(whole, contents.arrays["body/pos_m"], atol=0.0006)
     np.testing.assert_array_equal(packed.read("body/pos_m", slice(20, 23)), whole[20:23])
+
+
+@given(st.lists(st.integers(-(2**15), 2**15 - 1)))
+def test_folding_loses_nothing_and_keeps_small_numbers_small(values):
+    integers = np.array(values, np.int16)
+    folded = _folded(integers)
+    np.testing.assert_array_equal(_unfolded(folded), integers)
+    assert (folded // 2 <= np.abs(integers.astype(int))).all()
+
+
+def test_packed_files_of_before_folding_are_read(contents, tmp_path):
+    write_repertoire(tmp_path / "new.h5", contents, packed=True)
+    expected = RepertoireFile(tmp_path / "new.h5").read("motion/local_quat")
+    with h5py.File(tmp_path / "new.h5", "a") as file:
+        for name in PACKED_STEPS:
+            attributes, integers = dict(file[name].attrs), _unfolded(file[name][()])
+            del file[name]
+            file[name] = integers
+            file[name].attrs.update({k: v for k, v in attributes.items() if k != "folded"})
+    old = RepertoireFile(tmp_path / "new.h5")
+    np.testing.assert_array_equal(old.read("motion/local_quat"), expected)
+    np.testing.assert_array_equal(old.read("motion/local_quat", slice(5, 9)), expected[5:9])
 
 
 def test_what_16_bits_cannot_hold_stays_whole(contents, tmp_path):
