@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
+from choreograph.motifs.goals import MotifGoal, motif_goal
 from choreograph.pipeline.wishes import MotifPin, TakePin, Wishes
 from choreograph.repertoire import Repertoire
 
@@ -77,6 +78,12 @@ def resolve(
     if motifs:
         _check_words_exist(asked, repertoire)
     return asked
+
+
+def wanted_goal(wishes: Wishes, repertoire: Repertoire, genre: str | None = None) -> MotifGoal:
+    """Signature and transitions of what is asked for, or else of a genre, or else of all takes."""
+    shares = None if wishes.signature is None else np.array(wishes.signature)
+    return motif_goal(repertoire.vocabulary, genre=wishes.genre or genre, signature=shares)
 
 
 def _bans(

@@ -16,7 +16,7 @@ from choreograph.timebase import NET_FPS, WORD_FRAMES
 Floats = NDArray[np.floating]
 Indices = NDArray[np.int64]
 
-_AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS  # the three poses that a join is judged by
+AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS  # the three poses that a join is judged by
 
 
 class WordBank:
@@ -42,7 +42,7 @@ class WordBank:
         v = self.vocabulary
         speed = (v.word_end_s[words] - v.word_start_s[words]) / lengths_s  # (M,)
         borders_s = np.stack([v.word_start_s[words], v.word_end_s[words]], axis=1)  # (M, 2)
-        poses = self._poses_m(words, borders_s[..., None] + speed[:, None, None] * _AROUND_S)
+        poses = self._poses_m(words, borders_s[..., None] + speed[:, None, None] * AROUND_S)
         own = phrases_from_own_place(poses)  # (M, 2, 3, 21, 3)
         return own[:, 0], own[:, 1]
 

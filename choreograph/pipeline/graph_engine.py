@@ -1,0 +1,254 @@
+"""The graph engine: clips selected and warped for every second, a graph of them, and the path through it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.config import DanceConfig, resolve_weights
+from choreograph.errors import NoPathError, ParameterError
+from choreograph.features.music import Music
+from choreograph.graph import (
+    BUILTIN_COSTS,
+    MOTIF_COSTS,
+    ClipTable,
+    Cost,
+    Layer,
+    LayerSource,
+    MotifTransition,
+    Signature,
+    Variety,
+    WeightedCost,
+    node_motifs,
+    plan_exact,
+    plan_greedy,
+    song_words_s,
+)
+from choreograph.motifs.stretches import StretchMotifs
+from choreograph.motifs.words import dance_bounds_s
+from choreograph.motion.motion import Motion
+from choreograph.pipeline.asked import Asked, resolve, wanted_goal
+from choreograph.pipeline.overlaying import overlaid_plan
+from choreograph.pipeline.rendering import render
+from choreograph.pipeline.saving import Report
+from choreograph.pipeline.wishes import TakePin, Wishes
+from choreograph.plan import Plan, PlannedSecond
+from choreograph.repertoire import Repertoire
+from choreograph.selection import cast_takes, phrase_of_seconds, select_clips, take_losses
+from choreograph.timebase import NET_FPS
+from choreograph.warping import ClipBeats, warp_segments
+
+
+@dataclass(frozen=True, eq=False)
+class OwnCosts:
+    """Costs of the user's and the weight of every cost by name."""
+
+    costs: tuple[Cost, ...]
+    weights: Mapping[str, float]
+
+
+def weigh(weights: Mapping[str, float], wishes: Wishes, costs: Sequence[Cost]) -> OwnCosts:
+    """The weights of all costs that will take part.
+
+    Raises `ParameterError` if two costs share a name, or a weight belongs to no cost.
+    """
+    steering = MOTIF_COSTS if _steered(wishes) else ()
+    names = [*(cost.name for cost in (*BUILTIN_COSTS, *steering)), *(cost.name for cost in costs)]
+    if len(set(names)) != len(names):
+        raise ParameterError(f"two costs share a name among {', '.join(names)}: give yours its own `name`")
+    return OwnCosts(tuple(costs), resolve_weights(weights, names))
+
+
+def dance_by_graph(
+    music: Music,
+    repertoire: Repertoire,
+    config: DanceConfig,
+    wishes: Wishes,
+    own: OwnCosts,
+    *,
+    start_s: float,
+    report: Report | None,
+) -> tuple[Plan, Motion, tuple[str, ...]]:
+    """The cheapest dance of seconds, with words where motifs are pinned or banned; and notes."""
+    bounds_s = dance_bounds_s(music.beat_times_s, music.duration_s)
+    asked = resolve(wishes, repertoire, bounds_s, music.duration_s)
+    notes: tuple[str, ...] = ()
+    if repertoire.n_clips < config.candidates and config.planner != "motion-graph":
+        notes = (f"{repertoire.n_clips} clips, fewer than {config.candidates} candidates: all take part",)
+    costs = [*(cost() for cost in BUILTIN_COSTS), *own.costs]
+    if _steered(wishes):
+        goal = wanted_goal(wishes, repertoire)
+        costs += [Signature(goal, music), MotifTransition(goal, music)]
+    weighted = [WeightedCost(cost, own.weights[cost.name]) for cost in costs]
+    allowed = Allowed.of(wishes, asked, repertoire, len(music.style))
+    if allowed is not None:
+        weighted.append(WeightedCost(allowed, 1.0))
+    try:
+        nodes, priced = _planned(music, repertoire, config, weighted, allowed, report)
+    except NoPathError as error:
+        if allowed is None:
+            raise
+        raise NoPathError(f"{error}; asked for: {wishes}") from error
+    plan = _to_plan(nodes, priced, music, repertoire, config, dict(own.weights), start_s)
+    if report is not None:
+        report("rendering", 0, 0)
+    motion = render(plan, repertoire)
+    if asked.motifs or asked.motif_banned.any():
+        plan, motion = overlaid_plan(plan, motion, asked, repertoire)
+    return plan, motion, notes
+
+
+def _steered(wishes: Wishes) -> bool:
+    return wishes.genre is not None or wishes.signature is not None
+
+
+class Allowed(Cost):
+    """Forbids what the user banned, and all but the pinned takes where some are pinned."""
+
+    name = "asked"
+
+    def __init__(self, takes: NDArray[np.bool_], motif_banned: NDArray[np.bool_]) -> None:
+        self.takes = takes  # (S, takes) which may be danced when
+        self.motif_banned = np.append(motif_banned, False)  # (K + 1,) the last one for no motif: index -1
+
+    @classmethod
+    def of(cls, wishes: Wishes, asked: Asked, repertoire: Repertoire, n_seconds: int) -> Allowed | None:
+        """For a dance of so many seconds; None if nothing is forbidden."""
+        takes = np.tile(asked.take_allowed, (n_seconds, 1))
+        for pin in wishes.pins:
+            if isinstance(pin, TakePin):
+                take = repertoire.take_index(pin.take)
+                if not (repertoire.clip_take == take).any():
+                    raise ParameterError(f"pin {pin}: the take is shorter than the 8 s of a clip")
+                here = slice(int(pin.start_s), int(np.ceil(pin.end_s)))
+                takes[here] = np.arange(takes.shape[1]) == take
+        if takes.all() and not asked.motif_banned.any():
+            return None
+        return cls(takes, asked.motif_banned)
+
+    def node(self, layer: Layer, music: Music) -> NDArray[np.floating]:
+        fine = self.takes[layer.second, layer.take] & ~self.motif_banned[layer.motifs].any(axis=1)
+        return np.where(fine, 0.0, np.inf)
+
+
+def _planned(
+    music: Music,
+    repertoire: Repertoire,
+    config: DanceConfig,
+    costs: list[WeightedCost],
+    allowed: Allowed | None,
+    report: Report | None,
+) -> tuple[Sequence[Layer], Sequence[dict[str, float]]]:
+    """Select, warp, build the graph and plan."""
+    clips = ClipTable(
+        repertoire.clip_take,
+        repertoire.clip_start_frame,
+        np.array([take.name for take in repertoire.takes]),
+        np.array([take.credits.genre for take in repertoire.takes]),
+        repertoire.clip_style,
+    )
+    chosen, cast = _selected(music, repertoire, config, costs, allowed)
+    segments = warp_segments(
+        chosen, music.density, music.beat_times_s, repertoire.clip_density,
+        repertoire.clip_speed, _clip_beats(repertoire), report=_stage(report, "warping"),
+    )  # fmt: skip
+    motifs, n_motifs = None, 0
+    if any(isinstance(w.cost, (Allowed, *MOTIF_COSTS)) for w in costs) and repertoire.has_vocabulary:
+        vocabulary = repertoire.vocabulary
+        known = StretchMotifs(repertoire.body_pos_m, NET_FPS, repertoire.word_net().embed, vocabulary.motifs)
+        motifs, n_motifs = (
+            node_motifs(segments, clips, song_words_s(music), known.motifs_of), vocabulary.n_motifs,
+        )  # fmt: skip
+    source = LayerSource(segments, clips, repertoire, cast, motifs=motifs, n_motifs=n_motifs)
+    if config.planner == "motion-graph":
+        from choreograph.graph.motion_graph import plan_motion_graph
+
+        path = plan_motion_graph(source, costs, music)
+    else:
+        planner = plan_exact if config.planner == "exact" else plan_greedy
+        path = planner(source, costs, music, report=_stage(report, "planning"))
+    return path.nodes, path.costs
+
+
+def _selected(
+    music: Music,
+    repertoire: Repertoire,
+    config: DanceConfig,
+    costs: list[WeightedCost],
+    allowed: Allowed | None,
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """The candidates of each second (S, K), and the takes cast in it (S, takes)."""
+    known = (music.style, music.beat_count, repertoire.clip_style, repertoire.clip_beat_count)
+    beat_weight = repertoire.selection_beat_weight
+    losses = take_losses(
+        *known, repertoire.clip_take, n_takes=len(repertoire.takes), beat_weight=beat_weight
+    )  # fmt: skip
+    phrases = phrase_of_seconds(music.beat_times_s, len(music.style))
+    cast = cast_takes(losses, phrases, rng=np.random.default_rng(config.seed))
+    wanted = next(w.weight for w in costs if w.cost.name == Variety.name)
+
+    def forbidden(second: int) -> NDArray[np.floating]:
+        fine = True if allowed is None else allowed.takes[second, repertoire.clip_take]
+        return np.where(fine, 0.0, np.inf)
+
+    chosen = select_clips(
+        *known, candidates=config.candidates, beat_weight=beat_weight,
+        penalty=lambda second: wanted * ~cast[second, repertoire.clip_take] + forbidden(second),
+    )  # fmt: skip
+    return chosen, cast
+
+
+def _stage(report: Report | None, name: str) -> Callable[[int, int], None] | None:
+    return None if report is None else lambda done, total: report(name, done, total)
+
+
+def _clip_beats(repertoire: Repertoire) -> ClipBeats:
+    beats = [repertoire.clip_motion_beats(clip) for clip in range(repertoire.n_clips)]
+    stops = np.cumsum([len(b) for b in beats])
+    starts = stops - [len(b) for b in beats]
+    return ClipBeats(np.concatenate(beats), np.stack([starts, stops], axis=1))
+
+
+def _to_plan(
+    nodes: Sequence[Layer],
+    priced: Sequence[dict[str, float]],
+    music: Music,
+    repertoire: Repertoire,
+    config: DanceConfig,
+    weights: dict[str, float],
+    start_s: float,
+) -> Plan:
+    seconds = []
+    for node, costs in zip(nodes, priced, strict=True):
+        clip, take = int(node.clip[0]), int(node.take[0])
+        clip_start_s = repertoire.clip_start_s(clip)
+        times: NDArray[np.float64] = clip_start_s + node.source_frames[0].astype(np.float64) / NET_FPS
+        seconds.append(
+            PlannedSecond(
+                second=node.second,
+                take=repertoire.takes[take].name,
+                clip=clip,
+                clip_start_s=clip_start_s,
+                segment_second=node.second - int(node.offset[0]),
+                offset=int(node.offset[0]),
+                source_times_s=tuple(float(t) for t in times.round(5)),
+                costs=costs,
+                credits=repertoire.takes[take].credits,
+            )
+        )
+    return Plan(
+        song=music.name,
+        duration_s=music.duration_s,
+        start_s=start_s,
+        repertoire=repertoire.path.name,
+        planner=config.planner,
+        blending=config.blending,
+        seed=config.seed,
+        fps=config.fps,
+        weights=weights,
+        music_beats_s=tuple(float(beat) for beat in music.beat_times_s),
+        seconds=tuple(seconds),
+    )

@@ -1,0 +1,89 @@
+"""The words that may be danced in each place of one dance, and what each costs by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.motifs.vocabulary import Vocabulary
+from choreograph.pipeline.asked import Asked
+from choreograph.plan import PlannedWord
+from choreograph.repertoire import Repertoire
+from choreograph.rollout.mixer import Choices
+from choreograph.rollout.word_bank import WordBank
+
+# What a word costs by itself, metres of joint distance.
+_SAFE_M = 0.04  # it should be nearer to its own motif than to any other by this: joins move it a little
+_HURRY_M = 0.1  # at twice or half its speed
+_WHIM_M = 0.02  # left to the seed
+
+
+@dataclass(frozen=True, eq=False)
+class Shelf:
+    """All words of a repertoire for what is asked of one dance."""
+
+    asked: Asked
+    repertoire: Repertoire
+    bank: WordBank
+    rng: np.random.Generator
+
+    @classmethod
+    def of(cls, asked: Asked, repertoire: Repertoire, rng: np.random.Generator) -> Shelf:
+        """The shelf of a repertoire; `RepertoireError` if it has no vocabulary."""
+        bank = WordBank(repertoire.vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
+        return cls(asked, repertoire, bank, rng)
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """Whose words they are."""
+        return self.bank.vocabulary
+
+    def length_s(self, place: int) -> float:
+        """How long the word in a place lasts."""
+        return float(self.asked.bounds_s[place + 1] - self.asked.bounds_s[place])
+
+    def choices(self, place: int, motif: int | None) -> Choices:
+        """Words of a motif, or of any that is not banned if it is None, for a place; perhaps none."""
+        asked, v = self.asked, self.vocabulary
+        fits = asked.take_allowed[v.word_take] & ~asked.motif_banned[v.word_motif]
+        if motif is not None:
+            fits &= v.word_motif == motif
+        if place in asked.takes:
+            fits &= v.word_take == asked.takes[place]
+        words = np.flatnonzero(fits)
+        hurry = np.log2((v.word_end_s[words] - v.word_start_s[words]) / self.length_s(place))
+        price = _HURRY_M * hurry**2 + _WHIM_M * self.rng.exponential(size=len(words))
+        price += np.maximum(self.bank.doubt_m(words) + _SAFE_M, 0.0)
+        return Choices(words, price, *self.bank.borders_m(words, self.length_s(place)))
+
+    def motif_allowed(self) -> NDArray[np.bool_]:
+        """Motifs (K,) that have a word that may be danced."""
+        allowed = np.zeros(self.vocabulary.n_motifs, bool)
+        allowed[self.vocabulary.word_motif[self.asked.take_allowed[self.vocabulary.word_take]]] = True
+        return allowed & ~self.asked.motif_banned
+
+    def planned(self, place: int, word: int) -> PlannedWord:
+        """A word in its place of the dance."""
+        v, bounds_s = self.vocabulary, self.asked.bounds_s
+        take = self.repertoire.takes[v.word_take[word]]
+        return PlannedWord(
+            start_s=round(float(bounds_s[place]), 6), end_s=round(float(bounds_s[place + 1]), 6),
+            motif=int(v.word_motif[word]), take=take.name,
+            source_start_s=round(float(v.word_start_s[word]), 6),
+            source_end_s=round(float(v.word_end_s[word]), 6), credits=take.credits,
+            pinned=place in self.asked.pinned,
+        )  # fmt: skip
+
+
+def stretches(places: Mapping[int, object]) -> list[list[int]]:
+    """Places that follow one another with the same value, in order."""
+    found: list[list[int]] = []
+    for place in sorted(places):
+        if found and found[-1][-1] == place - 1 and places[place - 1] == places[place]:
+            found[-1].append(place)
+        else:
+            found.append([place])
+    return found
