@@ -68,7 +68,7 @@ PACKED_ORDER, PACKED_RESTART = 2, 8192
 PACKED_HALVES = ("motifs/embeddings",)  # f2 in a packed file, as networks' weights are
 
 # nets/<name>: a group with the attribute `config` (JSON) and one dataset per weight, any shape.
-NETS = ("style", "motion_density", "music_density", "words")
+NETS = ("style", "motion_density", "music_density", "words", "rollout")
 
 # Attributes of the file itself.
 ATTRIBUTES = ("format", "version", "density", "provenance")
