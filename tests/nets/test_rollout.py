@@ -24,7 +24,7 @@ def random_motion(seed: int, n_frames: int = 40) -> Motion:
     rng = np.random.default_rng(seed)
     steps = rng.normal(0, 0.05, (n_frames, 24, 3))
     quat = rot.from_rotvec(np.cumsum(steps, axis=0))
-    root = np.cumsum(rng.normal(0, 0.02, (n_frames, 3)), axis=0) + [0.0, 0.9, 0.0]
+    root = np.cumsum(rng.normal(0, 0.02, (n_frames, 3)), axis=0) + np.array([0.0, 0.9, 0.0])
     return Motion(canonical_skeleton(), root, rot.make_continuous(quat), ROLLOUT_FPS)
 
 
@@ -185,5 +185,5 @@ def test_training_learns_goes_on_from_a_checkpoint_and_is_the_same_twice(planted
 
 def test_takes_too_short_are_refused_in_one_line(planted):
     takes, words = planted
-    with pytest.raises(ParameterError, match="motion words for over 333.3 s"):
+    with pytest.raises(ParameterError, match=r"motion words for over 333\.3 s"):
         train_rollout(takes, words, rollout_config("tiny", frames=10_000), seed=0)
