@@ -8,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
-from choreograph.metrics.beat import chance_f_score, evaluate, f_score, squared_distance, validate
+from choreograph.metrics.beat import (
+    aligned_share,
+    beat_ratio,
+    chance_f_score,
+    evaluate,
+    f_score,
+    squared_distance,
+    validate,
+)
 
 NONE = np.zeros(0)
 
@@ -20,13 +28,21 @@ def beat_lists(max_size: int = 15):
 
 def test_perfect():
     beats = np.arange(0.3, 20, 0.5)
-    assert evaluate(beats, beats) == {"f_score": 1.0, "motion_to_music": 0.0, "music_to_motion": 0.0}
+    assert evaluate(beats, beats) == {
+        "f_score": 1.0,
+        "motion_to_music": 0.0,
+        "music_to_motion": 0.0,
+        "aligned_share": 1.0,
+        "beat_ratio": 1.0,
+    }
 
 
 def test_empty():
     beats = np.array([1.0, 2.0])
     assert f_score(NONE, beats) == f_score(beats, NONE) == f_score(NONE, NONE) == 0.0
     assert all(np.isnan(squared_distance(a, b)) for a, b in ((NONE, beats), (beats, NONE)))
+    assert np.isnan(aligned_share(NONE, beats)) and aligned_share(beats, NONE) == 0.0
+    assert np.isnan(beat_ratio(beats, NONE)) and beat_ratio(NONE, beats) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -49,6 +65,13 @@ def test_known_by_hand():
     assert f_score(motion, music) == pytest.approx(2 * 1 / 7)
     assert squared_distance(motion, music) == pytest.approx((3**2 + 6**2 + 30**2) / 3)
     assert squared_distance(music, motion) == pytest.approx((3**2 + 6**2 + 30**2 + 90**2) / 4)
+
+
+def test_aligned_within_a_thirtieth_of_a_second():
+    music = np.array([1.0, 2.0, 3.0, 4.0])
+    motion = np.array([1.03, 1.9, 2.5, 2.97, 3.04])
+    assert aligned_share(motion, music) == pytest.approx(2 / 5)
+    assert beat_ratio(motion, music) == pytest.approx(5 / 4)
 
 
 def test_each_beat_is_matched_once():
