@@ -5,6 +5,8 @@
 - `dance` — a song and a repertoire to a `Dance`: motion, plan, notes
 - `starter_repertoire`, `example_songs` — what comes along to begin with
 - `render` — the motion of a (perhaps edited) `Plan`
+- `MotifPin`, `TakePin`, `Ban` — what a dance should hold, and what not; `vary` makes several dances
+- `motifs_of`, `signature_of` — of a take, to be danced again
 - `Cost`, `Layer`, `Music` — for costs of your own
 - `Motion`, `Skeleton`, `Take` — motion and where it comes from
 """
@@ -19,7 +21,18 @@ if TYPE_CHECKING:
     from choreograph.graph import Cost, Layer
     from choreograph.motion.motion import Motion
     from choreograph.motion.skeleton import Skeleton
-    from choreograph.pipeline import BuildOptions, Dance, build_repertoire, dance, render
+    from choreograph.pipeline import (
+        Ban,
+        BuildOptions,
+        Dance,
+        MotifPin,
+        TakePin,
+        build_repertoire,
+        dance,
+        render,
+        vary,
+    )
+    from choreograph.pipeline.recreating import motifs_of, signature_of
     from choreograph.plan import Plan
     from choreograph.repertoire import Repertoire
     from choreograph.starter import example_songs, starter_repertoire
@@ -27,6 +40,7 @@ if TYPE_CHECKING:
 
 # Imported when first asked for: `choreograph --help` must not wait for numba and torch.
 _HOMES = {
+    "Ban": "pipeline",
     "BuildOptions": "pipeline",
     "ChoreographError": "errors",
     "Cost": "graph",
@@ -35,22 +49,27 @@ _HOMES = {
     "DanceConfig": "config",
     "Layer": "graph",
     "Motion": "motion.motion",
+    "MotifPin": "pipeline",
     "Music": "features.music",
     "Plan": "plan",
     "Repertoire": "repertoire",
     "Skeleton": "motion.skeleton",
     "Take": "takes",
+    "TakePin": "pipeline",
     "build_repertoire": "pipeline",
     "dance": "pipeline",
     "example_songs": "starter",
+    "motifs_of": "pipeline.recreating",
     "render": "pipeline",
+    "signature_of": "pipeline.recreating",
     "starter_repertoire": "starter",
+    "vary": "pipeline",
 }
 
 __all__ = [
-    "BuildOptions", "ChoreographError", "Cost", "Credits", "Dance", "DanceConfig", "Layer", "Motion", "Music",
-    "Plan", "Repertoire", "Skeleton", "Take", "build_repertoire", "dance", "example_songs", "render",
-    "starter_repertoire",
+    "Ban", "BuildOptions", "ChoreographError", "Cost", "Credits", "Dance", "DanceConfig", "Layer", "MotifPin",
+    "Motion", "Music", "Plan", "Repertoire", "Skeleton", "Take", "TakePin", "build_repertoire", "dance",
+    "example_songs", "motifs_of", "render", "signature_of", "starter_repertoire", "vary",
 ]  # fmt: skip
 
 

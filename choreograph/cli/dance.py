@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -20,6 +20,9 @@ from choreograph.errors import ParameterError
         "choreograph dance song.mp3 --db rep.h5 -o a.mp4     your own takes, as a video",
         "choreograph dance song.mp3 --start 30 --duration 20 --weight transition=8",
         "choreograph dance song.mp3 --plan plan.json -o a.bvh   an edited plan, rendered again",
+        "choreograph dance song.mp3 --engine mixer --genre waltz",
+        "choreograph dance song.mp3 --pin 12.0=motif:41 --pin 30-38=take:NAME --ban genre:tango",
+        "choreograph dance song.mp3 --recreate NAME             its moves, to this song",
     )
 )
 @click.argument("song", required=False, type=click.Path(path_type=Path))
@@ -36,6 +39,35 @@ from choreograph.errors import ParameterError
     "--plan", "plan_path", type=click.Path(path_type=Path),
     help="Render this (edited) plan; SONG is then only heard.",
 )  # fmt: skip
+@click.option(
+    "--engine", metavar="graph|mixer|rollout",
+    help="What a dance is made of: seconds of takes (graph, the default), motion words of takes (mixer), or "
+    "a network's motion (rollout).",
+)  # fmt: skip
+@click.option("--genre", help="Dance as this genre of the repertoire does.")
+@click.option(
+    "--signature", type=click.Path(path_type=Path),
+    help="Dance with this share of every motif: a file of `choreograph inspect --signature`.",
+)  # fmt: skip
+@click.option(
+    "--motifs", "motif_file", type=click.Path(path_type=Path),
+    help="Dance these motifs: JSON, a list of numbers or of {\"at_s\": …, \"motif\": …}, or a plan.",
+)  # fmt: skip
+@click.option(
+    "--recreate",
+    metavar="TAKE",
+    help="Dance the motifs of this take, or motion file with its song beside it.",
+)
+@click.option(
+    "--pin",
+    multiple=True,
+    metavar="SECOND=motif:N|FROM-TO=take:NAME",
+    help="Dance this then; repeat for more.",
+)
+@click.option(
+    "--ban", multiple=True, metavar="take:NAME|genre:NAME|motif:N", help="Never dance this; repeat for more."
+)
+@click.option("--variations", type=int, metavar="N", help="N dances that differ: NAME-1.bvh, NAME-2.bvh, …")
 @click.option("--planner", metavar="exact|greedy|motion-graph", help="exact (default): the cheapest path.")
 @click.option("--candidates", type=int, help="Clips warped for each second (512).")
 @click.option("--blending", metavar="inertial|linear", help="How seconds are joined (inertial).")
@@ -49,11 +81,12 @@ from choreograph.errors import ParameterError
 @click.option("--json", "as_json", is_flag=True, help="Say what was made as JSON, for machines.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no summary.")
 def command(
-    song, db, output, opened, plan_path, weight, config, start, duration, as_json, quiet, **settings
-) -> None:
+    song, db, output, opened, plan_path, genre, signature, motif_file, recreate, pin, ban, variations, weight,
+    config, start, duration, as_json, quiet, **settings,
+) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file)."""
     from choreograph.config import DanceConfig, load_config
-    from choreograph.pipeline.dancing import Dance, dance, render
+    from choreograph.pipeline import Dance, dance, render, vary
     from choreograph.pipeline.saving import check_outputs
     from choreograph.plan import Plan
     from choreograph.repertoire import Repertoire
@@ -61,29 +94,41 @@ def command(
     if song is None and plan_path is None:
         raise ParameterError("expected a SONG, or --plan FILE; `choreograph songs` lists a few to begin with")
     outputs = _outputs(output, (song or plan_path).stem, opened)
-    check_outputs(outputs)
+    numbered = [_numbered(outputs, number, variations) for number in range(1, (variations or 1) + 1)]
+    check_outputs([path for paths in numbered for path in paths])
     settings = {name: value for name, value in settings.items() if value is not None}
     base = load_config(config) if config else DanceConfig()
     chosen = replace(base, **settings, weights={**base.weights, **_weights(weight)})
     repertoire = _starter() if db is None else Repertoire.open(db)
+    wishes = _wishes(repertoire, genre, signature, motif_file, recreate, pin, ban)
+    if plan_path is not None and (variations or any(wishes.values())):
+        raise ParameterError(
+            "a plan says everything that is danced: expected no pins, bans or other wishes beside"
+        )
     with stages(quiet=quiet or as_json) as shown:
         if plan_path is not None:
             plan = Plan.read(plan_path)
             notes = () if song else ("no SONG beside the plan: a page or video of it is silent",)
-            made = Dance(render(plan, repertoire), plan, notes, song)
+            dances = [Dance(render(plan, repertoire), plan, notes, song)]
         else:
-            made = dance(
-                song, repertoire, config=chosen, start_s=start, duration_s=duration, report=shown.report
-            )
-        for path in outputs:
-            made.save(path, report=shown.report)
+            options = {"start_s": start, "duration_s": duration, "report": shown.report, **wishes}
+            engine = settings.get("engine")
+            if variations is None:
+                dances = [dance(song, repertoire, engine=engine, config=chosen, **options)]
+            else:
+                dances = vary(song, repertoire, variations, engine=engine, config=chosen, **options)
+        for made, paths in zip(dances, numbered, strict=True):
+            for path in paths:
+                made.save(path, report=shown.report)
     if as_json:
-        click.echo(json.dumps(_facts(made, outputs), indent=1))
+        facts = [_facts(made, paths) for made, paths in zip(dances, numbered, strict=True)]
+        click.echo(json.dumps(facts if variations else facts[0], indent=1))
     elif not quiet:
-        show_notes(made.notes)
-        click.echo(_summary(made.plan, outputs))
+        show_notes(dict.fromkeys(note for made in dances for note in made.notes))
+        for made, paths in zip(dances, numbered, strict=True):
+            click.echo(_summary(made.plan, paths))
     if opened:
-        page = next(path for path in outputs if path.suffix.lower() == ".html")
+        page = next(path for path in numbered[0] if path.suffix.lower() == ".html")
         click.launch(page.resolve().as_uri())
 
 
@@ -92,6 +137,30 @@ def _outputs(given: tuple[Path, ...], stem: str, opened: bool) -> tuple[Path, ..
     if opened and not any(path.suffix.lower() == ".html" for path in outputs):
         outputs = (*outputs, Path(f"{stem}.html"))
     return outputs
+
+
+def _numbered(outputs: tuple[Path, ...], number: int, variations: int | None) -> tuple[Path, ...]:
+    """The files of one variation: NAME-1.bvh for NAME.bvh; as they are if there is but one dance."""
+    if variations is None:
+        return outputs
+    return tuple(path.with_name(f"{path.stem}-{number}{path.suffix}") for path in outputs)
+
+
+def _wishes(repertoire, genre, signature, motif_file, recreate, pins, bans) -> dict[str, Any]:
+    """What `dance` is asked for, from the command line's text and files."""
+    from choreograph.pipeline.recreating import motifs_of
+    from choreograph.pipeline.wishes import parse_ban, parse_pin, read_motifs, read_signature
+
+    if motif_file is not None and recreate is not None:
+        raise ParameterError("expected --motifs or --recreate, got both: each says the whole sequence")
+    motifs = read_motifs(motif_file) if motif_file else motifs_of(recreate, repertoire) if recreate else ()
+    return {
+        "genre": genre,
+        "signature": read_signature(signature) if signature else None,
+        "motifs": motifs,
+        "pins": tuple(parse_pin(text) for text in pins),
+        "bans": tuple(parse_ban(text) for text in bans),
+    }
 
 
 def _starter():
@@ -114,17 +183,19 @@ def _weights(given: tuple[str, ...]) -> dict[str, float]:
 
 
 def _summary(plan, outputs) -> str:
-    takes = {second.take for second in plan.seconds}
+    takes = {block.planned.take for block in plan.blocks}
+    of = f"{len(takes)} takes" if plan.engine != "rollout" else "the rollout network"
+    words = f", {len(plan.words)} motion words" if plan.words else ""
     return (
-        f"{', '.join(str(path) for path in outputs)}: {plan.duration_s:.1f} s from {len(takes)} takes, "
-        f"{len(plan.music_beats_s)} music beats"
+        f"{', '.join(str(path) for path in outputs)}: {plan.duration_s:.1f} s from {of}, "
+        f"{len(plan.music_beats_s)} music beats{words}"
     )
 
 
 def _facts(made, outputs) -> dict:
     plan = made.plan
-    credits = {second.take: second.credits for second in plan.seconds}
-    seconds = Counter(second.take for second in plan.seconds)
+    credits = {block.planned.take: block.planned.credits for block in plan.blocks}
+    takes_s = sorted(plan.takes_s().items(), key=lambda item: -item[1])
     return {
         "outputs": [str(path) for path in outputs],
         "song": plan.song,
@@ -133,8 +204,10 @@ def _facts(made, outputs) -> dict:
         "music_beats": len(plan.music_beats_s),
         "motion_beats": len(made.motion_beats_s),
         "takes": [
-            {"name": name, "seconds": count, **vars(credits[name])} for name, count in seconds.most_common()
+            {"name": name, "seconds": round(danced_s, 3), **vars(credits[name])} for name, danced_s in takes_s
         ],
+        "engine": plan.engine,
+        "motifs": [word.motif for word in plan.words],
         "cost": round(plan.total_cost, 4),
         "notes": list(made.notes),
     }

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from choreograph.cli.present import examples
+from choreograph.errors import ParameterError
 
 _COMMON = 5  # motifs named of a genre
 
@@ -20,6 +21,7 @@ _COMMON = 5  # motifs named of a genre
         "choreograph inspect                     the built-in repertoire",
         "choreograph inspect rep.h5 --json",
         "choreograph inspect rep.h5 --plots plots/   signatures, transitions and motifs as PNG",
+        "choreograph inspect rep.h5 --signature waltz -o mine.json   for `choreograph dance --signature`",
     )
 )
 @click.argument("db", required=False, type=click.Path(path_type=Path))
@@ -28,12 +30,24 @@ _COMMON = 5  # motifs named of a genre
     "--plots", type=click.Path(path_type=Path), metavar="FOLDER",
     help="Write what its genres are made of as PNG: signatures, transitions, distances, motifs.",
 )  # fmt: skip
-def command(db, as_json, plots) -> None:
+@click.option("--signature", metavar="TAKE|GENRE", help="Write the signature of this take or genre to -o.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="File for --signature (.json).")
+def command(db, as_json, plots, signature, output) -> None:
     """Show takes, clips, networks and motifs of the repertoire DB, by default of the built-in one."""
     from choreograph.repertoire import Repertoire
     from choreograph.starter import STARTER_PATH
 
+    if (signature is None) != (output is None):
+        raise ParameterError("expected --signature TAKE|GENRE together with -o FILE, got one of the two")
     repertoire = Repertoire.open(db or STARTER_PATH)
+    if signature is not None:
+        from choreograph.pipeline.recreating import signature_of
+        from choreograph.pipeline.wishes import write_signature
+
+        shares = signature_of(signature, repertoire)
+        write_signature(output, shares, name=signature, repertoire=repertoire.path.name)
+        click.echo(f"{output}: signature of {signature}, {int((shares > 0).sum())} of {len(shares)} motifs")
+        return
     facts = _facts(repertoire)
     if plots is not None:
         from choreograph.preview.motif_plots import write_motif_plots
