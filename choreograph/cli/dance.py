@@ -67,6 +67,11 @@ from choreograph.errors import ParameterError
 @click.option(
     "--ban", multiple=True, metavar="take:NAME|genre:NAME|motif:N", help="Never dance this; repeat for more."
 )
+@click.option(
+    "--style-song",
+    type=click.Path(path_type=Path),
+    help="With --engine rollout: move in another song's style.",
+)
 @click.option("--variations", type=int, metavar="N", help="N dances that differ: NAME-1.bvh, NAME-2.bvh, …")
 @click.option("--planner", metavar="exact|greedy|motion-graph", help="exact (default): the cheapest path.")
 @click.option("--candidates", type=int, help="Clips warped for each second (512).")
@@ -81,8 +86,8 @@ from choreograph.errors import ParameterError
 @click.option("--json", "as_json", is_flag=True, help="Say what was made as JSON, for machines.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no summary.")
 def command(
-    song, db, output, opened, plan_path, genre, signature, motif_file, recreate, pin, ban, variations, weight,
-    config, start, duration, as_json, quiet, **settings,
+    song, db, output, opened, plan_path, genre, signature, motif_file, recreate, pin, ban, style_song,
+    variations, weight, config, start, duration, as_json, quiet, **settings,
 ) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file)."""
     from choreograph.config import DanceConfig, load_config
@@ -112,6 +117,7 @@ def command(
             dances = [Dance(render(plan, repertoire), plan, notes, song)]
         else:
             options = {"start_s": start, "duration_s": duration, "report": shown.report, **wishes}
+            options["style_song"] = style_song
             engine = settings.get("engine")
             if variations is None:
                 dances = [dance(song, repertoire, engine=engine, config=chosen, **options)]

@@ -61,6 +61,7 @@ def dance(
     motifs: Sequence[int] | Sequence[MotifPin] = (),
     pins: Sequence[Pin] = (),
     bans: Sequence[Ban] = (),
+    style_song: str | Path | Song | None = None,
     config: DanceConfig | None = None,
     weights: Mapping[str, float] | None = None,
     costs: Sequence[Cost] = (),
@@ -81,6 +82,7 @@ def dance(
     motifs : of the dance's words from the first on, or with their times
     pins : `MotifPin`s and `TakePin`s, in seconds of the dance; what they say is danced, whatever it costs
     bans : takes, genres and motifs that are not danced
+    style_song : another song, whose colour the rollout's motion takes on
     config : engine, planner, candidates, blending, rate, seed (default `DanceConfig()`)
     weights : cost name -> weight, over those of `config`; 0 leaves a cost out; of the graph engine
     costs : costs of your own beside the built-in ones; weight 1 unless given; of the graph engine
@@ -108,8 +110,12 @@ def dance(
     elif costs or weights:
         raise ParameterError(f"costs and weights are of the graph engine, got the {config.engine} engine")
     _check_repertoire(repertoire, config, wishes)
+    if style_song is not None and config.engine != "rollout":
+        raise ParameterError(f"a style song is of the rollout engine, got the {config.engine} engine")
     if not isinstance(song, Song):
         song = load_song(song, start_s=start_s, duration_s=duration_s)
+    if style_song is not None and not isinstance(style_song, Song):
+        style_song = load_song(style_song)
     if report is not None:
         report("hearing", 0, 0)
     music, notes = hear(song, repertoire, beats=config.beats)
@@ -125,7 +131,7 @@ def dance(
         goal, more = goal_for(music, repertoire, wishes)
         plan, motion, _ = roll(
             song, music, repertoire, config, wishes, signature=goal.signature,
-            transitions=goal.transitions, start_s=start_s, report=report,
+            transitions=goal.transitions, style_song=style_song, start_s=start_s, report=report,
         )  # fmt: skip
         more = (*more, *sequence_notes(wishes, len(plan.words)))
     return Dance(motion, plan, (*notes, *more), song.path)
@@ -165,6 +171,11 @@ def _with_engine(config: DanceConfig, engine: str | None, wishes: Wishes) -> Dan
     if engine is None and wishes.motifs and config.engine == "graph":
         engine = "mixer"
     config = replace(config, engine=engine or config.engine)
+    steered = wishes.genre is not None or wishes.signature is not None
+    if config.engine == "graph" and config.planner == "motion-graph" and steered:
+        raise ParameterError(
+            "the motion-graph planner follows no genre or signature: expected exact or greedy"
+        )
     if config.engine == "graph" and wishes.motifs:
         raise ParameterError(
             "the graph engine dances seconds, not a whole sequence of motifs: expected the mixer or rollout "
