@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from choreograph.errors import ParameterError
 from choreograph.files import atomic_path, check_target
 from choreograph.motion.motion import Motion
-from choreograph.plan import Plan, PlannedSecond
+from choreograph.plan import Block, Plan, PlannedSecond
 from choreograph.preview.figure import build_figure
 from choreograph.preview.packing import ROTVEC_STEP_RAD, pack_figure, pack_motion, to_text
 from choreograph.preview.sound import Levels, encode_mp4, song_part
@@ -37,6 +37,7 @@ _SCRIPTS = (
     "colours.js", "gestures.js", "timeline.js", "card.js", "player.js", "controls.js", "main.js",
 )  # fmt: skip
 _LEVELS_PER_S = 50
+_NETWORK = "rollout network"  # who dances where no take does
 _LENGTH_SLACK_S = 0.1  # a plan's length is the song's, a motion's is whole frames
 
 
@@ -56,7 +57,7 @@ def write_page(
     Parameters
     ----------
     path : the file to write, whole or not at all
-    motion, plan : of a dance; the plan's seconds are the timeline's blocks
+    motion, plan : of a dance; the timeline's blocks are the plan's
     song_path : the song as it came; its danced part goes into the page. None: the page is silent
     motion_beats_s : (Q,) instants in the dance, increasing
     start_s : of the dance in the song file; the plan's `start_s` unless given
@@ -119,7 +120,7 @@ def _checked_duration(motion: Motion, plan: Plan, duration_s: float | None) -> f
             f"{plan.duration_s:.2f} s: they may be of two dances"
         )
     if duration_s is None:
-        return min(motion.duration_s, float(len(plan.seconds)))
+        return min(motion.duration_s, plan.blocks[-1].end_s)
     if not (np.isfinite(duration_s) and 0 < duration_s <= motion.duration_s + _LENGTH_SLACK_S):
         raise ParameterError(
             f"expected a duration in (0, {motion.duration_s:.2f}] s, the dance's length, got {duration_s:g}"
@@ -143,13 +144,13 @@ def _rounded(times_s: Sequence[float] | NDArray[np.floating], duration_s: float)
 
 
 def _sources(plan: Plan, duration_s: float) -> dict[str, Any]:
-    """Every second's block: takes by index into a table of names and credits."""
-    shown = [second for second in plan.seconds if second.second < duration_s]
-    names = sorted({second.take for second in shown})
-    credits = {second.take: second.credits for second in shown}
+    """Every block of the timeline: takes by index into a table of names and credits."""
+    shown = [block for block in plan.blocks if block.start_s < duration_s]
+    credits = {block.planned.take: block.planned.credits for block in shown}
+    names = sorted(credits)
     takes = [
         {
-            "name": name,
+            "name": name or _NETWORK,
             "genre": credits[name].genre,
             "performer": credits[name].performer,
             "licence": credits[name].licence,
@@ -158,19 +159,28 @@ def _sources(plan: Plan, duration_s: float) -> dict[str, Any]:
         for name in names
     ]
     index = {name: i for i, name in enumerate(names)}
-    return {"takes": takes, "seconds": [_block(second, index[second.take]) for second in shown]}
-
-
-def _block(second: PlannedSecond, take: int) -> dict[str, Any]:
-    first, last = second.source_times_s[0], second.source_times_s[-1]
     return {
-        "take": take,
-        "clip": second.clip,
-        "clip_start_s": round(second.clip_start_s, 3),
-        "from_s": round(first, 3),
-        "to_s": round(last, 3),
-        "costs": {name: round(cost, 4) for name, cost in second.costs.items()},
+        "takes": takes,
+        "blocks": [_block(block, index[block.planned.take], duration_s) for block in shown],
     }
+
+
+def _block(block: Block, take: int, duration_s: float) -> dict[str, Any]:
+    shown: dict[str, Any] = {
+        "take": take,
+        "start_s": round(block.start_s, 4),
+        "end_s": round(min(block.end_s, duration_s), 4),
+    }
+    planned = block.planned
+    if planned.take:
+        shown |= {"from_s": round(block.source_start_s, 3), "to_s": round(block.source_end_s, 3)}
+        shown |= {
+            "speed": round((block.source_end_s - block.source_start_s) / (block.end_s - block.start_s), 4)
+        }
+    if isinstance(planned, PlannedSecond):
+        shown |= {"clip": planned.clip, "clip_start_s": round(planned.clip_start_s, 3)}
+        return shown | {"costs": {name: round(cost, 4) for name, cost in planned.costs.items()}}
+    return shown | {"motif": planned.motif, "pinned": planned.pinned, "costs": {}}
 
 
 def _script_safe(data: Any) -> str:

@@ -48,8 +48,8 @@ def test_what_the_timeline_knows(tmp_path, song):
     assert dance["music_beats_s"] == list(np.arange(0, 5.5, 0.5))
     assert dance["motion_beats_s"] == [0.5, 1.5]
     assert [take["name"] for take in dance["takes"]] == sorted(TAKES)
-    assert len(dance["seconds"]) == 6
-    fourth = dance["seconds"][3]
+    assert len(dance["blocks"]) == 6
+    fourth = dance["blocks"][3]
     assert dance["takes"][fourth["take"]]["name"] == "ben-house"
     assert dance["takes"][fourth["take"]]["performer"] == "dancer of ben-house"
     assert (fourth["clip"], fourth["from_s"], fourth["to_s"]) == (41, 15.25, 16.5)
@@ -59,7 +59,7 @@ def test_what_the_timeline_knows(tmp_path, song):
 def test_a_part_of_the_dance(tmp_path, song):
     text = written(tmp_path / "page.html", song_path=song, duration_s=2.5, motion_beats_s=[0.5, 2.0, 3.0])
     dance = json.loads(element(text, "dance"))
-    assert (dance["duration_s"], len(dance["seconds"]), dance["motion_beats_s"]) == (2.5, 3, [0.5, 2.0])
+    assert (dance["duration_s"], len(dance["blocks"]), dance["motion_beats_s"]) == (2.5, 3, [0.5, 2.0])
     assert {take["name"] for take in dance["takes"]} == {"anna-waltz", "ben-house"}
     assert len(element(text, "sound")) < len(element(written(tmp_path / "all.html", song_path=song), "sound"))
 

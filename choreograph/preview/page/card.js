@@ -1,4 +1,4 @@
-// What is known of one second: its take, where in it, how it was warped, and what it cost.
+// What is known of one block: its take, where in it, how it was warped, and what it cost or which motif it is.
 
 import { clamp } from "./math.js";
 import { clockText } from "./timeline.js";
@@ -7,17 +7,17 @@ export class Card {
   constructor(dance) {
     this.dance = dance;
     this.element = document.getElementById("card");
-    this.second = null;
-    const all = dance.seconds.flatMap((second) => Object.values(second.costs).map(Math.abs));
-    this.dearest = all.reduce((a, b) => Math.max(a, b), 1e-9); // bars of all seconds are on one scale
+    this.block = null;
+    const all = dance.blocks.flatMap((block) => Object.values(block.costs).map(Math.abs));
+    this.dearest = all.reduce((a, b) => Math.max(a, b), 1e-9); // bars of all blocks are on one scale
   }
 
-  // Over the timeline, its middle at x of the window; second null hides it.
-  show(second, x, colours) {
-    this.element.hidden = second === null;
-    if (second === null) { this.second = null; return; }
-    if (second !== this.second) this.#fill(second, colours);
-    this.second = second;
+  // Over the timeline, its middle at x of the window; block null hides it.
+  show(block, x, colours) {
+    this.element.hidden = block === null;
+    if (block === null) { this.block = null; return; }
+    if (block !== this.block) this.#fill(block, colours);
+    this.block = block;
     const box = this.element.getBoundingClientRect();
     const top = document.getElementById("timeline").getBoundingClientRect().top - box.height - 10;
     const left = clamp(x - box.width / 2, 8, innerWidth - box.width - 8);
@@ -25,24 +25,27 @@ export class Card {
   }
 
   #fill(index, colours) {
-    const second = this.dance.seconds[index], take = this.dance.takes[second.take];
-    const length = Math.min(1, this.dance.duration_s - index);
-    this.element.style.setProperty("--take", colours[second.take].css);
+    const block = this.dance.blocks[index], take = this.dance.takes[block.take];
+    const isWord = "motif" in block, fine = isWord || block.end_s - block.start_s < 0.999;
+    this.element.style.setProperty("--take", colours[block.take].css);
     const title = made("h2", "", [made("i", "dot"), made("span", "", [take.name])]);
     const sub = [take.genre, take.performer, take.licence && `licence: ${take.licence}`].filter(Boolean).join(" · ");
     const facts = [
-      ["Second", `${clockText(index)} – ${clockText(index + length, length < 1)}`],
-      ["Clip", `${second.clip}, from ${clockText(second.clip_start_s, true)}`],
-      ["Danced there", `${second.from_s.toFixed(2)} – ${second.to_s.toFixed(2)} s`],
-      ["Warp", warpText(second.to_s - second.from_s)],
+      [isWord ? "Word" : "Second", `${clockText(block.start_s, fine)} – ${clockText(block.end_s, fine)}`],
+      isWord ? ["Motif", `${block.motif}${block.pinned ? ", pinned" : ""}`]
+        : ["Clip", `${block.clip}, from ${clockText(block.clip_start_s, true)}`],
     ];
-    const costs = Object.entries(second.costs);
+    if ("speed" in block) {
+      facts.push(["Danced there", `${block.from_s.toFixed(2)} – ${block.to_s.toFixed(2)} s`]);
+      facts.push(["Warp", warpText(block.speed)]);
+    }
+    const costs = Object.entries(block.costs);
     const total = costs.reduce((sum, [, cost]) => sum + cost, 0);
     this.element.replaceChildren(
       title,
       made("p", "sub", [sub || "no credits given"]),
       made("dl", "", facts.flatMap(([name, value]) => [made("dt", "", [name]), made("dd", "", [value])])),
-      made("dl", "costs", [
+      made("dl", "costs", costs.length === 0 ? [] : [
         ...costs.flatMap(([name, cost]) => [
           made("dt", "", [name]), this.#bar(cost), made("dd", "", [cost.toFixed(3)]),
         ]),

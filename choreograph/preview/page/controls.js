@@ -119,11 +119,14 @@ class StageHands {
 // Totals in a line, and whose takes were danced for how long.
 export function showCredits(dance, colours) {
   const danced = dance.takes.map(() => 0);
-  dance.seconds.forEach((second, s) => (danced[second.take] += Math.min(1, dance.duration_s - s)));
-  const clips = new Set(dance.seconds.map((second) => second.clip)).size;
+  dance.blocks.forEach((block) => (danced[block.take] += block.end_s - block.start_s));
+  const clips = new Set(dance.blocks.filter((block) => "clip" in block).map((block) => block.clip)).size;
+  const words = dance.blocks.filter((block) => "motif" in block).length;
   const count = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
   document.getElementById("totals").textContent =
-    `· ${Math.round(dance.duration_s)} s from ${count(dance.takes.length, "take")}, ${count(clips, "clip")}`;
+    `· ${Math.round(dance.duration_s)} s from ${[
+      count(dance.takes.length, "take"), clips && count(clips, "clip"), words && count(words, "motion word"),
+    ].filter(Boolean).join(", ")}`;
   const rows = dance.takes.map((take, i) => {
     const dot = made("i", "dot");
     dot.style.setProperty("--take", colours[i].css);

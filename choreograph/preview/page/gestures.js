@@ -91,7 +91,7 @@ export class Gestures {
     timeline.pointer.hidden = x === null;
     if (x === null) { timeline.onHover(null); return; }
     timeline.pointer.style.transform = `translateX(${x}px)`;
-    const second = Math.min(Math.floor(timeline.timeAt(x)), timeline.dance.seconds.length - 1);
-    timeline.onHover(second, clamp(timeline.x(second + 0.5), 0, timeline.width));
+    const index = timeline.blockAt(timeline.timeAt(x)), block = timeline.dance.blocks[index];
+    timeline.onHover(index, clamp(timeline.x((block.start_s + block.end_s) / 2), 0, timeline.width));
   }
 }

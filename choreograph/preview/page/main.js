@@ -21,7 +21,7 @@ class Page {
     this.camera = new Camera(this.dancer);
     this.player = new Player(dance, sound);
     this.card = new Card(dance);
-    this.timeline = new Timeline(dance, levels, this.player, { onHover: (second, x) => this.#hover(second, x) });
+    this.timeline = new Timeline(dance, levels, this.player, { onHover: (block, x) => this.#hover(block, x) });
     this.renderer = openRenderer(mesh, this.dancer);
     this.drawn = 0;
     this.lastAt = 0;
@@ -51,9 +51,9 @@ class Page {
     this.wake();
   }
 
-  #hover(second, x) {
+  #hover(block, x) {
     const left = $("timeline").getBoundingClientRect().left;
-    this.card.show(second, left + x, this.colours);
+    this.card.show(block, left + x, this.colours);
   }
 
   // Ask for a frame; while the dance plays, each asks for the next.
@@ -111,8 +111,7 @@ class Page {
 
   // The take danced at an instant.
   source(timeS) {
-    const { seconds, takes } = this.dance;
-    return takes[seconds[Math.min(Math.floor(timeS), seconds.length - 1)].take];
+    return this.dance.takes[this.dance.blocks[this.timeline.blockAt(timeS)].take];
   }
 
   // What others may read: see the documentation of `write_page`.

@@ -140,22 +140,38 @@ export class Timeline {
     context.globalAlpha = 1;
   }
 
-  // One block a second; seconds that follow each other in their take touch.
+  // Index of the block danced at an instant.
+  blockAt(timeS) {
+    const { blocks } = this.dance;
+    let low = 0, high = blocks.length - 1;
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (blocks[middle].start_s <= timeS) low = middle; else high = middle - 1;
+    }
+    return low;
+  }
+
+  // A block a second or motion word, with its motif's number; those that follow each other in their take touch.
   #drawBlocks(context, fromS, pxPerS, [top, bottom], radius) {
-    const { seconds } = this.dance;
-    const first = Math.max(0, Math.floor(fromS));
-    const last = Math.min(seconds.length, Math.ceil(fromS + context.canvas.clientWidth / pxPerS));
-    for (let s = first; s < last; s++) {
-      const here = seconds[s];
-      const joined = (a, b) => a && b && a.take === b.take && Math.abs(a.to_s - b.from_s) < 0.02;
-      const end = Math.min(s + 1, this.durationS);
-      const cut = joined(here, seconds[s + 1]) ? 0.5 : Math.min(2, 0.12 * pxPerS);
-      const x = (s - fromS) * pxPerS, width = Math.max(0.5, (end - s) * pxPerS - cut);
-      const left = joined(seconds[s - 1], here) ? 0 : radius, right = joined(here, seconds[s + 1]) ? 0 : radius;
+    const { blocks } = this.dance;
+    const first = this.blockAt(fromS), last = this.blockAt(fromS + context.canvas.clientWidth / pxPerS);
+    const joined = (a, b) => a && b && a.take === b.take && Math.abs(a.to_s - b.from_s) < 0.02;
+    context.font = "600 11px system-ui, sans-serif";
+    for (let i = first; i <= last; i++) {
+      const here = blocks[i], before = joined(blocks[i - 1], here), after = joined(here, blocks[i + 1]);
+      const cut = after ? 0.5 : Math.min(2, 0.12 * pxPerS);
+      const x = (here.start_s - fromS) * pxPerS;
+      const width = Math.max(0.5, (here.end_s - here.start_s) * pxPerS - cut);
+      const left = before ? 0 : radius, right = after ? 0 : radius;
       context.fillStyle = this.colours[here.take].css;
       context.beginPath();
       context.roundRect(x, top, width, bottom - top, [left, right, right, left].map((r) => Math.min(r, width / 2)));
       context.fill();
+      if (!("motif" in here)) continue;
+      const text = `${here.motif}`, wide = context.measureText(text).width;
+      if (wide > width - 4 || bottom - top < 20) continue;
+      context.fillStyle = here.pinned ? "rgb(0 0 0 / 0.9)" : "rgb(0 0 0 / 0.6)";
+      context.fillText(text, x + (width - wide) / 2, (top + bottom) / 2 + 4);
     }
   }
 
