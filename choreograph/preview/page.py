@@ -33,8 +33,9 @@ from choreograph.preview.packing import ROTVEC_STEP_RAD, pack_figure, pack_motio
 from choreograph.preview.sound import Levels, encode_mp4, song_part
 
 _SCRIPTS = (
-    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js", "renderer.js",
-    "colours.js", "gestures.js", "timeline.js", "card.js", "player.js", "controls.js", "main.js",
+    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js", "covers.js",
+    "renderer.js", "colours.js", "gestures.js", "timeline.js", "card.js", "player.js", "controls.js",
+    "main.js",
 )  # fmt: skip
 _LEVELS_PER_S = 50
 _NETWORK = "rollout network"  # who dances where no take does

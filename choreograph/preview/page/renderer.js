@@ -1,6 +1,7 @@
 // Draws the dancer on the floor with WebGL 2: one skinned mesh, its shadow, a disc.
 
-import { normalized } from "./math.js";
+import { Covers } from "./covers.js";
+import { clamp, normalized } from "./math.js";
 import { Skin } from "./skin.js";
 import {
   BLUR_FRAGMENT, BLUR_VERTEX, FLOOR_FRAGMENT, GROUND_VERTEX, SHADE_FRAGMENT, SHADOW_FRAGMENT, SHADOW_VERTEX,
@@ -9,6 +10,7 @@ import {
 
 const SHADOW_SIZE = 80; // texels
 const SHADOW_HALF_M = 1.5;
+const SHADOW_MARGIN_M = 0.45; // what a shadow is wider than the joints': flesh, and the reach of the blur
 const RIM_POINTS = 48;
 const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
 const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aCorner"];
@@ -17,6 +19,7 @@ const STILL_PIXEL_RATIO = 2; // where there is no other smoothing of edges
 const SMALLEST_SCALE = 0.6;
 const SLOW_FRAME_S = 1 / 48;
 const PATIENCE = 90; // a slow frame counts 3, a good one takes 1 back; then the picture gets coarser
+const CALM_FRAMES = 600; // good ones in a row, then a finer picture is tried; twice as many after each try
 
 export class Renderer {
   constructor(canvas, mesh, dancer) {
@@ -26,6 +29,8 @@ export class Renderer {
     this.dancer = dancer;
     this.scale = 1;
     this.slow = 0;
+    this.calm = 0;
+    this.calmWanted = CALM_FRAMES;
     this.rim = [0.3, 0.3, 0.3];
     const [x, , z] = normalized([Math.sin(dancer.heading() - 0.7), 0, Math.cos(dancer.heading() - 0.7)]);
     this.light = normalized([x, LIGHT_HEIGHT, z]);
@@ -34,6 +39,7 @@ export class Renderer {
     this.slowMachine = drawnInSoftware();
     this.gl = canvas.getContext("webgl2", { alpha: false, antialias: !this.slowMachine });
     if (!this.gl) throw new Error("no WebGL 2");
+    this.covers = this.slowMachine ? new Covers(canvas) : null;
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => { this.#build(); this.draw(this.last); });
     this.#build();
@@ -88,12 +94,18 @@ export class Renderer {
     this.canvas.height = height;
   }
 
-  // Tell how long the last frame took: where frames keep being slow, fewer pixels are drawn.
+  // Tell how long the last frame took: where frames keep being slow, fewer pixels are drawn, until they are not.
   paced(elapsedS) {
-    this.slow = elapsedS > SLOW_FRAME_S ? this.slow + 3 : Math.max(0, this.slow - 1);
-    if (this.slow < PATIENCE || this.scale <= SMALLEST_SCALE) return;
-    this.scale = Math.max(SMALLEST_SCALE, this.scale * 0.8);
-    this.slow = 0;
+    const late = elapsedS > SLOW_FRAME_S;
+    this.slow = late ? this.slow + 3 : Math.max(0, this.slow - 1);
+    this.calm = late ? 0 : this.calm + 1;
+    if (this.slow >= PATIENCE && this.scale > SMALLEST_SCALE) {
+      this.scale = Math.max(SMALLEST_SCALE, this.scale * 0.8);
+    } else if (this.calm >= this.calmWanted && this.scale < 1) {
+      this.scale = Math.min(1, this.scale / 0.8);
+      this.calmWanted *= 2;
+    } else return;
+    this.slow = this.calm = 0;
   }
 
   draw(view) {
@@ -108,6 +120,21 @@ export class Renderer {
     const centre = [p[0] - this.slide[0] * p[1] * 0.5, p[2] - this.slide[1] * p[1] * 0.5, SHADOW_HALF_M];
     this.#drawShadow(centre);
     this.#drawStage(view, centre);
+    this.covers?.fit(view, this.skin.places, [view.target[0], view.target[2], view.floorRadius]);
+  }
+
+  // The part of the shadow's square where there can be any, -1 to 1: [x, z, half the width, half the depth].
+  #shadeBounds([x, z, half]) {
+    const { positions: p } = this.dancer;
+    const low = [1, 1], high = [-1, -1];
+    for (let i = 0; i < p.length; i += 3) {
+      [p[i] - this.slide[0] * p[i + 1] - x, p[i + 2] - this.slide[1] * p[i + 1] - z].forEach((off, k) => {
+        low[k] = Math.min(low[k], (off - SHADOW_MARGIN_M) / half);
+        high[k] = Math.max(high[k], (off + SHADOW_MARGIN_M) / half);
+      });
+    }
+    const [left, back, right, front] = [...low, ...high].map((v) => clamp(v, -1, 1));
+    return [(left + right) / 2, (back + front) / 2, (right - left) / 2, (front - back) / 2];
   }
 
   #drawShadow(centre) {
@@ -167,6 +194,7 @@ export class Renderer {
     gl.useProgram(floor.program);
     gl.uniformMatrix4fv(floor.uMatrix, false, matrix);
     gl.uniform3fv(floor.uPlace, disc);
+    gl.uniform4f(floor.uPart, 0, 0, 1, 1);
     gl.uniform3fv(floor.uStage, colours.stage);
     gl.uniform3fv(floor.uFloor, colours.floor);
     gl.uniform3fv(floor.uLine, colours.line);
@@ -180,6 +208,7 @@ export class Renderer {
     gl.uniform1i(shade.uShadow, 0);
     gl.uniformMatrix4fv(shade.uMatrix, false, matrix);
     gl.uniform3fv(shade.uPlace, centre);
+    gl.uniform4fv(shade.uPart, this.#shadeBounds(centre));
     gl.uniform3fv(shade.uShade, colours.shade);
     gl.bindVertexArray(this.square);
     gl.drawArrays(gl.TRIANGLE_FAN, 0, 4);

@@ -95,16 +95,17 @@ void main() {
   colour = vec4(sum, 0.0, 1.0);
 }`;
 
-// A piece of the ground: a unit shape put at a place.
+// A piece of the ground: a unit shape, or a part of one, put at a place.
 export const GROUND_VERTEX = `#version 300 es
 uniform mat4 uMatrix;
 uniform vec3 uPlace; // x, z and half the width
+uniform vec4 uPart; // of the shape: its middle, half its size
 in vec2 aCorner;
 out vec2 vGround;
 out vec2 vCorner;
 void main() {
-  vGround = uPlace.xy + uPlace.z * aCorner;
-  vCorner = aCorner;
+  vCorner = uPart.xy + uPart.zw * aCorner;
+  vGround = uPlace.xy + uPlace.z * vCorner;
   gl_Position = uMatrix * vec4(vGround.x, 0.0, vGround.y, 1.0);
 }`;
 
