@@ -26,6 +26,7 @@ class Signature(Cost):
     """
 
     def __init__(self, goal: MotifGoal, music: Music) -> None:
+        self.goal = goal
         n_words = len(song_words_s(music)) - 1
         counts = np.arange(n_words + 2)
         expected = n_words * goal.signature[:, None]  # (K, 1)

@@ -37,8 +37,8 @@ from choreograph.pipeline.saving import Report
 from choreograph.pipeline.wishes import TakePin, Wishes
 from choreograph.plan import Plan, PlannedSecond
 from choreograph.repertoire import Repertoire
-from choreograph.selection import cast_takes, phrase_of_seconds, select_clips, take_losses
-from choreograph.timebase import NET_FPS
+from choreograph.selection import cast_takes, clip_misfits, phrase_of_seconds, select_clips, take_losses
+from choreograph.timebase import NET_FPS, frames_to_seconds
 from choreograph.warping import ClipBeats, warp_segments
 
 
@@ -187,18 +187,39 @@ def _selected(
         *known, repertoire.clip_take, n_takes=len(repertoire.takes), beat_weight=beat_weight
     )  # fmt: skip
     phrases = phrase_of_seconds(music.beat_times_s, len(music.style))
-    cast = cast_takes(losses, phrases, rng=np.random.default_rng(config.seed))
+    clip_misfit, take_misfit = _misfits(music, repertoire, costs)
+    cast = cast_takes(losses + take_misfit, phrases, rng=np.random.default_rng(config.seed))
     wanted = next(w.weight for w in costs if w.cost.name == Variety.name)
 
     def forbidden(second: int) -> NDArray[np.floating]:
         fine = True if allowed is None else allowed.takes[second, repertoire.clip_take]
-        return np.where(fine, 0.0, np.inf)
+        return np.where(fine, clip_misfit, np.inf)
 
     chosen = select_clips(
         *known, candidates=config.candidates, beat_weight=beat_weight,
         penalty=lambda second: wanted * ~cast[second, repertoire.clip_take] + forbidden(second),
     )  # fmt: skip
     return chosen, cast
+
+
+def _misfits(
+    music: Music, repertoire: Repertoire, costs: list[WeightedCost]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How little of each clip, and of each take, a dance with the signature asked for wants; 0 without."""
+    misfit = np.zeros(repertoire.n_clips)
+    for w in costs:
+        if isinstance(w.cost, Signature) and w.weight != 0:
+            misfit += w.weight * clip_misfits(
+                repertoire.vocabulary,
+                w.cost.goal.signature,
+                repertoire.clip_take,
+                frames_to_seconds(repertoire.clip_start_frame, NET_FPS),
+                n_words=len(song_words_s(music)) - 1,
+            )
+    sums, counts = (
+        np.bincount(repertoire.clip_take, of, minlength=len(repertoire.takes)) for of in (misfit, None)
+    )
+    return misfit, sums / np.maximum(counts, 1)
 
 
 def _stage(report: Report | None, name: str) -> Callable[[int, int], None] | None:

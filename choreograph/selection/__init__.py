@@ -2,5 +2,6 @@
 
 from choreograph.selection.casting import cast_takes, phrase_of_seconds
 from choreograph.selection.select import select_clips, take_losses
+from choreograph.selection.steering import clip_misfits
 
-__all__ = ["cast_takes", "phrase_of_seconds", "select_clips", "take_losses"]
+__all__ = ["cast_takes", "clip_misfits", "phrase_of_seconds", "select_clips", "take_losses"]
