@@ -45,6 +45,7 @@ class BuildOptions:
     packed: bool = False  # motion in 16 bits: a third of the size, turns to 0.03 degrees
     rollout: bool = False  # train the network that dances motifs, too: as long as all else together
     leave_out: tuple[str, ...] = ()  # takes left out of everything, by name
+    words: bool = True  # cut motion words and find motifs; without, a word network is not even taken over
 
 
 def build_repertoire(
@@ -188,6 +189,8 @@ def _worded(
     report: Report | None,
 ) -> tuple[_Worded, tuple[str, ...]]:
     """The takes' motion words, their networks and their motifs, and notes."""
+    if not options.words:
+        return _Worded(None), ()
     cut, notes = cut_takes(measured, report=report)
     net = word_network(cut, beginning, options=options, place=place)
     nets = {} if net is None else {"words": net}

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from shutil import copyfile
 from typing import Any
 
+from choreograph.files import atomic_path
 from choreograph.pipeline import BuildOptions, build_repertoire
 from choreograph.repertoire import Repertoire
 from choreograph.starter import STARTER_PATH
@@ -26,18 +28,24 @@ def build_starter(
     """Render the starter's takes, learn from them and from real takes, write the repertoire.
 
     Only the rendered takes go into it; of the real ones (`learn_from`, without those named in
-    `leave_out`) nothing but what the networks learned. Takes and checkpoints stay in `work`, so that a
-    run that was stopped goes on where it was. Returns the repertoire and notes; raises as
+    `leave_out`) nothing but what the style and tempo-density networks learned; motion words are learned from
+    the rendered takes alone. Takes and checkpoints stay in `work`, so that a run that was stopped goes on
+    where it was. Returns the repertoire and notes; raises as
     `build_repertoire`.
     """
     takes = work / "takes"
     if not (takes / "manifest.csv").exists():
         write_takes(takes, report=report)
     learned = work / "learned.h5"
-    training = BuildOptions(preset=preset, seed=seed, resume=True, leave_out=tuple(leave_out))
+    given: dict[str, Any] = {"preset": preset, "seed": seed, "resume": True}
+    training = BuildOptions(leave_out=tuple(leave_out), words=False, **given)
     _, notes = build_repertoire(
         [takes, *learn_from], learned, training, report=report, training_report=training_report
     )
-    keeping = BuildOptions(preset=preset, seed=seed, init_from=learned, keep_networks=True, packed=True)
-    repertoire, more = build_repertoire([takes], output, keeping, report=report)
-    return repertoire, (*notes, *more)
+    keeping = BuildOptions(init_from=learned, keep_networks=True, packed=True, **given)
+    made, more = build_repertoire(
+        [takes], work / output.name, keeping, report=report, training_report=training_report
+    )
+    with atomic_path(output) as temporary:
+        copyfile(made.path, temporary)
+    return Repertoire.open(output), (*notes, *more)

@@ -106,6 +106,12 @@ def test_takes_without_music_have_words_on_their_motion_beats(silent_takes, tmp_
     np.testing.assert_array_equal(kept.vocabulary.word_motif, vocabulary.word_motif)
 
 
+def test_words_can_be_left_out(silent_takes, tmp_path):
+    built, _ = build_repertoire([silent_takes], tmp_path / "a.h5", BuildOptions(preset="tiny", words=False))
+    assert built.net_names == ()
+    assert not built.has_vocabulary
+
+
 def test_what_a_kept_repertoire_lacks_is_trained(silent_takes, tmp_path):
     build_repertoire([silent_takes], tmp_path / "old.h5", BuildOptions(preset="tiny"))
     old = Repertoire.open(tmp_path / "old.h5")

@@ -11,7 +11,9 @@ from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers import import_takes
 from choreograph.metrics.beat import f_score
 from choreograph.motion.body import body_pos_m
+from choreograph.repertoire import Repertoire
 from choreograph.starter import takes
+from choreograph.starter.build import build_starter
 from choreograph.starter.moves.genres import GENRES
 from choreograph.starter.synth import STYLES
 from choreograph.starter.synth.testbed import FIRST_SEED, SONGS
@@ -58,3 +60,20 @@ def test_takes_are_written_as_any_library_is(tmp_path, monkeypatch):
         truth = json.loads((tmp_path / "takes" / f"{plan.name}.truth.json").read_text(encoding="utf-8"))
         assert truth["beat_times_s"] == sorted(truth["beat_times_s"])
         assert {move["name"] for move in truth["moves"]} <= {move.name for move in GENRES["disco"].moves}
+
+
+@pytest.mark.slow
+def test_the_repertoire_is_built_from_the_takes_alone(tmp_path, monkeypatch):
+    """Two genres, three takes each: all networks trained, words of the takes, nothing left over."""
+    plans = [
+        plan for plan in takes.take_plans() if plan.genre in ("waltz", "house") and plan.name[-2:] < "04"
+    ]
+    monkeypatch.setattr(takes, "take_plans", lambda: iter(plans))
+    output = tmp_path / "made.h5"
+    made, _ = build_starter(tmp_path / "work", output, preset="tiny")
+    assert made.path == output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["made.h5", "work"]
+    assert set(made.net_names) == {"style", "motion_density", "music_density", "words"}
+    assert made.vocabulary.genres == ("house", "waltz", "all")
+    assert set(made.vocabulary.word_take.tolist()) == set(range(6))
+    assert not Repertoire.open(tmp_path / "work" / "learned.h5").has_vocabulary
