@@ -14,9 +14,12 @@ from choreograph.cli import main
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.metrics.beat import f_score
 from choreograph.metrics.physical import floor_penetration_cm
+from choreograph.motifs.signatures import chi_square_distance, signature
+from choreograph.motifs.words import cut_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.skeleton import CANONICAL_JOINTS
+from choreograph.pipeline.wording import WORD_FPS
 from choreograph.starter import SONGS_PATH, STARTER_PATH
 from choreograph.starter.moves.genres import GENRES
 from choreograph.starter.synth import write_song
@@ -35,7 +38,30 @@ def test_it_is_small_and_there_is_enough_of_it(starter):
     assert set(Counter(take.credits.genre for take in starter.takes)) == set(GENRES)
     assert set(starter.skeleton.names) == set(CANONICAL_JOINTS)
     assert {take.credits.licence for take in starter.takes} == {"CC0-1.0"}
-    assert {"style", "motion_density", "music_density"} == set(starter.net_names)
+    assert {"style", "motion_density", "music_density", "words"} == set(starter.net_names)
+
+
+def test_its_genres_can_be_told_by_their_motifs(starter):
+    vocabulary = starter.vocabulary
+    assert vocabulary.genres == (*sorted(GENRES), "all")
+    assert set(vocabulary.word_take.tolist()) == set(range(len(starter.takes)))
+    own = []
+    for index, take in enumerate(starter.takes):
+        danced = signature(vocabulary.word_motif[vocabulary.words_of_take(index)], vocabulary.n_motifs)
+        distances = chi_square_distance(danced, vocabulary.signatures[:-1])
+        own.append(vocabulary.genres[int(distances.argmin())] == take.credits.genre)
+    assert np.mean(own) > 0.95
+
+
+def test_its_word_network_gives_words_their_motifs(starter):
+    vocabulary, net = starter.vocabulary, starter.word_net()
+    for take in (0, 60, 127):
+        words = vocabulary.words_of_take(take)
+        edges_s = np.append(vocabulary.word_start_s[words], vocabulary.word_end_s[words[-1]])
+        motion, _ = starter.motion(take)
+        cut = cut_words(body_pos_m(motion.resampled(WORD_FPS)), WORD_FPS, edges_s)
+        given = vocabulary.motifs.nearest(net.embed(cut.body_pos_m))
+        assert np.mean(given == vocabulary.word_motif[words]) > 0.9
 
 
 def test_what_it_learned_from_is_named(starter):
