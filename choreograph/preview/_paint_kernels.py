@@ -126,56 +126,17 @@ def shade_figure(
                     px += np.float32(sx) + half
                     py += np.float32(sy) + half
                 i, j, k = triangles[t]
-                x0, y0 = screen[i, 0], screen[i, 1]
-                ax, ay = screen[j, 0] - x0, screen[j, 1] - y0
-                bx, by = screen[k, 0] - x0, screen[k, 1] - y0
-                px -= x0
-                py -= y0
-                scale = one / (ax * by - bx * ay)
-                b1 = (px * by - py * bx) * scale * screen[j, 2]
-                b2 = (py * ax - px * ay) * scale * screen[k, 2]
-                b0 = (one - (px * by - py * bx) * scale - (py * ax - px * ay) * scale) * screen[i, 2]
-                total = one / (b0 + b1 + b2)
-                b0, b1, b2 = b0 * total, b1 * total, b2 * total
-                nx = b0 * normals[i, 0] + b1 * normals[j, 0] + b2 * normals[k, 0]
-                ny = b0 * normals[i, 1] + b1 * normals[j, 1] + b2 * normals[k, 1]
-                nz = b0 * normals[i, 2] + b1 * normals[j, 2] + b2 * normals[k, 2]
-                unit = one / np.sqrt(nx * nx + ny * ny + nz * nz + np.float32(1e-12))
-                nx, ny, nz = nx * unit, ny * unit, nz * unit
-                vx = eye[0] - (b0 * points[i, 0] + b1 * points[j, 0] + b2 * points[k, 0])
-                vy = eye[1] - (b0 * points[i, 1] + b1 * points[j, 1] + b2 * points[k, 1])
-                vz = eye[2] - (b0 * points[i, 2] + b1 * points[j, 2] + b2 * points[k, 2])
-                unit = one / np.sqrt(vx * vx + vy * vy + vz * vz)
-                vx, vy, vz = vx * unit, vy * unit, vz * unit
-                facing = max(nx * vx + ny * vy + nz * vz, zero)
-                edge = (one - facing) * (one - facing) * (one - facing)
-                key = nx * lights[0, 0] + ny * lights[0, 1] + nz * lights[0, 2]
-                key = max((key + np.float32(0.25)) / np.float32(1.25), zero)  # skin lets light round its edge
-                if key > zero:
-                    lx = b0 * seen_by_key[i, 0] + b1 * seen_by_key[j, 0] + b2 * seen_by_key[k, 0]
-                    ly = b0 * seen_by_key[i, 1] + b1 * seen_by_key[j, 1] + b2 * seen_by_key[k, 1]
-                    near = b0 * seen_by_key[i, 2] + b1 * seen_by_key[j, 2] + b2 * seen_by_key[k, 2]
-                    key *= _SHADOW + (one - _SHADOW) * _lit(key_map, lx, ly, near + _BIAS_M)
-                fill = max(nx * lights[1, 0] + ny * lights[1, 1] + nz * lights[1, 2], zero)
-                back = max(nx * lights[2, 0] + ny * lights[2, 1] + nz * lights[2, 2], zero)
-                back = edge * (half + back)
-                hx, hy, hz = vx + lights[0, 0], vy + lights[0, 1], vz + lights[0, 2]
-                unit = one / np.sqrt(hx * hx + hy * hy + hz * hz)
-                gloss = max((nx * hx + ny * hy + nz * hz) * unit, zero) ** 32 * np.float32(0.10)
-                above = half + half * ny
-                red = (
-                    key * tints[0, 0] + fill * tints[1, 0] + above * tints[3, 0] + (one - above) * tints[4, 0]
-                )
-                green = (
-                    key * tints[0, 1] + fill * tints[1, 1] + above * tints[3, 1] + (one - above) * tints[4, 1]
-                )
-                blue = (
-                    key * tints[0, 2] + fill * tints[1, 2] + above * tints[3, 2] + (one - above) * tints[4, 2]
-                )
-                c = colours[i]
-                r += weight * (c[0] * red + back * tints[2, 0] + gloss * tints[0, 0])
-                g += weight * (c[1] * green + back * tints[2, 1] + gloss * tints[0, 1])
-                b += weight * (c[2] * blue + back * tints[2, 2] + gloss * tints[0, 2])
+                b0, b1, b2 = _shares(screen, i, j, k, px, py)
+                key_x, key_y, key_near = _between(seen_by_key, i, j, k, b0, b1, b2)
+                key_share = _SHADOW + (one - _SHADOW) * _lit(key_map, key_x, key_y, key_near + _BIAS_M)
+                red, green, blue = _light(
+                    _between(normals, i, j, k, b0, b1, b2),
+                    _between(points, i, j, k, b0, b1, b2),
+                    colours[i], eye, lights, tints, key_share,
+                )  # fmt: skip
+                r += weight * red
+                g += weight * green
+                b += weight * blue
                 covered += weight
             if covered > 0:
                 rest = one - covered * share
@@ -183,6 +144,66 @@ def shade_figure(
                 pixel[0] = pixel[0] * rest + r * share
                 pixel[1] = pixel[1] * rest + g * share
                 pixel[2] = pixel[2] * rest + b * share
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
+def _shares(screen, i, j, k, px, py):  # pragma: no cover - compiled
+    """How much of each corner of a triangle is at a place of the picture: three numbers that sum to 1.
+
+    `screen` (V, 3) are the vertices' places in the picture and the inverse of how far away they are.
+    """
+    one = np.float32(1.0)
+    x0, y0 = screen[i, 0], screen[i, 1]
+    ax, ay = screen[j, 0] - x0, screen[j, 1] - y0
+    bx, by = screen[k, 0] - x0, screen[k, 1] - y0
+    px, py = px - x0, py - y0
+    scale = one / (ax * by - bx * ay)
+    flat1, flat2 = (px * by - py * bx) * scale, (py * ax - px * ay) * scale
+    b0, b1, b2 = (one - flat1 - flat2) * screen[i, 2], flat1 * screen[j, 2], flat2 * screen[k, 2]
+    total = one / (b0 + b1 + b2)
+    return b0 * total, b1 * total, b2 * total
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
+def _between(values, i, j, k, b0, b1, b2):  # pragma: no cover - compiled
+    """The corners' `values` (V, 3), as three numbers, at a place inside the triangle."""
+    return (
+        b0 * values[i, 0] + b1 * values[j, 0] + b2 * values[k, 0],
+        b0 * values[i, 1] + b1 * values[j, 1] + b2 * values[k, 1],
+        b0 * values[i, 2] + b1 * values[j, 2] + b2 * values[k, 2],
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
+def _light(normal, point, colour, eye, lights, tints, key_share):  # pragma: no cover - compiled
+    """Light (r, g, b) a surface of a colour sends to the eye; `key_share` of the key light reaches it."""
+    zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+    nx, ny, nz = normal
+    unit = one / np.sqrt(nx * nx + ny * ny + nz * nz + np.float32(1e-12))
+    nx, ny, nz = nx * unit, ny * unit, nz * unit
+    vx, vy, vz = eye[0] - point[0], eye[1] - point[1], eye[2] - point[2]
+    unit = one / np.sqrt(vx * vx + vy * vy + vz * vz)
+    vx, vy, vz = vx * unit, vy * unit, vz * unit
+    facing = max(nx * vx + ny * vy + nz * vz, zero)
+    edge = (one - facing) * (one - facing) * (one - facing)
+    key = nx * lights[0, 0] + ny * lights[0, 1] + nz * lights[0, 2]
+    key = key_share * max((key + np.float32(0.25)) / np.float32(1.25), zero)  # skin lets light round its edge
+    fill = max(nx * lights[1, 0] + ny * lights[1, 1] + nz * lights[1, 2], zero)
+    back = max(nx * lights[2, 0] + ny * lights[2, 1] + nz * lights[2, 2], zero)
+    back = edge * (half + back)
+    hx, hy, hz = vx + lights[0, 0], vy + lights[0, 1], vz + lights[0, 2]
+    unit = one / np.sqrt(hx * hx + hy * hy + hz * hz)
+    gloss = max((nx * hx + ny * hy + nz * hz) * unit, zero) ** 32 * np.float32(0.10)
+    above = half + half * ny
+    below = one - above
+    red = key * tints[0, 0] + fill * tints[1, 0] + above * tints[3, 0] + below * tints[4, 0]
+    green = key * tints[0, 1] + fill * tints[1, 1] + above * tints[3, 1] + below * tints[4, 1]
+    blue = key * tints[0, 2] + fill * tints[1, 2] + above * tints[3, 2] + below * tints[4, 2]
+    return (
+        colour[0] * red + back * tints[2, 0] + gloss * tints[0, 0],
+        colour[1] * green + back * tints[2, 1] + gloss * tints[0, 1],
+        colour[2] * blue + back * tints[2, 2] + gloss * tints[0, 2],
+    )
 
 
 @njit(cache=True, nogil=True, inline="always")
