@@ -190,7 +190,7 @@ def _worded(
 ) -> tuple[_Worded, tuple[str, ...]]:
     """The takes' motion words, their networks and their motifs, and notes."""
     if not options.words:
-        return _Worded(None), ()
+        return _Worded(), ()
     cut, notes = cut_takes(measured, report=report)
     net = word_network(cut, beginning, options=options, place=place)
     nets = {} if net is None else {"words": net}

@@ -86,7 +86,11 @@ def music_networks(
     if known:
         note = "fewer than two takes' songs to learn from: the networks are taken over as they are"
         return known, sorted(beginning.trained_on), () if beginning.keep else (note,)
-    return {}, [], ("fewer than two songs to learn from: no networks of music, so clips are not chosen by style",)
+    return (
+        {},
+        [],
+        ("fewer than two songs to learn from: no networks of music, so clips are not chosen by style",),
+    )
 
 
 def _trained(
