@@ -45,12 +45,12 @@ export class Card {
       title,
       made("p", "sub", [sub || "no credits given"]),
       made("dl", "", facts.flatMap(([name, value]) => [made("dt", "", [name]), made("dd", "", [value])])),
-      made("dl", "costs", costs.length === 0 ? [] : [
+      ...(costs.length === 0 ? [] : [made("dl", "costs", [
         ...costs.flatMap(([name, cost]) => [
           made("dt", "", [name]), this.#bar(cost), made("dd", "", [cost.toFixed(3)]),
         ]),
         made("dt", "", ["cost in all"]), made("span"), made("dd", "", [total.toFixed(3)]),
-      ]),
+      ])]),
     );
   }
 

@@ -169,7 +169,7 @@ export class Timeline {
       context.fill();
       if (!("motif" in here)) continue;
       const text = `${here.motif}`, wide = context.measureText(text).width;
-      if (wide > width - 4 || bottom - top < 20) continue;
+      if (wide > width - 1 || bottom - top < 20) continue;
       context.fillStyle = here.pinned ? "rgb(0 0 0 / 0.9)" : "rgb(0 0 0 / 0.6)";
       context.fillText(text, x + (width - wide) / 2, (top + bottom) / 2 + 4);
     }
