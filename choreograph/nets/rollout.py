@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from choreograph.features.frame_rhythm import FRAME_RHYTHM_NAMES
+from choreograph.features.frame_rhythm import FRAME_RHYTHM_FPS, FRAME_RHYTHM_NAMES
 from choreograph.features.spectral import SPECTRAL_DIM
 from choreograph.nets.rollout_presets import RolloutConfig
 from choreograph.nets.stored import StoredNet
@@ -115,15 +115,20 @@ class RolloutNet(StoredNet):
     def styled(self, pose: Tensor, asked: Asked) -> Tensor:
         """Poses (B, T, P) with the style of their songs (equation 4), or as they are without one.
 
-        The MLP's vector has length 1, as the paper's is "normalized"; γ is the Hamming window without its
-        pedestal, so that the first and the last pose of a word stay as they are.
+        The MLP's vector has length 1, as the paper's is "normalized". The paper fades it in and out in every
+        word by a Hamming window γ, so that words meet (here without its pedestal: the first and the last
+        pose of a word stay as they are). That moves the body on its own account and with it the motion
+        beats; ours lets the vectors of words pass into each other over `style_fade_s` instead.
         """
         if asked.spectral is None:
             return pose
         vector = self.style((asked.spectral - self.spectral_mean) / self.spectral_std)
-        vector = functional.normalize(vector, dim=-1)
-        window = 0.5 - 0.5 * torch.cos(2 * torch.pi * asked.progress[..., None])
-        scale, shift = (self.config.style_strength * window * vector).chunk(2, dim=-1)  # (B, T, 4 J) each
+        vector = functional.normalize(vector, dim=-1)  # (B, T, 2 * 4 J)
+        if self.config.style_fade_s > 0:
+            vector = _faded(vector, round(self.config.style_fade_s * FRAME_RHYTHM_FPS))
+        else:
+            vector = vector * (0.5 - 0.5 * torch.cos(2 * torch.pi * asked.progress[..., None]))
+        scale, shift = (self.config.style_strength * vector).chunk(2, dim=-1)  # (B, T, 4 J) each
         quat = pose[..., ROOT_DIM:-N_FEET]
         quat = functional.normalize(((1 + scale) * quat + shift).unflatten(-1, (-1, 4)), dim=-1)
         return torch.cat([pose[..., :ROOT_DIM], quat.flatten(-2), pose[..., -N_FEET:]], dim=-1)
@@ -135,3 +140,13 @@ class RolloutNet(StoredNet):
     def _standardised(self, pose: Tensor) -> Tensor:
         root = (pose[..., :ROOT_DIM] - self.root_mean) / self.root_std
         return torch.cat([root, pose[..., ROOT_DIM:]], dim=-1)
+
+
+def _faded(vectors: Tensor, n_frames: int) -> Tensor:
+    """Vectors (B, T, D) averaged twice over so many frames around each; the ends hold."""
+    side = n_frames // 2
+    rows = vectors.transpose(1, 2)  # (B, D, T)
+    for _ in range(2):
+        held = functional.pad(rows, (side, side), mode="replicate")
+        rows = functional.avg_pool1d(held, 2 * side + 1, stride=1)
+    return rows.transpose(1, 2)

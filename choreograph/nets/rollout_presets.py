@@ -25,7 +25,8 @@ class RolloutConfig:
     motifs: bool = True  # False is the acLSTM baseline
     phase: bool = True  # tell how far the word is and how long it lasts; ours
     own_words: float = 0.5  # share of sequences asked for their words' own embeddings, not the medoids'
-    style_strength: float = 0.5  # β of equation 4
+    style_strength: float = 1.5  # β of equation 4
+    style_fade_s: float = 1.0  # in which the styles of words pass into each other; 0: the paper's window
     plain: float = 0.5  # share of sequences whose style is left out
     perceptual_weight: float = 0.5  # λ of equation 10
     position_weight: float = 2.0
@@ -37,7 +38,7 @@ class RolloutConfig:
     true_frames: int = 5  # fed with what was danced, before
     own_frames: tuple[int, ...] = (5, 15, 60)  # so many of its own, drawn per batch
     batch_size: int = 32
-    steps: int = 2000
+    steps: int = 1500
     learning_rate: float = 1e-3
     weight_decay: float = 1e-4
 
@@ -52,7 +53,7 @@ class RolloutConfig:
 _PRESETS = {
     "paper": RolloutConfig(
         width=1024, n_layers=3, condition_width=512, frames=100, own_frames=(5,), steps=500_000,
-        learning_rate=1e-4,
+        learning_rate=1e-4, style_fade_s=0.0,
     ),
     "small": RolloutConfig(),
     "tiny": RolloutConfig(

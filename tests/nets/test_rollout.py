@@ -136,8 +136,8 @@ def test_auto_conditioning_gives_the_network_what_was_danced_and_what_it_made(pl
             assert torch.equal(pose[..., :-N_FEET], made[:, frame - 1, :-N_FEET])
 
 
-def test_style_leaves_the_borders_of_words_and_the_root_as_they_are():
-    net = RolloutNet(rollout_config("tiny"))
+def test_the_papers_style_leaves_the_borders_of_words_and_the_root_as_they_are():
+    net = RolloutNet(rollout_config("tiny", style_fade_s=0.0))
     poses = torch.from_numpy(to_poses(random_motion(1, 45)))[None]
     asked = asked_for(
         np.array([0.0, 0.5, 1.0]), np.array([0.5, 1.0, 1.5]), 45, np.zeros((45, 4)), np.zeros((3, 184)),
@@ -149,6 +149,20 @@ def test_style_leaves_the_borders_of_words_and_the_root_as_they_are():
     assert change[[0, 15, 30]].max() < 1e-5
     assert change[7, ROOT_DIM:-N_FEET].max() > 1e-3
     assert change[:, :ROOT_DIM].max() == 0 and change[:, -N_FEET:].max() == 0
+
+
+def test_styles_of_words_pass_into_each_other():
+    net = RolloutNet(rollout_config("tiny", style_fade_s=0.5))
+    poses = torch.from_numpy(to_poses(random_motion(1, 1)))[None].expand(1, 60, -1)  # one pose, held
+    colours = np.random.default_rng(0).normal(size=(2, 87))
+    asked = asked_for(
+        np.array([0.0, 1.0]), np.array([1.0, 2.0]), 60, np.zeros((60, 4)), np.zeros((2, 184)), colours
+    )
+    with torch.no_grad():
+        quat = net.styled(poses, asked)[0, :, ROOT_DIM:-N_FEET]
+    steps = quat.diff(dim=0).norm(dim=-1)
+    assert steps[:12].max() < 1e-5 and steps[-12:].max() < 1e-5  # within a word nothing moves on that account
+    assert 0 < steps.max() < 0.15 * (quat[0] - quat[-1]).norm()  # from one to the other in no jump
 
 
 @pytest.mark.parametrize("off", ["hears", "motifs"])
