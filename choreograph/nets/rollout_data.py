@@ -67,7 +67,7 @@ def to_poses(motion: Motion) -> NDArray[np.float32]:
     quat *= np.where(quat[..., 0].sum(axis=0) < 0, -1.0, 1.0)[:, None]  # (T, J, 4)
     shift = rot.rotate(rot.about_y(-heading[:-1]), np.diff(motion.root_pos_m, axis=0))  # (T - 1, 3)
     root = np.column_stack([shift[:, 0], shift[:, 2], motion.root_pos_m[1:, 1], np.diff(heading)])
-    root = np.concatenate([root[:1], root])
+    root = np.concatenate([root[:1] if len(root) else np.zeros((1, ROOT_DIM)), root])
     root[0, 2] = motion.root_pos_m[0, 1]
     surely = foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4) ankle and ball of each foot
     feet = surely.reshape(len(surely), 2, 2).max(axis=2)

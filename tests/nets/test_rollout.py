@@ -153,7 +153,7 @@ def test_the_papers_style_leaves_the_borders_of_words_and_the_root_as_they_are()
 
 def test_styles_of_words_pass_into_each_other():
     net = RolloutNet(rollout_config("tiny", style_fade_s=0.5))
-    poses = torch.from_numpy(to_poses(random_motion(1, 1)))[None].expand(1, 60, -1)  # one pose, held
+    poses = torch.from_numpy(to_poses(random_motion(1, 1)))[None].expand(1, 60, -1)  # one pose held
     colours = np.random.default_rng(0).normal(size=(2, 87))
     asked = asked_for(
         np.array([0.0, 1.0]), np.array([1.0, 2.0]), 60, np.zeros((60, 4)), np.zeros((2, 184)), colours
