@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from choreograph.features.music import Music
 from choreograph.graph.costs import Cost, Floats
 from choreograph.graph.layers import Layer
+from choreograph.graph.node_motifs import NO_MOTIF
 from choreograph.motifs.goals import MotifGoal
 from choreograph.motifs.words import dance_bounds_s
 
@@ -75,11 +76,10 @@ class MotifTransition(Cost):
         return self._price[layer.motifs[:, :-1], layer.motifs[:, 1:]].sum(axis=1)
 
     def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
-        if previous.motifs.shape[1] == 0:
-            return np.zeros((previous.n_nodes, next.n_nodes), np.float32)
-        n_words = (previous.motifs >= 0).sum(axis=1)
-        last = previous.motifs[np.arange(previous.n_nodes), n_words - 1]
-        return self._price[last][:, next.motifs[:, 0]]
+        return self._price[_last_motif(previous)[:, None], _first_motif(next)]
+
+    def least_edges(self, previous: Layer, next: Layer, music: Music) -> Floats:
+        return self._price[np.unique(_last_motif(previous))].min(axis=0)[_first_motif(next)]
 
 
 MOTIF_COSTS: tuple[type[Cost], ...] = (Signature, MotifTransition)
@@ -88,3 +88,15 @@ MOTIF_COSTS: tuple[type[Cost], ...] = (Signature, MotifTransition)
 def song_words_s(music: Music) -> NDArray[np.float64]:
     """Instants (Q + 1,) at which the words of a dance to a song begin and end."""
     return dance_bounds_s(music.beat_times_s, music.duration_s)
+
+
+def _first_motif(layer: Layer) -> NDArray[np.integer]:
+    """The first motif of each node, (N,); -1 for a node without words."""
+    return layer.motifs[:, 0] if layer.motifs.shape[1] else np.full(layer.n_nodes, NO_MOTIF)
+
+
+def _last_motif(layer: Layer) -> NDArray[np.integer]:
+    """The last motif of each node, (N,); -1 for a node without words."""
+    n_words = (layer.motifs != NO_MOTIF).sum(axis=1)
+    last = layer.motifs[np.arange(layer.n_nodes), n_words - 1] if layer.motifs.shape[1] else NO_MOTIF
+    return np.where(n_words > 0, last, NO_MOTIF)

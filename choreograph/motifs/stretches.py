@@ -15,18 +15,18 @@ from choreograph.timebase import WORD_FRAMES
 Floats = NDArray[np.floating]
 Indices = NDArray[np.int64]
 
-_START_STEP_S = 0.1
-_LENGTH_STEP = 1.25  # lengths are told apart by a factor
+_START_STEP_S = 0.05
+_LENGTH_STEP = 1.15  # lengths are told apart by a factor
 _LENGTHS = 64  # steps from 0.05 s: more than any word needs
 _SHORTEST_S = 0.05
-_STARTS = 2**20  # a day and more of starts
+_STARTS = 2**21  # a day and more of starts
 
 
 class StretchMotifs:
     """Motifs of stretches of takes, for the graph: there a word is what is danced between two music beats,
     any stretch of a take, and none of the words that the vocabulary cut on the take's own beats.
 
-    Stretches are told apart by 0.1 s and a quarter of their length, and each is embedded when it is first
+    Stretches are told apart by 0.05 s and a seventh of their length, and each is embedded when it is first
     asked for: a song asks for a small part of all there are.
 
     `body_pos_m` gives positions (T, 21, 3) of a take at `fps`; `embed` embeddings (N, D) of words
