@@ -15,7 +15,7 @@ ENGINES = ("graph", "mixer", "rollout")
 PLANNERS = ("exact", "greedy", "motion-graph")
 # Weighed on dances to training songs; the paper gives no numbers.
 DEFAULT_WEIGHTS = {
-    "style": 1.0, "completeness": 1.0, "transition": 4.0, "velocity": 0.5, "rhythm": 4.0, "variety": 0.4,
+    "style": 1.0, "completeness": 1.0, "transition": 4.0, "velocity": 0.5, "rhythm": 4.0, "variety": 0.75,
     "repeat": 8.0, "signature": 1.0, "motif_transition": 0.5,
 }  # fmt: skip
 

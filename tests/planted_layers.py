@@ -30,7 +30,7 @@ def random_source(
     n_seconds: int = 6,
     k: int = 4,
     n_clips: int = 6,
-    cast: np.ndarray | None = None,
+    whims_s: np.ndarray | None = None,
     n_motifs: int = 0,
 ) -> tuple[LayerSource, Music]:
     """`n_seconds` layers of at most 4·k nodes with everything random, and music to go with them.
@@ -68,6 +68,6 @@ def random_source(
             segments, clips, song_words_s(music), lambda take, start_s, stop_s: words[: take.size]
         )
     source = LayerSource(
-        segments, clips, RandomPoses(n_clips, seed), cast, motifs=motifs, n_motifs=n_motifs
+        segments, clips, RandomPoses(n_clips, seed), whims_s=whims_s, motifs=motifs, n_motifs=n_motifs
     )  # fmt: skip
     return source, music

@@ -13,6 +13,7 @@ from choreograph.timebase import CLIP_FRAMES, NODE_FRAMES
 
 Floats = NDArray[np.floating]
 
+_TIRED_AFTER_S = 12.0  # three minutes in 15 takes
 _PLAYING_ON = NODE_FRAMES // 4
 
 
@@ -107,13 +108,13 @@ class Rhythm(Cost):
 
 
 class Variety(Cost):
-    """1 for a take that is not cast in this phrase: it has danced lately, or suits the music less.
+    """Seconds that the dance so far has lately danced the node's take, over 12: favourites tire.
 
-    Ours; see `selection.casting`.
+    Ours, not the paper's, whose cheapest path likes best to play one long take on and on.
     """
 
     def node(self, layer: Layer, music: Music) -> Floats:
-        return (~layer.cast).astype(np.float32)
+        return layer.tired / _TIRED_AFTER_S
 
 
 class Repeat(Cost):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Protocol
@@ -16,6 +17,7 @@ Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
 
 _ALL = slice(None)
+_FORGET_S = 120.0  # of what a take has danced, a third still tires it after this time
 
 
 class PoseBank(Protocol):
@@ -43,7 +45,7 @@ class Layer:
     take_names: NDArray[np.str_]  # (N,)
     genre: NDArray[np.str_]  # (N,)
     style: Floats  # (N, 32) of the clip
-    cast: NDArray[np.bool_]  # (N,) whether the node's take is wanted in this phrase
+    tired: Floats  # (N,) seconds that the best dance so far has lately danced the node's take
     take_frames: Floats  # (N, 2) take frames (20 fps) at the second's two borders
     fit: Floats  # (N,) mean squared difference of tempo-densities, this second
     off_beat: Floats  # (N,) share of beats, music's and motion's, that fall alone this second
@@ -76,6 +78,10 @@ class Layer:
         np.add.at(danced, (node, self.motifs[node, place]), 1)
         return replace(self, danced=danced)
 
+    def with_tired(self, tired_s: Floats) -> Layer:
+        """The layer where each take is as tired as `tired_s` (takes,) says."""
+        return replace(self, tired=tired_s[self.take])
+
     def successors_in(self, following: Layer) -> tuple[Ints, Ints]:
         """Pairs (node here, node there) that follow one another inside one warped segment."""
         order = np.argsort(self.segment)
@@ -99,8 +105,8 @@ class ClipTable:
 class LayerSource:
     """Builds the layer of any second; segments inserted more than three seconds before are gone.
 
-    `cast` (S, takes) says which takes are wanted when; None: all of them. `motifs` (S, K, 4, W), as
-    `node_motifs` gives them, are what each node dances of `n_motifs` in all; None: nobody asks.
+    `whims_s` (takes,) is how tired each take starts, in seconds; None: they never tire. `motifs`
+    (S, K, 4, W), as `node_motifs` gives them, are what each node dances of `n_motifs` in all; None: nobody asks.
     """
 
     def __init__(
@@ -108,16 +114,15 @@ class LayerSource:
         segments: Segments,
         clips: ClipTable,
         poses: PoseBank,
-        cast: NDArray[np.bool_] | None = None,
         *,
+        whims_s: Floats | None = None,
         motifs: NDArray[np.integer] | None = None,
         n_motifs: int = 0,
     ) -> None:
         self._segments = segments
         self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
         self._n_motifs = 0 if motifs is None else n_motifs
-        everyone = np.broadcast_to(True, (len(segments.clip), len(clips.take_names)))
-        self._cast = everyone if cast is None else cast
+        self._whims_s = whims_s
         self._clips = clips
         self._poses = poses
         # A layer looks at the last four insertions, and the planner at two layers.
@@ -127,6 +132,15 @@ class LayerSource:
     def n_seconds(self) -> int:
         """Number of layers S."""
         return len(self._segments.clip)
+
+    def tired_after(self, takes: Sequence[int]) -> NDArray[np.float32]:
+        """How tired each take is, (takes,), in seconds, once `takes` have been danced, one a second."""
+        n_takes = len(self._clips.take_names)
+        if self._whims_s is None:
+            return np.zeros(n_takes, np.float32)
+        left = np.exp(-np.arange(len(takes))[::-1] / _FORGET_S)
+        danced_s = np.bincount(np.asarray(takes, np.int64), left, n_takes)
+        return (self._whims_s + danced_s).astype(np.float32)
 
     def layer(self, second: int) -> Layer:
         """All nodes active in `second`."""
@@ -174,7 +188,7 @@ class LayerSource:
             take_names=clips.take_names[take],
             genre=clips.genres[take],
             style=clips.style[clip],
-            cast=self._cast[start + offset, take],
+            tired=np.zeros(len(clip), np.float32),
             take_frames=clips.start_frame[clip, None] + source_frames[:, ::NODE_FRAMES],
             fit=segments.fit[start, part, offset],
             off_beat=segments.off_beat[start, part, offset],

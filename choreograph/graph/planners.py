@@ -18,6 +18,7 @@ from choreograph.graph.layers import Layer, LayerSource
 from choreograph.graph.motif_costs import MOTIF_COSTS
 
 Floats = NDArray[np.floating]
+Ints = NDArray[np.integer]
 Report = Callable[[int, int], None]  # seconds planned, seconds in all
 
 _WORTH_CUTTING = 0.8  # copying a layer costs about a fifth of pricing its edges
@@ -58,18 +59,22 @@ def plan_exact(
 
     A cost that depends on all that has been danced (`Signature`) is priced for each node by the cheapest way
     found to it: a beam of as many ways as a layer has nodes, and the path is then cheap rather than the
-    cheapest. Never costlier than `plan_greedy` on the same layers. Raises `NoPathError` naming the second if
-    no path is allowed, `ParameterError` if a cost returns nan or a wrong shape. The paper plans greedily
-    (section 3.3).
+    cheapest. Takes tire by what the cheapest way so far has danced: each second's prices are fixed when it is
+    reached. Never costlier than `plan_greedy` on the same layers where takes do not tire. Raises
+    `NoPathError` naming the second if no path is allowed, `ParameterError` if a cost returns nan or a wrong
+    shape. The paper plans greedily (section 3.3).
     """
-    layer, reached = _allowed(source.layer(0), costs, music)
+    tired = [source.tired_after([])]
+    layer, reached = _allowed(source.layer(0).with_tired(tired[0]), costs, music)
     walk = _Walk(layer, reached) if layer.danced.size else None
     layer = layer.after(layer.danced)
     kept = [layer.segment * 4 + layer.offset]
+    takes = [layer.take]
     parents: list[NDArray[np.int32]] = []
     with ThreadPoolExecutor(_THREADS) as pool:
         for second in range(1, source.n_seconds):
-            following, node_cost = _allowed(source.layer(second), costs, music)
+            tired.append(source.tired_after(_along(parents, takes, int(np.argmin(reached)))))
+            following, node_cost = _allowed(source.layer(second).with_tired(tired[-1]), costs, music)
             best, who = _step(layer, following, reached, costs, music, pool)
             if not np.isfinite(best).any():
                 raise NoPathError(f"no allowed way into second {second}: every edge is forbidden")
@@ -79,16 +84,14 @@ def plan_exact(
             reached = best + node_cost
             layer = following.after(layer.danced[who])
             kept.append(layer.segment * 4 + layer.offset)
+            takes.append(layer.take)
             parents.append(who.astype(np.int32))
             if report is not None:
                 report(second + 1, source.n_seconds)
-    chosen = [int(np.argmin(reached))]
-    for parent in reversed(parents):
-        chosen.append(int(parent[chosen[-1]]))
-    keys = [int(keys[index]) for keys, index in zip(kept, reversed(chosen), strict=True)]
+    keys = _along(parents, kept, int(np.argmin(reached)))
     if walk is not None and walk.total < reached.min():
         keys = walk.keys
-    return _priced(source, keys, costs, music)
+    return _priced(source, keys, tired, costs, music)
 
 
 def plan_greedy(
@@ -98,13 +101,16 @@ def plan_greedy(
 
     Raises as `plan_exact`; it can also walk into a dead end that `plan_exact` avoids.
     """
-    walk = _Walk(*_allowed(source.layer(0), costs, music))
+    tired = [source.tired_after([])]
+    walk = _Walk(*_allowed(source.layer(0).with_tired(tired[0]), costs, music))
     for second in range(1, source.n_seconds):
-        if not walk.goes_on(*_allowed(source.layer(second), costs, music), costs, music):
+        tired.append(source.tired_after(walk.takes))
+        layer = source.layer(second).with_tired(tired[-1])
+        if not walk.goes_on(*_allowed(layer, costs, music), costs, music):
             raise NoPathError(f"no allowed way into second {second}: every edge is forbidden")
         if report is not None:
             report(second + 1, source.n_seconds)
-    return _priced(source, walk.keys, costs, music)
+    return _priced(source, walk.keys, tired, costs, music)
 
 
 class _Walk:
@@ -113,6 +119,7 @@ class _Walk:
     def __init__(self, layer: Layer, node_cost: NDArray[np.float64]) -> None:
         self.total = float(node_cost.min())
         self.keys: list[int] = []
+        self.takes: list[int] = []
         self._stand_on(layer, int(np.argmin(node_cost)), layer.danced[:1])
 
     def goes_on(
@@ -130,6 +137,16 @@ class _Walk:
     def _stand_on(self, layer: Layer, node: int, danced: NDArray[np.integer]) -> None:
         self._here = layer.chosen(np.array([node])).after(danced)
         self.keys.append(int(self._here.segment[0] * 4 + self._here.offset[0]))
+        self.takes.append(int(self._here.take[0]))
+
+
+def _along(parents: Sequence[NDArray[np.int32]], values: Sequence[Ints], last: int) -> list[int]:
+    """What `values` (N,) of every layer are along the cheapest way to node `last` of the last layer."""
+    found = [int(values[-1][last])]
+    for parent, here in zip(reversed(parents), reversed(values[:-1]), strict=True):
+        last = int(parent[last])
+        found.append(int(here[last]))
+    return found[::-1]
 
 
 def _allowed(layer: Layer, costs: Sequence[WeightedCost], music: Music) -> tuple[Layer, NDArray[np.float64]]:
@@ -266,12 +283,18 @@ def _playing_on(
     return best, who
 
 
-def _priced(source: LayerSource, keys: list[int], costs: Sequence[WeightedCost], music: Music) -> Path:
+def _priced(
+    source: LayerSource,
+    keys: list[int],
+    tired: Sequence[Floats],
+    costs: Sequence[WeightedCost],
+    music: Music,
+) -> Path:
     """The path through nodes given by segment × 4 + offset, with every cost term it pays."""
     nodes: list[Layer] = []
     priced: list[dict[str, float]] = []
-    for key in keys:
-        node = source.node(key)
+    for key, tired_s in zip(keys, tired, strict=True):
+        node = source.node(key).with_tired(tired_s)
         terms = {weighted.cost.name: 0.0 for weighted in costs}
         for name, value in _terms(costs, lambda c, n=node: c.node(n, music), (1,)):
             terms[name] += float(value[0])

@@ -20,7 +20,6 @@ from choreograph.graph import (
     LayerSource,
     MotifTransition,
     Signature,
-    Variety,
     WeightedCost,
     node_motifs,
     plan_exact,
@@ -37,9 +36,11 @@ from choreograph.pipeline.saving import Report
 from choreograph.pipeline.wishes import TakePin, Wishes
 from choreograph.plan import Plan, PlannedSecond
 from choreograph.repertoire import Repertoire
-from choreograph.selection import cast_takes, clip_misfits, phrase_of_seconds, select_clips, take_losses
+from choreograph.selection import clip_misfits, select_clips
 from choreograph.timebase import NET_FPS, frames_to_seconds
 from choreograph.warping import ClipBeats, warp_segments
+
+_WHIM_S = 4.0  # takes begin up to so tired, by the seed: another seed, another dance
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +151,7 @@ def _planned(
         np.array([take.credits.genre for take in repertoire.takes]),
         repertoire.clip_style,
     )
-    chosen, cast = _selected(music, repertoire, config, costs, allowed)
+    chosen = _selected(music, repertoire, config, costs, allowed)
     segments = warp_segments(
         chosen, music.density, music.beat_times_s, repertoire.clip_density,
         repertoire.clip_speed, _clip_beats(repertoire), report=_stage(report, "warping"),
@@ -162,7 +163,8 @@ def _planned(
         motifs, n_motifs = (
             node_motifs(segments, clips, song_words_s(music), known.motifs_of), vocabulary.n_motifs,
         )  # fmt: skip
-    source = LayerSource(segments, clips, repertoire, cast, motifs=motifs, n_motifs=n_motifs)
+    whims_s = _WHIM_S * np.random.default_rng(config.seed).random(len(repertoire.takes))
+    source = LayerSource(segments, clips, repertoire, whims_s=whims_s, motifs=motifs, n_motifs=n_motifs)
     if config.planner == "motion-graph":
         from choreograph.graph.motion_graph import plan_motion_graph
 
@@ -179,33 +181,22 @@ def _selected(
     config: DanceConfig,
     costs: list[WeightedCost],
     allowed: Allowed | None,
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """The candidates of each second (S, K), and the takes cast in it (S, takes)."""
-    known = (music.style, music.beat_count, repertoire.clip_style, repertoire.clip_beat_count)
-    beat_weight = repertoire.selection_beat_weight
-    losses = take_losses(
-        *known, repertoire.clip_take, n_takes=len(repertoire.takes), beat_weight=beat_weight
-    )  # fmt: skip
-    phrases = phrase_of_seconds(music.beat_times_s, len(music.style))
-    clip_misfit, take_misfit = _misfits(music, repertoire, costs)
-    cast = cast_takes(losses + take_misfit, phrases, rng=np.random.default_rng(config.seed))
-    wanted = next(w.weight for w in costs if w.cost.name == Variety.name)
+) -> NDArray[np.int64]:
+    """The candidates of each second (S, K)."""
+    misfit = _misfits(music, repertoire, costs)
 
-    def forbidden(second: int) -> NDArray[np.floating]:
+    def penalty(second: int) -> NDArray[np.floating]:
         fine = True if allowed is None else allowed.takes[second, repertoire.clip_take]
-        return np.where(fine, clip_misfit, np.inf)
+        return np.where(fine, misfit, np.inf)
 
-    chosen = select_clips(
-        *known, candidates=config.candidates, beat_weight=beat_weight,
-        penalty=lambda second: wanted * ~cast[second, repertoire.clip_take] + forbidden(second),
+    return select_clips(
+        music.style, music.beat_count, repertoire.clip_style, repertoire.clip_beat_count,
+        candidates=config.candidates, beat_weight=repertoire.selection_beat_weight, penalty=penalty,
     )  # fmt: skip
-    return chosen, cast
 
 
-def _misfits(
-    music: Music, repertoire: Repertoire, costs: list[WeightedCost]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How little of each clip, and of each take, a dance with the signature asked for wants; 0 without."""
+def _misfits(music: Music, repertoire: Repertoire, costs: list[WeightedCost]) -> NDArray[np.float64]:
+    """How little of each clip a dance with the signature asked for wants; 0 without."""
     misfit = np.zeros(repertoire.n_clips)
     for w in costs:
         if isinstance(w.cost, Signature) and w.weight != 0:
@@ -216,10 +207,7 @@ def _misfits(
                 frames_to_seconds(repertoire.clip_start_frame, NET_FPS),
                 n_words=len(song_words_s(music)) - 1,
             )
-    sums, counts = (
-        np.bincount(repertoire.clip_take, of, minlength=len(repertoire.takes)) for of in (misfit, None)
-    )
-    return misfit, sums / np.maximum(counts, 1)
+    return misfit
 
 
 def _stage(report: Report | None, name: str) -> Callable[[int, int], None] | None:

@@ -1,7 +1,6 @@
-"""Selection: the K clips whose style suits each second of the song best, and the takes cast for a phrase."""
+"""Selection: the K clips whose style suits each second of the song best."""
 
-from choreograph.selection.casting import cast_takes, phrase_of_seconds
 from choreograph.selection.select import select_clips, take_losses
 from choreograph.selection.steering import clip_misfits
 
-__all__ = ["cast_takes", "clip_misfits", "phrase_of_seconds", "select_clips", "take_losses"]
+__all__ = ["clip_misfits", "select_clips", "take_losses"]

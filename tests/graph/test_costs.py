@@ -60,10 +60,27 @@ def test_style_and_rhythm(layers):
     assert np.allclose(Rhythm().node(a, music), a.off_beat + a.fit)
 
 
-def test_variety_prices_takes_that_are_not_cast():
-    source, music = random_source(0, cast=np.tile([True, False], (6, 1)))
-    layer = source.layer(3)
-    assert np.array_equal(Variety().node(layer, music), layer.take == 1)
+def test_variety_prices_takes_by_what_they_have_danced():
+    source, music = random_source(0, whims_s=np.array([0.0, 3.0]))
+    tired_s = source.tired_after([0] * 12)
+    assert 11 < tired_s[0] < 12  # the first of them is a little forgotten
+    assert tired_s[1] == 3
+    layer = source.layer(3).with_tired(tired_s)
+    assert np.allclose(Variety().node(layer, music), np.where(layer.take == 1, 3, tired_s[0]) / 12)
+
+
+def test_what_was_danced_long_ago_no_longer_tires():
+    source, _ = random_source(0, whims_s=np.zeros(2))
+    lately, long_ago = source.tired_after([1] * 600 + [0] * 20), source.tired_after([0] * 20 + [1] * 600)
+    assert lately[0] > 15
+    assert long_ago[0] < 1
+    assert long_ago[1] < 130  # nor does anybody tire without end
+
+
+def test_takes_do_not_tire_where_nobody_asks():
+    source, music = random_source(0)
+    assert not source.tired_after([0, 1, 1]).any()
+    assert not Variety().node(source.layer(3), music).any()
 
 
 def test_repeat_is_going_back_less_than_a_clip_in_one_take(layers):

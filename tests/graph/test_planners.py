@@ -12,7 +12,7 @@ from planted_layers import random_source
 
 from choreograph.config import DEFAULT_WEIGHTS
 from choreograph.errors import NoPathError, ParameterError
-from choreograph.graph import BUILTIN_COSTS, Cost, WeightedCost, plan_exact, plan_greedy
+from choreograph.graph import BUILTIN_COSTS, Cost, Variety, WeightedCost, plan_exact, plan_greedy
 from choreograph.graph.motion_graph import plan_motion_graph
 
 BUILTIN = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]
@@ -139,6 +139,24 @@ def test_totals_are_the_sums_of_what_each_second_paid(planner):
             if second and (edge := w.cost.edge(path.nodes[second - 1], node, music)) is not None:
                 expected += w.weight * float(edge[0, 0])
             assert paid[w.cost.name] == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
+def test_takes_that_tire_are_danced_in_turn(planner):
+    class Favourite(Cost):
+        def node(self, layer, music):
+            return np.where(layer.take == 0, 0.0, 1.0)
+
+    for whims_s, others_s in ((None, 0), (np.zeros(2), 8)):
+        source, music = random_source(5, n_seconds=48, n_clips=4, whims_s=whims_s)
+        path = planner(source, [WeightedCost(Favourite(), 1.0), WeightedCost(Variety(), 1.0)], music)
+        takes = [int(node.take[0]) for node in path.nodes]
+        assert sum(takes) >= others_s
+        assert not sum(takes) or others_s
+        for second, (node, paid) in enumerate(zip(path.nodes, path.costs, strict=True)):
+            assert paid["variety"] == pytest.approx(
+                source.tired_after(takes[:second])[node.take[0]] / 12, abs=0.2
+            )
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy, plan_motion_graph])
