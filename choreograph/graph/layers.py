@@ -106,7 +106,8 @@ class LayerSource:
     """Builds the layer of any second; segments inserted more than three seconds before are gone.
 
     `whims_s` (takes,) is how tired each take starts, in seconds; None: they never tire. `motifs`
-    (S, K, 4, W), as `node_motifs` gives them, are what each node dances of `n_motifs` in all; None: nobody asks.
+    (S, K, 4, W), as `node_motifs` gives them, are what each node dances of `n_motifs` in all; None: nobody
+    asks.
     """
 
     def __init__(
