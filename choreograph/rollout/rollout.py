@@ -27,6 +27,7 @@ Floats = NDArray[np.float64]
 
 SEED_FRAMES = 15  # real poses that a rollout begins with, as the paper's
 _SMOOTH_HEADING_S = 0.08
+_LOOK_FRAMES = 2 * ROLLOUT_FPS  # where the way leads is where it has led in two seconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,8 @@ def _on_stage(poses: NDArray[np.float32], score: MotifScore, skeleton: Skeleton)
     place, heading = np.zeros(3), 0.0  # of the frame before the word
     for first, stop in zip(borders[:-1], borders[1:].clip(max=len(rows)), strict=True):
         before = max(first - 1, 0)
-        way = to_motion(rows[before:stop], skeleton, heading_rad=heading).root_pos_m[-1] * [1.0, 0.0, 1.0]
+        coming = rows[before : max(stop, first + _LOOK_FRAMES)]
+        way = to_motion(coming, skeleton, heading_rad=heading).root_pos_m[-1] * [1.0, 0.0, 1.0]
         window = np.hanning(stop - before + 2)[1:-1]
         window[0] = 0.0
         rows[before:stop, 3] += steer_rad(place, way) * window / max(window.sum(), 1e-9)

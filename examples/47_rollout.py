@@ -1,0 +1,267 @@
+"""What the rollout network makes of motifs: ablations, re-created dances, variations, style, feet.
+
+    python examples/47_rollout.py path/to/dance-with-melody REPERTOIRE --ablations FOLDER
+
+REPERTOIRE must have been built with `--rollout --leave-out @examples/dance_with_melody_held_out.txt`; the
+networks of the ablations are trained into FOLDER on the repertoire's own takes, the first time only (three
+times as long as the network itself; go on after a stop with the same command). Danced are the held-out songs
+and those of DATA without motion, up to 80 s of each, asked for their genre.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+import torch
+
+import choreograph as cg
+from choreograph.audio.song import Song, load_song
+from choreograph.importers.dance_with_melody import read
+from choreograph.metrics import beat
+from choreograph.metrics.physical import foot_slide_cm_s, joint_jerk_m_s3
+from choreograph.motifs.signatures import chi_square_distance, signature
+from choreograph.motifs.words import dance_bounds_s
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.motion.pose import from_own_place
+from choreograph.nets.rollout import RolloutNet
+from choreograph.nets.rollout_presets import rollout_config
+from choreograph.nets.rollout_training import train_rollout
+from choreograph.nets.training import TrainingPlace
+from choreograph.pipeline import rolling
+from choreograph.pipeline.rendering import danced_motifs
+from choreograph.pipeline.rollout_learning import rollout_takes
+from choreograph.pipeline.wording import cut_takes
+from choreograph.repertoire.contents import MeasuredTake
+from choreograph.rollout import rollout
+from choreograph.takes import Take
+
+HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
+WITHOUT_MOTION = {"DANCE_C_1": "cha-cha", "DANCE_C_3": "cha-cha", "DANCE_R_6": "rumba", "DANCE_R_10": "rumba"}
+ABLATIONS = {
+    "no perceptual loss": {"perceptual_weight": 0.0},
+    "no audio": {"hears": False},
+    "acLSTM, no motifs": {"motifs": False, "perceptual_weight": 0.0},
+}
+LONGEST_S = 80.0
+FPS = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A song to dance to, and what was danced to it if that is known."""
+
+    name: str
+    song: Song
+    genre: str
+    take: Take | None
+
+
+class WithNet(cg.Repertoire):
+    """A repertoire with another rollout network."""
+
+    net: RolloutNet | None = None
+
+    def rollout_net(self) -> RolloutNet:
+        return self.net or super().rollout_net()
+
+
+def pieces_of(data: Path, takes: Mapping[str, Take]) -> list[Piece]:
+    pieces = []
+    for name in HELD_OUT.read_text(encoding="utf-8").split():
+        take = takes[name]
+        length_s = min(LONGEST_S, take.motion.duration_s)
+        song = load_song(take.song_path, start_s=take.song_start_s, duration_s=length_s)
+        pieces.append(Piece(name, song, take.credits.genre, take))
+    for name, genre in WITHOUT_MOTION.items():
+        song = load_song(data / name / "audio.mp3", duration_s=LONGEST_S)
+        pieces.append(Piece(name, song, genre, None))
+    return pieces
+
+
+def ablated_nets(
+    takes: Mapping[str, Take], repertoire: cg.Repertoire, folder: Path, steps: int | None
+) -> dict[str, RolloutNet]:
+    folder.mkdir(parents=True, exist_ok=True)
+    nets, learned = {}, None
+    for name, changes in ABLATIONS.items():
+        path = folder / f"{name.replace(' ', '-').replace(',', '')}"
+        if not path.with_suffix(".pt").exists():
+            if learned is None:
+                own = [MeasuredTake(takes[t.name], np.zeros((0, 21, 3), np.float32), np.zeros(0))
+                       for t in repertoire.takes]  # fmt: skip
+                words = repertoire.word_net()
+                learned = rollout_takes(own, cut_takes(own)[0], repertoire.vocabulary, words)
+            preset = str(repertoire.provenance["preset"])
+            config = rollout_config(preset, **changes, **({} if steps is None else {"steps": steps}))
+            place = TrainingPlace(
+                path, resume=True, report=lambda p: print(p.step, f"{p.loss:.3f}", flush=True)
+            )
+            net = train_rollout(learned, words, config, seed=0, place=place)
+            torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, path.with_suffix(".pt"))
+        stored = torch.load(path.with_suffix(".pt"), weights_only=True)
+        weights = {key: value.numpy() for key, value in stored.pop("weights").items()}
+        nets[name] = RolloutNet.from_arrays(weights, stored)
+    return nets
+
+
+def bounds_of(dance: cg.Dance) -> np.ndarray:
+    return np.array([*(word.start_s for word in dance.plan.words), dance.plan.words[-1].end_s])
+
+
+def show_ablations(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> None:
+    """Distance to the template, beats, and speeds, for every network, and of what was really danced."""
+    k = repertoire.vocabulary.n_motifs
+    rows: dict[str, list[list[float]]] = {}
+    for piece in pieces:
+        goal = repertoire.vocabulary.signatures[repertoire.vocabulary.genre_index(piece.genre)]
+        motions: dict[str, Motion] = {}
+        for name, net in {"rollout": None, **nets}.items():
+            repertoire.net = net
+            dance = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre)
+            motions[name] = dance.motion
+        repertoire.net = None
+        if piece.take is not None:
+            motions["real"] = piece.take.motion
+        beats, bounds = np.array(dance.plan.music_beats_s), bounds_of(dance)
+        asked = np.array([word.motif for word in dance.plan.words])
+        for name, motion in motions.items():
+            inside = bounds[bounds <= motion.duration_s + 0.04]
+            danced = danced_motifs(motion, inside, repertoire)
+            body = body_pos_m(motion)
+            kinematic = cg.Dance(motion, dance.plan).motion_beats_s
+            rows.setdefault(name, []).append(
+                [
+                    chi_square_distance(signature(danced[danced >= 0], k), goal),
+                    float(np.mean(danced == asked[: len(danced)])) if name != "real" else np.nan,
+                    beat.aligned_share(kinematic, beats), beat.beat_ratio(kinematic, beats),
+                    beat.f_score(kinematic, beats), foot_slide_cm_s(body, motion.fps),
+                    float(np.linalg.norm(np.diff(body, axis=0), axis=-1).mean() * motion.fps),
+                    float(np.percentile(joint_jerk_m_s3(body, motion.fps)[1], 95)),
+                ]
+            )  # fmt: skip
+    print("mean of songs            chi2  motifs aligned  ratio      F  slide  speed   jerk")
+    for name, of_name in rows.items():
+        print(f"{name:20s} {len(of_name):2d}", *(f"{v:6.3f}" for v in np.nanmean(of_name, axis=0)))
+
+
+def show_recreations(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> None:
+    """Share of a held-out dance's motifs that come out again, asked for in their order."""
+    shares: dict[str, list[float]] = {}
+    for piece in pieces:
+        if piece.take is None:
+            continue
+        beats = np.array(cg.dance(piece.song, repertoire, engine="rollout").plan.music_beats_s)
+        bounds = dance_bounds_s(beats, piece.song.duration_s)
+        asked = danced_motifs(piece.take.motion, bounds, repertoire)
+        motifs = np.where(asked < 0, 0, asked).tolist()
+        runs = {"rollout": ("rollout", None), "mixer": ("mixer", None)}
+        runs |= {name: ("rollout", net) for name, net in nets.items()}
+        for name, (engine, net) in runs.items():
+            repertoire.net = net
+            dance = cg.dance(piece.song, repertoire, engine=engine, motifs=motifs)
+            danced = danced_motifs(dance.motion, bounds_of(dance), repertoire)[: len(asked)]
+            shares.setdefault(name, []).append(float(np.mean((danced == asked)[asked >= 0])))
+    repertoire.net = None
+    for name, of_name in shares.items():
+        print(f"re-created by {name:20s} {np.mean(of_name):.3f}, least {np.min(of_name):.3f}")
+
+
+def apart_cm(a: Motion, b: Motion) -> float:
+    n = min(a.n_frames, b.n_frames)
+    poses = (from_own_place(body_pos_m(m)[:n]) for m in (a, b))
+    return float(100 * np.linalg.norm(next(poses) - next(poses), axis=-1).mean())
+
+
+def show_variations(pieces: list[Piece], repertoire: WithNet) -> None:
+    apart, far = [], []
+    for piece in pieces:
+        goal = repertoire.vocabulary.signatures[repertoire.vocabulary.genre_index(piece.genre)]
+        dances = cg.vary(piece.song, repertoire, 3, engine="rollout", genre=piece.genre)
+        apart += [apart_cm(dances[i].motion, dances[j].motion) for i, j in ((0, 1), (0, 2), (1, 2))]
+        for dance in dances:
+            motifs = danced_motifs(dance.motion, bounds_of(dance), repertoire)
+            far.append(chi_square_distance(signature(motifs[motifs >= 0], len(goal)), goal))
+    print(f"three runs: {np.mean(apart):.1f} cm apart, least {np.min(apart):.1f}; chi2 {np.mean(far):.3f}")
+
+
+def show_styles(pieces: list[Piece], repertoire: WithNet) -> None:
+    """The song's style against another's, none, and noise: with ours and with the paper's window."""
+    net = repertoire.rollout_net()
+    for fade_s in dict.fromkeys((net.config.style_fade_s, 0.0)):
+        repertoire.net = RolloutNet(replace(net.config, style_fade_s=fade_s))
+        repertoire.net.load_state_dict(net.state_dict())
+        rows: dict[str, list[list[float]]] = {}
+        for piece, other in zip(pieces, pieces[1:] + pieces[:1], strict=True):
+            asked = {"genre": piece.genre, "engine": "rollout"}
+            own = cg.dance(piece.song, repertoire, **asked)
+            motifs = danced_motifs(own.motion, bounds_of(own), repertoire)
+            dances = {"another song": cg.dance(piece.song, repertoire, **asked, style_song=other.song)}
+            with patch.object(rolling, "word_spectra", partial(noise, net)):
+                dances["noise"] = cg.dance(piece.song, repertoire, **asked)
+            for name, dance in dances.items():
+                same = danced_motifs(dance.motion, bounds_of(dance), repertoire) == motifs
+                kept = beat.f_score(dance.motion_beats_s, own.motion_beats_s, window_s=beat.FRAME_S)
+                jerk = [
+                    np.percentile(joint_jerk_m_s3(body_pos_m(m), m.fps)[1], 95)
+                    for m in (dance.motion, own.motion)
+                ]
+                rows.setdefault(name, []).append(
+                    [apart_cm(dance.motion, own.motion), same.mean(), kept, jerk[0] / jerk[1]]
+                )
+        for name, of_name in rows.items():
+            cm, same, kept, jerk = np.mean(of_name, axis=0)
+            kept_of = f"motifs kept {same:.3f}, beats kept {kept:.3f}"
+            print(f"style of {name:12s} (fade {fade_s:g} s): {cm:.2f} cm apart, {kept_of}, jerk x {jerk:.2f}")
+    repertoire.net = None
+
+
+def noise(net: RolloutNet, song: Song, bounds_s: np.ndarray) -> np.ndarray:
+    """In the place of spectral features: numbers of the same spread that mean nothing."""
+    mean, std = net.spectral_mean.numpy(), net.spectral_std.numpy()
+    return np.random.default_rng(0).normal(mean, std, (len(bounds_s) - 1, len(mean)))
+
+
+def show_feet(pieces: list[Piece], repertoire: WithNet) -> None:
+    """Slide of low feet with and without holding them, and of real takes, cm/s."""
+    rows = []
+    for piece in pieces:
+        if piece.take is None:
+            continue
+        held = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre).motion
+        with patch.object(rollout, "lock_feet", lambda motion, contacts: motion):
+            free = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre).motion
+        rows.append([foot_slide_cm_s(body_pos_m(m), m.fps) for m in (held, free, piece.take.motion)])
+    held, free, real = np.mean(rows, axis=0)
+    print(f"slide {held:.1f} cm/s, feet not held {free:.1f}, real {real:.1f}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("repertoire", type=Path)
+    parser.add_argument(
+        "--ablations", type=Path, help="folder of the ablations' networks; none: leave them out"
+    )
+    parser.add_argument("--steps", type=int, help="of their training, if not the preset's")
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    takes = {take.name: take for take in read(given.data)}
+    repertoire = WithNet.open(given.repertoire)
+    pieces = pieces_of(given.data, takes)
+    nets = ablated_nets(takes, repertoire, given.ablations, given.steps) if given.ablations else {}
+    show_ablations(pieces, repertoire, nets)
+    show_recreations(pieces, repertoire, nets)
+    show_variations(pieces, repertoire)
+    show_styles(pieces, repertoire)
+    show_feet(pieces, repertoire)
+
+
+if __name__ == "__main__":
+    main()
