@@ -47,7 +47,7 @@ class PlannedWord:
     source_start_s: float  # in the take
     source_end_s: float
     credits: Credits
-    pinned: bool = False  # asked for by the user
+    pinned: bool = False  # must stay its motif, as the user asked: its neighbours give way at joins
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +76,7 @@ class _Played:
     first_frame: int  # dance frame of row 0; negative in the margin before the dance
     root: Floats  # (T, 3)
     quat: Floats  # (T, J, 4)
+    firm: bool  # see `Run`
 
 
 def _play(run: Run, read_motion: MotionReader, fps: float, margin: int) -> _Played:
@@ -84,7 +85,7 @@ def _play(run: Run, read_motion: MotionReader, fps: float, margin: int) -> _Play
     source = run.source_s(np.arange(first, seconds_to_frames(run.stop_s, fps) + margin) / fps)
     motion, first_s = read_motion(run.take, float(source.min()), float(source.max()))
     root, quat = _sampled_smoothly(motion, (source - first_s) * motion.fps)
-    return _Played(motion, first, root, quat)
+    return _Played(motion, first, root, quat, run.firm)
 
 
 def _sampled_smoothly(motion: Motion, frames: Floats) -> tuple[Floats, Floats]:
@@ -112,7 +113,7 @@ def _placed(previous: _Played, played: _Played, fps: float) -> _Played:
     shift = ground_pos_m(before) - rot.rotate(turn, ground_pos_m(after))
     quat = np.array(played.quat)
     quat[:, 0] = rot.multiply(turn, quat[:, 0])
-    return _Played(played.motion, played.first_frame, rot.rotate(turn, played.root) + shift, quat)
+    return replace(played, root=rot.rotate(turn, played.root) + shift, quat=quat)
 
 
 def _join_row(played: _Played, previous: _Played) -> tuple[int, int]:
@@ -133,33 +134,49 @@ def _join(
 ) -> None:
     """Blend the frames around the join at `frame` of the output, where b is already written after a."""
     row_a, row_b = frame - a.first_frame, frame - b.first_frame
-    shorter = min(len(a.root), len(b.root)) - 2 * row_b  # frames of the run without its margins
-    room = max(1, int(_JOIN_SHARE * shorter))
+    share = _JOIN_SHARE / 2 if a.firm and b.firm else _JOIN_SHARE
+    # Frames of each run without its margins that may be blended.
+    room_a, room_b = (max(1, int(share * (len(run.root) - 2 * row_b))) for run in (a, b))
+    # How much of the difference each side makes up for: a firm run none, if the other is not.
+    part_a, part_b = (0.5, 0.5) if a.firm == b.firm else (float(b.firm), float(a.firm))
     if blending == "linear":
-        half = min(seconds_to_frames(JOIN_S["linear"], fps) // 2, room)
-        out = slice(max(0, frame - half), min(len(root_out), frame + half))
-        in_a = slice(out.start - a.first_frame, out.stop - a.first_frame)
-        in_b = slice(out.start - b.first_frame, out.stop - b.first_frame)
-        root_out[out], quat_out[out] = crossfade(a.root[in_a], a.quat[in_a], b.root[in_b], b.quat[in_b])
+        whole = seconds_to_frames(JOIN_S["linear"], fps)
+        first, stop = frame - min(int(part_a * whole), room_a), frame + min(int(part_b * whole), room_b)
+        out = slice(max(0, first), min(len(root_out), stop))
+        if out.start < out.stop:
+            in_a = slice(out.start - a.first_frame, out.stop - a.first_frame)
+            in_b = slice(out.start - b.first_frame, out.stop - b.first_frame)
+            root_out[out], quat_out[out] = crossfade(a.root[in_a], a.quat[in_a], b.root[in_b], b.quat[in_b])
         return
     around_a, around_b = slice(row_a - 1, row_a + 2), slice(row_b - 1, row_b + 2)
-    root, turn = inertial_offsets(
+    offsets = inertial_offsets(
         a.root[around_a], a.quat[around_a], b.root[around_b], b.quat[around_b], fps=fps
     )
-    length = min(seconds_to_frames(JOIN_S["inertial"], fps), room)
-    times = np.arange(length) / fps
-    after = slice(frame, min(len(root_out), frame + length))
-    n = after.stop - after.start
-    root_out[after], quat_out[after] = apply_offset(
-        root_out[after], quat_out[after],
-        fading(0.5 * root, times[:n], length / fps), fading(0.5 * turn, times[:n], length / fps),
-    )  # fmt: skip
-    # Seen backwards in time the first derivative changes its sign.
-    backwards = np.array([-0.5, 0.5, -0.5])
-    before = slice(max(0, frame - length), frame)
-    times = (frame - np.arange(before.start, frame)) / fps
-    root_out[before], quat_out[before] = apply_offset(
-        root_out[before], quat_out[before],
-        fading(backwards[:, None] * root, times, length / fps),
-        fading(backwards[:, None, None] * turn, times, length / fps),
-    )  # fmt: skip
+    longest = seconds_to_frames(JOIN_S["inertial"], fps)
+    if part_b > 0:
+        length = min(longest, room_b)
+        after = np.arange(frame, min(len(root_out), frame + length))
+        _add(offsets, part_b * _FORWARDS, after, (after - frame) / fps, length / fps, root_out, quat_out)
+    if part_a > 0:
+        length = min(longest, room_a)
+        before = np.arange(max(0, frame - length), frame)
+        _add(offsets, part_a * _BACKWARDS, before, (frame - before) / fps, length / fps, root_out, quat_out)
+
+
+_FORWARDS = np.array([1.0, 1.0, 1.0])
+_BACKWARDS = np.array([-1.0, 1.0, -1.0])  # seen backwards in time the first derivative changes its sign
+
+
+def _add(
+    offsets: tuple[Floats, Floats],
+    parts: Floats,
+    frames: NDArray[np.int64],
+    times_s: Floats,
+    length_s: float,
+    root_out: Floats,
+    quat_out: Floats,
+) -> None:
+    """Add offsets of root (3, 3) and joints (3, J, 3), times `parts` (3,), fading away from the join."""
+    root = fading(parts[:, None] * offsets[0], times_s, length_s)
+    turn = fading(parts[:, None, None] * offsets[1], times_s, length_s)
+    root_out[frames], quat_out[frames] = apply_offset(root_out[frames], quat_out[frames], root, turn)

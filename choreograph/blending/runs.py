@@ -24,6 +24,7 @@ class Run:
     start_s: float  # in the dance
     stop_s: float
     source_times_s: Floats  # (n + 1,) take instants, evenly spaced from start to stop, both included
+    firm: bool = False  # at joins its neighbours give way, so that it stays what it is
 
     @property
     def length_s(self) -> float:
@@ -41,7 +42,7 @@ class Run:
 
     def cut(self, start_s: float, stop_s: float) -> Run:
         """The part of it between two instants of the dance."""
-        return Run(self.take, start_s, stop_s, self.source_s(_instants(start_s, stop_s)))
+        return Run(self.take, start_s, stop_s, self.source_s(_instants(start_s, stop_s)), self.firm)
 
 
 def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> list[Run]:
@@ -57,7 +58,9 @@ def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> 
     return runs
 
 
-def words_to_runs(takes: Sequence[str], spans_s: Floats, sources_s: Floats) -> list[Run]:
+def words_to_runs(
+    takes: Sequence[str], spans_s: Floats, sources_s: Floats, firm: Sequence[bool]
+) -> list[Run]:
     """Words grouped into runs: each has its take, span of the dance (N, 2) and of the take (N, 2).
 
     A word is played at an even speed; words that follow one another in their take are one run, whose
@@ -73,15 +76,16 @@ def words_to_runs(takes: Sequence[str], spans_s: Floats, sources_s: Floats) -> l
             and abs(spans_s[index, 0] - spans_s[index - 1, 1]) < _SAME_INSTANT_S
         )
         if not goes_on:
-            runs.append(_word_run(takes[first], spans_s[first:index], sources_s[first:index]))
+            part = slice(first, index)
+            runs.append(_word_run(takes[first], spans_s[part], sources_s[part], any(firm[part])))
             first = index
     return runs
 
 
-def _word_run(take: str, spans_s: Floats, sources_s: Floats) -> Run:
+def _word_run(take: str, spans_s: Floats, sources_s: Floats, firm: bool) -> Run:
     start_s, stop_s = float(spans_s[0, 0]), float(spans_s[-1, 1])
     knots, values = np.append(spans_s[:, 0], stop_s), np.append(sources_s[:, 0], sources_s[-1, 1])
-    return Run(take, start_s, stop_s, PchipInterpolator(knots, values)(_instants(start_s, stop_s)))
+    return Run(take, start_s, stop_s, PchipInterpolator(knots, values)(_instants(start_s, stop_s)), firm)
 
 
 def overlaid(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:

@@ -46,11 +46,6 @@ def resolve(
     n_motifs = repertoire.vocabulary.n_motifs if wishes.of_motifs or repertoire.has_vocabulary else 0
     if wishes.genre is not None:
         repertoire.vocabulary.genre_index(wishes.genre)
-    if wishes.signature is not None and len(wishes.signature) != n_motifs:
-        raise ParameterError(
-            f"expected a signature of this repertoire's {n_motifs} motifs, got {len(wishes.signature)} "
-            "shares: it may be of another repertoire"
-        )
     take_allowed, motif_banned = _bans(wishes, repertoire, n_motifs)
     motifs = {
         place: _known(motif, n_motifs) for place, motif in enumerate(wishes.motifs[: len(bounds_s) - 1])
@@ -81,8 +76,17 @@ def resolve(
 
 
 def wanted_goal(wishes: Wishes, repertoire: Repertoire, genre: str | None = None) -> MotifGoal:
-    """Signature and transitions of what is asked for, or else of a genre, or else of all takes."""
+    """Signature and transitions of what is asked for, or else of a genre, or else of all takes.
+
+    Raises `ParameterError` for an unknown genre or a signature of another vocabulary.
+    """
     shares = None if wishes.signature is None else np.array(wishes.signature)
+    n_motifs = repertoire.vocabulary.n_motifs
+    if shares is not None and len(shares) != n_motifs:
+        raise ParameterError(
+            f"expected a signature of this repertoire's {n_motifs} motifs, got {len(shares)} shares: it may "
+            "be of another repertoire"
+        )
     return motif_goal(repertoire.vocabulary, genre=wishes.genre or genre, signature=shares)
 
 

@@ -26,6 +26,8 @@ from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import STORE_FPS
 
+_SEEDS_A_VARIATION = 3  # tried for each
+
 
 @dataclass(frozen=True, eq=False)
 class Dance:
@@ -159,11 +161,14 @@ def vary(song: str | Path | Song, repertoire: Repertoire, n: int, **options) -> 
     raise ParameterError(f"expected {n} different dances, found {len(made)}: so little is left to chance")
 
 
-_SEEDS_A_VARIATION = 3  # tried for each
-
-
 def _differ(a: Plan, b: Plan) -> bool:
-    return replace(a, seed=0).blocks != replace(b, seed=0).blocks
+    return _danced(a) != _danced(b)
+
+
+def _danced(plan: Plan) -> list[tuple[object, ...]]:
+    """What is danced, without what it cost."""
+    sources = [(b.start_s, b.planned.take, b.source_start_s, b.source_end_s) for b in plan.blocks]
+    return [*sources, *((word.start_s, word.motif) for word in plan.words)]
 
 
 def _with_engine(config: DanceConfig, engine: str | None, wishes: Wishes) -> DanceConfig:

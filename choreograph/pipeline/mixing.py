@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from choreograph.motifs.choreography import draw_motifs
 from choreograph.motifs.goals import MotifGoal
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.motion import Motion
-from choreograph.pipeline.asked import Asked, resolve, wanted_goal
+from choreograph.pipeline.asked import resolve, wanted_goal
 from choreograph.pipeline.genre import likely_genre
 from choreograph.pipeline.overlaying import nothing_left, unfulfilled
 from choreograph.pipeline.rendering import danced_motifs, render
@@ -38,6 +38,7 @@ class Mixed:
 
     plan: Plan
     motion: Motion
+    words: Indices  # (N,) of the vocabulary
     wanted: Indices  # (N,) motif of each word
     danced: Indices  # (N,) the one that the rendered motion shows there; -1 for a word too short to tell
     broken: tuple[int, ...]  # places where a pinned motif is not danced, or a banned one is
@@ -111,11 +112,12 @@ def mix(
     shelf = Shelf.of(asked, repertoire, np.random.default_rng(config.seed))
     wanted = _motifs(shelf, config, goal)
     choices = [shelf.choices(place, int(motif)) for place, motif in enumerate(wanted)]
+    held = set(asked.pinned)
     best: Mixed | None = None
     rounds = 0
     while True:
         words = choose_words(choices, search=config.planner)
-        mixed = _rendered(words, wanted, shelf, music, config, start_s)
+        mixed = _rendered(words, held, shelf, music, config, start_s)
         if best is None or _faults(mixed) < _faults(best):
             best = mixed
         rounds += 1
@@ -123,7 +125,8 @@ def mix(
             report("mixing", rounds, 0)
         if _faults(best) == (0, 0) or (rounds >= _ROUNDS and not best.broken):
             return best
-        choices = _others(choices, words, mixed, asked)
+        held.update(mixed.broken)
+        choices = [_others(place, here, mixed, shelf) for place, here in enumerate(choices)]
 
 
 def _faults(mixed: Mixed) -> tuple[int, int]:
@@ -131,29 +134,34 @@ def _faults(mixed: Mixed) -> tuple[int, int]:
 
 
 def _rendered(
-    words: Indices, wanted: Indices, shelf: Shelf, music: Music, config: DanceConfig, start_s: float
+    words: Indices, held: Collection[int], shelf: Shelf, music: Music, config: DanceConfig, start_s: float
 ) -> Mixed:
-    plan = _to_plan(words, shelf, music, config, start_s)
+    asked = shelf.asked
+    plan = _to_plan(words, held, shelf, music, config, start_s)
     motion = render(plan, shelf.repertoire)
-    danced = danced_motifs(motion, shelf.asked.bounds_s, shelf.repertoire)
-    must = replace(shelf.asked, motifs={p: shelf.asked.motifs[p] for p in shelf.asked.pinned})
-    return Mixed(plan, motion, wanted, danced, tuple(unfulfilled(danced, must)))
+    danced = danced_motifs(motion, asked.bounds_s, shelf.repertoire)
+    must = replace(asked, motifs={place: asked.motifs[place] for place in asked.pinned})
+    wanted = shelf.vocabulary.word_motif[words]
+    return Mixed(plan, motion, words, wanted, danced, tuple(unfulfilled(danced, must)))
 
 
-def _others(choices: Sequence[Choices], words: Indices, mixed: Mixed, asked: Asked) -> list[Choices]:
-    """The choices for another try: not the words that failed, and those that did not again if possible."""
-    tried = []
-    for place, here in enumerate(choices):
-        if place not in mixed.broken and place not in mixed.wrong:
-            tried.append(here.preferring(int(words[place]), _STAY_M))
-            continue
-        left = here.without(int(words[place]))
-        if np.isfinite(left.price_m).any():
-            here = left
-        elif place in mixed.broken:
-            raise NoPathError(nothing_left(place, asked))
-        tried.append(here)
-    return tried
+def _others(place: int, here: Choices, mixed: Mixed, shelf: Shelf) -> Choices:
+    """The choices for another try: not the word that failed, and one that did not again if possible.
+
+    A word that shows a banned motif whatever is taken of its own may become any other, unless it was asked
+    for. Raises `NoPathError` if nothing is left where something must be.
+    """
+    word = int(mixed.words[place])
+    if place not in mixed.broken and place not in mixed.wrong:
+        return here.preferring(word, _STAY_M)
+    left = here.without(word)
+    if not np.isfinite(left.price_m).any() and place in mixed.broken:
+        if place in shelf.asked.motifs:
+            raise NoPathError(nothing_left(place, shelf.asked))
+        left = shelf.choices(place, None).without_any(here.words)
+        if not np.isfinite(left.price_m).any():
+            raise NoPathError(nothing_left(place, shelf.asked))
+    return left if np.isfinite(left.price_m).any() else here
 
 
 def _motifs(shelf: Shelf, config: DanceConfig, goal: MotifGoal) -> Indices:
@@ -174,8 +182,10 @@ def _motifs(shelf: Shelf, config: DanceConfig, goal: MotifGoal) -> Indices:
     )  # fmt: skip
 
 
-def _to_plan(words: Indices, shelf: Shelf, music: Music, config: DanceConfig, start_s: float) -> Plan:
-    planned = [shelf.planned(place, int(word)) for place, word in enumerate(words)]
+def _to_plan(
+    words: Indices, held: Collection[int], shelf: Shelf, music: Music, config: DanceConfig, start_s: float
+) -> Plan:
+    planned = [shelf.planned(p, int(word), pinned=p in held) for p, word in enumerate(words)]
     planned[0] = _reaching(planned[0], 0.0, planned[0].end_s, shelf.repertoire)
     planned[-1] = _reaching(planned[-1], planned[-1].start_s, music.duration_s, shelf.repertoire)
     return Plan(

@@ -47,7 +47,7 @@ def overlaid_plan(plan: Plan, motion: Motion, asked: Asked, repertoire: Repertoi
             if not np.isfinite(choices[place].price_m).any():
                 raise NoPathError(nothing_left(place, asked))
         chosen = _chosen(choices)
-        words = tuple(shelf.planned(place, word) for place, word in sorted(chosen.items()))
+        words = tuple(shelf.planned(place, word, pinned=True) for place, word in sorted(chosen.items()))
         made = replace(plan, words=words)
         motion = render(made, repertoire)
 

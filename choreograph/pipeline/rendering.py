@@ -52,6 +52,7 @@ def plan_runs(plan: Plan) -> list[Run]:
         [word.take for word in plan.words],
         np.array([(word.start_s, word.end_s) for word in plan.words]),
         np.array([(word.source_start_s, word.source_end_s) for word in plan.words]),
+        [word.pinned for word in plan.words],
     )
     seconds = to_runs([s.take for s in plan.seconds], [s.source_times_s for s in plan.seconds])
     return overlaid(seconds, words)

@@ -65,7 +65,7 @@ class Shelf:
         allowed[self.vocabulary.word_motif[self.asked.take_allowed[self.vocabulary.word_take]]] = True
         return allowed & ~self.asked.motif_banned
 
-    def planned(self, place: int, word: int) -> PlannedWord:
+    def planned(self, place: int, word: int, *, pinned: bool) -> PlannedWord:
         """A word in its place of the dance."""
         v, bounds_s = self.vocabulary, self.asked.bounds_s
         take = self.repertoire.takes[v.word_take[word]]
@@ -74,7 +74,7 @@ class Shelf:
             motif=int(v.word_motif[word]), take=take.name,
             source_start_s=round(float(v.word_start_s[word]), 6),
             source_end_s=round(float(v.word_end_s[word]), 6), credits=take.credits,
-            pinned=place in self.asked.pinned,
+            pinned=pinned,
         )  # fmt: skip
 
 

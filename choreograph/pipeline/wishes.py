@@ -56,7 +56,7 @@ class Ban:
 
     def __post_init__(self) -> None:
         if [self.take, self.genre, self.motif].count(None) != 2:
-            raise ParameterError(f"expected a ban of one take, genre or motif, got {self}")
+            raise ParameterError(f"expected a ban of one take, genre or motif, got {self!r}")
 
     def __str__(self) -> str:
         kind, name = next((k, v) for k, v in vars(self).items() if v is not None)

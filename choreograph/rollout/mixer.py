@@ -36,7 +36,11 @@ class Choices:
 
     def without(self, word: int) -> Choices:
         """The same, with one word forbidden."""
-        return replace(self, price_m=np.where(self.words == word, np.inf, self.price_m))
+        return self.without_any(np.array([word]))
+
+    def without_any(self, words: Indices) -> Choices:
+        """The same, with some words forbidden."""
+        return replace(self, price_m=np.where(np.isin(self.words, words), np.inf, self.price_m))
 
     def preferring(self, word: int, by_m: float) -> Choices:
         """The same, with all words but one dearer."""

@@ -26,7 +26,9 @@ def test_words_that_follow_one_another_in_their_take_are_one_run():
         ["a", "a", "a", "b"],
         np.stack([beats[:-1], beats[1:]], axis=1),
         np.array([[3.0, 3.6], [3.6, 4.0], [9.0, 9.5], [9.5, 10.0]]),
+        [False, True, False, False],
     )
+    assert [run.firm for run in runs] == [True, False, False]
     assert spans(runs) == [("a", 0.0, 1.1), ("a", 1.1, 1.5), ("b", 1.5, 2.0)]
     assert runs[0].source_s(beats[:3]) == pytest.approx([3.0, 3.6, 4.0], abs=0.02)
     assert (np.diff(runs[0].source_times_s) > 0).all()

@@ -7,7 +7,16 @@ from hypothesis import strategies as st
 from planted_dances import stepping, swaying
 
 from choreograph.errors import ParameterError
-from choreograph.motifs.words import LONGEST_S, SHORTEST_S, cut_words, word_bounds_s, word_distance_m
+from choreograph.motifs.words import (
+    LONGEST_S,
+    NO_BEAT_S,
+    SHORTEST_S,
+    cut_words,
+    dance_bounds_s,
+    poses_at,
+    word_bounds_s,
+    word_distance_m,
+)
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.pose import ground_pos_m, heading_rad
@@ -89,3 +98,33 @@ def test_malformed_input_is_refused(body, fps, beats):
 
 def test_one_frame_has_no_word():
     assert len(cut_words(BODY[:1], FPS, BEATS)) == 0
+
+
+@settings(max_examples=100)
+@given(st.lists(st.floats(0, 40), max_size=60), st.floats(0.01, 45), st.sampled_from([0.35, 0.5, 0.71, None]))
+def test_a_dances_words_fill_it_and_are_the_songs_in_between(beats, duration_s, period_s):
+    beats = np.array(beats) if period_s is None else np.arange(1.3, 40, period_s)
+    bounds = dance_bounds_s(beats, duration_s)
+    assert len(bounds) >= 2 and (np.diff(bounds) > 0).all()
+    assert bounds[0] >= -1e-9 and bounds[-1] <= duration_s + 1e-9
+    inner = word_bounds_s(beats, duration_s)
+    if len(inner) > 1:
+        assert set(inner.tolist()) <= set(bounds.tolist())
+        assert np.diff(bounds).min() >= SHORTEST_S - 1e-9 and np.diff(bounds).max() <= 2 * LONGEST_S
+        gaps = np.diff(inner)
+        assert bounds[0] <= np.median(gaps[:8]) / 2 + SHORTEST_S
+        assert duration_s - bounds[-1] <= np.median(gaps[-8:]) / 2 + SHORTEST_S
+
+
+def test_words_before_the_first_beat_are_as_long_as_beats():
+    bounds = dance_bounds_s(np.arange(1.6, 8.1, 0.5), 9.2)
+    np.testing.assert_allclose(np.diff(bounds[:4]), 1.6 / 3)
+    np.testing.assert_allclose(bounds[-4:], [7.6, 8.1 + 1 / 30, 8.2 + 14 / 30, 9.2])
+    assert dance_bounds_s(np.arange(0.1, 9, 0.5), 9.2)[0] == 0.1  # a tenth of a second is no word
+    np.testing.assert_allclose(dance_bounds_s(np.zeros(0), 2.0), np.arange(0, 2.1, NO_BEAT_S))
+    np.testing.assert_allclose(dance_bounds_s(np.zeros(0), 0.1), [0.0, 0.1])
+
+
+def test_poses_between_frames_and_beyond_the_ends():
+    np.testing.assert_allclose(poses_at(BODY, FPS, np.array([1.05])), (BODY[31:32] + BODY[32:33]) / 2)
+    np.testing.assert_array_equal(poses_at(BODY, FPS, np.array([[-1.0, 99.0]])), BODY[None, [0, -1]])
