@@ -26,6 +26,7 @@ from choreograph.timebase import frame_times_s, seconds_to_frames, times_to_fram
 Floats = NDArray[np.float64]
 
 SEED_FRAMES = 15  # real poses that a rollout begins with, as the paper's
+_SMOOTH_S = 0.02  # deviation: where the motif changes the network starts; with that it jerks as people do
 _SMOOTH_HEADING_S = 0.08
 _LOOK_FRAMES = 2 * ROLLOUT_FPS  # where the way leads is where it has led in two seconds
 
@@ -57,7 +58,7 @@ def roll_out(
         frames are given to the network before it begins, and are not part of the dance
     fps : of the dance
 
-    After the network: the heading is smoothed, the way is steered home where it leads off the stage (ours),
+    After the network: poses are smoothed a little and the heading more, the way is steered home where it leads off the stage (ours),
     and feet that the network says stand, and that do nearly stand, are held (`blending.feet`).
 
     Raises `ParameterError` if the score is empty or the skeleton is not the network's.
@@ -100,8 +101,8 @@ def rolled_poses(
 
 
 def _on_stage(poses: NDArray[np.float32], score: MotifScore, skeleton: Skeleton) -> Motion:
-    """The motion of rows (T, P), its heading smoothed and word by word steered home."""
-    rows = poses.astype(np.float64)
+    """The motion of rows (T, P), smoothed, its heading more, and word by word steered home."""
+    rows = gaussian_filter1d(poses.astype(np.float64), _SMOOTH_S * ROLLOUT_FPS, axis=0, mode="nearest")
     rows[:, 3] = gaussian_filter1d(rows[:, 3], _SMOOTH_HEADING_S * ROLLOUT_FPS, mode="nearest")
     rows[0, 3] = 0.0
     borders = np.rint(times_to_frames([*score.start_s, score.end_s[-1]], ROLLOUT_FPS)).astype(np.int64)
