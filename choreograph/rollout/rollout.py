@@ -58,8 +58,9 @@ def roll_out(
         frames are given to the network before it begins, and are not part of the dance
     fps : of the dance
 
-    After the network: poses are smoothed a little and the heading more, the way is steered home where it leads off the stage (ours),
-    and feet that the network says stand, and that do nearly stand, are held (`blending.feet`).
+    After the network: poses are smoothed a little and the heading more, the way is steered home where it
+    leads off the stage (ours), and feet that the network says stand, and that do nearly stand, are held
+    (`blending.feet`).
 
     Raises `ParameterError` if the score is empty or the skeleton is not the network's.
     """

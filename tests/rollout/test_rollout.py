@@ -24,7 +24,9 @@ def learned():
     """A network that has learned three kinds of beats, and the embedding of each kind."""
     takes = planted_takes()
     words = planted_words(takes)
-    config = rollout_config("tiny", steps=200, width=64, own_words=1.0, own_frames=(15, 30), plain=1.0)
+    config = rollout_config(
+        "tiny", steps=200, width=64, learning_rate=4e-3, own_words=1.0, own_frames=(15, 30), plain=1.0
+    )
     torch.set_num_threads(1)
     net = train_rollout(takes, words, config, seed=0)
     bounds = np.arange(2) * BEAT_S
