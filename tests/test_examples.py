@@ -43,7 +43,17 @@ def test_forbid_a_take(planted, tmp_path):
     assert "rhythm" in shown
 
 
-@pytest.mark.parametrize("path", [p for p in EXAMPLES if p.name > "4"], ids=lambda p: p.name)
+def test_controls(planted, tmp_path):
+    planted_repertoire(tmp_path / "spoken.h5", vocabulary=True)
+    shown = run_example("46_controls.py", planted[0], tmp_path / "spoken.h5", tmp_path / "out.bvh")
+    assert "pinned" in shown and "again: motifs" in shown
+    assert (tmp_path / "out.bvh").exists()
+
+
+MEASURING = [p for p in EXAMPLES if p.name > "4" and p.name != "46_controls.py"]
+
+
+@pytest.mark.parametrize("path", MEASURING, ids=lambda p: p.name)
 def test_measuring_examples_say_how_they_are_run(path):
     assert "usage" in run_example(path.name, "--help")
 

@@ -103,7 +103,8 @@ def command(
     check_outputs([path for paths in numbered for path in paths])
     settings = {name: value for name, value in settings.items() if value is not None}
     base = load_config(config) if config else DanceConfig()
-    chosen = replace(base, **settings, weights={**base.weights, **_weights(weight)})
+    chosen = replace(base, **settings)
+    given = _weights(weight)
     repertoire = _starter() if db is None else Repertoire.open(db)
     wishes = _wishes(repertoire, genre, signature, motif_file, recreate, pin, ban)
     if plan_path is not None and (variations or any(wishes.values())):
@@ -117,6 +118,7 @@ def command(
             dances = [Dance(render(plan, repertoire), plan, notes, song)]
         else:
             options = {"start_s": start, "duration_s": duration, "report": shown.report, **wishes}
+            options["weights"] = given
             options["style_song"] = style_song
             engine = settings.get("engine")
             if variations is None:

@@ -108,7 +108,8 @@ def dance(
     wishes = make_wishes(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
     config = _with_engine(config or DanceConfig(), engine, wishes)
     if config.engine == "graph":
-        own_costs = weigh({**config.weights, **(weights or {})}, wishes, costs)
+        config = replace(config, weights={**config.weights, **(weights or {})})
+        own_costs = weigh(config.weights, wishes, costs)
     elif costs or weights:
         raise ParameterError(f"costs and weights are of the graph engine, got the {config.engine} engine")
     _check_repertoire(repertoire, config, wishes)

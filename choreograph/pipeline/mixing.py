@@ -13,6 +13,7 @@ from choreograph.errors import NoPathError, ParameterError
 from choreograph.features.music import Music
 from choreograph.motifs.choreography import draw_motifs
 from choreograph.motifs.goals import MotifGoal
+from choreograph.motifs.vocabulary import ALL_GENRES
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.motion import Motion
 from choreograph.pipeline.asked import resolve, wanted_goal
@@ -28,6 +29,8 @@ from choreograph.rollout.mixer import SEARCHES, Choices, choose_words
 
 Indices = NDArray[np.int64]
 
+_NEAREST = "it dances {}, whose takes are nearest to the song in style"
+_CHOSEN = {ALL_GENRES: "none can be told by style, so it dances as all takes together do"}
 _STAY_M = 0.1  # price of changing a word that is danced as it should, to help another
 _ROUNDS = 6  # renderings to make every word its motif; what is pinned or banned may take more
 
@@ -71,7 +74,7 @@ def goal_for(music: Music, repertoire: Repertoire, wishes: Wishes) -> tuple[Moti
     genre, notes = wishes.genre, tuple[str, ...]()
     if genre is None and wishes.signature is None and not wishes.motifs:
         genre = likely_genre(music, repertoire)
-        notes = (f"no genre asked for: it dances {genre}, whose takes are nearest to the song in style",)
+        notes = (f"no genre asked for: {_CHOSEN.get(genre, _NEAREST.format(genre))}",)
     return wanted_goal(wishes, repertoire, genre), notes
 
 

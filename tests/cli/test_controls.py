@@ -1,0 +1,112 @@
+"""Saying what is danced, as a user does: options and files, one line where something cannot be."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+from planted_repertoire import planted_repertoire, write_clicks
+
+from choreograph.cli import main
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("controls")
+    planted_repertoire(folder / "rep.h5", vocabulary=True)
+    write_clicks(folder / "song.wav", duration_s=6.0)
+    return folder
+
+
+@pytest.fixture
+def here(folder, tmp_path, monkeypatch):
+    """A folder of its own to work in, with the song and the repertoire."""
+    for name in ("rep.h5", "song.wav"):
+        (tmp_path / name).symlink_to(folder / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+def danced(*options: object) -> dict:
+    result = run("dance", "song.wav", "--db", "rep.h5", "-o", "p.json", "--json", *options)
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def test_engine_pins_and_bans(here):
+    facts = danced(
+        "--engine", "mixer", "--pin", "1.2=motif:1", "--pin", "3-5=take:take1", "--ban", "take:take2"
+    )
+    assert facts["engine"] == "mixer"
+    plan = json.loads((here / "p.json").read_text())
+    assert [w["motif"] for w in plan["words"] if w["start_s"] <= 1.2 < w["end_s"]] == [1]
+    assert {w["take"] for w in plan["words"] if w["start_s"] >= 3 and w["end_s"] <= 5} == {"take1"}
+    assert "take2" not in {take["name"] for take in facts["takes"]}
+    assert sum(take["seconds"] for take in facts["takes"]) == pytest.approx(6.0, abs=0.01)
+    again = run("dance", "song.wav", "--db", "rep.h5", "--plan", "p.json", "-o", "again.html", "-o", "a.png")
+    assert again.exit_code == 0, again.output
+    assert "motion words" in again.output
+
+
+def test_a_signature_is_written_and_danced(here):
+    assert run("inspect", "rep.h5", "--signature", "b", "-o", "mine.json").exit_code == 0
+    facts = danced("--engine", "mixer", "--signature", "mine.json")
+    shares = json.loads((here / "mine.json").read_text())["shares"]
+    assert all(shares[motif] > 0 for motif in facts["motifs"])
+
+
+def test_a_sequence_from_a_plan_from_a_list_and_from_a_take(here):
+    first = danced("--engine", "mixer", "--genre", "c")["motifs"]
+    (here / "old.json").write_text((here / "p.json").read_text())
+    assert danced("--motifs", "old.json", "--seed", 3)["motifs"] == first
+    (here / "list.json").write_text(json.dumps(first[:3]))
+    assert danced("--motifs", "list.json")["motifs"][:3] == first[:3]
+    facts = danced("--recreate", "take1")
+    assert facts["engine"] == "mixer" and any("motifs were given" in note for note in facts["notes"])
+
+
+def test_variations_are_numbered(here):
+    result = run(
+        "dance", "song.wav", "--db", "rep.h5", "--engine", "mixer", "--variations", 2, "-o", "v.json"
+    )
+    assert result.exit_code == 0, result.output
+    assert not (here / "v.json").exists()
+    words = [json.loads((here / f"v-{n}.json").read_text())["words"] for n in (1, 2)]
+    assert words[0] != words[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--engine", "steam"], "engine"),
+        (["--pin", "1.0=motif"], "--pin"),
+        (["--ban", "nobody"], "--ban"),
+        (["--pin", "1.0=motif:99"], "motif 99"),
+        (["--pin", "7=motif:1"], "6 s"),
+        (["--pin", "1-3=take:nobody"], "nobody"),
+        (["--genre", "polka"], "polka"),
+        (["--signature", "none.json"], "none.json"),
+        (["--motifs", "none.json"], "none.json"),
+        (["--recreate", "nobody"], "nobody"),
+        (["--motifs", "none.json", "--recreate", "take1"], "both"),
+        (["--engine", "graph", "--recreate", "take1"], "graph engine"),
+        (["--variations", "0"], "1 variation"),
+        (["--engine", "mixer", "--weight", "style=2"], "graph engine"),
+        (["--plan", "none.json", "--pin", "1=motif:1"], "beside"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line(here, options, says):
+    result = run("dance", "song.wav", "--db", "rep.h5", "-o", "x.bvh", *options)
+    assert result.exit_code == 2, result.output
+    assert len(result.stderr.strip().splitlines()) == 1 and says in result.stderr
+    assert not (here / "x.bvh").exists()
+
+
+def test_a_signature_needs_a_file_and_a_name(here):
+    for options in (["--signature", "b"], ["-o", "x.json"], ["--signature", "nobody", "-o", "x.json"]):
+        assert run("inspect", "rep.h5", *options).exit_code == 2
