@@ -17,7 +17,7 @@ PLANNERS = ("exact", "greedy", "motion-graph")
 # gives no numbers.
 DEFAULT_WEIGHTS = {
     "style": 1.0, "completeness": 1.0, "transition": 4.0, "velocity": 0.5, "rhythm": 4.0, "variety": 0.75,
-    "repeat": 8.0, "signature": 1.0, "motif_transition": 0.3,
+    "repeat": 8.0, "signature": 1.5, "motif_transition": 0.3,
 }  # fmt: skip
 
 

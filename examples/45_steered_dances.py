@@ -1,0 +1,136 @@
+"""Do dances become what they should be? Motif signatures of dances against their genre's, over time.
+
+    python examples/45_steered_dances.py path/to/dance-with-melody REPERTOIRE [--plot FIGURE.png]
+
+REPERTOIRE must have been built with `--leave-out @examples/dance_with_melody_held_out.txt` and hold a
+vocabulary. Danced are the held-out songs and those of DATA without motion, each asked for its own genre and
+not; "real" is the held-out take itself. Words are cut on the song's beats, as the takes' own are, and the
+distance is χ² (Rhythm is a Dancer, equation 11) to the genre's template, after so many seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+
+import choreograph as cg
+from choreograph.errors import ParameterError
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.importers.dance_with_melody import read
+from choreograph.metrics import beat
+from choreograph.motifs.signatures import chi_square_distance, signature
+from choreograph.motifs.words import cut_words
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
+
+HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
+WITHOUT_MOTION = {"DANCE_C_1": "cha-cha", "DANCE_C_3": "cha-cha", "DANCE_R_6": "rumba", "DANCE_R_10": "rumba"}
+FPS = 30.0
+BEAT_FPS = 60.0
+AFTER_S = (10, 20, 30, 40, 50, 60, 70, 80)
+
+
+class Judge:
+    """Measures dances with a repertoire's vocabulary."""
+
+    def __init__(self, repertoire: cg.Repertoire) -> None:
+        self.vocabulary, self.net = repertoire.vocabulary, repertoire.word_net()
+
+    def measured(self, motion: Motion, beats_s: np.ndarray, genre: str) -> dict[str, float]:
+        """Distance after each of `AFTER_S` that the dance lasts, and how it keeps the beat."""
+        body = body_pos_m(motion.resampled(FPS))
+        words = cut_words(body, FPS, beats_s)
+        motifs = self.vocabulary.motifs.nearest(self.net.embed(words.body_pos_m))
+        goal = self.vocabulary.signatures[self.vocabulary.genre_index(genre)]
+        steps = self.vocabulary.transitions[self.vocabulary.genre_index(genre)]
+        row = {"chi2": self.distance(motifs, goal)}
+        for seconds in AFTER_S:
+            if words.end_s[0] <= seconds and words.end_s[-1] > seconds - 5:
+                row[f"{seconds} s"] = self.distance(motifs[words.end_s <= seconds], goal)
+        row["-log T"] = float(-np.log(np.maximum(steps[motifs[:-1], motifs[1:]], 1e-3)).mean())
+        made = motion_beat_times_s(body_pos_m(motion.resampled(BEAT_FPS)), BEAT_FPS)
+        inside = beats_s[beats_s <= motion.duration_s]
+        return {**row, "F": beat.f_score(made, inside), "aligned": beat.aligned_share(made, inside)}
+
+    def distance(self, motifs: np.ndarray, goal: np.ndarray) -> float:
+        return float(chi_square_distance(signature(motifs, len(goal)), goal))
+
+
+def dances_to(name: str, path: Path, genre: str, take: cg.Take | None, repertoire: cg.Repertoire, given):
+    """The music's beats, and every kind of dance to a song."""
+    part = {
+        "config": cg.DanceConfig(planner=given.planner),
+        "start_s": take.song_start_s if take else 0.0,
+        "duration_s": given.duration,
+    }
+    plain = cg.dance(path, repertoire, **part)
+    dances = {"graph, no genre": plain.motion}
+    for engine in given.engines:
+        more = {"weights": given.weights} if engine == "graph" else {}
+        dances[f"{engine}, genre"] = cg.dance(
+            path, repertoire, engine=engine, genre=genre, **part, **more
+        ).motion
+    if take:
+        dances["real"] = take.motion
+    return np.array(plain.plan.music_beats_s), dances
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("repertoire", type=Path)
+    parser.add_argument("--songs", type=Path, default=HELD_OUT)
+    parser.add_argument("--engines", nargs="+", default=["graph"], help="danced with the genre asked for")
+    parser.add_argument("--planner", default="exact")
+    parser.add_argument("--weights", type=json.loads, default={}, help='of the graph\'s, as {"signature": 2}')
+    parser.add_argument("--duration", type=float, default=80.0)
+    parser.add_argument("--plot", type=Path, help="PNG of the distance over time; needs matplotlib")
+    given = parser.parse_args()
+    repertoire = cg.Repertoire.open(given.repertoire)
+    held_out = [line.strip() for line in given.songs.read_text().splitlines() if line.strip()]
+    seen = {take.song_name for take in repertoire.takes} & set(held_out)
+    if seen:
+        raise ParameterError(f"the repertoire holds {', '.join(sorted(seen))}: build it with --leave-out")
+    takes = {take.name: take for take in read(given.data) if take.name in held_out}
+    songs = {name: (take.song_path, take.credits.genre) for name, take in takes.items()}
+    for name, genre in WITHOUT_MOTION.items():
+        if (given.data / name / "audio.mp3").exists():
+            songs[name] = (given.data / name / "audio.mp3", genre)
+    judge = Judge(repertoire)
+    rows: dict[str, list[dict[str, float]]] = defaultdict(list)
+    for name, (path, genre) in songs.items():
+        beats_s, dances = dances_to(name, path, genre, takes.get(name), repertoire, given)
+        for kind, motion in dances.items():
+            rows[kind].append(judge.measured(motion, beats_s, genre))
+            shown = {k: v for k, v in rows[kind][-1].items() if not k.endswith(" s")}
+            print(f"{name:10s} {kind:16s}", *(f"{k} {v:.3f}" for k, v in shown.items()), flush=True)
+    for kind, of_kind in rows.items():
+        keys = list(dict.fromkeys(key for row in of_kind for key in row))
+        means = {key: np.mean([row[key] for row in of_kind if key in row]) for key in keys}
+        print(f"mean of {len(of_kind):2d}, {kind:16s}", *(f"{k} {v:.3f}" for k, v in means.items()))
+    if given.plot:
+        plot(given.plot, rows)
+
+
+def plot(path: Path, rows: dict[str, list[dict[str, float]]]) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(7, 4))
+    for kind, of_kind in rows.items():
+        reached = [s for s in AFTER_S if any(f"{s} s" in r for r in of_kind)]
+        means = [np.mean([r[f"{s} s"] for r in of_kind if f"{s} s" in r]) for s in reached]
+        axes.plot(reached, means, marker="o", label=kind)
+    axes.set(xlabel="seconds danced", ylabel="χ² distance to the genre's template", ylim=(0, 1))
+    axes.legend()
+    figure.savefig(path, dpi=120, bbox_inches="tight")
+
+
+if __name__ == "__main__":
+    main()
