@@ -6,8 +6,9 @@
 """
 
 from choreograph.pipeline.building import BuildOptions, build_repertoire
-from choreograph.pipeline.dancing import Dance, dance, vary
+from choreograph.pipeline.dancing import Dance, dance
 from choreograph.pipeline.rendering import render
+from choreograph.pipeline.variations import vary
 from choreograph.pipeline.wishes import Ban, MotifPin, TakePin
 
 __all__ = [

@@ -26,8 +26,6 @@ from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import STORE_FPS
 
-_SEEDS_A_VARIATION = 3  # tried for each
-
 
 @dataclass(frozen=True, eq=False)
 class Dance:
@@ -138,38 +136,6 @@ def dance(
         )  # fmt: skip
         more = (*more, *sequence_notes(wishes, len(plan.words)))
     return Dance(motion, plan, (*notes, *more), song.path)
-
-
-def vary(song: str | Path | Song, repertoire: Repertoire, n: int, **options) -> list[Dance]:
-    """`n` dances for one song that all differ; `options` are those of `dance`.
-
-    Their seeds are `config`'s and those after it; a seed that brings a dance there is already is left out.
-    Raises `ParameterError` if `n` is below 1, or so many different dances cannot be found.
-    """
-    if n < 1:
-        raise ParameterError(f"expected 1 variation or more, got {n}")
-    config = options.pop("config", None) or DanceConfig()
-    if not isinstance(song, Song):
-        part = {key: options[key] for key in ("start_s", "duration_s") if key in options}
-        song = load_song(song, **part)
-    made: list[Dance] = []
-    for seed in range(config.seed, config.seed + _SEEDS_A_VARIATION * n):
-        one = dance(song, repertoire, config=replace(config, seed=seed), **options)
-        if all(_differ(one.plan, other.plan) for other in made):
-            made.append(one)
-        if len(made) == n:
-            return made
-    raise ParameterError(f"expected {n} different dances, found {len(made)}: so little is left to chance")
-
-
-def _differ(a: Plan, b: Plan) -> bool:
-    return _danced(a) != _danced(b)
-
-
-def _danced(plan: Plan) -> list[tuple[object, ...]]:
-    """What is danced, without what it cost."""
-    sources = [(b.start_s, b.planned.take, b.source_start_s, b.source_end_s) for b in plan.blocks]
-    return [*sources, *((word.start_s, word.motif) for word in plan.words)]
 
 
 def _with_engine(config: DanceConfig, engine: str | None, wishes: Wishes) -> DanceConfig:

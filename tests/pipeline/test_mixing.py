@@ -187,9 +187,9 @@ def test_variations_differ(spoken, song, engine):
     assert len(made) == 3
     for i, one in enumerate(made):
         for other in made[:i]:
-            assert one.plan.blocks != other.plan.blocks
-            apart = np.abs(body_pos_m(one.motion) - body_pos_m(other.motion)).max()
-            assert apart > 0.01
+            # Planted takes repeat themselves: what differs is what of which take is danced.
+            sources = [[(b.planned.take, b.source_start_s) for b in d.plan.blocks] for d in (one, other)]
+            assert sum(a != b for a, b in zip(*sources, strict=False)) >= len(sources[0]) / 2
     with pytest.raises(ParameterError, match="got 0"):
         cg.vary(song, spoken, 0)
 

@@ -1,0 +1,70 @@
+"""Several dances for one song that all differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.audio.song import Song, load_song
+from choreograph.config import DanceConfig
+from choreograph.errors import ParameterError
+from choreograph.features.music import Music
+from choreograph.graph import Cost, Layer
+from choreograph.pipeline.dancing import Dance, dance
+from choreograph.plan import Plan
+from choreograph.repertoire import Repertoire
+from choreograph.timebase import NET_FPS
+
+_SEEDS = 3  # tried for each variation
+_SAME_S = 0.5  # nearer to one another in a take is the same to look at
+
+
+def vary(song: str | Path | Song, repertoire: Repertoire, n: int, **options) -> list[Dance]:
+    """`n` dances for one song that all differ; `options` are those of `dance`.
+
+    Their seeds are `config`'s and those after it. In the graph engine what earlier variations danced in a
+    second costs more in the later ones (`Unlike`). Raises `ParameterError` if `n` is below 1, or so many
+    different dances cannot be found.
+    """
+    if n < 1:
+        raise ParameterError(f"expected 1 variation or more, got {n}")
+    config = options.pop("config", None) or DanceConfig()
+    costs = tuple(options.pop("costs", ()))
+    if not isinstance(song, Song):
+        part = {key: options[key] for key in ("start_s", "duration_s") if key in options}
+        song = load_song(song, **part)
+    made: list[Dance] = []
+    for seed in range(config.seed, config.seed + _SEEDS * n):
+        by_graph = bool(made) and made[0].plan.engine == "graph"
+        unlike = (Unlike([one.plan for one in made]),) if by_graph else ()
+        one = dance(song, repertoire, config=replace(config, seed=seed), costs=(*costs, *unlike), **options)
+        if all(_danced(one.plan) != _danced(other.plan) for other in made):
+            made.append(one)
+        if len(made) == n:
+            return made
+    raise ParameterError(f"expected {n} different dances, found {len(made)}: so little is left to chance")
+
+
+class Unlike(Cost):
+    """1 for what an earlier variation danced in this second: the same take within half a second."""
+
+    def __init__(self, earlier: Sequence[Plan]) -> None:
+        self._earlier = earlier
+
+    def node(self, layer: Layer, music: Music) -> NDArray[np.floating]:
+        same = np.zeros(layer.n_nodes, bool)
+        start_s = layer.take_frames[:, 0] / NET_FPS
+        for plan in self._earlier:
+            there = plan.seconds[layer.second]
+            same |= (layer.take_names == there.take) & (abs(start_s - there.source_times_s[0]) < _SAME_S)
+        return same.astype(np.float64)
+
+
+def _danced(plan: Plan) -> list[tuple[object, ...]]:
+    """What is danced, without what it cost."""
+    sources = [(b.start_s, b.planned.take, b.source_start_s, b.source_end_s) for b in plan.blocks]
+    return [*sources, *((word.start_s, word.motif) for word in plan.words)]
