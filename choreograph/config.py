@@ -29,6 +29,7 @@ class DanceConfig:
     planner: str = "exact"  # of the graph engine
     candidates: int = 512  # K clips warped for each second
     blending: str = "inertial"
+    joins: str = "beats"  # where one take gives way to another: on a beat near the second, or "seconds"
     fps: float = 60.0
     seed: int = 0
     beats: str = "tempo-path"  # beat tracker
@@ -36,11 +37,13 @@ class DanceConfig:
 
     def __post_init__(self) -> None:
         from choreograph.blending.assembly import BLENDINGS
+        from choreograph.blending.runs import JOINS
         from choreograph.features.music_beats import TRACKERS
 
         _choice("engine", self.engine, ENGINES)
         _choice("planner", self.planner, PLANNERS)
         _choice("blending", self.blending, BLENDINGS)
+        _choice("joins", self.joins, JOINS)
         _choice("beats", self.beats, tuple(TRACKERS))
         if isinstance(self.candidates, bool) or not isinstance(self.candidates, int) or self.candidates < 1:
             raise ParameterError(f"expected candidates of at least 1, got {self.candidates!r}")

@@ -81,6 +81,7 @@ class Plan:
     music_beats_s: tuple[float, ...]
     seconds: tuple[PlannedSecond, ...]
     engine: str = "graph"
+    joins: str = "seconds"
     words: tuple[PlannedWord, ...] = ()
 
     @property
@@ -121,7 +122,7 @@ class Plan:
         ):
             raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION} or 1")
         if data["version"] == 1:
-            data = {"engine": "graph", "words": [], **data}
+            data = {"engine": "graph", "words": [], "joins": "seconds", **data}
         data = {key: value for key, value in data.items() if key not in ("format", "version")}
         lists = {key: data.pop(key, None) for key in ("seconds", "words")}
         for key, entries in lists.items():
@@ -147,7 +148,12 @@ class Plan:
             raise FormatError(f"{name}: expected a start_s of 0 or more, got {self.start_s}")
         try:
             DanceConfig(
-                engine=self.engine, planner=self.planner, blending=self.blending, fps=self.fps, seed=self.seed
+                engine=self.engine,
+                planner=self.planner,
+                blending=self.blending,
+                joins=self.joins,
+                fps=self.fps,
+                seed=self.seed,
             )
         except ParameterError as error:
             raise FormatError(f"{name}: {error}") from error

@@ -155,6 +155,7 @@ def edited_second(**changes) -> str:
         edited(fps=1e9),
         edited(unknown=1),
         edited(blending="glue"),
+        edited(joins="words"),
         edited(planner="best"),
         edited(engine="steam"),
         edited(words=None),

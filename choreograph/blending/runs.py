@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,9 @@ from choreograph.timebase import NET_FPS
 
 Floats = NDArray[np.float64]
 
+JOINS = ("beats", "seconds")
+_REACH_S = 0.25  # a join is moved to a beat no further off: what is played meanwhile was not warped to it
+_SHORTEST_S = 0.6  # a run is not made shorter than that
 _SAME_INSTANT_S = 2e-3  # pieces whose source times meet this closely need no join
 
 
@@ -102,6 +105,32 @@ def overlaid(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
         if run.stop_s - start_s > _SAME_INSTANT_S:
             left.append(run if start_s == run.start_s else run.cut(start_s, run.stop_s))
     return sorted([*left, *instead], key=lambda run: run.start_s)
+
+
+def joined_on_beats(
+    runs: Sequence[Run], beat_times_s: Floats, take_lengths_s: Mapping[str, float]
+) -> list[Run]:
+    """Runs whose joins lie on the nearest beat, where one is near: there dancers come to rest anyway.
+
+    The one run plays on as long as the other begins later, or the other way round. A join stays where it
+    is if a run would become short or leave its take. ChoreoGraph joins on the second.
+    """
+    moved = list(runs)
+    for index in range(1, len(moved)):
+        before, after = moved[index - 1], moved[index]
+        near = beat_times_s[np.abs(beat_times_s - after.start_s) <= _REACH_S]
+        for beat in near[np.argsort(np.abs(near - after.start_s))]:
+            if min(beat - before.start_s, after.stop_s - beat) < _SHORTEST_S:
+                continue
+            pair = before.cut(before.start_s, float(beat)), after.cut(float(beat), after.stop_s)
+            if all(_within(run, take_lengths_s[run.take]) for run in pair):
+                moved[index - 1 : index + 1] = pair
+                break
+    return moved
+
+
+def _within(run: Run, take_length_s: float) -> bool:
+    return run.source_times_s[0] >= 0.0 and run.source_times_s[-1] <= take_length_s
 
 
 def _plays_on(run: Run, take: str, source_s: float) -> bool:

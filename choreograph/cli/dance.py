@@ -76,6 +76,9 @@ from choreograph.errors import ParameterError
 @click.option("--planner", metavar="exact|greedy|motion-graph", help="exact (default): the cheapest path.")
 @click.option("--candidates", type=int, help="Clips warped for each second (512).")
 @click.option("--blending", metavar="inertial|linear", help="How seconds are joined (inertial).")
+@click.option(
+    "--joins", metavar="beats|seconds", help="Where takes change: on beats (default) or on seconds."
+)
 @click.option("--weight", multiple=True, metavar="COST=NUMBER", help="Of style, completeness, transition, …")
 @click.option("--config", type=click.Path(path_type=Path), help="TOML file of these settings.")
 @click.option("--start", default=0.0, show_default=True, help="Second of the song to begin at.")

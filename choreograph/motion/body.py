@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from choreograph.errors import ParameterError
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS, Skeleton
+from choreograph.timebase import frame_times_s
 
 # The canonical body without its hands and its middle spine joint.
 BODY_JOINTS = tuple(j for j in CANONICAL_JOINTS if j not in ("spine2", "left_hand", "right_hand"))
@@ -32,15 +36,15 @@ LEFT_RIGHT = tuple(
 )
 
 
-def body_indices(skeleton: Skeleton) -> list[int]:
-    """The joint of a rig that stands for each of the 21 body joints.
+def body_indices(skeleton: Skeleton, joints: Sequence[str] = BODY_JOINTS) -> list[int]:
+    """The joint of a rig that stands for each of the 21 body joints, or of other canonical `joints`.
 
     A joint the rig lacks is taken at its nearest present ancestor in the canonical body. Raises
     `ParameterError` if the rig's names are unknown.
     """
     roles = joint_roles(skeleton)
     indices = []
-    for name in BODY_JOINTS:
+    for name in joints:
         while name not in roles:
             name = CANONICAL_JOINTS[CANONICAL_PARENTS[CANONICAL_JOINTS.index(name)]]
         indices.append(roles[name])
@@ -62,6 +66,19 @@ def checked_body_pos_m(body_pos_m: NDArray[np.floating], fps: float = 1.0) -> ND
     if not (np.isfinite(fps) and fps > 0):
         raise ParameterError(f"expected a positive frame rate, got {fps}")
     return pos
+
+
+def body_pos_at(body_pos_m: NDArray[np.floating], fps: float, wanted_fps: float) -> NDArray[np.float64]:
+    """Body positions (T, 21, 3) at another rate, (T', 21, 3), by cubic splines; the last frame at most as late.
+
+    Raises `ParameterError` as `checked_body_pos_m` does.
+    """
+    pos = checked_body_pos_m(body_pos_m, fps)
+    if fps == wanted_fps or len(pos) == 1:
+        return pos
+    times_s = frame_times_s(len(pos), fps)
+    n_frames = int(times_s[-1] * wanted_fps + 1e-6) + 1
+    return CubicSpline(times_s, pos)(np.minimum(frame_times_s(n_frames, wanted_fps), times_s[-1]))
 
 
 def mirrored(body_pos_m: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -255,6 +255,7 @@ def _to_plan(
         repertoire=repertoire.path.name,
         planner=config.planner,
         blending=config.blending,
+        joins=config.joins,
         seed=config.seed,
         fps=config.fps,
         weights=weights,

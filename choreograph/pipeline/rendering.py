@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.blending.assembly import assemble
 from choreograph.blending.feet import lock_feet
-from choreograph.blending.runs import Run, overlaid, to_runs, words_to_runs
+from choreograph.blending.runs import Run, joined_on_beats, overlaid, to_runs, words_to_runs
 from choreograph.errors import ParameterError
 from choreograph.features.contacts import foot_contacts
 from choreograph.motifs.words import cut_words
@@ -37,7 +39,7 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
                 f"{block.planned.take!r} at {block.start_s:.2f} s, but it lasts {length:.2f} s"
             )
     motion, _ = assemble(
-        plan_runs(plan),
+        plan_runs(plan, {take: repertoire.takes[index].duration_s for take, index in indices.items()}),
         lambda take, start_s, stop_s: repertoire.motion(indices[take], start_s, stop_s),
         fps=plan.fps,
         duration_s=plan.duration_s,
@@ -46,7 +48,7 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
     return lock_feet(motion, foot_contacts(body_pos_m(motion), motion.fps))
 
 
-def plan_runs(plan: Plan) -> list[Run]:
+def plan_runs(plan: Plan, take_lengths_s: Mapping[str, float]) -> list[Run]:
     """What is played without a join: runs of the plan's seconds, and its words in their place."""
     words = words_to_runs(
         [word.take for word in plan.words],
@@ -55,6 +57,8 @@ def plan_runs(plan: Plan) -> list[Run]:
         [word.pinned for word in plan.words],
     )
     seconds = to_runs([s.take for s in plan.seconds], [s.source_times_s for s in plan.seconds])
+    if plan.joins == "beats":
+        seconds = joined_on_beats(seconds, np.array(plan.music_beats_s), take_lengths_s)
     return overlaid(seconds, words)
 
 
