@@ -66,10 +66,10 @@ class Piece:
 class WithNet(cg.Repertoire):
     """A repertoire with another rollout network."""
 
-    net: RolloutNet | None = None
+    swapped: RolloutNet | None = None
 
     def rollout_net(self) -> RolloutNet:
-        return self.net or super().rollout_net()
+        return self.swapped or super().rollout_net()
 
 
 def pieces_of(data: Path, takes: Mapping[str, Take]) -> list[Piece]:
@@ -123,10 +123,10 @@ def show_ablations(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, 
         goal = repertoire.vocabulary.signatures[repertoire.vocabulary.genre_index(piece.genre)]
         motions: dict[str, Motion] = {}
         for name, net in {"rollout": None, **nets}.items():
-            repertoire.net = net
+            repertoire.swapped = net
             dance = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre)
             motions[name] = dance.motion
-        repertoire.net = None
+        repertoire.swapped = None
         if piece.take is not None:
             motions["real"] = piece.take.motion
         beats, bounds = np.array(dance.plan.music_beats_s), bounds_of(dance)
@@ -148,7 +148,7 @@ def show_ablations(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, 
             )  # fmt: skip
     print("mean of songs            chi2  motifs aligned  ratio      F  slide  speed   jerk")
     for name, of_name in rows.items():
-        print(f"{name:20s} {len(of_name):2d}", *(f"{v:6.3f}" for v in np.nanmean(of_name, axis=0)))
+        print(f"{name:20s} {len(of_name):2d}", *(f"{v:6.3f}" for v in np.mean(of_name, axis=0)))
 
 
 def show_recreations(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> None:
@@ -164,11 +164,11 @@ def show_recreations(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str
         runs = {"rollout": ("rollout", None), "mixer": ("mixer", None)}
         runs |= {name: ("rollout", net) for name, net in nets.items()}
         for name, (engine, net) in runs.items():
-            repertoire.net = net
+            repertoire.swapped = net
             dance = cg.dance(piece.song, repertoire, engine=engine, motifs=motifs)
             danced = danced_motifs(dance.motion, bounds_of(dance), repertoire)[: len(asked)]
             shares.setdefault(name, []).append(float(np.mean((danced == asked)[asked >= 0])))
-    repertoire.net = None
+    repertoire.swapped = None
     for name, of_name in shares.items():
         print(f"re-created by {name:20s} {np.mean(of_name):.3f}, least {np.min(of_name):.3f}")
 
@@ -195,8 +195,8 @@ def show_styles(pieces: list[Piece], repertoire: WithNet) -> None:
     """The song's style against another's, none, and noise: with ours and with the paper's window."""
     net = repertoire.rollout_net()
     for fade_s in dict.fromkeys((net.config.style_fade_s, 0.0)):
-        repertoire.net = RolloutNet(replace(net.config, style_fade_s=fade_s))
-        repertoire.net.load_state_dict(net.state_dict())
+        repertoire.swapped = RolloutNet(replace(net.config, style_fade_s=fade_s))
+        repertoire.swapped.load_state_dict(net.state_dict())
         rows: dict[str, list[list[float]]] = {}
         for piece, other in zip(pieces, pieces[1:] + pieces[:1], strict=True):
             asked = {"genre": piece.genre, "engine": "rollout"}
@@ -219,13 +219,35 @@ def show_styles(pieces: list[Piece], repertoire: WithNet) -> None:
             cm, same, kept, jerk = np.mean(of_name, axis=0)
             kept_of = f"motifs kept {same:.3f}, beats kept {kept:.3f}"
             print(f"style of {name:12s} (fade {fade_s:g} s): {cm:.2f} cm apart, {kept_of}, jerk x {jerk:.2f}")
-    repertoire.net = None
+    repertoire.swapped = None
 
 
 def noise(net: RolloutNet, song: Song, bounds_s: np.ndarray) -> np.ndarray:
     """In the place of spectral features: numbers of the same spread that mean nothing."""
     mean, std = net.spectral_mean.numpy(), net.spectral_std.numpy()
     return np.random.default_rng(0).normal(mean, std, (len(bounds_s) - 1, len(mean)))
+
+
+def show_long(pieces: list[Piece], repertoire: WithNet) -> None:
+    """Three minutes, the song over and over, by thirds: speed, spread of poses, and how far it goes."""
+    rows = []
+    for piece in (pieces[0], pieces[3], pieces[-1]):
+        times = int(np.ceil(180.0 / piece.song.duration_s))
+        song = replace(piece.song, samples=np.tile(piece.song.samples, times)[: 180 * 22050])
+        motion = cg.dance(song, repertoire, engine="rollout", genre=piece.genre).motion
+        body = body_pos_m(motion)
+        speed = np.linalg.norm(np.diff(body, axis=0), axis=-1).mean(axis=1) * motion.fps
+        spread = [from_own_place(part).std(axis=0).mean() * 100 for part in np.array_split(body, 3)]
+        still = np.mean(np.array([part.max() for part in np.array_split(speed, 180)]) < 0.15)
+        rows.append(
+            [*(part.mean() for part in np.array_split(speed, 3)), *spread,
+             np.linalg.norm(motion.root_pos_m[:, [0, 2]], axis=1).max(), still]
+        )  # fmt: skip
+    values = np.mean(rows, axis=0)
+    print(
+        f"three minutes, in thirds: {values[:3].round(2)} m/s, poses spread {values[3:6].round(1)} cm; "
+        f"at most {values[6]:.1f} m from where it began; seconds that stand still {values[7]:.3f}"
+    )
 
 
 def show_feet(pieces: list[Piece], repertoire: WithNet) -> None:
@@ -261,6 +283,7 @@ def main() -> None:
     show_variations(pieces, repertoire)
     show_styles(pieces, repertoire)
     show_feet(pieces, repertoire)
+    show_long(pieces, repertoire)
 
 
 if __name__ == "__main__":
