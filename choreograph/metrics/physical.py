@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from choreograph.errors import ParameterError
 from choreograph.metrics.contact_scores import foot_skating_ratio, pfc
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, body_pos_at, checked_body_pos_m
-from choreograph.timebase import NET_FPS, frame_times_s
+from choreograph.timebase import NET_FPS, STORE_FPS, frame_times_s
 
 Floats = NDArray[np.float64]
 Instants = Sequence[float] | Floats
@@ -47,12 +47,12 @@ def validate(body_pos_m: Floats, fps: float, boundary_times_s: Instants = ()) ->
 def foot_slide_cm_s(body_pos_m: Floats, fps: float, *, low_m: float = LOW_M) -> float:
     """Mean horizontal speed of the balls of the feet while low, cm/s; 0 if they never are.
 
-    A step counts as low if the foot is low at both its ends.
+    A step, of 1/60 s at any rate, counts as low if the foot is low at both its ends.
     """
-    feet = checked_body_pos_m(body_pos_m, fps)[:, _FEET]  # (T, 2, 3)
+    feet = body_pos_at(body_pos_m, fps, STORE_FPS)[:, _FEET]  # (T', 2, 3)
     low = feet[..., 1] <= low_m
     low = low[1:] & low[:-1]
-    speed = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1) * fps * 100.0  # (T-1, 2)
+    speed = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1) * STORE_FPS * 100.0  # (T'-1, 2)
     return float(speed[low].mean()) if low.any() else 0.0
 
 

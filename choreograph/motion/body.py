@@ -69,7 +69,7 @@ def checked_body_pos_m(body_pos_m: NDArray[np.floating], fps: float = 1.0) -> ND
 
 
 def body_pos_at(body_pos_m: NDArray[np.floating], fps: float, wanted_fps: float) -> NDArray[np.float64]:
-    """Body positions (T, 21, 3) at another rate, (T', 21, 3), by cubic splines; the last frame at most as late.
+    """Body positions (T, 21, 3) at another rate, (T', 21, 3), by cubic splines; none after the last.
 
     Raises `ParameterError` as `checked_body_pos_m` does.
     """

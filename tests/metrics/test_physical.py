@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from golden.regenerate import golden, physical_scores, planted_dance
 from hypothesis import given
 from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
 from choreograph.metrics import physical
-from choreograph.motion.body import BODY_JOINTS, body_pos_m
+from choreograph.motion.body import BODY_JOINTS, body_pos_at, body_pos_m
 from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
@@ -107,3 +108,57 @@ def test_broken_rates_are_refused(fps):
 def test_broken_soles_are_refused(soles):
     with pytest.raises(ParameterError, match="soles"):
         physical.floor_penetration_cm(np.zeros((5, 21, 3)), FPS, sole_pos_m=soles)
+
+
+def test_a_jump_is_no_floating_but_a_box_is():
+    pos = body_pos_m(_standing(600)).copy()
+    pos[100:130, :, 1] += 0.3  # half a second
+    assert physical.floating_share(pos, FPS) == 0
+    pos[200:260, :, 1] += 0.3
+    assert physical.floating_share(pos, FPS) == pytest.approx(60 / 600)
+    assert physical.floating_share(pos + np.array([0.0, 0.5, 0.0]), FPS) == 1
+    motion = _standing(60).moved(shift_m=np.array([0.0, 0.5, 0.0]))
+    assert physical.floating_share(body_pos_m(motion), FPS, sole_pos_m=sole_pos_m(motion)) == 1
+
+
+def test_hurrying_at_joins():
+    times = np.arange(240) / FPS
+    speed = np.where(np.abs(times - 2.0) < 0.3, 2.0, 1.0)
+    pos = body_pos_m(_standing(240)) + (np.cumsum(speed) / FPS)[:, None, None] * [1.0, 0.0, 0.0]
+    assert physical.speed_ratio_at(pos, FPS, [2.0]) == pytest.approx(2.0, rel=0.2)
+    assert physical.speed_ratio_at(pos, FPS, [3.5]) == pytest.approx(1.0, rel=0.2)
+    assert np.isnan(physical.speed_ratio_at(pos, FPS, []))
+    assert np.isnan(physical.speed_ratio_at(body_pos_m(_standing()), FPS, [1.0]))
+
+
+@given(spread_mm=st.floats(0.1, 30))
+def test_the_spread_of_a_bone(spread_mm):
+    pos = body_pos_m(_standing(40)).copy()
+    elbow, wrist = BODY_JOINTS.index("left_elbow"), BODY_JOINTS.index("left_wrist")
+    along = pos[0, wrist] - pos[0, elbow]
+    sign = np.where(np.arange(40) % 2, 1.0, -1.0)[:, None]
+    pos[:, wrist] += sign * along / np.linalg.norm(along) * spread_mm / 1000
+    assert physical.limb_length_spread_mm(pos, FPS) == pytest.approx(spread_mm)
+
+
+def test_golden():
+    assert physical_scores() == pytest.approx(golden("physical"), abs=1e-6)
+
+
+@pytest.mark.parametrize("fps", [30.0, 90.0])
+def test_rate_heading_and_place_play_no_part(fps):
+    dance = planted_dance()
+    c, s = np.cos(1.1), np.sin(1.1)
+    other = body_pos_at(dance, 60.0, fps) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) + np.array(
+        [2.0, 0.0, 5.0]
+    )
+    wanted, got = physical.evaluate(dance, 60.0, [4.0, 8.0]), physical.evaluate(other, fps, [4.0, 8.0])
+    for scores in (wanted, got):
+        del scores["foot_skating_ratio_published"]  # which depends on the heading
+    assert got == pytest.approx(wanted, rel=0.03, abs=0.03)
+
+
+@pytest.mark.parametrize("boundaries", [[np.nan], [[1.0]], 1.0])
+def test_broken_boundaries_are_refused(boundaries):
+    with pytest.raises(ParameterError, match="boundaries"):
+        physical.evaluate(body_pos_m(_standing()), FPS, boundaries)

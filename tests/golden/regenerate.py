@@ -1,0 +1,69 @@
+"""Writes what the metrics say of a planted dance into a file a module; the tests hold the metrics to it.
+
+Run it when a metric is meant to say something else than before, and read what changed:
+
+    python tests/golden/regenerate.py [physical beat ...]
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.metrics import physical
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.motion.rotations import from_rotvec
+from choreograph.motion.skeleton import canonical_skeleton
+
+FOLDER = Path(__file__).parent
+FPS = 60.0
+DURATION_S = 12.0
+
+
+def planted_dance() -> NDArray[np.float64]:
+    """Body positions (T, 21, 3) of 12 s of limbs that swing in sines while the body sways, bobs and turns."""
+    times_s = np.arange(round(DURATION_S * FPS)) / FPS
+    skeleton = canonical_skeleton()
+    joints = np.arange(len(skeleton.names))
+    hz = 0.5 + 0.25 * (joints % 4)
+    swing = 0.5 * np.sin(2 * np.pi * hz * times_s[:, None] + 0.7 * joints)  # (T, J)
+    axes = np.stack([np.cos(joints), 0.3 * np.sin(2 * joints), np.sin(joints)], axis=-1)  # (J, 3)
+    rotvec = swing[..., None] * axes
+    rotvec[:, 0] = np.array([0.0, 1.0, 0.0]) * (0.4 * times_s)[:, None]
+    root = skeleton.offsets_m[0] + np.stack(
+        [
+            0.3 * np.sin(0.9 * times_s),
+            0.04 + 0.04 * np.cos(2 * np.pi * times_s),
+            0.2 * np.sin(1.7 * times_s),
+        ],
+        axis=-1,
+    )
+    return body_pos_m(Motion(skeleton, root, from_rotvec(rotvec), FPS))
+
+
+def physical_scores() -> dict[str, float]:
+    return physical.evaluate(planted_dance(), FPS, [4.0, 8.0])
+
+
+SCORES: dict[str, Callable[[], dict]] = {"physical": physical_scores}
+
+
+def golden(module: str) -> dict:
+    """What the file says that a module's metrics say."""
+    return json.loads((FOLDER / f"{module}.json").read_text(encoding="utf-8"))
+
+
+def main() -> None:
+    for module in sys.argv[1:] or SCORES:
+        text = json.dumps(SCORES[module](), indent=1) + "\n"
+        (FOLDER / f"{module}.json").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,141 @@
+"""PFC and the foot skating ratio: answers by hand, invariances, and the published bugs by name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from golden.regenerate import planted_dance
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from choreograph.errors import ParameterError
+from choreograph.metrics.contact_scores import foot_skating_ratio, pfc
+from choreograph.motion.body import BODY_JOINTS, body_pos_at
+
+FPS = 30.0
+PELVIS = BODY_JOINTS.index("pelvis")
+LEFT = [BODY_JOINTS.index("left_ankle"), BODY_JOINTS.index("left_foot")]
+RIGHT = [BODY_JOINTS.index("right_ankle"), BODY_JOINTS.index("right_foot")]
+
+
+def standing(n_frames: int = 90) -> np.ndarray:
+    """Positions (T, 21, 3) with ankles 6 cm and toes 2 cm over the floor, the rest a metre up."""
+    pos = np.zeros((n_frames, len(BODY_JOINTS), 3))
+    pos[..., 1] = 1.0
+    for ankle, toe in (LEFT, RIGHT):
+        pos[:, ankle, 1], pos[:, toe, 1] = 0.06, 0.02
+    return pos
+
+
+def sliding(step_m: float, heading: float, n_frames: int = 90) -> np.ndarray:
+    along = np.arange(n_frames)[:, None] * step_m * np.array([np.sin(heading), 0.0, np.cos(heading)])
+    return standing(n_frames) + along[:, None]
+
+
+def turned(pos: np.ndarray, angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return pos @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+
+
+def test_standing_still_is_perfect():
+    assert pfc(standing(), FPS) == pfc(standing(), FPS, variant="pieces") == 0
+    assert (
+        foot_skating_ratio(standing(), FPS) == foot_skating_ratio(standing(), FPS, variant="published") == 0
+    )
+
+
+def test_pfc_by_hand():
+    pos = standing(4)
+    pos[2:, PELVIS, 0] = 0.1  # pushed in the first of two accelerations, stopped as hard in the second
+    pos[:, LEFT, 0] = np.array([0.0, 0.0, 0.01, 0.04])[:, None]
+    pos[:, RIGHT, 2] = np.array([0.0, 0.0, 0.02, 0.06])[:, None]
+    assert pfc(pos, FPS) == pytest.approx(1e4 * (0.01 * 0.02 + 0.03 * 0.04) / 2)
+    pos[:, LEFT[0], 0] = 0.0  # the ankle stands: so does the foot
+    assert pfc(pos, FPS) == 0
+
+
+def test_falling_is_free_and_rising_is_not():
+    pos = sliding(0.02, 0.3)
+    times = np.arange(len(pos)) / FPS
+    pos[:, PELVIS, 1] -= times**2
+    assert pfc(pos, FPS) == pytest.approx(0, abs=1e-6)
+    pos[:, PELVIS, 1] += 2 * times**2
+    assert pfc(pos, FPS) == pytest.approx(1e4 * 0.02**2)
+
+
+def test_pfc_hides_slides_behind_a_glitch_and_less_so_in_pieces():
+    dance = np.concatenate([planted_dance()[::2]] * 3)[: 30 * 30]
+    glitch = dance.copy()
+    glitch[100, PELVIS] += 1.0
+    assert pfc(glitch, FPS) < 0.3 * pfc(dance, FPS)
+    assert pfc(glitch, FPS, variant="pieces") > 0.7 * pfc(dance, FPS, variant="pieces")
+
+
+@settings(max_examples=30)
+@given(step_m=st.floats(0.011, 0.1), heading=st.floats(-3.1, 3.1))
+def test_all_frames_of_a_slide_are_seen_whatever_its_heading(step_m, heading):
+    assert foot_skating_ratio(sliding(step_m, heading), FPS) == 1.0
+    assert foot_skating_ratio(sliding(step_m * 0.009 / 0.1, heading), FPS) == 0.0
+
+
+def test_the_published_ratio_sees_no_slide_along_the_diagonal_and_a_still_last_frame():
+    diagonal = sliding(0.05, np.pi * 3 / 4)  # x = -z
+    assert foot_skating_ratio(diagonal, FPS, variant="published") == 0
+    assert foot_skating_ratio(diagonal, FPS) == 1
+    assert foot_skating_ratio(sliding(0.05, 0.0), FPS, variant="published") == pytest.approx(89 / 90)
+
+
+def test_the_published_ground_is_the_first_frame():
+    pos = sliding(0.05, 0.0)
+    pos[0, LEFT + RIGHT, 1] -= 0.3
+    assert np.isnan(foot_skating_ratio(pos[:1], FPS))  # one frame has no step
+    published = foot_skating_ratio(pos, FPS, variant="published")
+    assert published == 1.0  # only the first frame is in contact, and slides
+    assert foot_skating_ratio(pos, FPS) == 1.0
+    still = standing()
+    still[0, LEFT + RIGHT, 1] += 0.3
+    assert foot_skating_ratio(still, FPS) == 0.0
+
+
+def test_one_foot_of_two_and_never_in_contact():
+    pos = standing()
+    pos[:, LEFT, 0] += np.arange(90)[:, None] * 0.02
+    assert foot_skating_ratio(pos, FPS) == 0.5
+    pos[:, LEFT, 1] += 0.2
+    assert foot_skating_ratio(pos, FPS) == 0.0  # the left foot is left out
+    pos[:, LEFT[0], 1] += 0.2
+    pos[:, RIGHT[0], 1] += 0.2
+    assert np.isnan(foot_skating_ratio(pos, FPS))
+
+
+def test_place_and_heading_play_no_part():
+    dance = planted_dance()
+    moved = turned(dance, 0.7) + np.array([3.0, 0.0, -2.0])
+    assert pfc(moved, 60.0) == pytest.approx(pfc(dance, 60.0))
+    assert foot_skating_ratio(moved, 60.0) == foot_skating_ratio(dance, 60.0)
+    heights = foot_skating_ratio(dance + np.array([0.0, 0.4, 0.0]), 60.0)
+    assert heights == pytest.approx(foot_skating_ratio(dance, 60.0))
+
+
+@pytest.mark.parametrize("fps", [30.0, 120.0])
+def test_the_rate_plays_no_part(fps):
+    dance = planted_dance()
+    other = body_pos_at(dance, 60.0, fps)
+    assert pfc(other, fps) == pytest.approx(pfc(dance, 60.0), rel=0.02)
+    assert foot_skating_ratio(other, fps) == pytest.approx(foot_skating_ratio(dance, 60.0), abs=0.02)
+
+
+@pytest.mark.parametrize("n_frames", [1, 2])
+def test_too_short_to_accelerate(n_frames):
+    assert pfc(standing(n_frames), FPS) == 0
+
+
+@pytest.mark.parametrize("score", [pfc, foot_skating_ratio])
+def test_malformed(score):
+    for broken in (np.zeros((0, 21, 3)), np.zeros((5, 20, 3)), np.full((5, 21, 3), np.nan)):
+        with pytest.raises(ParameterError, match="body positions"):
+            score(broken, FPS)
+    with pytest.raises(ParameterError, match="frame rate"):
+        score(standing(), 0.0)
+    with pytest.raises(ParameterError, match="variant"):
+        score(standing(), FPS, variant="fixed")
