@@ -14,7 +14,7 @@ from choreograph.timebase import NET_FPS
 Floats = NDArray[np.float64]
 
 JOINS = ("beats", "seconds")
-_REACH_S = 0.25  # a join is moved to a beat no further off: what is played meanwhile was not warped to it
+REACH_S = 0.25  # a join is moved to a beat no further off: what is played meanwhile was not warped to it
 _SHORTEST_S = 0.6  # a run is not made shorter than that
 _SAME_INSTANT_S = 2e-3  # pieces whose source times meet this closely need no join
 
@@ -118,7 +118,7 @@ def joined_on_beats(
     moved = list(runs)
     for index in range(1, len(moved)):
         before, after = moved[index - 1], moved[index]
-        near = beat_times_s[np.abs(beat_times_s - after.start_s) <= _REACH_S]
+        near = beat_times_s[np.abs(beat_times_s - after.start_s) <= REACH_S]
         for beat in near[np.argsort(np.abs(near - after.start_s))]:
             if min(beat - before.start_s, after.stop_s - beat) < _SHORTEST_S:
                 continue

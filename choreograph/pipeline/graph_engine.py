@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.blending.runs import REACH_S
 from choreograph.config import DanceConfig, resolve_weights
 from choreograph.errors import NoPathError, ParameterError
 from choreograph.features.music import Music
@@ -119,13 +120,26 @@ class Allowed(Cost):
     def of(cls, wishes: Wishes, asked: Asked, repertoire: Repertoire, n_seconds: int) -> Allowed | None:
         """For a dance of so many seconds; None if nothing is forbidden."""
         takes = np.tile(asked.take_allowed, (n_seconds, 1))
-        for pin in wishes.pins:
-            if isinstance(pin, TakePin):
-                take = repertoire.take_index(pin.take)
-                if not (repertoire.clip_take == take).any():
-                    raise ParameterError(f"pin {pin}: the take is shorter than the 8 s of a clip")
-                here = slice(int(pin.start_s), int(np.ceil(pin.end_s)))
-                takes[here] = np.arange(takes.shape[1]) == take
+        owner: dict[int, TakePin] = {}
+        pins = [pin for pin in wishes.pins if isinstance(pin, TakePin)]
+        for pin in pins:
+            for second in range(int(pin.start_s), int(np.ceil(pin.end_s))):
+                other = owner.setdefault(second, pin)
+                if other.take != pin.take:
+                    raise ParameterError(
+                        f"pins {other} and {pin} share second {second}, but the graph engine dances whole "
+                        "seconds: move one, or use the mixer"
+                    )
+        # Joins move to beats: a take that danced a little longer, or earlier, would be within the pin.
+        for pin in pins:
+            for second in (int(pin.start_s - REACH_S), int(pin.end_s + REACH_S)):
+                if 0 <= second < n_seconds:
+                    owner.setdefault(second, pin)
+        for second, pin in owner.items():
+            take = repertoire.take_index(pin.take)
+            if not (repertoire.clip_take == take).any():
+                raise ParameterError(f"pin {pin}: the take is shorter than the 8 s of a clip")
+            takes[second] = np.arange(takes.shape[1]) == take
         if takes.all() and not asked.motif_banned.any():
             return None
         return cls(takes, asked.motif_banned)

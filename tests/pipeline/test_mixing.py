@@ -16,6 +16,7 @@ from choreograph.errors import NoPathError, ParameterError, RepertoireError
 from choreograph.motifs.words import cut_words
 from choreograph.motion.body import body_pos_m
 from choreograph.pipeline.asked import resolve, wanted_goal
+from choreograph.pipeline.rendering import plan_runs
 from choreograph.pipeline.wishes import make_wishes
 
 SCHEMA = Path(__file__).resolve().parents[2] / "data_schema" / "plan.schema.json"
@@ -118,6 +119,14 @@ def test_where_a_take_is_pinned_nothing_else_is_danced(spoken, song, engine):
     made = cg.dance(song, spoken, engine=engine, pins=[pin], bans=[cg.Ban(take="take1")])
     assert takes_between(made, 4.0, 8.0) == {"take2"}
     assert "take1" not in made.plan.takes_s()
+
+
+def test_joins_that_move_to_beats_stay_out_of_a_pinned_take(spoken, song):
+    made = cg.dance(song, spoken, pins=[cg.TakePin(4.0, 8.0, "take2")], bans=[cg.Ban(take="take1")])
+    runs = plan_runs(made.plan, {take.name: take.duration_s for take in spoken.takes})
+    assert {run.take for run in runs if run.start_s < 8.0 - 1e-6 and run.stop_s > 4.0 + 1e-6} == {"take2"}
+    with pytest.raises(ParameterError, match="share second 4"):
+        cg.dance(song, spoken, pins=[cg.TakePin(2.0, 4.2, "take2"), cg.TakePin(4.8, 6.0, "take1")])
 
 
 @pytest.mark.parametrize("engine", ENGINES)
