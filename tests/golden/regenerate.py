@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.metrics import physical
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.metrics import beat, physical
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.rotations import from_rotvec
@@ -51,7 +52,19 @@ def physical_scores() -> dict[str, float]:
     return physical.evaluate(planted_dance(), FPS, [4.0, 8.0])
 
 
-SCORES: dict[str, Callable[[], dict]] = {"physical": physical_scores}
+def beat_scores() -> dict[str, float]:
+    dance, music_beats_s = planted_dance(), np.arange(0.3, DURATION_S, 0.5)
+    motion_beats_s = motion_beat_times_s(dance, FPS)
+    rng = np.random.default_rng(0)
+    chance = beat.evaluate_chance(motion_beats_s, music_beats_s, duration_s=DURATION_S, rng=rng, rounds=20)
+    return (
+        beat.evaluate(motion_beats_s, music_beats_s)
+        | beat.evaluate_published(dance, FPS, music_beats_s)
+        | {f"chance of {name}": value for name, value in chance.items()}
+    )
+
+
+SCORES: dict[str, Callable[[], dict]] = {"physical": physical_scores, "beat": beat_scores}
 
 
 def golden(module: str) -> dict:

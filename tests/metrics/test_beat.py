@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from golden.regenerate import beat_scores, golden, planted_dance
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
 from choreograph.metrics.beat import (
+    PROTOCOLS,
     aligned_share,
+    alignment_score,
     beat_ratio,
     chance_f_score,
+    chance_level,
     evaluate,
+    evaluate_chance,
+    evaluate_published,
     f_score,
+    published_motion_beats_s,
     squared_distance,
     validate,
 )
+from choreograph.motion.body import body_pos_at
 
 NONE = np.zeros(0)
 
@@ -34,6 +42,9 @@ def test_perfect():
         "music_to_motion": 0.0,
         "aligned_share": 1.0,
         "beat_ratio": 1.0,
+        "alignment_fact": 1.0,
+        "alignment_bailando": 1.0,
+        "alignment_lodge": 1.0,
     }
 
 
@@ -112,3 +123,80 @@ def test_chance_is_the_share_of_time_that_windows_cover():
     assert chance == pytest.approx(0.14 / 0.5, abs=0.06)
     assert chance == chance_f_score(motion, music, duration_s=60.0, rng=np.random.default_rng(1))
     assert chance < 0.5 * f_score(music, music)
+
+
+def test_alignment_by_hand():
+    music = np.array([1.0, 2.0, 3.0, 4.0])
+    motion = np.array([1.05, 1.9, 9.0])
+    one, two, far = np.exp(-0.5), np.exp(-2.0), 0.0
+    assert alignment_score(motion, music, "fact") == pytest.approx((one + two + far) / 3)
+    assert alignment_score(motion, music, "bailando") == pytest.approx((one + two + 2 * far) / 4, abs=1e-9)
+    assert alignment_score(motion, music, "lodge") == pytest.approx((np.exp(-1 / 8) + one) / 4, abs=1e-9)
+    assert alignment_score(NONE, music) == 0.0 and np.isnan(alignment_score(motion, NONE))
+    with pytest.raises(ParameterError, match="fact, bailando, lodge"):
+        alignment_score(motion, music, "edge")
+
+
+def test_more_beats_alone_raise_what_asks_the_music_and_one_beat_satisfies_what_asks_the_motion():
+    music = np.arange(0.5, 30, 0.5)
+    rng = np.random.default_rng(0)
+    few, many = (np.sort(rng.uniform(0, 30, n)) for n in (30, 600))
+    assert alignment_score(many, music, "bailando") > 2 * alignment_score(few, music, "bailando")
+    assert alignment_score(music[:1], music, "fact") == 1.0 > 10 * alignment_score(music[:1], music)
+
+
+@pytest.mark.parametrize(("name", "expected"), [("bailando", 0.25), ("fact", 0.25), ("lodge", 0.48)])
+def test_a_metronome_of_random_phase(name, expected):
+    rng = np.random.default_rng(0)
+    music = np.arange(0.0, 60, 0.5)
+    scores = [alignment_score(music + rng.uniform(0, 0.5), music, name) for _ in range(500)]
+    assert np.mean(scores) == pytest.approx(expected, abs=0.02)
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+@pytest.mark.parametrize("fps", [30.0, 60.0, 100.0])
+def test_published_motion_beats_of_a_body_that_stops_every_second(name, fps):
+    times = np.arange(round(10 * fps) + 1) / fps + 0.003  # no two steps are as slow: they would tie
+    pos = np.zeros((len(times), 21, 3)) + (times - np.sin(2 * np.pi * times) / (2 * np.pi))[:, None, None]
+    found = published_motion_beats_s(pos, fps, name)
+    assert len(found) == pytest.approx(9, abs=1)
+    assert np.allclose(found + 0.003, np.rint(found), atol=1.01 / PROTOCOLS[name].fps)
+    assert len(published_motion_beats_s(pos[:2], fps, name)) == 0
+
+
+def test_published_scores_depend_on_neither_place_nor_heading_and_little_on_the_rate():
+    dance, music = planted_dance(), np.arange(0.3, 12, 0.5)
+    wanted = evaluate_published(dance, 60.0, music)
+    turned = dance[..., [2, 1, 0]] * np.array([1.0, 1.0, -1.0]) + np.array([3.0, 0.0, 1.0])
+    assert evaluate_published(turned, 60.0, music) == pytest.approx(wanted)
+    assert evaluate_published(body_pos_at(dance, 60.0, 120.0), 120.0, music) == pytest.approx(
+        wanted, abs=0.02
+    )
+    for broken in (np.zeros((5, 20, 3)), np.full((5, 21, 3), np.inf)):
+        with pytest.raises(ParameterError, match="body positions"):
+            evaluate_published(broken, 60.0, music)
+
+
+def test_chance_of_every_metric():
+    music = np.arange(0.25, 30, 0.5)
+    motion = music[::2] + 0.01
+
+    def rng():
+        return np.random.default_rng(3)
+
+    chance = evaluate_chance(motion, music, duration_s=30.0, rng=rng(), rounds=50)
+    assert chance.keys() == evaluate(motion, music).keys()
+    for name, score in (
+        ("f_score", f_score),
+        ("alignment_lodge", lambda a, b: alignment_score(a, b, "lodge")),
+    ):
+        assert chance[name] == chance_level(score, motion, music, duration_s=30.0, rng=rng(), rounds=50)
+        assert chance[name] < 0.8 * score(motion, music)
+    assert chance["motion_to_music"] > 10 * squared_distance(motion, music)
+    assert chance["beat_ratio"] == 0.5
+    with pytest.raises(ParameterError, match="duration"):
+        evaluate_chance(motion, music, duration_s=0.0, rng=rng())
+
+
+def test_golden():
+    assert beat_scores() == pytest.approx(golden("beat"), abs=1e-6)
