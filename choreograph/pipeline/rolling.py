@@ -28,8 +28,6 @@ from choreograph.takes import Credits
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_PLAYED_BY = Credits(performer="rollout network")
-
 
 def roll(
     song: Song,
@@ -77,7 +75,7 @@ def roll(
         song=music.name, duration_s=music.duration_s, start_s=start_s, repertoire=repertoire.path.name,
         planner=config.planner, blending=config.blending, seed=config.seed, fps=config.fps, weights={},
         music_beats_s=tuple(float(beat) for beat in music.beat_times_s), seconds=(), engine="rollout",
-        words=_planned_words(motifs, asked),
+        words=_planned_words(motifs, asked, Credits(performer=f"learned from {len(repertoire.takes)} takes")),
     )  # fmt: skip
     return plan, motion, danced_motifs(motion, bounds_s, repertoire)
 
@@ -91,10 +89,10 @@ def _refuse_takes(asked: Asked) -> None:
         )
 
 
-def _planned_words(motifs: Indices, asked: Asked) -> tuple[PlannedWord, ...]:
+def _planned_words(motifs: Indices, asked: Asked, credits: Credits) -> tuple[PlannedWord, ...]:
     bounds = asked.bounds_s.round(6).tolist()
     return tuple(
-        PlannedWord(bounds[place], bounds[place + 1], int(motif), "", 0.0, 0.0, _PLAYED_BY,
+        PlannedWord(bounds[place], bounds[place + 1], int(motif), "", 0.0, 0.0, credits,
                     pinned=place in asked.pinned)
         for place, motif in enumerate(motifs)
     )  # fmt: skip

@@ -1,6 +1,6 @@
-// Buttons, keys, and the hands on the stage.
+// Buttons and keys.
 
-import { made } from "./card.js";
+import { made } from "./elements.js";
 
 const SPEEDS = [1, 0.5];
 
@@ -18,7 +18,6 @@ export class Controls {
     on("help", () => this.#help());
     player.addEventListener("change", () => this.show());
     addEventListener("keydown", (event) => this.#key(event));
-    new StageHands(document.getElementById("view"), camera, wake);
     this.show();
   }
 
@@ -78,44 +77,6 @@ export class Controls {
   }
 }
 
-// Drag to look round, wheel or pinch to come closer.
-class StageHands {
-  constructor(view, camera, wake) {
-    Object.assign(this, { view, camera, wake, fingers: new Map() });
-    view.addEventListener("pointerdown", (event) => {
-      view.setPointerCapture(event.pointerId);
-      this.fingers.set(event.pointerId, [event.clientX, event.clientY]);
-    });
-    view.addEventListener("pointermove", (event) => this.#move(event));
-    for (const name of ["pointerup", "pointercancel"]) {
-      view.addEventListener(name, (event) => this.fingers.delete(event.pointerId));
-    }
-    view.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
-    view.addEventListener("dblclick", () => { camera.reset(); wake(); });
-  }
-
-  #move(event) {
-    const before = this.fingers.get(event.pointerId);
-    if (!before) return;
-    const here = [event.clientX, event.clientY];
-    const others = [...this.fingers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
-    const share = 1 / this.fingers.size; // two fingers moving together turn no faster than one
-    this.camera.turn(-(here[0] - before[0]) * 0.008 * share, (here[1] - before[1]) * 0.006 * share);
-    if (others.length) {
-      const apart = ([x, y]) => Math.max(20, Math.hypot(x - others[0][0], y - others[0][1]));
-      this.camera.approach(apart(here) / apart(before));
-    }
-    this.fingers.set(event.pointerId, here);
-    this.wake();
-  }
-
-  #wheel(event) {
-    event.preventDefault();
-    this.camera.approach(Math.exp(-Math.max(-120, Math.min(120, event.deltaY)) * 0.0018));
-    this.wake();
-  }
-}
-
 // Totals in a line, and whose takes were danced for how long.
 export function showCredits(dance, colours) {
   const danced = dance.takes.map(() => 0);
@@ -125,7 +86,8 @@ export function showCredits(dance, colours) {
   const count = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
   document.getElementById("totals").textContent =
     `· ${Math.round(dance.duration_s)} s from ${[
-      count(dance.takes.length, "take"), clips && count(clips, "clip"), words && count(words, "motion word"),
+      dance.blocks.some((block) => "speed" in block) ? count(dance.takes.length, "take") : "a network",
+      clips && count(clips, "clip"), words && count(words, "motion word"),
     ].filter(Boolean).join(", ")}`;
   const rows = dance.takes.map((take, i) => {
     const dot = made("i", "dot");
