@@ -95,7 +95,7 @@ def test_the_same_seed_mixes_the_same_and_another_another(mixed, spoken, song):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_pinned_motifs_always_hold(spoken, song, engine, seed):
     rng = np.random.default_rng(seed)
     times = [1.7, 2.2, 5.1, 9.9]  # two of them next to each other
@@ -178,6 +178,7 @@ def test_a_dance_is_made_again_to_another_song(spoken, song):
     assert any("the rest is drawn" in note for note in few.notes)
 
 
+@pytest.mark.slow
 def test_a_motion_file_is_made_again(spoken, mixed, song, tmp_path):
     mixed.save(tmp_path / "old.bvh")
     (tmp_path / "old.wav").write_bytes(Path(song).read_bytes())
