@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from choreograph.blending.joins import apply_offset, crossfade, fading, inertial_offsets
 from choreograph.blending.runs import Run
@@ -17,6 +16,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import ground_pos_m, heading_rad
+from choreograph.motion.sampling import sampled_smoothly
 from choreograph.timebase import seconds_to_frames
 
 Floats = NDArray[np.float64]
@@ -84,20 +84,8 @@ def _play(run: Run, read_motion: MotionReader, fps: float, margin: int) -> _Play
     first = seconds_to_frames(run.start_s, fps) - margin
     source = run.source_s(np.arange(first, seconds_to_frames(run.stop_s, fps) + margin) / fps)
     motion, first_s = read_motion(run.take, float(source.min()), float(source.max()))
-    root, quat = _sampled_smoothly(motion, (source - first_s) * motion.fps)
-    return _Played(motion, first, root, quat, run.firm)
-
-
-def _sampled_smoothly(motion: Motion, frames: Floats) -> tuple[Floats, Floats]:
-    """Roots and rotations at fractional frames by cubic splines: slerp's corners at every source
-    frame are visible jerk when 25 fps is played at 60."""
-    frames = np.clip(frames, 0, motion.n_frames - 1)
-    if motion.n_frames < 4:
-        sampled = motion.sampled(frames)
-        return sampled.root_pos_m, sampled.local_quat
-    knots = np.arange(motion.n_frames)
-    quat = CubicSpline(knots, rot.make_continuous(motion.local_quat))(frames)
-    return CubicSpline(knots, motion.root_pos_m)(frames), rot.normalize(quat)
+    played = sampled_smoothly(motion, (source - first_s) * motion.fps)
+    return _Played(motion, first, played.root_pos_m, played.local_quat, run.firm)
 
 
 def _placed(previous: _Played, played: _Played, fps: float) -> _Played:

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.blending.feet import lock_feet
 from choreograph.blending.stage import steer_rad
 from choreograph.errors import ParameterError
 from choreograph.features.contacts import foot_contacts
-from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.motion.sampling import sampled_smoothly
 from choreograph.motion.skeleton import Skeleton
 from choreograph.nets.rollout import N_FEET, RolloutNet
 from choreograph.nets.rollout_data import ROLLOUT_FPS, asked_for, to_motion, to_poses
@@ -127,7 +126,4 @@ def _at_rate(motion: Motion, contacts: Floats, fps: float, duration_s: float) ->
     times = np.minimum(frame_times_s(n_frames, fps), (motion.n_frames - 1) / ROLLOUT_FPS)
     knots = frame_times_s(motion.n_frames, ROLLOUT_FPS)
     contacts = np.stack([np.interp(times, knots, column) for column in contacts.T], axis=1)
-    if motion.n_frames < 4:
-        return motion.sampled(times * ROLLOUT_FPS, fps=fps), contacts
-    quat = rot.normalize(CubicSpline(knots, rot.make_continuous(motion.local_quat))(times))
-    return Motion(motion.skeleton, CubicSpline(knots, motion.root_pos_m)(times), quat, fps), contacts
+    return sampled_smoothly(motion, times * ROLLOUT_FPS, fps=fps), contacts
