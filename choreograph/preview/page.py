@@ -14,10 +14,7 @@ from __future__ import annotations
 
 import base64
 import html
-import json
-import re
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -28,14 +25,15 @@ from choreograph.errors import ParameterError
 from choreograph.files import atomic_path, check_target
 from choreograph.motion.motion import Motion
 from choreograph.plan import Block, Plan, PlannedSecond
+from choreograph.preview.assembly import filled, joined_scripts, part, script_safe
 from choreograph.preview.figure import build_figure
 from choreograph.preview.packing import ROTVEC_STEP_RAD, pack_figure, pack_motion, to_text
 from choreograph.preview.sound import Levels, encode_mp4, song_part
 
 _SCRIPTS = (
     "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js", "covers.js",
-    "renderer.js", "colours.js", "gestures.js", "timeline.js", "card.js", "player.js", "controls.js",
-    "main.js",
+    "renderer.js", "stage.js", "hands.js", "colours.js", "gestures.js", "timeline.js", "elements.js",
+    "card.js", "player.js", "controls.js", "main.js",
 )  # fmt: skip
 _LEVELS_PER_S = 50
 _NETWORK = "rollout network"  # who dances where no take does
@@ -102,7 +100,7 @@ def write_page(
         "motion_beats_s": _rounded(beats_s, duration_s),
         **_sources(plan, duration_s),
     }
-    text = _filled(title, _script_safe(dance), packed.text, mesh, levels, sound)
+    text = _filled(title, script_safe(dance), packed.text, mesh, levels, sound)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
@@ -184,30 +182,16 @@ def _block(block: Block, take: int, duration_s: float) -> dict[str, Any]:
     return shown | {"motif": planned.motif, "pinned": planned.pinned, "costs": {}}
 
 
-def _script_safe(data: Any) -> str:
-    """JSON that cannot end the script element it stands in, whatever a take is called."""
-    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-
-
 def _filled(title: str, dance: str, motion: str, mesh: str, levels: str, sound: str) -> str:
     """The page's frame with everything in its place."""
-    folder = resources.files("choreograph.preview") / "page"
-    scripts = [(folder / name).read_text(encoding="utf-8") for name in _SCRIPTS]
-    parts = {
-        "title": html.escape(title),
-        "style": (folder / "style.css").read_text(encoding="utf-8"),
-        "dance": dance,
-        "motion": motion,
-        "mesh": mesh,
-        "levels": levels,
-        "sound": sound,
-        "script": "\n".join(_without_imports(script) for script in scripts),
-    }
-    pieces = (folder / "index.html").read_text(encoding="utf-8").split("@@")
-    return "".join(parts[piece] if i % 2 else piece for i, piece in enumerate(pieces))
-
-
-def _without_imports(script: str) -> str:
-    """A module's text for the one script that holds them all: no import, no export."""
-    return re.sub(r"^(import [^;]*;\n|export )", "", script, flags=re.MULTILINE)
+    return filled(
+        part("index.html"),
+        title=html.escape(title),
+        style=part("style.css"),
+        dance=dance,
+        motion=motion,
+        mesh=mesh,
+        levels=levels,
+        sound=sound,
+        script=joined_scripts([part(name) for name in _SCRIPTS]),
+    )

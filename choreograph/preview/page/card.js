@@ -1,5 +1,6 @@
 // What is known of one block: its take, where in it, how it was warped, and what it cost or which motif it is.
 
+import { made } from "./elements.js";
 import { clamp } from "./math.js";
 import { clockText } from "./timeline.js";
 
@@ -64,12 +65,4 @@ export class Card {
 function warpText(slope) {
   const percent = Math.round(100 * (slope - 1));
   return `${slope.toFixed(2)}×${percent ? `, ${Math.abs(percent)} % ${percent > 0 ? "faster" : "slower"}` : ""}`;
-}
-
-// An element with children; text goes in as text, whatever it holds.
-export function made(tag, className = "", children = []) {
-  const element = document.createElement(tag);
-  if (className) element.className = className;
-  element.append(...children);
-  return element;
 }

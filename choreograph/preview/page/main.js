@@ -1,41 +1,38 @@
-// Puts the page together and keeps the picture at the clock's time.
+// Puts the page together.
 
-import { Camera } from "./camera.js";
 import { Card } from "./card.js";
 import { takeColours } from "./colours.js";
 import { Controls, showCredits } from "./controls.js";
+import { StageHands } from "./hands.js";
 import { Player } from "./player.js";
-import { Renderer } from "./renderer.js";
 import { Dancer } from "./skeleton.js";
+import { Stage } from "./stage.js";
 import { Timeline, clockText } from "./timeline.js";
 import { takeText, unpackLevels, unpackMesh, unpackMotion } from "./unpack.js";
-
-const SETTLED_MS = 120;
 
 const $ = (id) => document.getElementById(id);
 
 class Page {
   constructor(dance, motion, mesh, levels, sound) {
     this.dance = dance;
-    this.dancer = new Dancer(dance, motion);
-    this.camera = new Camera(this.dancer);
     this.player = new Player(dance, sound);
+    this.stage = new Stage($("view"), mesh, (time) => this.#showTime(time));
+    this.stage.show(new Dancer(dance, motion), this.player);
     this.card = new Card(dance);
     this.timeline = new Timeline(dance, levels, this.player, { onHover: (block, x) => this.#hover(block, x) });
-    this.renderer = openRenderer(mesh, this.dancer);
-    this.drawn = 0;
-    this.lastAt = 0;
     this.shown = null; // the take that the heading tells of
-    this.asked = false;
-    this.still = false; // nothing moves: a finer picture is worth its time
     $("time-all").textContent = clockText(dance.duration_s, true);
     $("time-now").style.setProperty("--digits", $("time-all").textContent.length);
-    new Controls(this.player, this.camera, this.timeline, () => this.wake());
+    new Controls(this.player, this.stage.camera, this.timeline, () => this.stage.wake());
+    new StageHands(this.stage);
+    if (!this.stage.renderer) {
+      notice("This browser has no WebGL 2 to draw the dancer with; the song and its timeline play.");
+    }
     this.player.addEventListener("soundlost", () => {
       notice("This browser cannot play the song: the dance goes on without it.");
     });
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.recolour());
-    new ResizeObserver(() => { this.timeline.redraw(); this.wake(); }).observe($("stage"));
+    new ResizeObserver(() => this.timeline.redraw()).observe($("stage"));
     this.recolour();
   }
 
@@ -44,49 +41,16 @@ class Page {
     const number = (name) => Number(style.getPropertyValue(name));
     const names = this.dance.takes.map((take) => take.name);
     this.colours = takeColours(names, number("--block-light"), number("--block-chroma"));
-    this.renderer?.readColours();
+    this.stage.renderer?.readColours();
     this.timeline.recolour(this.colours);
     showCredits(this.dance, this.colours);
     this.shown = null;
-    this.wake();
+    this.stage.wake();
   }
 
   #hover(block, x) {
     const left = $("timeline").getBoundingClientRect().left;
     this.card.show(block, left + x, this.colours);
-  }
-
-  // Ask for a frame; while the dance plays, each asks for the next.
-  wake() {
-    clearTimeout(this.settling);
-    this.still = false;
-    this.#ask();
-  }
-
-  #ask() {
-    if (this.asked) return;
-    this.asked = true;
-    requestAnimationFrame((at) => this.#frame(at / 1000));
-  }
-
-  #frame(at) {
-    this.asked = false;
-    const elapsed = Math.min(0.1, at - this.lastAt);
-    const running = this.lastAt > 0 && at - this.lastAt < 0.25;
-    this.lastAt = at;
-    const { player, camera, renderer } = this;
-    const time = player.tick(at);
-    this.dancer.pose(time);
-    const moving = camera.settle(elapsed);
-    if (renderer) {
-      if (running && player.playing) renderer.paced(elapsed);
-      renderer.resize(this.still);
-      renderer.draw(camera.at(time, renderer.canvas.width / renderer.canvas.height));
-    }
-    this.drawn += 1;
-    this.#showTime(time);
-    if (player.playing || moving) this.wake();
-    else if (!this.still) this.settling = setTimeout(() => { this.still = true; this.#ask(); }, SETTLED_MS);
   }
 
   #showTime(time) {
@@ -106,7 +70,8 @@ class Page {
     $("now").style.setProperty("--take", colour.css);
     $("now-take").textContent = source.name;
     $("now-genre").textContent = source.genre;
-    if (this.renderer) this.renderer.rim = colour.light.map((v) => 0.12 + 0.3 * v);
+    const { renderer } = this.stage;
+    if (renderer) renderer.rim = colour.light.map((v) => 0.12 + 0.3 * v);
   }
 
   // The take danced at an instant.
@@ -116,7 +81,7 @@ class Page {
 
   // What others may read: see the documentation of `write_page`.
   state() {
-    const page = this, { player, camera, dancer, dance } = this;
+    const page = this, { player, stage, dance } = this, { camera, dancer } = stage;
     return Object.freeze({
       get time() { return player.time; },
       get frame() { return Math.round(player.time * dance.fps); },
@@ -128,8 +93,8 @@ class Page {
       get mirrored() { return camera.mirrored; },
       get following() { return camera.following; },
       get audioTime() { return player.audio ? player.audio.currentTime : null; },
-      get framesDrawn() { return page.drawn; },
-      get pixelScale() { return page.renderer?.scale ?? 0; },
+      get framesDrawn() { return stage.drawn; },
+      get pixelScale() { return stage.renderer?.scale ?? 0; },
       get shownFrom() { return page.timeline.fromS; },
       get shownTo() { return Math.min(dance.duration_s, page.timeline.fromS + page.timeline.shownS); },
       get take() { return page.source(player.time).name; },
@@ -138,16 +103,6 @@ class Page {
         return dance.names.map((_, j) => Array.from(dancer.positions.subarray(3 * j, 3 * j + 3)));
       },
     });
-  }
-}
-
-function openRenderer(mesh, dancer) {
-  try {
-    return new Renderer($("view"), mesh, dancer);
-  } catch (error) {
-    if (error.message !== "no WebGL 2") throw error;
-    notice("This browser has no WebGL 2 to draw the dancer with; the song and its timeline play.");
-    return null;
   }
 }
 

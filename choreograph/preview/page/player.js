@@ -80,6 +80,13 @@ export class Player extends EventTarget {
   }
 
   pause() { this.clock.pause(); this.#changed(); }
+
+  // Be silent for good and let the sound go.
+  close() {
+    this.clock.pause();
+    if (this.audio) URL.revokeObjectURL(this.audio.src);
+  }
+
   toggle() { if (this.playing) this.pause(); else this.play(); }
   seek(timeS) { this.clock.seek(clamp(timeS, 0, this.durationS)); this.#changed(); }
 

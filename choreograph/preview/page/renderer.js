@@ -22,19 +22,15 @@ const PATIENCE = 90; // a slow frame counts 3, a good one takes 1 back; then the
 const CALM_FRAMES = 600; // good ones in a row, then a finer picture is tried; twice as many after each try
 
 export class Renderer {
-  constructor(canvas, mesh, dancer) {
+  constructor(canvas, mesh) {
     this.canvas = canvas;
     this.mesh = mesh;
     this.skin = new Skin(mesh);
-    this.dancer = dancer;
     this.scale = 1;
     this.slow = 0;
     this.calm = 0;
     this.calmWanted = CALM_FRAMES;
     this.rim = [0.3, 0.3, 0.3];
-    const [x, , z] = normalized([Math.sin(dancer.heading() - 0.7), 0, Math.cos(dancer.heading() - 0.7)]);
-    this.light = normalized([x, LIGHT_HEIGHT, z]);
-    this.slide = [x / LIGHT_HEIGHT, z / LIGHT_HEIGHT].map((v) => 0.75 * v); // a high, wide lamp: short shadows
     // Where the processor draws, smooth edges are for pictures that stand still.
     this.slowMachine = drawnInSoftware();
     this.gl = canvas.getContext("webgl2", { alpha: false, antialias: !this.slowMachine });
@@ -43,6 +39,14 @@ export class Renderer {
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => { this.#build(); this.draw(this.last); });
     this.#build();
+  }
+
+  // Who is drawn from now on, in a light that comes from the side of their first heading.
+  show(dancer) {
+    this.dancer = dancer;
+    const [x, , z] = normalized([Math.sin(dancer.heading() - 0.7), 0, Math.cos(dancer.heading() - 0.7)]);
+    this.light = normalized([x, LIGHT_HEIGHT, z]);
+    this.slide = [x / LIGHT_HEIGHT, z / LIGHT_HEIGHT].map((v) => 0.75 * v); // a high, wide lamp: short shadows
   }
 
   #build() {
