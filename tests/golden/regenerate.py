@@ -2,7 +2,7 @@
 
 Run it when a metric is meant to say something else than before, and read what changed:
 
-    python tests/golden/regenerate.py [physical beat ...]
+    python tests/golden/regenerate.py [physical beat frechet ...]
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.metrics import beat, physical
+from choreograph.metrics import beat, dance_features, frechet, physical
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.rotations import from_rotvec
@@ -27,8 +27,8 @@ FPS = 60.0
 DURATION_S = 12.0
 
 
-def planted_dance() -> NDArray[np.float64]:
-    """Body positions (T, 21, 3) of 12 s of limbs that swing in sines while the body sways, bobs and turns."""
+def planted_motion() -> Motion:
+    """12 s of limbs that swing in sines while the body sways, bobs and turns."""
     times_s = np.arange(round(DURATION_S * FPS)) / FPS
     skeleton = canonical_skeleton()
     joints = np.arange(len(skeleton.names))
@@ -45,7 +45,12 @@ def planted_dance() -> NDArray[np.float64]:
         ],
         axis=-1,
     )
-    return body_pos_m(Motion(skeleton, root, from_rotvec(rotvec), FPS))
+    return Motion(skeleton, root, from_rotvec(rotvec), FPS)
+
+
+def planted_dance() -> NDArray[np.float64]:
+    """Body positions (T, 21, 3) of the planted motion."""
+    return body_pos_m(planted_motion())
 
 
 def physical_scores() -> dict[str, float]:
@@ -64,7 +69,28 @@ def beat_scores() -> dict[str, float]:
     )
 
 
-SCORES: dict[str, Callable[[], dict]] = {"physical": physical_scores, "beat": beat_scores}
+def frechet_scores() -> dict[str, float]:
+    """The motion's first second against the rest."""
+    dance = planted_motion()
+    return frechet.evaluate([dance.sliced(0, 60)], [dance.sliced(60, dance.n_frames)])
+
+
+def dance_feature_values() -> dict[str, list[float]]:
+    """All features of the motion, at a rate that has to be resampled."""
+    pos_m = dance_features.canonical_pos_m(planted_motion().resampled(25.0))
+    return {
+        f"{feature.__name__} {variant}": feature(pos_m, 25.0, variant=variant).tolist()
+        for feature in (dance_features.kinetic, dance_features.geometric)
+        for variant in ("published", "corrected")
+    }
+
+
+SCORES: dict[str, Callable[[], dict]] = {
+    "physical": physical_scores,
+    "beat": beat_scores,
+    "frechet": frechet_scores,
+    "dance_features": dance_feature_values,
+}
 
 
 def golden(module: str) -> dict:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from golden.regenerate import frechet_scores, golden
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import sqrtm
@@ -173,6 +174,10 @@ def test_refuses_empty_sets_short_dances_and_other_rest_poses():
     other = replace(dance, skeleton=replace(canonical_skeleton(), offsets_m=hanging))
     with pytest.raises(ParameterError, match=r"left_shoulder 63° apart: retarget"):
         frechet.fpd([dance], [other])
+
+
+def test_golden():
+    assert frechet_scores() == pytest.approx(golden("frechet"), rel=1e-6)
 
 
 def test_real_dances_are_nearer_to_each_other_than_chance(shared_data):

@@ -56,5 +56,5 @@ def test_shuffled_frames_keep_the_set_of_poses():
     mixed = references.shuffled_frames(motion, np.random.default_rng(1))
     assert np.array_equal(mixed.root_pos_m, motion.root_pos_m)
     poses = [np.sort(np.abs(m.local_quat.reshape(m.n_frames, -1)).sum(axis=1)) for m in (motion, mixed)]
-    assert np.allclose(*poses)
+    assert np.allclose(poses[0], poses[1])
     assert not np.allclose(mixed.local_quat, motion.local_quat)
