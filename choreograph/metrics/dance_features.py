@@ -15,8 +15,8 @@ Two variants, because the code that the field shares (fairmotion, AIST++, Bailan
 - "published", for comparison with old tables, computes as they did. Kinetic: a misplaced bracket makes the
   earlier velocity p_t − p_{t−1}/dt, so that "acceleration" is mostly 3600 times the place, and depends on
   where the dancer stands; as in Bailando's evaluation the first frame's pelvis is the origin (AIST++'s takes
-  the world's). AIST++ and Bailando have since mended the bracket in their repositories, so newer tables may
-  have it right. Geometric: dt is 1/120 s on 60 fps, so all speeds count double; relations look at wrong
+  the world's). Bailando's repository has since mended the bracket, so newer tables may have it right.
+  Geometric: dt is 1/120 s on 60 fps, so all speeds count double; relations look at wrong
   joints and sides (`relations`); lengths are those of one body model. AI Choreographer's own table comes from
   a still older extractor, as its authors say.
 - "corrected": acceleration is one, dt is the frames' own, relations are the original authors', and lengths

@@ -116,31 +116,42 @@ def poses_rad(motion: Motion, roles: Sequence[str]) -> Floats:
     return rot.to_rotvec(local).reshape(motion.n_frames, -1)
 
 
-def movements_rad(motion: Motion, roles: Sequence[str]) -> Floats:
-    """Each pose of `poses_rad` with the two after it, (T' - 2, 9 R); empty if there are no three."""
-    poses = poses_rad(motion, roles)
+def movements_of(poses: Floats) -> Floats:
+    """Each pose (T, D) of a motion with the two after it, (T - 2, 3 D); empty if there are no three."""
     n = max(len(poses) - MOVEMENT_POSES + 1, 0)
     return np.concatenate([poses[i : i + n] for i in range(MOVEMENT_POSES)], axis=1)
 
 
+def gaussians(motions: Sequence[Motion], roles: Sequence[str]) -> dict[str, Gaussian]:
+    """The Gaussians that "fpd" and "fmd" compare: fit the real ones once, then take each song against them.
+
+    Raises `ParameterError` if there are fewer than two movements in all.
+    """
+    poses = [poses_rad(motion, roles) for motion in motions]
+    movements = [movements_of(p) for p in poses]
+    return {"fpd": fit_gaussian(np.concatenate(poses)), "fmd": fit_gaussian(np.concatenate(movements))}
+
+
 def fpd(dances: Sequence[Motion], real: Sequence[Motion]) -> float:
-    """Fréchet pose distance of two sets of motions, rad². Raises `ParameterError` as `validate` does."""
+    """Fréchet pose distance of two sets of motions, rad². Raises `ParameterError` as `evaluate` does."""
     return evaluate(dances, real)["fpd"]
 
 
 def fmd(dances: Sequence[Motion], real: Sequence[Motion]) -> float:
-    """Fréchet movement distance of two sets of motions, rad². Raises `ParameterError` as `validate` does."""
+    """Fréchet movement distance of two sets of motions, rad². Raises `ParameterError` as `evaluate` does."""
     return evaluate(dances, real)["fmd"]
 
 
 def evaluate(dances: Sequence[Motion], real: Sequence[Motion]) -> dict[str, float]:
-    """FPD and FMD by name; the paper takes one song's dances against all real ones, then the mean."""
+    """FPD and FMD by name, rad².
+
+    The paper takes the dances of one song against all real ones, then the mean over songs. A single dance is
+    no whole repertoire, so one real dance is far from the others, too: show real dances taken the same way.
+    Raises `ParameterError` as `validate` and `gaussians` do.
+    """
     roles = validate([*dances, *real]) if dances and real else validate(())
-    distances = {}
-    for name, samples_of in (("fpd", poses_rad), ("fmd", movements_rad)):
-        sides = [np.concatenate([samples_of(m, roles) for m in motions]) for motions in (dances, real)]
-        distances[name] = frechet_distance(*(fit_gaussian(side) for side in sides))
-    return distances
+    ours, theirs = gaussians(dances, roles), gaussians(real, roles)
+    return {name: frechet_distance(ours[name], theirs[name]) for name in ours}
 
 
 def _parent_among(role: str, roles: Sequence[str]) -> str | None:

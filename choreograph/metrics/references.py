@@ -7,7 +7,7 @@ are exchanged, is from real ones. Motions in, motions out; `rng` settles every c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -48,6 +48,14 @@ def shuffled_joints(motion: Motion, rng: np.random.Generator) -> Motion:
 
 
 def shuffled_frames(motion: Motion, rng: np.random.Generator) -> Motion:
-    """The poses in random order; the root's path stays as it was. Sets of poses do not notice."""
+    """The poses in random order; the root's path stays as it was. Sets of poses do not notice, at this rate:
+    resample before, not after."""
     quat = motion.local_quat[rng.permutation(motion.n_frames)]
     return replace(motion, local_quat=rot.make_continuous(quat))
+
+
+CHANCE: Mapping[str, Callable[[Motion, np.random.Generator], Motion]] = {
+    "still": still,
+    "joints shuffled": shuffled_joints,
+    "frames shuffled": shuffled_frames,
+}

@@ -159,8 +159,13 @@ def test_movements_see_order_and_poses_do_not():
 
 def test_movements_do_not_run_from_one_dance_into_the_next():
     roles = frechet.validate([_dance(8)])
-    assert frechet.movements_rad(_dance(8, 10), roles).shape == (8, 9 * 24)
-    assert frechet.movements_rad(_dance(8, 2), roles).shape == (0, 9 * 24)
+    assert frechet.movements_of(np.arange(8.0).reshape(4, 2)).tolist() == [
+        [0, 1, 2, 3, 4, 5],
+        [2, 3, 4, 5, 6, 7],
+    ]
+    assert frechet.movements_of(np.zeros((2, 5))).shape == (0, 15)
+    both = frechet.gaussians([_dance(8, 10), _dance(9, 20), _dance(9, 2)], roles)
+    assert (both["fpd"].n_samples, both["fmd"].n_samples) == (32, 8 + 18)
 
 
 def test_refuses_empty_sets_short_dances_and_other_rest_poses():

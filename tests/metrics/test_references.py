@@ -58,3 +58,8 @@ def test_shuffled_frames_keep_the_set_of_poses():
     poses = [np.sort(np.abs(m.local_quat.reshape(m.n_frames, -1)).sum(axis=1)) for m in (motion, mixed)]
     assert np.allclose(poses[0], poses[1])
     assert not np.allclose(mixed.local_quat, motion.local_quat)
+
+
+def test_chance_names_motions_as_long_as_they_were():
+    for chance in references.CHANCE.values():
+        assert chance(_motion(), np.random.default_rng(0)).duration_s == _motion().duration_s
