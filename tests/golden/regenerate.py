@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.metrics import beat, dance_features, frechet, physical
+from choreograph.metrics import beat, dance_features, frechet, labels, physical
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.rotations import from_rotvec
 from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.timebase import SAMPLE_RATE_HZ
 
 FOLDER = Path(__file__).parent
 FPS = 60.0
@@ -51,6 +52,17 @@ def planted_motion() -> Motion:
 def planted_dance() -> NDArray[np.float64]:
     """Body positions (T, 21, 3) of the planted motion."""
     return body_pos_m(planted_motion())
+
+
+def planted_song() -> NDArray[np.float32]:
+    """12 s of plucked tones that hurry from two to four a second, over noise that grows."""
+    times_s = np.arange(round(DURATION_S * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
+    count = 2 * times_s + times_s**2 / DURATION_S  # notes begun so far
+    hz = 220 * 2 ** ((np.floor(count) * 5 % 12) / 12)
+    since_s = (count % 1) / (2 + 2 * times_s / DURATION_S)
+    pluck = np.exp(-since_s / 0.1) * np.sin(2 * np.pi * hz * since_s)
+    noise = np.sin(1e4 * np.sin(1e3 * np.arange(len(times_s))))  # the same on every machine
+    return (0.4 * pluck + 0.01 * times_s / DURATION_S * noise).astype(np.float32)
 
 
 def physical_scores() -> dict[str, float]:
@@ -85,9 +97,23 @@ def dance_feature_values() -> dict[str, list[float]]:
     }
 
 
+def label_scores() -> dict[str, float]:
+    starts_s = labels.window_starts_s(DURATION_S)
+    dance = labels.dance_values(planted_dance(), FPS, starts_s)
+    music = labels.music_values(planted_song(), starts_s)
+    scale = labels.fit_scale(dance, music)
+    means = {
+        f"{whose} {pair}": float(mean)
+        for whose, values in (("dance", dance), ("music", music))
+        for pair, mean in zip(labels.PAIRS, values.mean(axis=0), strict=True)
+    }
+    return means | labels.evaluate(scale.dance_labels(dance), scale.music_labels(music))
+
+
 SCORES: dict[str, Callable[[], dict]] = {
     "physical": physical_scores,
     "beat": beat_scores,
+    "labels": label_scores,
     "frechet": frechet_scores,
     "dance_features": dance_feature_values,
 }
