@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
+from choreograph.histograms import chi_square_distance as chi_square_distance
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -35,16 +36,6 @@ def template(dances: Sequence[Indices], n_motifs: int) -> Floats:
     if not signatures:
         raise ParameterError("expected a dance with motion words to make a template of, got none")
     return np.mean(signatures, axis=0)
-
-
-def chi_square_distance(a: Floats, b: Floats) -> Floats:
-    """Distance of signatures (..., K), broadcasting: equation 11, from 0 (equal) to 1 (nothing shared).
-
-    Read as ½ Σ_k (a_k - b_k)² / (a_k + b_k); a motif that neither has counts 0.
-    """
-    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    both = a + b
-    return 0.5 * np.sum(np.square(a - b) / np.where(both > 0, both, 1.0), axis=-1)
 
 
 def transition_matrix(dances: Sequence[Indices], n_motifs: int) -> Floats:

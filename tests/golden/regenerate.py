@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.metrics import beat, dance_features, frechet, labels, physical
+from choreograph.metrics import beat, dance_features, frechet, labels, physical, structure
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.rotations import from_rotvec
@@ -110,10 +110,26 @@ def label_scores() -> dict[str, float]:
     return means | labels.evaluate(scale.dance_labels(dance), scale.music_labels(music))
 
 
+def structure_scores() -> dict[str, float]:
+    """A minute of words of half a second: verse, chorus, verse, bridge, chorus."""
+    rng = np.random.default_rng(0)
+    verse, chorus, bridge = rng.integers(0, 8, (3, 24))
+    motifs = np.concatenate([verse, chorus, verse[::-1], bridge, chorus])
+    starts_s = np.arange(len(motifs)) * 0.5
+    sources_s = 0.5 * motifs + 20.0 * (np.arange(len(motifs)) % 3)
+    return structure.evaluate(
+        motifs, starts_s, [f"take {motif % 5}" for motif in motifs],
+        np.stack([starts_s, starts_s + 0.5, sources_s, sources_s + 0.6], axis=1),
+        template=np.arange(1, 9) / 36, transitions=rng.dirichlet(np.ones(8), 8),
+        section_bounds_s=np.arange(6) * 12.0, section_labels=["verse", "chorus", "verse", "bridge", "chorus"],
+    )  # fmt: skip
+
+
 SCORES: dict[str, Callable[[], dict]] = {
     "physical": physical_scores,
     "beat": beat_scores,
     "labels": label_scores,
+    "structure": structure_scores,
     "frechet": frechet_scores,
     "dance_features": dance_feature_values,
 }
