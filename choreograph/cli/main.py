@@ -11,8 +11,8 @@ from choreograph.cli.present import examples
 from choreograph.errors import ChoreographError
 
 _COMMANDS = {
-    "build-db": "build_db", "build-starter": "build_starter", "dance": "dance", "inspect": "inspect",
-    "songs": "songs",
+    "build-db": "build_db", "build-starter": "build_starter", "dance": "dance", "evaluate": "evaluate",
+    "inspect": "inspect", "songs": "songs",
 }  # fmt: skip
 
 

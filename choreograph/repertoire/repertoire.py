@@ -73,6 +73,11 @@ class Repertoire:
         return self._file.provenance
 
     @property
+    def source_checksums(self) -> frozenset[str]:
+        """SHA-256, hexadecimal, of every file of motion and music that it was made from."""
+        return frozenset(str(digest) for digest in self._file.read("sources/sha256"))
+
+    @property
     def net_names(self) -> tuple[str, ...]:
         """The networks the file carries."""
         return self._file.net_names

@@ -1,0 +1,221 @@
+"""One motion, and the beats of its music, to every metric that applies, each with its chance level."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import ParameterError
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.metrics import beat, dance_features, frechet, labels, physical, references
+from choreograph.motifs.signatures import chi_square_distance, signature
+from choreograph.motifs.vocabulary import ALL_GENRES
+from choreograph.motifs.words import cut_words
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.floor import sole_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.repertoire import Repertoire
+from choreograph.timebase import STORE_FPS
+
+Floats = NDArray[np.float64]
+
+WORD_FPS = 30.0
+_CHANCE_ROUNDS = 100
+_HALVINGS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Numbers by the names of `catalogue.METRICS`, and what chance gets where that is known."""
+
+    values: Mapping[str, float]
+    chance: Mapping[str, float] = field(default_factory=dict)
+
+    def __or__(self, other: Scores) -> Scores:
+        return Scores({**self.values, **other.values}, {**self.chance, **other.chance})
+
+
+def beat_scores(motion: Motion, music_beats_s: Floats, rng: np.random.Generator) -> Scores:
+    """Beat metrics of a motion and the music's beats (Q,), those after its end left out.
+
+    Raises `ParameterError` if beats are not increasing or the rig's names are unknown.
+    """
+    motion = motion.resampled(STORE_FPS)
+    pos_m = body_pos_m(motion)
+    music = np.asarray(music_beats_s, np.float64)
+    music = music[music <= motion.duration_s]
+    made = motion_beat_times_s(pos_m, motion.fps)
+    values = beat.evaluate(made, music) | beat.evaluate_published(pos_m, motion.fps, music)
+    if len(made) == 0 or len(music) == 0:
+        return Scores(values)
+    length_s, rounds = motion.duration_s, _CHANCE_ROUNDS
+    chance = beat.evaluate_chance(made, music, duration_s=length_s, rng=rng, rounds=rounds)
+    for name in beat.PROTOCOLS:
+        score = partial(beat.alignment_score, protocol=name)
+        theirs = beat.published_motion_beats_s(pos_m, motion.fps, name)
+        chance[f"alignment_{name}_published"] = beat.chance_level(
+            score, theirs, music, duration_s=length_s, rng=rng, rounds=rounds
+        )
+    return Scores(values, chance)
+
+
+def physical_scores(motion: Motion, boundary_times_s: Sequence[float] | Floats = ()) -> Scores:
+    """Feet, floor, jerk and bones; of joins at `boundary_times_s` if there are any."""
+    motion = motion.resampled(STORE_FPS)
+    return Scores(
+        physical.evaluate(body_pos_m(motion), motion.fps, boundary_times_s, sole_pos_m=sole_pos_m(motion))
+    )
+
+
+class RealDances:
+    """Real dances that others are held against; each belongs to a song, and no dance meets its own song's."""
+
+    def __init__(self, motions: Sequence[Motion], songs: Sequence[str], *, like: Motion) -> None:
+        """`like` is of the rig of the dances to come. Raises `ParameterError` if rigs cannot be compared."""
+        self.songs = tuple(songs)
+        self._roles = frechet.validate([*motions, like])
+        self.poses = [self.poses_of(motion) for motion in motions]
+        self._gaussians: dict[str, dict[str, frechet.Gaussian]] = {}
+
+    def poses_of(self, motion: Motion) -> Floats:
+        """A dance's poses (T', D), in radians, at the joints that all dances have."""
+        return frechet.poses_rad(motion, self._roles)
+
+    def scores(self, motion: Motion, song: str, rng: np.random.Generator) -> Scores:
+        """FPD and FMD of a dance to the real dances to other songs; nothing if it is too short."""
+        if song not in self._gaussians:
+            others = [p for p, other in zip(self.poses, self.songs, strict=True) if other != song]
+            self._gaussians[song] = _gaussians(others)
+        real = self._gaussians[song]
+        poses = self.poses_of(motion)
+        if len(poses) < frechet.MOVEMENT_POSES + 1:
+            return Scores({})
+        still = np.repeat(poses[rng.integers(len(poses))][None], len(poses), axis=0)
+        return Scores(
+            *(
+                {name: frechet.frechet_distance(ours[name], real[name]) for name in ours}
+                for ours in (_gaussians([poses]), _gaussians([still]))
+            )
+        )
+
+
+def _gaussians(poses: Sequence[Floats]) -> dict[str, frechet.Gaussian]:
+    movements = [frechet.movements_of(p) for p in poses]
+    return {
+        "fpd": frechet.fit_gaussian(np.concatenate(poses)),
+        "fmd": frechet.fit_gaussian(np.concatenate(movements)),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureRows:
+    """Features of a dance's pieces in both variants, and its poses, to be pooled over dances."""
+
+    corrected: dance_features.DanceFeatures
+    published: dance_features.DanceFeatures
+    poses: Floats | None  # (T', D) as `RealDances` has them
+
+    @classmethod
+    def of(cls, motion: Motion, real: RealDances | None) -> FeatureRows:
+        """Of each 20 s of a motion; raises `ParameterError` if its rig's names are unknown."""
+        return cls(
+            dance_features.features_of([motion], variant="corrected"),
+            dance_features.features_of([motion], variant="published"),
+            None if real is None else real.poses_of(motion),
+        )
+
+
+def set_scores(dances: Sequence[FeatureRows], real: Sequence[FeatureRows]) -> dict[str, float]:
+    """FID and diversity of a set of dances by name, if there are two pieces or more; pooled FPD and FMD."""
+    scores: dict[str, float] = {}
+    for variant, suffix in (("corrected", ""), ("published", "_published")):
+        ours, theirs = (_pooled([getattr(rows, variant) for rows in side]) for side in (dances, real))
+        if min(len(ours.kinetic), len(theirs.kinetic)) < 2:
+            continue
+        found = dance_features.evaluate(ours, theirs)
+        scores |= {f"{name}{suffix}": v for name, v in found.items() if not name.startswith("real_")}
+    poses = [[rows.poses for rows in side if rows.poses is not None] for side in (dances, real)]
+    if all(poses):
+        one, other = (_gaussians(of_side) for of_side in poses)
+        scores |= {f"{name}_all": frechet.frechet_distance(one[name], other[name]) for name in one}
+    return scores
+
+
+def real_set_scores(
+    real: Sequence[FeatureRows], songs: Sequence[str], rng: np.random.Generator
+) -> dict[str, float]:
+    """The same of one half of the real dances against the other, the mean of some halvings by song."""
+    if len(set(songs)) < 2:
+        return {}
+    rounds = []
+    for _ in range(_HALVINGS):
+        one, other = references.halves(songs, rng)
+        rounds.append(set_scores([real[i] for i in one], [real[i] for i in other]))
+    return {name: float(np.mean([r[name] for r in rounds])) for name in rounds[0]}
+
+
+def _pooled(parts: Sequence[dance_features.DanceFeatures]) -> dance_features.DanceFeatures:
+    return dance_features.DanceFeatures(
+        np.concatenate([part.kinetic for part in parts]),
+        np.concatenate([part.geometric for part in parts]),
+        parts[0].variant,
+    )
+
+
+class SignatureJudge:
+    """Measures which motifs of a repertoire's vocabulary a dance is made of."""
+
+    def __init__(self, repertoire: Repertoire) -> None:
+        self.vocabulary = repertoire.vocabulary
+        self._net = repertoire.word_net()
+
+    def motifs(self, motion: Motion, music_beats_s: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """The dance's motifs (N,), cut on the music's beats, and the instants (N,) that they end."""
+        words = cut_words(body_pos_m(motion.resampled(WORD_FPS)), WORD_FPS, music_beats_s)
+        if len(words) == 0:
+            return np.zeros(0, np.int64), np.zeros(0)
+        return self.vocabulary.motifs.nearest(self._net.embed(words.body_pos_m)), words.end_s
+
+    def template(self, genre: str) -> Floats:
+        """The genre's signature (K,); that of all genres if it is not among the repertoire's."""
+        known = genre if genre in self.vocabulary.genres else ALL_GENRES
+        return self.vocabulary.signatures[self.vocabulary.genre_index(known)]
+
+    def scores(self, motion: Motion, music_beats_s: Floats, genre: str) -> Scores:
+        """χ² distance to the genre's template; chance is that of words drawn from all words there are."""
+        motifs, _ = self.motifs(motion, music_beats_s)
+        if len(motifs) == 0:
+            return Scores({})
+        n_motifs, template = self.vocabulary.n_motifs, self.template(genre)
+        rng = np.random.default_rng(len(motifs))
+        drawn = [rng.choice(self.vocabulary.word_motif, len(motifs)) for _ in range(_CHANCE_ROUNDS)]
+        chance = np.mean([chi_square_distance(signature(d, n_motifs), template) for d in drawn])
+        distance = chi_square_distance(signature(motifs, n_motifs), template)
+        return Scores({"signature_chi2": float(distance)}, {"signature_chi2": float(chance)})
+
+
+def dance_label_values(motion: Motion) -> Floats:
+    """The four dance labels of each window of 4 s, in their own units, (N, 4)."""
+    return labels.dance_values(body_pos_m(motion), motion.fps, labels.window_starts_s(motion.duration_s))
+
+
+def label_scores(scale: labels.LabelScale, dance_values: Floats, music_values: Floats) -> Scores:
+    """Label distances over the windows that dance and music both have; none if there is no such window."""
+    n = min(len(dance_values), len(music_values))
+    if n == 0:
+        return Scores({})
+    found = labels.evaluate(scale.dance_labels(dance_values[:n]), scale.music_labels(music_values[:n]))
+    chance = {name.removesuffix("_chance"): v for name, v in found.items() if name.endswith("_chance")}
+    return Scores({name: v for name, v in found.items() if not name.endswith("_chance")}, chance)
+
+
+def check_measurable(motion: Motion, name: str) -> None:
+    """Raise `ParameterError` naming the dance if its rig is not a body that can be measured."""
+    try:
+        body_pos_m(motion.sliced(0, 1))
+    except ParameterError as error:
+        raise ParameterError(f"{name}: {error}") from None

@@ -1,0 +1,242 @@
+"""What people look at in an evaluation, as SVG and PNG. Needs the extra `plots` (matplotlib)."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from choreograph.errors import ParameterError
+from choreograph.evaluation.catalogue import METRICS
+from choreograph.evaluation.protocol import REAL, Evaluation, Shown, ShownDance
+from choreograph.evaluation.tables import column_title, song_table
+from choreograph.features.motion_beats import mean_joint_speed_m_s, motion_beat_times_s
+from choreograph.motifs.signatures import chi_square_distance
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.plan import Plan
+from choreograph.timebase import NODE_FRAMES, STORE_FPS, frame_times_s
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Floats = NDArray[np.float64]
+
+SPEED_SHOWN_S = 12.0
+_WIDTH_IN = 7.2
+_INK, _MUSIC, _MOTION = "#33405c", "#d08a2e", "#c1272d"
+_COLOURS = ("#33405c", "#c1272d", "#2e8b6f", "#d08a2e", "#7a55a8", "#4a90c2", "#8a6d3b", "#9aa3b2")
+_MOTIFS_SHOWN = 20
+_STRIP_POSES, _STRIP_TILE = 8, (150, 200)
+
+
+def expect_matplotlib() -> None:
+    """Raise `ParameterError` if matplotlib is not installed."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise ParameterError(
+            "expected matplotlib to plot a report with, found none: install the extra 'plots', or use --json"
+        ) from error
+
+
+def speed_figure(shown: Shown) -> Figure:
+    """Mean joint speed over the first seconds, a panel a dance, with music and motion beats.
+
+    ChoreoGraph, Figure 2.
+    """
+    figure, panels = _panels(len(shown.dances), 1.35)
+    for axis, dance in zip(panels, shown.dances, strict=True):
+        motion = _first(dance.motion, SPEED_SHOWN_S)
+        pos_m = body_pos_m(motion)
+        speed = mean_joint_speed_m_s(pos_m, STORE_FPS)
+        times_s = frame_times_s(len(speed), STORE_FPS)
+        beats_s = motion_beat_times_s(pos_m, STORE_FPS)
+        music_s = shown.music_beats_s[shown.music_beats_s <= motion.duration_s]
+        axis.vlines(music_s, 0, 1, transform=axis.get_xaxis_transform(), color=_MUSIC, linewidth=1.1)
+        axis.plot(times_s, speed, color=_INK, linewidth=1.2)
+        axis.plot(beats_s, np.interp(beats_s, times_s, speed), "o", color=_MOTION, markersize=4)
+        _titled(axis, column_title(dance.variant))
+        axis.set(ylim=(0, None), xlim=(0, motion.duration_s))
+    panels[-1].set_xlabel("seconds")
+    panels[len(panels) // 2].set_ylabel("mean joint speed, m/s")
+    return figure
+
+
+def cost_figure(shown: Shown) -> Figure | None:
+    """Every second's weighted costs, stacked, a panel a plan; None if no dance was planned by costs."""
+    plans = [(d.variant, d.plan) for d in shown.dances if d.plan and any(s.costs for s in d.plan.seconds)]
+    if not plans:
+        return None
+    names = list(dict.fromkeys(name for _, plan in plans for s in plan.seconds for name in s.costs))
+    names = [n for n in names if any(s.costs.get(n) for _, plan in plans for s in plan.seconds)]
+    figure, panels = _panels(len(plans), 1.6, sharey=False)
+    for axis, (variant, plan) in zip(panels, plans, strict=True):
+        below = np.zeros(len(plan.seconds))
+        for index, name in enumerate(names):
+            value = np.array([max(second.costs.get(name, 0.0), 0.0) for second in plan.seconds])
+            axis.bar(
+                np.arange(len(value)) + 0.5, value, 1.0, bottom=below, label=name,
+                color=_COLOURS[index % len(_COLOURS)],
+            )  # fmt: skip
+            below += value
+        _titled(axis, variant)
+        axis.set_xlim(0, len(plan.seconds))
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    panels[-1].set_xlabel("second of the dance")
+    panels[len(panels) // 2].set_ylabel("weighted cost")
+    return figure
+
+
+def slope_figure(evaluation: Evaluation) -> Figure | None:
+    """How fast sources are played, over all planned seconds of all dances; None if there are none."""
+    slopes = {name: slopes_of([d.plan for d in evaluation.dances if d.variant == name and d.plan])
+              for name in evaluation.variants}  # fmt: skip
+    slopes = {name: values for name, values in slopes.items() if len(values)}
+    if not slopes:
+        return None
+    figure, panels = _panels(len(slopes), 1.25)
+    for axis, (name, values) in zip(panels, slopes.items(), strict=True):
+        share, edges = np.histogram(values, bins=np.linspace(0.45, 2.05, 65))
+        axis.stairs(100.0 * share / len(values), edges, fill=True, color=_INK)
+        limits = np.mean((values < 0.505) | (values > 1.98))
+        _titled(axis, f"{name}: median {np.median(values):.2f}, {limits:.0%} at the limits ½ and 2")
+        axis.axvline(1.0, color=_MUSIC, linewidth=1.0)
+        axis.set_xlim(edges[0], edges[-1])
+    panels[-1].set_xlabel("speed of the source, 1 as recorded")
+    panels[len(panels) // 2].set_ylabel("% of frames")
+    return figure
+
+
+def slopes_of(plans: list[Plan]) -> Floats:
+    """Source seconds a second of dance at every 20 fps frame of the plans' seconds, (F,)."""
+    times = [second.source_times_s for plan in plans for second in plan.seconds]
+    return np.diff(np.array(times, np.float64).reshape(-1, NODE_FRAMES + 1), axis=1).ravel() * NODE_FRAMES
+
+
+def song_figure(evaluation: Evaluation, metric: str = "f_score") -> Figure | None:
+    """A metric song by song, a mark a variant; None of one song."""
+    rows = song_table(evaluation, metric)
+    if len(rows) < 2:
+        return None
+    figure = _figure(_WIDTH_IN, 1.1 + 0.4 * len(rows))
+    axis = figure.subplots()
+    variants = [name for name in evaluation.variants if any(name in row for row in rows.values())]
+    for index, variant in enumerate(variants):
+        beside = 0.5 * (index / max(len(variants) - 1, 1) - 0.5)  # of the song's line: marks hide none
+        points = [(row[variant], y + beside) for y, row in enumerate(rows.values()) if variant in row]
+        axis.plot(
+            *zip(*points, strict=True), "D" if variant == REAL else "o", label=column_title(variant),
+            color=_COLOURS[index % len(_COLOURS)], markersize=6,
+        )  # fmt: skip
+    axis.set_yticks(range(len(rows)), list(rows))
+    axis.set(ylim=(len(rows) - 0.5, -0.5), xlim=(0, None))
+    axis.grid(axis="y", alpha=0.3)
+    axis.set_xlabel(METRICS[metric].label)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def signature_figure(shown: Shown) -> Figure | None:
+    """Shares of the genre's most frequent motifs, a panel a dance; None without a vocabulary."""
+    dances = [d for d in shown.dances if d.motifs is not None and len(d.motifs)]
+    if shown.template is None or not dances:
+        return None
+    order = np.argsort(-shown.template, kind="stable")[:_MOTIFS_SHOWN]
+    figure, panels = _panels(1 + len(dances), 1.2)
+    shares = [("the genre's template", shown.template)]
+    shares += [(column_title(d.variant), _shares(d, len(shown.template))) for d in dances]
+    for index, (axis, (name, share)) in enumerate(zip(panels, shares, strict=True)):
+        axis.bar(range(len(order)), 100 * share[order], color=_MUSIC if index == 0 else _INK, width=0.8)
+        distance = float(chi_square_distance(share, shown.template))
+        _titled(axis, name if index == 0 else f"{name}: χ² {distance:.2f}")
+    panels[-1].set_xticks(range(len(order)), [str(motif) for motif in order])
+    panels[-1].set_xlabel("motif")
+    panels[len(panels) // 2].set_ylabel("% of words")
+    return figure
+
+
+def convergence_figure(shown: Shown) -> Figure | None:
+    """χ² distance of every dance so far to its genre's template (Rhythm is a Dancer, Figure 12)."""
+    dances = [d for d in shown.dances if d.motifs is not None and len(d.motifs)]
+    if shown.template is None or not dances:
+        return None
+    figure = _figure(_WIDTH_IN, 2.8)
+    axis = figure.subplots()
+    for index, dance in enumerate(dances):
+        assert dance.motifs is not None and dance.motif_ends_s is not None
+        counts = np.cumsum(np.eye(len(shown.template))[dance.motifs], axis=0)  # (N, K)
+        so_far = counts / np.arange(1, len(counts) + 1)[:, None]
+        axis.plot(
+            dance.motif_ends_s, chi_square_distance(so_far, shown.template),
+            label=column_title(dance.variant), color=_COLOURS[index % len(_COLOURS)], linewidth=1.4,
+        )  # fmt: skip
+    axis.set(ylim=(0, 1), xlabel="seconds danced", ylabel="χ² to the template")
+    axis.grid(alpha=0.25)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def strips(shown: Shown) -> Mapping[str, bytes]:
+    """Variant -> PNG of its poses on beats of the song."""
+    from choreograph.preview.strip import draw_strip
+
+    pictures = {}
+    for dance in shown.dances:
+        beats_s = shown.music_beats_s[shown.music_beats_s <= dance.motion.duration_s]
+        if len(beats_s) < _STRIP_POSES:
+            beats_s = np.linspace(0.0, dance.motion.duration_s * 0.95, _STRIP_POSES)
+        sheet = draw_strip(
+            dance.motion, beats_s[:_STRIP_POSES].tolist(), columns=_STRIP_POSES // 2, tile=_STRIP_TILE
+        )
+        pictures[dance.variant] = _png(sheet)
+    return pictures
+
+
+def to_svg(figure: Figure) -> str:
+    """The figure as an <svg> element, text as text."""
+    import matplotlib
+
+    buffer = io.StringIO()
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "choreograph"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]
+
+
+def _png(sheet: NDArray[np.uint8]) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(sheet).quantize(128).save(buffer, format="PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def _first(motion: Motion, seconds: float) -> Motion:
+    motion = motion.resampled(STORE_FPS)
+    return motion.sliced(0, round(seconds * STORE_FPS))
+
+
+def _shares(dance: ShownDance, n_motifs: int) -> Floats:
+    assert dance.motifs is not None
+    return np.bincount(dance.motifs, minlength=n_motifs) / len(dance.motifs)
+
+
+def _panels(n: int, height_in: float, *, sharey: bool = True) -> tuple[Figure, list[Axes]]:
+    figure = _figure(_WIDTH_IN, 0.6 + height_in * n)
+    return figure, list(figure.subplots(n, 1, sharex=True, sharey=sharey, squeeze=False)[:, 0])
+
+
+def _titled(axis: Axes, title: str) -> None:
+    axis.set_title(title, loc="left", fontsize=10)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")

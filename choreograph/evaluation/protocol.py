@@ -1,0 +1,337 @@
+"""An evaluation: which dances are made, to which songs, how often, and everything measured on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.audio.song import Song
+from choreograph.errors import ParameterError
+from choreograph.evaluation.measuring import (
+    FeatureRows,
+    RealDances,
+    Scores,
+    SignatureJudge,
+    beat_scores,
+    check_measurable,
+    dance_label_values,
+    label_scores,
+    physical_scores,
+    real_set_scores,
+    set_scores,
+)
+from choreograph.evaluation.songs import EvaluatedSong, beats_of, check_unseen
+from choreograph.evaluation.variants import Variant, dance_as, variants_named
+from choreograph.features.music_beats import DEFAULT_TRACKER
+from choreograph.metrics import labels
+from choreograph.motion.motion import Motion
+from choreograph.pipeline.rendering import plan_runs
+from choreograph.plan import Plan
+from choreograph.repertoire import Repertoire
+
+Floats = NDArray[np.float64]
+Report = Callable[[str, int, int], None]
+
+REAL, TAKES = "real", "takes"  # the columns beside the variants
+GIVEN = "dance"  # the one column where a single dance is measured
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """What is compared, and how it is measured."""
+
+    variants: tuple[Variant, ...] = field(default_factory=lambda: variants_named(["ours"]))
+    seeds: int = 5
+    beats: str | Path = DEFAULT_TRACKER  # the beats that dances are measured by, not those danced to
+    seen: bool = False  # songs that the repertoire was made with are measured all the same
+
+    def __post_init__(self) -> None:
+        if not self.variants or self.seeds < 1:
+            raise ParameterError(f"expected variants and seeds, got {len(self.variants)} and {self.seeds}")
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredDance:
+    """One dance, or a real take, and its numbers."""
+
+    variant: str  # or `REAL`
+    song: str
+    seed: int
+    scores: Scores
+    plan: Plan | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ShownDance:
+    """A dance kept whole, to be looked at."""
+
+    variant: str
+    motion: Motion
+    plan: Plan | None
+    motifs: NDArray[np.int64] | None = None  # (N,)
+    motif_ends_s: Floats | None = None  # (N,)
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """All dances to one song."""
+
+    song: str
+    music_beats_s: Floats  # (Q,)
+    dances: tuple[ShownDance, ...]
+    template: Floats | None = None  # (K,) signature of its genre
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """All that was measured; `tables.tables` sums it up."""
+
+    facts: Mapping[str, Any]  # what was evaluated and how, for people and JSON
+    variants: Mapping[str, str]  # name -> what it is, in the tables' order
+    dances: tuple[MeasuredDance, ...]
+    sets: tuple[MeasuredDance, ...]  # of all songs together: song is ""
+    notes: tuple[str, ...] = ()
+    shown: Shown | None = None
+
+
+def evaluate(
+    repertoire: Repertoire,
+    songs: Sequence[EvaluatedSong],
+    protocol: Protocol | None = None,
+    *,
+    report: Report | None = None,
+) -> Evaluation:
+    """Dance to held-out songs in every variant with every seed, and measure all dances and the real ones.
+
+    Raises
+    ------
+    ParameterError    the repertoire was made with a song, or beats or settings cannot be used
+    FormatError       a song cannot be read
+    RepertoireError   the repertoire lacks what a variant needs
+    """
+    protocol = protocol or Protocol()
+    if not protocol.seen:
+        check_unseen(songs, repertoire)
+    run = _Run(repertoire, songs, protocol, report)
+    for song in songs:
+        run.dance_to(song)
+    return run.finished()
+
+
+class _Run:
+    """The state of an evaluation while it goes from song to song."""
+
+    def __init__(
+        self,
+        repertoire: Repertoire,
+        songs: Sequence[EvaluatedSong],
+        protocol: Protocol,
+        report: Report | None,
+    ) -> None:
+        self.repertoire, self.songs, self.protocol = repertoire, songs, protocol
+        self.report = report or (lambda stage, done, total: None)
+        self.dances: list[MeasuredDance] = []
+        self.notes: dict[str, None] = {}
+        self.features: dict[tuple[str, int], list[FeatureRows]] = {}
+        self.dance_labels: list[Floats] = []  # (W, 4) a dance
+        self.music_labels: dict[str, Floats] = {}  # song -> (W, 4)
+        self.shown: Shown | None = None
+        self.judge = SignatureJudge(repertoire) if repertoire.has_vocabulary else None
+        self.real, self.against = self._real_dances()
+        self.n_dances = sum(len(self._seeds(v)) for v in protocol.variants) * len(songs)
+
+    def _seeds(self, variant: Variant) -> range:
+        return range(self.protocol.seeds if variant.seeded else 1)
+
+    def _real_dances(self) -> tuple[RealDances | None, str]:
+        """What poses are held against: real takes to other songs, or the repertoire's takes."""
+        self.report("learning what is real", 0, 0)
+        takes = [(song.take.motion, song.song_name) for song in self.songs if song.take is not None]
+        what = "the real takes to the other songs"
+        if len({name for _, name in takes}) < 2:
+            infos = self.repertoire.takes
+            takes = [(self.repertoire.motion(i)[0], info.song_name) for i, info in enumerate(infos)]
+            what = "the repertoire's takes"
+        if len({name for _, name in takes}) < 2:
+            self.notes["one real song: no Fréchet distances"] = None
+            return None, "nothing"
+        try:
+            like = self.repertoire.motion(0, 0.0, 0.0)[0]
+            return RealDances([m for m, _ in takes], [name for _, name in takes], like=like), what
+        except ParameterError as error:
+            self.notes[f"no Fréchet distances: {error}"] = None
+            return None, "nothing"
+
+    def dance_to(self, song: EvaluatedSong) -> None:
+        """Make and measure all dances to a song."""
+        loaded = song.load()
+        beats_s = beats_of(loaded, self.protocol.beats, start_s=song.start_s)
+        starts_s = labels.window_starts_s(loaded.duration_s)
+        self.music_labels[song.name] = labels.music_values(loaded.samples, starts_s)
+        kept: list[ShownDance] = []
+        for variant in self.protocol.variants:
+            for seed in self._seeds(variant):
+                self.report("dancing", len(self.dances), self.n_dances)
+                made = dance_as(variant, loaded, self.repertoire, seed=seed, start_s=song.start_s)
+                self.notes |= dict.fromkeys(made.notes)
+                shown = self._measured(variant.name, song, seed, made.motion, made.plan, beats_s)
+                if seed == 0:
+                    kept.append(shown)
+        if song.take is not None:
+            n_frames = min(song.take.motion.n_frames, round(loaded.duration_s * song.take.motion.fps))
+            kept.append(self._measured(REAL, song, 0, song.take.motion.sliced(0, n_frames), None, beats_s))
+        if self.shown is None:
+            genre = song.take.credits.genre if song.take else ""
+            template = self.judge.template(genre) if self.judge else None
+            self.shown = Shown(song.name, beats_s, tuple(kept), template)
+
+    def _measured(
+        self,
+        variant: str,
+        song: EvaluatedSong,
+        seed: int,
+        motion: Motion,
+        plan: Plan | None,
+        beats_s: Floats,
+    ) -> ShownDance:
+        rng = np.random.default_rng(seed)
+        boundaries_s = joins_s(plan, self.repertoire) if plan else ()
+        scores = beat_scores(motion, beats_s, rng) | physical_scores(motion, boundaries_s)
+        if self.real is not None:
+            scores |= self.real.scores(motion, song.song_name, rng)
+        motifs = ends_s = None
+        if self.judge is not None:
+            genre = song.take.credits.genre if song.take else ""
+            scores |= self.judge.scores(motion, beats_s, genre)
+            motifs, ends_s = self.judge.motifs(motion, beats_s)
+        self.features.setdefault((variant, seed), []).append(FeatureRows.of(motion, self.real))
+        self.dance_labels.append(dance_label_values(motion))
+        self.dances.append(MeasuredDance(variant, song.name, seed, scores, plan))
+        return ShownDance(variant, motion, plan, motifs, ends_s)
+
+    def finished(self) -> Evaluation:
+        """The evaluation, with what needs all dances: labels, sets, and the takes danced with."""
+        dances = self._labelled()
+        sets = self._sets()
+        takes = self._takes()
+        variants = {v.name: v.says for v in self.protocol.variants}
+        if any(d.variant == REAL for d in dances):
+            variants[REAL] = "the real takes to these songs"
+        if takes:
+            variants[TAKES] = "the repertoire's takes that were danced with"
+        facts = {
+            "choreograph": version("choreograph"),
+            "repertoire": self.repertoire.path.name,
+            "songs": [song.name for song in self.songs],
+            "seeds": self.protocol.seeds,
+            "beats": Path(self.protocol.beats).name,
+            "frechet_against": self.against,
+            "seen": self.protocol.seen,
+        }
+        return Evaluation(facts, variants, (*dances, *takes), tuple(sets), tuple(self.notes), self.shown)
+
+    def _labelled(self) -> list[MeasuredDance]:
+        real = [v for d, v in zip(self.dances, self.dance_labels, strict=True) if d.variant == REAL]
+        windows = np.concatenate(real or self.dance_labels)
+        music = np.concatenate(list(self.music_labels.values()))
+        if len(windows) == 0 or len(music) == 0:
+            self.notes["songs shorter than 4 s: no label distances"] = None
+            return self.dances
+        scale = labels.fit_scale(windows, music)
+        return [
+            MeasuredDance(
+                d.variant, d.song, d.seed,
+                d.scores | label_scores(scale, values, self.music_labels[d.song]), d.plan,
+            )
+            for d, values in zip(self.dances, self.dance_labels, strict=True)
+        ]  # fmt: skip
+
+    def _sets(self) -> list[MeasuredDance]:
+        real = self.features.get((REAL, 0), [])
+        names = [song.song_name for song in self.songs if song.take is not None]
+        if len(set(names)) < 2:
+            return []
+        sets = [
+            MeasuredDance(variant, "", seed, Scores(set_scores(rows, real)))
+            for (variant, seed), rows in self.features.items()
+            if variant != REAL
+        ]
+        halves = real_set_scores(real, names, np.random.default_rng(0))
+        return [*sets, MeasuredDance(REAL, "", 0, Scores(halves))]
+
+    def _takes(self) -> list[MeasuredDance]:
+        """The physics of the takes that were danced with."""
+        plans = [d.plan for d in self.dances if d.plan is not None]
+        names = sorted({name for plan in plans for name in plan.takes_s() if name})
+        measured = []
+        for done, name in enumerate(names):
+            self.report("measuring takes", done, len(names))
+            motion, _ = self.repertoire.motion(self.repertoire.take_index(name))
+            measured.append(MeasuredDance(TAKES, name, 0, physical_scores(motion)))
+        return measured
+
+
+def joins_s(plan: Plan, repertoire: Repertoire) -> Floats:
+    """Instants in seconds, (B,), at which one run of a take gives way to another; none of a network's."""
+    if plan.engine == "rollout":
+        return np.zeros(0)
+    lengths_s = {take.name: take.duration_s for take in repertoire.takes}
+    return np.array([run.start_s for run in plan_runs(plan, lengths_s)[1:]])
+
+
+def evaluate_dance(
+    motion: Motion,
+    song: Song,
+    *,
+    name: str = "dance",
+    beats: str | Path = DEFAULT_TRACKER,
+    repertoire: Repertoire | None = None,
+) -> Evaluation:
+    """Measure one dance of any system to a song; with a repertoire also against its takes and motifs.
+
+    The dance begins with the song; what is longer than the other is cut. Raises `ParameterError` if the
+    rig's names are unknown or beats cannot be used.
+    """
+    check_measurable(motion, name)
+    length_s = min(motion.duration_s, song.duration_s)
+    motion = motion.sliced(0, max(1, round(length_s * motion.fps)))
+    beats_s = beats_of(song, beats)
+    rng = np.random.default_rng(0)
+    scores = beat_scores(motion, beats_s, rng) | physical_scores(motion)
+    motifs = ends_s = template = None
+    notes: list[str] = list(song.notes)
+    if repertoire is not None:
+        takes = [(repertoire.motion(i)[0], take.song_name) for i, take in enumerate(repertoire.takes)]
+        try:
+            real = RealDances([m for m, _ in takes], [name for _, name in takes], like=motion)
+            scores |= real.scores(motion, song.name, rng)
+        except ParameterError as error:
+            notes.append(f"no Fréchet distances: {error}")
+        if repertoire.has_vocabulary:
+            judge = SignatureJudge(repertoire)
+            motifs, ends_s = judge.motifs(motion, beats_s)
+            scores |= judge.scores(motion, beats_s, "")
+            template = judge.template("")
+    facts = {
+        "choreograph": version("choreograph"),
+        "repertoire": repertoire.path.name if repertoire else None,
+        "songs": [song.name],
+        "seeds": 1,
+        "beats": Path(beats).name,
+        "frechet_against": "the repertoire's takes" if repertoire else "nothing",
+        "seen": False,
+    }
+    shown = Shown(song.name, beats_s, (ShownDance(GIVEN, motion, None, motifs, ends_s),), template)
+    measured = MeasuredDance(GIVEN, song.name, 0, scores)
+    return Evaluation(facts, {GIVEN: name}, (measured,), (), tuple(notes), shown)
+
+
+def dances_of(dances: Iterable[MeasuredDance], variant: str) -> list[MeasuredDance]:
+    """Those of one variant."""
+    return [dance for dance in dances if dance.variant == variant]

@@ -1,0 +1,166 @@
+"""The report of an evaluation: one self-contained HTML page of tables and plots."""
+
+from __future__ import annotations
+
+import base64
+import html
+from importlib import resources
+from pathlib import Path
+
+from choreograph.evaluation import plots
+from choreograph.evaluation.catalogue import Metric
+from choreograph.evaluation.protocol import Evaluation
+from choreograph.evaluation.tables import Cell, Row, Table, column_title, song_table, tables
+from choreograph.files import atomic_path, check_target
+
+_ARROWS = {"higher": "↑", "lower": "↓", "real": "≈"}
+_ARROW_SAYS = {"higher": "higher is better", "lower": "lower is better", "real": "as real dances have it"}
+_TITLES = {
+    "beats": "Beats", "realism": "Realism", "sets": "Features of whole dances", "labels": "Labels",
+    "physics": "Physics", "motifs": "Motifs", "structure": "Structure", "warping": "Warping",
+}  # fmt: skip
+
+
+def write_report(path: str | Path, evaluation: Evaluation) -> None:
+    """Write the evaluation as one HTML file that needs nothing else.
+
+    Raises `ParameterError` if matplotlib is missing or the folder does not exist, `ChoreographError` if the
+    file cannot be written.
+    """
+    plots.expect_matplotlib()
+    check_target(path)
+    text = _page(evaluation)
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _page(evaluation: Evaluation) -> str:
+    style = resources.files(__package__).joinpath("report.css").read_text(encoding="utf-8")
+    title = f"Evaluation of {evaluation.facts['repertoire'] or 'a dance'}"
+    body = [
+        f"<h1>{_text(title)}</h1>", _facts(evaluation), _variants(evaluation),
+        *(_table(table) for table in tables(evaluation)), _songs(evaluation), *_figures(evaluation),
+        _notes(evaluation),
+    ]  # fmt: skip
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{_text(title)}</title><style>{style}</style></head>\n<body><main>\n"
+        + "\n".join(part for part in body if part)
+        + "\n</main></body></html>\n"
+    )
+
+
+def _facts(evaluation: Evaluation) -> str:
+    facts = evaluation.facts
+    songs = facts["songs"]
+    lines = [
+        f"{len(songs)} {'song' if len(songs) == 1 else 'songs'}: {', '.join(songs)}",
+        f"{facts['seeds']} {'seed' if facts['seeds'] == 1 else 'seeds'}; beats by {facts['beats']}",
+        f"Fréchet distances against {facts['frechet_against']}",
+        f"choreograph {facts['choreograph']}",
+    ]
+    if facts["seen"]:
+        lines.insert(0, "<strong>The repertoire was made with some of these songs.</strong>")
+    return "<ul class=facts>" + "".join(f"<li>{_text(line)}</li>" if line[0] != "<" else f"<li>{line}</li>"
+                                        for line in lines) + "</ul>"  # fmt: skip
+
+
+def _variants(evaluation: Evaluation) -> str:
+    items = (
+        f"<dt>{_text(column_title(name))}</dt><dd>{_text(says)}</dd>"
+        for name, says in evaluation.variants.items()
+    )
+    return f"<dl>{''.join(items)}</dl>"
+
+
+def _table(table: Table) -> str:
+    head = "".join(f"<th scope=col>{_text(column_title(name))}</th>" for name in table.columns)
+    rows = "".join(_row(row) for row in table.rows)
+    return (
+        f'<section id="{table.family}"><h2>{_TITLES[table.family]}</h2><p>{_text(table.caption)}</p>'
+        f"<div class=scroll><table><thead><tr><th></th>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+        "</section>"
+    )
+
+
+def _row(row: Row) -> str:
+    metric = row.metric
+    unit = f" <span class=unit>{_text(metric.unit)}</span>" if metric.unit else ""
+    head = (
+        f'<th scope=row title="{_text(metric.source)}">{_text(metric.label)}{unit} '
+        f'<span class=arrow title="{_ARROW_SAYS[metric.better]}">{_ARROWS[metric.better]}</span></th>'
+    )
+    return f"<tr>{head}{''.join(_cell(cell, metric) for cell in row.cells)}</tr>"
+
+
+def _cell(cell: Cell | None, metric: Metric) -> str:
+    if cell is None:
+        return "<td>–</td>"
+    spread = f" <span class=spread>± {cell.spread:.{metric.digits}f}</span>" if cell.n > 1 else ""
+    chance = "" if cell.chance is None else f"<small>chance {cell.chance:.{metric.digits}f}</small>"
+    return f'<td title="{cell.n} dances"><b>{cell.mean:.{metric.digits}f}</b>{spread}{chance}</td>'
+
+
+def _songs(evaluation: Evaluation) -> str:
+    rows = song_table(evaluation, "f_score")
+    if len(rows) < 2:
+        return ""
+    variants = [name for name in evaluation.variants if any(name in row for row in rows.values())]
+    head = "".join(f"<th scope=col>{_text(column_title(name))}</th>" for name in variants)
+    lines = "".join(
+        f"<tr><th scope=row>{_text(song)}</th>"
+        + "".join(f"<td>{row[name]:.2f}</td>" if name in row else "<td>–</td>" for name in variants)
+        + "</tr>"
+        for song, row in rows.items()
+    )
+    figure = plots.song_figure(evaluation)
+    return (
+        "<section id=songs><h2>F-score song by song</h2><p>The mean over seeds.</p><div class=scroll>"
+        f"<table><thead><tr><th></th>{head}</tr></thead><tbody>{lines}</tbody></table></div>"
+        + (_svg(figure) if figure else "")
+        + "</section>"
+    )
+
+
+def _figures(evaluation: Evaluation) -> list[str]:
+    shown = evaluation.shown
+    if shown is None:
+        return []
+    song = f"{shown.song}, seed 0"
+    strips = "".join(
+        f'<h3>{_text(column_title(name))}</h3><img alt="poses of {_text(name)}" '
+        f'src="data:image/png;base64,{base64.b64encode(png).decode()}">'
+        for name, png in plots.strips(shown).items()
+    )
+    parts = [
+        ("speed", "Speed and beats", f"{song}. Orange lines are the music's beats, red dots the dance's: "
+         "moments of rest. They should fall on the lines.", plots.speed_figure(shown)),
+        ("costs", "What the dances cost", f"{song}: weighted costs, by second.", plots.cost_figure(shown)),
+        ("slopes", "How fast takes are played", "All songs and seeds.", plots.slope_figure(evaluation)),
+        ("signatures", "Motif signatures", f"{song}: the genre's most frequent motifs.",
+         plots.signature_figure(shown)),
+        ("convergence", "How signatures converge", song, plots.convergence_figure(shown)),
+    ]  # fmt: skip
+    sections = [
+        f'<section id="{name}"><h2>{title}</h2><p>{_text(says)}</p>{_svg(figure)}</section>'
+        for name, title, says, figure in parts
+        if figure is not None
+    ]
+    poses = f"<section id=poses><h2>Poses on beats</h2><p>{_text(song)}</p>{strips}</section>"
+    return [*sections, poses]
+
+
+def _svg(figure) -> str:
+    return f"<div class=scroll>{plots.to_svg(figure)}</div>"
+
+
+def _notes(evaluation: Evaluation) -> str:
+    if not evaluation.notes:
+        return ""
+    items = "".join(f"<li>{_text(note)}</li>" for note in evaluation.notes)
+    return f"<section id=notes><h2>Notes</h2><ul>{items}</ul></section>"
+
+
+def _text(text: str) -> str:
+    return html.escape(str(text), quote=True)

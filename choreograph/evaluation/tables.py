@@ -1,0 +1,138 @@
+"""From all measured dances to tables: a row a metric, a column a variant, mean ± spread; and JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from choreograph.evaluation.catalogue import FAMILIES, METRICS, Metric
+from choreograph.evaluation.protocol import REAL, TAKES, Evaluation, MeasuredDance, dances_of
+
+FORMAT = "choreograph-evaluation"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A variant's numbers in one metric, over songs and seeds."""
+
+    mean: float
+    spread: float  # standard deviation; 0 of one number
+    n: int
+    chance: float | None = None  # mean chance level
+
+
+@dataclass(frozen=True)
+class Row:
+    """One metric over the table's columns; None where it does not apply."""
+
+    metric: Metric
+    cells: tuple[Cell | None, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """The metrics of one family."""
+
+    family: str
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def tables(evaluation: Evaluation) -> tuple[Table, ...]:
+    """A table for each family that was measured, variants first, then real dances and takes."""
+    found = []
+    for family, caption in FAMILIES.items():
+        dances = evaluation.sets if family == "sets" else evaluation.dances
+        metrics = [metric for metric in METRICS.values() if metric.family == family]
+        columns = tuple(
+            name
+            for name in evaluation.variants
+            if any(m.name in d.scores.values for d in dances_of(dances, name) for m in metrics)
+        )
+        rows = tuple(row for m in metrics if any((row := _row(m, dances, columns)).cells))
+        if rows:
+            found.append(Table(family, caption, columns, rows))
+    return tuple(found)
+
+
+def song_table(evaluation: Evaluation, metric: str) -> dict[str, dict[str, float]]:
+    """Song -> variant -> mean of a metric over seeds."""
+    rows: dict[str, dict[str, float]] = {}
+    for song in evaluation.facts["songs"]:
+        for variant in evaluation.variants:
+            values = _values(metric, [d for d in dances_of(evaluation.dances, variant) if d.song == song])
+            if values:
+                rows.setdefault(song, {})[variant] = float(np.mean(values))
+    return rows
+
+
+def _row(metric: Metric, dances: Sequence[MeasuredDance], columns: tuple[str, ...]) -> Row:
+    return Row(metric, tuple(_cell(metric.name, dances_of(dances, name)) for name in columns))
+
+
+def _cell(metric: str, dances: Sequence[MeasuredDance]) -> Cell | None:
+    values = _values(metric, dances)
+    if not values:
+        return None
+    chance = [d.scores.chance[metric] for d in dances if metric in d.scores.chance]
+    chance = [value for value in chance if math.isfinite(value)]
+    return Cell(
+        float(np.mean(values)), float(np.std(values)), len(values), float(np.mean(chance)) if chance else None
+    )
+
+
+def _values(metric: str, dances: Sequence[MeasuredDance]) -> list[float]:
+    """All finite values: a dance without a motion beat has no distance."""
+    values = [d.scores.values[metric] for d in dances if metric in d.scores.values]
+    return [value for value in values if math.isfinite(value)]
+
+
+def to_json(evaluation: Evaluation) -> str:
+    """The evaluation as JSON text, laid out in `data_schema/evaluation.schema.json`; nan becomes null."""
+    data = {
+        "format": FORMAT,
+        "version": VERSION,
+        "facts": dict(evaluation.facts),
+        "variants": dict(evaluation.variants),
+        "metrics": {name: asdict(metric) for name, metric in METRICS.items()},
+        "tables": [
+            {
+                "family": table.family,
+                "columns": list(table.columns),
+                "rows": {
+                    row.metric.name: [None if cell is None else asdict(cell) for cell in row.cells]
+                    for row in table.rows
+                },
+            }
+            for table in tables(evaluation)
+        ],
+        "dances": [_measured(dance) for dance in evaluation.dances],
+        "sets": [_measured(dance) for dance in evaluation.sets],
+        "notes": list(evaluation.notes),
+    }
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _measured(dance: MeasuredDance) -> dict:
+    return {
+        "variant": dance.variant,
+        "song": dance.song,
+        "seed": dance.seed,
+        "values": {name: _finite(value) for name, value in dance.scores.values.items()},
+        "chance": {name: _finite(value) for name, value in dance.scores.chance.items()},
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def column_title(name: str) -> str:
+    """What a column is called over a table."""
+    return {REAL: "real dances", TAKES: "source takes"}.get(name, name)

@@ -1,0 +1,230 @@
+"""A small evaluation end to end: planted takes, songs of clicks, every table and what stands in it."""
+
+import json
+import math
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from planted_dances import stepping, swaying
+from planted_repertoire import planted_repertoire, write_clicks
+
+from choreograph.audio.song import load_song
+from choreograph.errors import FormatError, ParameterError
+from choreograph.evaluation import (
+    METRICS,
+    Protocol,
+    evaluate,
+    evaluate_dance,
+    find_songs,
+    tables,
+    to_json,
+    variants_named,
+    write_report,
+)
+from choreograph.evaluation.protocol import joins_s
+from choreograph.evaluation.songs import beats_of
+from choreograph.evaluation.variants import VARIANTS, dance_as
+from choreograph.exporters import save_motion
+from choreograph.repertoire import Repertoire
+
+SCHEMA = json.loads(
+    (Path(__file__).resolve().parents[2] / "data_schema" / "evaluation.schema.json").read_text(
+        encoding="utf-8"
+    )
+)
+
+
+@pytest.fixture(scope="module")
+def repertoire(tmp_path_factory) -> Repertoire:
+    return planted_repertoire(tmp_path_factory.mktemp("db") / "rep.h5", vocabulary=True)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Two songs with a real dance that rests on every beat, and a third one without."""
+    folder = tmp_path_factory.mktemp("songs")
+    for name, period_s, seed in (("slow", 0.6, 5), ("quick", 0.5, 6)):
+        save_motion(folder / f"{name}.bvh", stepping(24 * 30, period_s=period_s, seed=seed))
+        write_clicks(folder / f"{name}.wav", duration_s=24.0, bpm=60 / period_s)
+    write_clicks(folder / "alone.wav", duration_s=9.0, bpm=100)
+    (folder / "manifest.csv").write_text("name,genre\nslow,b\nquick,a\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def evaluation(repertoire, folder):
+    songs = find_songs(folder, duration_s=21.0)
+    return evaluate(repertoire, songs, Protocol(variants_named(["ours", "random"]), seeds=2))
+
+
+def cells(evaluation, metric: str) -> dict:
+    table = next(t for t in tables(evaluation) if t.family == METRICS[metric].family)
+    row = next(row for row in table.rows if row.metric.name == metric)
+    return dict(zip(table.columns, row.cells, strict=True))
+
+
+def test_every_dance_is_measured_and_every_number_is_in_the_catalogue(evaluation):
+    kinds = [(d.variant, d.song, d.seed) for d in evaluation.dances if d.variant != "takes"]
+    wanted = [(v, s, i) for v in ("ours", "random") for s in ("quick", "slow", "alone") for i in (0, 1)]
+    assert sorted(kinds) == sorted([*wanted, ("real", "slow", 0), ("real", "quick", 0)])
+    for dance in (*evaluation.dances, *evaluation.sets):
+        assert set(dance.scores.values) <= set(METRICS)
+        assert set(dance.scores.chance) <= set(dance.scores.values)
+    families = [table.family for table in tables(evaluation)]
+    assert {"beats", "realism", "sets", "labels", "physics", "motifs"} <= set(families)
+
+
+def test_planted_beats_tell_ours_from_chance(evaluation):
+    f_score = cells(evaluation, "f_score")
+    assert f_score["ours"].n == f_score["random"].n == 6
+    assert f_score["ours"].mean > 0.9
+    assert f_score["real"].mean > 0.9  # they rest on every click
+    assert f_score["ours"].chance < 0.5 < f_score["ours"].mean
+    assert f_score["random"].mean < f_score["ours"].mean
+
+
+def test_cells_are_mean_and_spread_over_songs_and_seeds(evaluation):
+    values = [d.scores.values["f_score"] for d in evaluation.dances if d.variant == "random"]
+    cell = cells(evaluation, "f_score")["random"]
+    assert cell.mean == pytest.approx(np.mean(values))
+    assert cell.spread == pytest.approx(np.std(values))
+
+
+def test_real_dances_are_never_held_against_themselves(evaluation):
+    fpd = cells(evaluation, "fpd")
+    assert fpd["real"].mean > 0.01
+    assert all(cell.chance is not None for cell in fpd.values() if cell)
+
+
+def test_deterministic_variants_are_danced_once(repertoire, folder):
+    songs = find_songs(folder, only=["alone"])
+    found = evaluate(repertoire, songs, Protocol(variants_named(["greedy-published"]), seeds=3))
+    assert [d.seed for d in found.dances if d.variant == "greedy-published"] == [0]
+
+
+def test_the_report_holds_every_table_and_every_number(evaluation, tmp_path):
+    pytest.importorskip("matplotlib")
+    write_report(tmp_path / "r.html", evaluation)
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    for table in tables(evaluation):
+        assert f'<section id="{table.family}">' in page
+        for row in table.rows:
+            assert row.metric.label.split("'")[0] in page
+            for cell in filter(None, row.cells):
+                assert f"<b>{cell.mean:.{row.metric.digits}f}</b>" in page
+    for section in ("songs", "speed", "costs", "slopes", "signatures", "convergence", "poses"):
+        assert f"<section id={section}>" in page or f'<section id="{section}">' in page
+    assert page.count("data:image/png;base64,") == len(evaluation.shown.dances)
+    assert 'src="http' not in page and "<script" not in page
+
+
+def test_json_holds_the_same_and_keeps_to_its_schema(evaluation):
+    data = json.loads(to_json(evaluation))
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+    jsonschema.validate(data, SCHEMA)
+    assert len(data["dances"]) == len(evaluation.dances)
+    for table, told in zip(tables(evaluation), data["tables"], strict=True):
+        assert told["columns"] == list(table.columns)
+        for row in table.rows:
+            assert [c and c["mean"] for c in told["rows"][row.metric.name]] == [
+                c and c.mean for c in row.cells
+            ]
+
+
+def test_songs_the_repertoire_was_made_with_are_refused(repertoire, tmp_path):
+    write_clicks(tmp_path / "song1.wav", duration_s=5.0)
+    songs = find_songs(tmp_path)
+    with pytest.raises(ParameterError, match=r"song1.*--seen"):
+        evaluate(repertoire, songs)
+    found = evaluate(repertoire, songs, Protocol(variants_named(["random"]), seeds=1, seen=True))
+    assert found.facts["seen"] is True
+
+
+def test_a_song_is_known_by_its_bytes_whatever_its_name(repertoire, tmp_path, monkeypatch):
+    from choreograph.evaluation.songs import check_unseen
+    from choreograph.files import sha256_of
+
+    path = write_clicks(tmp_path / "renamed.wav", duration_s=5.0)
+    check_unseen(find_songs(tmp_path), repertoire)
+    monkeypatch.setattr(Repertoire, "source_checksums", frozenset({sha256_of(path)}))
+    with pytest.raises(ParameterError, match="renamed"):
+        check_unseen(find_songs(tmp_path), repertoire)
+
+
+def test_songs_are_found_picked_and_missed(folder, tmp_path):
+    assert [s.name for s in find_songs(folder)] == ["quick", "slow", "alone"]
+    (quick,) = find_songs(folder, only=["quick"], duration_s=7.0)
+    assert quick.take is not None and quick.duration_s == 7.0 and quick.take.credits.genre == "a"
+    with pytest.raises(ParameterError, match="fast"):
+        find_songs(folder, only=["fast"])
+    (tmp_path / "empty").mkdir()
+    for none in (tmp_path / "none", tmp_path / "empty"):
+        with pytest.raises(ParameterError, match=str(none)):
+            find_songs(none)
+
+
+def test_a_damaged_take_is_an_error_not_left_out(folder, tmp_path):
+    (tmp_path / "a.bvh").write_text("HIERARCHY\nnot more")
+    write_clicks(tmp_path / "a.wav", duration_s=5.0)
+    with pytest.raises(FormatError, match=r"a\.bvh"):
+        find_songs(tmp_path)
+
+
+def test_beats_from_files(tmp_path):
+    song = load_song(write_clicks(tmp_path / "song.wav", duration_s=5.0))
+    beats = tmp_path / "song.txt"
+    beats.write_text("# by hand\n0.5 1\n1.0\n\n2.5\n9.0\n")
+    for given in (beats, tmp_path):
+        assert beats_of(song, given).tolist() == [0.5, 1.0, 2.5]
+    assert beats_of(song, beats, start_s=0.75).tolist() == [0.25, 1.75]
+    beats.write_text("1.0\n0.5\n")
+    with pytest.raises(ParameterError, match="increasing"):
+        beats_of(song, beats)
+    beats.write_text("one\n")
+    with pytest.raises(FormatError, match=r"song\.txt"):
+        beats_of(song, beats)
+    with pytest.raises(ParameterError, match="ear"):
+        beats_of(song, "ear")
+
+
+def test_random_clips_are_unwarped_and_the_seeds(repertoire, folder):
+    song = find_songs(folder, only=["alone"])[0].load()
+    one, again, other = (dance_as(VARIANTS["random"], song, repertoire, seed=seed).plan for seed in (0, 0, 1))
+    assert one == again != other
+    for second in one.seconds:
+        assert np.diff(second.source_times_s) == pytest.approx(0.05)
+        assert second.source_times_s[0] == pytest.approx(second.clip_start_s + 2.0 + second.second % 4)
+    assert set(joins_s(one, repertoire)) <= {4.0, 8.0}
+
+
+def test_unknown_variants_and_settings_that_compare_nothing():
+    with pytest.raises(ParameterError, match="grace"):
+        variants_named(["grace"])
+    assert [v.name for v in variants_named(["paper", "ours"])].count("ours") == 1
+    with pytest.raises(ParameterError):
+        Protocol(variants_named(["ours"]), seeds=0)
+    with pytest.raises(ParameterError):
+        Protocol(())
+
+
+def test_one_dance_of_any_system(repertoire, tmp_path):
+    song = load_song(write_clicks(tmp_path / "song.wav", duration_s=12.0))
+    on_beat = evaluate_dance(stepping(400, period_s=0.5), song, repertoire=repertoire)
+    off_beat = evaluate_dance(swaying(400), song)
+    assert cells(on_beat, "f_score")["dance"].mean > 0.9 > 0.6 > cells(off_beat, "f_score")["dance"].mean
+    assert {"fpd", "signature_chi2"} <= set(on_beat.dances[0].scores.values)
+    assert "fpd" not in off_beat.dances[0].scores.values
+    jsonschema.validate(json.loads(to_json(off_beat)), SCHEMA)
+
+
+def test_a_dance_that_stands_still_has_no_motion_beats_and_ends_no_table(tmp_path):
+    song = load_song(write_clicks(tmp_path / "song.wav", duration_s=6.0))
+    still = stepping(180).sampled(np.zeros(180))
+    found = evaluate_dance(still, song)
+    assert math.isnan(found.dances[0].scores.values["motion_to_music"])
+    (beats,) = [table for table in tables(found) if table.family == "beats"]
+    assert "motion_to_music" not in [row.metric.name for row in beats.rows]
+    assert cells(found, "f_score")["dance"].mean == 0.0
+    jsonschema.validate(json.loads(to_json(found)), SCHEMA)
