@@ -84,7 +84,11 @@ export class Player extends EventTarget {
   // Be silent for good and let the sound go.
   close() {
     this.clock.pause();
-    if (this.audio) URL.revokeObjectURL(this.audio.src);
+    if (!this.audio) return;
+    const { src } = this.audio;
+    this.audio.removeAttribute("src"); // before it is gone: one that is still loading would fail
+    this.audio.load();
+    URL.revokeObjectURL(src);
   }
 
   toggle() { if (this.playing) this.pause(); else this.play(); }

@@ -1,0 +1,61 @@
+// The questions as a form: a row of points each; one question is marked and answered by the number keys.
+
+import { made } from "./elements.js";
+
+const POINTS = [0, 1, 2, 3, 4, 5];
+
+export class Questions {
+  constructor(form, questions, onAnswer) {
+    Object.assign(this, { form, questions, onAnswer, marked: 0 });
+    this.rows = questions.map((question, i) => this.#row(question, i));
+    form.replaceChildren(...this.rows);
+    form.addEventListener("change", ({ target }) => {
+      this.#give(Number(target.name), Number(target.value));
+      this.rows[Number(target.name) + 1]?.scrollIntoView({ block: "nearest" });
+    });
+    form.addEventListener("submit", (event) => event.preventDefault());
+    form.addEventListener("focusin", ({ target }) => { if (target.name) this.mark(Number(target.name)); });
+  }
+
+  #row({ title, text }, i) {
+    const labels = POINTS.map((points) => {
+      const input = made("input");
+      Object.assign(input, { type: "radio", name: `${i}`, value: `${points}` });
+      const ends = { 0: "0, very poor", 5: "5, excellent" };
+      input.setAttribute("aria-label", ends[points] ?? `${points}`);
+      return made("label", "", [input, `${points}`]);
+    });
+    const ends = made("div", "ends", [made("span", "", ["very poor"]), made("span", "", ["excellent"])]);
+    ends.setAttribute("aria-hidden", "true");
+    return made("fieldset", "", [
+      made("legend", "", [title]), made("p", "", [text]), made("div", "scale", labels), ends,
+    ]);
+  }
+
+  // The answers given for a dance; its first open question is marked.
+  show(answers) {
+    this.form.reset();
+    this.questions.forEach(({ id }, i) => {
+      if (id in answers) this.rows[i].querySelectorAll("input")[answers[id]].checked = true;
+    });
+    this.form.scrollTop = 0;
+    const open = this.questions.findIndex(({ id }) => !(id in answers));
+    this.mark(Math.max(0, open));
+  }
+
+  mark(index) {
+    this.marked = Math.max(0, Math.min(this.rows.length - 1, index));
+    this.rows.forEach((row, i) => row.classList.toggle("marked", i === this.marked));
+    this.rows[this.marked].scrollIntoView({ block: "nearest" });
+  }
+
+  // By key: answers the marked question and marks the next.
+  answer(points) {
+    const index = this.marked;
+    this.rows[index].querySelectorAll("input")[points].checked = true;
+    this.#give(index, points);
+    this.mark(index + 1);
+  }
+
+  #give(index, points) { this.onAnswer(this.questions[index].id, points); }
+}

@@ -1,0 +1,166 @@
+"""The rating page in headless Chromium: it plays, is answered by key, hand and finger, keeps, and saves."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from pathlib import Path
+
+import pytest
+from planted_studies import read_key, small_study
+
+from choreograph.evaluation.study_results import read_study
+
+sync_api = pytest.importorskip("playwright.sync_api")
+
+FLAGS = [
+    "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--autoplay-policy=no-user-gesture-required",
+]  # fmt: skip
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+
+
+@pytest.fixture(scope="module")
+def browser():
+    found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if found is None:
+        pytest.skip("no Chromium on this machine: the page is not tried in a browser")
+    with sync_api.sync_playwright() as playwright:
+        launched = playwright.chromium.launch(executable_path=found, args=FLAGS)
+        yield launched
+        launched.close()
+
+
+@pytest.fixture
+def study(tmp_path) -> Path:
+    return small_study(tmp_path, n_songs=1)
+
+
+@pytest.fixture
+def opened(browser, study):
+    """Open the study; whatever the page complains of or wants from outside fails the test."""
+    contexts, complaints = [], []
+
+    def open_page(context=None, **options):
+        if context is None:
+            context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
+            contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: None if request.url.startswith(("file://", "blob:", "data:"))
+                else complaints.append(request.url))  # fmt: skip
+        page.goto((study / "study.html").as_uri())
+        until(page, "window.choreograph !== undefined && choreograph.framesDrawn > 0", timeout_s=20)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert complaints == []
+
+
+def until(page, condition: str, *, timeout_s: float = 8.0) -> None:
+    """Wait for a condition on the page's state; the page's own security policy forbids Playwright's way."""
+    end_s = time.monotonic() + timeout_s
+    while not page.evaluate(condition):
+        assert time.monotonic() < end_s, condition
+        page.wait_for_timeout(20)
+
+
+def saved(page, folder: Path) -> Path:
+    with page.expect_download() as download:
+        page.click("#save")
+    path = folder / download.value.suggested_filename
+    download.value.save_as(path)
+    return path
+
+
+def test_rate_by_key_reload_and_save(opened, study):
+    page = opened()
+    page.fill("#rater-name", " Ann ")
+    page.click("#begin")
+    for key in "452":
+        page.keyboard.press(key)
+    first = {"variation": 4, "naturalness": 5, "style": 2}
+    assert page.evaluate("choreograph.answers") == {"1": first}
+    page.keyboard.press("n")
+    until(page, "choreograph.dance === '2'")
+    page.reload()
+    until(page, "window.choreograph !== undefined", timeout_s=20)
+    assert page.evaluate("choreograph.answers") == {"1": first}
+    assert page.evaluate("choreograph.dance") == "2"
+    assert page.input_value("#rater-name") == "Ann"
+    page.click("#begin")
+    page.keyboard.press("p")
+    until(page, "choreograph.dance === '1'")
+    page.keyboard.press("0")  # the question left open is the marked one
+    for dance in "23":
+        page.keyboard.press("n")
+        until(page, f"choreograph.dance === '{dance}'")
+        for key in "3333":
+            page.keyboard.press(key)
+    assert page.inner_text("#done") == "all rated"
+    page.keyboard.press("n")
+    path = saved(page, study)
+    rating = json.loads(path.read_text(encoding="utf-8"))
+    assert path.name == f"rating-{rating['rater_id']}.json"
+    assert (rating["rater_name"], rating["save"]) == ("Ann", 1)
+    assert rating["answers"]["1"] == {**first, "rhythm": 0}
+    assert path.name in page.inner_text("#saved")
+    score = {(s.variant, s.question): s.mean for s in read_study(study).scores}
+    assert score[read_key(study)["dances"][0]["variant"], "naturalness"] == 5.0
+    page.click("#another")
+    until(page, "window.choreograph !== undefined && choreograph.dance === '1'", timeout_s=20)
+    assert page.evaluate("choreograph.answers") == {}
+
+
+def test_dances_play_with_their_song_and_are_different_ones(opened):
+    page = opened()
+    page.click("#begin")
+    page.click("#big-play")
+    until(page, "choreograph.playing && choreograph.audioTime > 0.2")
+    assert abs(page.evaluate("choreograph.time - choreograph.audioTime")) < 0.1
+    page.keyboard.press("Space")
+    until(page, "!choreograph.playing")
+    first = page.evaluate("choreograph.joints")
+    page.click("#next")
+    until(page, "choreograph.dance === '2' && choreograph.playing && choreograph.time > 0.1")
+    assert page.evaluate("choreograph.joints") != first
+    until(page, "!choreograph.playing && choreograph.time > 1.3")
+    page.locator("#seek").fill("0.5")
+    until(page, "Math.abs(choreograph.time - 0.5) < 0.02")
+
+
+def test_a_study_saved_half_way_tells_what_is_open(opened, study):
+    page = opened()
+    page.click("#begin")
+    for _ in range(2):
+        page.click("#next")
+    until(page, "choreograph.dance === '3'")
+    page.locator("fieldset").nth(1).locator("label").nth(4).click()
+    page.click("#next")
+    assert page.locator("#open-dances button").all_inner_texts() == ["1", "2", "3"]
+    assert json.loads(saved(page, study).read_text(encoding="utf-8"))["answers"] == {"3": {"naturalness": 4}}
+    page.locator("#open-dances button").nth(1).click()
+    until(page, "choreograph.dance === '2'")
+    assert not page.locator("#finish").is_visible()
+
+
+def test_a_phone(opened):
+    page = opened(**PHONE)
+    page.tap("#begin")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    labels = page.locator(".scale label")
+    for row in range(4):
+        box = labels.nth(6 * row + 3).bounding_box()
+        assert box["height"] >= 40 and box["width"] >= 40
+        labels.nth(6 * row + 3).tap()
+    assert set(page.evaluate("choreograph.answers")["1"].values()) == {3}
+    for name in ("next", "play"):
+        box = page.locator(f"#{name}").bounding_box()
+        assert box["y"] + box["height"] <= 844
+    page.tap("#next")
+    until(page, "choreograph.dance === '2'")

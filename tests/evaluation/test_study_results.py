@@ -1,0 +1,194 @@
+"""Ratings read back: the planted favourite wins, intervals cover, foreign and damaged files are refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from planted_studies import VARIANTS, rate_all, rating, read_key, small_study, write_rating
+
+from choreograph.errors import FormatError
+from choreograph.evaluation.study import QUESTIONS
+from choreograph.evaluation.study_results import _Drawn, read_study
+
+SCHEMA = json.loads(
+    (Path(__file__).resolve().parents[2] / "data_schema" / "rating.schema.json").read_text(encoding="utf-8")
+)
+BEST, MIDDLE, WORST = VARIANTS
+MEANS = {BEST: 3.6, MIDDLE: 2.4, WORST: 1.4}
+IDS = [question.id for question in QUESTIONS]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory) -> Path:
+    return small_study(tmp_path_factory.mktemp("study"), n_songs=5)
+
+
+@pytest.fixture
+def study(written, tmp_path) -> Path:
+    """A study without ratings."""
+    (tmp_path / "key.json").write_bytes((written / "key.json").read_bytes())
+    return tmp_path
+
+
+def answers_for(key: dict, points: dict[str, int], questions=IDS) -> dict:
+    return {d["dance"]: dict.fromkeys(questions, points[d["variant"]]) for d in key["dances"]}
+
+
+def test_the_planted_favourite_wins_and_intervals_hold_the_truth(study):
+    rate_all(study, MEANS, n_raters=12)
+    for path in study.glob("rating-*.json"):
+        jsonschema.validate(json.loads(path.read_text(encoding="utf-8")), SCHEMA)
+    results = read_study(study)
+    assert (results.n_raters, results.n_songs) == (12, 5)
+    for question in IDS:
+        scores = [score for score in results.scores if score.question == question]
+        assert [score.variant for score in scores] == [BEST, MIDDLE, WORST]
+        assert all(score.n_ratings == 60 for score in scores)
+        assert all(score.low < MEANS[score.variant] < score.high for score in scores)
+        apart = {(d.variant, d.other): d for d in results.differences if d.question == question}
+        assert set(apart) == {(BEST, MIDDLE), (BEST, WORST), (MIDDLE, WORST)}
+        assert all(difference.is_clear and difference.mean > 0 for difference in apart.values())
+
+
+def test_means_and_counts_by_hand(study):
+    key = read_key(study)
+    write_rating(study, rating(key, answers_for(key, {BEST: 5, MIDDLE: 3, WORST: 0}), rater=1))
+    partly = {d["dance"]: {"style": 2} for d in key["dances"] if d["variant"] == BEST}
+    write_rating(study, rating(key, partly, rater=2))
+    results = read_study(study)
+    score = {(s.variant, s.question): s for s in results.scores}
+    assert (score[BEST, "style"].mean, score[BEST, "style"].n_ratings) == (3.5, 10)
+    assert (score[BEST, "rhythm"].mean, score[BEST, "rhythm"].n_ratings) == (5.0, 5)
+    apart = next(d for d in results.differences if d.question == "style" and d.other == MIDDLE)
+    assert (apart.mean, apart.n_pairs) == (2.0, 5)  # of the one rater who rated both
+    assert json.loads(json.dumps(results.to_dict()))["n_raters"] == 2
+
+
+def test_generosity_cancels_out_of_differences(study):
+    """Raters two points apart who all see one point between two variants: a sure difference, unsure means."""
+    key = read_key(study)
+    for rater, base in enumerate((0, 1, 2, 3, 4, 0, 4), start=1):
+        write_rating(
+            study, rating(key, answers_for(key, {BEST: base + 1, MIDDLE: base, WORST: 0}), rater=rater)
+        )
+    results = read_study(study)
+    apart = next(d for d in results.differences if (d.variant, d.other) == (BEST, MIDDLE))
+    assert (apart.mean, apart.low, apart.high) == (1.0, 1.0, 1.0)
+    score = next(s for s in results.scores if s.variant == BEST)
+    assert score.high - score.low > 1.5
+
+
+def test_equal_variants_are_mostly_not_told_apart(study):
+    clear = 0
+    for seed in range(8):
+        rate_all(study, dict.fromkeys(VARIANTS, 2.5), n_raters=8, seed=seed)
+        clear += sum(difference.is_clear for difference in read_study(study).differences)
+    assert clear <= 0.1 * 8 * 12
+
+
+@pytest.mark.parametrize(("n_raters", "n_songs"), [(20, 10), (8, 6)])
+def test_intervals_hold_the_mean_of_all_raters_and_songs_as_often_as_they_say(n_raters, n_songs):
+    rng = np.random.default_rng(0)
+    drawn = _Drawn.from_rng(rng, n_raters, np.arange(n_songs))
+    held = 0
+    for _ in range(200):
+        noise = rng.normal(0, 0.7, (n_raters, n_songs))
+        given = 3.0 + rng.normal(0, 0.5, (n_raters, 1)) + rng.normal(0, 0.4, n_songs) + noise
+        given[rng.random(given.shape) < 0.2] = np.nan
+        _, low, high = drawn.interval(given)
+        held += low < 3.0 < high
+    assert 0.87 <= held / 200 <= 0.99
+
+
+def test_one_rating_has_no_interval(study):
+    key = read_key(study)
+    write_rating(study, rating(key, {key["dances"][0]["dance"]: {"style": 4}}))
+    (score,) = read_study(study).scores
+    assert (score.mean, score.low, score.high, score.n_ratings) == (4.0, None, None, 1)
+    assert read_study(study).differences == ()
+
+
+def test_of_a_rater_the_last_save_counts(study):
+    key = read_key(study)
+    first, last = (answers_for(key, dict.fromkeys(VARIANTS, points)) for points in (1, 4))
+    write_rating(study, rating(key, last, save=2), "rating (1).json")
+    write_rating(study, rating(key, first, save=1))
+    results = read_study(study)
+    assert results.n_raters == 1 and all(score.mean == 4.0 for score in results.scores)
+    write_rating(study, rating(key, last, save=2), "the same once more.json")
+    assert read_study(study) == results
+    write_rating(study, rating(key, first, save=2), "edited.json")
+    with pytest.raises(FormatError, match="edited"):
+        read_study(study)
+
+
+BROKEN_RATINGS = {
+    "cut off": lambda key: json.dumps(rating(key, {}))[:40],
+    "no JSON": lambda key: "<html>",
+    "a list": lambda key: [],
+    "foreign": lambda key: {"format": "choreograph-plan", "version": 2},
+    "of a later version": lambda key: rating(key, {}, version=2),
+    "without a key": lambda key: {k: v for k, v in rating(key, {}).items() if k != "save"},
+    "with another key": lambda key: rating(key, {}, more=1),
+    "of another study": lambda key: rating(key, {}, study="0" * 16),
+    "of nobody": lambda key: rating(key, {}, rater_id="../x"),
+    "of no save": lambda key: rating(key, {}, save=0),
+    "saved truly": lambda key: rating(key, {}, save=True),
+    "with a name that is none": lambda key: rating(key, {}, rater_name=None),
+    "with a list of answers": lambda key: rating(key, []),
+    "of an unknown dance": lambda key: rating(key, {"99": {"style": 3}}),
+    "with points for a dance": lambda key: rating(key, {key["dances"][0]["dance"]: 3}),
+    "of an unknown question": lambda key: rating(key, {key["dances"][0]["dance"]: {"looks": 3}}),
+    "with too many points": lambda key: rating(key, {key["dances"][0]["dance"]: {"style": 6}}),
+    "with broken points": lambda key: rating(key, {key["dances"][0]["dance"]: {"style": 2.5}}),
+    "with no points": lambda key: rating(key, {key["dances"][0]["dance"]: {"style": None}}),
+    "without an answer": lambda key: rating(key, {}),
+}
+
+
+@pytest.mark.parametrize("broken", BROKEN_RATINGS)
+def test_a_broken_rating_is_refused_in_a_line(study, broken):
+    write_rating(study, BROKEN_RATINGS[broken](read_key(study)), "given back.json")
+    with pytest.raises(FormatError) as refused:
+        read_study(study)
+    assert "\n" not in str(refused.value)
+
+
+def twice(key: dict) -> dict:
+    return {**key, "dances": [*key["dances"], key["dances"][0]]}
+
+
+BROKEN_KEYS = {
+    "cut off": lambda key: json.dumps(key)[:50],
+    "foreign": lambda key: {"format": "choreograph-rating"},
+    "without dances": lambda key: {**key, "dances": []},
+    "of dances that are none": lambda key: {**key, "dances": [3]},
+    "of an unknown question": lambda key: {**key, "questions": ["looks"]},
+    "without a study": lambda key: {**key, "study": None},
+    "of one dance twice": twice,
+}
+
+
+@pytest.mark.parametrize("broken", BROKEN_KEYS)
+def test_a_broken_key_is_refused_in_a_line(study, broken):
+    key = read_key(study)
+    write_rating(study, rating(key, answers_for(key, MEANS_WHOLE)))
+    write_rating(study, BROKEN_KEYS[broken](key), "key.json")
+    with pytest.raises(FormatError) as refused:
+        read_study(study)
+    assert "\n" not in str(refused.value)
+
+
+MEANS_WHOLE = {BEST: 4, MIDDLE: 2, WORST: 1}
+
+
+def test_a_folder_without_key_or_ratings(study, tmp_path):
+    with pytest.raises(FormatError, match="answers"):
+        read_study(study)
+    (study / "key.json").unlink()
+    with pytest.raises(FormatError, match="key of a rating study"):
+        read_study(study)
