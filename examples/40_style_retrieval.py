@@ -21,6 +21,7 @@ from choreograph.features.mel import log_mel
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.features.rhythm import RHYTHM_FPS, rhythm_features
 from choreograph.importers import dance_with_melody
+from choreograph.metrics.retrieval import chance_precision, mean_over_groups, precision_at_k
 from choreograph.motion.body import body_pos_m
 from choreograph.nets.presets import STYLE_LOSSES, StyleConfig, style_config
 from choreograph.nets.style import StyleNets
@@ -70,6 +71,7 @@ def shares(
         counts.append(count_beats(take.motion_beat_times_s, middle / NET_FPS))
         genres += [take.genre] * len(middle)
     style, count, genre = np.concatenate(styles), np.concatenate(counts), np.array(genres)
+    own = genre == song.genre
     smallest = min(np.sum(genre == g) for g in set(genres))
     rng = np.random.default_rng(0)
     balanced = np.concatenate(
@@ -85,9 +87,9 @@ def shares(
             candidates=SELECTED,
             beat_weight=config.beat_weight / config.style_weight,
         )
-        return float(np.mean(genre[clips][chosen] == song.genre))
+        return float(precision_at_k(own[clips][chosen], SELECTED).mean())
 
-    return share(np.arange(len(genre))), share(balanced), float(np.mean(genre == song.genre))
+    return share(np.arange(len(genre))), share(balanced), float(chance_precision(own.sum(), len(own)))
 
 
 def main() -> None:
@@ -108,21 +110,23 @@ def main() -> None:
     by_name = {take.name: take for take in takes}
     means = []
     for seed in range(options.seeds):
-        rows: dict[str, list[tuple[float, float, float]]] = {}
+        rows = []
         for name in POOL:
             song = by_name[name]
             nets = train_style(
                 [take for take in takes if take.song_name != song.song_name], config, seed=seed
             )
-            row = shares(nets, config, song, [by_name[n] for n in POOL if n != name])
-            rows.setdefault(song.genre, []).append(row)
+            rows.append(shares(nets, config, song, [by_name[n] for n in POOL if n != name]))
             print(
-                f"seed {seed} {name:10s} all {row[0]:.2f}  balanced {row[1]:.2f}  chance {row[2]:.2f}",
+                f"seed {seed} {name:10s} all {rows[-1][0]:.2f}  balanced {rows[-1][1]:.2f}"
+                f"  chance {rows[-1][2]:.2f}",
                 flush=True,
             )
-        for genre, values in rows.items():
-            print(f"seed {seed} {genre:10s}", *(f"{v:.3f}" for v in np.mean(values, axis=0)))
-        means.append(np.mean([np.mean(values, axis=0) for values in rows.values()], axis=0))
+        genres = [by_name[name].genre for name in POOL]
+        for genre in sorted(set(genres)):
+            values = np.mean([row for row, g in zip(rows, genres, strict=True) if g == genre], axis=0)
+            print(f"seed {seed} {genre:10s}", *(f"{v:.3f}" for v in values))
+        means.append([mean_over_groups(column, genres) for column in np.transpose(rows)])
         print(f"seed {seed} mean      ", *(f"{v:.3f}" for v in means[-1]), flush=True)
     print("all, balanced, chance over seeds:", *(f"{v:.3f}" for v in np.mean(means, axis=0)))
 

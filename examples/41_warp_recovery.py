@@ -20,6 +20,7 @@ from scipy.ndimage import gaussian_filter1d
 from choreograph.features.density import motion_density
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers import import_takes
+from choreograph.metrics.warping import recovery_errors_ms, summary_ms
 from choreograph.motion.body import body_pos_m
 from choreograph.nets.density import MotionDensity
 from choreograph.nets.density_presets import density_config
@@ -50,13 +51,17 @@ def errors_ms(takes: list[StyleTake], net: MotionDensity | None) -> dict[str, np
     """Absolute errors of every query frame by method; the warps are the same for every net."""
     rng = np.random.default_rng(123)
     errors = defaultdict(list)
+
+    def record(method: str, found: np.ndarray, true: np.ndarray) -> None:
+        errors[method].append(recovery_errors_ms(found, true[MIDDLE], NET_FPS))
+
     for take in takes:
         for begin in range(0, len(take.body_pos_m) - CLIP_FRAMES, SEGMENT_FRAMES):
             clip = take.body_pos_m[begin : begin + CLIP_FRAMES]
             beats = take.motion_beat_times_s - begin / NET_FPS
             true = random_time_map(CLIP_FRAMES, NET_FPS, rng, beat_times_s=beats, share=1.0)
             if net is None:
-                errors["identity"].append(np.arange(CLIP_FRAMES)[MIDDLE] - true[MIDDLE])
+                record("identity", np.arange(CLIP_FRAMES)[MIDDLE], true)
                 inside = beats[(beats > 0) & (beats * NET_FPS < CLIP_FRAMES - 1)]
                 moved = np.interp(inside * NET_FPS, true, np.arange(CLIP_FRAMES)) / NET_FPS
                 query, target, name = (
@@ -72,15 +77,15 @@ def errors_ms(takes: list[StyleTake], net: MotionDensity | None) -> dict[str, np
                 )
             path, _ = subsequence_dtw(query[MIDDLE], target)
             smooth = gaussian_filter1d(path, SMOOTHING_FRAMES, mode="nearest")
-            errors[f"{name} raw"].append(path - true[MIDDLE])
-            errors[f"{name} smooth"].append(smooth - true[MIDDLE])
-    return {name: np.abs(np.concatenate(e)) * 1000 / NET_FPS for name, e in errors.items()}
+            record(f"{name} raw", path, true)
+            record(f"{name} smooth", smooth, true)
+    return {name: np.concatenate(e) for name, e in errors.items()}
 
 
 def show(title: str, errors: dict[str, np.ndarray]) -> None:
     for name, e in errors.items():
         label = f"{title} {name}".strip()
-        print(f"{label:32s} {np.median(e):7.1f} {e.mean():7.1f} {np.percentile(e, 90):7.1f}", flush=True)
+        print(f"{label:32s}", *(f"{ms:7.1f}" for ms in summary_ms(e).values()), flush=True)
 
 
 def main() -> None:

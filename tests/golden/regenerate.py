@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.metrics import beat, dance_features, frechet, labels, physical, structure
+from choreograph.metrics import beat, dance_features, frechet, labels, physical, retrieval, structure, warping
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.rotations import from_rotvec
@@ -125,11 +125,28 @@ def structure_scores() -> dict[str, float]:
     )  # fmt: skip
 
 
+def warping_scores() -> dict[str, float]:
+    """Maps whose speed swings between the limits, and what a path of whole frames makes of them."""
+    frames = np.arange(80)
+    true = np.cumsum(2.0 ** np.sin(frames / np.array([[9.0], [15.0], [40.0]])), axis=1)
+    errors_ms = warping.recovery_errors_ms(np.rint(true), true, 20.0)
+    shares = {f"bin {i}": float(share) for i, share in enumerate(warping.slope_histogram(true))}
+    return warping.evaluate(true) | warping.summary_ms(errors_ms) | shares
+
+
+def retrieval_scores() -> dict[str, float]:
+    ranks = np.arange(60)
+    relevant = np.stack([(3 * ranks + query + 1) % (query + 4) == 0 for query in range(6)])
+    return retrieval.evaluate(relevant, 10, groups=["waltz"] * 4 + ["tango"] * 2)
+
+
 SCORES: dict[str, Callable[[], dict]] = {
     "physical": physical_scores,
     "beat": beat_scores,
     "labels": label_scores,
     "structure": structure_scores,
+    "warping": warping_scores,
+    "retrieval": retrieval_scores,
     "frechet": frechet_scores,
     "dance_features": dance_feature_values,
 }
