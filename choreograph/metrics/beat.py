@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -163,14 +164,27 @@ def evaluate(motion_beats_s: Times, music_beats_s: Times) -> dict[str, float]:
 
 
 def evaluate_published(
-    body_pos_m: NDArray[np.floating], fps: float, music_beats_s: Times
+    body_pos_m: NDArray[np.floating],
+    fps: float,
+    music_beats_s: Times,
+    *,
+    rng: np.random.Generator | None = None,
+    rounds: int = 200,
 ) -> dict[str, float]:
-    """The papers' alignment scores by name, each with the motion beats that its own code finds."""
+    """The papers' alignment scores by name, each with the motion beats that its own code finds.
+
+    With `rng` each has its `chance_level` beside it, over the duration of the dance.
+    """
     scores = {}
     for name in PROTOCOLS:
         motion_beats_s = published_motion_beats_s(body_pos_m, fps, name)
         validate(motion_beats_s, music_beats_s)
-        scores[f"alignment_{name}_published"] = alignment_score(motion_beats_s, music_beats_s, name)
+        score = partial(alignment_score, protocol=name)
+        scores[f"alignment_{name}_published"] = score(motion_beats_s, music_beats_s)
+        if rng is not None:
+            scores[f"alignment_{name}_published_chance"] = chance_level(
+                score, motion_beats_s, music_beats_s, duration_s=len(body_pos_m) / fps, rng=rng, rounds=rounds
+            )
     return scores
 
 

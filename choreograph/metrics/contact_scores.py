@@ -4,7 +4,7 @@ Conventions: body positions (T, 21, 3) in metres at any rate, brought to the 30 
 frames at; Y up, the floor at y = 0. Lower is better. Positions of another shape, not finite, or without a
 rate are refused with a `ParameterError`.
 
-**PFC**, physical foot contact score (Tseng et al., EDGE, CVPR 2023, section 4.1, and its public code): a
+**PFC**, physical foot contact score (Tseng et al., EDGE, CVPR 2023; as in its public code): a
 body can only be pushed if a foot stands, so acceleration while both feet slide is penalised. Known
 weaknesses, which `variant="published"` keeps:
 
@@ -18,7 +18,7 @@ weaknesses, which `variant="published"` keeps:
 - Displacements are those of a frame, not of a second: at 60 fps the score is a quarter of that at 30.
   Hence the fixed rate. The last factor of 10,000 is the code's.
 
-**FSR**, foot skating ratio (Li et al., LODGE, CVPR 2024, section 5.1, and its public code): share of the
+**FSR**, foot skating ratio (Li et al., LODGE, CVPR 2024; as in its public code): share of the
 frames a foot is in contact in which it slides. In contact is an ankle at most 8 cm and a toe joint at most
 5 cm over the ground; sliding is more than 1 cm from frame to frame, for ankle or toe. Known bugs, which
 `variant="published"` keeps and `"corrected"` does not:

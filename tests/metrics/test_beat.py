@@ -177,6 +177,19 @@ def test_published_scores_depend_on_neither_place_nor_heading_and_little_on_the_
             evaluate_published(broken, 60.0, music)
 
 
+def test_published_scores_beside_their_chance():
+    dance, music = planted_dance(), np.arange(0.3, 12, 0.5)
+    scores = evaluate_published(dance, 60.0, music, rng=np.random.default_rng(0), rounds=400)
+    for name in PROTOCOLS:
+        motion = published_motion_beats_s(dance, 60.0, name)
+        assert scores[f"alignment_{name}_published"] == alignment_score(motion, music, name)
+        other = chance_level(
+            lambda a, b, name=name: alignment_score(a, b, name),
+            motion, music, duration_s=12.0, rng=np.random.default_rng(1), rounds=400,
+        )  # fmt: skip
+        assert scores[f"alignment_{name}_published_chance"] == pytest.approx(other, abs=0.03)
+
+
 def test_chance_of_every_metric():
     music = np.arange(0.25, 30, 0.5)
     motion = music[::2] + 0.01
