@@ -11,8 +11,10 @@
 
 from choreograph.evaluation.catalogue import METRICS, Metric
 from choreograph.evaluation.measuring import Scores
-from choreograph.evaluation.protocol import Evaluation, MeasuredDance, Protocol, evaluate, evaluate_dance
+from choreograph.evaluation.protocol import Protocol, evaluate
 from choreograph.evaluation.report import write_report
+from choreograph.evaluation.results import Evaluation, MeasuredDance
+from choreograph.evaluation.single import evaluate_dance
 from choreograph.evaluation.songs import EvaluatedSong, find_songs
 from choreograph.evaluation.tables import Table, tables, to_json
 from choreograph.evaluation.variants import GROUPS, VARIANTS, Variant, variants_named

@@ -37,8 +37,8 @@ FAMILIES = {
     "Chance is every window danced to every other's music.",
     "physics": "Beside the dances stand the repertoire's takes that they are made of.",
     "motifs": "Distance of the dance's motif signature to its genre's template: 0 the same, 1 nothing in "
-    "common. Chance is words drawn from all the repertoire's.",
-    "structure": "What the dance makes of the song's form and of the repertoire.",
+    "common. Chance is words drawn from all the repertoire's; for steps, the same motifs in any order.",
+    "structure": "Whether a dance repeats itself, and how much of the repertoire it uses.",
     "warping": "How fast the takes are played, 1 as recorded: the warper's limits are ½ and 2.",
 }
 
@@ -103,6 +103,18 @@ METRICS: dict[str, Metric] = {
         *_family(
             "motifs",
             ("signature_chi2", "signature χ² to the genre's", "", "lower", f"{_RD}, equation 11", 3),
+            ("transition_bits", "surprise of a step between motifs", "bits", "lower", f"{_RD}, 4.3"),
+        ),
+        *_family(
+            "structure",
+            ("longest_repeat_motifs", "longest motif sequence danced twice", "words", "real", "ours", 1),
+            ("longest_repeat_s", "longest piece of a take played twice", "s", "lower", "ours", 1),
+            ("distinct_takes_per_minute", "different takes a minute", "", "higher", "ours", 1),
+        ),
+        *_family(
+            "warping",
+            ("slope_median", "median speed of the takes", "", "real", f"{_CG}, 3.2"),
+            ("slope_at_limits", "frames at the warper's limits", "share", "lower", f"{_CG}, 3.2", 3),
         ),
     )
 }

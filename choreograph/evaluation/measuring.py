@@ -11,21 +11,23 @@ from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.metrics import beat, dance_features, frechet, labels, physical, references
-from choreograph.motifs.signatures import chi_square_distance, signature
+from choreograph.metrics import beat, dance_features, frechet, labels, physical, references, structure
 from choreograph.motifs.vocabulary import ALL_GENRES
 from choreograph.motifs.words import cut_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire
-from choreograph.timebase import STORE_FPS
+from choreograph.timebase import NET_FPS, NODE_FRAMES, STORE_FPS
 
 Floats = NDArray[np.float64]
 
 WORD_FPS = 30.0
 _CHANCE_ROUNDS = 100
 _HALVINGS = 5
+_ANYWHERE = 0.01
+_SLOWEST, _FASTEST = 0.505, 1.98  # within 1 % of the warper's limits
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,20 +184,62 @@ class SignatureJudge:
 
     def template(self, genre: str) -> Floats:
         """The genre's signature (K,); that of all genres if it is not among the repertoire's."""
-        known = genre if genre in self.vocabulary.genres else ALL_GENRES
-        return self.vocabulary.signatures[self.vocabulary.genre_index(known)]
+        return self.vocabulary.signatures[self.vocabulary.genre_index(self._known(genre))]
 
-    def scores(self, motion: Motion, music_beats_s: Floats, genre: str) -> Scores:
-        """χ² distance to the genre's template; chance is that of words drawn from all words there are."""
-        motifs, _ = self.motifs(motion, music_beats_s)
-        if len(motifs) == 0:
+    def scores(self, motifs: NDArray[np.int64], genre: str) -> Scores:
+        """How near motifs (N,) are to a genre's shares of them, and to its steps from one to the next.
+
+        Chance is motifs of words drawn from all the repertoire's, and the same motifs in any order. A step
+        that the genre's takes never make would be infinitely surprising: one in a hundred is taken to lead
+        anywhere.
+        """
+        if len(motifs) < 2:
             return Scores({})
-        n_motifs, template = self.vocabulary.n_motifs, self.template(genre)
+        genre, n_motifs = self._known(genre), self.vocabulary.n_motifs
+        template = self.template(genre)
+        steps = self.vocabulary.transitions[self.vocabulary.genre_index(genre)]
+        steps = (1.0 - _ANYWHERE) * steps + _ANYWHERE / n_motifs
         rng = np.random.default_rng(len(motifs))
         drawn = [rng.choice(self.vocabulary.word_motif, len(motifs)) for _ in range(_CHANCE_ROUNDS)]
-        chance = np.mean([chi_square_distance(signature(d, n_motifs), template) for d in drawn])
-        distance = chi_square_distance(signature(motifs, n_motifs), template)
-        return Scores({"signature_chi2": float(distance)}, {"signature_chi2": float(chance)})
+        chance = np.mean([structure.signature_distance(motifs_of, template) for motifs_of in drawn])
+        return Scores(
+            {
+                "signature_chi2": structure.signature_distance(motifs, template),
+                "transition_bits": structure.transition_bits(motifs, steps),
+                "longest_repeat_motifs": float(structure.longest_repeat(motifs)),
+            },
+            {
+                "signature_chi2": float(chance),
+                "transition_bits": structure.transition_chance_bits(motifs, steps),
+            },
+        )
+
+    def _known(self, genre: str) -> str:
+        return genre if genre in self.vocabulary.genres else ALL_GENRES
+
+
+def plan_scores(plan: Plan) -> Scores:
+    """What a plan makes of the repertoire, and how fast it plays takes; nothing if a network dances."""
+    blocks = plan.blocks
+    takes = [block.planned.take for block in blocks]
+    if not all(takes):
+        return Scores({})
+    pieces_s = np.array([(b.start_s, b.end_s, b.source_start_s, b.source_end_s) for b in blocks])
+    scores = {
+        "longest_repeat_s": structure.longest_repeat_s(takes, pieces_s),
+        "distinct_takes_per_minute": structure.distinct_takes_per_minute(takes, plan.duration_s),
+    }
+    slopes = slopes_of(plan)
+    if len(slopes):
+        scores["slope_median"] = float(np.median(slopes))
+        scores["slope_at_limits"] = float(np.mean((slopes < _SLOWEST) | (slopes > _FASTEST)))
+    return Scores(scores)
+
+
+def slopes_of(plan: Plan) -> Floats:
+    """Seconds of the take a second of the dance, at every 20 fps frame of the plan's seconds, (F,)."""
+    times_s = np.array([second.source_times_s for second in plan.seconds]).reshape(-1, NODE_FRAMES + 1)
+    return np.diff(times_s, axis=1).ravel() * NET_FPS
 
 
 def dance_label_values(motion: Motion) -> Floats:

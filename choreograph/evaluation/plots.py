@@ -12,14 +12,14 @@ from PIL import Image
 
 from choreograph.errors import ParameterError
 from choreograph.evaluation.catalogue import METRICS
-from choreograph.evaluation.protocol import REAL, Evaluation, Shown, ShownDance
+from choreograph.evaluation.measuring import slopes_of
+from choreograph.evaluation.results import REAL, Evaluation, Shown, ShownDance, dances_of
 from choreograph.evaluation.tables import column_title, song_table
 from choreograph.features.motion_beats import mean_joint_speed_m_s, motion_beat_times_s
 from choreograph.motifs.signatures import chi_square_distance
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.plan import Plan
-from choreograph.timebase import NODE_FRAMES, STORE_FPS, frame_times_s
+from choreograph.timebase import STORE_FPS, frame_times_s
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -96,8 +96,9 @@ def cost_figure(shown: Shown) -> Figure | None:
 
 def slope_figure(evaluation: Evaluation) -> Figure | None:
     """How fast sources are played, over all planned seconds of all dances; None if there are none."""
-    slopes = {name: slopes_of([d.plan for d in evaluation.dances if d.variant == name and d.plan])
-              for name in evaluation.variants}  # fmt: skip
+    names = evaluation.variants
+    plans = {name: [d.plan for d in dances_of(evaluation.dances, name) if d.plan] for name in names}
+    slopes = {name: np.concatenate([slopes_of(p) for p in found]) for name, found in plans.items() if found}
     slopes = {name: values for name, values in slopes.items() if len(values)}
     if not slopes:
         return None
@@ -105,19 +106,12 @@ def slope_figure(evaluation: Evaluation) -> Figure | None:
     for axis, (name, values) in zip(panels, slopes.items(), strict=True):
         share, edges = np.histogram(values, bins=np.linspace(0.45, 2.05, 65))
         axis.stairs(100.0 * share / len(values), edges, fill=True, color=_INK)
-        limits = np.mean((values < 0.505) | (values > 1.98))
-        _titled(axis, f"{name}: median {np.median(values):.2f}, {limits:.0%} at the limits ½ and 2")
+        _titled(axis, name)
         axis.axvline(1.0, color=_MUSIC, linewidth=1.0)
         axis.set_xlim(edges[0], edges[-1])
     panels[-1].set_xlabel("speed of the source, 1 as recorded")
     panels[len(panels) // 2].set_ylabel("% of frames")
     return figure
-
-
-def slopes_of(plans: list[Plan]) -> Floats:
-    """Source seconds a second of dance at every 20 fps frame of the plans' seconds, (F,)."""
-    times = [second.source_times_s for plan in plans for second in plan.seconds]
-    return np.diff(np.array(times, np.float64).reshape(-1, NODE_FRAMES + 1), axis=1).ravel() * NODE_FRAMES
 
 
 def song_figure(evaluation: Evaluation, metric: str = "f_score") -> Figure | None:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.audio.song import Song
 from choreograph.errors import ParameterError
 from choreograph.evaluation.measuring import (
     FeatureRows,
@@ -19,13 +17,14 @@ from choreograph.evaluation.measuring import (
     Scores,
     SignatureJudge,
     beat_scores,
-    check_measurable,
     dance_label_values,
     label_scores,
     physical_scores,
+    plan_scores,
     real_set_scores,
     set_scores,
 )
+from choreograph.evaluation.results import REAL, TAKES, Evaluation, MeasuredDance, Shown, ShownDance
 from choreograph.evaluation.songs import EvaluatedSong, beats_of, check_unseen
 from choreograph.evaluation.variants import Variant, dance_as, variants_named
 from choreograph.features.music_beats import DEFAULT_TRACKER
@@ -37,9 +36,6 @@ from choreograph.repertoire import Repertoire
 
 Floats = NDArray[np.float64]
 Report = Callable[[str, int, int], None]
-
-REAL, TAKES = "real", "takes"  # the columns beside the variants
-GIVEN = "dance"  # the one column where a single dance is measured
 
 
 @dataclass(frozen=True)
@@ -54,50 +50,6 @@ class Protocol:
     def __post_init__(self) -> None:
         if not self.variants or self.seeds < 1:
             raise ParameterError(f"expected variants and seeds, got {len(self.variants)} and {self.seeds}")
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredDance:
-    """One dance, or a real take, and its numbers."""
-
-    variant: str  # or `REAL`
-    song: str
-    seed: int
-    scores: Scores
-    plan: Plan | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class ShownDance:
-    """A dance kept whole, to be looked at."""
-
-    variant: str
-    motion: Motion
-    plan: Plan | None
-    motifs: NDArray[np.int64] | None = None  # (N,)
-    motif_ends_s: Floats | None = None  # (N,)
-
-
-@dataclass(frozen=True, eq=False)
-class Shown:
-    """All dances to one song."""
-
-    song: str
-    music_beats_s: Floats  # (Q,)
-    dances: tuple[ShownDance, ...]
-    template: Floats | None = None  # (K,) signature of its genre
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluation:
-    """All that was measured; `tables.tables` sums it up."""
-
-    facts: Mapping[str, Any]  # what was evaluated and how, for people and JSON
-    variants: Mapping[str, str]  # name -> what it is, in the tables' order
-    dances: tuple[MeasuredDance, ...]
-    sets: tuple[MeasuredDance, ...]  # of all songs together: song is ""
-    notes: tuple[str, ...] = ()
-    shown: Shown | None = None
 
 
 def evaluate(
@@ -207,9 +159,10 @@ class _Run:
             scores |= self.real.scores(motion, song.song_name, rng)
         motifs = ends_s = None
         if self.judge is not None:
-            genre = song.take.credits.genre if song.take else ""
-            scores |= self.judge.scores(motion, beats_s, genre)
             motifs, ends_s = self.judge.motifs(motion, beats_s)
+            scores |= self.judge.scores(motifs, song.take.credits.genre if song.take else "")
+        if plan is not None:
+            scores |= plan_scores(plan)
         self.features.setdefault((variant, seed), []).append(FeatureRows.of(motion, self.real))
         self.dance_labels.append(dance_label_values(motion))
         self.dances.append(MeasuredDance(variant, song.name, seed, scores, plan))
@@ -283,55 +236,3 @@ def joins_s(plan: Plan, repertoire: Repertoire) -> Floats:
         return np.zeros(0)
     lengths_s = {take.name: take.duration_s for take in repertoire.takes}
     return np.array([run.start_s for run in plan_runs(plan, lengths_s)[1:]])
-
-
-def evaluate_dance(
-    motion: Motion,
-    song: Song,
-    *,
-    name: str = "dance",
-    beats: str | Path = DEFAULT_TRACKER,
-    repertoire: Repertoire | None = None,
-) -> Evaluation:
-    """Measure one dance of any system to a song; with a repertoire also against its takes and motifs.
-
-    The dance begins with the song; what is longer than the other is cut. Raises `ParameterError` if the
-    rig's names are unknown or beats cannot be used.
-    """
-    check_measurable(motion, name)
-    length_s = min(motion.duration_s, song.duration_s)
-    motion = motion.sliced(0, max(1, round(length_s * motion.fps)))
-    beats_s = beats_of(song, beats)
-    rng = np.random.default_rng(0)
-    scores = beat_scores(motion, beats_s, rng) | physical_scores(motion)
-    motifs = ends_s = template = None
-    notes: list[str] = list(song.notes)
-    if repertoire is not None:
-        takes = [(repertoire.motion(i)[0], take.song_name) for i, take in enumerate(repertoire.takes)]
-        try:
-            real = RealDances([m for m, _ in takes], [name for _, name in takes], like=motion)
-            scores |= real.scores(motion, song.name, rng)
-        except ParameterError as error:
-            notes.append(f"no Fréchet distances: {error}")
-        if repertoire.has_vocabulary:
-            judge = SignatureJudge(repertoire)
-            motifs, ends_s = judge.motifs(motion, beats_s)
-            scores |= judge.scores(motion, beats_s, "")
-            template = judge.template("")
-    facts = {
-        "choreograph": version("choreograph"),
-        "repertoire": repertoire.path.name if repertoire else None,
-        "songs": [song.name],
-        "seeds": 1,
-        "beats": Path(beats).name,
-        "frechet_against": "the repertoire's takes" if repertoire else "nothing",
-        "seen": False,
-    }
-    shown = Shown(song.name, beats_s, (ShownDance(GIVEN, motion, None, motifs, ends_s),), template)
-    measured = MeasuredDance(GIVEN, song.name, 0, scores)
-    return Evaluation(facts, {GIVEN: name}, (measured,), (), tuple(notes), shown)
-
-
-def dances_of(dances: Iterable[MeasuredDance], variant: str) -> list[MeasuredDance]:
-    """Those of one variant."""
-    return [dance for dance in dances if dance.variant == variant]

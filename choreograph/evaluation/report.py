@@ -9,7 +9,7 @@ from pathlib import Path
 
 from choreograph.evaluation import plots
 from choreograph.evaluation.catalogue import Metric
-from choreograph.evaluation.protocol import Evaluation
+from choreograph.evaluation.results import Evaluation
 from choreograph.evaluation.tables import Cell, Row, Table, column_title, song_table, tables
 from choreograph.files import atomic_path, check_target
 

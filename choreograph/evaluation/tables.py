@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from choreograph.evaluation.catalogue import FAMILIES, METRICS, Metric
-from choreograph.evaluation.protocol import REAL, TAKES, Evaluation, MeasuredDance, dances_of
+from choreograph.evaluation.results import REAL, TAKES, Evaluation, MeasuredDance, dances_of
 
 FORMAT = "choreograph-evaluation"
 VERSION = 1

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -23,6 +24,8 @@ from choreograph.evaluation import (
     variants_named,
     write_report,
 )
+from choreograph.evaluation.catalogue import FAMILIES
+from choreograph.evaluation.measuring import plan_scores
 from choreograph.evaluation.protocol import joins_s
 from choreograph.evaluation.songs import beats_of
 from choreograph.evaluation.variants import VARIANTS, dance_as
@@ -73,7 +76,7 @@ def test_every_dance_is_measured_and_every_number_is_in_the_catalogue(evaluation
         assert set(dance.scores.values) <= set(METRICS)
         assert set(dance.scores.chance) <= set(dance.scores.values)
     families = [table.family for table in tables(evaluation)]
-    assert {"beats", "realism", "sets", "labels", "physics", "motifs"} <= set(families)
+    assert set(families) == set(FAMILIES)
 
 
 def test_planted_beats_tell_ours_from_chance(evaluation):
@@ -197,6 +200,17 @@ def test_random_clips_are_unwarped_and_the_seeds(repertoire, folder):
         assert np.diff(second.source_times_s) == pytest.approx(0.05)
         assert second.source_times_s[0] == pytest.approx(second.clip_start_s + 2.0 + second.second % 4)
     assert set(joins_s(one, repertoire)) <= {4.0, 8.0}
+    scores = plan_scores(one).values
+    assert (scores["slope_median"], scores["slope_at_limits"]) == (pytest.approx(1.0), 0.0)
+    assert scores["distinct_takes_per_minute"] == len({s.take for s in one.seconds}) * 60 / 9
+
+
+def test_a_plan_that_plays_a_clip_twice_is_found_out(repertoire, folder):
+    song = find_songs(folder, only=["alone"])[0].load()
+    plan = dance_as(VARIANTS["random"], song, repertoire).plan
+    again = tuple(replace(second, second=i) for i, second in enumerate(plan.seconds[:4] * 2))
+    twice = replace(plan, seconds=again, duration_s=8.0)
+    assert plan_scores(twice).values["longest_repeat_s"] == pytest.approx(4.0, abs=0.5)
 
 
 def test_unknown_variants_and_settings_that_compare_nothing():
