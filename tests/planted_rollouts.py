@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from choreograph.motifs.words import cut_words
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.motifs.words import cut_words
 from choreograph.nets.rollout_data import ROLLOUT_FPS, RolloutTake
 from choreograph.nets.word_presets import word_config
 from choreograph.nets.word_training import WordTake, train_word_net
