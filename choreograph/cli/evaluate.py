@@ -17,6 +17,8 @@ from choreograph.errors import ParameterError
         "choreograph evaluate --db rep.h5 --songs takes/ --only @heldout.txt   real dances beside",
         "choreograph evaluate dance.bvh song.mp3                 any system's dance",
         "choreograph evaluate dance.bvh song.mp3 --beats beats.txt --json -",
+        "choreograph evaluate --songs heldout/ --variants paper --study DIR   a page for people to rate",
+        "choreograph evaluate --study DIR                        what they said",
     )
 )
 @click.argument("dance", required=False, type=click.Path(path_type=Path))
@@ -49,20 +51,43 @@ from choreograph.errors import ParameterError
     metavar="FILE",
     help="Write every number as JSON; - prints it instead of the table.",
 )
+@click.option(
+    "--study", type=click.Path(path_type=Path), metavar="DIR",
+    help="Instead of measuring, write a blinded page into DIR on which people rate the dances (--variants "
+    "paper unless given). Without --songs: show what they said in the files that they sent back.",
+)  # fmt: skip
+@click.option(
+    "--excerpt", default=6.0, show_default=True, help="Of a study: seconds of each dance, about its middle."
+)
+@click.option("--silent", is_flag=True, help="Of a study: no sound, and no question about music.")
+@click.option("--order-seed", default=0, show_default=True, help="Of a study: seed of the dances' order.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no table.")
 def command(
-    dance, song, db, folder, only, variants, seeds, duration, beats, seen, report, json_path, quiet
-) -> None:
+    dance, song, db, folder, only, variants, seeds, duration, beats, seen, report, json_path, study, excerpt,
+    silent, order_seed, quiet,
+) -> None:  # fmt: skip
     """Measure dances: made with --db to the songs of DIR, or DANCE (BVH, NPZ, …), to its SONG."""
+    from choreograph.cli import study as studies
     from choreograph.evaluation import to_json, write_report
     from choreograph.evaluation.plots import expect_matplotlib
     from choreograph.features.music_beats import DEFAULT_TRACKER
     from choreograph.files import atomic_path, check_target
 
+    if study is not None and folder is None and dance is None:
+        studies.show(study, json_path=json_path, quiet=quiet)
+        return
     if (folder is None) == (dance is None) or (dance is not None and song is None):
         raise ParameterError("expected --songs DIR to dance to, or a DANCE and its SONG")
     if dance is not None and (only or variants):
         raise ParameterError("--variants and --only are of --songs: expected none beside a DANCE")
+    if study is not None:
+        if dance is not None or report or json_path:
+            raise ParameterError("--study is of --songs: expected no DANCE, --report or --json with them")
+        studies.write(
+            study, folder, db, only=names_of(only), variants=variants, duration_s=duration, seen=seen,
+            excerpt_s=excerpt, sound=not silent, seed=order_seed, quiet=quiet,
+        )  # fmt: skip
+        return
     targets = [report] if report else []
     if json_path not in (None, "-"):
         targets.append(Path(json_path))

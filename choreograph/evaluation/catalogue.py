@@ -40,6 +40,8 @@ FAMILIES = {
     "common. Chance is words drawn from all the repertoire's; for steps, the same motifs in any order.",
     "structure": "Whether a dance repeats itself, and how much of the repertoire it uses.",
     "warping": "How fast the takes are played, 1 as recorded: the warper's limits are ½ and 2.",
+    "retrieval": "Clips by distance of their style to that of every second of a song. Chance is clips in any "
+    "order.",
 }
 
 _CG = "ChoreoGraph"
@@ -113,8 +115,17 @@ METRICS: dict[str, Metric] = {
         ),
         *_family(
             "warping",
-            ("slope_median", "median speed of the takes", "", "real", f"{_CG}, 3.2"),
-            ("slope_at_limits", "frames at the warper's limits", "share", "lower", f"{_CG}, 3.2", 3),
+            ("slope_p05", "speed of the takes, 5th percentile", "", "real", f"{_CG}, 3.2"),
+            ("slope_median", "speed of the takes, median", "", "real", f"{_CG}, 3.2"),
+            ("slope_p95", "speed of the takes, 95th percentile", "", "real", f"{_CG}, 3.2"),
+            ("share_at_slowest", "frames as slow as may be", "share", "lower", f"{_CG}, 3.2", 3),
+            ("share_at_fastest", "frames as fast as may be", "share", "lower", f"{_CG}, 3.2", 3),
+        ),
+        *_family(
+            "retrieval",
+            ("precision", "of the first 50 clips, of the song's genre", "share", "higher", "ours"),
+            ("recall", "of the genre's clips, among the first 50", "share", "higher", "ours", 3),
+            ("mean_reciprocal_rank", "mean reciprocal rank of the genre", "", "higher", "ours"),
         ),
     )
 }

@@ -9,14 +9,26 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.audio.song import Song
 from choreograph.errors import ParameterError
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.metrics import beat, dance_features, frechet, labels, physical, references, structure
+from choreograph.metrics import (
+    beat,
+    dance_features,
+    frechet,
+    labels,
+    physical,
+    references,
+    retrieval,
+    structure,
+    warping,
+)
 from choreograph.motifs.vocabulary import ALL_GENRES
 from choreograph.motifs.words import cut_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.pipeline.hearing import hear
 from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import NET_FPS, NODE_FRAMES, STORE_FPS
@@ -27,7 +39,7 @@ WORD_FPS = 30.0
 _CHANCE_ROUNDS = 100
 _HALVINGS = 5
 _ANYWHERE = 0.01
-_SLOWEST, _FASTEST = 0.505, 1.98  # within 1 % of the warper's limits
+RETRIEVED = 50  # clips looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,17 +241,34 @@ def plan_scores(plan: Plan) -> Scores:
         "longest_repeat_s": structure.longest_repeat_s(takes, pieces_s),
         "distinct_takes_per_minute": structure.distinct_takes_per_minute(takes, plan.duration_s),
     }
-    slopes = slopes_of(plan)
-    if len(slopes):
-        scores["slope_median"] = float(np.median(slopes))
-        scores["slope_at_limits"] = float(np.mean((slopes < _SLOWEST) | (slopes > _FASTEST)))
+    if plan.seconds:
+        scores |= warping.evaluate(time_maps(plan))
     return Scores(scores)
 
 
-def slopes_of(plan: Plan) -> Floats:
-    """Seconds of the take a second of the dance, at every 20 fps frame of the plan's seconds, (F,)."""
-    times_s = np.array([second.source_times_s for second in plan.seconds]).reshape(-1, NODE_FRAMES + 1)
-    return np.diff(times_s, axis=1).ravel() * NET_FPS
+def time_maps(plan: Plan) -> Floats:
+    """The take's frame at every frame of the plan's seconds, ends included, (S, 21) at 20 fps."""
+    times_s = np.array([second.source_times_s for second in plan.seconds], np.float64)
+    return times_s.reshape(-1, NODE_FRAMES + 1) * NET_FPS
+
+
+def retrieval_scores(song: Song, genre: str, repertoire: Repertoire) -> Scores:
+    """How many of the clips nearest in style to each second of a song are of its genre, and how early.
+
+    Nothing if the repertoire has no style networks, or no clip of the genre.
+    """
+    genres = np.array([take.credits.genre for take in repertoire.takes])[repertoire.clip_take]
+    of_genre = genres == genre
+    if not genre or "style" not in repertoire.net_names or not of_genre.any():
+        return Scores({})
+    music, _ = hear(song, repertoire)
+    distances = np.linalg.norm(music.style[:, None] - repertoire.clip_style, axis=2)  # (S, N)
+    relevant = of_genre[np.argsort(distances, axis=1, kind="stable")]
+    k = min(RETRIEVED, repertoire.n_clips)
+    found = retrieval.evaluate(relevant, k)
+    found = {name.replace(f"_at_{k}", ""): value for name, value in found.items()}
+    chance = {name.removesuffix("_chance"): v for name, v in found.items() if name.endswith("_chance")}
+    return Scores({name: v for name, v in found.items() if not name.endswith("_chance")}, chance)
 
 
 def dance_label_values(motion: Motion) -> Floats:

@@ -12,7 +12,7 @@ from PIL import Image
 
 from choreograph.errors import ParameterError
 from choreograph.evaluation.catalogue import METRICS
-from choreograph.evaluation.measuring import slopes_of
+from choreograph.evaluation.measuring import time_maps
 from choreograph.evaluation.results import REAL, Evaluation, Shown, ShownDance, dances_of
 from choreograph.evaluation.tables import column_title, song_table
 from choreograph.features.motion_beats import mean_joint_speed_m_s, motion_beat_times_s
@@ -96,10 +96,11 @@ def cost_figure(shown: Shown) -> Figure | None:
 
 def slope_figure(evaluation: Evaluation) -> Figure | None:
     """How fast sources are played, over all planned seconds of all dances; None if there are none."""
-    names = evaluation.variants
-    plans = {name: [d.plan for d in dances_of(evaluation.dances, name) if d.plan] for name in names}
-    slopes = {name: np.concatenate([slopes_of(p) for p in found]) for name, found in plans.items() if found}
-    slopes = {name: values for name, values in slopes.items() if len(values)}
+    slopes = {}
+    for name in evaluation.variants:
+        plans = [d.plan for d in dances_of(evaluation.dances, name) if d.plan and d.plan.seconds]
+        if plans:
+            slopes[name] = np.concatenate([np.diff(time_maps(plan), axis=1).ravel() for plan in plans])
     if not slopes:
         return None
     figure, panels = _panels(len(slopes), 1.25)

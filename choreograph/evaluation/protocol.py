@@ -22,9 +22,18 @@ from choreograph.evaluation.measuring import (
     physical_scores,
     plan_scores,
     real_set_scores,
+    retrieval_scores,
     set_scores,
 )
-from choreograph.evaluation.results import REAL, TAKES, Evaluation, MeasuredDance, Shown, ShownDance
+from choreograph.evaluation.results import (
+    REAL,
+    SELECTION,
+    TAKES,
+    Evaluation,
+    MeasuredDance,
+    Shown,
+    ShownDance,
+)
 from choreograph.evaluation.songs import EvaluatedSong, beats_of, check_unseen
 from choreograph.evaluation.variants import Variant, dance_as, variants_named
 from choreograph.features.music_beats import DEFAULT_TRACKER
@@ -89,6 +98,7 @@ class _Run:
         self.repertoire, self.songs, self.protocol = repertoire, songs, protocol
         self.report = report or (lambda stage, done, total: None)
         self.dances: list[MeasuredDance] = []
+        self.found: list[MeasuredDance] = []  # clips, by style
         self.notes: dict[str, None] = {}
         self.features: dict[tuple[str, int], list[FeatureRows]] = {}
         self.dance_labels: list[Floats] = []  # (W, 4) a dance
@@ -136,6 +146,8 @@ class _Run:
                 if seed == 0:
                     kept.append(shown)
         if song.take is not None:
+            found = retrieval_scores(loaded, song.take.credits.genre, self.repertoire)
+            self.found.append(MeasuredDance(SELECTION, song.name, 0, found))
             n_frames = min(song.take.motion.n_frames, round(loaded.duration_s * song.take.motion.fps))
             kept.append(self._measured(REAL, song, 0, song.take.motion.sliced(0, n_frames), None, beats_s))
         if self.shown is None:
@@ -176,6 +188,9 @@ class _Run:
         variants = {v.name: v.says for v in self.protocol.variants}
         if any(d.variant == REAL for d in dances):
             variants[REAL] = "the real takes to these songs"
+        found = [f for f in self.found if f.scores.values]
+        if found:
+            variants[SELECTION] = "the repertoire's clips by style, whatever is danced"
         if takes:
             variants[TAKES] = "the repertoire's takes that were danced with"
         facts = {
@@ -187,7 +202,9 @@ class _Run:
             "frechet_against": self.against,
             "seen": self.protocol.seen,
         }
-        return Evaluation(facts, variants, (*dances, *takes), tuple(sets), tuple(self.notes), self.shown)
+        return Evaluation(
+            facts, variants, (*dances, *found, *takes), tuple(sets), tuple(self.notes), self.shown
+        )
 
     def _labelled(self) -> list[MeasuredDance]:
         real = [v for d, v in zip(self.dances, self.dance_labels, strict=True) if d.variant == REAL]

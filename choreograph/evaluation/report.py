@@ -18,6 +18,7 @@ _ARROW_SAYS = {"higher": "higher is better", "lower": "lower is better", "real":
 _TITLES = {
     "beats": "Beats", "realism": "Realism", "sets": "Features of whole dances", "labels": "Labels",
     "physics": "Physics", "motifs": "Motifs", "structure": "Structure", "warping": "Warping",
+    "retrieval": "Retrieval",
 }  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from choreograph.plan import Plan
 Floats = NDArray[np.float64]
 
 REAL, TAKES = "real", "takes"  # the columns beside the variants
+SELECTION = "selection"  # no dance: what is found for a song by style
 GIVEN = "dance"  # the one column where a single dance is measured
 
 

@@ -114,12 +114,7 @@ def write_study(
     """
     folder = Path(folder)
     shown = _in_order(dances, np.random.default_rng(_checked_seed(seed)))
-    if (folder / KEY_NAME).exists():
-        raise ParameterError(
-            f"cannot write a study to {folder}: there is one already, and its ratings need its key"
-        )
-    if not folder.parent.is_dir() or (folder.exists() and not folder.is_dir()):
-        raise ParameterError(f"cannot write a study to {folder}: it is no folder, or its parent is not there")
+    check_study_folder(folder)
     questions = [question for question in QUESTIONS if sound or not question.needs_sound]
     excerpts = _excerpts([dance for _, _, dance in shown], excerpt_s)
     data, texts = _packed(excerpts, sound=sound)
@@ -148,6 +143,17 @@ def write_study(
     for name, text in ((PAGE_NAME, page), (KEY_NAME, json.dumps(key, indent=1, ensure_ascii=False) + "\n")):
         with atomic_path(folder / name) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def check_study_folder(folder: str | Path) -> None:
+    """Raise `ParameterError` if no study can be written there: one is there, or it cannot be a folder."""
+    folder = Path(folder)
+    if (folder / KEY_NAME).exists():
+        raise ParameterError(
+            f"cannot write a study to {folder}: there is one already, and its ratings need its key"
+        )
+    if not folder.parent.is_dir() or (folder.exists() and not folder.is_dir()):
+        raise ParameterError(f"cannot write a study to {folder}: it is no folder, or its parent is not there")
 
 
 def _checked_seed(seed: int) -> int:

@@ -6,6 +6,7 @@ import pytest
 from click.testing import CliRunner
 from planted_dances import stepping
 from planted_repertoire import planted_repertoire, write_clicks
+from planted_studies import rate_all
 
 from choreograph.cli import main
 from choreograph.exporters import save_motion
@@ -69,6 +70,19 @@ def test_beats_may_be_given(tmp_path, bvh, songs):
     off = json.loads(run("evaluate", bvh, songs / "one.wav", "--beats", beats, "--json", "-").stdout)
     assert off["dances"][0]["values"]["f_score"] < 0.2  # it rests between them
     assert off["facts"]["beats"] == "beats.txt"
+
+
+def test_a_study_is_written_and_its_ratings_are_read(tmp_path, db, songs):
+    study = tmp_path / "study"
+    written = run("evaluate", "--db", db, "--songs", songs, "--variants", "random", "--variants", "ours",
+                  "--study", study, "--excerpt", 2.0, "--silent")  # fmt: skip
+    assert written.exit_code == 0, written.output
+    assert "2 dances of 2 variants" in written.stdout
+    rate_all(study, {"random": 1.0, "ours": 4.0}, n_raters=3)
+    told = run("evaluate", "--study", study)
+    assert told.exit_code == 0, told.output
+    assert told.stdout.index("ours") < told.stdout.index("random") and "3 raters, 1 songs" in told.stdout
+    assert_one_line(run("evaluate", "--db", db, "--songs", songs, "--study", study), says="already")
 
 
 @pytest.mark.parametrize(

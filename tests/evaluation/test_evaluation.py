@@ -76,7 +76,7 @@ def test_every_dance_is_measured_and_every_number_is_in_the_catalogue(evaluation
         assert set(dance.scores.values) <= set(METRICS)
         assert set(dance.scores.chance) <= set(dance.scores.values)
     families = [table.family for table in tables(evaluation)]
-    assert set(families) == set(FAMILIES)
+    assert set(families) == set(FAMILIES) - {"retrieval"}  # which needs style networks
 
 
 def test_planted_beats_tell_ours_from_chance(evaluation):
@@ -201,7 +201,7 @@ def test_random_clips_are_unwarped_and_the_seeds(repertoire, folder):
         assert second.source_times_s[0] == pytest.approx(second.clip_start_s + 2.0 + second.second % 4)
     assert set(joins_s(one, repertoire)) <= {4.0, 8.0}
     scores = plan_scores(one).values
-    assert (scores["slope_median"], scores["slope_at_limits"]) == (pytest.approx(1.0), 0.0)
+    assert (scores["slope_median"], scores["share_at_fastest"]) == (pytest.approx(1.0), 0.0)
     assert scores["distinct_takes_per_minute"] == len({s.take for s in one.seconds}) * 60 / 9
 
 

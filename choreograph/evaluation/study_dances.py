@@ -1,0 +1,41 @@
+"""The dances of a rating study: one of every variant to every held-out song, and the real ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from choreograph.evaluation.results import REAL
+from choreograph.evaluation.songs import EvaluatedSong, check_unseen
+from choreograph.evaluation.study import StudyDance
+from choreograph.evaluation.variants import Variant, dance_as
+from choreograph.repertoire import Repertoire
+
+
+def make_study_dances(
+    repertoire: Repertoire,
+    songs: Sequence[EvaluatedSong],
+    variants: Sequence[Variant],
+    *,
+    seen: bool = False,
+    report: Callable[[str, int, int], None] | None = None,
+) -> dict[str, list[StudyDance]]:
+    """By variant, its dance to every song with seed 0; songs that came with a real dance add `REAL`.
+
+    Raises as `evaluate` does: `ParameterError` if the repertoire was made with a song, unless `seen`.
+    """
+    if not seen:
+        check_unseen(songs, repertoire)
+    dances: dict[str, list[StudyDance]] = {variant.name: [] for variant in variants}
+    n_dances = len(songs) * len(variants)
+    for number, song in enumerate(songs):
+        loaded = song.load()
+        for done, variant in enumerate(variants, start=number * len(variants)):
+            if report is not None:
+                report("dancing", done, n_dances)
+            made = dance_as(variant, loaded, repertoire, start_s=song.start_s)
+            dances[variant.name].append(StudyDance(made.motion, song.path, song.start_s))
+        if song.take is not None:
+            motion = song.take.motion
+            motion = motion.sliced(0, max(1, min(motion.n_frames, round(loaded.duration_s * motion.fps))))
+            dances.setdefault(REAL, []).append(StudyDance(motion, song.path, song.start_s))
+    return dances
