@@ -29,14 +29,14 @@ class DanceConfig:
     planner: str = "exact"  # of the graph engine
     candidates: int = 512  # K clips warped for each second
     blending: str = "inertial"
-    joins: str = "beats"  # where one take gives way to another: on a beat near the second, or "seconds"
+    joins: str = "beats"  # where takes change: when the joined motion keeps the beat best, or on "seconds"
     fps: float = 60.0
     seed: int = 0
     beats: str = "tempo-path"  # beat tracker
     weights: Mapping[str, float] = field(default_factory=dict)  # over DEFAULT_WEIGHTS; own costs default to 1
 
     def __post_init__(self) -> None:
-        from choreograph.blending.assembly import BLENDINGS
+        from choreograph.blending.playing import BLENDINGS
         from choreograph.blending.runs import JOINS
         from choreograph.features.music_beats import TRACKERS
 

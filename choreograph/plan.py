@@ -17,7 +17,7 @@ from choreograph.takes import Credits
 from choreograph.timebase import NODE_FRAMES, SEGMENT_S
 
 FORMAT = "choreograph-plan"
-VERSION = 2  # version 1 had neither engine nor words; it is still read
+VERSION = 2  # version 1 had neither engine nor words, and joined on the second; it is still read
 _TOUCH_S = 1e-3  # words that meet this closely leave no gap
 
 
@@ -32,6 +32,7 @@ class PlannedSecond:
     segment_second: int  # when its warped segment entered the graph
     offset: int  # 0 … 3, quarter of that segment
     source_times_s: tuple[float, ...]  # 21 take instants, at the 20 fps frames and the second's end
+    begins_s: float  # when it takes over from another piece: near `second`, or at it where it plays on
     costs: dict[str, float]  # name -> weighted cost, of the node and of the edge into it
     credits: Credits
 
@@ -81,7 +82,6 @@ class Plan:
     music_beats_s: tuple[float, ...]
     seconds: tuple[PlannedSecond, ...]
     engine: str = "graph"
-    joins: str = "seconds"
     words: tuple[PlannedWord, ...] = ()
 
     @property
@@ -122,12 +122,15 @@ class Plan:
         ):
             raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION} or 1")
         if data["version"] == 1:
-            data = {"engine": "graph", "words": [], "joins": "seconds", **data}
+            data = {"engine": "graph", "words": [], **data}
+        version = data["version"]
         data = {key: value for key, value in data.items() if key not in ("format", "version")}
         lists = {key: data.pop(key, None) for key in ("seconds", "words")}
         for key, entries in lists.items():
             if not isinstance(entries, list):
                 raise FormatError(f"{name}: expected a list of {key}, got {reprlib.repr(entries)}")
+        if version == 1:
+            lists["seconds"] = [_joined_on_the_second(entry) for entry in lists["seconds"]]
         seconds = tuple(_second(entry, name, index) for index, entry in enumerate(lists["seconds"]))
         words = tuple(_word(entry, f"{name}: word {index}") for index, entry in enumerate(lists["words"]))
         plan = cls(**_known(cls, data, name, except_for=("seconds", "words")), seconds=seconds, words=words)
@@ -151,7 +154,6 @@ class Plan:
                 engine=self.engine,
                 planner=self.planner,
                 blending=self.blending,
-                joins=self.joins,
                 fps=self.fps,
                 seed=self.seed,
             )
@@ -201,6 +203,11 @@ def _left_over(second: PlannedSecond, words: tuple[PlannedWord, ...], duration_s
     return blocks
 
 
+def _joined_on_the_second(entry: Any) -> Any:
+    """A second of version 1, as one of version 2."""
+    return {"begins_s": entry.get("second"), **entry} if isinstance(entry, dict) else entry
+
+
 def _second(entry: Any, name: str, index: int) -> PlannedSecond:
     where = f"{name}: second {index}"
     known = _known(PlannedSecond, entry, where, except_for=("credits",))
@@ -209,6 +216,8 @@ def _second(entry: Any, name: str, index: int) -> PlannedSecond:
         raise FormatError(f"{where} needs {NODE_FRAMES + 1} increasing source_times_s")
     if known["second"] != index:
         raise FormatError(f"{where}: expected seconds 0, 1, 2, … in order, got {known['second']}")
+    if abs(known["begins_s"] - index) > 1:
+        raise FormatError(f"{where}: expected begins_s within a second of {index}, got {known['begins_s']}")
     if known["offset"] >= SEGMENT_S or known["clip_start_s"] < 0:
         raise FormatError(f"{where}: expected an offset below {SEGMENT_S} and a clip_start_s of 0 or more")
     return PlannedSecond(**known, credits=Credits(**_known(Credits, entry.get("credits"), where)))

@@ -31,6 +31,7 @@ def planned(second: int) -> PlannedSecond:
         second,
         0,
         times,
+        float(second),
         {"style": 0.5, "mine": -1.0},
         Credits("waltz", "A", "CC0", "x"),
     )
@@ -64,6 +65,8 @@ def test_plans_of_words_survive_their_json(plan):
 def test_plans_of_version_1_are_still_read():
     data = json.loads(PLAN.to_json())
     del data["engine"], data["words"]
+    for second in data["seconds"]:
+        del second["begins_s"]
     assert Plan.from_json(json.dumps({**data, "version": 1})) == PLAN
 
 
@@ -155,7 +158,6 @@ def edited_second(**changes) -> str:
         edited(fps=1e9),
         edited(unknown=1),
         edited(blending="glue"),
-        edited(joins="words"),
         edited(planner="best"),
         edited(engine="steam"),
         edited(words=None),
@@ -171,6 +173,7 @@ def edited_second(**changes) -> str:
         edited_second(source_times_s=[float("nan")] * 21),
         edited_second(source_times_s=list(range(20))),
         edited_second(source_times_s=5),
+        edited_second(begins_s=7.5),
         edited_second(second=7),
         edited_second(unknown=1),
         edited_second(take=7),

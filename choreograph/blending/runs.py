@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +14,6 @@ from choreograph.timebase import NET_FPS
 Floats = NDArray[np.float64]
 
 JOINS = ("beats", "seconds")
-REACH_S = 0.25  # a join is moved to a beat no further off: what is played meanwhile was not warped to it
-_SHORTEST_S = 0.6  # a run is not made shorter than that
 _SAME_INSTANT_S = 2e-3  # pieces whose source times meet this closely need no join
 
 
@@ -107,30 +105,19 @@ def overlaid(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
     return sorted([*left, *instead], key=lambda run: run.start_s)
 
 
-def joined_on_beats(
-    runs: Sequence[Run], beat_times_s: Floats, take_lengths_s: Mapping[str, float]
-) -> list[Run]:
-    """Runs whose joins lie on the nearest beat, where one is near: there dancers come to rest anyway.
+def joined_at(runs: Sequence[Run], starts_s: Sequence[float]) -> list[Run]:
+    """The runs where each takes over from the one before at its instant (N,) of the dance, not at its start.
 
-    The one run plays on as long as the other begins later, or the other way round. A join stays where it
-    is if a run would become short or leave its take. ChoreoGraph joins on the second.
+    The one run plays on as long as the other begins later, or the other way round.
     """
     moved = list(runs)
-    for index in range(1, len(moved)):
+    for index, start_s in enumerate(starts_s):
         before, after = moved[index - 1], moved[index]
-        near = beat_times_s[np.abs(beat_times_s - after.start_s) <= REACH_S]
-        for beat in near[np.argsort(np.abs(near - after.start_s))]:
-            if min(beat - before.start_s, after.stop_s - beat) < _SHORTEST_S:
-                continue
-            pair = before.cut(before.start_s, float(beat)), after.cut(float(beat), after.stop_s)
-            if all(_within(run, take_lengths_s[run.take]) for run in pair):
-                moved[index - 1 : index + 1] = pair
-                break
+        if index == 0 or start_s == after.start_s or not before.start_s < start_s < after.stop_s:
+            continue
+        moved[index - 1] = before.cut(before.start_s, start_s)
+        moved[index] = after.cut(start_s, after.stop_s)
     return moved
-
-
-def _within(run: Run, take_length_s: float) -> bool:
-    return run.source_times_s[0] >= 0.0 and run.source_times_s[-1] <= take_length_s
 
 
 def _plays_on(run: Run, take: str, source_s: float) -> bool:

@@ -77,7 +77,9 @@ from choreograph.errors import ParameterError
 @click.option("--candidates", type=int, help="Clips warped for each second (512).")
 @click.option("--blending", metavar="inertial|linear", help="How seconds are joined (inertial).")
 @click.option(
-    "--joins", metavar="beats|seconds", help="Where takes change: on beats (default) or on seconds."
+    "--joins",
+    metavar="beats|seconds",
+    help="When takes change: as beats want it (default), or on seconds.",
 )
 @click.option("--weight", multiple=True, metavar="COST=NUMBER", help="Of style, completeness, transition, …")
 @click.option("--config", type=click.Path(path_type=Path), help="TOML file of these settings.")

@@ -165,7 +165,7 @@ class _Run:
         beats_s: Floats,
     ) -> ShownDance:
         rng = np.random.default_rng(seed)
-        boundaries_s = joins_s(plan, self.repertoire) if plan else ()
+        boundaries_s = joins_s(plan) if plan else ()
         scores = beat_scores(motion, beats_s, rng) | physical_scores(motion, boundaries_s)
         if self.real is not None:
             scores |= self.real.scores(motion, song.song_name, rng)
@@ -247,9 +247,8 @@ class _Run:
         return measured
 
 
-def joins_s(plan: Plan, repertoire: Repertoire) -> Floats:
+def joins_s(plan: Plan) -> Floats:
     """Instants in seconds, (B,), at which one run of a take gives way to another; none of a network's."""
     if plan.engine == "rollout":
         return np.zeros(0)
-    lengths_s = {take.name: take.duration_s for take in repertoire.takes}
-    return np.array([run.start_s for run in plan_runs(plan, lengths_s)[1:]])
+    return np.array([run.start_s for run in plan_runs(plan)[1:]])

@@ -119,11 +119,11 @@ def _random_plan(song: Song, repertoire: Repertoire, config: DanceConfig, start_
                 second=second, take=take.name, clip=clip, clip_start_s=repertoire.clip_start_s(clip),
                 segment_second=second - offset, offset=offset,
                 source_times_s=tuple(np.linspace(first_s, first_s + 1.0, NODE_FRAMES + 1).tolist()),
-                costs={}, credits=take.credits,
+                begins_s=float(second), costs={}, credits=take.credits,
             )
         )  # fmt: skip
     return Plan(
         song=song.name, duration_s=song.duration_s, start_s=start_s, repertoire=repertoire.path.name,
         planner="greedy", blending=config.blending, seed=config.seed, fps=config.fps, weights={},
-        music_beats_s=(), seconds=tuple(seconds), joins=config.joins,
+        music_beats_s=(), seconds=tuple(seconds),
     )  # fmt: skip

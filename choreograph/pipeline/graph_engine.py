@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.blending.runs import REACH_S
+from choreograph.blending.join_search import REACH_S
 from choreograph.config import DanceConfig, resolve_weights
 from choreograph.errors import NoPathError, ParameterError
 from choreograph.features.music import Music
@@ -32,7 +32,7 @@ from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.motion import Motion
 from choreograph.pipeline.asked import Asked, resolve, wanted_goal
 from choreograph.pipeline.overlaying import overlaid_plan
-from choreograph.pipeline.rendering import render
+from choreograph.pipeline.rendering import render, with_joins_on_beats
 from choreograph.pipeline.saving import Report
 from choreograph.pipeline.wishes import TakePin, Wishes
 from choreograph.plan import Plan, PlannedSecond
@@ -97,6 +97,8 @@ def dance_by_graph(
     plan = _to_plan(nodes, priced, music, repertoire, config, dict(own.weights), start_s)
     if report is not None:
         report("rendering", 0, 0)
+    if config.joins == "beats":
+        plan = with_joins_on_beats(plan, repertoire)
     motion = render(plan, repertoire)
     if asked.motifs or asked.motif_banned.any():
         plan, motion = overlaid_plan(plan, motion, asked, repertoire)
@@ -258,6 +260,7 @@ def _to_plan(
                 segment_second=node.second - int(node.offset[0]),
                 offset=int(node.offset[0]),
                 source_times_s=tuple(float(t) for t in times.round(5)),
+                begins_s=float(node.second),
                 costs=costs,
                 credits=repertoire.takes[take].credits,
             )
@@ -269,7 +272,6 @@ def _to_plan(
         repertoire=repertoire.path.name,
         planner=config.planner,
         blending=config.blending,
-        joins=config.joins,
         seed=config.seed,
         fps=config.fps,
         weights=weights,

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.blending.assembly import assemble
 from choreograph.blending.feet import lock_feet
-from choreograph.blending.runs import Run, joined_on_beats, overlaid, to_runs, words_to_runs
+from choreograph.blending.join_search import search_joins
+from choreograph.blending.playing import MotionReader
+from choreograph.blending.runs import Run, joined_at, overlaid, to_runs, words_to_runs
 from choreograph.errors import ParameterError
 from choreograph.features.contacts import foot_contacts
 from choreograph.motifs.words import cut_words
@@ -39,8 +41,8 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
                 f"{block.planned.take!r} at {block.start_s:.2f} s, but it lasts {length:.2f} s"
             )
     motion, _ = assemble(
-        plan_runs(plan, {take: repertoire.takes[index].duration_s for take, index in indices.items()}),
-        lambda take, start_s, stop_s: repertoire.motion(indices[take], start_s, stop_s),
+        plan_runs(plan),
+        _reader(repertoire),
         fps=plan.fps,
         duration_s=plan.duration_s,
         blending=plan.blending,
@@ -48,7 +50,7 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
     return lock_feet(motion, foot_contacts(body_pos_m(motion), motion.fps))
 
 
-def plan_runs(plan: Plan, take_lengths_s: Mapping[str, float]) -> list[Run]:
+def plan_runs(plan: Plan) -> list[Run]:
     """What is played without a join: runs of the plan's seconds, and its words in their place."""
     words = words_to_runs(
         [word.take for word in plan.words],
@@ -56,10 +58,33 @@ def plan_runs(plan: Plan, take_lengths_s: Mapping[str, float]) -> list[Run]:
         np.array([(word.source_start_s, word.source_end_s) for word in plan.words]),
         [word.pinned for word in plan.words],
     )
-    seconds = to_runs([s.take for s in plan.seconds], [s.source_times_s for s in plan.seconds])
-    if plan.joins == "beats":
-        seconds = joined_on_beats(seconds, np.array(plan.music_beats_s), take_lengths_s)
-    return overlaid(seconds, words)
+    seconds = _unjoined(plan)
+    starts_s = [plan.seconds[round(run.start_s)].begins_s for run in seconds]
+    return overlaid(joined_at(seconds, starts_s), words)
+
+
+def with_joins_on_beats(plan: Plan, repertoire: Repertoire) -> Plan:
+    """The plan whose seconds take over from one another when the rendered motion keeps the beat best."""
+    runs = _unjoined(plan)
+    starts_s = search_joins(
+        runs, np.array(plan.music_beats_s), {take.name: take.duration_s for take in repertoire.takes},
+        _reader(repertoire), fps=plan.fps, blending=plan.blending,
+    )  # fmt: skip
+    begins_s = {round(run.start_s): start_s for run, start_s in zip(runs, starts_s, strict=True)}
+    return replace(
+        plan,
+        seconds=tuple(replace(s, begins_s=round(begins_s.get(s.second, s.second), 5)) for s in plan.seconds),
+    )
+
+
+def _unjoined(plan: Plan) -> list[Run]:
+    """The runs of a plan's seconds, each from its own second on."""
+    return to_runs([s.take for s in plan.seconds], [s.source_times_s for s in plan.seconds])
+
+
+def _reader(repertoire: Repertoire) -> MotionReader:
+    indices = {take.name: index for index, take in enumerate(repertoire.takes)}
+    return lambda take, start_s, stop_s: repertoire.motion(indices[take], start_s, stop_s)
 
 
 def danced_motifs(motion: Motion, bounds_s: NDArray[np.float64], repertoire: Repertoire) -> NDArray[np.int64]:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from choreograph.blending.runs import Run, joined_on_beats, overlaid, to_runs, words_to_runs
+from choreograph.blending.runs import Run, joined_at, overlaid, to_runs, words_to_runs
 
 
 def spans(runs):
@@ -57,36 +55,15 @@ def test_what_is_danced_instead_leaves_no_gap(cover):
     assert overlaid(runs, []) == runs
 
 
-def test_joins_go_to_the_nearest_beat_within_reach_and_nothing_else_changes():
+def test_a_join_is_moved_and_nothing_else_changes():
     runs = to_runs(
         ["a"] * 3 + ["b"] * 2 + ["c"] * 2, [np.linspace(t, t + 1, 21) for t in (5, 6, 7, 1, 2, 9, 10)]
     )
-    beats = np.array([0.5, 2.9, 3.3, 5.6])
-    moved = joined_on_beats(runs, beats, {"a": 20.0, "b": 20.0, "c": 20.0})
-    assert [run.start_s for run in moved] == [0.0, 2.9, 5.0]  # the beat at 5.6 s is too far off
-    assert [run.stop_s for run in moved] == [2.9, 5.0, 7.0]
+    moved = joined_at(runs, [0.0, 2.9, 5.2])
+    assert [run.start_s for run in moved] == [0.0, 2.9, 5.2]
+    assert [run.stop_s for run in moved] == [2.9, 5.2, 7.0]
     for run, old in zip(moved, runs, strict=True):
         at = np.linspace(run.start_s, run.stop_s, 50)
         np.testing.assert_allclose(run.source_s(at), old.source_s(at), atol=1e-6)
-
-
-def test_a_join_stays_where_a_run_would_leave_its_take_or_become_short():
-    runs = to_runs(["a", "b", "c"], [np.linspace(t, t + 1, 21) for t in (0.0, 0.0, 4.0)])
-    later, earlier = np.array([1.2]), np.array([0.8])
-    long = {"a": 9.0, "b": 9.0, "c": 9.0}
-    assert joined_on_beats(runs, later, long)[1].start_s == 1.2
-    assert joined_on_beats(runs, later, long | {"a": 1.0})[1].start_s == 1.0  # a has no more to play on
-    assert joined_on_beats(runs, earlier, long)[1].start_s == 1.0  # b begins at its take's first frame
-    assert joined_on_beats(runs[:2], np.array([1.5]), long)[1].start_s == 1.0
-
-
-@given(st.lists(st.floats(0.0, 12.0), max_size=20), st.integers(0, 100))
-def test_moved_joins_leave_no_gap(beats, seed):
-    rng = np.random.default_rng(seed)
-    takes = [str(take) for take in rng.integers(0, 3, 12)]
-    runs = to_runs(takes, [np.linspace(t, t + 1, 21) for t in rng.uniform(1, 8, 12)])
-    moved = joined_on_beats(runs, np.array(sorted(beats)), dict.fromkeys("012", 12.0))
-    assert moved[0].start_s == 0.0 and moved[-1].stop_s == 12.0
-    for before, after, old in zip(moved, moved[1:], runs[1:], strict=False):
-        assert before.stop_s == after.start_s and abs(after.start_s - old.start_s) <= 0.25
-        assert before.length_s > 0.4
+    assert joined_at(runs, [0.0, 3.0, 5.0]) == runs
+    assert joined_at(runs, [0.0, 7.5, 5.0]) == runs  # not within the runs: it stays

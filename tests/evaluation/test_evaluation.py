@@ -199,7 +199,7 @@ def test_random_clips_are_unwarped_and_the_seeds(repertoire, folder):
     for second in one.seconds:
         assert np.diff(second.source_times_s) == pytest.approx(0.05)
         assert second.source_times_s[0] == pytest.approx(second.clip_start_s + 2.0 + second.second % 4)
-    assert set(joins_s(one, repertoire)) <= {4.0, 8.0}
+    assert set(joins_s(one)) <= {4.0, 8.0}
     scores = plan_scores(one).values
     assert (scores["slope_median"], scores["share_at_fastest"]) == (pytest.approx(1.0), 0.0)
     assert scores["distinct_takes_per_minute"] == len({s.take for s in one.seconds}) * 60 / 9

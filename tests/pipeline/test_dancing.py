@@ -178,7 +178,8 @@ def test_an_edited_plan_renders_what_it_says(made, repertoire):
     seconds = list(made.plan.seconds)
     other = "take2" if seconds[5].take != "take2" else "take1"
     times = tuple(4.0 + 0.05 * i for i in range(21))
-    seconds[5] = replace(seconds[5], take=other, source_times_s=times)
+    seconds[5] = replace(seconds[5], take=other, source_times_s=times, begins_s=5.0)
+    seconds[6] = replace(seconds[6], begins_s=6.0)
     edited = cg.render(replace(made.plan, seconds=tuple(seconds)), repertoire)
     assert edited.n_frames == made.motion.n_frames
     assert np.isfinite(edited.root_pos_m).all()

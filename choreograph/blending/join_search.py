@@ -1,0 +1,134 @@
+"""Where a run gives way to the next: when the joined motion, measured, keeps the beat best."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.blending.playing import JOIN_S, MotionReader, Played, join, placed, play
+from choreograph.blending.runs import Run
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.motion.body import body_indices
+from choreograph.motion.kinematics import forward
+from choreograph.timebase import seconds_to_frames
+
+Floats = NDArray[np.float64]
+
+REACH_S = 0.5  # a join is moved no further: what is played meanwhile was not warped to the music
+_STEP_S = 0.1  # instants tried, and the beats among them
+_SHORTEST_S = 0.6  # a run is not made shorter than that
+_WINDOW_S = 1.3  # rendered to each side of the border,
+_JUDGED_S = 1.0  # and judged: what a join can move, but not the window's own ends
+_LONELY_S = 0.25  # beats further apart than that have nothing to do with one another
+
+
+def search_joins(
+    runs: Sequence[Run],
+    beat_times_s: Floats,
+    take_lengths_s: Mapping[str, float],
+    read_motion: MotionReader,
+    *,
+    fps: float,
+    blending: str,
+) -> list[float]:
+    """When each run takes over from the one before (N,), in seconds of the dance; the first at its start.
+
+    Joins make motion beats and unmake them. From the first join on, each is tried at several instants
+    around its place, on music beats and between; the motion around is rendered, its beats are found, and the
+    instant stays at which motion and music beats are the least apart, both ways, in squared seconds. The one
+    run plays on as long as the other begins later, or the other way round. ChoreoGraph joins on the second.
+    """
+    starts_s = [run.start_s for run in runs]
+    if len(runs) < 2:
+        return starts_s
+    reach, window = seconds_to_frames(REACH_S, fps), seconds_to_frames(_WINDOW_S, fps)
+    margin = reach + seconds_to_frames(JOIN_S[blending] + 0.05, fps)
+    a = play(runs[0], read_motion, fps, margin)
+    total = seconds_to_frames(runs[-1].stop_s, fps) + reach
+    root_out, quat_out = np.empty((total, 3)), np.empty((total, *a.quat.shape[1:]))
+    _write(a, a.stop + reach, root_out, quat_out)
+    for index in range(1, len(runs)):
+        border = play(runs[index], read_motion, fps, margin)
+        first, stop = max(0, border.start - window), min(border.start + window, border.stop)
+        tried, frames = [], _instants(runs[index - 1 : index + 1], a.start, beat_times_s, take_lengths_s, fps)
+        for frame in frames:
+            b = placed(a, replace(border, start=frame), fps, steered=False)
+            root, quat = root_out[first:stop].copy(), quat_out[first:stop].copy()
+            here = b.rows(frame, stop)
+            root[frame - first :], quat[frame - first :] = b.root[here], b.quat[here]
+            join(a, b, blending, fps, root, quat, first)
+            tried.append((b, root, quat))
+        best = _best([(root, quat) for _, root, quat in tried], b, first, border.start, beat_times_s, fps)
+        b, root, quat = tried[best]
+        _write(b, b.stop + reach, root_out, quat_out)
+        root_out[first:stop], quat_out[first:stop] = root, quat
+        starts_s[index] = b.start / fps
+        a = b
+    return starts_s
+
+
+def _write(played: Played, stop: int, root_out: Floats, quat_out: Floats) -> None:
+    stop = min(stop, len(root_out))
+    rows = played.rows(played.start, stop)
+    root_out[played.start : stop], quat_out[played.start : stop] = played.root[rows], played.quat[rows]
+
+
+def _instants(
+    pair: Sequence[Run], start: int, beat_times_s: Floats, take_lengths_s: Mapping[str, float], fps: float
+) -> list[int]:
+    """Frames at which the second run may take over from the first, which begins at `start`: nearest first."""
+    before, after = pair
+    border = seconds_to_frames(after.start_s, fps)
+    if before.firm or after.firm:
+        return [border]
+    steps_s = after.start_s + _STEP_S * np.arange(-round(REACH_S / _STEP_S), round(REACH_S / _STEP_S) + 1)
+    near_s = beat_times_s[np.abs(beat_times_s - after.start_s) <= REACH_S]
+    shortest = seconds_to_frames(_SHORTEST_S, fps)
+    frames = {border}
+    for instant_s in (*steps_s, *near_s):
+        frame = seconds_to_frames(float(instant_s), fps)
+        long_enough = min(frame - start, seconds_to_frames(after.stop_s, fps) - frame) >= shortest
+        at_s = np.array([frame / fps])
+        within = before.source_s(at_s)[0] <= take_lengths_s[before.take] and after.source_s(at_s)[0] >= 0.0
+        if long_enough and within:
+            frames.add(frame)
+    return sorted(frames, key=lambda frame: abs(frame - border))
+
+
+def _best(
+    tried: Sequence[tuple[Floats, Floats]],
+    played: Played,
+    first: int,
+    border: int,
+    beat_times_s: Floats,
+    fps: float,
+) -> int:
+    """Which of the motions, roots (T, 3) and rotations (T, J, 4) from dance frame `first` on, keeps time."""
+    if len(tried) == 1:
+        return 0
+    skeleton = played.motion.skeleton
+    roots, quats = (np.stack(arrays) for arrays in zip(*tried, strict=True))
+    bodies_m = forward(skeleton, roots, quats)[0][:, :, body_indices(skeleton)]  # (C, T, 21, 3)
+    around_s = border / fps
+    misses = [
+        _misses_s2(first / fps + motion_beat_times_s(body_m, fps), beat_times_s, around_s)
+        for body_m in bodies_m
+    ]
+    return int(np.argmin(misses))
+
+
+def _misses_s2(motion_s: Floats, music_s: Floats, around_s: float) -> float:
+    """Sum of squared distances, capped, from each beat around an instant to the nearest of the other kind."""
+    return sum(
+        float(np.square(_nearest_s(own[np.abs(own - around_s) <= _JUDGED_S], others)).sum())
+        for own, others in ((motion_s, music_s), (music_s, motion_s))
+    )
+
+
+def _nearest_s(instants_s: Floats, others_s: Floats) -> Floats:
+    """Distance of each instant (N,) to the nearest of the others, at most `_LONELY_S`."""
+    apart = np.abs(instants_s[:, None] - others_s[None, :])
+    return np.minimum(apart.min(axis=1, initial=_LONELY_S), _LONELY_S)

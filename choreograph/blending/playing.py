@@ -1,0 +1,142 @@
+"""A run sampled at the dance's rate, put in its place, and joined to the one before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.blending.joins import apply_offset, crossfade, fading, inertial_offsets
+from choreograph.blending.runs import Run
+from choreograph.blending.stage import steer_rad
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.motion.pose import ground_pos_m, heading_rad
+from choreograph.motion.sampling import sampled_smoothly
+from choreograph.timebase import seconds_to_frames
+
+Floats = NDArray[np.float64]
+# take index, first and last instant wanted -> motion around them and the instant of its first frame
+MotionReader = Callable[[str, float, float], tuple[Motion, float]]
+
+BLENDINGS = ("inertial", "linear")
+JOIN_S = {"inertial": 0.4, "linear": 0.25}  # inertial: to each side; linear: in all
+_JOIN_SHARE = 0.5  # of a run may be blended at either end: a short one still is itself in its middle
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """A run at the dance's rate, with a margin of frames before and after it."""
+
+    motion: Motion  # any frame of it: for skeleton and roles
+    first_frame: int  # dance frame of row 0; negative in the margin before the dance
+    start: int  # dance frame where the run begins,
+    stop: int  # and the one after its last
+    root: Floats  # (T, 3)
+    quat: Floats  # (T, J, 4)
+    firm: bool  # see `Run`
+
+    def rows(self, first: int, stop: int) -> slice:
+        """The rows of dance frames."""
+        return slice(first - self.first_frame, stop - self.first_frame)
+
+    def still(self, frame: int) -> Floats:
+        """The body (21, 3) at a frame of the dance."""
+        row = self.rows(frame, frame + 1)
+        motion = Motion(self.motion.skeleton, self.root[row], self.quat[row], self.motion.fps)
+        return body_pos_m(motion)[0]
+
+    def moved(self, yaw: float, shift_m: Floats) -> Played:
+        """Turned about Y, then shifted by (3,)."""
+        turn = rot.about_y(yaw)
+        quat = np.array(self.quat)
+        quat[:, 0] = rot.multiply(turn, quat[:, 0])
+        return replace(self, root=rot.rotate(turn, self.root) + shift_m, quat=quat)
+
+
+def play(run: Run, read_motion: MotionReader, fps: float, margin: int) -> Played:
+    """Sample a run at its warped times; beyond its ends the take plays on at the end's speed."""
+    start, stop = seconds_to_frames(run.start_s, fps), seconds_to_frames(run.stop_s, fps)
+    source = run.source_s(np.arange(start - margin, stop + margin) / fps)
+    motion, first_s = read_motion(run.take, float(source.min()), float(source.max()))
+    played = sampled_smoothly(motion, (source - first_s) * motion.fps)
+    return Played(motion, start - margin, start, stop, played.root_pos_m, played.local_quat, run.firm)
+
+
+def placed(previous: Played, played: Played, fps: float, *, steered: bool = True) -> Played:
+    """`played` moved so that where it starts its body stands and faces as the previous one's.
+
+    `steered`, it is turned a little further so that the dance stays on the stage.
+    """
+    before, after = previous.still(played.start), played.still(played.start)
+    yaw = float(heading_rad(before) - heading_rad(after))
+    if steered:
+        end = played.still(played.stop - 1)
+        travel_m = rot.rotate(rot.about_y(yaw), ground_pos_m(end) - ground_pos_m(after))
+        share = min(1.0, (played.stop - played.start) / fps)  # short runs come with many joins
+        yaw += share * steer_rad(ground_pos_m(before), travel_m)
+    return played.moved(yaw, ground_pos_m(before) - rot.rotate(rot.about_y(yaw), ground_pos_m(after)))
+
+
+def join(
+    a: Played, b: Played, blending: str, fps: float, root_out: Floats, quat_out: Floats, first_out: int = 0
+) -> None:
+    """Blend the frames around b's start in an output whose row 0 is dance frame `first_out`.
+
+    The output already holds a before the join and b after it.
+    """
+    frame = b.start
+    share = _JOIN_SHARE / 2 if a.firm and b.firm else _JOIN_SHARE
+    # Frames of each run that may be blended.
+    room_a, room_b = (max(1, int(share * n)) for n in (frame - a.start, b.stop - frame))
+    # How much of the difference each side makes up for: a firm run none, if the other is not.
+    part_a, part_b = (0.5, 0.5) if a.firm == b.firm else (float(b.firm), float(a.firm))
+    last_out = first_out + len(root_out)
+    if blending == "linear":
+        whole = seconds_to_frames(JOIN_S["linear"], fps)
+        first = max(first_out, frame - min(int(part_a * whole), room_a))
+        stop = min(last_out, frame + min(int(part_b * whole), room_b))
+        if first < stop:
+            out = slice(first - first_out, stop - first_out)
+            in_a, in_b = a.rows(first, stop), b.rows(first, stop)
+            root_out[out], quat_out[out] = crossfade(a.root[in_a], a.quat[in_a], b.root[in_b], b.quat[in_b])
+        return
+    in_a, in_b = a.rows(frame - 1, frame + 2), b.rows(frame - 1, frame + 2)
+    offsets = inertial_offsets(a.root[in_a], a.quat[in_a], b.root[in_b], b.quat[in_b], fps=fps)
+    longest = seconds_to_frames(JOIN_S["inertial"], fps)
+    if part_b > 0:
+        length = min(longest, room_b)
+        after = np.arange(frame, min(last_out, frame + length))
+        _add(offsets, part_b * _FORWARDS, after - frame, length, fps, root_out, quat_out, frame - first_out)
+    if part_a > 0:
+        length = min(longest, room_a)
+        before = np.arange(max(first_out, frame - length), frame)
+        _add(offsets, part_a * _BACKWARDS, before - frame, length, fps, root_out, quat_out, frame - first_out)
+
+
+_FORWARDS = np.array([1.0, 1.0, 1.0])
+_BACKWARDS = np.array([-1.0, 1.0, -1.0])  # seen backwards in time the first derivative changes its sign
+
+
+def _add(
+    offsets: tuple[Floats, Floats],
+    parts: Floats,
+    frames: NDArray[np.int64],
+    length: int,
+    fps: float,
+    root_out: Floats,
+    quat_out: Floats,
+    row: int,
+) -> None:
+    """Add offsets of root (3, 3) and joints (3, J, 3), times `parts` (3,), that fade with `length` frames.
+
+    `frames` are counted from the join, which is `row` of the output.
+    """
+    times_s = np.abs(frames) / fps
+    root = fading(parts[:, None] * offsets[0], times_s, length / fps)
+    turn = fading(parts[:, None, None] * offsets[1], times_s, length / fps)
+    rows = row + frames
+    root_out[rows], quat_out[rows] = apply_offset(root_out[rows], quat_out[rows], root, turn)

@@ -1,0 +1,69 @@
+"""Joins are put where the dance keeps the beat: planted dances whose rests are known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planted_dances import stepping
+
+from choreograph.blending.assembly import assemble
+from choreograph.blending.join_search import REACH_S, search_joins
+from choreograph.blending.runs import joined_at, to_runs
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.metrics import beat
+from choreograph.motion.body import body_pos_m
+
+FPS = 60.0
+PERIOD_S = 0.6
+TAKES = {name: stepping(24 * 30, period_s=PERIOD_S, seed=seed) for seed, name in enumerate("abc")}
+LENGTHS_S = {name: motion.duration_s for name, motion in TAKES.items()}
+BEATS_S = PERIOD_S * np.arange(40)
+
+
+def read(take, start_s, stop_s):
+    return TAKES[take], 0.0
+
+
+def on_the_beat(takes):
+    """Runs of seconds; a take that others follow in goes on where the song is, so that it keeps time."""
+    return to_runs(list(takes), [np.linspace(second, second + 1.0, 21) for second in range(len(takes))])
+
+
+def searched(runs, beats_s=BEATS_S, lengths_s=LENGTHS_S, **options):
+    return search_joins(runs, beats_s, lengths_s, read, **{"fps": FPS, "blending": "inertial"} | options)
+
+
+def score(runs):
+    made, _ = assemble(runs, read, fps=FPS, duration_s=runs[-1].stop_s, blending="inertial")
+    return beat.evaluate(motion_beat_times_s(body_pos_m(made), FPS), BEATS_S[runs[-1].stop_s > BEATS_S])
+
+
+def test_joins_of_dances_that_rest_on_beats_are_put_on_the_beats():
+    runs = on_the_beat("ababcbcabcbacbabcacb")
+    starts_s = np.array(searched(runs))
+    before, after = score(runs), score(joined_at(runs, starts_s))
+    assert starts_s == pytest.approx(PERIOD_S * np.round(starts_s / PERIOD_S))
+    assert before["aligned_share"] < 0.95 and after["aligned_share"] == 1.0
+    assert after["motion_to_music"] < 0.1 * before["motion_to_music"]
+
+
+@given(st.text("abc", min_size=1, max_size=8), st.sampled_from(["inertial", "linear"]))
+@settings(max_examples=15, deadline=None)
+def test_joins_stay_near_in_order_and_repeatable(takes, blending):
+    runs = on_the_beat(takes)
+    starts_s = searched(runs, blending=blending)
+    assert starts_s[0] == 0.0 and len(starts_s) == len(runs)
+    assert np.abs(np.array(starts_s) - [run.start_s for run in runs]).max() <= REACH_S + 1 / FPS
+    assert (np.diff([*starts_s, runs[-1].stop_s]) >= 0.5).all()
+    assert starts_s == searched(runs, blending=blending)
+
+
+def test_a_take_is_not_played_beyond_its_ends():
+    runs = to_runs("ab", [np.linspace(4.0, 5.0, 21), np.linspace(0.0, 1.0, 21)])
+    assert searched(runs, lengths_s=LENGTHS_S | {"a": 5.0})[1] == pytest.approx(1.0)
+
+
+def test_without_beats_joins_stay():
+    runs = on_the_beat("abcab")
+    starts_s = searched(runs, beats_s=np.zeros(0))
+    assert np.abs(np.array(starts_s) - [run.start_s for run in runs]).max() <= REACH_S
