@@ -13,6 +13,8 @@ from choreograph.errors import FormatError, ParameterError
 
 ENGINES = ("graph", "mixer", "rollout")
 PLANNERS = ("exact", "greedy", "motion-graph")
+SELECTIONS = ("style", "random")
+WARPINGS = ("dtw", "none")
 # Weighed on dances to training songs, the two of motifs on those of examples/45_steered_dances.py; the paper
 # gives no numbers.
 DEFAULT_WEIGHTS = {
@@ -27,7 +29,9 @@ class DanceConfig:
 
     engine: str = "graph"  # how a dance comes about: seconds of takes, words of takes, or a network
     planner: str = "exact"  # of the graph engine
-    candidates: int = 512  # K clips warped for each second
+    candidates: int = 512  # K clips warped for each second,
+    selection: str = "style"  # those nearest in style, or any
+    warping: str = "dtw"  # onto the music's tempo, or their middle 4 s as recorded
     blending: str = "inertial"
     joins: str = "beats"  # where takes change: when the joined motion keeps the beat best, or on "seconds"
     fps: float = 60.0
@@ -42,6 +46,8 @@ class DanceConfig:
 
         _choice("engine", self.engine, ENGINES)
         _choice("planner", self.planner, PLANNERS)
+        _choice("selection", self.selection, SELECTIONS)
+        _choice("warping", self.warping, WARPINGS)
         _choice("blending", self.blending, BLENDINGS)
         _choice("joins", self.joins, JOINS)
         _choice("beats", self.beats, tuple(TRACKERS))

@@ -30,6 +30,8 @@ def test_a_file_goes_over_the_defaults(tmp_path):
         ("candidates = 1.5", "candidates"),
         ("blending = 3", "blending"),
         ('joins = "words"', "joins"),
+        ('selection = "best"', "selection"),
+        ('warping = "linear"', "warping"),
         ("fps = '60'", "fps"),
         ("fps = nan", "fps"),
         ("fps = 0", "fps"),

@@ -75,6 +75,10 @@ from choreograph.errors import ParameterError
 @click.option("--variations", type=int, metavar="N", help="N dances that differ: NAME-1.bvh, NAME-2.bvh, …")
 @click.option("--planner", metavar="exact|greedy|motion-graph", help="exact (default): the cheapest path.")
 @click.option("--candidates", type=int, help="Clips warped for each second (512).")
+@click.option(
+    "--selection", metavar="style|random", help="Of these clips: nearest in style (default), or any."
+)
+@click.option("--warping", metavar="dtw|none", help="Clips onto the music's tempo (dtw), or as recorded.")
 @click.option("--blending", metavar="inertial|linear", help="How seconds are joined (inertial).")
 @click.option(
     "--joins",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -33,6 +34,7 @@ from choreograph.evaluation.results import (
     MeasuredDance,
     Shown,
     ShownDance,
+    dances_of,
 )
 from choreograph.evaluation.songs import EvaluatedSong, beats_of, check_unseen
 from choreograph.evaluation.variants import Variant, dance_as, variants_named
@@ -192,7 +194,7 @@ class _Run:
         if found:
             variants[SELECTION] = "the repertoire's clips by style, whatever is danced"
         if takes:
-            variants[TAKES] = "the repertoire's takes that were danced with"
+            variants[TAKES] = f"the takes that {self.protocol.variants[0].name} danced with, by how long"
         facts = {
             "choreograph": version("choreograph"),
             "repertoire": self.repertoire.path.name,
@@ -236,15 +238,37 @@ class _Run:
         return [*sets, MeasuredDance(REAL, "", 0, Scores(halves))]
 
     def _takes(self) -> list[MeasuredDance]:
-        """The physics of the takes that were danced with."""
-        plans = [d.plan for d in self.dances if d.plan is not None]
-        names = sorted({name for plan in plans for name in plan.takes_s() if name})
+        """The physics of the takes that the first variant danced with, song by song, by how long it did."""
+        plans: dict[str, list[Plan]] = {}
+        for dance in dances_of(self.dances, self.protocol.variants[0].name):
+            if dance.plan is not None:
+                plans.setdefault(dance.song, []).append(dance.plan)
+        known: dict[str, dict[str, float]] = {}
         measured = []
-        for done, name in enumerate(names):
-            self.report("measuring takes", done, len(names))
-            motion, _ = self.repertoire.motion(self.repertoire.take_index(name))
-            measured.append(MeasuredDance(TAKES, name, 0, physical_scores(motion)))
+        for done, (song, own) in enumerate(plans.items()):
+            self.report("measuring takes", done, len(plans))
+            danced_s: Counter[str] = Counter()
+            for plan in own:
+                danced_s.update({take: length_s for take, length_s in plan.takes_s().items() if take})
+            for take in danced_s.keys() - known.keys():
+                motion, _ = self.repertoire.motion(self.repertoire.take_index(take))
+                known[take] = dict(physical_scores(motion).values)
+            if danced_s:
+                measured.append(MeasuredDance(TAKES, song, 0, _weighted(known, danced_s)))
         return measured
+
+
+def _weighted(scores: Mapping[str, Mapping[str, float]], weights: Mapping[str, float]) -> Scores:
+    """Mean scores of those that have a weight; a score counts only where it is finite."""
+    names = {name for key in weights for name in scores[key]}
+    means = {}
+    for name in sorted(names):
+        pairs = [(scores[key][name], weight) for key, weight in weights.items() if name in scores[key]]
+        pairs = [(value, weight) for value, weight in pairs if np.isfinite(value)]
+        if pairs:
+            values, shares = zip(*pairs, strict=True)
+            means[name] = float(np.average(values, weights=shares))
+    return Scores(means)
 
 
 def joins_s(plan: Plan) -> Floats:

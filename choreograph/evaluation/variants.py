@@ -43,6 +43,7 @@ def _without(cost: str) -> Variant:
 _AS_PUBLISHED = {
     **dict.fromkeys(_GRAPH_COSTS, 0.0), "style": 1.0, "completeness": 1.0, "transition": _JOINTS_TO_NORM,
 }  # fmt: skip
+_NO_EDGES = dict.fromkeys(("completeness", "transition", "velocity", "repeat"), 0.0)
 VARIANTS: dict[str, Variant] = {
     variant.name: variant
     for variant in (
@@ -63,6 +64,14 @@ VARIANTS: dict[str, Variant] = {
         _graph("ours", "the defaults"),
         _graph("greedy", "ours with the greedy planner", planner="greedy"),
         _graph("linear", "ours with linear blending", blending="linear"),
+        _graph("no-retempo", "ours without warping: clips as fast as recorded", warping="none"),
+        _graph(
+            "no-selection", "ours with candidates drawn at random, and no style cost", selection="random",
+            weights={"style": 0.0},
+        ),
+        _graph(
+            "no-graph", "ours without costs between seconds: each the best for itself", weights=_NO_EDGES
+        ),
         _graph("joins-on-seconds", "ours with joins on seconds", joins="seconds"),
         *(_without(cost) for cost in _GRAPH_COSTS),
         _graph("mixer", "the mixer engine: motion words of takes", engine="mixer"),
@@ -72,7 +81,8 @@ VARIANTS: dict[str, Variant] = {
 GROUPS: dict[str, tuple[str, ...]] = {
     "paper": ("ours", "greedy-published", "motion-graph", "random"),
     "ablations": (
-        "ours", "greedy", "linear", "joins-on-seconds", *(f"no-{cost}" for cost in _GRAPH_COSTS),
+        "ours", "no-selection", "no-retempo", "no-graph", "greedy", "linear", "joins-on-seconds",
+        *(f"no-{cost}" for cost in _GRAPH_COSTS),
     ),
     "engines": ("ours", "mixer", "rollout"),
 }  # fmt: skip

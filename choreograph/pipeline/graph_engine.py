@@ -41,6 +41,7 @@ from choreograph.selection import clip_misfits, select_clips
 from choreograph.timebase import NET_FPS, frames_to_seconds
 from choreograph.warping import ClipBeats, warp_segments
 
+_ANY = 1e6  # above any loss: with a random share of it added, style does not count
 _WHIM_S = 4.0  # takes begin up to so tired, by the seed: another seed, another dance
 
 
@@ -170,7 +171,8 @@ def _planned(
     chosen = _selected(music, repertoire, config, costs, allowed)
     segments = warp_segments(
         chosen, music.density, music.beat_times_s, repertoire.clip_density,
-        repertoire.clip_speed, _clip_beats(repertoire), report=_stage(report, "warping"),
+        repertoire.clip_speed, _clip_beats(repertoire), as_recorded=config.warping == "none",
+        report=_stage(report, "warping"),
     )  # fmt: skip
     motifs, n_motifs = None, 0
     if any(isinstance(w.cost, (Allowed, *MOTIF_COSTS)) for w in costs) and repertoire.has_vocabulary:
@@ -203,7 +205,10 @@ def _selected(
 
     def penalty(second: int) -> NDArray[np.floating]:
         fine = True if allowed is None else allowed.takes[second, repertoire.clip_take]
-        return np.where(fine, misfit, np.inf)
+        drawn = np.zeros(repertoire.n_clips)
+        if config.selection == "random":
+            drawn = _ANY * np.random.default_rng([config.seed, second]).random(repertoire.n_clips)
+        return np.where(fine, misfit + drawn, np.inf)
 
     return select_clips(
         music.style, music.beat_count, repertoire.clip_style, repertoire.clip_beat_count,

@@ -47,12 +47,14 @@ def warp_segments(
     clip_speed: Callable[[NDArray[np.integer]], NDArray[np.float32]],
     beats: ClipBeats,
     *,
+    as_recorded: bool = False,
     report: Callable[[int, int], None] | None = None,
 ) -> Segments:
     """Warp the candidates `clip` (S, K) of every second onto the music's tempo-density (S, 80).
 
     `clip_density` and `clip_speed` give tempo-densities and mean joint speeds (K, 160) of clips;
-    `music_beats_s` (Q,) are seconds of the song.
+    `music_beats_s` (Q,) are seconds of the song. `as_recorded` leaves the warp out and takes the clips'
+    middle 4 s as they are, measured the same way.
     ChoreoGraph, section 3.2; the time map's smoothing is ours.
     """
     n_seconds, k = clip.shape
@@ -64,7 +66,7 @@ def warp_segments(
         here = music_beats_s[slice(*np.searchsorted(music_beats_s, [second - 0.5, second + SEGMENT_S + 0.5]))]
         maps, *fits = _warped(
             music_density[second], clip_density(chosen), clip_speed(chosen), (here - second) * NET_FPS,
-            beats.frames, beats.ranges[chosen],
+            beats.frames, beats.ranges[chosen], as_recorded=as_recorded,
         )  # fmt: skip
         time_maps[second] = maps
         for stored, fit in zip(per_quarter, fits, strict=True):
@@ -84,18 +86,24 @@ def _warped(
     music_frames: NDArray[np.floating],
     beat_frames: NDArray[np.float64],
     beat_ranges: NDArray[np.int64],
+    *,
+    as_recorded: bool,
 ) -> tuple[NDArray, ...]:
     """Time maps (K, 81) of one second's candidates, then fit, off_beat, first_beat and last_beat (K, 4)."""
     from choreograph.warping._kernels import beat_fit
 
-    paths, _ = subsequence_dtw(query, targets)  # (K, 80)
-    maps = smooth_time_maps(
-        paths, clip_frames=CLIP_FRAMES - 1, motion_beats=beat_frames, beat_ranges=beat_ranges,
-        music_beats=music_frames,
-    )  # fmt: skip
-    # The end of the last frame, at most the slope of the frame before it.
-    end = np.minimum(2 * maps[:, -1] - maps[:, -2], CLIP_FRAMES - 1)
-    maps = np.concatenate([maps, end[:, None]], axis=1)  # (K, 81)
+    if as_recorded:
+        middle = (CLIP_FRAMES - SEGMENT_FRAMES) // 2
+        maps = np.tile(np.arange(middle, middle + SEGMENT_FRAMES + 1, dtype=np.float64), (len(targets), 1))
+    else:
+        paths, _ = subsequence_dtw(query, targets)  # (K, 80)
+        maps = smooth_time_maps(
+            paths, clip_frames=CLIP_FRAMES - 1, motion_beats=beat_frames, beat_ranges=beat_ranges,
+            music_beats=music_frames,
+        )  # fmt: skip
+        # The end of the last frame, at most the slope of the frame before it.
+        end = np.minimum(2 * maps[:, -1] - maps[:, -2], CLIP_FRAMES - 1)
+        maps = np.concatenate([maps, end[:, None]], axis=1)  # (K, 81)
     fits = beat_fit(maps, speeds, music_frames, NEAR_FRAMES, FAR_FRAMES, MIN_PROMINENCE)
     return maps, _misfit(query, targets, maps), *fits
 

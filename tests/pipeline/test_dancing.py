@@ -229,3 +229,20 @@ def test_poses_of_the_last_frame_of_a_take_are_its_own(repertoire):
     pose, velocity = repertoire.poses_m(np.array([last]), np.array([159.0]))
     assert np.isfinite(pose).all()
     assert np.abs(velocity).max() < 3.0
+
+
+def test_without_warping_takes_are_danced_as_recorded(repertoire, song):
+    made = cg.dance(song, repertoire, config=cg.DanceConfig(warping="none", joins="seconds"))
+    for second in made.plan.seconds:
+        assert np.diff(second.source_times_s) == pytest.approx(0.05, abs=1e-4)
+        assert second.source_times_s[0] == pytest.approx(second.clip_start_s + 2.0 + second.offset, abs=1e-4)
+
+
+def test_without_selection_any_clip_is_a_candidate(repertoire, song):
+    def takes(**settings):
+        made = cg.dance(song, repertoire, config=cg.DanceConfig(candidates=3, **settings))
+        return [(second.take, second.clip) for second in made.plan.seconds]
+
+    drawn = takes(selection="random", seed=1)
+    assert drawn == takes(selection="random", seed=1) != takes(selection="random", seed=2)
+    assert drawn != takes(seed=1)
