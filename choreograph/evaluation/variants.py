@@ -16,7 +16,7 @@ from choreograph.repertoire import Repertoire
 from choreograph.timebase import CLIP_S, NODE_FRAMES, SEGMENT_S
 
 _JOINTS_TO_NORM = float(np.sqrt(21.0))  # our transition is a mean over 21 joints, the paper's their norm
-_GRAPH_COSTS = ("style", "completeness", "transition", "velocity", "rhythm", "variety", "repeat")
+_GRAPH_COSTS = ("style", "completeness", "transition", "velocity", "rhythm", "pace", "variety", "repeat")
 
 
 @dataclass(frozen=True)

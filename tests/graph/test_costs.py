@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from planted_layers import random_source
 
-from choreograph.graph import Completeness, Cost, Repeat, Rhythm, Style, Transition, Variety, Velocity
+from choreograph.graph import Completeness, Cost, Pace, Repeat, Rhythm, Style, Transition, Variety, Velocity
 
 
 @pytest.fixture(params=range(3))
@@ -58,6 +59,17 @@ def test_style_and_rhythm(layers):
     by_hand = [math.dist(style, music.style[3]) for style in a.style]
     assert np.allclose(Style().node(a, music), by_hand, rtol=1e-5)
     assert np.allclose(Rhythm().node(a, music), a.off_beat + a.fit)
+
+
+def test_pace_is_octaves_off_the_takes_own_speed(layers):
+    layer = layers[0].chosen(np.arange(4))
+    steps = np.linspace(0.0, 1.0, 21)
+    speeds = np.array([1.0, 2.0, 0.5, 1.25])
+    frames = 20.0 * speeds[:, None] * steps
+    played = replace(layer, source_frames=frames)
+    assert Pace().node(played, None) == pytest.approx(np.abs(np.log2(speeds)))
+    hurried = 20.0 * np.where(steps < 0.5, steps * 2, 1 + (steps - 0.5) * 0.5)  # twice, then half as fast
+    assert Pace().node(replace(layer, source_frames=np.tile(hurried, (4, 1))), None) == pytest.approx(1.0)
 
 
 def test_variety_prices_takes_by_what_they_have_danced():
