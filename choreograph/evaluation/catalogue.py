@@ -112,6 +112,7 @@ METRICS: dict[str, Metric] = {
             ("longest_repeat_motifs", "longest motif sequence danced twice", "words", "real", "ours", 1),
             ("longest_repeat_s", "longest piece of a take played twice", "s", "lower", "ours", 1),
             ("distinct_takes_per_minute", "different takes a minute", "", "higher", "ours", 1),
+            ("own_genre", "danced with takes of the song's genre", "share", "higher", "ours"),
         ),
         *_family(
             "warping",

@@ -230,8 +230,11 @@ class SignatureJudge:
         return genre if genre in self.vocabulary.genres else ALL_GENRES
 
 
-def plan_scores(plan: Plan) -> Scores:
-    """What a plan makes of the repertoire, and how fast it plays takes; nothing if a network dances."""
+def plan_scores(plan: Plan, repertoire: Repertoire, genre: str = "") -> Scores:
+    """What a plan makes of the repertoire, and how fast it plays takes; nothing if a network dances.
+
+    `genre` is the song's, where it is known.
+    """
     blocks = plan.blocks
     takes = [block.planned.take for block in blocks]
     if not all(takes):
@@ -243,7 +246,15 @@ def plan_scores(plan: Plan) -> Scores:
     }
     if plan.seconds:
         scores |= warping.evaluate(time_maps(plan))
-    return Scores(scores)
+    genres = {take.name: take.credits.genre for take in repertoire.takes}
+    if genre not in genres.values():
+        return Scores(scores)
+    of_genre_s = sum(length_s for take, length_s in plan.takes_s().items() if genres[take] == genre)
+    lengths_s = np.array([take.duration_s for take in repertoire.takes])
+    chance = float(
+        lengths_s[[take.credits.genre == genre for take in repertoire.takes]].sum() / lengths_s.sum()
+    )
+    return Scores(scores | {"own_genre": of_genre_s / plan.duration_s}, {"own_genre": chance})
 
 
 def time_maps(plan: Plan) -> Floats:

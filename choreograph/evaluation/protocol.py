@@ -55,6 +55,7 @@ class Protocol:
 
     variants: tuple[Variant, ...] = field(default_factory=lambda: variants_named(["ours"]))
     seeds: int = 5
+    first_seed: int = 0
     beats: str | Path = DEFAULT_TRACKER  # the beats that dances are measured by, not those danced to
     seen: bool = False  # songs that the repertoire was made with are measured all the same
 
@@ -111,7 +112,8 @@ class _Run:
         self.n_dances = sum(len(self._seeds(v)) for v in protocol.variants) * len(songs)
 
     def _seeds(self, variant: Variant) -> range:
-        return range(self.protocol.seeds if variant.seeded else 1)
+        first = self.protocol.first_seed
+        return range(first, first + (self.protocol.seeds if variant.seeded else 1))
 
     def _real_dances(self) -> tuple[RealDances | None, str]:
         """What poses are held against: real takes to other songs, or the repertoire's takes."""
@@ -145,7 +147,7 @@ class _Run:
                 made = dance_as(variant, loaded, self.repertoire, seed=seed, start_s=song.start_s)
                 self.notes |= dict.fromkeys(made.notes)
                 shown = self._measured(variant.name, song, seed, made.motion, made.plan, beats_s)
-                if seed == 0:
+                if seed == self.protocol.first_seed:
                     kept.append(shown)
         if song.take is not None:
             found = retrieval_scores(loaded, song.take.credits.genre, self.repertoire)
@@ -176,7 +178,7 @@ class _Run:
             motifs, ends_s = self.judge.motifs(motion, beats_s)
             scores |= self.judge.scores(motifs, song.take.credits.genre if song.take else "")
         if plan is not None:
-            scores |= plan_scores(plan)
+            scores |= plan_scores(plan, self.repertoire, song.take.credits.genre if song.take else "")
         self.features.setdefault((variant, seed), []).append(FeatureRows.of(motion, self.real))
         self.dance_labels.append(dance_label_values(motion))
         self.dances.append(MeasuredDance(variant, song.name, seed, scores, plan))

@@ -200,7 +200,7 @@ def test_random_clips_are_unwarped_and_the_seeds(repertoire, folder):
         assert np.diff(second.source_times_s) == pytest.approx(0.05)
         assert second.source_times_s[0] == pytest.approx(second.clip_start_s + 2.0 + second.second % 4)
     assert set(joins_s(one)) <= {4.0, 8.0}
-    scores = plan_scores(one).values
+    scores = plan_scores(one, repertoire).values
     assert (scores["slope_median"], scores["share_at_fastest"]) == (pytest.approx(1.0), 0.0)
     assert scores["distinct_takes_per_minute"] == len({s.take for s in one.seconds}) * 60 / 9
 
@@ -210,7 +210,7 @@ def test_a_plan_that_plays_a_clip_twice_is_found_out(repertoire, folder):
     plan = dance_as(VARIANTS["random"], song, repertoire).plan
     again = tuple(replace(second, second=i) for i, second in enumerate(plan.seconds[:4] * 2))
     twice = replace(plan, seconds=again, duration_s=8.0)
-    assert plan_scores(twice).values["longest_repeat_s"] == pytest.approx(4.0, abs=0.5)
+    assert plan_scores(twice, repertoire).values["longest_repeat_s"] == pytest.approx(4.0, abs=0.5)
 
 
 def test_unknown_variants_and_settings_that_compare_nothing():
