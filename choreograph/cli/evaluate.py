@@ -170,8 +170,10 @@ def _show(evaluation) -> None:
 
 
 def _cell(cell, digits: int) -> str:
+    from choreograph.evaluation.tables import number_text
+
     if cell is None:
         return "-"
-    spread = f" ± {cell.spread:.{digits}f}" if cell.n > 1 else ""
-    chance = "" if cell.chance is None else f" (chance {cell.chance:.{digits}f})"
-    return f"{cell.mean:.{digits}f}{spread}{chance}"
+    spread = f" ± {number_text(cell.spread, digits)}" if cell.n > 1 else ""
+    chance = "" if cell.chance is None else f" (chance {number_text(cell.chance, digits)})"
+    return f"{number_text(cell.mean, digits)}{spread}{chance}"

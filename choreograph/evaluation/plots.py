@@ -103,7 +103,7 @@ def slope_figure(evaluation: Evaluation) -> Figure | None:
             slopes[name] = np.concatenate([np.diff(time_maps(plan), axis=1).ravel() for plan in plans])
     if not slopes:
         return None
-    figure, panels = _panels(len(slopes), 1.25)
+    figure, panels = _panels(len(slopes), 1.25, sharey=False)  # unwarped clips are one bar of 100 %
     for axis, (name, values) in zip(panels, slopes.items(), strict=True):
         share, edges = np.histogram(values, bins=np.linspace(0.45, 2.05, 65))
         axis.stairs(100.0 * share / len(values), edges, fill=True, color=_INK)

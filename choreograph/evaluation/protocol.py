@@ -55,9 +55,9 @@ class Protocol:
 
     variants: tuple[Variant, ...] = field(default_factory=lambda: variants_named(["ours"]))
     seeds: int = 5
-    first_seed: int = 0
     beats: str | Path = DEFAULT_TRACKER  # the beats that dances are measured by, not those danced to
     seen: bool = False  # songs that the repertoire was made with are measured all the same
+    first_seed: int = 0  # seeds count from it
 
     def __post_init__(self) -> None:
         if not self.variants or self.seeds < 1:

@@ -10,7 +10,7 @@ from pathlib import Path
 from choreograph.evaluation import plots
 from choreograph.evaluation.catalogue import Metric
 from choreograph.evaluation.results import Evaluation
-from choreograph.evaluation.tables import Cell, Row, Table, column_title, song_table, tables
+from choreograph.evaluation.tables import Cell, Row, Table, column_title, number_text, song_table, tables
 from choreograph.files import atomic_path, check_target
 
 _ARROWS = {"higher": "↑", "lower": "↓", "real": "≈"}
@@ -98,9 +98,9 @@ def _row(row: Row) -> str:
 def _cell(cell: Cell | None, metric: Metric) -> str:
     if cell is None:
         return "<td>–</td>"
-    spread = f" <span class=spread>± {cell.spread:.{metric.digits}f}</span>" if cell.n > 1 else ""
-    chance = "" if cell.chance is None else f"<small>chance {cell.chance:.{metric.digits}f}</small>"
-    return f'<td title="{cell.n} dances"><b>{cell.mean:.{metric.digits}f}</b>{spread}{chance}</td>'
+    spread = f" <span class=spread>± {number_text(cell.spread, metric.digits)}</span>" if cell.n > 1 else ""
+    chance = "" if cell.chance is None else f"<small>chance {number_text(cell.chance, metric.digits)}</small>"
+    return f'<td title="{cell.n} dances"><b>{number_text(cell.mean, metric.digits)}</b>{spread}{chance}</td>'
 
 
 def _songs(evaluation: Evaluation) -> str:

@@ -133,6 +133,11 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+def number_text(value: float, digits: int) -> str:
+    """A number as tables show it; what published code makes of broken features has fifteen digits."""
+    return f"{value:.1e}" if abs(value) >= 1e6 else f"{value:.{digits}f}"
+
+
 def column_title(name: str) -> str:
     """What a column is called over a table."""
     return {REAL: "real dances", TAKES: "source takes"}.get(name, name)

@@ -28,6 +28,7 @@ from choreograph.evaluation.catalogue import FAMILIES
 from choreograph.evaluation.measuring import plan_scores
 from choreograph.evaluation.protocol import joins_s
 from choreograph.evaluation.songs import beats_of
+from choreograph.evaluation.tables import number_text
 from choreograph.evaluation.variants import VARIANTS, dance_as
 from choreograph.exporters import save_motion
 from choreograph.repertoire import Repertoire
@@ -79,6 +80,15 @@ def test_every_dance_is_measured_and_every_number_is_in_the_catalogue(evaluation
     assert set(families) == set(FAMILIES) - {"retrieval"}  # which needs style networks
 
 
+def test_numbers_that_explode_stay_readable():
+    assert [number_text(v, 1) for v in (0.25, -3.0, 12345.6, 4.88e20)] == [
+        "0.2",
+        "-3.0",
+        "12345.6",
+        "4.9e+20",
+    ]
+
+
 def test_planted_beats_tell_ours_from_chance(evaluation):
     f_score = cells(evaluation, "f_score")
     assert f_score["ours"].n == f_score["random"].n == 6
@@ -116,7 +126,7 @@ def test_the_report_holds_every_table_and_every_number(evaluation, tmp_path):
         for row in table.rows:
             assert row.metric.label.split("'")[0] in page
             for cell in filter(None, row.cells):
-                assert f"<b>{cell.mean:.{row.metric.digits}f}</b>" in page
+                assert f"<b>{number_text(cell.mean, row.metric.digits)}</b>" in page
     for section in ("songs", "speed", "costs", "slopes", "signatures", "convergence", "poses"):
         assert f"<section id={section}>" in page or f'<section id="{section}">' in page
     assert page.count("data:image/png;base64,") == len(evaluation.shown.dances)
