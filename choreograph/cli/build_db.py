@@ -38,6 +38,10 @@ from choreograph.cli.present import examples, show_notes, stages
     is_flag=True,
     help="Train the network of `dance --engine rollout`, too (small: half an hour).",
 )
+@click.option(
+    "--mirroring/--no-mirroring", default=True, show_default=True,
+    help="Learn from motion seen in a mirror, too; not where left must stay left.",
+)  # fmt: skip
 @click.option("--packed", is_flag=True, help="A third of the size: motion in 16 bits.")
 @click.option("--leave-out", multiple=True, metavar="TAKE", help="Leave a take out; @FILE names one a line.")
 @click.option("--device", default="auto", show_default=True, metavar="auto|cpu|cuda", help="Where to train.")
@@ -52,6 +56,7 @@ def command(
     keep_networks,
     density,
     rollout,
+    mirroring,
     packed,
     leave_out,
     device,
@@ -68,7 +73,8 @@ def command(
     given = {} if density is None else {"density": density}
     options = BuildOptions(
         preset=preset, seed=seed, device=device, resume=resume, init_from=init_from,
-        keep_networks=keep_networks, rollout=rollout, packed=packed, leave_out=names_of(leave_out), **given,
+        keep_networks=keep_networks, rollout=rollout, mirroring=mirroring, packed=packed,
+        leave_out=names_of(leave_out), **given,
     )  # fmt: skip
     try:
         with stages(quiet=quiet) as shown:

@@ -27,6 +27,7 @@ class DensityConfig:
     equivariance_weight: float = 1.0
     location_weight: float = 1.0
     temperature: float = 0.1  # of the location term: of squared differences of unit-variance curves
+    mirrored_share: float = 0.5  # of the samples of motion; 0 where left must not be taken for right
     batch_size: int = 16
     steps: int = 1500
     learning_rate: float = 2e-3

@@ -63,7 +63,7 @@ def train_motion_density(
         load_start(estimator, "motion_density", start)
 
     def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
-        pairs = warped_pairs(usable, config.batch_size, rng)
+        pairs = warped_pairs(usable, config.batch_size, rng, mirrored_share=config.mirrored_share)
         pairs = WarpedPairs(*(t.to(device) for t in (pairs.body, pairs.warped, pairs.frames)))
         return density_loss(estimator, decoder, pairs, config)
 
@@ -81,8 +81,10 @@ def train_motion_density(
     return estimator
 
 
-def warped_pairs(takes: Sequence[StyleTake], size: int, rng: np.random.Generator) -> WarpedPairs:
-    """Random clips of 8 s, half of them mirrored, turned any way and up to 10 % larger, and their warps."""
+def warped_pairs(
+    takes: Sequence[StyleTake], size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5
+) -> WarpedPairs:
+    """Random clips of 8 s, some mirrored, turned by up to 30° and up to 10 % larger, and their warps."""
     lengths = np.array([len(take.body_pos_m) for take in takes], np.float64)
     clips = np.empty((size, CLIP_FRAMES, *takes[0].body_pos_m.shape[1:]), np.float32)
     frames = np.empty((size, CLIP_FRAMES), np.float32)
@@ -94,7 +96,8 @@ def warped_pairs(takes: Sequence[StyleTake], size: int, rng: np.random.Generator
             CLIP_FRAMES, NET_FPS, rng,
             beat_times_s=take.motion_beat_times_s - begin / NET_FPS, share=rng.uniform(0.2, 1.0),
         )  # fmt: skip
-    clips = np.where((rng.random(size) < 0.5)[:, None, None, None], mirrored(clips), clips)
+    flip = rng.random(size) < mirrored_share
+    clips = np.where(flip[:, None, None, None], mirrored(clips), clips)
     clips = turned(centred(clips), rng.uniform(-np.pi / 6, np.pi / 6, size))
     clips = clips * rng.uniform(0.9, 1.1, (size, 1, 1, 1)).astype(np.float32)
     warped = centred(np.stack([resampled(clip, at) for clip, at in zip(clips, frames, strict=True)]))

@@ -35,6 +35,7 @@ class StyleConfig:
     contrast_weight: float = 0.3  # own pair against pairs of other takes
     genre_weight: float = 1.0  # pairs of one genre against the others, where takes name theirs
     temperature: float = 0.2  # of squared distances between unit vectors
+    mirrored_share: float = 0.5  # of the samples of motion; 0 where left must not be taken for right
     batch_size: int = 32
     steps: int = 220  # for up to `SONGS` songs; see `style_config`
     learning_rate: float = 5e-3

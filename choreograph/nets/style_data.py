@@ -86,7 +86,7 @@ class StyleData:
             "beats_std": np.array([counts.std() + 0.1], np.float32),
         }
 
-    def batch(self, size: int, rng: np.random.Generator) -> StyleBatch:
+    def batch(self, size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5) -> StyleBatch:
         """Random segments, balanced over genres and takes, augmented."""
         chosen = rng.choice(len(self.takes), size, p=self._chance)
         starts = [int(rng.integers(self.takes[i].n_starts)) for i in chosen]
@@ -105,7 +105,7 @@ class StyleData:
         return StyleBatch(
             torch.from_numpy(augmented_mel(mel, rng)),
             torch.from_numpy(augmented_rhythm(rhythm, rng)),
-            torch.from_numpy(augmented_body(body, rng)),
+            torch.from_numpy(augmented_body(body, rng, mirrored_share=mirrored_share)),
             torch.from_numpy(n_beats),
             torch.from_numpy(self._song[chosen]),
             torch.from_numpy(self._genre[chosen]),
@@ -173,10 +173,11 @@ def augmented_rhythm(rhythm: NDArray[np.float32], rng: np.random.Generator) -> N
     return out.reshape(len(rhythm), N_BANDS * (n_lags + N_SCALES)).astype(np.float32)
 
 
-def augmented_body(body_pos_m: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Segments (B, 80, 21, 3) centred, half of them mirrored, turned by up to 30°, up to 10 % larger."""
-    body = np.where(
-        (rng.random(len(body_pos_m)) < 0.5)[:, None, None, None], mirrored(body_pos_m), body_pos_m
-    )
+def augmented_body(
+    body_pos_m: NDArray[np.float32], rng: np.random.Generator, *, mirrored_share: float
+) -> NDArray[np.float32]:
+    """Segments (B, 80, 21, 3) centred, some mirrored, turned by up to 30°, up to 10 % larger."""
+    flip = rng.random(len(body_pos_m)) < mirrored_share
+    body = np.where(flip[:, None, None, None], mirrored(body_pos_m), body_pos_m)
     body = turned(centred(body), rng.uniform(-np.pi / 6, np.pi / 6, len(body)))
     return (body * rng.uniform(0.9, 1.1, (len(body), 1, 1, 1))).astype(np.float32)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 
 import torch
 from numpy.typing import NDArray
@@ -41,6 +42,7 @@ def train_style(
     ParameterError   fewer than two songs have 4 s of pairs, or `start` is of another shape
     """
     data = StyleData(takes)
+    drawn = partial(data.batch, mirrored_share=config.mirrored_share)
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         nets = StyleNets(config)
@@ -49,7 +51,7 @@ def train_style(
     nets.load_state_dict({name: torch.as_tensor(v) for name, v in data.statistics().items()}, strict=False)
     train(
         nets,
-        lambda rng, device: pair_loss(nets, data.batch(config.batch_size, rng).on(device)),
+        lambda rng, device: pair_loss(nets, drawn(config.batch_size, rng).on(device)),
         name="style",
         n_steps=config.steps,
         learning_rate=config.learning_rate,

@@ -23,6 +23,7 @@ class WordConfig:
     same_m: float = 0.04  # words at less than about that distance count as one
     contrast_weight: float = 0.1
     distance_weight: float = 1.0  # embedding distance against the words' own
+    mirrored_share: float = 0.5  # of the samples of motion; 0 where left must not be taken for right
     batch_size: int = 128
     steps: int = 800
     learning_rate: float = 5e-4

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 
 import numpy as np
 import torch
@@ -68,16 +69,17 @@ def train_word_net(
     usable = [take for take in takes if len(take.start_s) > 0]
     if sum(len(take.start_s) for take in usable) < 2:
         raise ParameterError("expected takes of two motion words or more to learn from, got fewer")
+    drawn = partial(word_copies, usable, mirrored_share=config.mirrored_share)
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         net = WordNet(config)
     if start is not None:
         load_start(net, "words", start)
     else:
-        net.begin_with(word_copies(usable, _BEGIN_WORDS, np.random.default_rng(seed)).words)
+        net.begin_with(drawn(_BEGIN_WORDS, np.random.default_rng(seed)).words)
 
     def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
-        return word_loss(net, word_copies(usable, config.batch_size, rng).on(device))
+        return word_loss(net, drawn(config.batch_size, rng).on(device))
 
     train(
         net,
@@ -93,8 +95,10 @@ def train_word_net(
     return net
 
 
-def word_copies(takes: Sequence[WordTake], size: int, rng: np.random.Generator) -> WordCopies:
-    """Random words, half of them mirrored, and two copies of each, both altered in their own ways.
+def word_copies(
+    takes: Sequence[WordTake], size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5
+) -> WordCopies:
+    """Random words, some of them mirrored, and two copies of each, both altered in their own ways.
 
     A copy is time-warped within the word, its beats are heard a little early or late, it was sampled at
     another frame rate, its dancer has another size and holds the joints a little differently. The copies
@@ -112,7 +116,7 @@ def word_copies(takes: Sequence[WordTake], size: int, rng: np.random.Generator) 
         words.append(_sampled(take, start_s, end_s, even))
         copies.append([_altered(take, start_s, end_s, rng) for _ in range(2)])
     clean, altered = np.stack(words), np.stack(copies, axis=1)  # (B, 13, 21, 3), (2, B, 13, 21, 3)
-    flip = (rng.random(size) < 0.5)[:, None, None, None]
+    flip = (rng.random(size) < mirrored_share)[:, None, None, None]
     clean, altered = np.where(flip, mirrored(clean), clean), np.where(flip, mirrored(altered), altered)
     first, second = torch.from_numpy(altered.astype(np.float32))
     return WordCopies(torch.from_numpy(clean.astype(np.float32)), first, second)

@@ -45,6 +45,7 @@ class BuildOptions:
     packed: bool = False  # motion in 16 bits: a third of the size, turns to 0.03 degrees
     rollout: bool = False  # train the network that dances motifs, too: as long as all else together
     leave_out: tuple[str, ...] = ()  # takes left out of everything, by name
+    mirroring: bool = True  # networks learn from motion seen in a mirror, too
     words: bool = True  # cut motion words and find motifs; without, a word network is not even taken over
 
 

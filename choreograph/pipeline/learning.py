@@ -110,13 +110,14 @@ def _trained(
     nets = {name: net for name, net in beginning.kept.items() if name in MUSIC_NETS}
     given: dict[str, Any] = {"seed": options.seed, "place": place}
     if "style" not in nets:
-        config = style_config(options.preset, n_songs=len({take.song_name for take in takes}))
+        n_songs = len({take.song_name for take in takes})
+        config = style_config(options.preset, n_songs=n_songs, **_changes(options))
         style = train_style(takes, config, start=beginning.weights("style"), **given)
         nets["style"] = _stored(style)
     longest_s = max(min(len(t.body_pos_m) / NET_FPS, len(t.log_mel) / MUSIC_FPS) for t in takes)
     if longest_s < CLIP_S:
         return nets
-    densities = density_config(options.preset)
+    densities = density_config(options.preset, **_changes(options))
     if "motion_density" in nets:
         motion = MotionDensity.from_arrays(nets["motion_density"].weights, nets["motion_density"].config)
     else:
@@ -138,10 +139,15 @@ def word_network(
     if "words" in beginning.kept or sum(len(take.words) for take in takes) < FEWEST_WORDS:
         return beginning.nets.get("words")
     net = train_word_net(
-        [take.to_learn_from() for take in takes], word_config(options.preset),
+        [take.to_learn_from() for take in takes], word_config(options.preset, **_changes(options)),
         seed=options.seed, place=place, start=beginning.weights("words"),
     )  # fmt: skip
     return _stored(net)
+
+
+def _changes(options: BuildOptions) -> dict[str, Any]:
+    """What every network's preset is changed by."""
+    return {} if options.mirroring else {"mirrored_share": 0.0}
 
 
 def _stored(net) -> NetArrays:
