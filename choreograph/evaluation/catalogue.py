@@ -38,7 +38,8 @@ FAMILIES = {
     "physics": "Beside the dances stand the repertoire's takes that they are made of.",
     "motifs": "Distance of the dance's motif signature to its genre's template: 0 the same, 1 nothing in "
     "common. Chance is words drawn from all the repertoire's; for steps, the same motifs in any order.",
-    "structure": "Whether a dance repeats itself, and how much of the repertoire it uses.",
+    "structure": "Whether a dance repeats itself, and where its song does: how much more of their moves two "
+    "sections of the same music share than two others (chance is 0); and how much of the repertoire it uses.",
     "warping": "How fast the takes are played, 1 as recorded: the warper's limits are ½ and 2.",
     "retrieval": "Clips by distance of their style to that of every second of a song. Chance is clips in any "
     "order.",
@@ -109,6 +110,8 @@ METRICS: dict[str, Metric] = {
         ),
         *_family(
             "structure",
+            ("section_agreement", "moves shared when the music comes again", "", "higher", "ours"),
+            ("section_agreement_in_step", "the same moves in the same order", "", "higher", "ours"),
             ("longest_repeat_motifs", "longest motif sequence danced twice", "words", "real", "ours", 1),
             ("longest_repeat_s", "longest piece of a take played twice", "s", "lower", "ours", 1),
             ("distinct_takes_per_minute", "different takes a minute", "", "higher", "ours", 1),

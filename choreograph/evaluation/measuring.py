@@ -23,8 +23,6 @@ from choreograph.metrics import (
     structure,
     warping,
 )
-from choreograph.motifs.vocabulary import ALL_GENRES
-from choreograph.motifs.words import cut_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.motion import Motion
@@ -35,10 +33,8 @@ from choreograph.timebase import NET_FPS, NODE_FRAMES, STORE_FPS
 
 Floats = NDArray[np.float64]
 
-WORD_FPS = 30.0
 _CHANCE_ROUNDS = 100
 _HALVINGS = 5
-_ANYWHERE = 0.01
 RETRIEVED = 50  # clips looked at
 
 
@@ -178,56 +174,6 @@ def _pooled(parts: Sequence[dance_features.DanceFeatures]) -> dance_features.Dan
         np.concatenate([part.geometric for part in parts]),
         parts[0].variant,
     )
-
-
-class SignatureJudge:
-    """Measures which motifs of a repertoire's vocabulary a dance is made of."""
-
-    def __init__(self, repertoire: Repertoire) -> None:
-        self.vocabulary = repertoire.vocabulary
-        self._net = repertoire.word_net()
-
-    def motifs(self, motion: Motion, music_beats_s: Floats) -> tuple[NDArray[np.int64], Floats]:
-        """The dance's motifs (N,), cut on the music's beats, and the instants (N,) that they end."""
-        words = cut_words(body_pos_m(motion.resampled(WORD_FPS)), WORD_FPS, music_beats_s)
-        if len(words) == 0:
-            return np.zeros(0, np.int64), np.zeros(0)
-        return self.vocabulary.motifs.nearest(self._net.embed(words.body_pos_m)), words.end_s
-
-    def template(self, genre: str) -> Floats:
-        """The genre's signature (K,); that of all genres if it is not among the repertoire's."""
-        return self.vocabulary.signatures[self.vocabulary.genre_index(self._known(genre))]
-
-    def scores(self, motifs: NDArray[np.int64], genre: str) -> Scores:
-        """How near motifs (N,) are to a genre's shares of them, and to its steps from one to the next.
-
-        Chance is motifs of words drawn from all the repertoire's, and the same motifs in any order. A step
-        that the genre's takes never make would be infinitely surprising: one in a hundred is taken to lead
-        anywhere.
-        """
-        if len(motifs) < 2:
-            return Scores({})
-        genre, n_motifs = self._known(genre), self.vocabulary.n_motifs
-        template = self.template(genre)
-        steps = self.vocabulary.transitions[self.vocabulary.genre_index(genre)]
-        steps = (1.0 - _ANYWHERE) * steps + _ANYWHERE / n_motifs
-        rng = np.random.default_rng(len(motifs))
-        drawn = [rng.choice(self.vocabulary.word_motif, len(motifs)) for _ in range(_CHANCE_ROUNDS)]
-        chance = np.mean([structure.signature_distance(motifs_of, template) for motifs_of in drawn])
-        return Scores(
-            {
-                "signature_chi2": structure.signature_distance(motifs, template),
-                "transition_bits": structure.transition_bits(motifs, steps),
-                "longest_repeat_motifs": float(structure.longest_repeat(motifs)),
-            },
-            {
-                "signature_chi2": float(chance),
-                "transition_bits": structure.transition_chance_bits(motifs, steps),
-            },
-        )
-
-    def _known(self, genre: str) -> str:
-        return genre if genre in self.vocabulary.genres else ALL_GENRES
 
 
 def plan_scores(plan: Plan, repertoire: Repertoire, genre: str = "") -> Scores:

@@ -165,11 +165,11 @@ def convergence_figure(shown: Shown) -> Figure | None:
     figure = _figure(_WIDTH_IN, 2.8)
     axis = figure.subplots()
     for index, dance in enumerate(dances):
-        assert dance.motifs is not None and dance.motif_ends_s is not None
-        counts = np.cumsum(np.eye(len(shown.template))[dance.motifs], axis=0)  # (N, K)
+        assert dance.motifs is not None
+        counts = np.cumsum(np.eye(len(shown.template))[dance.motifs.motifs], axis=0)  # (N, K)
         so_far = counts / np.arange(1, len(counts) + 1)[:, None]
         axis.plot(
-            dance.motif_ends_s, chi_square_distance(so_far, shown.template),
+            dance.motifs.end_s, chi_square_distance(so_far, shown.template),
             label=column_title(dance.variant), color=_COLOURS[index % len(_COLOURS)], linewidth=1.4,
         )  # fmt: skip
     axis.set(ylim=(0, 1), xlabel="seconds danced", ylabel="χ² to the template")
@@ -218,7 +218,7 @@ def _first(motion: Motion, seconds: float) -> Motion:
 
 def _shares(dance: ShownDance, n_motifs: int) -> Floats:
     assert dance.motifs is not None
-    return np.bincount(dance.motifs, minlength=n_motifs) / len(dance.motifs)
+    return np.bincount(dance.motifs.motifs, minlength=n_motifs) / len(dance.motifs)
 
 
 def _panels(n: int, height_in: float, *, sharey: bool = True) -> tuple[Figure, list[Axes]]:

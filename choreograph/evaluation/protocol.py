@@ -16,7 +16,6 @@ from choreograph.evaluation.measuring import (
     FeatureRows,
     RealDances,
     Scores,
-    SignatureJudge,
     beat_scores,
     dance_label_values,
     label_scores,
@@ -26,6 +25,7 @@ from choreograph.evaluation.measuring import (
     retrieval_scores,
     set_scores,
 )
+from choreograph.evaluation.motif_judge import SignatureJudge
 from choreograph.evaluation.results import (
     REAL,
     SELECTION,
@@ -39,6 +39,7 @@ from choreograph.evaluation.results import (
 from choreograph.evaluation.songs import EvaluatedSong, beats_of, check_unseen
 from choreograph.evaluation.variants import Variant, dance_as, variants_named
 from choreograph.features.music_beats import DEFAULT_TRACKER
+from choreograph.features.sections import Sections, song_sections
 from choreograph.metrics import labels
 from choreograph.motion.motion import Motion
 from choreograph.pipeline.rendering import plan_runs
@@ -106,6 +107,7 @@ class _Run:
         self.features: dict[tuple[str, int], list[FeatureRows]] = {}
         self.dance_labels: list[Floats] = []  # (W, 4) a dance
         self.music_labels: dict[str, Floats] = {}  # song -> (W, 4)
+        self.sections: dict[str, Sections] = {}  # by song
         self.shown: Shown | None = None
         self.judge = SignatureJudge(repertoire) if repertoire.has_vocabulary else None
         self.real, self.against = self._real_dances()
@@ -140,6 +142,7 @@ class _Run:
         beats_s = beats_of(loaded, self.protocol.beats, start_s=song.start_s)
         starts_s = labels.window_starts_s(loaded.duration_s)
         self.music_labels[song.name] = labels.music_values(loaded.samples, starts_s)
+        self.sections[song.name] = song_sections(loaded.samples, beats_s)
         kept: list[ShownDance] = []
         for variant in self.protocol.variants:
             for seed in self._seeds(variant):
@@ -173,16 +176,17 @@ class _Run:
         scores = beat_scores(motion, beats_s, rng) | physical_scores(motion, boundaries_s)
         if self.real is not None:
             scores |= self.real.scores(motion, song.song_name, rng)
-        motifs = ends_s = None
+        motifs = None
         if self.judge is not None:
-            motifs, ends_s = self.judge.motifs(motion, beats_s)
+            motifs = self.judge.motifs_of(motion, beats_s)
             scores |= self.judge.scores(motifs, song.take.credits.genre if song.take else "")
+            scores |= self.judge.section_scores(motifs, self.sections[song.name])
         if plan is not None:
             scores |= plan_scores(plan, self.repertoire, song.take.credits.genre if song.take else "")
         self.features.setdefault((variant, seed), []).append(FeatureRows.of(motion, self.real))
         self.dance_labels.append(dance_label_values(motion))
         self.dances.append(MeasuredDance(variant, song.name, seed, scores, plan))
-        return ShownDance(variant, motion, plan, motifs, ends_s)
+        return ShownDance(variant, motion, plan, motifs)
 
     def finished(self) -> Evaluation:
         """The evaluation, with what needs all dances: labels, sets, and the takes danced with."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.evaluation.measuring import Scores
+from choreograph.evaluation.motif_judge import DancedMotifs
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
 
@@ -38,8 +39,7 @@ class ShownDance:
     variant: str
     motion: Motion
     plan: Plan | None
-    motifs: NDArray[np.int64] | None = None  # (N,)
-    motif_ends_s: Floats | None = None  # (N,)
+    motifs: DancedMotifs | None = None
 
 
 @dataclass(frozen=True, eq=False)

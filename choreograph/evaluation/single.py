@@ -11,14 +11,15 @@ from choreograph.audio.song import Song
 from choreograph.errors import ParameterError
 from choreograph.evaluation.measuring import (
     RealDances,
-    SignatureJudge,
     beat_scores,
     check_measurable,
     physical_scores,
 )
+from choreograph.evaluation.motif_judge import SignatureJudge
 from choreograph.evaluation.results import GIVEN, Evaluation, MeasuredDance, Shown, ShownDance
 from choreograph.evaluation.songs import beats_of
 from choreograph.features.music_beats import DEFAULT_TRACKER
+from choreograph.features.sections import song_sections
 from choreograph.motion.motion import Motion
 from choreograph.repertoire import Repertoire
 
@@ -42,7 +43,7 @@ def evaluate_dance(
     beats_s = beats_of(song, beats)
     rng = np.random.default_rng(0)
     scores = beat_scores(motion, beats_s, rng) | physical_scores(motion)
-    motifs = ends_s = template = None
+    motifs = template = None
     notes: list[str] = list(song.notes)
     if repertoire is not None:
         takes = [(repertoire.motion(i)[0], take.song_name) for i, take in enumerate(repertoire.takes)]
@@ -53,8 +54,9 @@ def evaluate_dance(
             notes.append(f"no Fréchet distances: {error}")
         if repertoire.has_vocabulary:
             judge = SignatureJudge(repertoire)
-            motifs, ends_s = judge.motifs(motion, beats_s)
+            motifs = judge.motifs_of(motion, beats_s)
             scores |= judge.scores(motifs, "")
+            scores |= judge.section_scores(motifs, song_sections(song.samples, beats_s))
             template = judge.template("")
     facts = {
         "choreograph": version("choreograph"),
@@ -65,6 +67,6 @@ def evaluate_dance(
         "frechet_against": "the repertoire's takes" if repertoire else "nothing",
         "seen": False,
     }
-    shown = Shown(song.name, beats_s, (ShownDance(GIVEN, motion, None, motifs, ends_s),), template)
+    shown = Shown(song.name, beats_s, (ShownDance(GIVEN, motion, None, motifs),), template)
     measured = MeasuredDance(GIVEN, song.name, 0, scores)
     return Evaluation(facts, {GIVEN: name}, (measured,), (), tuple(notes), shown)

@@ -58,6 +58,15 @@ def test_its_own_place_is_that_of_the_arrays():
     np.testing.assert_allclose(in_own_place(words).numpy(), wanted, atol=1e-5)
 
 
+def test_words_are_mirrored_as_often_as_asked():
+    never, always = (
+        word_copies(TAKES, 5, np.random.default_rng(1), mirrored_share=share).words.numpy()
+        for share in (0.0, 1.0)
+    )
+    np.testing.assert_allclose(always, mirrored(never), atol=1e-6)
+    assert np.abs(always - never).max() > 0.1
+
+
 def test_embeddings_do_not_depend_on_where_a_word_is_danced(trained):
     words = word_copies(TAKES, 6, np.random.default_rng(2)).words.numpy()
     moved = rot.rotate(rot.about_y(2.1), words.astype(np.float64)) + np.array([3.0, 0.0, -1.0])

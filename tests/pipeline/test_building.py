@@ -112,6 +112,13 @@ def test_words_can_be_left_out(silent_takes, tmp_path):
     assert not built.has_vocabulary
 
 
+@pytest.mark.parametrize(("mirroring", "share"), [(True, 0.5), (False, 0.0)])
+def test_networks_learn_from_mirrored_motion_unless_told_not_to(silent_takes, tmp_path, mirroring, share):
+    options = BuildOptions(preset="tiny", mirroring=mirroring)
+    built, _ = build_repertoire([silent_takes], tmp_path / "a.h5", options)
+    assert built.net("words").config["mirrored_share"] == share
+
+
 def test_what_a_kept_repertoire_lacks_is_trained(silent_takes, tmp_path):
     build_repertoire([silent_takes], tmp_path / "old.h5", BuildOptions(preset="tiny"))
     old = Repertoire.open(tmp_path / "old.h5")
