@@ -6,6 +6,7 @@ import json
 import reprlib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -88,8 +89,10 @@ class Plan:
     def blocks(self) -> tuple[Block, ...]:
         """What is danced from when to when, in order: the words, and the seconds where no word is."""
         blocks = [Block(w.start_s, w.end_s, w.source_start_s, w.source_end_s, w) for w in self.words]
-        for second in self.seconds:
-            blocks.extend(_left_over(second, self.words, self.duration_s))
+        begins_s = np.array([second.begins_s for second in self.seconds])
+        bounds_s = np.minimum(np.maximum.accumulate([*begins_s, self.duration_s]), self.duration_s)
+        for second, span_s in zip(self.seconds, pairwise(bounds_s.tolist()), strict=True):
+            blocks.extend(_left_over(second, span_s, self.words))
         return tuple(sorted(blocks, key=lambda block: block.start_s))
 
     def takes_s(self) -> dict[str, float]:
@@ -189,18 +192,28 @@ class Plan:
             raise FormatError(f"{name}: words to {done_s:g} s cannot fill {self.duration_s:g} s")
 
 
-def _left_over(second: PlannedSecond, words: tuple[PlannedWord, ...], duration_s: float) -> list[Block]:
-    """The parts of a second that no word takes the place of."""
-    instants = np.linspace(second.second, second.second + 1, NODE_FRAMES + 1)
-    end_s = min(second.second + 1.0, duration_s)
-    covers = [(w.start_s, w.end_s) for w in words if w.end_s > second.second and w.start_s < end_s]
-    blocks, start_s = [], float(second.second)
+def _left_over(
+    second: PlannedSecond, span_s: tuple[float, float], words: tuple[PlannedWord, ...]
+) -> list[Block]:
+    """The parts of the span that a second is danced in which no word takes the place of."""
+    start_s, end_s = span_s
+    covers = [(w.start_s, w.end_s) for w in words if w.end_s > start_s and w.start_s < end_s]
+    blocks = []
     for cover in (*covers, (end_s, end_s)):
         if cover[0] > start_s:
-            first, last = np.interp([start_s, cover[0]], instants, second.source_times_s)
-            blocks.append(Block(start_s, cover[0], float(first), float(last), second))
+            first_s, last_s = _source_s(second, start_s), _source_s(second, cover[0])
+            blocks.append(Block(start_s, cover[0], first_s, last_s, second))
         start_s = max(start_s, cover[1])
     return blocks
+
+
+def _source_s(second: PlannedSecond, at_s: float) -> float:
+    """The take's instant at one of the dance; beyond the second at the speed it has there."""
+    times_s = np.array(second.source_times_s)
+    frame = (at_s - second.second) * NODE_FRAMES
+    inside = float(np.interp(frame, np.arange(len(times_s)), times_s))
+    before, beyond = min(frame, 0.0), max(frame - NODE_FRAMES, 0.0)
+    return inside + before * (times_s[1] - times_s[0]) + beyond * (times_s[-1] - times_s[-2])
 
 
 def _joined_on_the_second(entry: Any) -> Any:

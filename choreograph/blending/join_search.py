@@ -33,13 +33,15 @@ def search_joins(
     *,
     fps: float,
     blending: str,
+    held: Sequence[bool] = (),
 ) -> list[float]:
     """When each run takes over from the one before (N,), in seconds of the dance; the first at its start.
 
     Joins make motion beats and unmake them. From the first join on, each is tried at several instants
     around its place, on music beats and between; the motion around is rendered, its beats are found, and the
     instant stays at which motion and music beats are the least apart, both ways, in squared seconds. The one
-    run plays on as long as the other begins later, or the other way round. ChoreoGraph joins on the second.
+    run plays on as long as the other begins later, or the other way round. A run that is `held` (N,) takes
+    over at its start. ChoreoGraph joins on the second.
     """
     starts_s = [run.start_s for run in runs]
     if len(runs) < 2:
@@ -53,7 +55,9 @@ def search_joins(
     for index in range(1, len(runs)):
         border = play(runs[index], read_motion, fps, margin)
         first, stop = max(0, border.start - window), min(border.start + window, border.stop)
-        tried, frames = [], _instants(runs[index - 1 : index + 1], a.start, beat_times_s, take_lengths_s, fps)
+        tried, frames = [], [border.start]
+        if not (held and held[index]):
+            frames = _instants(runs[index - 1 : index + 1], a.start, beat_times_s, take_lengths_s, fps)
         for frame in frames:
             b = placed(a, replace(border, start=frame), fps, steered=False)
             root, quat = root_out[first:stop].copy(), quat_out[first:stop].copy()

@@ -29,6 +29,10 @@ from choreograph.cli.present import examples, show_notes, stages
 @click.option(
     "--init-from", type=click.Path(path_type=Path), help="Begin with the networks of another repertoire."
 )
+@click.option(
+    "--style-from", metavar="PATH|nothing",
+    help="Begin with the style networks of a repertoire. Default: the built-in one's, for preset small.",
+)  # fmt: skip
 @click.option("--keep-networks", is_flag=True, help="Take those as they are; train only what it lacks.")
 @click.option(
     "--density", default=None, metavar="analytic|learned", help="Which tempo-density the clips carry."
@@ -53,6 +57,7 @@ def command(
     preset,
     resume,
     init_from,
+    style_from,
     keep_networks,
     density,
     rollout,
@@ -69,10 +74,13 @@ def command(
     dance-with-melody; AIST++; AMASS.
     """
     from choreograph.pipeline import BuildOptions, build_repertoire
+    from choreograph.starter import STARTER_PATH
 
+    begin = {None: STARTER_PATH if preset == "small" else None, "nothing": None}
     given = {} if density is None else {"density": density}
     options = BuildOptions(
         preset=preset, seed=seed, device=device, resume=resume, init_from=init_from,
+        style_from=begin[style_from] if style_from in begin else Path(style_from),
         keep_networks=keep_networks, rollout=rollout, mirroring=mirroring, packed=packed,
         leave_out=names_of(leave_out), **given,
     )  # fmt: skip

@@ -41,6 +41,7 @@ class BuildOptions:
     device: str = "auto"
     resume: bool = False
     init_from: Path | None = None  # networks of another repertoire to begin with
+    style_from: Path | None = None  # style networks to begin with where `init_from` has none
     keep_networks: bool = False  # take those as they are; only what they lack is trained
     packed: bool = False  # motion in 16 bits: a third of the size, turns to 0.03 degrees
     rollout: bool = False  # train the network that dances motifs, too: as long as all else together
@@ -77,7 +78,7 @@ def build_repertoire(
     if options.keep_networks and options.init_from is None:
         raise ParameterError("expected another repertoire to keep the networks of (--init-from), got none")
     output = check_target(output)
-    beginning = Beginning.of(options.init_from, keep=options.keep_networks)
+    beginning = Beginning.of(options)
     takes, notes = _imported(sources, options, report)
     measured = [_measured(take) for take in takes]
     short = [m.take.name for m in measured if len(m.body_pos_m) < CLIP_S * NET_FPS]
@@ -101,6 +102,7 @@ def build_repertoire(
         "preset": options.preset,
         "seed": options.seed,
         "init_from": options.init_from.name if options.init_from else None,
+        "style_from": options.style_from.name if options.style_from else None,
         "left_out": sorted(options.leave_out),
         "trained_on": trained_on,
         "selection_beat_weight": learned.selection_beat_weight,

@@ -99,7 +99,8 @@ def dance_by_graph(
     if report is not None:
         report("rendering", 0, 0)
     if config.joins == "beats":
-        plan = with_joins_on_beats(plan, repertoire)
+        take_pins = [pin for pin in wishes.pins if isinstance(pin, TakePin)]
+        plan = with_joins_on_beats(plan, repertoire, take_pins)
     motion = render(plan, repertoire)
     if asked.motifs or asked.motif_banned.any():
         plan, motion = overlaid_plan(plan, motion, asked, repertoire)

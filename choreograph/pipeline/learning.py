@@ -32,17 +32,23 @@ class Beginning:
     """Networks of another repertoire: to train on from, or to keep."""
 
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
-    trained_on: tuple[str, ...] = ()  # songs
+    style: NetArrays | None = None  # to train on from where `nets` has none
+    trained_on: frozenset[str] = frozenset()  # songs that any of these has heard
     keep: bool = False
 
     @classmethod
-    def of(cls, path: Path | None, *, keep: bool) -> Beginning:
-        """Those of the repertoire at `path`; none for None. `RepertoireError` if it cannot be read."""
-        if path is None:
-            return cls()
-        other = Repertoire.open(path)
-        trained_on = tuple(other.provenance.get("trained_on", ()))
-        return cls({name: other.net(name) for name in other.net_names}, trained_on, keep)
+    def of(cls, options: BuildOptions) -> Beginning:
+        """Those that the options name; `RepertoireError` if a repertoire cannot be read or has no style."""
+        nets, style, heard = {}, None, frozenset[str]()
+        if options.init_from is not None:
+            other = Repertoire.open(options.init_from)
+            nets = {name: other.net(name) for name in other.net_names}
+            heard |= set(other.provenance.get("trained_on", ()))
+        if options.style_from is not None and "style" not in nets:
+            other = Repertoire.open(options.style_from)
+            style = other.net("style")
+            heard |= set(other.provenance.get("trained_on", ()))
+        return cls(nets, style, heard, options.keep_networks)
 
     @property
     def kept(self) -> Mapping[str, NetArrays]:
@@ -51,7 +57,8 @@ class Beginning:
 
     def weights(self, name: str) -> Mapping[str, Any] | None:
         """Weights to begin with; None for none."""
-        return self.nets[name].weights if name in self.nets else None
+        net = self.nets.get(name, self.style if name == "style" else None)
+        return None if net is None else net.weights
 
 
 def training_place(work: Path, options: BuildOptions, report: Callable[[Any], None] | None) -> TrainingPlace:
@@ -82,7 +89,7 @@ def music_networks(
     if len(songs) >= 2:
         heard = [_heard(m, i, len(with_music), report) for i, m in enumerate(with_music)]
         nets = _trained(heard, beginning, options=options, place=place)
-        return nets, sorted(songs | set(beginning.trained_on if beginning.keep else ())), ()
+        return nets, sorted(songs | beginning.trained_on), ()
     if known:
         note = "fewer than two takes' songs to learn from: the networks are taken over as they are"
         return known, sorted(beginning.trained_on), () if beginning.keep else (note,)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.blending.assembly import assemble
 from choreograph.blending.feet import lock_feet
-from choreograph.blending.join_search import search_joins
+from choreograph.blending.join_search import REACH_S, search_joins
 from choreograph.blending.playing import MotionReader
 from choreograph.blending.runs import Run, joined_at, overlaid, to_runs, words_to_runs
 from choreograph.errors import ParameterError
@@ -17,11 +19,12 @@ from choreograph.features.contacts import foot_contacts
 from choreograph.motifs.words import cut_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.pipeline.wishes import TakePin
 from choreograph.pipeline.wording import WORD_FPS
 from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire
 
-_LENGTH_SLACK_S = 0.1  # a take's last frame is held that long
+_LENGTH_SLACK_S = 0.1  # a take's first and last frames are held that long
 
 
 def render(plan: Plan, repertoire: Repertoire) -> Motion:
@@ -35,7 +38,7 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
     indices = {block.planned.take: repertoire.take_index(block.planned.take) for block in plan.blocks}
     for block in plan.blocks:
         length = repertoire.takes[indices[block.planned.take]].duration_s
-        if block.source_start_s < 0 or block.source_end_s > length + _LENGTH_SLACK_S:
+        if block.source_start_s < -_LENGTH_SLACK_S or block.source_end_s > length + _LENGTH_SLACK_S:
             raise ParameterError(
                 f"the plan wants {block.source_start_s:.2f} to {block.source_end_s:.2f} s of take "
                 f"{block.planned.take!r} at {block.start_s:.2f} s, but it lasts {length:.2f} s"
@@ -63,18 +66,28 @@ def plan_runs(plan: Plan) -> list[Run]:
     return overlaid(joined_at(seconds, starts_s), words)
 
 
-def with_joins_on_beats(plan: Plan, repertoire: Repertoire) -> Plan:
-    """The plan whose seconds take over from one another when the rendered motion keeps the beat best."""
+def with_joins_on_beats(plan: Plan, repertoire: Repertoire, take_pins: Sequence[TakePin] = ()) -> Plan:
+    """The plan whose seconds take over from one another when the rendered motion keeps the beat best.
+
+    Where a take is pinned no other one comes in earlier, or plays on later, than planned.
+    """
     runs = _unjoined(plan)
+    held = [False, *(any(_between_pinned(pin, *pair) for pin in take_pins) for pair in pairwise(runs))]
     starts_s = search_joins(
         runs, np.array(plan.music_beats_s), {take.name: take.duration_s for take in repertoire.takes},
-        _reader(repertoire), fps=plan.fps, blending=plan.blending,
+        _reader(repertoire), fps=plan.fps, blending=plan.blending, held=held,
     )  # fmt: skip
     begins_s = {round(run.start_s): start_s for run, start_s in zip(runs, starts_s, strict=True)}
     return replace(
         plan,
         seconds=tuple(replace(s, begins_s=round(begins_s.get(s.second, s.second), 5)) for s in plan.seconds),
     )
+
+
+def _between_pinned(pin: TakePin, before: Run, after: Run) -> bool:
+    """Whether one run takes over from the other at or in a pinned take's time, and not both are that take."""
+    near = pin.start_s - REACH_S < after.start_s < pin.end_s + REACH_S
+    return near and not before.take == after.take == pin.take
 
 
 def _unjoined(plan: Plan) -> list[Run]:

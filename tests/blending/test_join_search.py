@@ -63,6 +63,16 @@ def test_a_take_is_not_played_beyond_its_ends():
     assert searched(runs, lengths_s=LENGTHS_S | {"a": 5.0})[1] == pytest.approx(1.0)
 
 
+def test_runs_that_are_held_begin_on_time():
+    runs = on_the_beat("ababcb")
+    free = searched(runs)
+    held = [run.start_s % 2 == 1 for run in runs]
+    starts_s = searched(runs, held=held)
+    on_time = [start_s == run.start_s for start_s, run in zip(starts_s, runs, strict=True)]
+    assert all(stays for stays, is_held in zip(on_time, held, strict=True) if is_held)
+    assert free != starts_s and not all(on_time)
+
+
 def test_without_beats_joins_stay():
     runs = on_the_beat("abcab")
     starts_s = searched(runs, beats_s=np.zeros(0))

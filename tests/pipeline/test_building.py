@@ -112,6 +112,30 @@ def test_words_can_be_left_out(silent_takes, tmp_path):
     assert not built.has_vocabulary
 
 
+@pytest.fixture(scope="module")
+def takes_to_clicks(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clicks")
+    for seed, (name, bpm) in enumerate({"slow": 90, "even": 110, "quick": 130}.items()):
+        save_motion(folder / f"{name}.bvh", stepping(12 * 30, period_s=60 / bpm, seed=seed))
+        write_clicks(folder / f"{name}.wav", duration_s=12.0, bpm=bpm)
+    return folder
+
+
+def test_style_begins_with_another_repertoires_and_says_what_that_heard(takes_to_clicks, tmp_path):
+    options = BuildOptions(preset="tiny", words=False)
+
+    def built(name, **changes):
+        return build_repertoire([takes_to_clicks], tmp_path / name, replace(options, **changes))[0]
+
+    one = built("one.h5", leave_out=("slow",))
+    begun = built("begun.h5", leave_out=("quick",), style_from=one.path)
+    afresh = built("afresh.h5", leave_out=("quick",))
+    assert not np.allclose(begun.clip_style, afresh.clip_style, atol=1e-3)
+    assert begun.provenance["trained_on"] == ["even", "quick", "slow"]
+    assert afresh.provenance["trained_on"] == ["even", "slow"]
+    assert (begun.provenance["style_from"], afresh.provenance["style_from"]) == ("one.h5", None)
+
+
 @pytest.mark.parametrize(("mirroring", "share"), [(True, 0.5), (False, 0.0)])
 def test_networks_learn_from_mirrored_motion_unless_told_not_to(silent_takes, tmp_path, mirroring, share):
     options = BuildOptions(preset="tiny", mirroring=mirroring)
