@@ -5,16 +5,21 @@ the song selects its 50 best clips among the other songs of a fixed pool. Printe
 song's genre among them, averaged per genre, then over genres: for all the pool's clips, and with
 equally many clips a genre, where chance is one third.
 
-    python examples/40_style_retrieval.py path/to/dance-with-melody --seeds 2 [--loss paper]
+    python examples/40_style_retrieval.py path/to/dance-with-melody --seeds 2 [--from-scratch] [--loss paper]
+
+Training begins, as `build-db` does, with networks that learned from the built-in takes; but from those alone,
+since the ones that come along have heard most of this data.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
+from scipy.signal import resample_poly
 
 from choreograph.audio.song import load_song
 from choreograph.features.mel import log_mel
@@ -23,13 +28,16 @@ from choreograph.features.rhythm import RHYTHM_FPS, rhythm_features
 from choreograph.importers import dance_with_melody
 from choreograph.metrics.retrieval import chance_precision, mean_over_groups, precision_at_k
 from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
 from choreograph.nets.presets import STYLE_LOSSES, StyleConfig, style_config
 from choreograph.nets.style import StyleNets
 from choreograph.nets.style_data import StyleTake, count_beats
 from choreograph.nets.style_training import train_style
 from choreograph.selection import select_clips
+from choreograph.starter.synth.voices import RATE_HZ
+from choreograph.starter.takes import rendered, take_plans
 from choreograph.takes import Take
-from choreograph.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
+from choreograph.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, SEGMENT_S
 
 # All cha-chas and rumbas with motion, and six waltzes chosen before any result was seen.
 POOL = (
@@ -38,20 +46,38 @@ POOL = (
     *(f"DANCE_W_{n}" for n in (1, 6, 11, 16, 23, 28)),
 )
 SELECTED = 50
+BUILT_IN_STEPS = 500
 
 
 def style_take(take: Take) -> StyleTake:
     """A take as the style networks learn from it."""
-    body = body_pos_m(take.motion.resampled(NET_FPS)).astype(np.float32)
-    mel = log_mel(load_song(take.song_path).samples)
-    first = round(take.song_start_s * MUSIC_FPS)
+    samples = load_song(take.song_path).samples
+    names = (take.name, take.song_name, take.credits.genre)
+    return learned_from(names, take.motion, samples, take.song_start_s)
+
+
+def built_in_takes() -> list[StyleTake]:
+    """The starter's own takes, rendered again."""
+    made = []
+    for plan in take_plans():
+        song, dance = rendered(plan)
+        mono = resample_poly(song.samples.mean(axis=1), 1, RATE_HZ // SAMPLE_RATE_HZ)
+        made.append(learned_from((plan.name, plan.name, plan.genre), dance.motion, mono, 0.0))
+    return made
+
+
+def learned_from(
+    names: tuple[str, str, str], motion: Motion, samples: np.ndarray, song_start_s: float
+) -> StyleTake:
+    """What the networks see of a motion and its song; `names` are the take's, the song's and the genre's."""
+    body = body_pos_m(motion.resampled(NET_FPS)).astype(np.float32)
+    mel = log_mel(samples)
+    first = round(song_start_s * MUSIC_FPS)
     n_rows = len(body) * RHYTHM_FPS // NET_FPS + 1
     return StyleTake(
-        take.name,
-        take.song_name,
-        take.credits.genre,
+        *names,
         mel[first : first + len(body) * MUSIC_FPS // NET_FPS],
-        rhythm_features(mel, start_s=take.song_start_s)[:n_rows],
+        rhythm_features(mel, start_s=song_start_s)[:n_rows],
         body,
         motion_beat_times_s(body, NET_FPS),
     )
@@ -100,6 +126,7 @@ def main() -> None:
     parser.add_argument("--music-inputs", default="mel+rhythm")
     parser.add_argument("--steps", type=int)
     parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--from-scratch", action="store_true", help="begin with random weights")
     options = parser.parse_args()
     torch.set_num_threads(1)
     changes = {"loss": options.loss, "music_inputs": options.music_inputs}
@@ -109,13 +136,16 @@ def main() -> None:
     takes = [style_take(take) for take in dance_with_melody.read(options.data)]
     by_name = {take.name: take for take in takes}
     means = []
+    built_in = [] if options.from_scratch else built_in_takes()
     for seed in range(options.seeds):
+        start = None
+        if built_in:
+            start = train_style(built_in, replace(config, steps=BUILT_IN_STEPS), seed=seed).to_arrays()[0]
         rows = []
         for name in POOL:
             song = by_name[name]
-            nets = train_style(
-                [take for take in takes if take.song_name != song.song_name], config, seed=seed
-            )
+            heard = [take for take in takes if take.song_name != song.song_name]
+            nets = train_style(heard, config, seed=seed, start=start)
             rows.append(shares(nets, config, song, [by_name[n] for n in POOL if n != name]))
             print(
                 f"seed {seed} {name:10s} all {rows[-1][0]:.2f}  balanced {rows[-1][1]:.2f}"

@@ -35,6 +35,7 @@ HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 LABELS = tuple(f"label_distance_{name}" for name in ("openness", "intensity", "rhythm", "asymmetry"))
 BEATS = ("f_score", "motion_to_music", "music_to_motion")
 PHYSICS = ("foot_slide_cm_s", "foot_skating_ratio", "pfc", "floor_penetration_cm", "jerk_p95_m_s3")
+STRUCTURE = ("signature_chi2", "transition_bits", "section_agreement", "section_agreement_in_step")
 TABLES = {
     "Table 1: rhythm and realism": ("paper", (*BEATS, "fpd_all", "fmd_all", "fpd", "fmd")),
     "Table 2: label distances": ("paper", LABELS),
@@ -45,6 +46,7 @@ TABLES = {
          "slope_p95", "foot_slide_cm_s", "distinct_takes_per_minute", "longest_repeat_s"),
     ),
     "Physics": ("paper", PHYSICS),
+    "Structure": ("paper", STRUCTURE),
 }  # fmt: skip
 GROUPS = {
     "paper": ("random", "motion-graph", "greedy-published", "ours", "real", "takes"),
