@@ -1,20 +1,20 @@
 """Does a song that training never heard find dances of its own genre?
 
-One song is left out at a time, the style networks are trained on all other takes, and every second of
-the song selects its 50 best clips among the other songs of a fixed pool. Printed is the share of the
-song's genre among them, averaged per genre, then over genres: for all the pool's clips, and with
-equally many clips a genre, where chance is one third.
+Songs are left out, the style networks are trained on all other takes, and every second of a song left out
+selects its 50 best clips among the other songs of a fixed pool. Printed is the share of the song's genre
+among them, averaged per genre, then over genres: for all the pool's clips, and with equally many clips a
+genre, where chance is one third.
 
     python examples/40_style_retrieval.py path/to/dance-with-melody --seeds 2 [--from-scratch] [--loss paper]
 
-Training begins, as `build-db` does, with networks that learned from the built-in takes; but from those alone,
-since the ones that come along have heard most of this data.
+Training begins, as in `build-db`, with networks that learned from the built-in takes and these; but not with
+those that come along, which have heard most of the pool: they are trained anew without the songs left
+out, one of each genre at a time. `--from-scratch` begins with random weights, and leaves out single songs.
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +46,7 @@ POOL = (
     *(f"DANCE_W_{n}" for n in (1, 6, 11, 16, 23, 28)),
 )
 SELECTED = 50
-BUILT_IN_STEPS = 500
+N_FOLDS = 5  # no more than two songs of a genre are left out together
 
 
 def style_take(take: Take) -> StyleTake:
@@ -64,6 +64,15 @@ def built_in_takes() -> list[StyleTake]:
         mono = resample_poly(song.samples.mean(axis=1), 1, RATE_HZ // SAMPLE_RATE_HZ)
         made.append(learned_from((plan.name, plan.name, plan.genre), dance.motion, mono, 0.0))
     return made
+
+
+def folds(takes: dict[str, StyleTake]) -> list[tuple[str, ...]]:
+    """The pool in parts to be left out together, the songs of each genre dealt out in turn."""
+    dealt: list[list[str]] = [[] for _ in range(N_FOLDS)]
+    for genre in sorted({takes[name].genre for name in POOL}):
+        for i, name in enumerate(name for name in POOL if takes[name].genre == genre):
+            dealt[i % N_FOLDS].append(name)
+    return [tuple(names) for names in dealt]
 
 
 def learned_from(
@@ -137,26 +146,36 @@ def main() -> None:
     by_name = {take.name: take for take in takes}
     means = []
     built_in = [] if options.from_scratch else built_in_takes()
+    left_out = [(name,) for name in POOL] if options.from_scratch else folds(by_name)
     for seed in range(options.seeds):
-        start = None
-        if built_in:
-            start = train_style(built_in, replace(config, steps=BUILT_IN_STEPS), seed=seed).to_arrays()[0]
-        rows = []
-        for name in POOL:
-            song = by_name[name]
-            heard = [take for take in takes if take.song_name != song.song_name]
+        rows = {}
+        for names in left_out:
+            songs = {by_name[name].song_name for name in names}
+            heard = [take for take in takes if take.song_name not in songs]
+            start = None
+            if built_in:
+                all_takes = [*built_in, *heard]
+                longer = style_config(
+                    options.preset, n_songs=len({t.song_name for t in all_takes}), **changes
+                )
+                start = train_style(all_takes, longer, seed=seed).to_arrays()[0]
             nets = train_style(heard, config, seed=seed, start=start)
-            rows.append(shares(nets, config, song, [by_name[n] for n in POOL if n != name]))
-            print(
-                f"seed {seed} {name:10s} all {rows[-1][0]:.2f}  balanced {rows[-1][1]:.2f}"
-                f"  chance {rows[-1][2]:.2f}",
-                flush=True,
-            )
-        genres = [by_name[name].genre for name in POOL]
+            for name in names:
+                others = [by_name[n] for n in POOL if n != name]
+                rows[name] = shares(nets, config, by_name[name], others)
+                values = rows[name]
+                print(
+                    f"seed {seed} {name:10s} all {values[0]:.2f}  balanced {values[1]:.2f}"
+                    f"  chance {values[2]:.2f}",
+                    flush=True,
+                )
+        genres = [by_name[name].genre for name in rows]
         for genre in sorted(set(genres)):
-            values = np.mean([row for row, g in zip(rows, genres, strict=True) if g == genre], axis=0)
+            values = np.mean(
+                [row for row, g in zip(rows.values(), genres, strict=True) if g == genre], axis=0
+            )
             print(f"seed {seed} {genre:10s}", *(f"{v:.3f}" for v in values))
-        means.append([mean_over_groups(column, genres) for column in np.transpose(rows)])
+        means.append([mean_over_groups(column, genres) for column in np.transpose(list(rows.values()))])
         print(f"seed {seed} mean      ", *(f"{v:.3f}" for v in means[-1]), flush=True)
     print("all, balanced, chance over seeds:", *(f"{v:.3f}" for v in np.mean(means, axis=0)))
 

@@ -25,11 +25,11 @@ from choreograph.evaluation import (
     EvaluatedSong,
     MeasuredDance,
     Protocol,
-    Variant,
     evaluate,
     find_songs,
     variants_named,
 )
+from choreograph.features.music_beats import DEFAULT_TRACKER
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 LABELS = tuple(f"label_distance_{name}" for name in ("openness", "intensity", "rhythm", "asymmetry"))
@@ -54,13 +54,11 @@ GROUPS = {
 }
 
 
-def danced(
-    path: Path, songs: Sequence[EvaluatedSong], variants: tuple[Variant, ...], seed: int
-) -> list[MeasuredDance]:
-    """Every dance with one repertoire, then what holds for all songs together, as of that seed."""
-    found = evaluate(cg.Repertoire.open(path), songs, Protocol(variants, seeds=1, first_seed=seed))
+def danced(path: Path, songs: Sequence[EvaluatedSong], protocol: Protocol) -> list[MeasuredDance]:
+    """Every dance with one repertoire, then what holds for all songs together, as of the protocol's seed."""
+    found = evaluate(cg.Repertoire.open(path), songs, protocol)
     print(f"{path.name}: {len(found.dances)} dances", flush=True)
-    return [replace(d, seed=seed, plan=None) for d in (*found.dances, *found.sets)]
+    return [replace(d, seed=protocol.first_seed, plan=None) for d in (*found.dances, *found.sets)]
 
 
 def cell(dances: Sequence[MeasuredDance], metric: str) -> tuple[float, float, float | None] | None:
@@ -107,17 +105,21 @@ def main() -> None:
     parser.add_argument("--also", nargs="+", action="append", default=[], metavar=("NAME", "REPERTOIRE"))
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--only", type=Path, default=HELD_OUT, help="names of songs, a line each")
+    parser.add_argument(
+        "--beats", default=DEFAULT_TRACKER, help="to measure by: a tracker, or a folder of SONG.txt"
+    )
     options = parser.parse_args()
     songs = find_songs(options.data, only=options.only.read_text(encoding="utf-8").split())
     variants = variants_named(options.variants)
     dances: list[MeasuredDance] = []
     jobs = [("", path, seed) for seed, path in enumerate(options.repertoires)]
     jobs += [(name, Path(path), seed) for name, *paths in options.also for seed, path in enumerate(paths)]
+    ours = variants_named(["ours"])
     with ProcessPoolExecutor(options.jobs) as pool:
-        made = [
-            pool.submit(danced, path, songs, variants_named(["ours"]) if name else variants, seed)
-            for name, path, seed in jobs
-        ]
+        made = []
+        for name, path, seed in jobs:
+            protocol = Protocol(ours if name else variants, seeds=1, beats=options.beats, first_seed=seed)
+            made.append(pool.submit(danced, path, songs, protocol))
         for (name, _, _), found in zip(jobs, made, strict=True):
             dances += [
                 replace(d, variant=name or d.variant)

@@ -11,7 +11,7 @@ from choreograph.files import atomic_path
 from choreograph.pipeline import BuildOptions, build_repertoire
 from choreograph.repertoire import Repertoire
 from choreograph.starter import STARTER_PATH
-from choreograph.starter.takes import write_takes
+from choreograph.starter.takes import take_plans, write_takes
 
 
 def build_starter(
@@ -35,7 +35,7 @@ def build_starter(
     """
     takes = work / "takes"
     if not (takes / "manifest.csv").exists():
-        write_takes(takes, report=report)
+        write_takes(takes, take_plans(), report=report)
     learned = work / "learned.h5"
     given: dict[str, Any] = {"preset": preset, "seed": seed, "resume": True}
     training = BuildOptions(leave_out=tuple(leave_out), words=False, **given)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,12 +31,13 @@ _MANIFEST = ("name", "genre", "performer", "licence", "source")
 
 @dataclass(frozen=True)
 class TakePlan:
-    """What a take of the starter is made from."""
+    """What a take is made from."""
 
     name: str
     genre: str
     bpm: float
-    seed: int  # of song and dance; below `synth.testbed.FIRST_SEED`
+    seed: int  # of song and dance; the starter's own are below `synth.testbed.FIRST_SEED`
+    duration_s: float = DURATION_S
 
 
 def take_plans() -> Iterator[TakePlan]:
@@ -49,7 +50,7 @@ def take_plans() -> Iterator[TakePlan]:
 
 def rendered(plan: TakePlan) -> tuple[SynthSong, Rendered]:
     """The song of a take and the dance to it, from the song's first sample on."""
-    song = render_song(plan.genre, bpm=plan.bpm, duration_s=DURATION_S, seed=plan.seed)
+    song = render_song(plan.genre, bpm=plan.bpm, duration_s=plan.duration_s, seed=plan.seed)
     dance = render_take(
         GENRES[plan.genre], song.beat_times_s, energy=beat_energies(song), seed=plan.seed, fps=FPS
     )
@@ -79,10 +80,12 @@ def truth(song: SynthSong, dance: Rendered) -> dict:
     return {**song.truth(), "moves": moves}
 
 
-def write_takes(folder: Path, *, report: Callable[[str, int, int], None] | None = None) -> list[TakePlan]:
-    """Render all takes into `folder`, made if missing: BVH, FLAC, truth (JSON) and the manifest."""
+def write_takes(
+    folder: Path, plans: Iterable[TakePlan], *, report: Callable[[str, int, int], None] | None = None
+) -> None:
+    """Render takes into `folder`, made if missing: BVH, FLAC, truth (JSON) and the manifest."""
     folder.mkdir(parents=True, exist_ok=True)
-    plans = list(take_plans())
+    plans = list(plans)
     for done, plan in enumerate(plans):
         song, dance = rendered(plan)
         save_motion(folder / f"{plan.name}.bvh", dance.motion)
@@ -98,4 +101,3 @@ def write_takes(folder: Path, *, report: Callable[[str, int, int], None] | None 
         rows = csv.DictWriter(file, _MANIFEST)
         rows.writeheader()
         rows.writerows({"name": plan.name, "genre": plan.genre, **CREDITS} for plan in plans)
-    return plans

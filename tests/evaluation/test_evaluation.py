@@ -26,11 +26,13 @@ from choreograph.evaluation import (
 )
 from choreograph.evaluation.catalogue import FAMILIES
 from choreograph.evaluation.measuring import plan_scores
+from choreograph.evaluation.motif_judge import DancedMotifs, SignatureJudge
 from choreograph.evaluation.protocol import joins_s
 from choreograph.evaluation.songs import beats_of
 from choreograph.evaluation.tables import number_text
 from choreograph.evaluation.variants import VARIANTS, dance_as
 from choreograph.exporters import save_motion
+from choreograph.features.sections import Sections
 from choreograph.repertoire import Repertoire
 
 SCHEMA = json.loads(
@@ -38,6 +40,8 @@ SCHEMA = json.loads(
         encoding="utf-8"
     )
 )
+
+NO_SECTIONS = Sections(np.zeros(0), np.zeros(0, np.int64))
 
 
 @pytest.fixture(scope="module")
@@ -252,3 +256,25 @@ def test_a_dance_that_stands_still_has_no_motion_beats_and_ends_no_table(tmp_pat
     assert "motion_to_music" not in [row.metric.name for row in beats.rows]
     assert cells(found, "f_score")["dance"].mean == 0.0
     jsonschema.validate(json.loads(to_json(found)), SCHEMA)
+
+
+def test_sections_danced_alike_when_they_come_again(repertoire):
+    judge = SignatureJudge(repertoire)
+    sections = Sections(np.array([0.0, 4.0, 8.0, 12.0, 16.0]), np.array([0, 1, 0, 1]))
+
+    def scores(motifs):
+        starts_s = np.arange(16.0)
+        return judge.section_scores(DancedMotifs(np.array(motifs), starts_s, starts_s + 1), sections)
+
+    perfect = scores([0, 1, 0, 1, 2, 2, 2, 2] * 2)
+    assert set(perfect.values.values()) == {1.0} and set(perfect.chance.values()) == {0.0}
+    reordered = scores([0, 1, 0, 1, 2, 2, 2, 2, 1, 0, 1, 0, 2, 2, 2, 2]).values
+    assert reordered["section_agreement"] == 1.0 and reordered["section_agreement_in_step"] == 0.5
+    assert set(scores([0] * 16).values.values()) == {0.0}  # repeats, but not because of the song
+    assert (
+        judge.section_scores(DancedMotifs(np.zeros(0, int), np.zeros(0), np.zeros(0)), sections).values == {}
+    )
+    assert (
+        judge.section_scores(DancedMotifs(np.zeros(1, int), np.zeros(1), np.ones(1)), NO_SECTIONS).values
+        == {}
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,7 @@ from choreograph.importers import import_takes
 from choreograph.metrics.beat import f_score
 from choreograph.motion.body import body_pos_m
 from choreograph.repertoire import Repertoire
-from choreograph.starter import takes
-from choreograph.starter.build import build_starter
+from choreograph.starter import build, takes
 from choreograph.starter.moves.genres import GENRES
 from choreograph.starter.synth import STYLES
 from choreograph.starter.synth.testbed import FIRST_SEED, SONGS
@@ -45,8 +45,8 @@ def test_a_take_keeps_the_beat_of_its_song(genre):
 def test_takes_are_written_as_any_library_is(tmp_path, monkeypatch):
     monkeypatch.setattr(takes, "TAKES_PER_GENRE", 2)
     monkeypatch.setattr(takes, "GENRES", {"disco": GENRES["disco"]})
-    monkeypatch.setattr(takes, "DURATION_S", 10.0)
-    plans = takes.write_takes(tmp_path / "takes")
+    plans = [replace(plan, duration_s=10.0) for plan in takes.take_plans()]
+    takes.write_takes(tmp_path / "takes", plans)
     read = list(import_takes(tmp_path / "takes"))
     assert [take.name for take in read] == [plan.name for plan in plans] == ["disco-01", "disco-02"]
     for take, plan in zip(read, plans, strict=True):
@@ -68,9 +68,9 @@ def test_the_repertoire_is_built_from_the_takes_alone(tmp_path, monkeypatch):
     plans = [
         plan for plan in takes.take_plans() if plan.genre in ("waltz", "house") and plan.name[-2:] < "04"
     ]
-    monkeypatch.setattr(takes, "take_plans", lambda: iter(plans))
+    monkeypatch.setattr(build, "take_plans", lambda: iter(plans))
     output = tmp_path / "made.h5"
-    made, _ = build_starter(tmp_path / "work", output, preset="tiny")
+    made, _ = build.build_starter(tmp_path / "work", output, preset="tiny")
     assert made.path == output
     assert sorted(path.name for path in tmp_path.iterdir()) == ["made.h5", "work"]
     assert set(made.net_names) == {"style", "motion_density", "music_density", "words"}
