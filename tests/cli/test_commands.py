@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from planted_repertoire import planted_repertoire
 
 from choreograph.cli import main
+from choreograph.errors import ParameterError
 from choreograph.repertoire import Repertoire
 
 RATE = 22050
@@ -188,6 +189,30 @@ def test_sources_that_are_none(tmp_path):
     for source in (tmp_path / "none", tmp_path / "empty"):
         assert_one_line(run("build-db", source, "-o", tmp_path / "r.h5"), says=str(source))
     assert_one_line(run("build-db", tmp_path, "-o", tmp_path / "no" / "r.h5"), says="folder")
+
+
+@pytest.mark.parametrize(
+    ("given", "style_from", "mirroring"),
+    [
+        ([], "starter.h5", True),
+        (["--preset", "tiny"], None, True),
+        (["--style-from", "nothing", "--no-mirroring"], None, False),
+        (["--style-from", "other.h5", "--preset", "tiny"], "other.h5", True),
+    ],
+)
+def test_what_training_begins_with(tmp_path, monkeypatch, given, style_from, mirroring):
+    def build(sources, output, options, **reports):
+        assert (options.style_from and options.style_from.name) == style_from
+        assert options.mirroring == mirroring
+        raise ParameterError("asked for as expected")
+
+    monkeypatch.setattr("choreograph.pipeline.build_repertoire", build)
+    assert_one_line(run("build-db", tmp_path, "-o", tmp_path / "r.h5", *given), says="asked for as expected")
+
+
+def test_networks_to_begin_with_must_be_there(tmp_path):
+    wanted = run("build-db", tmp_path, "-o", tmp_path / "r.h5", "--style-from", tmp_path / "none.h5")
+    assert_one_line(wanted, says="none.h5")
 
 
 def test_the_installed_command_answers():
