@@ -27,12 +27,12 @@ export class Card {
 
   #fill(index, colours) {
     const block = this.dance.blocks[index], take = this.dance.takes[block.take];
-    const isWord = "motif" in block, fine = isWord || block.end_s - block.start_s < 0.999;
+    const isWord = "motif" in block;
     this.element.style.setProperty("--take", colours[block.take].css);
     const title = made("h2", "", [made("i", "dot"), made("span", "", [take.name])]);
     const sub = [take.genre, take.performer, take.licence && `licence: ${take.licence}`].filter(Boolean).join(" · ");
     const facts = [
-      [isWord ? "Word" : "Second", `${clockText(block.start_s, fine)} – ${clockText(block.end_s, fine)}`],
+      [isWord ? "Word" : "Second", `${clockText(block.start_s, true)} – ${clockText(block.end_s, true)}`],
       isWord ? ["Motif", `${block.motif}${block.pinned ? ", pinned" : ""}`]
         : ["Clip", `${block.clip}, from ${clockText(block.clip_start_s, true)}`],
     ];
