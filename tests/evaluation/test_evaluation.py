@@ -222,7 +222,9 @@ def test_random_clips_are_unwarped_and_the_seeds(repertoire, folder):
 def test_a_plan_that_plays_a_clip_twice_is_found_out(repertoire, folder):
     song = find_songs(folder, only=["alone"])[0].load()
     plan = dance_as(VARIANTS["random"], song, repertoire).plan
-    again = tuple(replace(second, second=i) for i, second in enumerate(plan.seconds[:4] * 2))
+    again = tuple(
+        replace(second, second=i, begins_s=float(i)) for i, second in enumerate(plan.seconds[:4] * 2)
+    )
     twice = replace(plan, seconds=again, duration_s=8.0)
     assert plan_scores(twice, repertoire).values["longest_repeat_s"] == pytest.approx(4.0, abs=0.5)
 
