@@ -14,11 +14,11 @@ from choreograph.motifs.vocabulary import ALL_GENRES
 from choreograph.motifs.words import cut_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.pipeline.wording import WORD_FPS
 from choreograph.repertoire import Repertoire
 
 Floats = NDArray[np.float64]
 
-WORD_FPS = 30.0
 _CHANCE_ROUNDS = 100
 _ANYWHERE = 0.01
 

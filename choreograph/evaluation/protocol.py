@@ -153,13 +153,12 @@ class _Run:
                 if seed == self.protocol.first_seed:
                     kept.append(shown)
         if song.take is not None:
-            found = retrieval_scores(loaded, song.take.credits.genre, self.repertoire)
+            found = retrieval_scores(loaded, song.genre, self.repertoire)
             self.found.append(MeasuredDance(SELECTION, song.name, 0, found))
             n_frames = min(song.take.motion.n_frames, round(loaded.duration_s * song.take.motion.fps))
             kept.append(self._measured(REAL, song, 0, song.take.motion.sliced(0, n_frames), None, beats_s))
         if self.shown is None:
-            genre = song.take.credits.genre if song.take else ""
-            template = self.judge.template(genre) if self.judge else None
+            template = self.judge.template(song.genre) if self.judge else None
             self.shown = Shown(song.name, beats_s, tuple(kept), template)
 
     def _measured(
@@ -179,10 +178,10 @@ class _Run:
         motifs = None
         if self.judge is not None:
             motifs = self.judge.motifs_of(motion, beats_s)
-            scores |= self.judge.scores(motifs, song.take.credits.genre if song.take else "")
+            scores |= self.judge.scores(motifs, song.genre)
             scores |= self.judge.section_scores(motifs, self.sections[song.name])
         if plan is not None:
-            scores |= plan_scores(plan, self.repertoire, song.take.credits.genre if song.take else "")
+            scores |= plan_scores(plan, self.repertoire, song.genre)
         self.features.setdefault((variant, seed), []).append(FeatureRows.of(motion, self.real))
         self.dance_labels.append(dance_label_values(motion))
         self.dances.append(MeasuredDance(variant, song.name, seed, scores, plan))

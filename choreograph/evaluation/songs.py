@@ -36,6 +36,11 @@ class EvaluatedSong:
         """What provenance calls it."""
         return self.take.song_name if self.take is not None else self.path.stem
 
+    @property
+    def genre(self) -> str:
+        """That of the real dance; empty if there is none."""
+        return self.take.credits.genre if self.take is not None else ""
+
     def load(self) -> Song:
         """Its samples; raises as `load_song` does."""
         return load_song(self.path, start_s=self.start_s, duration_s=self.duration_s)
