@@ -19,7 +19,7 @@ from choreograph.motion.sampling import sampled_smoothly
 from choreograph.timebase import seconds_to_frames
 
 Floats = NDArray[np.float64]
-# take index, first and last instant wanted -> motion around them and the instant of its first frame
+# take, first and last instant wanted -> motion around them and the instant of its first frame
 MotionReader = Callable[[str, float, float], tuple[Motion, float]]
 
 BLENDINGS = ("inertial", "linear")
