@@ -1,11 +1,12 @@
 """Do dances become what they should be? Motif signatures of dances against their genre's, over time.
 
-    python examples/45_steered_dances.py path/to/dance-with-melody REPERTOIRE [--plot FIGURE.png]
+    python examples/45_steered_dances.py path/to/dance-with-melody REPERTOIRE… [--plot FIGURE.png]
 
-REPERTOIRE must have been built with `--leave-out @examples/dance_with_melody_held_out.txt` and hold a
-vocabulary. Danced are the held-out songs and those of DATA without motion, each asked for its own genre and
-not; "real" is the held-out take itself. Words are cut on the song's beats, as the takes' own are, and the
-distance is χ² (Rhythm is a Dancer, equation 11) to the genre's template, after so many seconds.
+Each REPERTOIRE must have been built with `--leave-out @examples/dance_with_melody_held_out.txt`, hold a
+vocabulary, and have a seed of its own: numbers are mean ± spread over repertoires. Danced are the held-out
+songs and those of DATA without motion, each asked for its own genre and not; "real" is the held-out take
+itself. Words are cut on the song's beats, as the takes' own are, and the distance is χ² (Rhythm is a Dancer,
+equation 11) to the genre's template, after so many seconds.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ WITHOUT_MOTION = {"DANCE_C_1": "cha-cha", "DANCE_C_3": "cha-cha", "DANCE_R_6": "
 FPS = 30.0
 BEAT_FPS = 60.0
 AFTER_S = (10, 20, 30, 40, 50, 60, 70, 80)
+
+Row = dict[str, float]
 
 
 class Judge:
@@ -82,7 +85,7 @@ def dances_to(name: str, path: Path, genre: str, take: cg.Take | None, repertoir
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("data", type=Path)
-    parser.add_argument("repertoire", type=Path)
+    parser.add_argument("repertoires", type=Path, nargs="+")
     parser.add_argument("--songs", type=Path, default=HELD_OUT)
     parser.add_argument("--engines", nargs="+", default=["graph"], help="danced with the genre asked for")
     parser.add_argument("--planner", default="exact")
@@ -90,33 +93,51 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=80.0)
     parser.add_argument("--plot", type=Path, help="PNG of the distance over time; needs matplotlib")
     given = parser.parse_args()
-    repertoire = cg.Repertoire.open(given.repertoire)
-    held_out = [line.strip() for line in given.songs.read_text().splitlines() if line.strip()]
-    seen = {take.song_name for take in repertoire.takes} & set(held_out)
-    if seen:
-        raise ParameterError(f"the repertoire holds {', '.join(sorted(seen))}: build it with --leave-out")
+    held_out = given.songs.read_text(encoding="utf-8").split()
     takes = {take.name: take for take in read(given.data) if take.name in held_out}
+    rows: dict[str, list[list[Row]]] = defaultdict(list)  # by kind, repertoire and song
+    for path in given.repertoires:
+        print(path.name)
+        for kind, of_kind in measured_dances(path, takes, given).items():
+            rows[kind].append(of_kind)
+    for kind, by_repertoire in rows.items():
+        keys = dict.fromkeys(key for of_kind in by_repertoire for row in of_kind for key in row)
+        means = {key: [mean_of(of_kind, key) for of_kind in by_repertoire] for key in keys}
+        texts = (f"{key} {np.mean(v):.3f} ± {np.std(v):.3f}" for key, v in means.items())
+        print(f"mean of {len(by_repertoire[0])} songs, {kind:16s}", *texts)
+    if given.plot:
+        plot(
+            given.plot,
+            {kind: [r for rep in by_repertoire for r in rep] for kind, by_repertoire in rows.items()},
+        )
+
+
+def measured_dances(path: Path, takes: dict[str, cg.Take], given) -> dict[str, list[Row]]:
+    """Rows of the dances of one repertoire, by kind."""
+    repertoire = cg.Repertoire.open(path)
+    seen = {take.song_name for take in repertoire.takes} & set(takes)
+    if seen:
+        raise ParameterError(f"{path} holds {', '.join(sorted(seen))}: build it with --leave-out")
     songs = {name: (take.song_path, take.credits.genre) for name, take in takes.items()}
     for name, genre in WITHOUT_MOTION.items():
         if (given.data / name / "audio.mp3").exists():
             songs[name] = (given.data / name / "audio.mp3", genre)
     judge = Judge(repertoire)
-    rows: dict[str, list[dict[str, float]]] = defaultdict(list)
-    for name, (path, genre) in songs.items():
-        beats_s, dances = dances_to(name, path, genre, takes.get(name), repertoire, given)
+    rows: dict[str, list[Row]] = defaultdict(list)
+    for name, (song_path, genre) in songs.items():
+        beats_s, dances = dances_to(name, song_path, genre, takes.get(name), repertoire, given)
         for kind, motion in dances.items():
             rows[kind].append(judge.measured(motion, beats_s, genre))
             shown = {k: v for k, v in rows[kind][-1].items() if not k.endswith(" s")}
             print(f"{name:10s} {kind:16s}", *(f"{k} {v:.3f}" for k, v in shown.items()), flush=True)
-    for kind, of_kind in rows.items():
-        keys = list(dict.fromkeys(key for row in of_kind for key in row))
-        means = {key: np.mean([row[key] for row in of_kind if key in row]) for key in keys}
-        print(f"mean of {len(of_kind):2d}, {kind:16s}", *(f"{k} {v:.3f}" for k, v in means.items()))
-    if given.plot:
-        plot(given.plot, rows)
+    return rows
 
 
-def plot(path: Path, rows: dict[str, list[dict[str, float]]]) -> None:
+def mean_of(rows: list[Row], key: str) -> float:
+    return float(np.mean([row[key] for row in rows if key in row]))
+
+
+def plot(path: Path, rows: dict[str, list[Row]]) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
@@ -125,8 +146,7 @@ def plot(path: Path, rows: dict[str, list[dict[str, float]]]) -> None:
     figure, axes = plt.subplots(figsize=(7, 4))
     for kind, of_kind in rows.items():
         reached = [s for s in AFTER_S if any(f"{s} s" in r for r in of_kind)]
-        means = [np.mean([r[f"{s} s"] for r in of_kind if f"{s} s" in r]) for s in reached]
-        axes.plot(reached, means, marker="o", label=kind)
+        axes.plot(reached, [mean_of(of_kind, f"{s} s") for s in reached], marker="o", label=kind)
     axes.set(xlabel="seconds danced", ylabel="χ² distance to the genre's template", ylim=(0, 1))
     axes.legend()
     figure.savefig(path, dpi=120, bbox_inches="tight")

@@ -1,17 +1,19 @@
 """What the rollout network makes of motifs: ablations, re-created dances, variations, style, feet.
 
-    python examples/47_rollout.py path/to/dance-with-melody REPERTOIRE --ablations FOLDER
+    python examples/47_rollout.py path/to/dance-with-melody REPERTOIRE… --ablations FOLDER
 
-REPERTOIRE must have been built with `--rollout --leave-out @examples/dance_with_melody_held_out.txt`; the
-networks of the ablations are trained into FOLDER on the repertoire's own takes, the first time only (three
-times as long as the network itself; go on after a stop with the same command). Danced are the held-out songs
+Each REPERTOIRE must have been built with `--rollout --leave-out @examples/dance_with_melody_held_out.txt`,
+and with a seed of its own: numbers are mean ± spread over repertoires. The networks of the ablations are
+trained into FOLDER/NAME OF THE REPERTOIRE on the repertoire's own takes with its seed, the first time only
+(each as long as the network itself; go on after a stop with the same command). Danced are the held-out songs
 and those of DATA without motion, up to 80 s of each, asked for their genre.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -50,7 +52,10 @@ ABLATIONS = {
     "acLSTM, no motifs": {"motifs": False, "perceptual_weight": 0.0},
 }
 LONGEST_S = 80.0
-FPS = 30.0
+STILL_M_S = 0.15
+
+Row = dict[str, float]
+Table = dict[str, Row]  # a row by name
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +91,11 @@ def pieces_of(data: Path, takes: Mapping[str, Take]) -> list[Piece]:
 
 
 def ablated_nets(
-    takes: Mapping[str, Take], repertoire: cg.Repertoire, folder: Path, steps: int | None
+    takes: Mapping[str, Take], repertoire: cg.Repertoire, folder: Path, names: Sequence[str]
 ) -> dict[str, RolloutNet]:
     folder.mkdir(parents=True, exist_ok=True)
     nets, learned = {}, None
-    for name, changes in ABLATIONS.items():
+    for name in names:
         path = folder / f"{name.replace(' ', '-').replace(',', '')}"
         if not path.with_suffix(".pt").exists():
             if learned is None:
@@ -98,12 +103,11 @@ def ablated_nets(
                        for t in repertoire.takes]  # fmt: skip
                 words = repertoire.word_net()
                 learned = rollout_takes(own, cut_takes(own)[0], repertoire.vocabulary, words)
-            preset = str(repertoire.provenance["preset"])
-            config = rollout_config(preset, **changes, **({} if steps is None else {"steps": steps}))
+            config = rollout_config(str(repertoire.provenance["preset"]), **ABLATIONS[name])
             place = TrainingPlace(
                 path, resume=True, report=lambda p: print(p.step, f"{p.loss:.3f}", flush=True)
             )
-            net = train_rollout(learned, words, config, seed=0, place=place)
+            net = train_rollout(learned, words, config, seed=int(repertoire.provenance["seed"]), place=place)
             torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, path.with_suffix(".pt"))
         stored = torch.load(path.with_suffix(".pt"), weights_only=True)
         weights = {key: value.numpy() for key, value in stored.pop("weights").items()}
@@ -115,10 +119,18 @@ def bounds_of(dance: cg.Dance) -> np.ndarray:
     return np.array([*(word.start_s for word in dance.plan.words), dance.plan.words[-1].end_s])
 
 
-def show_ablations(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> None:
+def means(rows: Mapping[str, Sequence[Row]]) -> Table:
+    """Each row's mean over songs."""
+    return {
+        name: {key: float(np.mean([r[key] for r in of_name])) for key in of_name[0]}
+        for name, of_name in rows.items()
+    }
+
+
+def ablated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> Table:
     """Distance to the template, beats, and speeds, for every network, and of what was really danced."""
     k = repertoire.vocabulary.n_motifs
-    rows: dict[str, list[list[float]]] = {}
+    rows = defaultdict(list)
     for piece in pieces:
         goal = repertoire.vocabulary.signatures[repertoire.vocabulary.genre_index(piece.genre)]
         motions: dict[str, Motion] = {}
@@ -136,24 +148,24 @@ def show_ablations(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, 
             danced = danced_motifs(motion, inside, repertoire)
             body = body_pos_m(motion)
             kinematic = cg.Dance(motion, dance.plan).motion_beats_s
-            rows.setdefault(name, []).append(
-                [
-                    chi_square_distance(signature(danced[danced >= 0], k), goal),
-                    float(np.mean(danced == asked[: len(danced)])) if name != "real" else np.nan,
-                    beat.aligned_share(kinematic, beats), beat.beat_ratio(kinematic, beats),
-                    beat.f_score(kinematic, beats), foot_slide_cm_s(body, motion.fps),
-                    float(np.linalg.norm(np.diff(body, axis=0), axis=-1).mean() * motion.fps),
-                    float(np.percentile(joint_jerk_m_s3(body, motion.fps)[1], 95)),
-                ]
-            )  # fmt: skip
-    print("mean of songs            chi2  motifs aligned  ratio      F  slide  speed   jerk")
-    for name, of_name in rows.items():
-        print(f"{name:20s} {len(of_name):2d}", *(f"{v:6.3f}" for v in np.mean(of_name, axis=0)))
+            rows[name].append(
+                {
+                    "chi2": chi_square_distance(signature(danced[danced >= 0], k), goal),
+                    "motifs as asked": np.nan if name == "real" else np.mean(danced == asked[: len(danced)]),
+                    "aligned": beat.aligned_share(kinematic, beats),
+                    "ratio": beat.beat_ratio(kinematic, beats),
+                    "F": beat.f_score(kinematic, beats),
+                    "slide cm/s": foot_slide_cm_s(body, motion.fps),
+                    "speed m/s": np.linalg.norm(np.diff(body, axis=0), axis=-1).mean() * motion.fps,
+                    "jerk p95": np.percentile(joint_jerk_m_s3(body, motion.fps)[1], 95),
+                }
+            )
+    return means(rows)
 
 
-def show_recreations(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> None:
+def recreated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> Table:
     """Share of a held-out dance's motifs that come out again, asked for in their order."""
-    shares: dict[str, list[float]] = {}
+    rows = defaultdict(list)
     for piece in pieces:
         if piece.take is None:
             continue
@@ -167,10 +179,9 @@ def show_recreations(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str
             repertoire.swapped = net
             dance = cg.dance(piece.song, repertoire, engine=engine, motifs=motifs)
             danced = danced_motifs(dance.motion, bounds_of(dance), repertoire)[: len(asked)]
-            shares.setdefault(name, []).append(float(np.mean((danced == asked)[asked >= 0])))
+            rows[name].append({"motifs as asked": np.mean((danced == asked)[asked >= 0])})
     repertoire.swapped = None
-    for name, of_name in shares.items():
-        print(f"re-created by {name:20s} {np.mean(of_name):.3f}, least {np.min(of_name):.3f}")
+    return means(rows)
 
 
 def apart_cm(a: Motion, b: Motion) -> float:
@@ -179,25 +190,26 @@ def apart_cm(a: Motion, b: Motion) -> float:
     return float(100 * np.linalg.norm(next(poses) - next(poses), axis=-1).mean())
 
 
-def show_variations(pieces: list[Piece], repertoire: WithNet) -> None:
-    apart, far = [], []
+def varied(pieces: list[Piece], repertoire: WithNet) -> Table:
+    """Three runs of a song and template: how far apart, the nearest two, and how near to the template."""
+    rows = []
     for piece in pieces:
         goal = repertoire.vocabulary.signatures[repertoire.vocabulary.genre_index(piece.genre)]
         dances = cg.vary(piece.song, repertoire, 3, engine="rollout", genre=piece.genre)
-        apart += [apart_cm(dances[i].motion, dances[j].motion) for i, j in ((0, 1), (0, 2), (1, 2))]
-        for dance in dances:
-            motifs = danced_motifs(dance.motion, bounds_of(dance), repertoire)
-            far.append(chi_square_distance(signature(motifs[motifs >= 0], len(goal)), goal))
-    print(f"three runs: {np.mean(apart):.1f} cm apart, least {np.min(apart):.1f}; chi2 {np.mean(far):.3f}")
+        apart = [apart_cm(dances[i].motion, dances[j].motion) for i, j in ((0, 1), (0, 2), (1, 2))]
+        motifs = [danced_motifs(dance.motion, bounds_of(dance), repertoire) for dance in dances]
+        far = [chi_square_distance(signature(m[m >= 0], len(goal)), goal) for m in motifs]
+        rows.append({"apart cm": np.mean(apart), "nearest cm": np.min(apart), "chi2": np.mean(far)})
+    return means({"three runs": rows})
 
 
-def show_styles(pieces: list[Piece], repertoire: WithNet) -> None:
-    """The song's style against another's, none, and noise: with ours and with the paper's window."""
+def styled(pieces: list[Piece], repertoire: WithNet) -> Table:
+    """The song's style against another's, and noise: with ours and with the paper's window."""
     net = repertoire.rollout_net()
-    for fade_s in dict.fromkeys((net.config.style_fade_s, 0.0)):
+    rows = defaultdict(list)
+    for fade_s, window in ((net.config.style_fade_s, "our window"), (0.0, "the paper's window")):
         repertoire.swapped = RolloutNet(replace(net.config, style_fade_s=fade_s))
         repertoire.swapped.load_state_dict(net.state_dict())
-        rows: dict[str, list[list[float]]] = {}
         for piece, other in zip(pieces, pieces[1:] + pieces[:1], strict=True):
             asked = {"genre": piece.genre, "engine": "rollout"}
             own = cg.dance(piece.song, repertoire, **asked)
@@ -208,18 +220,12 @@ def show_styles(pieces: list[Piece], repertoire: WithNet) -> None:
             for name, dance in dances.items():
                 same = danced_motifs(dance.motion, bounds_of(dance), repertoire) == motifs
                 kept = beat.f_score(dance.motion_beats_s, own.motion_beats_s, window_s=beat.FRAME_S)
-                jerk = [
-                    np.percentile(joint_jerk_m_s3(body_pos_m(m), m.fps)[1], 95)
-                    for m in (dance.motion, own.motion)
-                ]
-                rows.setdefault(name, []).append(
-                    [apart_cm(dance.motion, own.motion), same.mean(), kept, jerk[0] / jerk[1]]
-                )
-        for name, of_name in rows.items():
-            cm, same, kept, jerk = np.mean(of_name, axis=0)
-            kept_of = f"motifs kept {same:.3f}, beats kept {kept:.3f}"
-            print(f"style of {name:12s} (fade {fade_s:g} s): {cm:.2f} cm apart, {kept_of}, jerk x {jerk:.2f}")
+                rows[f"{name}, {window}"].append(
+                    {"apart cm": apart_cm(dance.motion, own.motion), "motifs kept": same.mean(),
+                     "beats kept": kept}
+                )  # fmt: skip
     repertoire.swapped = None
+    return means(rows)
 
 
 def noise(net: RolloutNet, song: Song, bounds_s: np.ndarray) -> np.ndarray:
@@ -228,7 +234,7 @@ def noise(net: RolloutNet, song: Song, bounds_s: np.ndarray) -> np.ndarray:
     return np.random.default_rng(0).normal(mean, std, (len(bounds_s) - 1, len(mean)))
 
 
-def show_long(pieces: list[Piece], repertoire: WithNet) -> None:
+def long_dances(pieces: list[Piece], repertoire: WithNet) -> Table:
     """Three minutes, the song over and over, by thirds: speed, spread of poses, and how far it goes."""
     rows = []
     for piece in (pieces[0], pieces[3], pieces[-1]):
@@ -237,20 +243,16 @@ def show_long(pieces: list[Piece], repertoire: WithNet) -> None:
         motion = cg.dance(song, repertoire, engine="rollout", genre=piece.genre).motion
         body = body_pos_m(motion)
         speed = np.linalg.norm(np.diff(body, axis=0), axis=-1).mean(axis=1) * motion.fps
-        spread = [from_own_place(part).std(axis=0).mean() * 100 for part in np.array_split(body, 3)]
-        still = np.mean(np.array([part.max() for part in np.array_split(speed, 180)]) < 0.15)
-        rows.append(
-            [*(part.mean() for part in np.array_split(speed, 3)), *spread,
-             np.linalg.norm(motion.root_pos_m[:, [0, 2]], axis=1).max(), still]
-        )  # fmt: skip
-    values = np.mean(rows, axis=0)
-    print(
-        f"three minutes, in thirds: {values[:3].round(2)} m/s, poses spread {values[3:6].round(1)} cm; "
-        f"at most {values[6]:.1f} m from where it began; seconds that stand still {values[7]:.3f}"
-    )
+        row = {f"m/s, third {i}": part.mean() for i, part in enumerate(np.array_split(speed, 3), 1)}
+        for i, part in enumerate(np.array_split(body, 3), 1):
+            row[f"spread cm, third {i}"] = from_own_place(part).std(axis=0).mean() * 100
+        row["farthest m"] = np.linalg.norm(motion.root_pos_m[:, [0, 2]], axis=1).max()
+        row["still"] = np.mean([part.max() < STILL_M_S for part in np.array_split(speed, 180)])
+        rows.append(row)
+    return means({"three minutes": rows})
 
 
-def show_feet(pieces: list[Piece], repertoire: WithNet) -> None:
+def feet(pieces: list[Piece], repertoire: WithNet) -> Table:
     """Slide of low feet with and without holding them, and of real takes, cm/s."""
     rows = []
     for piece in pieces:
@@ -259,31 +261,51 @@ def show_feet(pieces: list[Piece], repertoire: WithNet) -> None:
         held = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre).motion
         with patch.object(rollout, "lock_feet", lambda motion, contacts: motion):
             free = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre).motion
-        rows.append([foot_slide_cm_s(body_pos_m(m), m.fps) for m in (held, free, piece.take.motion)])
-    held, free, real = np.mean(rows, axis=0)
-    print(f"slide {held:.1f} cm/s, feet not held {free:.1f}, real {real:.1f}")
+        motions = {"held": held, "not held": free, "real": piece.take.motion}
+        rows.append({name: foot_slide_cm_s(body_pos_m(m), m.fps) for name, m in motions.items()})
+    return means({"slide cm/s": rows})
+
+
+def show(title: str, tables: Sequence[Table]) -> None:
+    """Mean ± spread over repertoires; a row that one of them lacks is of the others."""
+    print(f"{title}, {len(tables)} repertoires")
+    for name in dict.fromkeys(name for table in tables for name in table):
+        own = [table[name] for table in tables if name in table]
+        values = {key: [row[key] for row in own] for key in own[0]}
+        texts = (f"{key} {np.mean(v):.3f} ± {np.std(v):.3f}" for key, v in values.items())
+        print(f"  {name} ({len(own)}):", ", ".join(texts), flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("data", type=Path)
-    parser.add_argument("repertoire", type=Path)
+    parser.add_argument("repertoires", type=Path, nargs="+")
     parser.add_argument(
         "--ablations", type=Path, help="folder of the ablations' networks; none: leave them out"
     )
-    parser.add_argument("--steps", type=int, help="of their training, if not the preset's")
+    parser.add_argument("--networks", nargs="+", choices=list(ABLATIONS), default=list(ABLATIONS))
+    parser.add_argument("--train-only", action="store_true", help="the ablations' networks")
     given = parser.parse_args()
     torch.set_num_threads(1)
     takes = {take.name: take for take in read(given.data)}
-    repertoire = WithNet.open(given.repertoire)
     pieces = pieces_of(given.data, takes)
-    nets = ablated_nets(takes, repertoire, given.ablations, given.steps) if given.ablations else {}
-    show_ablations(pieces, repertoire, nets)
-    show_recreations(pieces, repertoire, nets)
-    show_variations(pieces, repertoire)
-    show_styles(pieces, repertoire)
-    show_feet(pieces, repertoire)
-    show_long(pieces, repertoire)
+    found: dict[str, list[Table]] = defaultdict(list)
+    for path in given.repertoires:
+        repertoire, nets = WithNet.open(path), {}
+        if given.ablations:
+            nets = ablated_nets(takes, repertoire, given.ablations / path.stem, given.networks)
+        if given.train_only:
+            continue
+        found["ablations"].append(ablated(pieces, repertoire, nets))
+        found["re-created"].append(recreated(pieces, repertoire, nets))
+        for title, measure in SINGLE.items():
+            found[title].append(measure(pieces, repertoire))
+        print(f"{path.name} measured", flush=True)
+    for title, tables in found.items():
+        show(title, tables)
+
+
+SINGLE = {"variations": varied, "style": styled, "feet": feet, "long": long_dances}
 
 
 if __name__ == "__main__":
