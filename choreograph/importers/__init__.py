@@ -15,7 +15,9 @@ from typing import Protocol
 import numpy as np
 
 from choreograph.errors import FormatError, ParameterError
+from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m
+from choreograph.motion.motion import Motion
 from choreograph.takes import Take
 from choreograph.timebase import STORE_FPS
 
@@ -36,6 +38,8 @@ class Importer(Protocol):
 
 _OURS = ("dance_with_melody", "aist", "amass", "npz", "bvh", "folder")  # the first that fits reads
 _WORTH_A_NOTE_M = 0.05
+_PUSH_FPS = 30.0
+_HARD_PUSH_M_S2 = 30.0  # 3 g; takes known to be right have at most 21 m/s²
 _added: list[Importer] = []
 
 
@@ -71,7 +75,21 @@ def _as_stored(take: Take) -> Take:
     notes = take.notes
     if abs(floor_m) > _WORTH_A_NOTE_M:
         notes += (f"the floor was found at {floor_m:.2f} m and put at 0",)
+    push_m_s2 = _hard_push_m_s2(motion)
+    if push_m_s2 > _HARD_PUSH_M_S2:
+        notes += (
+            f"one frame in a hundred its pelvis is pushed with {push_m_s2:.0f} m/s² or more, as no dancer's "
+            "is: is its frame rate right?",
+        )
     return replace(take, motion=motion.resampled(min(motion.fps, STORE_FPS)), notes=notes)
+
+
+def _hard_push_m_s2(motion: Motion) -> float:
+    """The 99th percentile of the pelvis' acceleration, at 30 fps."""
+    pos_m = body_pos_m(motion.resampled(_PUSH_FPS))[:, 0]
+    if len(pos_m) < 3:
+        return 0.0
+    return float(np.percentile(np.linalg.norm(np.diff(pos_m, n=2, axis=0), axis=-1), 99) * _PUSH_FPS**2)
 
 
 def _importer_of(source: Path) -> Importer:

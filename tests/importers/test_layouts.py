@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -109,6 +110,18 @@ def test_takes_come_at_60_fps_at_most_and_on_the_floor(tmp_path):
     assert (take.motion.fps, take.motion.n_frames) == (60.0, 60)
     assert any("floor" in note for note in take.notes)
     assert -0.2 < take.motion.joint_pos_m()[..., 1].min() < 0.1
+
+
+@pytest.mark.parametrize(("swings_hz", "odd"), [(2.0, False), (4.0, True)])
+def test_a_take_pushed_as_no_body_is_gets_a_note(tmp_path, swings_hz, odd):
+    """0.1 m sin(2πft) is pushed with 0.1 (2πf)² at most: 16 and 63 m/s²; a rate twice too high makes four
+    times as much."""
+    calm = swaying(120, fps=60.0)
+    swing_m = 0.1 * np.sin(2 * np.pi * swings_hz * np.arange(120) / 60.0)
+    root_pos_m = np.array([0, 0.9, 0]) + np.outer(swing_m, [1, 0, 0])
+    save_motion(tmp_path / "a.npz", replace(calm, root_pos_m=root_pos_m))
+    (take,) = import_takes(tmp_path / "a.npz")
+    assert any("frame rate" in note for note in take.notes) == odd
 
 
 def test_our_npz_is_a_take(tmp_path):
