@@ -1,12 +1,10 @@
 """What the rollout network makes of motifs: ablations, re-created dances, variations, style, feet.
 
-    python examples/47_rollout.py path/to/dance-with-melody REPERTOIRE… --ablations FOLDER
+    python examples/47_rollout.py path/to/dance-with-melody REPERTOIRE… [--ablations FOLDER]
 
 Each REPERTOIRE must have been built with `--rollout --leave-out @examples/dance_with_melody_held_out.txt`,
-and with a seed of its own: numbers are mean ± spread over repertoires. The networks of the ablations are
-trained into FOLDER/NAME OF THE REPERTOIRE on the repertoire's own takes with its seed, the first time only
-(each as long as the network itself; go on after a stop with the same command). Danced are the held-out songs
-and those of DATA without motion, up to 80 s of each, asked for their genre.
+and with a seed of its own: numbers are mean ± spread over repertoires. FOLDER: `49_rollout_ablations.py`.
+Danced are the held-out songs and those of DATA without motion, up to 80 s of each, asked for their genre.
 """
 
 from __future__ import annotations
@@ -14,6 +12,7 @@ from __future__ import annotations
 import argparse
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -33,24 +32,13 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import from_own_place
 from choreograph.nets.rollout import RolloutNet
-from choreograph.nets.rollout_presets import rollout_config
-from choreograph.nets.rollout_training import train_rollout
-from choreograph.nets.training import TrainingPlace
 from choreograph.pipeline import rolling
 from choreograph.pipeline.rendering import danced_motifs
-from choreograph.pipeline.rollout_learning import rollout_takes
-from choreograph.pipeline.wording import cut_takes
-from choreograph.repertoire.contents import MeasuredTake
 from choreograph.rollout import rollout
 from choreograph.takes import Take
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 WITHOUT_MOTION = {"DANCE_C_1": "cha-cha", "DANCE_C_3": "cha-cha", "DANCE_R_6": "rumba", "DANCE_R_10": "rumba"}
-ABLATIONS = {
-    "no perceptual loss": {"perceptual_weight": 0.0},
-    "no audio": {"hears": False},
-    "acLSTM, no motifs": {"motifs": False, "perceptual_weight": 0.0},
-}
 LONGEST_S = 80.0
 STILL_M_S = 0.15
 
@@ -90,28 +78,13 @@ def pieces_of(data: Path, takes: Mapping[str, Take]) -> list[Piece]:
     return pieces
 
 
-def ablated_nets(
-    takes: Mapping[str, Take], repertoire: cg.Repertoire, folder: Path, names: Sequence[str]
-) -> dict[str, RolloutNet]:
-    folder.mkdir(parents=True, exist_ok=True)
-    nets, learned = {}, None
-    for name in names:
-        path = folder / f"{name.replace(' ', '-').replace(',', '')}"
-        if not path.with_suffix(".pt").exists():
-            if learned is None:
-                own = [MeasuredTake(takes[t.name], np.zeros((0, 21, 3), np.float32), np.zeros(0))
-                       for t in repertoire.takes]  # fmt: skip
-                words = repertoire.word_net()
-                learned = rollout_takes(own, cut_takes(own)[0], repertoire.vocabulary, words)
-            config = rollout_config(str(repertoire.provenance["preset"]), **ABLATIONS[name])
-            place = TrainingPlace(
-                path, resume=True, report=lambda p: print(p.step, f"{p.loss:.3f}", flush=True)
-            )
-            net = train_rollout(learned, words, config, seed=int(repertoire.provenance["seed"]), place=place)
-            torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, path.with_suffix(".pt"))
-        stored = torch.load(path.with_suffix(".pt"), weights_only=True)
+def ablated_nets(folder: Path) -> dict[str, RolloutNet]:
+    """The networks of a folder by what they lack."""
+    nets = {}
+    for path in sorted(folder.glob("*.pt")):
+        stored = torch.load(path, weights_only=True)
         weights = {key: value.numpy() for key, value in stored.pop("weights").items()}
-        nets[name] = RolloutNet.from_arrays(weights, stored)
+        nets[path.stem] = RolloutNet.from_arrays(weights, stored)
     return nets
 
 
@@ -276,36 +249,36 @@ def show(title: str, tables: Sequence[Table]) -> None:
         print(f"  {name} ({len(own)}):", ", ".join(texts), flush=True)
 
 
+def measured(path: Path, data: Path, ablations: Path | None) -> dict[str, Table]:
+    """All tables of one repertoire, by title."""
+    torch.set_num_threads(1)
+    pieces = pieces_of(data, {take.name: take for take in read(data)})
+    repertoire = WithNet.open(path)
+    nets = ablated_nets(ablations / path.stem) if ablations else {}
+    found = {
+        "ablations": ablated(pieces, repertoire, nets),
+        "re-created": recreated(pieces, repertoire, nets),
+        "variations": varied(pieces, repertoire),
+        "style": styled(pieces, repertoire),
+        "feet": feet(pieces, repertoire),
+        "long": long_dances(pieces, repertoire),
+    }
+    print(f"{path.name} measured", flush=True)
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("data", type=Path)
     parser.add_argument("repertoires", type=Path, nargs="+")
-    parser.add_argument(
-        "--ablations", type=Path, help="folder of the ablations' networks; none: leave them out"
-    )
-    parser.add_argument("--networks", nargs="+", choices=list(ABLATIONS), default=list(ABLATIONS))
-    parser.add_argument("--train-only", action="store_true", help="the ablations' networks")
+    parser.add_argument("--ablations", type=Path, help="folder of the ablations' networks")
+    parser.add_argument("--jobs", type=int, default=1, help="repertoires measured at a time")
     given = parser.parse_args()
-    torch.set_num_threads(1)
-    takes = {take.name: take for take in read(given.data)}
-    pieces = pieces_of(given.data, takes)
-    found: dict[str, list[Table]] = defaultdict(list)
-    for path in given.repertoires:
-        repertoire, nets = WithNet.open(path), {}
-        if given.ablations:
-            nets = ablated_nets(takes, repertoire, given.ablations / path.stem, given.networks)
-        if given.train_only:
-            continue
-        found["ablations"].append(ablated(pieces, repertoire, nets))
-        found["re-created"].append(recreated(pieces, repertoire, nets))
-        for title, measure in SINGLE.items():
-            found[title].append(measure(pieces, repertoire))
-        print(f"{path.name} measured", flush=True)
-    for title, tables in found.items():
-        show(title, tables)
-
-
-SINGLE = {"variations": varied, "style": styled, "feet": feet, "long": long_dances}
+    measure = partial(measured, data=given.data, ablations=given.ablations)
+    with ProcessPoolExecutor(given.jobs) as pool:
+        found = list(pool.map(measure, given.repertoires))
+    for title in found[0]:
+        show(title, [tables[title] for tables in found])
 
 
 if __name__ == "__main__":
