@@ -84,7 +84,8 @@ def as_markdown(dances: Sequence[MeasuredDance], names: Sequence[str]) -> str:
         for name in chosen:
             own = [d for d in dances if d.variant == name]
             texts = [_text(cell(own, m), METRICS[m].digits) for m in metrics]
-            lines.append(f"| {name} | " + " | ".join(texts) + " |")
+            if any(texts):
+                lines.append(f"| {name} | " + " | ".join(texts) + " |")
         lines.append("")
     return "\n".join(lines)
 
