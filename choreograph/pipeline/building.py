@@ -41,9 +41,7 @@ class BuildOptions:
     device: str = "auto"
     resume: bool = False
     init_from: Path | None = None  # networks of another repertoire to begin with
-    style_from: Path | None = (
-        None  # style networks to begin with where `init_from` has none; build-db: the starter's
-    )
+    style_from: Path | None = None  # style networks to begin with where `init_from` has none (CLI: starter's)
     keep_networks: bool = False  # take those as they are; only what they lack is trained
     packed: bool = False  # motion in 16 bits: a third of the size, turns to 0.03 degrees
     rollout: bool = False  # train the network that dances motifs, too: as long as all else together
