@@ -97,7 +97,8 @@ def _instants(
         long_enough = min(frame - start, seconds_to_frames(after.stop_s, fps) - frame) >= shortest
         at_s = np.array([frame / fps])
         within = before.source_s(at_s)[0] <= take_lengths_s[before.take] and after.source_s(at_s)[0] >= 0.0
-        if long_enough and within:
+        # Half a second may be half a frame more from a border than from 0; nothing is played there.
+        if long_enough and within and abs(frame - border) <= seconds_to_frames(REACH_S, fps):
             frames.add(frame)
     return sorted(frames, key=lambda frame: abs(frame - border))
 

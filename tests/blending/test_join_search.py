@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from planted_dances import stepping
 
+from choreograph.blending import join_search
 from choreograph.blending.assembly import assemble
 from choreograph.blending.join_search import REACH_S, search_joins
 from choreograph.blending.runs import joined_at, to_runs
@@ -77,3 +78,23 @@ def test_without_beats_joins_stay():
     runs = on_the_beat("abcab")
     starts_s = searched(runs, beats_s=np.zeros(0))
     assert np.abs(np.array(starts_s) - [run.start_s for run in runs]).max() <= REACH_S
+
+
+class NumpyWhereEmptyIs:
+    """numpy, but what nobody has written yet is `filler`."""
+
+    def __init__(self, filler):
+        self.empty = lambda shape: np.full(shape, filler)
+
+    def __getattr__(self, name):
+        return getattr(np, name)
+
+
+@pytest.mark.parametrize("fps", [24.0, 25.0, 29.97, 60.0])
+def test_nothing_is_judged_that_was_never_played(fps, monkeypatch):
+    runs, found = on_the_beat("aaabbccaabbcc"), []
+    for filler in (np.nan, 1e200):
+        monkeypatch.setattr(join_search, "np", NumpyWhereEmptyIs(filler))
+        with np.errstate(all="raise"):
+            found.append(searched(runs, fps=fps))
+    assert found[0] == found[1]
