@@ -4,9 +4,9 @@
 
 Each REPERTOIRE must have been built with `--leave-out @examples/dance_with_melody_held_out.txt`, hold a
 vocabulary, and have a seed of its own: numbers are mean ± spread over repertoires. Danced are the held-out
-songs and those of DATA without motion, each asked for its own genre and not; "real" is the held-out take
-itself. Words are cut on the song's beats, as the takes' own are, and the distance is χ² (Rhythm is a Dancer,
-equation 11) to the genre's template, after so many seconds.
+songs and those of DATA without motion, each asked for its own genre and not, and with no weight on motifs;
+"real" is the held-out take itself. Words are cut on the song's beats, as the takes' own are, and the
+distance is χ² (Rhythm is a Dancer, equation 11) to the genre's template, after so many seconds.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from choreograph.motion.motion import Motion
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 WITHOUT_MOTION = {"DANCE_C_1": "cha-cha", "DANCE_C_3": "cha-cha", "DANCE_R_6": "rumba", "DANCE_R_10": "rumba"}
+UNPRICED = {"signature": 0.0, "motif_transition": 0.0}
 FPS = 30.0
 BEAT_FPS = 60.0
 AFTER_S = (10, 20, 30, 40, 50, 60, 70, 80)
@@ -71,7 +72,10 @@ def dances_to(name: str, path: Path, genre: str, take: cg.Take | None, repertoir
         "duration_s": given.duration,
     }
     plain = cg.dance(path, repertoire, **part)
-    dances = {"graph, no genre": plain.motion}
+    dances = {
+        "graph, no genre asked": plain.motion,
+        "graph, motifs unpriced": cg.dance(path, repertoire, weights=UNPRICED, **part).motion,
+    }
     for engine in given.engines:
         more = {"weights": given.weights} if engine == "graph" else {}
         dances[f"{engine}, genre"] = cg.dance(

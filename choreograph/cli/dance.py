@@ -44,7 +44,9 @@ from choreograph.errors import ParameterError
     help="What a dance is made of: seconds of takes (graph, the default), motion words of takes (mixer), or "
     "a network's motion (rollout).",
 )  # fmt: skip
-@click.option("--genre", help="Dance as this genre of the repertoire does.")
+@click.option(
+    "--genre", help="Dance as this genre of the repertoire does; by default the one nearest to the song."
+)
 @click.option(
     "--signature", type=click.Path(path_type=Path),
     help="Dance with this share of every motif: a file of `choreograph inspect --signature`.",

@@ -16,7 +16,10 @@ from choreograph.repertoire import Repertoire
 from choreograph.timebase import CLIP_S, NODE_FRAMES, SEGMENT_S
 
 _JOINTS_TO_NORM = float(np.sqrt(21.0))  # our transition is a mean over 21 joints, the paper's their norm
-_GRAPH_COSTS = ("style", "completeness", "transition", "velocity", "rhythm", "pace", "variety", "repeat")
+_GRAPH_COSTS = (
+    "style", "completeness", "transition", "velocity", "rhythm", "pace", "variety", "repeat", "signature",
+    "motif_transition",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,9 @@ def _without(cost: str) -> Variant:
 _AS_PUBLISHED = {
     **dict.fromkeys(_GRAPH_COSTS, 0.0), "style": 1.0, "completeness": 1.0, "transition": _JOINTS_TO_NORM,
 }  # fmt: skip
-_NO_EDGES = dict.fromkeys(("completeness", "transition", "velocity", "repeat"), 0.0)
+_NO_EDGES = dict.fromkeys(
+    ("completeness", "transition", "velocity", "repeat", "signature", "motif_transition"), 0.0
+)
 VARIANTS: dict[str, Variant] = {
     variant.name: variant
     for variant in (

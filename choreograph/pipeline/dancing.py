@@ -17,9 +17,10 @@ from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.graph import Cost
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.pipeline.genre import goal_for
 from choreograph.pipeline.graph_engine import dance_by_graph, weigh
 from choreograph.pipeline.hearing import hear
-from choreograph.pipeline.mixing import dance_by_mixer, goal_for, sequence_notes
+from choreograph.pipeline.mixing import dance_by_mixer, sequence_notes
 from choreograph.pipeline.saving import Report, save
 from choreograph.pipeline.wishes import Ban, MotifPin, Pin, Wishes, make_wishes
 from choreograph.plan import Plan
@@ -77,7 +78,8 @@ def dance(
     repertoire : the takes to dance with
     engine : "graph" (seconds of takes), "mixer" (motion words of takes) or "rollout" (a network); default
         `config`'s, or "mixer" if `motifs` has one for every word
-    genre : whose signature and transitions the dance should have
+    genre : whose signature and transitions the dance should have; by default that whose takes are nearest to
+        the song in style. Weights 0 of "signature" and "motif_transition" let a graph dance follow none
     signature : (K,) shares of the motifs that the dance should have
     motifs : of the dance's words from the first on, or with their times
     pins : `MotifPin`s and `TakePin`s, in seconds of the dance; what they say is danced, whatever it costs
@@ -107,7 +109,7 @@ def dance(
     config = _with_engine(config or DanceConfig(), engine, wishes)
     if config.engine == "graph":
         config = replace(config, weights={**config.weights, **(weights or {})})
-        own_costs = weigh(config.weights, wishes, costs)
+        own_costs = weigh(config.weights, costs)
     elif costs or weights:
         raise ParameterError(f"costs and weights are of the graph engine, got the {config.engine} engine")
     _check_repertoire(repertoire, config, wishes)

@@ -27,10 +27,13 @@ from choreograph.graph import (
     plan_greedy,
     song_words_s,
 )
+from choreograph.motifs.goals import MotifGoal
 from choreograph.motifs.stretches import StretchMotifs
+from choreograph.motifs.vocabulary import ALL_GENRES
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.motion import Motion
 from choreograph.pipeline.asked import Asked, resolve, wanted_goal
+from choreograph.pipeline.genre import likely_genre, note_of
 from choreograph.pipeline.overlaying import overlaid_plan
 from choreograph.pipeline.rendering import render, with_joins_on_beats
 from choreograph.pipeline.saving import Report
@@ -53,13 +56,12 @@ class OwnCosts:
     weights: Mapping[str, float]
 
 
-def weigh(weights: Mapping[str, float], wishes: Wishes, costs: Sequence[Cost]) -> OwnCosts:
-    """The weights of all costs that will take part.
+def weigh(weights: Mapping[str, float], costs: Sequence[Cost]) -> OwnCosts:
+    """The weights of all costs that may take part.
 
     Raises `ParameterError` if two costs share a name, or a weight belongs to no cost.
     """
-    steering = MOTIF_COSTS if _steered(wishes) else ()
-    names = [*(cost.name for cost in (*BUILTIN_COSTS, *steering)), *(cost.name for cost in costs)]
+    names = [*(cost.name for cost in (*BUILTIN_COSTS, *MOTIF_COSTS)), *(cost.name for cost in costs)]
     if len(set(names)) != len(names):
         raise ParameterError(f"two costs share a name among {', '.join(names)}: give yours its own `name`")
     return OwnCosts(tuple(costs), resolve_weights(weights, names))
@@ -82,10 +84,11 @@ def dance_by_graph(
     if repertoire.n_clips < config.candidates and config.planner != "motion-graph":
         notes = (f"{repertoire.n_clips} clips, fewer than {config.candidates} candidates: all take part",)
     costs = [*(cost() for cost in BUILTIN_COSTS), *own.costs]
-    if _steered(wishes):
-        goal = wanted_goal(wishes, repertoire)
+    goal, more = _goal(music, repertoire, config, wishes, own)
+    if goal is not None:
         costs += [Signature(goal, music), MotifTransition(goal, music)]
-    weighted = [WeightedCost(cost, own.weights[cost.name]) for cost in costs]
+    weights = {cost.name: own.weights[cost.name] for cost in costs}
+    weighted = [WeightedCost(cost, weights[cost.name]) for cost in costs]
     allowed = Allowed.of(wishes, asked, repertoire, len(music.style))
     if allowed is not None:
         weighted.append(WeightedCost(allowed, 1.0))
@@ -95,7 +98,7 @@ def dance_by_graph(
         if allowed is None:
             raise
         raise NoPathError(f"{error}; asked for: {wishes}") from error
-    plan = _to_plan(nodes, priced, music, repertoire, config, dict(own.weights), start_s)
+    plan = _to_plan(nodes, priced, music, repertoire, config, weights, start_s)
     if report is not None:
         report("rendering", 0, 0)
     if config.joins == "beats":
@@ -104,11 +107,20 @@ def dance_by_graph(
     motion = render(plan, repertoire)
     if asked.motifs or asked.motif_banned.any():
         plan, motion = overlaid_plan(plan, motion, asked, repertoire)
-    return plan, motion, notes
+    return plan, motion, (*notes, *more)
 
 
-def _steered(wishes: Wishes) -> bool:
-    return wishes.genre is not None or wishes.signature is not None
+def _goal(
+    music: Music, repertoire: Repertoire, config: DanceConfig, wishes: Wishes, own: OwnCosts
+) -> tuple[MotifGoal | None, tuple[str, ...]]:
+    """What motifs are priced by: what is asked for, or the likely genre; None if nothing says. And notes."""
+    if config.planner == "motion-graph" or not any(own.weights[cost.name] for cost in MOTIF_COSTS):
+        return None, ()
+    if wishes.genre is not None or wishes.signature is not None:
+        return wanted_goal(wishes, repertoire), ()
+    genre = likely_genre(music, repertoire, wishes) if repertoire.has_vocabulary else ALL_GENRES
+    # All takes together are nobody's dance: a waltz of a mixed library would hold a share of its tangos.
+    return (None, ()) if genre == ALL_GENRES else (wanted_goal(wishes, repertoire, genre), (note_of(genre),))
 
 
 class Allowed(Cost):

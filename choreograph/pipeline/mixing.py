@@ -13,11 +13,10 @@ from choreograph.errors import NoPathError, ParameterError
 from choreograph.features.music import Music
 from choreograph.motifs.choreography import draw_motifs
 from choreograph.motifs.goals import MotifGoal
-from choreograph.motifs.vocabulary import ALL_GENRES
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.motion import Motion
-from choreograph.pipeline.asked import resolve, wanted_goal
-from choreograph.pipeline.genre import likely_genre
+from choreograph.pipeline.asked import resolve
+from choreograph.pipeline.genre import goal_for
 from choreograph.pipeline.overlaying import nothing_left, unfulfilled
 from choreograph.pipeline.rendering import danced_motifs, render
 from choreograph.pipeline.saving import Report
@@ -29,8 +28,6 @@ from choreograph.rollout.mixer import SEARCHES, Choices, choose_words
 
 Indices = NDArray[np.int64]
 
-_NEAREST = "it dances {}, whose takes are nearest to the song in style"
-_CHOSEN = {ALL_GENRES: "none can be told by style, so it dances as all takes together do"}
 _STAY_M = 0.1  # price of changing a word that is danced as it should, to help another
 _ROUNDS = 6  # renderings to make every word its motif; what is pinned or banned may take more
 
@@ -67,15 +64,6 @@ def dance_by_mixer(
     if len(mixed.wrong):
         notes = (*notes, f"{len(mixed.wrong)} of {len(mixed.wanted)} words are not quite their motifs")
     return mixed.plan, mixed.motion, (*notes, *sequence_notes(wishes, len(mixed.wanted)))
-
-
-def goal_for(music: Music, repertoire: Repertoire, wishes: Wishes) -> tuple[MotifGoal, tuple[str, ...]]:
-    """The signature and transitions of what is asked for, or of the genre nearest to the song; and notes."""
-    genre, notes = wishes.genre, tuple[str, ...]()
-    if genre is None and wishes.signature is None and not wishes.motifs:
-        genre = likely_genre(music, repertoire)
-        notes = (f"no genre asked for: {_CHOSEN.get(genre, _NEAREST.format(genre))}",)
-    return wanted_goal(wishes, repertoire, genre), notes
 
 
 def sequence_notes(wishes: Wishes, n_words: int) -> tuple[str, ...]:

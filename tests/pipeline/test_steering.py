@@ -1,22 +1,33 @@
-"""The graph engine follows a genre or a signature, with either planner; without one nothing changes."""
+"""The graph engine follows a genre or a signature: one asked for, or of the genre nearest to the song."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from planted_repertoire import planted_repertoire, planted_takes
+from planted_repertoire import planted_contents, planted_repertoire, planted_takes, with_vocabulary
 
 import choreograph as cg
 from choreograph.errors import ParameterError
 from choreograph.motifs.signatures import chi_square_distance, signature
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.pipeline.rendering import danced_motifs
+from choreograph.repertoire import write_repertoire
+from choreograph.starter import starter_repertoire
+
+UNSTEERED = {"signature": 0.0, "motif_transition": 0.0}
 
 
-def six_takes():
-    return planted_takes(
-        periods_s=[0.45, 0.5, 0.55, 0.6, 0.5, 0.55], duration_s=24.0, genres=["waltz"] * 4 + ["rumba"] * 2
-    )
+def six_takes(genres=("waltz",) * 4 + ("rumba",) * 2):
+    return planted_takes(periods_s=[0.45, 0.5, 0.55, 0.6, 0.5, 0.55], duration_s=24.0, genres=list(genres))
+
+
+def hearing(path, takes):
+    """A repertoire with a vocabulary and style networks: a song's genre can be told."""
+    nets = {"style": starter_repertoire().net("style")}
+    write_repertoire(path, with_vocabulary(replace(planted_contents(takes), nets=nets), takes))
+    return cg.Repertoire.open(path)
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +39,11 @@ def distance(dance, repertoire, wanted) -> float:
     bounds_s = dance_bounds_s(np.array(dance.plan.music_beats_s), dance.plan.duration_s)
     motifs = danced_motifs(dance.motion, bounds_s, repertoire)
     return float(chi_square_distance(signature(motifs[motifs >= 0], len(wanted)), wanted))
+
+
+@pytest.fixture(scope="module")
+def hears(tmp_path_factory):
+    return hearing(tmp_path_factory.mktemp("hears") / "rep.h5", six_takes())
 
 
 @pytest.mark.parametrize("planner", ["exact", "greedy"])
@@ -50,9 +66,33 @@ def test_what_the_seconds_pay_is_the_distance_planned(worded, song):
     assert abs(paid - distance(made, worded, wanted)) < 0.25  # but for words that joins have changed
 
 
-def test_a_vocabulary_that_nobody_asks_for_changes_nothing(worded, song, tmp_path):
-    plain = planted_repertoire(tmp_path / "rep.h5", six_takes())
-    a, b = cg.dance(song, worded).plan, cg.dance(song, plain).plan
+def test_the_likely_genre_is_followed_where_none_is_asked_for(hears, song):
+    made = cg.dance(song, hears)
+    (note,) = [note for note in made.notes if "no genre asked for" in note]
+    genre = next(genre for genre in ("waltz", "rumba") if f"dances {genre}," in note)
+    asked = cg.dance(song, hears, genre=genre)
+    assert made.plan.seconds == asked.plan.seconds and made.plan.weights == asked.plan.weights
+    assert not any("no genre asked for" in note for note in asked.notes)
+
+
+def test_a_banned_genre_is_not_followed(hears, song):
+    for banned, other in (("waltz", "rumba"), ("rumba", "waltz")):
+        notes = cg.dance(song, hears, bans=[cg.Ban(genre=banned)]).notes
+        assert any(f"dances {other}," in note for note in notes)
+
+
+def test_takes_without_genres_are_not_followed(song, tmp_path):
+    nameless = hearing(tmp_path / "rep.h5", six_takes(genres=[""] * 6))
+    made = cg.dance(song, nameless)
+    assert "signature" not in made.plan.weights and not any("genre" in note for note in made.notes)
+
+
+@pytest.mark.parametrize("how", [{"weights": UNSTEERED}, {"config": cg.DanceConfig(planner="motion-graph")}])
+def test_a_vocabulary_without_weight_changes_nothing(hears, song, tmp_path, how):
+    nets = {"style": starter_repertoire().net("style")}
+    write_repertoire(tmp_path / "rep.h5", replace(planted_contents(six_takes()), nets=nets))
+    plain = cg.Repertoire.open(tmp_path / "rep.h5")
+    a, b = cg.dance(song, hears, **how).plan, cg.dance(song, plain, **how).plan
     assert a.seconds == b.seconds and a.weights == b.weights
 
 
@@ -61,7 +101,6 @@ def test_a_vocabulary_that_nobody_asks_for_changes_nothing(worded, song, tmp_pat
     [
         ({"genre": "polka"}, "rumba"),
         ({"signature": np.ones(3) / 3}, "signature"),
-        ({"weights": {"signature": 1.0}}, "'signature'"),
         ({"genre": "waltz", "config": cg.DanceConfig(planner="motion-graph")}, "motion-graph"),
     ],
 )
