@@ -14,6 +14,7 @@ from choreograph.audio.song import Song, load_song
 from choreograph.config import DanceConfig
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.features.music import Music
 from choreograph.graph import Cost
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
@@ -129,15 +130,30 @@ def dance(
     elif config.engine == "mixer":
         plan, motion, more = dance_by_mixer(music, repertoire, config, wishes, start_s=start_s, report=report)
     else:
-        from choreograph.pipeline.rolling import roll
-
-        goal, more = goal_for(music, repertoire, wishes)
-        plan, motion, _ = roll(
-            song, music, repertoire, config, wishes, signature=goal.signature,
-            transitions=goal.transitions, style_song=style_song, start_s=start_s, report=report,
-        )  # fmt: skip
-        more = (*more, *sequence_notes(wishes, len(plan.words)))
+        plan, motion, more = _dance_by_rollout(
+            song, music, repertoire, config, wishes, style_song, start_s, report
+        )
     return Dance(motion, plan, (*notes, *more), song.path)
+
+
+def _dance_by_rollout(
+    song: Song,
+    music: Music,
+    repertoire: Repertoire,
+    config: DanceConfig,
+    wishes: Wishes,
+    style_song: Song | None,
+    start_s: float,
+    report: Report | None,
+) -> tuple[Plan, Motion, tuple[str, ...]]:
+    from choreograph.pipeline.rolling import roll  # torch takes a second to import
+
+    goal, notes = goal_for(music, repertoire, wishes)
+    plan, motion, _ = roll(
+        song, music, repertoire, config, wishes, signature=goal.signature, transitions=goal.transitions,
+        style_song=style_song, start_s=start_s, report=report,
+    )  # fmt: skip
+    return plan, motion, (*notes, *sequence_notes(wishes, len(plan.words)))
 
 
 def _with_engine(config: DanceConfig, engine: str | None, wishes: Wishes) -> DanceConfig:

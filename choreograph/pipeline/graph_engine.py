@@ -113,14 +113,24 @@ def dance_by_graph(
 def _goal(
     music: Music, repertoire: Repertoire, config: DanceConfig, wishes: Wishes, own: OwnCosts
 ) -> tuple[MotifGoal | None, tuple[str, ...]]:
-    """What motifs are priced by: what is asked for, or the likely genre; None if nothing says. And notes."""
-    if config.planner == "motion-graph" or not any(own.weights[cost.name] for cost in MOTIF_COSTS):
-        return None, ()
-    if wishes.genre is not None or wishes.signature is not None:
-        return wanted_goal(wishes, repertoire), ()
-    genre = likely_genre(music, repertoire, wishes) if repertoire.has_vocabulary else ALL_GENRES
-    # All takes together are nobody's dance: a waltz of a mixed library would hold a share of its tangos.
-    return (None, ()) if genre == ALL_GENRES else (wanted_goal(wishes, repertoire, genre), (note_of(genre),))
+    """What motifs are priced by: what is asked for, or the likely genre; None if nothing says. And notes.
+
+    Raises `ParameterError` if nothing says, though the user weighed a cost of motifs.
+    """
+    if any(own.weights[cost.name] for cost in MOTIF_COSTS) and config.planner != "motion-graph":
+        if wishes.genre is not None or wishes.signature is not None:
+            return wanted_goal(wishes, repertoire), ()
+        genre = likely_genre(music, repertoire, wishes) if repertoire.has_vocabulary else ALL_GENRES
+        # All takes together are nobody's dance: a waltz of a mixed library would hold a share of its tangos.
+        if genre != ALL_GENRES:
+            return wanted_goal(wishes, repertoire, genre), (note_of(genre),)
+    weighed = [cost.name for cost in MOTIF_COSTS if config.weights.get(cost.name)]
+    if weighed:
+        raise ParameterError(
+            f"a weight of {weighed[0]!r} was given, but there is no genre to follow: ask for a genre or "
+            "signature that the repertoire knows, with the exact or greedy planner"
+        )
+    return None, ()
 
 
 class Allowed(Cost):

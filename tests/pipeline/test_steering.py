@@ -101,6 +101,11 @@ def test_a_vocabulary_without_weight_changes_nothing(hears, song, tmp_path, how)
     [
         ({"genre": "polka"}, "rumba"),
         ({"signature": np.ones(3) / 3}, "signature"),
+        ({"weights": {"signature": 1.0}}, "'signature'"),
+        (
+            {"weights": {"motif_transition": 1.0}, "config": cg.DanceConfig(planner="motion-graph")},
+            "'motif_transition'",
+        ),
         ({"genre": "waltz", "config": cg.DanceConfig(planner="motion-graph")}, "motion-graph"),
     ],
 )
