@@ -10,7 +10,9 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from choreograph.errors import ParameterError
+from choreograph.features.contacts import foot_contacts
 from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import foot_sole_pos_m
 from choreograph.motion.ik import two_bone
 from choreograph.motion.kinematics import forward, to_local
@@ -25,11 +27,10 @@ _RETURN_S = 1.0  # in which a foot that is moved comes back to its own place; lo
 _SMOOTH_S = 0.2  # over which a shift comes and goes: shorter adds motion beats that nobody danced
 _ORDER = 3  # the derivative of the shift that is kept small: jerk
 _LIFT_S = 0.15  # to each side, for a foot that would go under the floor
-_STRETCH = 0.997  # of the leg's length: beyond, the root comes down to the foot
 
 
 def lock_feet(
-    motion: Motion, contacts: NDArray[np.floating] | NDArray[np.bool_], *, floor_m: float = 0.0
+    motion: Motion, contacts: NDArray[np.floating] | NDArray[np.bool_] | None = None, *, floor_m: float = 0.0
 ) -> Motion:
     """The motion with the feet held where they stand, as far as that adds no jerk.
 
@@ -37,14 +38,18 @@ def lock_feet(
     ----------
     motion : on any rig whose joints are known by name
     contacts : float or bool array (T, 4)   0 to 1, how surely left ankle, left foot (ball), right
-                                            ankle and right foot are at rest, as of `foot_contacts`
+                                            ankle and right foot are at rest; if not given, as
+                                            `foot_contacts` finds it
     floor_m : float                         height of the floor
 
     Feet keep their world rotation, so a flat foot stays flat, and no point of a sole goes under the
-    floor. If a leg is too short, the root comes down a little. ChoreoGraph does not lock feet.
+    floor. The root stays where it is, since moving the whole body makes beats that nobody danced: a leg
+    that is too short reaches as far as it can. ChoreoGraph does not lock feet.
 
     Raises `ParameterError` if shapes disagree, a contact is outside 0 to 1, or the rig's names are unknown.
     """
+    if contacts is None:
+        contacts = foot_contacts(body_pos_m(motion), motion.fps)
     surely: Floats = np.asarray(contacts, np.float64)
     if surely.shape != (motion.n_frames, 4):
         raise ParameterError(f"expected contacts ({motion.n_frames}, 4), got {surely.shape}")
@@ -60,12 +65,9 @@ def lock_feet(
         shift = _holding_shift(points_m, surely[:, 2 * index : 2 * index + 2], motion.fps)
         shift[:, 1] = _lift(foot_sole_pos_m(skeleton, pos_m, turns, side), floor_m, ease)
         targets[side] = pos_m[:, ankle] + shift
-    drop = _root_drop(pos_m, roles, targets, ease)
-    root_pos_m = motion.root_pos_m - drop[:, None] * [0.0, 1.0, 0.0]
-    pos_m = pos_m - drop[:, None, None] * [0.0, 1.0, 0.0]
     for side, target in targets.items():
         _move_leg(skeleton, roles, side, pos_m, turns, target)
-    return replace(motion, root_pos_m=root_pos_m, local_quat=rot.make_continuous(to_local(skeleton, turns)))
+    return replace(motion, local_quat=rot.make_continuous(to_local(skeleton, turns)))
 
 
 def _holding_shift(points_m: Floats, contacts: Floats, fps: float) -> Floats:
@@ -108,20 +110,6 @@ def _smooth_cover(amount: Floats, ease: int) -> Floats:
     if not amount.any():
         return amount
     return gaussian_filter1d(maximum_filter1d(amount, 2 * ease + 1), ease / 2.0, mode="nearest")
-
-
-def _root_drop(pos_m: Floats, roles: dict[str, int], targets: dict[str, Floats], ease: int) -> Floats:
-    """How far the root comes down, (T,), so that both feet reach their places."""
-    drop = np.zeros(len(pos_m))
-    for side, target in targets.items():
-        hip, knee, ankle = (pos_m[:, roles[f"{side}_{part}"]] for part in ("hip", "knee", "ankle"))
-        full = np.linalg.norm(knee - hip, axis=-1) + np.linalg.norm(ankle - knee, axis=-1)
-        reach = np.maximum(_STRETCH * full, np.linalg.norm(ankle - hip, axis=-1))
-        away = target - hip
-        flat = np.linalg.norm(away[:, [0, 2]], axis=-1)
-        lowest_reach = np.sqrt(np.maximum(reach**2 - flat**2, 0.0))
-        drop = np.maximum(drop, np.clip(-away[:, 1] - lowest_reach, 0.0, 0.1))
-    return _smooth_cover(drop, ease)
 
 
 def _move_leg(

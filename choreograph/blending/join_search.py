@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.blending.feet import lock_feet
 from choreograph.blending.playing import JOIN_S, MotionReader, Played, join, placed, play
 from choreograph.blending.runs import Run
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.motion.body import body_indices
+from choreograph.motion.body import body_indices, body_pos_m
 from choreograph.motion.kinematics import forward
+from choreograph.motion.motion import Motion
 from choreograph.timebase import seconds_to_frames
 
 Floats = NDArray[np.float64]
@@ -22,6 +24,7 @@ _STEP_S = 0.1  # instants tried, and the beats among them
 _SHORTEST_S = 0.6  # a run is not made shorter than that
 _WINDOW_S = 1.3  # rendered to each side of the border,
 _JUDGED_S = 1.0  # and judged: what a join can move, but not the window's own ends
+_TRIED_WITH_FEET_HELD = 4  # of the instants, those that keep time best without
 _LONELY_S = 0.25  # beats further apart than that have nothing to do with one another
 
 
@@ -38,10 +41,10 @@ def search_joins(
     """When each run takes over from the one before (N,), in seconds of the dance; the first at its start.
 
     Joins make motion beats and unmake them. From the first join on, each is tried at several instants
-    around its place, on music beats and between; the motion around is rendered, its beats are found, and the
-    instant stays at which motion and music beats are the least apart, both ways, in squared seconds. The one
-    run plays on as long as the other begins later, or the other way round. A run that is `held` (N,) takes
-    over at its start. ChoreoGraph joins on the second.
+    around its place, on music beats and between; the motion around is rendered, for the likely ones with its
+    feet held, its beats are found, and the instant stays at which motion and music beats are the least
+    apart, both ways, in squared seconds. The one run plays on as long as the other begins later, or the
+    other way round. A run that is `held` (N,) takes over at its start. ChoreoGraph joins on the second.
     """
     starts_s = [run.start_s for run in runs]
     if len(runs) < 2:
@@ -118,11 +121,14 @@ def _best(
     roots, quats = (np.stack(arrays) for arrays in zip(*tried, strict=True))
     bodies_m = forward(skeleton, roots, quats)[0][:, :, body_indices(skeleton)]  # (C, T, 21, 3)
     around_s = border / fps
-    misses = [
-        _misses_s2(first / fps + motion_beat_times_s(body_m, fps), beat_times_s, around_s)
-        for body_m in bodies_m
-    ]
-    return int(np.argmin(misses))
+
+    def misses_s2(body_m: Floats) -> float:
+        return _misses_s2(first / fps + motion_beat_times_s(body_m, fps), beat_times_s, around_s)
+
+    # Held feet make beats and unmake them too, but to hold them takes longer than all else here.
+    likely = np.argsort([misses_s2(body_m) for body_m in bodies_m], kind="stable")[:_TRIED_WITH_FEET_HELD]
+    held = [lock_feet(Motion(skeleton, roots[row], quats[row], fps)) for row in likely]
+    return int(likely[np.argmin([misses_s2(body_pos_m(motion)) for motion in held])])
 
 
 def _misses_s2(motion_s: Floats, music_s: Floats, around_s: float) -> float:

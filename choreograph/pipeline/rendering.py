@@ -15,7 +15,6 @@ from choreograph.blending.join_search import REACH_S, search_joins
 from choreograph.blending.playing import MotionReader
 from choreograph.blending.runs import Run, joined_at, overlaid, to_runs, words_to_runs
 from choreograph.errors import ParameterError
-from choreograph.features.contacts import foot_contacts
 from choreograph.motifs.words import cut_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
@@ -50,7 +49,7 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
         duration_s=plan.duration_s,
         blending=plan.blending,
     )
-    return lock_feet(motion, foot_contacts(body_pos_m(motion), motion.fps))
+    return lock_feet(motion)
 
 
 def plan_runs(plan: Plan) -> list[Run]:

@@ -79,6 +79,22 @@ def test_a_foot_that_stops_and_goes_is_held_without_jerk():
     assert np.abs(after[:, head] - before[:, head]).max() < 0.03
 
 
+def test_the_body_above_the_legs_stays():
+    """Legs out of reach, too: the whole body moved would be a beat that nobody danced."""
+    motion = _sliding()
+    far = motion.moved(shift_m=np.array([0.0, 0.02, 0.0]))
+    for upper in ("pelvis", "head", "left_wrist", "right_hip"):
+        joint = BODY_JOINTS.index(upper)
+        held = body_pos_m(lock_feet(far, np.ones((90, 4))))
+        assert np.allclose(held[:, joint], body_pos_m(far)[:, joint], atol=1e-9)
+
+
+def test_contacts_are_found_if_not_given():
+    motion = _sliding()
+    held = lock_feet(motion, foot_contacts(body_pos_m(motion), motion.fps))
+    assert (lock_feet(motion).local_quat == held.local_quat).all()
+
+
 @pytest.mark.parametrize("n_frames", [1, 2, 3, 4])
 def test_short_motions(n_frames):
     motion = _sliding().sliced(0, n_frames)

@@ -1,5 +1,7 @@
 """Joins are put where the dance keeps the beat: planted dances whose rests are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +10,7 @@ from planted_dances import stepping
 
 from choreograph.blending import join_search
 from choreograph.blending.assembly import assemble
+from choreograph.blending.feet import lock_feet
 from choreograph.blending.join_search import REACH_S, search_joins
 from choreograph.blending.runs import joined_at, to_runs
 from choreograph.features.motion_beats import motion_beat_times_s
@@ -36,16 +39,30 @@ def searched(runs, beats_s=BEATS_S, lengths_s=LENGTHS_S, **options):
 
 def score(runs):
     made, _ = assemble(runs, read, fps=FPS, duration_s=runs[-1].stop_s, blending="inertial")
-    return beat.evaluate(motion_beat_times_s(body_pos_m(made), FPS), BEATS_S[runs[-1].stop_s > BEATS_S])
+    held = body_pos_m(lock_feet(made))
+    return beat.evaluate(motion_beat_times_s(held, FPS), BEATS_S[runs[-1].stop_s > BEATS_S])
 
 
 def test_joins_of_dances_that_rest_on_beats_are_put_on_the_beats():
     runs = on_the_beat("ababcbcabcbacbabcacb")
     starts_s = np.array(searched(runs))
     before, after = score(runs), score(joined_at(runs, starts_s))
-    assert starts_s == pytest.approx(PERIOD_S * np.round(starts_s / PERIOD_S))
+    off_beat_s = np.abs(starts_s - PERIOD_S * np.round(starts_s / PERIOD_S))
+    assert (off_beat_s < 1e-3).mean() >= 0.9  # a held foot may come to rest elsewhere
     assert before["aligned_share"] < 0.95 and after["aligned_share"] == 1.0
     assert after["motion_to_music"] < 0.1 * before["motion_to_music"]
+
+
+def test_joins_are_judged_with_feet_held(monkeypatch):
+    """Where holding feet does something else to the motion, joins go elsewhere."""
+    runs = on_the_beat("ababcbcabcb")
+
+    def stiff(motion):
+        return replace(motion, root_pos_m=np.broadcast_to(motion.root_pos_m[:1], motion.root_pos_m.shape))
+
+    as_held = searched(runs)
+    monkeypatch.setattr(join_search, "lock_feet", stiff)
+    assert searched(runs) != as_held
 
 
 @given(st.text("abc", min_size=1, max_size=8), st.sampled_from(["inertial", "linear"]))
@@ -95,6 +112,6 @@ def test_nothing_is_judged_that_was_never_played(fps, monkeypatch):
     runs, found = on_the_beat("aaabbccaabbcc"), []
     for filler in (np.nan, 1e200):
         monkeypatch.setattr(join_search, "np", NumpyWhereEmptyIs(filler))
-        with np.errstate(all="raise"):
+        with np.errstate(all="raise", under="ignore"):
             found.append(searched(runs, fps=fps))
     assert found[0] == found[1]
