@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.blending.feet import lock_feet
-from choreograph.blending.playing import JOIN_S, MotionReader, Played, join, placed, play
+from choreograph.blending.playing import JOIN_S, MotionReader, Played, join, met, play
 from choreograph.blending.runs import Run
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.motion.body import body_indices, body_pos_m
@@ -62,7 +62,7 @@ def search_joins(
         if not (held and held[index]):
             frames = _instants(runs[index - 1 : index + 1], a.start, beat_times_s, take_lengths_s, fps)
         for frame in frames:
-            b = placed(a, replace(border, start=frame), fps, steered=False)
+            b = replace(border.moved(*met(a, border, frame)), start=frame)
             root, quat = root_out[first:stop].copy(), quat_out[first:stop].copy()
             here = b.rows(frame, stop)
             root[frame - first :], quat[frame - first :] = b.root[here], b.quat[here]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,11 +44,14 @@ class Played:
         """The rows of dance frames."""
         return slice(first - self.first_frame, stop - self.first_frame)
 
+    @cached_property
+    def bodies_m(self) -> Floats:
+        """The body in every row, (T, 21, 3)."""
+        return body_pos_m(Motion(self.motion.skeleton, self.root, self.quat, self.motion.fps))
+
     def still(self, frame: int) -> Floats:
         """The body (21, 3) at a frame of the dance."""
-        row = self.rows(frame, frame + 1)
-        motion = Motion(self.motion.skeleton, self.root[row], self.quat[row], self.motion.fps)
-        return body_pos_m(motion)[0]
+        return self.bodies_m[frame - self.first_frame]
 
     def moved(self, yaw: float, shift_m: Floats) -> Played:
         """Turned about Y, then shifted by (3,)."""
@@ -66,19 +70,28 @@ def play(run: Run, read_motion: MotionReader, fps: float, margin: int) -> Played
     return Played(motion, start - margin, start, stop, played.root_pos_m, played.local_quat, run.firm)
 
 
-def placed(previous: Played, played: Played, fps: float, *, steered: bool = True) -> Played:
-    """`played` moved so that where it starts its body stands and faces as the previous one's.
-
-    `steered`, it is turned a little further so that the dance stays on the stage.
-    """
-    before, after = previous.still(played.start), played.still(played.start)
+def met(previous: Played, played: Played, frame: int) -> tuple[float, Floats]:
+    """Turn about Y and shift (3,) after which at a frame `played` stands and faces as the previous one."""
+    before, after = previous.still(frame), played.still(frame)
     yaw = float(heading_rad(before) - heading_rad(after))
-    if steered:
-        end = played.still(played.stop - 1)
-        travel_m = rot.rotate(rot.about_y(yaw), ground_pos_m(end) - ground_pos_m(after))
-        share = min(1.0, (played.stop - played.start) / fps)  # short runs come with many joins
-        yaw += share * steer_rad(ground_pos_m(before), travel_m)
-    return played.moved(yaw, ground_pos_m(before) - rot.rotate(rot.about_y(yaw), ground_pos_m(after)))
+    return yaw, _shift_m(before, after, yaw)
+
+
+def placed(previous: Played, played: Played, fps: float) -> Played:
+    """`played` moved so that where it starts its body stands and faces as the previous one's, but for a
+    little more turning that keeps the dance on the stage."""
+    yaw, _ = met(previous, played, played.start)
+    before, after = previous.still(played.start), played.still(played.start)
+    end = played.still(played.stop - 1)
+    travel_m = rot.rotate(rot.about_y(yaw), ground_pos_m(end) - ground_pos_m(after))
+    share = min(1.0, (played.stop - played.start) / fps)  # short runs come with many joins
+    yaw += share * steer_rad(ground_pos_m(before), travel_m)
+    return played.moved(yaw, _shift_m(before, after, yaw))
+
+
+def _shift_m(before: Floats, after: Floats, yaw: float) -> Floats:
+    """What brings a body (21, 3), turned, to where another one stands."""
+    return ground_pos_m(before) - rot.rotate(rot.about_y(yaw), ground_pos_m(after))
 
 
 def join(
