@@ -123,6 +123,7 @@ def _best(
     around_s = border / fps
 
     def misses_s2(body_m: Floats) -> float:
+        """How far beats are apart around the border if the body (T, 21, 3) is what is danced."""
         return _misses_s2(first / fps + motion_beat_times_s(body_m, fps), beat_times_s, around_s)
 
     # Held feet make beats and unmake them too, but to hold them takes longer than all else here.

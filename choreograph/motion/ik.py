@@ -45,7 +45,8 @@ def _soft_reach(wanted: Floats, now: Floats, full: Floats) -> Floats:
     hard = np.maximum(_FULL * full, now)
     soft = np.clip(now, _SOFT_FROM * full, hard - 1e-6)
     room = hard - soft
-    beyond = hard - room * np.exp(-np.maximum(wanted - soft, 0.0) / room)
+    # Beyond some hundred nothing is left of the exponential, and numbers underflow.
+    beyond = hard - room * np.exp(-np.clip((wanted - soft) / room, 0.0, 500.0))
     return np.where(wanted <= soft, wanted, np.where(wanted <= now, wanted, beyond))
 
 
