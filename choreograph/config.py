@@ -17,8 +17,8 @@ SELECTIONS = ("style", "random")
 WARPINGS = ("dtw", "none")
 # Weighed on dances to training songs, left out in five folds; the paper gives no numbers.
 DEFAULT_WEIGHTS = {
-    "style": 1.0, "completeness": 1.0, "transition": 4.0, "velocity": 0.5, "rhythm": 12.0, "pace": 0.75,
-    "variety": 0.75, "repeat": 8.0, "signature": 1.5, "motif_transition": 0.3,
+    "style": 1.0, "completeness": 3.0, "transition": 3.0, "velocity": 0.5, "rhythm": 14.0, "pace": 0.3,
+    "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,
 }  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from choreograph.takes import Credits
 from choreograph.timebase import NODE_FRAMES, SEGMENT_S
 
 FORMAT = "choreograph-plan"
-VERSION = 2  # version 1 had neither engine nor words, and joined on the second; it is still read
+VERSION = 3  # 1 had neither engine nor words, and joined on the second; 2 had no fades; both are still read
 _TOUCH_S = 1e-3  # words that meet this closely leave no gap
 
 
@@ -33,7 +33,8 @@ class PlannedSecond:
     segment_second: int  # when its warped segment entered the graph
     offset: int  # 0 … 3, quarter of that segment
     source_times_s: tuple[float, ...]  # 21 take instants, at the 20 fps frames and the second's end
-    begins_s: float  # when it takes over from another piece: near `second`, or at it where it plays on
+    begins_s: float  # when it takes over from another piece: near `second`, or at it where it plays on,
+    fade_s: float  # and how long the join then takes: inertial to each side, linear in all
     costs: dict[str, float]  # name -> weighted cost, of the node and of the edge into it
     credits: Credits
 
@@ -121,9 +122,9 @@ class Plan:
         if (
             not isinstance(data, dict)
             or data.get("format") != FORMAT
-            or data.get("version") not in (1, VERSION)
+            or data.get("version") not in range(1, VERSION + 1)
         ):
-            raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION} or 1")
+            raise FormatError(f"{name}: expected a {FORMAT} of version 1 to {VERSION}")
         if data["version"] == 1:
             data = {"engine": "graph", "words": [], **data}
         version = data["version"]
@@ -132,8 +133,8 @@ class Plan:
         for key, entries in lists.items():
             if not isinstance(entries, list):
                 raise FormatError(f"{name}: expected a list of {key}, got {reprlib.repr(entries)}")
-        if version == 1:
-            lists["seconds"] = [_joined_on_the_second(entry) for entry in lists["seconds"]]
+        if version < VERSION:
+            lists["seconds"] = [_with_its_join(entry, data.get("blending")) for entry in lists["seconds"]]
         seconds = tuple(_second(entry, name, index) for index, entry in enumerate(lists["seconds"]))
         words = tuple(_word(entry, f"{name}: word {index}") for index, entry in enumerate(lists["words"]))
         plan = cls(**_known(cls, data, name, except_for=("seconds", "words")), seconds=seconds, words=words)
@@ -216,9 +217,13 @@ def _source_s(second: PlannedSecond, at_s: float) -> float:
     return inside + before * (times_s[1] - times_s[0]) + beyond * (times_s[-1] - times_s[-2])
 
 
-def _joined_on_the_second(entry: Any) -> Any:
-    """A second of version 1, as one of version 2."""
-    return {"begins_s": entry.get("second"), **entry} if isinstance(entry, dict) else entry
+def _with_its_join(entry: Any, blending: Any) -> Any:
+    """A second of version 1 or 2, as one of version 3."""
+    from choreograph.blending.playing import FADES_S
+
+    if not isinstance(entry, dict) or not isinstance(blending, str):
+        return entry
+    return {"begins_s": entry.get("second"), "fade_s": FADES_S.get(blending, (0.0,))[0], **entry}
 
 
 def _second(entry: Any, name: str, index: int) -> PlannedSecond:
@@ -231,6 +236,8 @@ def _second(entry: Any, name: str, index: int) -> PlannedSecond:
         raise FormatError(f"{where}: expected seconds 0, 1, 2, … in order, got {known['second']}")
     if abs(known["begins_s"] - index) > 1:
         raise FormatError(f"{where}: expected begins_s within a second of {index}, got {known['begins_s']}")
+    if not 0 < known["fade_s"] <= 1:
+        raise FormatError(f"{where}: expected fade_s above 0, at most 1, got {known['fade_s']}")
     if known["offset"] >= SEGMENT_S or known["clip_start_s"] < 0:
         raise FormatError(f"{where}: expected an offset below {SEGMENT_S} and a clip_start_s of 0 or more")
     return PlannedSecond(**known, credits=Credits(**_known(Credits, entry.get("credits"), where)))

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +29,10 @@ from choreograph.evaluation import (
     find_songs,
     variants_named,
 )
+from choreograph.evaluation.measuring import physical_scores
+from choreograph.evaluation.protocol import weighted
 from choreograph.features.music_beats import DEFAULT_TRACKER
+from choreograph.plan import Plan
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 LABELS = tuple(f"label_distance_{name}" for name in ("openness", "intensity", "rhythm", "asymmetry"))
@@ -48,17 +51,31 @@ TABLES = {
     "Physics": ("paper", PHYSICS),
     "Structure": ("paper", STRUCTURE),
 }  # fmt: skip
+RECORDED = "takes-as-recorded"  # those that ours danced with, before their feet were held
 GROUPS = {
-    "paper": ("random", "motion-graph", "greedy-published", "ours", "real", "takes"),
+    "paper": ("random", "motion-graph", "greedy-published", "ours", "real", "takes", RECORDED),
     "retempo": ("no-retempo", "ours"),
 }
 
 
-def danced(path: Path, songs: Sequence[EvaluatedSong], protocol: Protocol) -> list[MeasuredDance]:
+def danced(path: Path, songs: Sequence[EvaluatedSong], protocol: Protocol, data: Path) -> list[MeasuredDance]:
     """Every dance with one repertoire, then what holds for all songs together, as of the protocol's seed."""
     found = evaluate(cg.Repertoire.open(path), songs, protocol)
     print(f"{path.name}: {len(found.dances)} dances", flush=True)
-    return [replace(d, seed=protocol.first_seed, plan=None) for d in (*found.dances, *found.sets)]
+    plans = {d.song: d.plan for d in found.dances if d.variant == "ours" and d.plan is not None}
+    made = (*found.dances, *found.sets, *as_recorded(plans, data))
+    return [replace(d, seed=protocol.first_seed, plan=None) for d in made]
+
+
+def as_recorded(plans: Mapping[str, Plan], data: Path) -> list[MeasuredDance]:
+    """The physics of the takes that each song's plan dances with, by how long, as they lie in `data`."""
+    used = sorted({take for plan in plans.values() for take in plan.takes_s()})
+    known = {
+        song.name: physical_scores(song.take.motion).values
+        for song in find_songs(data, only=used)
+        if song.take is not None
+    }
+    return [MeasuredDance(RECORDED, song, 0, weighted(known, plan.takes_s())) for song, plan in plans.items()]
 
 
 def cell(dances: Sequence[MeasuredDance], metric: str) -> tuple[float, float, float | None] | None:
@@ -120,7 +137,7 @@ def main() -> None:
         made = []
         for name, path, seed in jobs:
             protocol = Protocol(ours if name else variants, seeds=1, beats=options.beats, first_seed=seed)
-            made.append(pool.submit(danced, path, songs, protocol))
+            made.append(pool.submit(danced, path, songs, protocol, options.data))
         for (name, _, _), found in zip(jobs, made, strict=True):
             dances += [
                 replace(d, variant=name or d.variant)

@@ -33,7 +33,7 @@ def _second(second: int, take: str) -> PlannedSecond:
         second=second, take=take, clip=40 + second // SEGMENT_S, clip_start_s=start_s - 1.25 * offset,
         segment_second=second - offset, offset=offset,
         source_times_s=tuple(start_s + 1.25 * np.arange(21) / 20),
-        begins_s=float(second),
+        begins_s=float(second), fade_s=0.4,
         costs={"style": 0.25 + 0.01 * second, "transition": 0.0 if offset else 0.125},
         credits=Credits(f"genre of {take}", f"dancer of {take}", licence="CC0", source="planted"),
     )  # fmt: skip

@@ -32,6 +32,7 @@ def planned(second: int) -> PlannedSecond:
         0,
         times,
         float(second),
+        0.4,
         {"style": 0.5, "mine": -1.0},
         Credits("waltz", "A", "CC0", "x"),
     )
@@ -62,8 +63,11 @@ def test_plans_of_words_survive_their_json(plan):
     jsonschema.validate(json.loads(plan.to_json()), SCHEMA)
 
 
-def test_plans_of_version_1_are_still_read():
+def test_plans_of_older_versions_are_still_read():
     data = json.loads(PLAN.to_json())
+    for second in data["seconds"]:
+        del second["fade_s"]
+    assert Plan.from_json(json.dumps({**data, "version": 2})) == PLAN
     del data["engine"], data["words"]
     for second in data["seconds"]:
         del second["begins_s"]
@@ -151,7 +155,7 @@ def edited_second(**changes) -> str:
         "[]",
         "null",
         edited(format="something else"),
-        edited(version=3),
+        edited(version=4),
         edited(seconds=[]),
         edited(seconds=None),
         edited(seconds={"0": {}}),
@@ -181,6 +185,8 @@ def edited_second(**changes) -> str:
         edited_second(source_times_s=list(range(20))),
         edited_second(source_times_s=5),
         edited_second(begins_s=7.5),
+        edited_second(fade_s=0.0),
+        edited_second(fade_s=3.0),
         edited_second(second=7),
         edited_second(unknown=1),
         edited_second(take=7),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.blending.playing import BLENDINGS, JOIN_S, MotionReader, Played, join, placed, play
+from choreograph.blending.playing import BLENDINGS, FADES_S, MotionReader, Played, join, placed, play
 from choreograph.blending.runs import Run
 from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
@@ -31,7 +31,7 @@ def assemble(
     """
     if blending not in BLENDINGS:
         raise ParameterError(f"expected a blending among {', '.join(BLENDINGS)}, got {blending!r}")
-    margin = seconds_to_frames(JOIN_S[blending] + 0.05, fps)
+    margin = seconds_to_frames(max(FADES_S[blending]) + 0.05, fps)
     total = seconds_to_frames(runs[-1].stop_s, fps) if runs else 0
     root_out = np.empty((total, 3))
     quat_out: Floats | None = None

@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 SIDES = ("left", "right")
 _RETURN_S = 1.0  # in which a foot that is moved comes back to its own place; longer holds may drift
-_SMOOTH_S = 0.2  # over which a shift comes and goes: shorter adds motion beats that nobody danced
+_SMOOTH_S = 0.3  # over which a shift comes and goes: shorter adds motion beats that nobody danced
 _ORDER = 3  # the derivative of the shift that is kept small: jerk
 _LIFT_S = 0.15  # to each side, for a foot that would go under the floor
 

@@ -1,4 +1,4 @@
-"""Where a run gives way to the next: when the joined motion, measured, keeps the beat best."""
+"""Where and how fast a run gives way to the next: as the joined motion, measured, keeps the beat best."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.blending.feet import lock_feet
-from choreograph.blending.playing import JOIN_S, MotionReader, Played, join, met, play
-from choreograph.blending.runs import Run
+from choreograph.blending.playing import FADES_S, MotionReader, Played, join, met, play
+from choreograph.blending.runs import Join, Run
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.motion.body import body_indices, body_pos_m
 from choreograph.motion.kinematics import forward
@@ -24,7 +24,7 @@ _STEP_S = 0.1  # instants tried, and the beats among them
 _SHORTEST_S = 0.6  # a run is not made shorter than that
 _WINDOW_S = 1.3  # rendered to each side of the border,
 _JUDGED_S = 1.0  # and judged: what a join can move, but not the window's own ends
-_TRIED_WITH_FEET_HELD = 4  # of the instants, those that keep time best without
+_TRIED_WITH_FEET_HELD = 6  # of the joins, those that keep time best without
 _LONELY_S = 0.25  # beats further apart than that have nothing to do with one another
 
 
@@ -37,20 +37,21 @@ def search_joins(
     fps: float,
     blending: str,
     held: Sequence[bool] = (),
-) -> list[float]:
-    """When each run takes over from the one before (N,), in seconds of the dance; the first at its start.
+) -> list[Join]:
+    """When and how fast each run takes over from the one before (N,); the first at its start.
 
     Joins make motion beats and unmake them. From the first join on, each is tried at several instants
-    around its place, on music beats and between; the motion around is rendered, for the likely ones with its
-    feet held, its beats are found, and the instant stays at which motion and music beats are the least
-    apart, both ways, in squared seconds. The one run plays on as long as the other begins later, or the
-    other way round. A run that is `held` (N,) takes over at its start. ChoreoGraph joins on the second.
+    around its place, on music beats and between, and with every fade of the blending; the motion around is
+    rendered, for the likely ones with its feet held, its beats are found, and the join stays with which
+    motion and music beats are the least apart, both ways, in squared seconds. The one run plays on as long
+    as the other begins later, or the other way round. A run that is `held` (N,) takes over at its start.
+    ChoreoGraph joins on the second.
     """
-    starts_s = [run.start_s for run in runs]
+    joins = [Join(run.start_s, run.fade_s) for run in runs]
     if len(runs) < 2:
-        return starts_s
+        return joins
     reach, window = seconds_to_frames(REACH_S, fps), seconds_to_frames(_WINDOW_S, fps)
-    margin = reach + seconds_to_frames(JOIN_S[blending] + 0.05, fps)
+    margin = reach + seconds_to_frames(max(FADES_S[blending]) + 0.05, fps)
     a = play(runs[0], read_motion, fps, margin)
     total = seconds_to_frames(runs[-1].stop_s, fps) + reach
     root_out, quat_out = np.empty((total, 3)), np.empty((total, *a.quat.shape[1:]))
@@ -58,23 +59,26 @@ def search_joins(
     for index in range(1, len(runs)):
         border = play(runs[index], read_motion, fps, margin)
         first, stop = max(0, border.start - window), min(border.start + window, border.stop)
-        tried, frames = [], [border.start]
+        tried: list[tuple[Played, Floats, Floats]] = []
+        frames = [border.start]
         if not (held and held[index]):
             frames = _instants(runs[index - 1 : index + 1], a.start, beat_times_s, take_lengths_s, fps)
         for frame in frames:
-            b = replace(border.moved(*met(a, border, frame)), start=frame)
-            root, quat = root_out[first:stop].copy(), quat_out[first:stop].copy()
-            here = b.rows(frame, stop)
-            root[frame - first :], quat[frame - first :] = b.root[here], b.quat[here]
-            join(a, b, blending, fps, root, quat, first)
-            tried.append((b, root, quat))
+            met_there = replace(border.moved(*met(a, border, frame)), start=frame)
+            for fade_s in FADES_S[blending]:
+                b = replace(met_there, fade_s=fade_s)
+                root, quat = root_out[first:stop].copy(), quat_out[first:stop].copy()
+                here = b.rows(frame, stop)
+                root[frame - first :], quat[frame - first :] = b.root[here], b.quat[here]
+                join(a, b, blending, fps, root, quat, first)
+                tried.append((b, root, quat))
         best = _best([(root, quat) for _, root, quat in tried], b, first, border.start, beat_times_s, fps)
         b, root, quat = tried[best]
         _write(b, b.stop + reach, root_out, quat_out)
         root_out[first:stop], quat_out[first:stop] = root, quat
-        starts_s[index] = b.start / fps
+        joins[index] = Join(b.start / fps, b.fade_s)
         a = b
-    return starts_s
+    return joins
 
 
 def _write(played: Played, stop: int, root_out: Floats, quat_out: Floats) -> None:

@@ -24,7 +24,8 @@ Floats = NDArray[np.float64]
 MotionReader = Callable[[str, float, float], tuple[Motion, float]]
 
 BLENDINGS = ("inertial", "linear")
-JOIN_S = {"inertial": 0.4, "linear": 0.25}  # inertial: to each side; linear: in all
+# How long a join may take; inertial: to each side; linear: in all. The first is what is not searched.
+FADES_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
 _JOIN_SHARE = 0.5  # of a run may be blended at either end: a short one still is itself in its middle
 
 
@@ -38,7 +39,8 @@ class Played:
     stop: int  # and the one after its last
     root: Floats  # (T, 3)
     quat: Floats  # (T, J, 4)
-    firm: bool  # see `Run`
+    firm: bool  # see `Run`,
+    fade_s: float | None  # and there
 
     def rows(self, first: int, stop: int) -> slice:
         """The rows of dance frames."""
@@ -67,7 +69,9 @@ def play(run: Run, read_motion: MotionReader, fps: float, margin: int) -> Played
     source = run.source_s(np.arange(start - margin, stop + margin) / fps)
     motion, first_s = read_motion(run.take, float(source.min()), float(source.max()))
     played = sampled_smoothly(motion, (source - first_s) * motion.fps)
-    return Played(motion, start - margin, start, stop, played.root_pos_m, played.local_quat, run.firm)
+    return Played(
+        motion, start - margin, start, stop, played.root_pos_m, played.local_quat, run.firm, run.fade_s
+    )
 
 
 def met(previous: Played, played: Played, frame: int) -> tuple[float, Floats]:
@@ -108,10 +112,10 @@ def join(
     # How much of the difference each side makes up for: a firm run none, if the other is not.
     part_a, part_b = (0.5, 0.5) if a.firm == b.firm else (float(b.firm), float(a.firm))
     last_out = first_out + len(root_out)
+    longest = seconds_to_frames(b.fade_s or FADES_S[blending][0], fps)
     if blending == "linear":
-        whole = seconds_to_frames(JOIN_S["linear"], fps)
-        first = max(first_out, frame - min(int(part_a * whole), room_a))
-        stop = min(last_out, frame + min(int(part_b * whole), room_b))
+        first = max(first_out, frame - min(int(part_a * longest), room_a))
+        stop = min(last_out, frame + min(int(part_b * longest), room_b))
         if first < stop:
             out = slice(first - first_out, stop - first_out)
             in_a, in_b = a.rows(first, stop), b.rows(first, stop)
@@ -119,7 +123,6 @@ def join(
         return
     in_a, in_b = a.rows(frame - 1, frame + 2), b.rows(frame - 1, frame + 2)
     offsets = inertial_offsets(a.root[in_a], a.quat[in_a], b.root[in_b], b.quat[in_b], fps=fps)
-    longest = seconds_to_frames(JOIN_S["inertial"], fps)
     if part_b > 0:
         length = min(longest, room_b)
         after = np.arange(frame, min(last_out, frame + length))

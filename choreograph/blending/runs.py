@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ class Run:
     stop_s: float
     source_times_s: Floats  # (n + 1,) take instants, evenly spaced from start to stop, both included
     firm: bool = False  # at joins its neighbours give way, so that it stays what it is
+    fade_s: float | None = None  # of the join into it, see `FADES_S`; None: the blending's own
 
     @property
     def length_s(self) -> float:
@@ -43,7 +44,16 @@ class Run:
 
     def cut(self, start_s: float, stop_s: float) -> Run:
         """The part of it between two instants of the dance."""
-        return Run(self.take, start_s, stop_s, self.source_s(_instants(start_s, stop_s)), self.firm)
+        source_times_s = self.source_s(_instants(start_s, stop_s))
+        return replace(self, start_s=start_s, stop_s=stop_s, source_times_s=source_times_s)
+
+
+@dataclass(frozen=True)
+class Join:
+    """When a run takes over from the one before, and how fast."""
+
+    start_s: float  # of the dance
+    fade_s: float | None = None  # see `Run`
 
 
 def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> list[Run]:
@@ -105,13 +115,13 @@ def overlaid(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
     return sorted([*left, *instead], key=lambda run: run.start_s)
 
 
-def joined_at(runs: Sequence[Run], starts_s: Sequence[float]) -> list[Run]:
-    """The runs where each takes over from the one before at its instant (N,) of the dance, not at its start.
+def joined_at(runs: Sequence[Run], joins: Sequence[Join]) -> list[Run]:
+    """The runs where each takes over from the one before as its join (N,) says, not at its start.
 
     The one run plays on as long as the other begins later, or the other way round.
     """
-    moved = list(runs)
-    for index, start_s in enumerate(starts_s):
+    moved = [replace(run, fade_s=join.fade_s) for run, join in zip(runs, joins, strict=True)]
+    for index, start_s in enumerate(join.start_s for join in joins):
         before, after = moved[index - 1], moved[index]
         if index == 0 or start_s == after.start_s or not before.start_s < start_s < after.stop_s:
             continue

@@ -46,6 +46,10 @@ from choreograph.cli.present import examples, show_notes, stages
     "--mirroring/--no-mirroring", default=True, show_default=True,
     help="Learn from motion seen in a mirror, too; not where left must stay left.",
 )  # fmt: skip
+@click.option(
+    "--hold-feet/--no-hold-feet", default=True, show_default=True,
+    help="Stop feet of takes that slide where they stand, before anything is measured.",
+)  # fmt: skip
 @click.option("--packed", is_flag=True, help="A third of the size: motion in 16 bits.")
 @click.option("--leave-out", multiple=True, metavar="TAKE", help="Leave a take out; @FILE names one a line.")
 @click.option("--device", default="auto", show_default=True, metavar="auto|cpu|cuda", help="Where to train.")
@@ -62,6 +66,7 @@ def command(
     density,
     rollout,
     mirroring,
+    hold_feet,
     packed,
     leave_out,
     device,
@@ -81,8 +86,8 @@ def command(
     options = BuildOptions(
         preset=preset, seed=seed, device=device, resume=resume, init_from=init_from,
         style_from=begin[style_from] if style_from in begin else Path(style_from),
-        keep_networks=keep_networks, rollout=rollout, mirroring=mirroring, packed=packed,
-        leave_out=names_of(leave_out), **given,
+        keep_networks=keep_networks, rollout=rollout, mirroring=mirroring, hold_feet=hold_feet,
+        packed=packed, leave_out=names_of(leave_out), **given,
     )  # fmt: skip
     try:
         with stages(quiet=quiet) as shown:

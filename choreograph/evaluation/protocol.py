@@ -259,11 +259,11 @@ class _Run:
                 motion, _ = self.repertoire.motion(self.repertoire.take_index(take))
                 known[take] = dict(physical_scores(motion).values)
             if danced_s:
-                measured.append(MeasuredDance(TAKES, song, 0, _weighted(known, danced_s)))
+                measured.append(MeasuredDance(TAKES, song, 0, weighted(known, danced_s)))
         return measured
 
 
-def _weighted(scores: Mapping[str, Mapping[str, float]], weights: Mapping[str, float]) -> Scores:
+def weighted(scores: Mapping[str, Mapping[str, float]], weights: Mapping[str, float]) -> Scores:
     """Mean scores of those that have a weight; a score counts only where it is finite."""
     names = {name for key in weights for name in scores[key]}
     means = {}

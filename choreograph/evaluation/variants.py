@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from choreograph.audio.song import Song
+from choreograph.blending.playing import FADES_S
 from choreograph.config import DanceConfig
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.pipeline import Dance, dance, render
@@ -134,7 +135,7 @@ def _random_plan(song: Song, repertoire: Repertoire, config: DanceConfig, start_
                 second=second, take=take.name, clip=clip, clip_start_s=repertoire.clip_start_s(clip),
                 segment_second=second - offset, offset=offset,
                 source_times_s=tuple(np.linspace(first_s, first_s + 1.0, NODE_FRAMES + 1).tolist()),
-                begins_s=float(second), costs={}, credits=take.credits,
+                begins_s=float(second), fade_s=FADES_S[config.blending][0], costs={}, credits=take.credits,
             )
         )  # fmt: skip
     return Plan(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.blending.feet import lock_feet
 from choreograph.errors import ParameterError
 from choreograph.features.density import motion_density
 from choreograph.features.motion_beats import motion_beat_times_s
@@ -46,6 +47,7 @@ class BuildOptions:
     packed: bool = False  # motion in 16 bits: a third of the size, turns to 0.03 degrees
     rollout: bool = False  # train the network that dances motifs, too: as long as all else together
     leave_out: tuple[str, ...] = ()  # takes left out of everything, by name
+    hold_feet: bool = True  # of takes: what a dance then does to its feet makes fewer beats nobody danced
     mirroring: bool = True  # networks learn from motion seen in a mirror, too
     words: bool = True  # cut motion words and find motifs; without, a word network is not even taken over
 
@@ -80,6 +82,8 @@ def build_repertoire(
     output = check_target(output)
     beginning = Beginning.of(options)
     takes, notes = _imported(sources, options, report)
+    if options.hold_feet:
+        takes = [replace(take, motion=lock_feet(take.motion)) for take in takes]
     measured = [_measured(take) for take in takes]
     short = [m.take.name for m in measured if len(m.body_pos_m) < CLIP_S * NET_FPS]
     if short:
@@ -103,6 +107,7 @@ def build_repertoire(
         "seed": options.seed,
         "init_from": options.init_from.name if options.init_from else None,
         "style_from": options.style_from.name if options.style_from else None,
+        "feet_held": options.hold_feet,
         "left_out": sorted(options.leave_out),
         "trained_on": trained_on,
         "selection_beat_weight": learned.selection_beat_weight,

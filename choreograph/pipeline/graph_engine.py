@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.blending.join_search import REACH_S
+from choreograph.blending.playing import FADES_S
 from choreograph.config import DanceConfig, resolve_weights
 from choreograph.errors import NoPathError, ParameterError
 from choreograph.features.music import Music
@@ -289,6 +290,7 @@ def _to_plan(
                 offset=int(node.offset[0]),
                 source_times_s=tuple(float(t) for t in times.round(5)),
                 begins_s=float(node.second),
+                fade_s=FADES_S[config.blending][0],
                 costs=costs,
                 credits=repertoire.takes[take].credits,
             )

@@ -13,7 +13,7 @@ from choreograph.blending.assembly import assemble
 from choreograph.blending.feet import lock_feet
 from choreograph.blending.join_search import REACH_S, search_joins
 from choreograph.blending.playing import MotionReader
-from choreograph.blending.runs import Run, joined_at, overlaid, to_runs, words_to_runs
+from choreograph.blending.runs import Join, Run, joined_at, overlaid, to_runs, words_to_runs
 from choreograph.errors import ParameterError
 from choreograph.motifs.words import cut_words
 from choreograph.motion.body import body_pos_m
@@ -61,26 +61,29 @@ def plan_runs(plan: Plan) -> list[Run]:
         [word.pinned for word in plan.words],
     )
     seconds = _unjoined(plan)
-    starts_s = [plan.seconds[round(run.start_s)].begins_s for run in seconds]
-    return overlaid(joined_at(seconds, starts_s), words)
+    firsts = [plan.seconds[round(run.start_s)] for run in seconds]
+    joins = [Join(first.begins_s, first.fade_s) for first in firsts]
+    return overlaid(joined_at(seconds, joins), words)
 
 
 def with_joins_on_beats(plan: Plan, repertoire: Repertoire, take_pins: Sequence[TakePin] = ()) -> Plan:
-    """The plan whose seconds take over from one another when the rendered motion keeps the beat best.
+    """The plan whose seconds take over from one another as the rendered motion keeps the beat best.
 
     Where a take is pinned no other one comes in earlier, or plays on later, than planned.
     """
     runs = _unjoined(plan)
     held = [False, *(any(_between_pinned(pin, *pair) for pin in take_pins) for pair in pairwise(runs))]
-    starts_s = search_joins(
+    joins = search_joins(
         runs, np.array(plan.music_beats_s), {take.name: take.duration_s for take in repertoire.takes},
         _reader(repertoire), fps=plan.fps, blending=plan.blending, held=held,
     )  # fmt: skip
-    begins_s = {round(run.start_s): start_s for run, start_s in zip(runs, starts_s, strict=True)}
-    return replace(
-        plan,
-        seconds=tuple(replace(s, begins_s=round(begins_s.get(s.second, s.second), 5)) for s in plan.seconds),
-    )
+    found = {round(run.start_s): join for run, join in zip(runs, joins, strict=True)}
+    seconds = []
+    for second in plan.seconds:
+        join = found.get(second.second, Join(second.second))
+        fade_s = second.fade_s if join.fade_s is None else join.fade_s
+        seconds.append(replace(second, begins_s=round(join.start_s, 5), fade_s=fade_s))
+    return replace(plan, seconds=tuple(seconds))
 
 
 def _between_pinned(pin: TakePin, before: Run, after: Run) -> bool:

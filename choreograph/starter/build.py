@@ -37,7 +37,8 @@ def build_starter(
     if not (takes / "manifest.csv").exists():
         write_takes(takes, take_plans(), report=report)
     learned = work / "learned.h5"
-    given: dict[str, Any] = {"preset": preset, "seed": seed, "resume": True}
+    # Rendered feet stand where they stand.
+    given: dict[str, Any] = {"preset": preset, "seed": seed, "resume": True, "hold_feet": False}
     training = BuildOptions(leave_out=tuple(leave_out), words=False, **given)
     _, notes = build_repertoire(
         [takes, *learn_from], learned, training, report=report, training_report=training_report

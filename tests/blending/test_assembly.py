@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from planted_dances import stepping, swaying
 
-from choreograph.blending.assembly import BLENDINGS, JOIN_S, assemble
+from choreograph.blending.assembly import BLENDINGS, FADES_S, assemble
 from choreograph.blending.runs import Run, to_runs
 from choreograph.errors import ParameterError
 from choreograph.motion.body import body_pos_m
@@ -84,7 +84,7 @@ def test_a_run_begins_where_the_last_one_stood_and_faces_as_it_faced(blending, s
     turn = np.angle(np.exp(1j * (heading_rad(body[at]) - heading_rad(alone[at]))))
     assert abs(turn) < 0.15
     # Heights are the take's: nobody sinks or floats.
-    settled = 120 + int(60 * JOIN_S[blending]) + 2
+    settled = 120 + int(60 * FADES_S[blending][0]) + 2
     source = TAKES[second_take].resampled(60.0)
     heights = source.sliced(300, 420).joint_pos_m()[settled - 120 :, 0, 1]
     assert np.allclose(made.root_pos_m[settled:, 1], heights, atol=5e-3)

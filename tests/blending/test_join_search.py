@@ -12,6 +12,7 @@ from choreograph.blending import join_search
 from choreograph.blending.assembly import assemble
 from choreograph.blending.feet import lock_feet
 from choreograph.blending.join_search import REACH_S, search_joins
+from choreograph.blending.playing import FADES_S
 from choreograph.blending.runs import joined_at, to_runs
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.metrics import beat
@@ -45,11 +46,13 @@ def score(runs, *, held):
 
 @pytest.mark.parametrize("held", [True, False])
 def test_joins_of_dances_that_rest_on_beats_are_put_on_the_beats(held, monkeypatch):
+    monkeypatch.setitem(FADES_S, "inertial", FADES_S["inertial"][:1])  # others keep time between beats, too
     if not held:  # a held foot may come to rest elsewhere, and a join with it
         monkeypatch.setattr(join_search, "lock_feet", lambda motion: motion)
     runs = on_the_beat("ababcbcabcbacbabcacb")
-    starts_s = np.array(searched(runs))
-    before, after = score(runs, held=held), score(joined_at(runs, starts_s), held=held)
+    joins = searched(runs)
+    starts_s = np.array([join.start_s for join in joins])
+    before, after = score(runs, held=held), score(joined_at(runs, joins), held=held)
     off_beat_s = np.abs(starts_s - PERIOD_S * np.round(starts_s / PERIOD_S))
     assert (off_beat_s < 1e-5).mean() >= (0.95 if held else 1.0)
     assert before["aligned_share"] < 0.95 and after["aligned_share"] == 1.0
@@ -68,35 +71,48 @@ def test_joins_are_judged_with_feet_held(monkeypatch):
     assert searched(runs) != as_held
 
 
+def test_a_fade_that_keeps_time_better_is_taken(monkeypatch):
+    runs = on_the_beat("ababcbcabcbacbabcacb")
+    free = searched(runs)
+    monkeypatch.setitem(FADES_S, "inertial", FADES_S["inertial"][:1])
+    usual = searched(runs)
+    assert len({join.fade_s for join in free[1:]}) > 1 == len({join.fade_s for join in usual[1:]})
+    freely, usually = (score(joined_at(runs, found), held=True) for found in (free, usual))
+    assert freely["aligned_share"] == 1.0
+    assert freely["motion_to_music"] < usually["motion_to_music"]
+
+
 @given(st.text("abc", min_size=1, max_size=8), st.sampled_from(["inertial", "linear"]))
 @settings(max_examples=15, deadline=None)
 def test_joins_stay_near_in_order_and_repeatable(takes, blending):
     runs = on_the_beat(takes)
-    starts_s = searched(runs, blending=blending)
+    joins = searched(runs, blending=blending)
+    starts_s = [join.start_s for join in joins]
     assert starts_s[0] == 0.0 and len(starts_s) == len(runs)
+    assert all(join.fade_s in FADES_S[blending] for join in joins[1:])
     assert np.abs(np.array(starts_s) - [run.start_s for run in runs]).max() <= REACH_S + 1 / FPS
     assert (np.diff([*starts_s, runs[-1].stop_s]) >= 0.5).all()
-    assert starts_s == searched(runs, blending=blending)
+    assert joins == searched(runs, blending=blending)
 
 
 def test_a_take_is_not_played_beyond_its_ends():
     runs = to_runs("ab", [np.linspace(4.0, 5.0, 21), np.linspace(0.0, 1.0, 21)])
-    assert searched(runs, lengths_s=LENGTHS_S | {"a": 5.0})[1] == pytest.approx(1.0)
+    assert searched(runs, lengths_s=LENGTHS_S | {"a": 5.0})[1].start_s == pytest.approx(1.0)
 
 
 def test_runs_that_are_held_begin_on_time():
     runs = on_the_beat("ababcb")
     free = searched(runs)
     held = [run.start_s % 2 == 1 for run in runs]
-    starts_s = searched(runs, held=held)
-    on_time = [start_s == run.start_s for start_s, run in zip(starts_s, runs, strict=True)]
+    joins = searched(runs, held=held)
+    on_time = [join.start_s == run.start_s for join, run in zip(joins, runs, strict=True)]
     assert all(stays for stays, is_held in zip(on_time, held, strict=True) if is_held)
-    assert free != starts_s and not all(on_time)
+    assert free != joins and not all(on_time)
 
 
 def test_without_beats_joins_stay():
     runs = on_the_beat("abcab")
-    starts_s = searched(runs, beats_s=np.zeros(0))
+    starts_s = [join.start_s for join in searched(runs, beats_s=np.zeros(0))]
     assert np.abs(np.array(starts_s) - [run.start_s for run in runs]).max() <= REACH_S
 
 

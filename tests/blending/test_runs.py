@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from choreograph.blending.runs import Run, joined_at, overlaid, to_runs, words_to_runs
+from choreograph.blending.runs import Join, Run, joined_at, overlaid, to_runs, words_to_runs
 
 
 def spans(runs):
@@ -59,11 +59,13 @@ def test_a_join_is_moved_and_nothing_else_changes():
     runs = to_runs(
         ["a"] * 3 + ["b"] * 2 + ["c"] * 2, [np.linspace(t, t + 1, 21) for t in (5, 6, 7, 1, 2, 9, 10)]
     )
-    moved = joined_at(runs, [0.0, 2.9, 5.2])
+    moved = joined_at(runs, [Join(0.0), Join(2.9, 0.25), Join(5.2)])
     assert [run.start_s for run in moved] == [0.0, 2.9, 5.2]
     assert [run.stop_s for run in moved] == [2.9, 5.2, 7.0]
+    assert [run.fade_s for run in moved] == [None, 0.25, None]
     for run, old in zip(moved, runs, strict=True):
         at = np.linspace(run.start_s, run.stop_s, 50)
         np.testing.assert_allclose(run.source_s(at), old.source_s(at), atol=1e-6)
-    assert joined_at(runs, [0.0, 3.0, 5.0]) == runs
-    assert joined_at(runs, [0.0, 7.5, 5.0]) == runs  # not within the runs: it stays
+    for stays_s in (3.0, 7.5):  # where it is, and not within the runs
+        stayed = joined_at(runs, [Join(0.0), Join(stays_s), Join(5.0)])
+        assert [(run.start_s, run.stop_s) for run in stayed] == [(run.start_s, run.stop_s) for run in runs]

@@ -10,9 +10,12 @@ from planted_repertoire import planted_takes, write_clicks
 import choreograph as cg
 from choreograph.errors import ParameterError
 from choreograph.exporters import save_motion
+from choreograph.metrics import physical
+from choreograph.motion.body import body_pos_m
 from choreograph.pipeline import BuildOptions, build_repertoire
 from choreograph.pipeline.wording import FEWEST_WORDS, cut_takes
 from choreograph.repertoire import Repertoire
+from choreograph.timebase import NET_FPS
 
 TRUE_BPM = 120.0
 TAKES = ("DANCE_C_8", "DANCE_R_2", "DANCE_W_11")
@@ -182,3 +185,32 @@ def test_words_are_cut_on_the_music_where_it_plays_while_the_take_lasts(tmp_path
     for cut in (after, silent):
         assert np.abs(cut.words.start_s[:, None] - planted.motion_beats_s).min(axis=1).max() < 1e-9
     assert len(notes) == 1 and notes[0].startswith("begins after the song")
+
+
+@pytest.fixture(scope="module")
+def waltz(shared_data, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("waltz")
+    (folder / "DANCE_W_11").symlink_to(shared_data / "dance-with-melody" / "DANCE_W_11")
+    return folder
+
+
+def test_feet_of_takes_are_held_unless_told_not_to(waltz, tmp_path):
+    def built(name, **changes):
+        options = BuildOptions(preset="tiny", words=False, **changes)
+        return build_repertoire([waltz], tmp_path / name, options)[0]
+
+    held, recorded = built("held.h5"), built("recorded.h5", hold_feet=False)
+    assert (held.provenance["feet_held"], recorded.provenance["feet_held"]) == (True, False)
+    (still, _), (sliding, _) = held.motion(0), recorded.motion(0)
+    slides = [physical.foot_slide_cm_s(body_pos_m(motion), motion.fps) for motion in (still, sliding)]
+    assert slides[0] < 0.85 * slides[1]
+    # Only legs are moved; what is measured on the body is measured on the held one.
+    np.testing.assert_allclose(still.root_pos_m, sliding.root_pos_m, atol=1e-6)
+    arms = slice(still.skeleton.index("neck"), None)
+    np.testing.assert_allclose(still.local_quat[:, arms], sliding.local_quat[:, arms], atol=1e-6)
+    coarse = body_pos_m(still.resampled(NET_FPS))
+    np.testing.assert_allclose(
+        held.body_pos_m(0)[: len(coarse)], coarse[: len(held.body_pos_m(0))], atol=2e-3
+    )
+    again = built("again.h5")
+    assert again.path.read_bytes() == held.path.read_bytes()
