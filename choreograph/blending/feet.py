@@ -24,13 +24,18 @@ Floats = NDArray[np.float64]
 
 SIDES = ("left", "right")
 _RETURN_S = 1.0  # in which a foot that is moved comes back to its own place; longer holds may drift
-_SMOOTH_S = 0.3  # over which a shift comes and goes: shorter adds motion beats that nobody danced
+OVER_S = 0.2  # over which a shift comes and goes: shorter adds motion beats that nobody danced,
+SOFTLY_S = 0.3  # and for a dance of takes that are held already, where less is left to do
 _ORDER = 3  # the derivative of the shift that is kept small: jerk
 _LIFT_S = 0.15  # to each side, for a foot that would go under the floor
 
 
 def lock_feet(
-    motion: Motion, contacts: NDArray[np.floating] | NDArray[np.bool_] | None = None, *, floor_m: float = 0.0
+    motion: Motion,
+    contacts: NDArray[np.floating] | NDArray[np.bool_] | None = None,
+    *,
+    floor_m: float = 0.0,
+    over_s: float = OVER_S,
 ) -> Motion:
     """The motion with the feet held where they stand, as far as that adds no jerk.
 
@@ -41,6 +46,7 @@ def lock_feet(
                                             ankle and right foot are at rest; if not given, as
                                             `foot_contacts` finds it
     floor_m : float                         height of the floor
+    over_s : float                          time over which a foot's shift comes and goes
 
     Feet keep their world rotation, so a flat foot stays flat, and no point of a sole goes under the
     floor. The root stays where it is, since moving the whole body makes beats that nobody danced: a leg
@@ -62,7 +68,7 @@ def lock_feet(
     for index, side in enumerate(SIDES):
         ankle = roles[f"{side}_ankle"]
         points_m = pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]]  # (T, 2, 3)
-        shift = _holding_shift(points_m, surely[:, 2 * index : 2 * index + 2], motion.fps)
+        shift = _holding_shift(points_m, surely[:, 2 * index : 2 * index + 2], motion.fps, over_s)
         shift[:, 1] = _lift(foot_sole_pos_m(skeleton, pos_m, turns, side), floor_m, ease)
         targets[side] = pos_m[:, ankle] + shift
     for side, target in targets.items():
@@ -70,7 +76,7 @@ def lock_feet(
     return replace(motion, local_quat=rot.make_continuous(to_local(skeleton, turns)))
 
 
-def _holding_shift(points_m: Floats, contacts: Floats, fps: float) -> Floats:
+def _holding_shift(points_m: Floats, contacts: Floats, fps: float, over_s: float) -> Floats:
     """How far a foot is moved each frame, (T, 3): the smoothest small shift that stops it in contacts.
 
     `points_m` (T, P, 3) are points of the foot, `contacts` (T, P) how surely each is at rest. Of all
@@ -85,7 +91,7 @@ def _holding_shift(points_m: Floats, contacts: Floats, fps: float) -> Floats:
     bands = np.zeros((_ORDER + 1, n_frames))
     bands[0] = pull
     _add_differences(bands, surely.sum(axis=1) * fps**2, 1)
-    bending = pull * (_SMOOTH_S * fps) ** (2 * _ORDER)
+    bending = pull * (over_s * fps) ** (2 * _ORDER)
     _add_differences(bands, np.full(n_frames - _ORDER, bending), _ORDER)
     steps = np.einsum("tp,tpi->ti", surely, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
     wanted = np.diff(steps, axis=0, prepend=0.0, append=0.0)  # (T, 3)

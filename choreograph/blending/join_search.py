@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.blending.feet import lock_feet
+from choreograph.blending.feet import SOFTLY_S, lock_feet
 from choreograph.blending.playing import FADES_S, MotionReader, Played, join, met, play
 from choreograph.blending.runs import Join, Run
 from choreograph.features.motion_beats import motion_beat_times_s
@@ -132,7 +132,8 @@ def _best(
 
     # Held feet make beats and unmake them too, but to hold them takes longer than all else here.
     likely = np.argsort([misses_s2(body_m) for body_m in bodies_m], kind="stable")[:_TRIED_WITH_FEET_HELD]
-    held = [lock_feet(Motion(skeleton, roots[row], quats[row], fps)) for row in likely]
+    motions = [Motion(skeleton, roots[row], quats[row], fps) for row in likely]
+    held = [lock_feet(motion, over_s=SOFTLY_S) for motion in motions]
     return int(likely[np.argmin([misses_s2(body_pos_m(motion)) for motion in held])])
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.blending.assembly import assemble
-from choreograph.blending.feet import lock_feet
+from choreograph.blending.feet import SOFTLY_S, lock_feet
 from choreograph.blending.join_search import REACH_S, search_joins
 from choreograph.blending.playing import MotionReader
 from choreograph.blending.runs import Join, Run, joined_at, overlaid, to_runs, words_to_runs
@@ -49,7 +49,7 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
         duration_s=plan.duration_s,
         blending=plan.blending,
     )
-    return lock_feet(motion)
+    return lock_feet(motion, over_s=SOFTLY_S)
 
 
 def plan_runs(plan: Plan) -> list[Run]:

@@ -10,7 +10,7 @@ from planted_dances import stepping
 
 from choreograph.blending import join_search
 from choreograph.blending.assembly import assemble
-from choreograph.blending.feet import lock_feet
+from choreograph.blending.feet import SOFTLY_S, lock_feet
 from choreograph.blending.join_search import REACH_S, search_joins
 from choreograph.blending.playing import FADES_S
 from choreograph.blending.runs import joined_at, to_runs
@@ -40,7 +40,7 @@ def searched(runs, beats_s=BEATS_S, lengths_s=LENGTHS_S, **options):
 
 def score(runs, *, held):
     made, _ = assemble(runs, read, fps=FPS, duration_s=runs[-1].stop_s, blending="inertial")
-    body_m = body_pos_m(lock_feet(made) if held else made)
+    body_m = body_pos_m(lock_feet(made, over_s=SOFTLY_S) if held else made)
     return beat.evaluate(motion_beat_times_s(body_m, FPS), BEATS_S[runs[-1].stop_s > BEATS_S])
 
 
@@ -48,7 +48,7 @@ def score(runs, *, held):
 def test_joins_of_dances_that_rest_on_beats_are_put_on_the_beats(held, monkeypatch):
     monkeypatch.setitem(FADES_S, "inertial", FADES_S["inertial"][:1])  # others keep time between beats, too
     if not held:  # a held foot may come to rest elsewhere, and a join with it
-        monkeypatch.setattr(join_search, "lock_feet", lambda motion: motion)
+        monkeypatch.setattr(join_search, "lock_feet", lambda motion, **_: motion)
     runs = on_the_beat("ababcbcabcbacbabcacb")
     joins = searched(runs)
     starts_s = np.array([join.start_s for join in joins])
@@ -63,7 +63,7 @@ def test_joins_are_judged_with_feet_held(monkeypatch):
     """Where holding feet does something else to the motion, joins go elsewhere."""
     runs = on_the_beat("ababcbcabcb")
 
-    def stiff(motion):
+    def stiff(motion, **_):
         return replace(motion, root_pos_m=np.broadcast_to(motion.root_pos_m[:1], motion.root_pos_m.shape))
 
     as_held = searched(runs)
