@@ -140,4 +140,4 @@ def number_text(value: float, digits: int) -> str:
 
 def column_title(name: str) -> str:
     """What a column is called over a table."""
-    return {REAL: "real dances", TAKES: "source takes"}.get(name, name)
+    return {REAL: "real dances", TAKES: "takes danced with"}.get(name, name)
