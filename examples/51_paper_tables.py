@@ -68,13 +68,15 @@ def danced(path: Path, songs: Sequence[EvaluatedSong], protocol: Protocol, data:
 
 
 def as_recorded(plans: Mapping[str, Plan], data: Path) -> list[MeasuredDance]:
-    """The physics of the takes that each song's plan dances with, by how long, as they lie in `data`."""
-    used = sorted({take for plan in plans.values() for take in plan.takes_s()})
-    known = {
-        song.name: physical_scores(song.take.motion).values
-        for song in find_songs(data, only=used)
-        if song.take is not None
-    }
+    """The physics of the takes that each song's plan dances with, by how long, as they lie in `data`.
+
+    Nothing if they do not lie there.
+    """
+    used = {take for plan in plans.values() for take in plan.takes_s()}
+    recorded = {s.name: s.take.motion for s in find_songs(data) if s.take is not None and s.name in used}
+    if len(recorded) < len(used):  # the repertoire is of other takes
+        return []
+    known = {name: physical_scores(motion).values for name, motion in recorded.items()}
     return [MeasuredDance(RECORDED, song, 0, weighted(known, plan.takes_s())) for song, plan in plans.items()]
 
 

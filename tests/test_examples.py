@@ -68,6 +68,19 @@ def test_the_table_of_dances(shared_data, planted, tmp_path):
     assert "f_score" in shown
 
 
+@pytest.mark.slow
+def test_the_papers_tables_of_a_repertoire_of_other_takes(shared_data, planted, tmp_path):
+    data = tmp_path / "data"
+    data.mkdir()
+    (data / "DANCE_C_8").symlink_to(shared_data / "dance-with-melody" / "DANCE_C_8")
+    songs = tmp_path / "songs.txt"
+    songs.write_text("DANCE_C_8\n")
+    made = tmp_path / "tables.md"
+    run_example("51_paper_tables.py", data, planted[1], "-o", made, "--only", songs, "--variants", "ours")
+    tables = made.read_text()
+    assert "| ours |" in tables and "| takes |" in tables and "as-recorded" not in tables
+
+
 def readme_commands() -> list[str]:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```\n(.*?)```", text, flags=re.S)
