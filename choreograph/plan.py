@@ -223,7 +223,10 @@ def _with_its_join(entry: Any, blending: Any) -> Any:
 
     if not isinstance(entry, dict) or not isinstance(blending, str):
         return entry
-    return {"begins_s": entry.get("second"), "fade_s": FADES_S.get(blending, (0.0,))[0], **entry}
+    fade_s = FADES_S.get(blending, FADES_S["inertial"])[
+        0
+    ]  # of an unknown blending the plan's own check tells
+    return {"begins_s": entry.get("second"), "fade_s": fade_s, **entry}
 
 
 def _second(entry: Any, name: str, index: int) -> PlannedSecond:

@@ -31,7 +31,8 @@ def assemble(
     """
     if blending not in BLENDINGS:
         raise ParameterError(f"expected a blending among {', '.join(BLENDINGS)}, got {blending!r}")
-    margin = seconds_to_frames(max(FADES_S[blending]) + 0.05, fps)
+    longest_s = max((*FADES_S[blending], *(run.fade_s or 0.0 for run in runs)))
+    margin = seconds_to_frames(longest_s + 0.05, fps)
     total = seconds_to_frames(runs[-1].stop_s, fps) if runs else 0
     root_out = np.empty((total, 3))
     quat_out: Floats | None = None

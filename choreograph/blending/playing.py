@@ -112,7 +112,7 @@ def join(
     # How much of the difference each side makes up for: a firm run none, if the other is not.
     part_a, part_b = (0.5, 0.5) if a.firm == b.firm else (float(b.firm), float(a.firm))
     last_out = first_out + len(root_out)
-    longest = seconds_to_frames(b.fade_s or FADES_S[blending][0], fps)
+    longest = max(1, seconds_to_frames(b.fade_s or FADES_S[blending][0], fps))
     if blending == "linear":
         first = max(first_out, frame - min(int(part_a * longest), room_a))
         stop = min(last_out, frame + min(int(part_b * longest), room_b))

@@ -126,6 +126,7 @@ class _Drawn:
 
     @classmethod
     def from_rng(cls, rng: np.random.Generator, n_raters: int, songs: NDArray[np.integer]) -> _Drawn:
+        """Raters and songs drawn with replacement; `songs` (N,) says which song each item is of."""
         n_songs = int(songs.max()) + 1
         raters = rng.multinomial(n_raters, np.full(n_raters, 1 / n_raters), size=_RESAMPLES)
         drawn_songs = rng.multinomial(n_songs, np.full(n_songs, 1 / n_songs), size=_RESAMPLES)

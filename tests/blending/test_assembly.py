@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,6 +89,23 @@ def test_a_run_begins_where_the_last_one_stood_and_faces_as_it_faced(blending, s
     source = TAKES[second_take].resampled(60.0)
     heights = source.sliced(300, 420).joint_pos_m()[settled - 120 :, 0, 1]
     assert np.allclose(made.root_pos_m[settled:, 1], heights, atol=5e-3)
+
+
+@pytest.mark.parametrize("blending", BLENDINGS)
+@pytest.mark.parametrize("fade_s", [0.001, 1.0])
+def test_a_join_takes_as_long_as_it_is_told(blending, fade_s):
+    """A plan may say any fade, also one that nothing searches for."""
+    times = [t for start in (3, 6) for t in (start, start + 1, start + 2)]
+    runs = to_runs(["sway"] * 3 + ["other"] * 3, seconds(*times))
+    made = [
+        assemble(told, read_motion, fps=60.0, duration_s=6.0, blending=blending)[0]
+        for told in (runs, [runs[0], replace(runs[1], fade_s=fade_s)])
+    ]
+    assert np.isfinite(made[1].root_pos_m).all() and np.isfinite(made[1].local_quat).all()
+    changed = np.abs(made[0].local_quat - made[1].local_quat).max(axis=(1, 2)) > 1e-6
+    reach = round(60 * max(fade_s, FADES_S[blending][0])) + 1
+    assert changed[180 - reach : 180 + reach].any()
+    assert not changed[: 180 - reach].any() and not changed[180 + reach :].any()
 
 
 def jerk(motion):
