@@ -223,9 +223,8 @@ def _with_its_join(entry: Any, blending: Any) -> Any:
 
     if not isinstance(entry, dict) or not isinstance(blending, str):
         return entry
-    fade_s = FADES_S.get(blending, FADES_S["inertial"])[
-        0
-    ]  # of an unknown blending the plan's own check tells
+    # of an unknown blending the plan's own check tells
+    fade_s = FADES_S.get(blending, FADES_S["inertial"])[0]
     return {"begins_s": entry.get("second"), "fade_s": fade_s, **entry}
 
 

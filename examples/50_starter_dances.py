@@ -24,7 +24,7 @@ from choreograph.features.music_beats import get_beat_tracker
 from choreograph.metrics import beat, physical
 from choreograph.motion.body import body_pos_m
 from choreograph.plan import Plan
-from choreograph.starter.synth import render_song, write_song
+from choreograph.starter.synth import STYLES, render_song, write_song
 from choreograph.starter.synth.testbed import SONGS
 
 FPS = 60.0
@@ -67,7 +67,9 @@ def main() -> None:
     parser.add_argument("--songs", type=Path, nargs="*", default=[])
     parser.add_argument("--duration", type=float, default=60.0, help="seconds of each real song")
     parser.add_argument("--beats", default="tempo-path")
-    parser.add_argument("--variety-song-s", type=float, default=180.0)
+    parser.add_argument(
+        "--variety-song-s", type=float, default=180.0, help="seconds of a song of every genre; 0: none"
+    )
     given = parser.parse_args()
     repertoire = cg.Repertoire.open(given.repertoire) if given.repertoire else cg.starter_repertoire()
     config = cg.DanceConfig(beats=given.beats)
@@ -85,9 +87,10 @@ def main() -> None:
             show(bench.name, row)
         for group, rows in groups.items():
             show(f"mean {group}", {key: float(np.mean([row[key] for row in rows])) for key in rows[0]})
-        write_song(path, render_song("house", bpm=123.0, duration_s=given.variety_song_s, seed=3000))
-        made = cg.dance(path, repertoire, config=config)
-        show(f"house of {given.variety_song_s:g} s", measured(made, np.array(made.plan.music_beats_s)))
+        for genre in STYLES if given.variety_song_s else ():
+            write_song(path, render_song(genre, duration_s=given.variety_song_s, seed=3000))
+            made = cg.dance(path, repertoire, config=config)
+            show(f"{genre} of {given.variety_song_s:g} s", measured(made, np.array(made.plan.music_beats_s)))
     rows = []
     for song_path in given.songs:
         song = load_song(song_path, duration_s=given.duration)
