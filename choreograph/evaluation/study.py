@@ -43,7 +43,7 @@ _KEY_NOTE = "Which dance is of which variant: keep this file from the raters, wh
 _FPS = 60.0
 _ORDERS_TRIED = 200
 _PLAYER = (
-    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js", "covers.js",
+    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
     "renderer.js", "stage.js", "hands.js", "elements.js", "player.js",
 )  # fmt: skip
 _SCRIPTS = ("answers.js", "questions.js", "study.js")

@@ -31,7 +31,7 @@ from choreograph.preview.packing import ROTVEC_STEP_RAD, pack_figure, pack_motio
 from choreograph.preview.sound import Levels, encode_mp4, song_part
 
 _SCRIPTS = (
-    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js", "covers.js",
+    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
     "renderer.js", "stage.js", "hands.js", "colours.js", "gestures.js", "timeline.js", "elements.js",
     "card.js", "player.js", "controls.js", "main.js",
 )  # fmt: skip

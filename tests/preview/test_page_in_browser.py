@@ -30,8 +30,13 @@ FLAGS = [
 ]  # fmt: skip
 
 
+# Here the processor draws the pixels and puts them together with the rest of the page.
+FLAGS_WITHOUT_GPU = ["--no-sandbox", "--disable-gpu-compositing", "--enable-unsafe-swiftshader"]
+
+
 @pytest.fixture(scope="module")
-def browser():
+def launch():
+    """Start Chromium with flags; all are closed at the end."""
     found = next(
         (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))),
         None,
@@ -39,9 +44,20 @@ def browser():
     if found is None:
         pytest.skip("no Chromium on this machine: the page is not tried in a browser")
     with sync_api.sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=found, args=FLAGS)
-        yield launched
-        launched.close()
+        launched = []
+
+        def start(flags):
+            launched.append(playwright.chromium.launch(executable_path=found, args=flags))
+            return launched[-1]
+
+        yield start
+        for browser in launched:
+            browser.close()
+
+
+@pytest.fixture(scope="module")
+def browser(launch):
+    return launch(FLAGS)
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +141,18 @@ def test_a_dancer_stands_on_the_stage_and_dances(opened):
     page.keyboard.press("Space")
     moved = np.abs(picture(page) - before).sum(axis=2) > 60
     assert moved.mean() > 0.01
+
+
+@pytest.mark.parametrize("size", [(900, 640), (1400, 900), (500, 900)])
+def test_no_part_of_the_page_is_left_undrawn_where_the_processor_composes(launch, files, size):
+    page = launch(FLAGS_WITHOUT_GPU).new_page(viewport={"width": size[0], "height": size[1]})
+    page.goto((files / "song.html").as_uri())
+    until(page, "window.choreograph !== undefined", timeout_s=20)
+    for _ in range(2):  # as it stands, then as it dances
+        page.wait_for_timeout(400)
+        drawn = Image.open(io.BytesIO(page.screenshot())).convert("RGBA")
+        assert (np.asarray(drawn)[..., 3] == 255).all()
+        page.keyboard.press("Space")
 
 
 @pytest.mark.parametrize("name", ["song.html", "silent.html"])

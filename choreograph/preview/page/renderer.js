@@ -1,6 +1,5 @@
 // Draws the dancer on the floor with WebGL 2: one skinned mesh, its shadow, a disc.
 
-import { Covers } from "./covers.js";
 import { clamp, normalized } from "./math.js";
 import { Skin } from "./skin.js";
 import {
@@ -35,7 +34,6 @@ export class Renderer {
     this.slowMachine = drawnInSoftware();
     this.gl = canvas.getContext("webgl2", { alpha: false, antialias: !this.slowMachine });
     if (!this.gl) throw new Error("no WebGL 2");
-    this.covers = this.slowMachine ? new Covers(canvas) : null;
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => { this.#build(); this.draw(this.last); });
     this.#build();
@@ -124,7 +122,6 @@ export class Renderer {
     const centre = [p[0] - this.slide[0] * p[1] * 0.5, p[2] - this.slide[1] * p[1] * 0.5, SHADOW_HALF_M];
     this.#drawShadow(centre);
     this.#drawStage(view, centre);
-    this.covers?.fit(view, this.skin.places, [view.target[0], view.target[2], view.floorRadius]);
   }
 
   // The part of the shadow's square where there can be any, -1 to 1: [x, z, half the width, half the depth].
