@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -19,3 +20,23 @@ def shared_data() -> Path:
     if not data.is_dir():
         pytest.skip(f"no real data at {data}")
     return data
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    """Starts Chromium with the given flags; all are closed at the end. Without one, tests of pages skip."""
+    sync_api = pytest.importorskip("playwright.sync_api")
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next((path for name in names if (path := shutil.which(name))), None)
+    if found is None:
+        pytest.skip("no Chromium on this machine: pages are not tried in a browser")
+    started = []
+    with sync_api.sync_playwright() as playwright:
+
+        def start(flags):
+            started.append(playwright.chromium.launch(executable_path=found, args=flags))
+            return started[-1]
+
+        yield start
+        for browser in started:
+            browser.close()

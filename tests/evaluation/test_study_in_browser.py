@@ -3,34 +3,20 @@
 from __future__ import annotations
 
 import json
-import shutil
-import time
 from pathlib import Path
 
 import pytest
+from browsers import SWIFTSHADER, note_complaints, until
 from planted_studies import read_key, small_study
 
 from choreograph.evaluation.study_results import read_study
 
-sync_api = pytest.importorskip("playwright.sync_api")
-
-FLAGS = [
-    "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader", "--autoplay-policy=no-user-gesture-required",
-]  # fmt: skip
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 
 
 @pytest.fixture(scope="module")
-def browser():
-    found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if found is None:
-        pytest.skip("no Chromium on this machine: the page is not tried in a browser")
-    with sync_api.sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=found, args=FLAGS)
-        yield launched
-        launched.close()
+def browser(chromium):
+    return chromium(SWIFTSHADER)
 
 
 @pytest.fixture
@@ -48,10 +34,7 @@ def opened(browser, study):
             context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
             contexts.append(context)
         page = context.new_page()
-        page.on("console", lambda message: complaints.append(message.text))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("request", lambda request: None if request.url.startswith(("file://", "blob:", "data:"))
-                else complaints.append(request.url))  # fmt: skip
+        note_complaints(page, complaints)
         page.goto((study / "study.html").as_uri())
         until(page, "window.choreograph !== undefined && choreograph.framesDrawn > 0", timeout_s=20)
         return page
@@ -60,14 +43,6 @@ def opened(browser, study):
     for context in contexts:
         context.close()
     assert complaints == []
-
-
-def until(page, condition: str, *, timeout_s: float = 8.0) -> None:
-    """Wait for a condition on the page's state; the page's own security policy forbids Playwright's way."""
-    end_s = time.monotonic() + timeout_s
-    while not page.evaluate(condition):
-        assert time.monotonic() < end_s, condition
-        page.wait_for_timeout(20)
 
 
 def saved(page, folder: Path) -> Path:
@@ -122,7 +97,11 @@ def test_dances_play_with_their_song_and_are_different_ones(opened):
     page.click("#begin")
     page.click("#big-play")
     until(page, "choreograph.playing && choreograph.audioTime > 0.2")
-    until(page, "Math.abs(choreograph.time - choreograph.audioTime) < 0.1")  # a frame may be late
+    behind_s = page.evaluate(  # right after a frame was drawn
+        """new Promise((resolve) => requestAnimationFrame(() =>
+             resolve(choreograph.time - choreograph.audioTime)))"""
+    )
+    assert abs(behind_s) < 0.1
     page.keyboard.press("Space")
     until(page, "!choreograph.playing")
     first = page.evaluate("choreograph.joints")

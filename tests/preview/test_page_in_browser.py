@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import io
 import re
-import shutil
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from browsers import NO_COMPOSITING, SWIFTSHADER, note_complaints, until
 from PIL import Image
 from planted_dances import swaying
 from planted_pages import plan_for, write_seconds
@@ -19,45 +18,18 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 from choreograph.preview.page import write_page
 
-sync_api = pytest.importorskip("playwright.sync_api")
-
 FPS = 60.0
 MOTION = swaying(480, fps=FPS)  # 8 s
-FLAGS = [
-    "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader", "--autoplay-policy=no-user-gesture-required",
-]  # fmt: skip
-
-
-# Here the processor draws the pixels and puts them together with the rest of the page.
-FLAGS_WITHOUT_GPU = ["--no-sandbox", "--disable-gpu-compositing", "--enable-unsafe-swiftshader"]
 
 
 @pytest.fixture(scope="module")
-def launch():
-    """Start Chromium with flags; all are closed at the end."""
-    found = next(
-        (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))),
-        None,
-    )
-    if found is None:
-        pytest.skip("no Chromium on this machine: the page is not tried in a browser")
-    with sync_api.sync_playwright() as playwright:
-        launched = []
-
-        def start(flags):
-            launched.append(playwright.chromium.launch(executable_path=found, args=flags))
-            return launched[-1]
-
-        yield start
-        for browser in launched:
-            browser.close()
+def browser(chromium):
+    return chromium(SWIFTSHADER)
 
 
 @pytest.fixture(scope="module")
-def browser(launch):
-    return launch(FLAGS)
+def processor_browser(chromium):
+    return chromium(NO_COMPOSITING)
 
 
 @pytest.fixture(scope="module")
@@ -85,10 +57,7 @@ def opened(browser, files):
         )
         contexts.append(context)
         page = context.new_page()
-        page.on("console", lambda message: complaints.append(message.text))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("request", lambda request: complaints.append(request.url) if "://" in request.url[:9]
-                and not request.url.startswith(("file://", "blob:", "data:")) else None)  # fmt: skip
+        note_complaints(page, complaints)
         page.goto((folder / name).as_uri())
         until(page, "window.choreograph !== undefined", timeout_s=20)
         return page
@@ -101,14 +70,6 @@ def opened(browser, files):
 
 def state(page, name: str):
     return page.evaluate(f"choreograph.{name}")
-
-
-def until(page, condition: str, *, timeout_s: float = 8.0) -> None:
-    """Wait for a condition on the page's state; the page's own security policy forbids Playwright's way."""
-    end_s = time.monotonic() + timeout_s
-    while not page.evaluate(condition):
-        assert time.monotonic() < end_s, condition
-        page.wait_for_timeout(20)
 
 
 def picture(page) -> np.ndarray:
@@ -144,8 +105,9 @@ def test_a_dancer_stands_on_the_stage_and_dances(opened):
 
 
 @pytest.mark.parametrize("size", [(900, 640), (1400, 900), (500, 900)])
-def test_no_part_of_the_page_is_left_undrawn_where_the_processor_composes(launch, files, size):
-    page = launch(FLAGS_WITHOUT_GPU).new_page(viewport={"width": size[0], "height": size[1]})
+def test_no_part_of_the_page_is_left_undrawn_where_the_processor_composes(processor_browser, files, size):
+    # Not by `opened`: this browser may complain of itself, that it stalls while it reads its picture back.
+    page = processor_browser.new_page(viewport={"width": size[0], "height": size[1]})
     page.goto((files / "song.html").as_uri())
     until(page, "window.choreograph !== undefined", timeout_s=20)
     for _ in range(2):  # as it stands, then as it dances

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import base64
-import shutil
 
 import numpy as np
 import pytest
+from browsers import QUIET
 from planted_pages import write_seconds
 
 from choreograph.preview.sound import encode_mp4, song_part
-
-sync_api = pytest.importorskip("playwright.sync_api")
-
-FLAGS = [
-    "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--autoplay-policy=no-user-gesture-required",
-]  # fmt: skip
 
 # Plays two and a half seconds; returns when clicks sounded on the audio context's clock, and pairs of
 # that clock and the media element's.
@@ -49,18 +42,12 @@ LISTEN = """async ([sound, from]) => {
 
 
 @pytest.fixture(scope="module")
-def page():
-    found = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
-    if found is None:
-        pytest.skip("no Chromium on this machine: the sound is not heard in a browser")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=found, args=FLAGS)
-        opened = browser.new_page()
-        empty = "<!doctype html><title>empty</title>"
-        opened.route("**/*", lambda route: route.fulfill(body=empty, content_type="text/html"))
-        opened.goto("http://localhost/")  # a place secure enough for a worklet; nothing is asked of it
-        yield opened
-        browser.close()
+def page(chromium):
+    opened = chromium(QUIET).new_page()
+    empty = "<!doctype html><title>empty</title>"
+    opened.route("**/*", lambda route: route.fulfill(body=empty, content_type="text/html"))
+    opened.goto("http://localhost/")  # a place secure enough for a worklet; nothing is asked of it
+    return opened
 
 
 @pytest.mark.parametrize("from_s", [0.0, 3.3])
