@@ -31,7 +31,7 @@ dance: setup
 
 # Renders the built-in takes and songs and builds their repertoire again; TAKES adds real ones to learn from.
 starter: setup
-	$(BIN)/python -m choreograph.starter.synth.examples
+	$(BIN)/python -m choreograph.synthesis.songs.examples
 	$(BIN)/choreograph build-starter $(if $(TAKES),--learn-from "$(TAKES)") $(if $(LEAVE_OUT),--leave-out "$(LEAVE_OUT)")
 
 benchmark: setup

@@ -7,7 +7,7 @@
 - `render` — the motion of a (perhaps edited) `Plan`
 - `MotifPin`, `TakePin`, `Ban` — what a dance should hold, and what not; `vary` makes several dances
 - `motifs_of`, `signature_of` — of a take, to be danced again
-- `Cost`, `Layer`, `Music` — for costs of your own
+- `Cost`, `Layer`, `SongFeatures` — for costs of your own
 - `Motion`, `Skeleton`, `Take` — motion and where it comes from
 """
 
@@ -15,24 +15,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from choreograph.building import BuildOptions, build_repertoire
     from choreograph.config import DanceConfig
+    from choreograph.constraints import Ban, MotifPin, TakePin
     from choreograph.errors import ChoreographError
-    from choreograph.features.music import Music
+    from choreograph.features.song_features import SongFeatures
     from choreograph.graph import Cost, Layer
     from choreograph.motion.motion import Motion
     from choreograph.motion.skeleton import Skeleton
-    from choreograph.pipeline import (
-        Ban,
-        BuildOptions,
-        Dance,
-        MotifPin,
-        TakePin,
-        build_repertoire,
-        dance,
-        render,
-        vary,
-    )
-    from choreograph.pipeline.recreating import motifs_of, signature_of
+    from choreograph.pipeline import Dance, dance, render, vary
+    from choreograph.pipeline.recreation import motifs_of, signature_of
     from choreograph.plan import Plan
     from choreograph.repertoire import Repertoire
     from choreograph.starter import example_songs, starter_repertoire
@@ -40,8 +32,8 @@ if TYPE_CHECKING:
 
 # Imported when first asked for: `choreograph --help` must not wait for numba and torch.
 _HOMES = {
-    "Ban": "pipeline",
-    "BuildOptions": "pipeline",
+    "Ban": "constraints",
+    "BuildOptions": "building",
     "ChoreographError": "errors",
     "Cost": "graph",
     "Credits": "takes",
@@ -49,27 +41,48 @@ _HOMES = {
     "DanceConfig": "config",
     "Layer": "graph",
     "Motion": "motion.motion",
-    "MotifPin": "pipeline",
-    "Music": "features.music",
+    "MotifPin": "constraints",
+    "SongFeatures": "features.song_features",
     "Plan": "plan",
     "Repertoire": "repertoire",
     "Skeleton": "motion.skeleton",
     "Take": "takes",
-    "TakePin": "pipeline",
-    "build_repertoire": "pipeline",
+    "TakePin": "constraints",
+    "build_repertoire": "building",
     "dance": "pipeline",
     "example_songs": "starter",
-    "motifs_of": "pipeline.recreating",
+    "motifs_of": "pipeline.recreation",
     "render": "pipeline",
-    "signature_of": "pipeline.recreating",
+    "signature_of": "pipeline.recreation",
     "starter_repertoire": "starter",
     "vary": "pipeline",
 }
 
 __all__ = [
-    "Ban", "BuildOptions", "ChoreographError", "Cost", "Credits", "Dance", "DanceConfig", "Layer", "MotifPin",
-    "Motion", "Music", "Plan", "Repertoire", "Skeleton", "Take", "TakePin", "build_repertoire", "dance",
-    "example_songs", "motifs_of", "render", "signature_of", "starter_repertoire", "vary",
+    "Ban",
+    "BuildOptions",
+    "ChoreographError",
+    "Cost",
+    "Credits",
+    "Dance",
+    "DanceConfig",
+    "Layer",
+    "MotifPin",
+    "Motion",
+    "Plan",
+    "Repertoire",
+    "Skeleton",
+    "SongFeatures",
+    "Take",
+    "TakePin",
+    "build_repertoire",
+    "dance",
+    "example_songs",
+    "motifs_of",
+    "render",
+    "signature_of",
+    "starter_repertoire",
+    "vary",
 ]  # fmt: skip
 
 

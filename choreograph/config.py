@@ -15,6 +15,10 @@ ENGINES = ("graph", "mixer", "rollout")
 PLANNERS = ("exact", "greedy", "motion-graph")
 SELECTIONS = ("style", "random")
 WARPINGS = ("dtw", "none")
+BLENDINGS = ("inertial", "linear")
+TRANSITION_PLACEMENTS = ("beats", "seconds")
+# Lengths a transition may have: inertial to each side, linear in all; the first where none is searched for.
+TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
 # Weighed on dances to training songs, left out in five folds; the paper gives no numbers.
 DEFAULT_WEIGHTS = {
     "style": 1.0, "completeness": 3.0, "transition": 3.0, "velocity": 0.5, "rhythm": 14.0, "pace": 0.3,
@@ -32,15 +36,15 @@ class DanceConfig:
     selection: str = "style"  # those nearest in style, or any
     warping: str = "dtw"  # onto the music's tempo, or their middle 4 s as recorded
     blending: str = "inertial"
-    joins: str = "beats"  # where takes change: when the joined motion keeps the beat best, or on "seconds"
+    transitions: str = (
+        "beats"  # where takes change: when the joined motion keeps the beat best, or on "seconds"
+    )
     fps: float = 60.0
     seed: int = 0
     beats: str = "tempo-path"  # beat tracker
     weights: Mapping[str, float] = field(default_factory=dict)  # over DEFAULT_WEIGHTS; own costs default to 1
 
     def __post_init__(self) -> None:
-        from choreograph.blending.playing import BLENDINGS
-        from choreograph.blending.runs import JOINS
         from choreograph.features.music_beats import TRACKERS
 
         _choice("engine", self.engine, ENGINES)
@@ -48,7 +52,7 @@ class DanceConfig:
         _choice("selection", self.selection, SELECTIONS)
         _choice("warping", self.warping, WARPINGS)
         _choice("blending", self.blending, BLENDINGS)
-        _choice("joins", self.joins, JOINS)
+        _choice("transitions", self.transitions, TRANSITION_PLACEMENTS)
         _choice("beats", self.beats, tuple(TRACKERS))
         if isinstance(self.candidates, bool) or not isinstance(self.candidates, int) or self.candidates < 1:
             raise ParameterError(f"expected candidates of at least 1, got {self.candidates!r}")

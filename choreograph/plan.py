@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from choreograph.config import DanceConfig, is_number
+from choreograph.config import TRANSITION_LENGTHS_S, DanceConfig, is_number
 from choreograph.errors import FormatError, ParameterError
 from choreograph.takes import Credits
 from choreograph.timebase import NODE_FRAMES, SEGMENT_S
 
 FORMAT = "choreograph-plan"
-VERSION = 3  # 1 had neither engine nor words, and joined on the second; 2 had no fades; both are still read
+VERSION = 4  # every version before it is still read: see `_upgraded`
 _TOUCH_S = 1e-3  # words that meet this closely leave no gap
 
 
@@ -33,8 +33,8 @@ class PlannedSecond:
     segment_second: int  # when its warped segment entered the graph
     offset: int  # 0 … 3, quarter of that segment
     source_times_s: tuple[float, ...]  # 21 take instants, at the 20 fps frames and the second's end
-    begins_s: float  # when it takes over from another piece: near `second`, or at it where it plays on,
-    fade_s: float  # and how long the join then takes: inertial to each side, linear in all
+    start_s: float  # when it takes over from another piece: near `second`, or at it where it plays on,
+    transition_s: float  # and how long the join then takes: inertial to each side, linear in all
     costs: dict[str, float]  # name -> weighted cost, of the node and of the edge into it
     credits: Credits
 
@@ -90,8 +90,8 @@ class Plan:
     def blocks(self) -> tuple[Block, ...]:
         """What is danced from when to when, in order: the words, and the seconds where no word is."""
         blocks = [Block(w.start_s, w.end_s, w.source_start_s, w.source_end_s, w) for w in self.words]
-        begins_s = np.array([second.begins_s for second in self.seconds])
-        bounds_s = np.minimum(np.maximum.accumulate([*begins_s, self.duration_s]), self.duration_s)
+        start_s = np.array([second.start_s for second in self.seconds])
+        bounds_s = np.minimum(np.maximum.accumulate([*start_s, self.duration_s]), self.duration_s)
         for second, span_s in zip(self.seconds, pairwise(bounds_s.tolist()), strict=True):
             blocks.extend(_left_over(second, span_s, self.words))
         return tuple(sorted(blocks, key=lambda block: block.start_s))
@@ -134,7 +134,7 @@ class Plan:
             if not isinstance(entries, list):
                 raise FormatError(f"{name}: expected a list of {key}, got {reprlib.repr(entries)}")
         if version < VERSION:
-            lists["seconds"] = [_with_its_join(entry, data.get("blending")) for entry in lists["seconds"]]
+            lists["seconds"] = [_upgraded(entry, data.get("blending")) for entry in lists["seconds"]]
         seconds = tuple(_second(entry, name, index) for index, entry in enumerate(lists["seconds"]))
         words = tuple(_word(entry, f"{name}: word {index}") for index, entry in enumerate(lists["words"]))
         plan = cls(**_known(cls, data, name, except_for=("seconds", "words")), seconds=seconds, words=words)
@@ -217,15 +217,21 @@ def _source_s(second: PlannedSecond, at_s: float) -> float:
     return inside + before * (times_s[1] - times_s[0]) + beyond * (times_s[-1] - times_s[-2])
 
 
-def _with_its_join(entry: Any, blending: Any) -> Any:
-    """A second of version 1 or 2, as one of version 3."""
-    from choreograph.blending.playing import FADES_S
+def _upgraded(entry: Any, blending: Any) -> Any:
+    """A second of an older version as one of today's.
 
+    Versions 1 and 2 have no transition of their own: it begins on the second. Version 3 calls its start
+    `begins_s` and its length `fade_s`.
+    """
     if not isinstance(entry, dict) or not isinstance(blending, str):
         return entry
-    # of an unknown blending the plan's own check tells
-    fade_s = FADES_S.get(blending, FADES_S["inertial"])[0]
-    return {"begins_s": entry.get("second"), "fade_s": fade_s, **entry}
+    # The plan's own check reports an unknown blending.
+    transition_s = TRANSITION_LENGTHS_S.get(blending, TRANSITION_LENGTHS_S["inertial"])[0]
+    renamed = {_RENAMED_IN_4.get(key, key): value for key, value in entry.items()}
+    return {"start_s": entry.get("second"), "transition_s": transition_s, **renamed}
+
+
+_RENAMED_IN_4 = {"begins_s": "start_s", "fade_s": "transition_s"}
 
 
 def _second(entry: Any, name: str, index: int) -> PlannedSecond:
@@ -236,10 +242,10 @@ def _second(entry: Any, name: str, index: int) -> PlannedSecond:
         raise FormatError(f"{where} needs {NODE_FRAMES + 1} increasing source_times_s")
     if known["second"] != index:
         raise FormatError(f"{where}: expected seconds 0, 1, 2, … in order, got {known['second']}")
-    if abs(known["begins_s"] - index) > 1:
-        raise FormatError(f"{where}: expected begins_s within a second of {index}, got {known['begins_s']}")
-    if not 0 < known["fade_s"] <= 1:
-        raise FormatError(f"{where}: expected fade_s above 0, at most 1, got {known['fade_s']}")
+    if abs(known["start_s"] - index) > 1:
+        raise FormatError(f"{where}: expected start_s within a second of {index}, got {known['start_s']}")
+    if not 0 < known["transition_s"] <= 1:
+        raise FormatError(f"{where}: expected transition_s above 0, at most 1, got {known['transition_s']}")
     if known["offset"] >= SEGMENT_S or known["clip_start_s"] < 0:
         raise FormatError(f"{where}: expected an offset below {SEGMENT_S} and a clip_start_s of 0 or more")
     return PlannedSecond(**known, credits=Credits(**_known(Credits, entry.get("credits"), where)))

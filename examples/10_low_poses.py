@@ -16,7 +16,7 @@ class LowPoses(cg.Cost):
 
     name = "low_poses"
 
-    def node(self, layer: cg.Layer, music: cg.Music) -> np.ndarray:
+    def node(self, layer: cg.Layer, song_features: cg.SongFeatures) -> np.ndarray:
         # Poses stand above the origin, so Y is the height over the floor.
         return layer.first_pose_m[:, BODY_JOINTS.index("pelvis"), 1]  # (N,)
 

@@ -16,7 +16,7 @@ class Forbid(cg.Cost):
     def __init__(self, take: str) -> None:
         self.take = take
 
-    def node(self, layer: cg.Layer, music: cg.Music) -> np.ndarray:
+    def node(self, layer: cg.Layer, song_features: cg.SongFeatures) -> np.ndarray:
         return np.where(layer.take_names == self.take, np.inf, 0.0)  # (N,)
 
 

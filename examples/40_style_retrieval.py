@@ -29,13 +29,13 @@ from choreograph.importers import dance_with_melody
 from choreograph.metrics.retrieval import chance_precision, mean_over_groups, precision_at_k
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.nets.presets import STYLE_LOSSES, StyleConfig, style_config
-from choreograph.nets.style import StyleNets
-from choreograph.nets.style_data import StyleTake, count_beats
-from choreograph.nets.style_training import train_style
+from choreograph.nets.style.config import STYLE_LOSSES, StyleConfig, style_config
+from choreograph.nets.style.data import StyleTake, count_beats
+from choreograph.nets.style.model import StyleNets
+from choreograph.nets.style.train import train_style
 from choreograph.selection import select_clips
-from choreograph.starter.synth.voices import RATE_HZ
 from choreograph.starter.takes import rendered, take_plans
+from choreograph.synthesis.songs.voices import RATE_HZ
 from choreograph.takes import Take
 from choreograph.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, SEGMENT_S
 
@@ -97,8 +97,8 @@ def shares(
 ) -> tuple[float, float, float]:
     """Share of the song's genre among selected clips: of all, of equally many a genre, and by chance."""
     starts_s = np.arange(max(1, int(len(song.log_mel) / MUSIC_FPS) - SEGMENT_S + 1))
-    music = nets.embed_music(song.log_mel, song.rhythm, starts_s)
-    beat_count = nets.predict_beat_count(music)
+    song_features = nets.embed_music(song.log_mel, song.rhythm, starts_s)
+    beat_count = nets.predict_beat_count(song_features)
     styles, counts, genres = [], [], []
     for take in others:
         middle = np.arange(0, len(take.body_pos_m) - CLIP_FRAMES + 1, NET_FPS) + SEGMENT_FRAMES // 2
@@ -115,7 +115,7 @@ def shares(
 
     def share(clips: np.ndarray) -> float:
         chosen = select_clips(
-            music,
+            song_features,
             beat_count,
             style[clips],
             count[clips],

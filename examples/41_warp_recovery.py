@@ -22,13 +22,13 @@ from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers import import_takes
 from choreograph.metrics.warping import recovery_errors_ms, summary_ms
 from choreograph.motion.body import body_pos_m
-from choreograph.nets.density import MotionDensity
-from choreograph.nets.density_presets import density_config
-from choreograph.nets.density_training import train_motion_density
-from choreograph.nets.style import centred
-from choreograph.nets.style_data import StyleTake
-from choreograph.nets.training import TrainingPlace
-from choreograph.nets.warper import random_time_map, resampled
+from choreograph.nets.density.config import density_config
+from choreograph.nets.density.model import MotionDensity
+from choreograph.nets.density.random_warp import random_time_map, resampled
+from choreograph.nets.density.train import train_motion_density
+from choreograph.nets.style.data import StyleTake
+from choreograph.nets.style.model import centred
+from choreograph.nets.training import TrainingContext
 from choreograph.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, STORE_FPS
 from choreograph.warping import subsequence_dtw
 
@@ -108,7 +108,7 @@ def main() -> None:
     show("", errors_ms(unknown, None))
     config = density_config(options.preset, loss=options.loss)
     for seed in options.seeds:
-        net = train_motion_density(known, config, seed=seed, place=TrainingPlace(device="cpu"))
+        net = train_motion_density(known, config, seed=seed, place=TrainingContext(device="cpu"))
         show(f"{options.preset}, seed {seed}:", errors_ms(unknown, net))
 
 

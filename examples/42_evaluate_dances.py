@@ -71,12 +71,12 @@ def main() -> None:
             take.song_path, repertoire, config=config,
             start_s=take.song_start_s, duration_s=take.motion.duration_s,
         )  # fmt: skip
-        music = np.array(made.plan.music_beats_s)
+        song_features = np.array(made.plan.music_beats_s)
         rng = np.random.default_rng(0)
         pos = body_pos_m(made.motion)
-        row = evaluate(pos, music, rng)
+        row = evaluate(pos, song_features, rng)
         row["f_librosa"] = beat.f_score(motion_beat_times_s(pos, FPS), librosa_beats(take))
-        real = evaluate(body_pos_m(take.motion.resampled(FPS)), music, rng)
+        real = evaluate(body_pos_m(take.motion.resampled(FPS)), song_features, rng)
         row["real_f"] = real["f_score"]
         row["real_motion_to_music"] = real["motion_to_music"]
         own = np.mean([slides[second.take] for second in made.plan.seconds])

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from choreograph.importers import dance_with_melody as layout
-from choreograph.motion.fit import fit_error_m, fit_positions
+from choreograph.motion.marker_fitting import fit_error_m, fit_positions
 from choreograph.motion.proportions import Bodies, measure_bodies
 from choreograph.motion.rigs import joint_roles
 from choreograph.takes import Take

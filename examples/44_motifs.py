@@ -31,11 +31,11 @@ from choreograph.motifs.choreography import NEEDS, draw_motifs
 from choreograph.motifs.clustering import Motifs, find_motifs
 from choreograph.motifs.signatures import chi_square_distance, signature, template, transition_matrix
 from choreograph.motifs.vocabulary import make_vocabulary
-from choreograph.motifs.words import Words, cut_words, word_distance_m
+from choreograph.motifs.words import Words, segment_words, word_distance_m
 from choreograph.motion.body import body_pos_m
-from choreograph.nets.word_presets import word_config
-from choreograph.nets.word_training import WordTake, train_word_net, word_copies
-from choreograph.nets.words import WordNet, in_own_place
+from choreograph.nets.words.config import word_config
+from choreograph.nets.words.model import WordNet, clips_to_root_frame
+from choreograph.nets.words.train import WordTake, train_word_net, word_copies
 from choreograph.preview.motif_strip import ShownWord, words_to_show, write_motif_strip
 from choreograph.takes import Take
 from choreograph.timebase import WORD_FRAMES
@@ -65,10 +65,10 @@ def danced(take: Take) -> Danced:
     if not known.exists():
         song = load_song(take.song_path)
         beats = get_beat_tracker().beats(song, log_mel(song.samples)) - take.song_start_s
-        return Danced(take, cut_words(body, FPS, beats), [])
+        return Danced(take, segment_words(body, FPS, beats), [])
     truth = json.loads(known.read_text(encoding="utf-8"))
     beats = np.array(truth["beat_times_s"])
-    words = cut_words(body, FPS, beats - take.song_start_s)
+    words = segment_words(body, FPS, beats - take.song_start_s)
     starts = np.array([move["start_s"] for move in truth["moves"]]) - take.song_start_s
     index = np.maximum(np.searchsorted(starts, words.start_s + 0.05, side="right") - 1, 0)
     beat = np.round((words.start_s - starts[index]) / np.median(np.diff(beats))).astype(int)
@@ -120,7 +120,7 @@ def show_neighbours(net: WordNet, known: list[Danced], unknown: list[Danced], tr
         per_genre = np.mean([right[genre == g].mean() for g in set(genre)])
         print(f"  nearest by {name:10s} {distance.mean():5.2f} cm  of its genre {per_genre:.2f}")
     copies = word_copies([d.for_training() for d in unknown], COPIES, np.random.default_rng(5))
-    clean, altered = (in_own_place(t).numpy() for t in (copies.words, copies.first))
+    clean, altered = (clips_to_root_frame(t).numpy() for t in (copies.words, copies.first))
     clean, chosen = np.unique(clean, axis=0, return_index=True)
     found = {
         n: np.mean(f(altered[chosen], clean).argmin(axis=1) == np.arange(len(clean)))

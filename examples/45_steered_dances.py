@@ -24,7 +24,7 @@ from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers.dance_with_melody import read
 from choreograph.metrics import beat
 from choreograph.motifs.signatures import chi_square_distance, signature
-from choreograph.motifs.words import cut_words
+from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 
@@ -47,7 +47,7 @@ class Judge:
     def measured(self, motion: Motion, beats_s: np.ndarray, genre: str) -> dict[str, float]:
         """Distance after each of `AFTER_S` that the dance lasts, and how it keeps the beat."""
         body = body_pos_m(motion.resampled(FPS))
-        words = cut_words(body, FPS, beats_s)
+        words = segment_words(body, FPS, beats_s)
         motifs = self.vocabulary.motifs.nearest(self.net.embed(words.body_pos_m))
         goal = self.vocabulary.signatures[self.vocabulary.genre_index(genre)]
         steps = self.vocabulary.transitions[self.vocabulary.genre_index(genre)]

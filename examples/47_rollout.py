@@ -23,6 +23,8 @@ import torch
 
 import choreograph as cg
 from choreograph.audio.song import Song, load_song
+from choreograph.engines import rollout as rolling
+from choreograph.engines.rendering import danced_motifs
 from choreograph.importers.dance_with_melody import read
 from choreograph.metrics import beat
 from choreograph.metrics.physical import foot_slide_cm_s, joint_jerk_m_s3
@@ -30,10 +32,8 @@ from choreograph.motifs.signatures import chi_square_distance, signature
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.motion.pose import from_own_place
-from choreograph.nets.rollout import RolloutNet
-from choreograph.pipeline import rolling
-from choreograph.pipeline.rendering import danced_motifs
+from choreograph.motion.pose import to_root_frame
+from choreograph.nets.rollout.model import RolloutNet
 from choreograph.rollout import rollout
 from choreograph.takes import Take
 
@@ -159,7 +159,7 @@ def recreated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, Rollo
 
 def apart_cm(a: Motion, b: Motion) -> float:
     n = min(a.n_frames, b.n_frames)
-    poses = (from_own_place(body_pos_m(m)[:n]) for m in (a, b))
+    poses = (to_root_frame(body_pos_m(m)[:n]) for m in (a, b))
     return float(100 * np.linalg.norm(next(poses) - next(poses), axis=-1).mean())
 
 
@@ -180,8 +180,8 @@ def styled(pieces: list[Piece], repertoire: WithNet) -> Table:
     """The song's style against another's, and noise: with ours and with the paper's window."""
     net = repertoire.rollout_net()
     rows = defaultdict(list)
-    for fade_s, window in ((net.config.style_fade_s, "our window"), (0.0, "the paper's window")):
-        repertoire.swapped = RolloutNet(replace(net.config, style_fade_s=fade_s))
+    for transition_s, window in ((net.config.style_fade_s, "our window"), (0.0, "the paper's window")):
+        repertoire.swapped = RolloutNet(replace(net.config, style_fade_s=transition_s))
         repertoire.swapped.load_state_dict(net.state_dict())
         for piece, other in zip(pieces, pieces[1:] + pieces[:1], strict=True):
             asked = {"genre": piece.genre, "engine": "rollout"}
@@ -218,7 +218,7 @@ def long_dances(pieces: list[Piece], repertoire: WithNet) -> Table:
         speed = np.linalg.norm(np.diff(body, axis=0), axis=-1).mean(axis=1) * motion.fps
         row = {f"m/s, third {i}": part.mean() for i, part in enumerate(np.array_split(speed, 3), 1)}
         for i, part in enumerate(np.array_split(body, 3), 1):
-            row[f"spread cm, third {i}"] = from_own_place(part).std(axis=0).mean() * 100
+            row[f"spread cm, third {i}"] = to_root_frame(part).std(axis=0).mean() * 100
         row["farthest m"] = np.linalg.norm(motion.root_pos_m[:, [0, 2]], axis=1).max()
         row["still"] = np.mean([part.max() < STILL_M_S for part in np.array_split(speed, 180)])
         rows.append(row)

@@ -18,11 +18,11 @@ import numpy as np
 
 import choreograph as cg
 from choreograph.audio.song import load_song
+from choreograph.engines.rendering import danced_motifs
 from choreograph.importers import import_takes
 from choreograph.metrics.physical import foot_slide_cm_s, jerk_ratio_at
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
-from choreograph.pipeline.rendering import danced_motifs
 
 FPS = 60.0
 
@@ -75,12 +75,12 @@ def main() -> None:
         shares.append(np.mean(shown[told] == motifs[told]))
         n_words.append(told.sum())
         body, theirs = (body_pos_m(m.resampled(FPS)) for m in (made.motion, real))
-        joins = [w.start_s for w in made.plan.words[1:]]
+        transitions = [w.start_s for w in made.plan.words[1:]]
         slides = [foot_slide_cm_s(b, FPS) for b in (body, theirs)]
         print(f"{name:11s} {told.sum():4d} words, as asked {shares[-1]:.3f}", end="; ")
         print(f"slide {slides[0]:.1f} (real {slides[1]:.1f})", end="; ")
         print(f"away {away_m(body):.1f} m (real {away_m(theirs):.1f})", end="; ")
-        print(f"jerk at joins {jerk_ratio_at(body, FPS, joins):.2f}", flush=True)
+        print(f"jerk at joins {jerk_ratio_at(body, FPS, transitions):.2f}", flush=True)
         if options.pins:
             held.append([pins_held(song, rep, engine, options.pins, rng) for engine in ("graph", "mixer")])
             print(f"            pins that hold: graph {held[-1][0]:.2f}, mixer {held[-1][1]:.2f}")

@@ -17,12 +17,12 @@ import numpy as np
 import torch
 
 import choreograph as cg
+from choreograph.building.segmentation import segment_takes
+from choreograph.building.train_rollout import rollout_takes
 from choreograph.importers.dance_with_melody import read
-from choreograph.nets.rollout_presets import rollout_config
-from choreograph.nets.rollout_training import train_rollout
-from choreograph.nets.training import TrainingPlace, TrainingProgress
-from choreograph.pipeline.rollout_learning import rollout_takes
-from choreograph.pipeline.wording import cut_takes
+from choreograph.nets.rollout.config import rollout_config
+from choreograph.nets.rollout.train import train_rollout
+from choreograph.nets.training import TrainingContext, TrainingProgress
 from choreograph.repertoire.contents import MeasuredTake
 from choreograph.takes import Take
 
@@ -43,10 +43,10 @@ def train(takes: Mapping[str, Take], repertoire: cg.Repertoire, folder: Path, na
         MeasuredTake(takes[t.name], np.zeros((0, 21, 3), np.float32), np.zeros(0)) for t in repertoire.takes
     ]
     words = repertoire.word_net()
-    learned = rollout_takes(own, cut_takes(own)[0], repertoire.vocabulary, words)
+    learned = rollout_takes(own, segment_takes(own)[0], repertoire.vocabulary, words)
     for name in lacking:
         config = rollout_config(str(repertoire.provenance["preset"]), **ABLATIONS[name])
-        place = TrainingPlace(folder / name, resume=True, report=show)
+        place = TrainingContext(folder / name, resume=True, report=show)
         net = train_rollout(learned, words, config, seed=int(repertoire.provenance["seed"]), place=place)
         torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, folder / f"{name}.pt")
 

@@ -24,8 +24,8 @@ from choreograph.features.music_beats import get_beat_tracker
 from choreograph.metrics import beat, physical
 from choreograph.motion.body import body_pos_m
 from choreograph.plan import Plan
-from choreograph.starter.synth import STYLES, render_song, write_song
-from choreograph.starter.synth.testbed import SONGS
+from choreograph.synthesis.songs import STYLES, render_song, write_song
+from choreograph.synthesis.songs.testbed import SONGS
 
 FPS = 60.0
 OTHER_TRACKER = {"tempo-path": "librosa", "librosa": "tempo-path", "beat-this": "librosa"}

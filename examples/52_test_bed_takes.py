@@ -13,10 +13,10 @@ import argparse
 import json
 from pathlib import Path
 
-from choreograph.starter.moves.genres import GENRES
-from choreograph.starter.synth import STYLES
-from choreograph.starter.synth.testbed import FIRST_SEED
 from choreograph.starter.takes import TakePlan, write_takes
+from choreograph.synthesis.moves.genres import GENRES
+from choreograph.synthesis.songs import STYLES
+from choreograph.synthesis.songs.testbed import FIRST_SEED
 
 _SEEDS_FROM = FIRST_SEED + 500  # beyond the test bed's songs
 _DURATION_S = 60.0

@@ -29,7 +29,7 @@ def test_a_file_goes_over_the_defaults(tmp_path):
         ("candidates = true", "candidates"),
         ("candidates = 1.5", "candidates"),
         ("blending = 3", "blending"),
-        ('joins = "words"', "joins"),
+        ('transitions = "words"', "transitions"),
         ('selection = "best"', "selection"),
         ('warping = "linear"', "warping"),
         ("fps = '60'", "fps"),

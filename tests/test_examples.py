@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from planted_repertoire import planted_repertoire, write_clicks
+from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 from choreograph.cli import main
 
@@ -24,28 +24,28 @@ def run_example(name: str, *arguments: object) -> str:
 
 
 @pytest.fixture(scope="module")
-def planted(tmp_path_factory):
+def synthetic(tmp_path_factory):
     folder = tmp_path_factory.mktemp("examples")
-    planted_repertoire(folder / "rep.h5")
+    synthetic_repertoire(folder / "rep.h5")
     return write_clicks(folder / "song.wav", duration_s=6.0), folder / "rep.h5"
 
 
-def test_low_poses(planted, tmp_path):
-    shown = run_example("10_low_poses.py", *planted, tmp_path / "low.bvh")
+def test_low_poses(synthetic, tmp_path):
+    shown = run_example("10_low_poses.py", *synthetic, tmp_path / "low.bvh")
     usual, low = (float(height) for height in re.findall(r"([\d.]+) m", shown))
     assert low <= usual
     assert (tmp_path / "low.bvh").exists()
 
 
-def test_forbid_a_take(planted, tmp_path):
-    shown = run_example("11_forbid_a_take.py", *planted, "take0", tmp_path / "out.bvh")
+def test_forbid_a_take(synthetic, tmp_path):
+    shown = run_example("11_forbid_a_take.py", *synthetic, "take0", tmp_path / "out.bvh")
     assert "take0" not in shown
     assert "rhythm" in shown
 
 
-def test_controls(planted, tmp_path):
-    planted_repertoire(tmp_path / "spoken.h5", vocabulary=True)
-    shown = run_example("46_controls.py", planted[0], tmp_path / "spoken.h5", tmp_path / "out.bvh")
+def test_controls(synthetic, tmp_path):
+    synthetic_repertoire(tmp_path / "spoken.h5", vocabulary=True)
+    shown = run_example("46_controls.py", synthetic[0], tmp_path / "spoken.h5", tmp_path / "out.bvh")
     assert "pinned" in shown and "again: motifs" in shown
     assert (tmp_path / "out.bvh").exists()
 
@@ -59,24 +59,24 @@ def test_measuring_examples_say_how_they_are_run(path):
 
 
 @pytest.mark.slow
-def test_the_table_of_dances(shared_data, planted, tmp_path):
+def test_the_table_of_dances(shared_data, synthetic, tmp_path):
     songs = tmp_path / "songs.txt"
     songs.write_text("DANCE_C_8\n")
     shown = run_example(
-        "42_evaluate_dances.py", shared_data / "dance-with-melody", planted[1], "--songs", songs
+        "42_evaluate_dances.py", shared_data / "dance-with-melody", synthetic[1], "--songs", songs
     )
     assert "f_score" in shown
 
 
 @pytest.mark.slow
-def test_the_papers_tables_of_a_repertoire_of_other_takes(shared_data, planted, tmp_path):
+def test_the_papers_tables_of_a_repertoire_of_other_takes(shared_data, synthetic, tmp_path):
     data = tmp_path / "data"
     data.mkdir()
     (data / "DANCE_C_8").symlink_to(shared_data / "dance-with-melody" / "DANCE_C_8")
     songs = tmp_path / "songs.txt"
     songs.write_text("DANCE_C_8\n")
     made = tmp_path / "tables.md"
-    run_example("51_paper_tables.py", data, planted[1], "-o", made, "--only", songs, "--variants", "ours")
+    run_example("51_paper_tables.py", data, synthetic[1], "-o", made, "--only", songs, "--variants", "ours")
     tables = made.read_text()
     assert "| ours |" in tables and "| takes |" in tables and "as-recorded" not in tables
 

@@ -66,6 +66,9 @@ def test_plans_of_words_survive_their_json(plan):
 def test_plans_of_older_versions_are_still_read():
     data = json.loads(PLAN.to_json())
     for second in data["seconds"]:
+        second["begins_s"], second["fade_s"] = second.pop("start_s"), second.pop("transition_s")
+    assert Plan.from_json(json.dumps({**data, "version": 3})) == PLAN
+    for second in data["seconds"]:
         del second["fade_s"]
     assert Plan.from_json(json.dumps({**data, "version": 2})) == PLAN
     del data["engine"], data["words"]
@@ -82,7 +85,7 @@ def test_words_are_danced_instead_of_the_seconds_there():
     assert sum(PINNED.takes_s().values()) == pytest.approx(2.5)
     assert [(b.start_s, b.end_s) for b in PLAN.blocks] == [(0, 1), (1, 2), (2, 2.5)]
     first, second, third = PLAN.seconds  # of which the second takes over late and the third early
-    joined = replace(PLAN, seconds=(first, replace(second, begins_s=1.4), replace(third, begins_s=1.9)))
+    joined = replace(PLAN, seconds=(first, replace(second, start_s=1.4), replace(third, start_s=1.9)))
     assert [(b.start_s, b.end_s) for b in joined.blocks] == [(0, 1.4), (1.4, 1.9), (1.9, 2.5)]
     on_time, late = PLAN.blocks[0], joined.blocks[0]
     at_the_end = (first.source_times_s[-1] - first.source_times_s[-2]) * 20  # it plays on as fast as it ended
@@ -155,7 +158,7 @@ def edited_second(**changes) -> str:
         "[]",
         "null",
         edited(format="something else"),
-        edited(version=4),
+        edited(version=5),
         edited(seconds=[]),
         edited(seconds=None),
         edited(seconds={"0": {}}),
@@ -184,9 +187,9 @@ def edited_second(**changes) -> str:
         edited_second(source_times_s=[float("nan")] * 21),
         edited_second(source_times_s=list(range(20))),
         edited_second(source_times_s=5),
-        edited_second(begins_s=7.5),
-        edited_second(fade_s=0.0),
-        edited_second(fade_s=3.0),
+        edited_second(start_s=7.5),
+        edited_second(transition_s=0.0),
+        edited_second(transition_s=3.0),
         edited_second(second=7),
         edited_second(unknown=1),
         edited_second(take=7),

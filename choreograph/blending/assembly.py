@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.blending.playing import BLENDINGS, FADES_S, MotionReader, Played, join, placed, play
 from choreograph.blending.runs import Run
+from choreograph.blending.sampled_runs import MotionReader, SampledRun, join, placed, play
+from choreograph.config import BLENDINGS, TRANSITION_LENGTHS_S
 from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
@@ -31,12 +32,12 @@ def assemble(
     """
     if blending not in BLENDINGS:
         raise ParameterError(f"expected a blending among {', '.join(BLENDINGS)}, got {blending!r}")
-    longest_s = max((*FADES_S[blending], *(run.fade_s or 0.0 for run in runs)))
+    longest_s = max((*TRANSITION_LENGTHS_S[blending], *(run.transition_s or 0.0 for run in runs)))
     margin = seconds_to_frames(longest_s + 0.05, fps)
     total = seconds_to_frames(runs[-1].stop_s, fps) if runs else 0
     root_out = np.empty((total, 3))
     quat_out: Floats | None = None
-    previous: Played | None = None
+    previous: SampledRun | None = None
     for run in runs:
         played = play(run, read_motion, fps, margin)
         if previous is not None:
@@ -53,5 +54,5 @@ def assemble(
         raise ParameterError("expected a plan of one second or more, got none")
     n_frames = max(1, seconds_to_frames(duration_s, fps))
     motion = Motion(previous.motion.skeleton, root_out, rot.make_continuous(rot.normalize(quat_out)), fps)
-    joins_s = np.array([run.start_s for run in runs[1:]], np.float64)
-    return motion.sliced(0, min(n_frames, total)), joins_s
+    transition_times_s = np.array([run.start_s for run in runs[1:]], np.float64)
+    return motion.sliced(0, min(n_frames, total)), transition_times_s

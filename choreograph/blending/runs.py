@@ -13,7 +13,6 @@ from choreograph.timebase import NET_FPS
 
 Floats = NDArray[np.float64]
 
-JOINS = ("beats", "seconds")
 _SAME_INSTANT_S = 2e-3  # pieces whose source times meet this closely need no join
 
 
@@ -25,8 +24,10 @@ class Run:
     start_s: float  # in the dance
     stop_s: float
     source_times_s: Floats  # (n + 1,) take instants, evenly spaced from start to stop, both included
-    firm: bool = False  # at joins its neighbours give way, so that it stays what it is
-    fade_s: float | None = None  # of the join into it, see `FADES_S`; None: the blending's own
+    locked: bool = False  # at joins its neighbours give way, so that it stays what it is
+    transition_s: float | None = (
+        None  # of the join into it, see `TRANSITION_LENGTHS_S`; None: the blending's own
+    )
 
     @property
     def length_s(self) -> float:
@@ -49,11 +50,11 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Join:
+class TransitionTiming:
     """When a run takes over from the one before, and how fast."""
 
     start_s: float  # of the dance
-    fade_s: float | None = None  # see `Run`
+    transition_s: float | None = None  # see `Run`
 
 
 def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> list[Run]:
@@ -70,7 +71,7 @@ def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> 
 
 
 def words_to_runs(
-    takes: Sequence[str], spans_s: Floats, sources_s: Floats, firm: Sequence[bool]
+    takes: Sequence[str], spans_s: Floats, sources_s: Floats, locked: Sequence[bool]
 ) -> list[Run]:
     """Words grouped into runs: each has its take, span of the dance (N, 2) and of the take (N, 2).
 
@@ -88,18 +89,18 @@ def words_to_runs(
         )
         if not goes_on:
             part = slice(first, index)
-            runs.append(_word_run(takes[first], spans_s[part], sources_s[part], any(firm[part])))
+            runs.append(_word_run(takes[first], spans_s[part], sources_s[part], any(locked[part])))
             first = index
     return runs
 
 
-def _word_run(take: str, spans_s: Floats, sources_s: Floats, firm: bool) -> Run:
+def _word_run(take: str, spans_s: Floats, sources_s: Floats, locked: bool) -> Run:
     start_s, stop_s = float(spans_s[0, 0]), float(spans_s[-1, 1])
     knots, values = np.append(spans_s[:, 0], stop_s), np.append(sources_s[:, 0], sources_s[-1, 1])
-    return Run(take, start_s, stop_s, PchipInterpolator(knots, values)(_instants(start_s, stop_s)), firm)
+    return Run(take, start_s, stop_s, PchipInterpolator(knots, values)(_instants(start_s, stop_s)), locked)
 
 
-def overlaid(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
+def overlay_runs(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
     """`runs` with those of `instead` in their place where they overlap; both in order of time."""
     left: list[Run] = []
     for run in runs:
@@ -115,13 +116,15 @@ def overlaid(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
     return sorted([*left, *instead], key=lambda run: run.start_s)
 
 
-def joined_at(runs: Sequence[Run], joins: Sequence[Join]) -> list[Run]:
+def with_transitions(runs: Sequence[Run], transitions: Sequence[TransitionTiming]) -> list[Run]:
     """The runs where each takes over from the one before as its join (N,) says, not at its start.
 
     The one run plays on as long as the other begins later, or the other way round.
     """
-    moved = [replace(run, fade_s=join.fade_s) for run, join in zip(runs, joins, strict=True)]
-    for index, start_s in enumerate(join.start_s for join in joins):
+    moved = [
+        replace(run, transition_s=join.transition_s) for run, join in zip(runs, transitions, strict=True)
+    ]
+    for index, start_s in enumerate(join.start_s for join in transitions):
         before, after = moved[index - 1], moved[index]
         if index == 0 or start_s == after.start_s or not before.start_s < start_s < after.stop_s:
             continue

@@ -61,12 +61,12 @@ def command(
     preset,
     resume,
     init_from,
-    style_from,
+    pretrained_style,
     keep_networks,
     density,
     rollout,
-    mirroring,
-    hold_feet,
+    augment_mirror,
+    lock_feet,
     packed,
     leave_out,
     device,
@@ -78,15 +78,15 @@ def command(
     Known layouts: a folder of NAME.bvh with NAME.wav|mp3|flac|ogg|m4a and an optional manifest.csv;
     dance-with-melody; AIST++; AMASS.
     """
-    from choreograph.pipeline import BuildOptions, build_repertoire
+    from choreograph.building import BuildOptions, build_repertoire
     from choreograph.starter import STARTER_PATH
 
     begin = {None: STARTER_PATH if preset == "small" else None, "nothing": None}
     given = {} if density is None else {"density": density}
     options = BuildOptions(
         preset=preset, seed=seed, device=device, resume=resume, init_from=init_from,
-        style_from=begin[style_from] if style_from in begin else Path(style_from),
-        keep_networks=keep_networks, rollout=rollout, mirroring=mirroring, hold_feet=hold_feet,
+        pretrained_style=begin[pretrained_style] if pretrained_style in begin else Path(pretrained_style),
+        keep_networks=keep_networks, rollout=rollout, augment_mirror=augment_mirror, lock_feet=lock_feet,
         packed=packed, leave_out=names_of(leave_out), **given,
     )  # fmt: skip
     try:

@@ -29,7 +29,7 @@ from choreograph.cli.present import examples, show_notes, stages
 def command(work, learn_from, leave_out, preset, seed, output) -> None:
     """Render the built-in takes and songs, learn from them, and write the built-in repertoire."""
     from choreograph.starter import STARTER_PATH
-    from choreograph.starter.build import build_starter
+    from choreograph.starter.recipe import build_starter
 
     work.mkdir(parents=True, exist_ok=True)
     output = output or STARTER_PATH

@@ -117,8 +117,8 @@ def command(
     chosen = replace(base, **settings)
     given = _weights(weight)
     repertoire = _starter() if db is None else Repertoire.open(db)
-    wishes = _wishes(repertoire, genre, signature, motif_file, recreate, pin, ban)
-    if plan_path is not None and (variations or any(wishes.values())):
+    constraints = _wishes(repertoire, genre, signature, motif_file, recreate, pin, ban)
+    if plan_path is not None and (variations or any(constraints.values())):
         raise ParameterError(
             "a plan says everything that is danced: expected no pins, bans or other wishes beside"
         )
@@ -128,7 +128,7 @@ def command(
             notes = () if song else ("no SONG beside the plan: a page or video of it is silent",)
             dances = [Dance(render(plan, repertoire), plan, notes, song)]
         else:
-            options = {"start_s": start, "duration_s": duration, "report": shown.report, **wishes}
+            options = {"start_s": start, "duration_s": duration, "report": shown.report, **constraints}
             options["weights"] = given
             options["style_song"] = style_song
             engine = settings.get("engine")
@@ -167,8 +167,8 @@ def _numbered(outputs: tuple[Path, ...], number: int, variations: int | None) ->
 
 def _wishes(repertoire, genre, signature, motif_file, recreate, pins, bans) -> dict[str, Any]:
     """What `dance` is asked for, from the command line's text and files."""
-    from choreograph.pipeline.recreating import motifs_of
-    from choreograph.pipeline.wishes import parse_ban, parse_pin, read_motifs, read_signature
+    from choreograph.constraints.parse import parse_ban, parse_pin, read_motifs, read_signature
+    from choreograph.pipeline.recreation import motifs_of
 
     if motif_file is not None and recreate is not None:
         raise ParameterError("expected --motifs or --recreate, got both: each says the whole sequence")

@@ -41,8 +41,8 @@ def command(db, as_json, plots, signature, output) -> None:
         raise ParameterError("expected --signature TAKE|GENRE together with -o FILE, got one of the two")
     repertoire = Repertoire.open(db or STARTER_PATH)
     if signature is not None:
-        from choreograph.pipeline.recreating import signature_of
-        from choreograph.pipeline.wishes import write_signature
+        from choreograph.constraints.parse import write_signature
+        from choreograph.pipeline.recreation import signature_of
 
         shares = signature_of(signature, repertoire)
         write_signature(output, shares, name=signature, repertoire=repertoire.path.name)

@@ -26,9 +26,9 @@ from choreograph.metrics import (
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.pipeline.hearing import hear
 from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire
+from choreograph.song_analysis import analyse_song
 from choreograph.timebase import NET_FPS, NODE_FRAMES, STORE_FPS
 
 Floats = NDArray[np.float64]
@@ -218,7 +218,7 @@ def retrieval_scores(song: Song, genre: str, repertoire: Repertoire) -> Scores:
     of_genre = genres == genre
     if not genre or "style" not in repertoire.net_names or not of_genre.any():
         return Scores({})
-    music, _ = hear(song, repertoire)
+    music, _ = analyse_song(song, repertoire)
     distances = np.linalg.norm(music.style[:, None] - repertoire.clip_style, axis=2)  # (S, N)
     relevant = of_genre[np.argsort(distances, axis=1, kind="stable")]
     k = min(RETRIEVED, repertoire.n_clips)

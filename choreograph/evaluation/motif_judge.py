@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.building.segmentation import WORD_FPS
 from choreograph.evaluation.measuring import Scores
 from choreograph.features.sections import Sections
 from choreograph.metrics import structure
 from choreograph.motifs.vocabulary import ALL_GENRES
-from choreograph.motifs.words import cut_words
+from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.pipeline.wording import WORD_FPS
 from choreograph.repertoire import Repertoire
 
 Floats = NDArray[np.float64]
@@ -44,7 +44,7 @@ class SignatureJudge:
 
     def motifs_of(self, motion: Motion, music_beats_s: Floats) -> DancedMotifs:
         """The dance's motifs, cut on the music's beats."""
-        words = cut_words(body_pos_m(motion.resampled(WORD_FPS)), WORD_FPS, music_beats_s)
+        words = segment_words(body_pos_m(motion.resampled(WORD_FPS)), WORD_FPS, music_beats_s)
         if len(words) == 0:
             return DancedMotifs(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
         motifs = self.vocabulary.motifs.nearest(self._net.embed(words.body_pos_m))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.engines.rendering import plan_runs
 from choreograph.errors import ParameterError
 from choreograph.evaluation.measuring import (
     FeatureRows,
@@ -42,12 +43,11 @@ from choreograph.features.music_beats import DEFAULT_TRACKER
 from choreograph.features.sections import Sections, song_sections
 from choreograph.metrics import labels
 from choreograph.motion.motion import Motion
-from choreograph.pipeline.rendering import plan_runs
 from choreograph.plan import Plan
+from choreograph.progress import ProgressReport
 from choreograph.repertoire import Repertoire
 
 Floats = NDArray[np.float64]
-Report = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def evaluate(
     songs: Sequence[EvaluatedSong],
     protocol: Protocol | None = None,
     *,
-    report: Report | None = None,
+    report: ProgressReport | None = None,
 ) -> Evaluation:
     """Dance to held-out songs in every variant with every seed, and measure all dances and the real ones.
 
@@ -97,7 +97,7 @@ class _Run:
         repertoire: Repertoire,
         songs: Sequence[EvaluatedSong],
         protocol: Protocol,
-        report: Report | None,
+        report: ProgressReport | None,
     ) -> None:
         self.repertoire, self.songs, self.protocol = repertoire, songs, protocol
         self.report = report or (lambda stage, done, total: None)
@@ -171,7 +171,7 @@ class _Run:
         beats_s: Floats,
     ) -> ShownDance:
         rng = np.random.default_rng(seed)
-        boundaries_s = joins_s(plan) if plan else ()
+        boundaries_s = transition_times_s(plan) if plan else ()
         scores = beat_scores(motion, beats_s, rng) | physical_scores(motion, boundaries_s)
         if self.real is not None:
             scores |= self.real.scores(motion, song.song_name, rng)
@@ -276,7 +276,7 @@ def weighted(scores: Mapping[str, Mapping[str, float]], weights: Mapping[str, fl
     return Scores(means)
 
 
-def joins_s(plan: Plan) -> Floats:
+def transition_times_s(plan: Plan) -> Floats:
     """Instants in seconds, (B,), at which one run of a take gives way to another; none of a network's."""
     if plan.engine == "rollout":
         return np.zeros(0)

@@ -28,7 +28,7 @@ import numpy as np
 from choreograph.errors import ParameterError
 from choreograph.files import atomic_path
 from choreograph.motion.motion import Motion
-from choreograph.motion.retarget import retarget, share_skeleton
+from choreograph.motion.retargeting import retarget, share_skeleton
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.preview.assembly import filled, joined_scripts, part, script_safe
 from choreograph.preview.figure import build_figure

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from choreograph.evaluation.results import REAL
 from choreograph.evaluation.songs import EvaluatedSong, check_unseen
 from choreograph.evaluation.study import StudyDance
 from choreograph.evaluation.variants import Variant, dance_as
+from choreograph.progress import ProgressReport
 from choreograph.repertoire import Repertoire
 
 
@@ -17,7 +18,7 @@ def make_study_dances(
     variants: Sequence[Variant],
     *,
     seen: bool = False,
-    report: Callable[[str, int, int], None] | None = None,
+    report: ProgressReport | None = None,
 ) -> dict[str, list[StudyDance]]:
     """By variant, its dance to every song with seed 0; songs that came with a real dance add `REAL`.
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from choreograph.audio.song import Song
-from choreograph.blending.playing import FADES_S
-from choreograph.config import DanceConfig
+from choreograph.config import TRANSITION_LENGTHS_S, DanceConfig
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.pipeline import Dance, dance, render
 from choreograph.plan import Plan, PlannedSecond
@@ -55,17 +54,17 @@ VARIANTS: dict[str, Variant] = {
     for variant in (
         Variant(
             "random", "clips at random, their middle 4 s unwarped, joined linearly", random_clips=True,
-            config=DanceConfig(blending="linear", joins="seconds"),
+            config=DanceConfig(blending="linear", transitions="seconds"),
         ),
         _graph(
             "motion-graph", "the paper's Motion Graph variant: first warped seconds, transition cost only, "
             "linear blending, joins on seconds",
-            seeded=False, planner="motion-graph", blending="linear", joins="seconds", weights=_AS_PUBLISHED,
+            seeded=False, planner="motion-graph", blending="linear", transitions="seconds", weights=_AS_PUBLISHED,
         ),
         _graph(
             "greedy-published", "ChoreoGraph as published: greedy, costs style + completeness + transition "
             "unweighted, linear blending, joins on seconds; our selection, warping and locked feet",
-            seeded=False, planner="greedy", blending="linear", joins="seconds", weights=_AS_PUBLISHED,
+            seeded=False, planner="greedy", blending="linear", transitions="seconds", weights=_AS_PUBLISHED,
         ),
         _graph("ours", "the defaults"),
         _graph("greedy", "ours with the greedy planner", planner="greedy"),
@@ -78,7 +77,7 @@ VARIANTS: dict[str, Variant] = {
         _graph(
             "no-graph", "ours without costs between seconds: each the best for itself", weights=_NO_EDGES
         ),
-        _graph("joins-on-seconds", "ours with joins on seconds", joins="seconds"),
+        _graph("joins-on-seconds", "ours with joins on seconds", transitions="seconds"),
         *(_without(cost) for cost in _GRAPH_COSTS),
         _graph("mixer", "the mixer engine: motion words of takes", engine="mixer"),
         _graph("rollout", "the rollout engine: a network's motion", engine="rollout"),
@@ -135,7 +134,7 @@ def _random_plan(song: Song, repertoire: Repertoire, config: DanceConfig, start_
                 second=second, take=take.name, clip=clip, clip_start_s=repertoire.clip_start_s(clip),
                 segment_second=second - offset, offset=offset,
                 source_times_s=tuple(np.linspace(first_s, first_s + 1.0, NODE_FRAMES + 1).tolist()),
-                begins_s=float(second), fade_s=FADES_S[config.blending][0], costs={}, credits=take.credits,
+                start_s=float(second), transition_s=TRANSITION_LENGTHS_S[config.blending][0], costs={}, credits=take.credits,
             )
         )  # fmt: skip
     return Plan(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.features.music import Music
+from choreograph.features.song_features import SongFeatures
 from choreograph.graph.layers import Layer
 from choreograph.timebase import CLIP_FRAMES, NODE_FRAMES
 
@@ -34,15 +34,15 @@ class Cost:
         if "name" not in cls.__dict__:
             cls.name = cls.__name__.lower()
 
-    def node(self, layer: Layer, music: Music) -> Floats | None:
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
         """Cost (N,) of dancing each node of `layer`, or None."""
         return None
 
-    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats | None:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats | None:
         """Cost (P, N) of going from each node of `previous` to each of `next`, or None."""
         return None
 
-    def least_edges(self, previous: Layer, next: Layer, music: Music) -> Floats | float:
+    def least_edges(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats | float:
         """What an edge that leaves its segment costs at least, by the node of `next` (N,) or for all."""
         return self.least_jump
 
@@ -50,8 +50,8 @@ class Cost:
 class Style(Cost):
     """‖S_x(clip) - S_m(second)‖₂: how far a clip's style is from the music's (equation 5)."""
 
-    def node(self, layer: Layer, music: Music) -> Floats:
-        return np.linalg.norm(layer.style - music.style[layer.second], axis=1)
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return np.linalg.norm(layer.style - song_features.style[layer.second], axis=1)
 
 
 class Completeness(Cost):
@@ -64,7 +64,7 @@ class Completeness(Cost):
 
     least_jump = 1.0
 
-    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         cost = np.ones((previous.n_nodes, next.n_nodes), np.float32)
         here, there = previous.successors_in(next)
         last = np.nan_to_num(previous.last_beat[here], nan=0.0)
@@ -84,7 +84,7 @@ class Transition(Cost):
 
     least_jump = 0.0
 
-    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         return _rms_distances(previous.last_pose_m, next.first_pose_m)
 
 
@@ -93,7 +93,7 @@ class Velocity(Cost):
 
     least_jump = 0.0
 
-    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         return _rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)
 
 
@@ -103,8 +103,8 @@ class Rhythm(Cost):
     Ours: the paper's cost does not see the fit, and picks clips that cannot be warped to the beat.
     """
 
-    def node(self, layer: Layer, music: Music) -> Floats:
-        return layer.off_beat + layer.fit
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return layer.unmatched_beat + layer.fit
 
 
 class Pace(Cost):
@@ -114,7 +114,7 @@ class Pace(Cost):
     fast again, feet slide half as far again, and what a body throws about is thrown twice as hard.
     """
 
-    def node(self, layer: Layer, music: Music) -> Floats:
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
         parts = np.diff(layer.source_frames[:, :: NODE_FRAMES // 4], axis=1) / (NODE_FRAMES // 4)  # (N, 4)
         return np.abs(np.log2(parts)).mean(axis=1)
 
@@ -125,8 +125,8 @@ class Variety(Cost):
     Ours, not the paper's, whose cheapest path likes best to play one long take on and on.
     """
 
-    def node(self, layer: Layer, music: Music) -> Floats:
-        return layer.tired / _TIRED_AFTER_S
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return layer.recent_usage_s / _TIRED_AFTER_S
 
 
 class Repeat(Cost):
@@ -137,7 +137,7 @@ class Repeat(Cost):
 
     least_jump = 0.0
 
-    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         from choreograph.graph._kernels import goes_back
 
         return goes_back(

@@ -45,10 +45,10 @@ class Layer:
     take_names: NDArray[np.str_]  # (N,)
     genre: NDArray[np.str_]  # (N,)
     style: Floats  # (N, 32) of the clip
-    tired: Floats  # (N,) seconds that the best dance so far has lately danced the node's take
+    recent_usage_s: Floats  # (N,) seconds that the best dance so far has lately danced the node's take
     take_frames: Floats  # (N, 2) take frames (20 fps) at the second's two borders
     fit: Floats  # (N,) mean squared difference of tempo-densities, this second
-    off_beat: Floats  # (N,) share of beats, music's and motion's, that fall alone this second
+    unmatched_beat: Floats  # (N,) share of beats, music's and motion's, that fall alone this second
     first_beat: Floats  # (N,) frame (20 fps) of the first motion beat in the second, nan if none
     last_beat: Floats  # (N,) frame of the last one
     source_frames: Floats  # (N, 21) clip frames at the 20 output frames and the second's end
@@ -78,9 +78,9 @@ class Layer:
         np.add.at(danced, (node, self.motifs[node, place]), 1)
         return replace(self, danced=danced)
 
-    def with_tired(self, tired_s: Floats) -> Layer:
-        """The layer where each take is as tired as `tired_s` (takes,) says."""
-        return replace(self, tired=tired_s[self.take])
+    def with_recent_usage(self, recent_usage_s: Floats) -> Layer:
+        """The layer where each take is as tired as `recent_usage_s` (takes,) says."""
+        return replace(self, recent_usage_s=recent_usage_s[self.take])
 
     def successors_in(self, following: Layer) -> tuple[Ints, Ints]:
         """Pairs (node here, node there) that follow one another inside one warped segment."""
@@ -105,7 +105,7 @@ class ClipTable:
 class LayerSource:
     """Builds the layer of any second; segments inserted more than three seconds before are gone.
 
-    `whims_s` (takes,) is how tired each take starts, in seconds; None: they never tire. `motifs`
+    `tie_break_s` (takes,) is how tired each take starts, in seconds; None: they never tire. `motifs`
     (S, K, 4, W), as `node_motifs` gives them, are what each node dances of `n_motifs` in all; None: nobody
     asks.
     """
@@ -116,14 +116,14 @@ class LayerSource:
         clips: ClipTable,
         poses: PoseBank,
         *,
-        whims_s: Floats | None = None,
+        tie_break_s: Floats | None = None,
         motifs: NDArray[np.integer] | None = None,
         n_motifs: int = 0,
     ) -> None:
         self._segments = segments
         self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
         self._n_motifs = 0 if motifs is None else n_motifs
-        self._whims_s = whims_s
+        self._whims_s = tie_break_s
         self._clips = clips
         self._poses = poses
         # A layer looks at the last four insertions, and the planner at two layers.
@@ -134,7 +134,7 @@ class LayerSource:
         """Number of layers S."""
         return len(self._segments.clip)
 
-    def tired_after(self, takes: Sequence[int]) -> NDArray[np.float32]:
+    def recent_usage_after(self, takes: Sequence[int]) -> NDArray[np.float32]:
         """How tired each take is, (takes,), in seconds, once `takes` have been danced, one a second."""
         n_takes = len(self._clips.take_names)
         if self._whims_s is None:
@@ -189,10 +189,10 @@ class LayerSource:
             take_names=clips.take_names[take],
             genre=clips.genres[take],
             style=clips.style[clip],
-            tired=np.zeros(len(clip), np.float32),
+            recent_usage_s=np.zeros(len(clip), np.float32),
             take_frames=clips.start_frame[clip, None] + source_frames[:, ::NODE_FRAMES],
             fit=segments.fit[start, part, offset],
-            off_beat=segments.off_beat[start, part, offset],
+            unmatched_beat=segments.unmatched_beat[start, part, offset],
             first_beat=segments.first_beat[start, part, offset],
             last_beat=segments.last_beat[start, part, offset],
             source_frames=source_frames,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.features.music import Music
+from choreograph.features.song_features import SongFeatures
 from choreograph.graph.costs import Cost, Floats
 from choreograph.graph.layers import Layer
 from choreograph.graph.node_motifs import NO_MOTIF
@@ -26,25 +26,25 @@ class Signature(Cost):
     with the whole song in view: a motif is missing until it has come as often as the song has room for.
     """
 
-    def __init__(self, goal: MotifGoal, music: Music) -> None:
+    def __init__(self, goal: MotifGoal, song_features: SongFeatures) -> None:
         self.goal = goal
-        n_words = len(song_words_s(music)) - 1
+        n_words = len(song_words_s(song_features)) - 1
         counts = np.arange(n_words + 2)
         expected = n_words * goal.signature[:, None]  # (K, 1)
         both = counts + expected  # (K, N + 2)
         distance = 0.5 * np.square(counts - expected) / np.where(both > 0, both, 1.0)
-        scale = music.n_seconds / n_words
+        scale = song_features.n_seconds / n_words
         self._step = np.ascontiguousarray(scale * (np.diff(distance, axis=1) + 0.5), np.float32)
 
-    def node(self, layer: Layer, music: Music) -> Floats | None:
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
         if layer.second > 0:
             return None
         return self._prices(np.zeros((1, len(self._step)), np.int16), layer)[0]
 
-    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         return self._prices(previous.danced, next)
 
-    def least_edges(self, previous: Layer, next: Layer, music: Music) -> Floats:
+    def least_edges(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         motif = np.arange(len(self._step))
         prices = self._step[motif, previous.danced].min(axis=0)  # (K,)
         return np.append(prices, 0.0)[next.motifs].sum(axis=1)
@@ -65,29 +65,29 @@ class MotifTransition(Cost):
     name = "motif_transition"
     least_jump = 0.0
 
-    def __init__(self, goal: MotifGoal, music: Music) -> None:
-        n_words = len(song_words_s(music)) - 1
+    def __init__(self, goal: MotifGoal, song_features: SongFeatures) -> None:
+        n_words = len(song_words_s(song_features)) - 1
         price = np.log(np.clip(goal.transitions, _RAREST, 1.0)) / np.log(_RAREST)
         # One row and column more, for no motif: index -1.
         self._price = np.zeros((len(price) + 1, len(price) + 1), np.float32)
-        self._price[:-1, :-1] = price * (music.n_seconds / n_words)
+        self._price[:-1, :-1] = price * (song_features.n_seconds / n_words)
 
-    def node(self, layer: Layer, music: Music) -> Floats:
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
         return self._price[layer.motifs[:, :-1], layer.motifs[:, 1:]].sum(axis=1)
 
-    def edge(self, previous: Layer, next: Layer, music: Music) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         return self._price[_last_motif(previous)[:, None], _first_motif(next)]
 
-    def least_edges(self, previous: Layer, next: Layer, music: Music) -> Floats:
+    def least_edges(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         return self._price[np.unique(_last_motif(previous))].min(axis=0)[_first_motif(next)]
 
 
 MOTIF_COSTS: tuple[type[Cost], ...] = (Signature, MotifTransition)
 
 
-def song_words_s(music: Music) -> NDArray[np.float64]:
+def song_words_s(song_features: SongFeatures) -> NDArray[np.float64]:
     """Instants (Q + 1,) at which the words of a dance to a song begin and end."""
-    return dance_bounds_s(music.beat_times_s, music.duration_s)
+    return dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
 
 
 def _first_motif(layer: Layer) -> NDArray[np.integer]:

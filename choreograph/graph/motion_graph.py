@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import NoPathError
-from choreograph.features.music import Music
+from choreograph.features.song_features import SongFeatures
 from choreograph.graph.costs import BUILTIN_COSTS, Transition
 from choreograph.graph.layers import Layer, LayerSource
 from choreograph.graph.planners import Path, WeightedCost
@@ -17,7 +17,9 @@ from choreograph.graph.planners import Path, WeightedCost
 NEIGHBOURS = 32  # edges a clip keeps: to the clips that its first second leads into most smoothly
 
 
-def plan_motion_graph(source: LayerSource, costs: Sequence[WeightedCost], music: Music) -> Path:
+def plan_motion_graph(
+    source: LayerSource, costs: Sequence[WeightedCost], song_features: SongFeatures
+) -> Path:
     """A walk on clips' first warped seconds by transition alone (ChoreoGraph, section 4).
 
     Only the first second of each warped segment is a node, so neither completeness nor style says
@@ -25,7 +27,7 @@ def plan_motion_graph(source: LayerSource, costs: Sequence[WeightedCost], music:
     connected part, so that a walk never ends; the warped poses of each second's own candidates then
     decide among the edges. Costs of your own that forbid nodes are heeded.
     """
-    allowed_clips = _never_ending(source, music)
+    allowed_clips = _never_ending(source, song_features)
     priced = [w for w in costs if w.cost.name == Transition.name]
     own = [w for w in costs if type(w.cost) not in BUILTIN_COSTS]
     nodes: list[Layer] = []
@@ -37,12 +39,12 @@ def plan_motion_graph(source: LayerSource, costs: Sequence[WeightedCost], music:
         layer = layer.chosen(inside if inside.any() else first)
         total = np.zeros(layer.n_nodes)
         for w in own:
-            value = w.cost.node(layer, music)
+            value = w.cost.node(layer, song_features)
             total += 0.0 if value is None else w.weight * np.asarray(value)
         edges = np.zeros(layer.n_nodes)
         for w in priced:
             if nodes:
-                value = w.cost.edge(nodes[-1], layer, music)
+                value = w.cost.edge(nodes[-1], layer, song_features)
                 edges += 0.0 if value is None else w.weight * np.asarray(value)[0]
         if not np.isfinite(total + edges).any():
             raise NoPathError(f"every node of second {second} is forbidden: relax a cost that returns inf")
@@ -52,13 +54,13 @@ def plan_motion_graph(source: LayerSource, costs: Sequence[WeightedCost], music:
     return Path(tuple(nodes), tuple(terms))
 
 
-def _never_ending(source: LayerSource, music: Music) -> NDArray[np.integer]:
+def _never_ending(source: LayerSource, song_features: SongFeatures) -> NDArray[np.integer]:
     """Clips of the largest strongly connected part of the graph of smooth transitions."""
     layers = [source.layer(second) for second in range(0, source.n_seconds, 4)]
     firsts = [layer.chosen(layer.offset == 0) for layer in layers]
     graph = nx.DiGraph()
     for here, there in zip(firsts, [*firsts[1:], firsts[0]], strict=True):
-        cost = np.asarray(Transition().edge(here, there, music))
+        cost = np.asarray(Transition().edge(here, there, song_features))
         nearest = np.argsort(cost, axis=1)[:, :NEIGHBOURS]
         for row, columns in enumerate(nearest):
             graph.add_edges_from((int(here.clip[row]), int(there.clip[column])) for column in columns)

@@ -25,7 +25,7 @@ def node_motifs(
     Parameters
     ----------
     word_bounds_s : float array (Q + 1,)   the song's words begin and end here; `song_words_s`
-    motifs_of : (take, start_s, stop_s) -> motifs, arrays (M,); `motifs.stretches.StretchMotifs.motifs_of`
+    motifs_of : (take, start_s, stop_s) -> motifs, arrays (M,); `motifs.stretches.SpanMotifLookup.motifs_of`
 
     Returns
     -------

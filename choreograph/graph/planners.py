@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from choreograph.errors import NoPathError, ParameterError
-from choreograph.features.music import Music
+from choreograph.features.song_features import SongFeatures
 from choreograph.graph.costs import BUILTIN_COSTS, Cost
 from choreograph.graph.layers import Layer, LayerSource
 from choreograph.graph.motif_costs import MOTIF_COSTS
@@ -53,7 +53,11 @@ class Path:
 # BLAS on threads of its own fights the planner's, and whatever else runs, for the cores: four times slower.
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def plan_exact(
-    source: LayerSource, costs: Sequence[WeightedCost], music: Music, *, report: Report | None = None
+    source: LayerSource,
+    costs: Sequence[WeightedCost],
+    song_features: SongFeatures,
+    *,
+    report: Report | None = None,
 ) -> Path:
     """The cheapest path over the whole song, by dynamic programming over the layers.
 
@@ -64,8 +68,8 @@ def plan_exact(
     `NoPathError` naming the second if no path is allowed, `ParameterError` if a cost returns nan or a wrong
     shape. The paper plans greedily (section 3.3).
     """
-    tired = [source.tired_after([])]
-    layer, reached = _allowed(source.layer(0).with_tired(tired[0]), costs, music)
+    usage_s = [source.recent_usage_after([])]
+    layer, reached = _allowed(source.layer(0).with_recent_usage(usage_s[0]), costs, song_features)
     walk = _Walk(layer, reached) if layer.danced.size else None
     layer = layer.after(layer.danced)
     kept = [layer.segment * 4 + layer.offset]
@@ -73,12 +77,14 @@ def plan_exact(
     parents: list[NDArray[np.int32]] = []
     with ThreadPoolExecutor(_THREADS) as pool:
         for second in range(1, source.n_seconds):
-            tired.append(source.tired_after(_along(parents, takes, int(np.argmin(reached)))))
-            following, node_cost = _allowed(source.layer(second).with_tired(tired[-1]), costs, music)
-            best, who = _step(layer, following, reached, costs, music, pool)
+            usage_s.append(source.recent_usage_after(_along(parents, takes, int(np.argmin(reached)))))
+            following, node_cost = _allowed(
+                source.layer(second).with_recent_usage(usage_s[-1]), costs, song_features
+            )
+            best, who = _step(layer, following, reached, costs, song_features, pool)
             if not np.isfinite(best).any():
                 raise NoPathError(f"no allowed way into second {second}: every edge is forbidden")
-            if walk is not None and not walk.goes_on(following, node_cost, costs, music):
+            if walk is not None and not walk.goes_on(following, node_cost, costs, song_features):
                 walk = None
             # Nodes that cannot be reached stay, at infinite cost, so that indices agree.
             reached = best + node_cost
@@ -91,26 +97,30 @@ def plan_exact(
     keys = _along(parents, kept, int(np.argmin(reached)))
     if walk is not None and walk.total < reached.min():
         keys = walk.keys
-    return _priced(source, keys, tired, costs, music)
+    return _priced(source, keys, usage_s, costs, song_features)
 
 
 def plan_greedy(
-    source: LayerSource, costs: Sequence[WeightedCost], music: Music, *, report: Report | None = None
+    source: LayerSource,
+    costs: Sequence[WeightedCost],
+    song_features: SongFeatures,
+    *,
+    report: Report | None = None,
 ) -> Path:
     """The cheapest next node, second by second (ChoreoGraph, section 3.3).
 
     Raises as `plan_exact`; it can also walk into a dead end that `plan_exact` avoids.
     """
-    tired = [source.tired_after([])]
-    walk = _Walk(*_allowed(source.layer(0).with_tired(tired[0]), costs, music))
+    usage_s = [source.recent_usage_after([])]
+    walk = _Walk(*_allowed(source.layer(0).with_recent_usage(usage_s[0]), costs, song_features))
     for second in range(1, source.n_seconds):
-        tired.append(source.tired_after(walk.takes))
-        layer = source.layer(second).with_tired(tired[-1])
-        if not walk.goes_on(*_allowed(layer, costs, music), costs, music):
+        usage_s.append(source.recent_usage_after(walk.takes))
+        layer = source.layer(second).with_recent_usage(usage_s[-1])
+        if not walk.goes_on(*_allowed(layer, costs, song_features), costs, song_features):
             raise NoPathError(f"no allowed way into second {second}: every edge is forbidden")
         if report is not None:
             report(second + 1, source.n_seconds)
-    return _priced(source, walk.keys, tired, costs, music)
+    return _priced(source, walk.keys, usage_s, costs, song_features)
 
 
 class _Walk:
@@ -123,10 +133,14 @@ class _Walk:
         self._stand_on(layer, int(np.argmin(node_cost)), layer.danced[:1])
 
     def goes_on(
-        self, layer: Layer, node_cost: NDArray[np.float64], costs: Sequence[WeightedCost], music: Music
+        self,
+        layer: Layer,
+        node_cost: NDArray[np.float64],
+        costs: Sequence[WeightedCost],
+        song_features: SongFeatures,
     ) -> bool:
         """Take the cheapest step into `layer`; False if there is none."""
-        total = node_cost + _edges(self._here, layer, costs, music)[0]
+        total = node_cost + _edges(self._here, layer, costs, song_features)[0]
         best = int(np.argmin(total))
         if not np.isfinite(total[best]):
             return False
@@ -149,10 +163,12 @@ def _along(parents: Sequence[NDArray[np.int32]], values: Sequence[Ints], last: i
     return found[::-1]
 
 
-def _allowed(layer: Layer, costs: Sequence[WeightedCost], music: Music) -> tuple[Layer, NDArray[np.float64]]:
+def _allowed(
+    layer: Layer, costs: Sequence[WeightedCost], song_features: SongFeatures
+) -> tuple[Layer, NDArray[np.float64]]:
     """The layer without its forbidden nodes, and the weighted node costs (N,) of the rest."""
     total = np.zeros(layer.n_nodes)
-    for name, cost in _terms(costs, lambda c: c.node(layer, music), (layer.n_nodes,)):
+    for name, cost in _terms(costs, lambda c: c.node(layer, song_features), (layer.n_nodes,)):
         del name
         total += cost
     allowed = np.isfinite(total)
@@ -178,14 +194,14 @@ def _terms(costs, evaluate, shape):
 
 
 def _edges(
-    previous: Layer, following: Layer, costs: Sequence[WeightedCost], music: Music
+    previous: Layer, following: Layer, costs: Sequence[WeightedCost], song_features: SongFeatures
 ) -> NDArray[np.float32]:
     """Weighted edge costs (P, N) float32."""
     total = np.zeros((previous.n_nodes, following.n_nodes), np.float32)
     for weighted in costs:
         if weighted.weight == 0:
             continue
-        value = weighted.cost.edge(previous, following, music)
+        value = weighted.cost.edge(previous, following, song_features)
         if value is None:
             continue
         value = np.asarray(value, np.float32)
@@ -215,7 +231,7 @@ def _step(
     following: Layer,
     reached: NDArray[np.float64],
     costs: Sequence[WeightedCost],
-    music: Music,
+    song_features: SongFeatures,
     pool: ThreadPoolExecutor,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Cheapest way into every node of `following`, and from where.
@@ -227,14 +243,14 @@ def _step(
     """
     from choreograph.graph._kernels import cheapest_predecessor
 
-    best, who = _playing_on(layer, following, reached, costs, music)
+    best, who = _playing_on(layer, following, reached, costs, song_features)
     order = np.argsort(reached, kind="stable")
     order = order[np.isfinite(reached[order])]
     priced = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
     in_threads = all(type(w.cost) in (*BUILTIN_COSTS, *MOTIF_COSTS) for w in priced)
     jump = np.zeros(following.n_nodes)
     for w in priced:
-        jump += w.weight * w.cost.least_edges(layer, following, music) if w.weight > 0 else -np.inf
+        jump += w.weight * w.cost.least_edges(layer, following, song_features) if w.weight > 0 else -np.inf
     start = 0
     while start < len(order):
         block = order[start : start + max(_BLOCK, start)]
@@ -250,7 +266,7 @@ def _step(
 
         def price(part: NDArray[np.int64], block: NDArray[np.int64] = block) -> None:
             there = following if len(part) == following.n_nodes else following.chosen(part)
-            edges = _edges(layer.chosen(block), there, costs, music)
+            edges = _edges(layer.chosen(block), there, costs, song_features)
             rows = cheapest_predecessor((reached[block] - reached[block[0]]).astype(np.float32), edges)
             cost = reached[block[rows]] + edges[rows, np.arange(len(part))]
             better = cost < best[part]
@@ -269,7 +285,7 @@ def _playing_on(
     following: Layer,
     reached: NDArray[np.float64],
     costs: Sequence[WeightedCost],
-    music: Music,
+    song_features: SongFeatures,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """The way into each node from the one before it in its segment; infinite where there is none."""
     best = np.full(following.n_nodes, np.inf)
@@ -277,7 +293,7 @@ def _playing_on(
     here, there = layer.successors_in(following)
     for start in range(0, len(here), _PAIRS):
         a, b = here[start : start + _PAIRS], there[start : start + _PAIRS]
-        edges = _edges(layer.chosen(a), following.chosen(b), costs, music)
+        edges = _edges(layer.chosen(a), following.chosen(b), costs, song_features)
         best[b] = reached[a] + np.diagonal(edges)
         who[b] = a
     return best, who
@@ -286,21 +302,21 @@ def _playing_on(
 def _priced(
     source: LayerSource,
     keys: list[int],
-    tired: Sequence[Floats],
+    usage_s: Sequence[Floats],
     costs: Sequence[WeightedCost],
-    music: Music,
+    song_features: SongFeatures,
 ) -> Path:
     """The path through nodes given by segment × 4 + offset, with every cost term it pays."""
     nodes: list[Layer] = []
     priced: list[dict[str, float]] = []
-    for key, tired_s in zip(keys, tired, strict=True):
-        node = source.node(key).with_tired(tired_s)
+    for key, recent_usage_s in zip(keys, usage_s, strict=True):
+        node = source.node(key).with_recent_usage(recent_usage_s)
         terms = {weighted.cost.name: 0.0 for weighted in costs}
-        for name, value in _terms(costs, lambda c, n=node: c.node(n, music), (1,)):
+        for name, value in _terms(costs, lambda c, n=node: c.node(n, song_features), (1,)):
             terms[name] += float(value[0])
         if nodes:
             last = nodes[-1]
-            for name, value in _terms(costs, lambda c, a=last, b=node: c.edge(a, b, music), (1, 1)):
+            for name, value in _terms(costs, lambda c, a=last, b=node: c.edge(a, b, song_features), (1, 1)):
                 terms[name] += float(value[0, 0])
         nodes.append(node.after(nodes[-1].danced if nodes else node.danced))
         priced.append(terms)

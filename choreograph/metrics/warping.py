@@ -49,9 +49,9 @@ def share_at_limits(
     )
 
 
-def recovery_errors_ms(found_frames: Floats, true_frames: Floats, fps: float) -> Floats:
+def recovery_errors_ms(found_frames: Floats, teacher_frames: Floats, fps: float) -> Floats:
     """How far from the true source frame (..., T) each found one is, in ms: (N,), all frames of all maps."""
-    found, true = np.asarray(found_frames, np.float64), np.asarray(true_frames, np.float64)
+    found, true = np.asarray(found_frames, np.float64), np.asarray(teacher_frames, np.float64)
     if found.shape != true.shape or found.size == 0:
         raise ParameterError(f"expected a true frame for each found, got {true.shape} and {found.shape}")
     if not (np.isfinite(found).all() and np.isfinite(true).all() and np.isfinite(fps) and fps > 0):

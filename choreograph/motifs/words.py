@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
 from choreograph.motion.body import checked_body_pos_m
-from choreograph.motion.pose import phrases_from_own_place
+from choreograph.motion.pose import clips_to_root_frame
 from choreograph.timebase import WORD_FRAMES, times_to_frames
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,7 @@ class Words:
         return len(self.start_s)
 
 
-def cut_words(body_pos_m: NDArray[np.floating], fps: float, beat_times_s: NDArray[np.floating]) -> Words:
+def segment_words(body_pos_m: NDArray[np.floating], fps: float, beat_times_s: NDArray[np.floating]) -> Words:
     """Cut a dance on its beats (Rhythm is a Dancer, section 3.3).
 
     Parameters
@@ -43,7 +43,7 @@ def cut_words(body_pos_m: NDArray[np.floating], fps: float, beat_times_s: NDArra
     A word lasts from beat to beat, both instants included, and is resampled to 13 frames evenly, linear
     between frames. Beats outside the motion are left out, and `word_bounds_s` says what is made of beats
     too close and too far apart. As in the paper, how long a word was is forgotten; unlike there, it is
-    also moved and turned to its own place (`phrases_from_own_place`), which the paper leaves to its
+    also moved and turned to its own place (`clips_to_root_frame`), which the paper leaves to its
     network.
 
     Returns as many words as there are, perhaps none. Raises `ParameterError` if a shape is wrong or a
@@ -54,7 +54,7 @@ def cut_words(body_pos_m: NDArray[np.floating], fps: float, beat_times_s: NDArra
     start_s, end_s = bounds[:-1], bounds[1:]
     times = start_s[:, None] + (end_s - start_s)[:, None] * np.linspace(0.0, 1.0, WORD_FRAMES)  # (N, 13)
     body = poses_at(pos, fps, times)  # (N, 13, 21, 3)
-    return Words(phrases_from_own_place(body), start_s, end_s)
+    return Words(clips_to_root_frame(body), start_s, end_s)
 
 
 def word_bounds_s(beat_times_s: NDArray[np.floating], duration_s: float) -> Floats:

@@ -22,18 +22,18 @@ _SMOOTH_S = 0.5
 
 def sole_pos_m(motion: Motion) -> Floats:
     """Points under both feet (T, F, 3) in metres, as `foot_sole_pos_m` says."""
-    pos_m, turns = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
-    feet = [foot_sole_pos_m(motion.skeleton, pos_m, turns, side) for side in ("left", "right")]
+    pos_m, global_quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
+    feet = [foot_sole_pos_m(motion.skeleton, pos_m, global_quat, side) for side in ("left", "right")]
     return np.concatenate(feet, axis=1)
 
 
-def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, turns: Floats, side: str) -> Floats:
+def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, global_quat: Floats, side: str) -> Floats:
     """Points under one foot (T, F, 3) in metres that touch the floor when it stands flat.
 
     Heel and toe tip where the skeleton has them as end sites, and the ball of the foot, or the ankle
     of a rig without; each lowered by its clearance over the sole in the rest pose, or, where that does
     not stand (some rigs lay all bones along one axis), in the motion's lowest frames. `pos_m` (T, J, 3)
-    and `turns` (T, J, 4) are of the world. Raises `ParameterError` if the rig's names are unknown.
+    and `global_quat` (T, J, 4) are of the world. Raises `ParameterError` if the rig's names are unknown.
     """
     roles = joint_roles(skeleton)
     rest_m = skeleton.rest_pos_m()
@@ -43,7 +43,7 @@ def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, turns: Floats, side: str)
     heights = [] if ball is None else [rest_m[ball, 1]]
     for tip in np.flatnonzero(np.isin(skeleton.tip_parents, owners)):
         owner, offset = skeleton.tip_parents[tip], skeleton.tips_m[tip]
-        points.append(pos_m[:, owner] + rot.rotate(turns[:, owner], offset))
+        points.append(pos_m[:, owner] + rot.rotate(global_quat[:, owner], offset))
         heights.append(rest_m[owner, 1] + offset[1])
     if not points:
         points, heights = [pos_m[:, ankle]], [rest_m[ankle, 1]]

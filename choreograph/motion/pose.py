@@ -31,7 +31,7 @@ def ground_pos_m(body_pos_m: Floats) -> Floats:
     return body_pos_m[..., _PELVIS, :] * np.array([1.0, 0.0, 1.0])
 
 
-def from_own_place(body_pos_m: Floats, vectors: Floats | None = None) -> Floats:
+def to_root_frame(body_pos_m: Floats, vectors: Floats | None = None) -> Floats:
     """Poses (..., 21, 3) turned to heading 0 above the origin; `vectors` (velocities) are only turned."""
     turn = rot.about_y(-heading_rad(body_pos_m))[..., None, :]  # (..., 1, 4)
     if vectors is not None:
@@ -39,7 +39,7 @@ def from_own_place(body_pos_m: Floats, vectors: Floats | None = None) -> Floats:
     return rot.rotate(turn, body_pos_m - ground_pos_m(body_pos_m)[..., None, :])
 
 
-def phrases_from_own_place(body_pos_m: Floats) -> Floats:
+def clips_to_root_frame(body_pos_m: Floats) -> Floats:
     """Phrases (..., T, 21, 3) turned and moved as wholes: heading 0 in their middle frame, and the pelvis
     on average above the origin. What a phrase travels and turns within itself stays in it."""
     middle = body_pos_m[..., body_pos_m.shape[-3] // 2, :, :]  # (..., 21, 3)

@@ -12,7 +12,7 @@ from scipy.cluster.vq import kmeans2
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.errors import ParameterError
-from choreograph.motion.fit import REQUIRED_ROLES
+from choreograph.motion.marker_fitting import REQUIRED_ROLES
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
 
 Floats = NDArray[np.float64]

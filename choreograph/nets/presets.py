@@ -1,85 +1,14 @@
-"""Sizes and training lengths of the style networks: `paper`, `small` (two CPU cores), `tiny` (tests).
-
-The paper gives layer counts, input and output shapes; widths it does not give are ours.
-"""
+"""Presets of network configurations, with fields changed by name."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any, TypeVar
 
 from choreograph.errors import ParameterError
 
-STYLE_DIM = 32
-MUSIC_INPUTS = ("mel", "mel+rhythm")
-STYLE_LOSSES = ("paper", "contrastive")
-SONGS = 32  # what the presets' steps are for
 Config = TypeVar("Config", bound=Any)  # a frozen dataclass
-
-
-@dataclass(frozen=True)
-class StyleConfig:
-    """Everything that shapes and trains the style networks; stored beside their weights."""
-
-    conv_channels: tuple[int, int, int, int] = (8, 16, 16, 16)  # music: four convolutional blocks
-    graph_channels: tuple[int, int, int, int] = (8, 16, 16, 32)  # motion: four graph blocks
-    gru_width: int = 32  # two layers each
-    rhythm_width: int = 32  # hidden and output width of the rhythm branch
-    head_width: int = 32  # beat-count head, four linear layers
-    dropout: float = 0.3
-    music_inputs: str = "mel+rhythm"  # "mel" is the paper's
-    loss: str = "contrastive"  # "paper" is equation 1 alone, which constant embeddings minimise
-    style_weight: float = 0.2  # equation 1's lambda of the style distance
-    beat_weight: float = 0.05  # equation 1's lambda of the beat count, per beat
-    contrast_weight: float = 0.3  # own pair against pairs of other takes
-    genre_weight: float = 1.0  # pairs of one genre against the others, where takes name theirs
-    temperature: float = 0.2  # of squared distances between unit vectors
-    mirrored_share: float = 0.5  # of the samples of motion; 0 where left must not be taken for right
-    batch_size: int = 32
-    steps: int = 220  # for up to `SONGS` songs; see `style_config`
-    learning_rate: float = 5e-3
-    weight_decay: float = 1e-2
-
-    def __post_init__(self) -> None:
-        if self.music_inputs not in MUSIC_INPUTS:
-            raise ParameterError(
-                f"expected music_inputs among {', '.join(MUSIC_INPUTS)}, got {self.music_inputs!r}"
-            )
-        if self.loss not in STYLE_LOSSES:
-            raise ParameterError(f"expected a style loss among {', '.join(STYLE_LOSSES)}, got {self.loss!r}")
-        if self.steps < 1 or self.batch_size < 2:
-            raise ParameterError(
-                f"expected at least 1 step and batches of 2, got {self.steps} and {self.batch_size}"
-            )
-
-
-_STYLE_PRESETS = {
-    "paper": StyleConfig(
-        conv_channels=(32, 64, 128, 128),
-        graph_channels=(64, 64, 128, 128),
-        gru_width=256,
-        rhythm_width=128,
-        head_width=128,
-        batch_size=256,
-        steps=20_000,
-        learning_rate=5e-4,
-    ),
-    "small": StyleConfig(),
-    "tiny": StyleConfig(
-        conv_channels=(4, 8, 8, 8), graph_channels=(8, 8, 8, 16), gru_width=16, batch_size=16, steps=100
-    ),
-}
-
-
-def style_config(preset: str, *, n_songs: int = 0, **changes: Any) -> StyleConfig:
-    """The preset's configuration with fields changed; `ParameterError` for an unknown name or field.
-
-    Steps are meant for `SONGS` songs; more songs (`n_songs`) take as many more steps, so that each is heard
-    as often: with 119 songs in 220 steps the genres did not come apart.
-    """
-    config = changed_preset(_STYLE_PRESETS, preset, changes)
-    return replace(config, steps=round(config.steps * max(1.0, n_songs / SONGS)))
 
 
 def changed_preset(presets: Mapping[str, Config], preset: str, changes: Mapping[str, Any]) -> Config:

@@ -45,7 +45,7 @@ class TrainingProgress:
 
 
 @dataclass(frozen=True)
-class TrainingPlace:
+class TrainingContext:
     """Where and how a training runs, whatever is trained."""
 
     folder: Path | None = None  # for NAME.pt, the checkpoint, and NAME.jsonl, the log; None: neither
@@ -64,7 +64,7 @@ def train(
     weight_decay: float,
     seed: int,
     configuration: Mapping[str, Any],
-    place: TrainingPlace | None = None,
+    context: TrainingContext | None = None,
 ) -> float:
     """Train `module` in place with AdamW, warmed up and cooled down; leaves it on the CPU, in eval mode.
 
@@ -82,14 +82,14 @@ def train(
     FormatError        a checkpoint that cannot be read
     KeyboardInterrupt  after the step in progress, with a checkpoint written
     """
-    place = place or TrainingPlace()
-    device = chosen_device(place.device)
+    context = context or TrainingContext()
+    device = chosen_device(context.device)
     module.to(device).train()
     optimizer = torch.optim.AdamW(module.parameters(), lr=learning_rate, weight_decay=weight_decay)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: _share_of_rate(step, n_steps))
     # A round trip through JSON makes tuples lists, as in the checkpoint.
     wanted = json.loads(json.dumps({**configuration, "seed": seed, "steps": n_steps}))
-    run = _Run(name, n_steps, module, optimizer, schedule, wanted, place)
+    run = _Run(name, n_steps, module, optimizer, schedule, wanted, context)
     run.restore_or_begin()
     with torch.random.fork_rng(), _interrupts_after_step() as interrupted:
         try:
@@ -121,7 +121,7 @@ def chosen_device(device: str) -> torch.device:
     )
 
 
-def load_start(module: nn.Module, name: str, weights: Mapping[str, NDArray]) -> None:
+def load_pretrained(module: nn.Module, name: str, weights: Mapping[str, NDArray]) -> None:
     """Begin with another repertoire's weights; `ParameterError` if they are of another shape."""
     try:
         module.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in weights.items()})
@@ -162,16 +162,16 @@ class _Run:
     """State of one training that is written to and read from its folder."""
 
     def __init__(
-        self, name, n_steps, module, optimizer, schedule, configuration, place: TrainingPlace
+        self, name, n_steps, module, optimizer, schedule, configuration, context: TrainingContext
     ) -> None:
-        self.name, self.n_steps, self.place, self.configuration = name, n_steps, place, configuration
+        self.name, self.n_steps, self.context, self.configuration = name, n_steps, context, configuration
         self.parts = {"module": module, "optimizer": optimizer, "schedule": schedule}
         self.step = 0
         self.loss = float("nan")
         self._recent: list[float] = []
         self._log_every = max(1, n_steps // LOG_LINES)
         self._first = 0
-        folder = place.folder
+        folder = context.folder
         self.checkpoint = folder / f"{name}.pt" if folder is not None else None
         self.log = folder / f"{name}.jsonl" if folder is not None else None
         self._begun = self._saved = time.monotonic()
@@ -181,7 +181,7 @@ class _Run:
         if self.checkpoint is None or self.log is None:
             return
         self.checkpoint.parent.mkdir(parents=True, exist_ok=True)
-        if not (self.place.resume and self.checkpoint.exists()):
+        if not (self.context.resume and self.checkpoint.exists()):
             self.log.write_text("", encoding="utf-8")
             return
         try:
@@ -232,7 +232,7 @@ class _Run:
             line = {"name": self.name, "step": self.step, "loss": self.loss, "seconds": round(seconds, 3)}
             with self.log.open("a", encoding="utf-8") as log:
                 log.write(json.dumps(line) + "\n")
-        self.place.report(TrainingProgress(self.name, self.step, self.n_steps, self.loss, left))
+        self.context.report(TrainingProgress(self.name, self.step, self.n_steps, self.loss, left))
 
     def save(self) -> None:
         """Write the checkpoint whole or not at all."""

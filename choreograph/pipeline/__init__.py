@@ -1,16 +1,12 @@
-"""The stages in order: the only place that knows all of them.
+"""A song and a repertoire to a dance: the stages in order.
 
-- `build_repertoire` — takes and their songs to a repertoire file
-- `dance`, `vary`, `render` — a song and a repertoire to a dance, or several; a plan to its motion
-- `Ban`, `MotifPin`, `TakePin` — what a dance should hold and what not
+- `dance`, `vary` — a song and a repertoire to a dance, or to several that differ
+- `render` — a plan to its motion
+- `recreation` — the motifs and the signature of a dance there is already
 """
 
-from choreograph.pipeline.building import BuildOptions, build_repertoire
+from choreograph.engines.rendering import render
 from choreograph.pipeline.dancing import Dance, dance
-from choreograph.pipeline.rendering import render
 from choreograph.pipeline.variations import vary
-from choreograph.pipeline.wishes import Ban, MotifPin, TakePin
 
-__all__ = [
-    "Ban", "BuildOptions", "Dance", "MotifPin", "TakePin", "build_repertoire", "dance", "render", "vary",
-]  # fmt: skip
+__all__ = ["Dance", "dance", "render", "vary"]

@@ -12,20 +12,21 @@ from numpy.typing import NDArray
 
 from choreograph.audio.song import Song, load_song
 from choreograph.config import DanceConfig
+from choreograph.constraints.likely_genre import choose_goal
+from choreograph.constraints.spec import Ban, Constraints, MotifPin, Pin, make_constraints
+from choreograph.engines.graph import dance_by_graph, weigh
+from choreograph.engines.mixer import dance_by_mixer, sequence_notes
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.features.music import Music
+from choreograph.features.song_features import SongFeatures
 from choreograph.graph import Cost
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.pipeline.genre import goal_for
-from choreograph.pipeline.graph_engine import dance_by_graph, weigh
-from choreograph.pipeline.hearing import hear
-from choreograph.pipeline.mixing import dance_by_mixer, sequence_notes
-from choreograph.pipeline.saving import Report, save
-from choreograph.pipeline.wishes import Ban, MotifPin, Pin, Wishes, make_wishes
+from choreograph.pipeline.saving import save
 from choreograph.plan import Plan
+from choreograph.progress import ProgressReport
 from choreograph.repertoire import Repertoire
+from choreograph.song_analysis import analyse_song
 from choreograph.timebase import STORE_FPS
 
 
@@ -43,7 +44,7 @@ class Dance:
         """Motion beats of the finished dance in seconds, (Q,)."""
         return motion_beat_times_s(body_pos_m(self.motion.resampled(STORE_FPS)), STORE_FPS)
 
-    def save(self, path: str | Path, *, report: Report | None = None) -> None:
+    def save(self, path: str | Path, *, report: ProgressReport | None = None) -> None:
         """Write the dance; the suffix says what: see `pipeline.saving.OUTPUT_FORMATS`.
 
         bvh and npz hold the motion, json the plan, html the page that plays it with its song, mp4 a
@@ -69,7 +70,7 @@ def dance(
     costs: Sequence[Cost] = (),
     start_s: float = 0.0,
     duration_s: float | None = None,
-    report: Report | None = None,
+    report: ProgressReport | None = None,
 ) -> Dance:
     """Make a dance for a song.
 
@@ -104,16 +105,16 @@ def dance(
     ----------
     ChoreoGraph, section 3; the differences stand with `plan_exact`, `smooth_time_maps`, `Rhythm`,
     `Velocity` and `assemble`. Rhythm is a Dancer, sections 4 and 5.2.5; the differences stand with
-    `choose_words`, `Signature` and `overlaid_plan`.
+    `search_words`, `Signature` and `enforce_motifs`.
     """
-    wishes = make_wishes(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
-    config = _with_engine(config or DanceConfig(), engine, wishes)
+    constraints = make_constraints(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
+    config = _with_engine(config or DanceConfig(), engine, constraints)
     if config.engine == "graph":
         config = replace(config, weights={**config.weights, **(weights or {})})
         own_costs = weigh(config.weights, costs)
     elif costs or weights:
         raise ParameterError(f"costs and weights are of the graph engine, got the {config.engine} engine")
-    _check_repertoire(repertoire, config, wishes)
+    _check_repertoire(repertoire, config, constraints)
     if style_song is not None and config.engine != "rollout":
         raise ParameterError(f"a style song is of the rollout engine, got the {config.engine} engine")
     if not isinstance(song, Song):
@@ -122,51 +123,53 @@ def dance(
         style_song = load_song(style_song)
     if report is not None:
         report("hearing", 0, 0)
-    music, notes = hear(song, repertoire, beats=config.beats)
+    song_features, notes = analyse_song(song, repertoire, beats=config.beats)
     if config.engine == "graph":
         plan, motion, more = dance_by_graph(
-            music, repertoire, config, wishes, own_costs, start_s=start_s, report=report
+            song_features, repertoire, config, constraints, own_costs, start_s=start_s, report=report
         )
     elif config.engine == "mixer":
-        plan, motion, more = dance_by_mixer(music, repertoire, config, wishes, start_s=start_s, report=report)
+        plan, motion, more = dance_by_mixer(
+            song_features, repertoire, config, constraints, start_s=start_s, report=report
+        )
     else:
         plan, motion, more = _dance_by_rollout(
-            song, music, repertoire, config, wishes, style_song, start_s, report
+            song, song_features, repertoire, config, constraints, style_song, start_s, report
         )
     return Dance(motion, plan, (*notes, *more), song.path)
 
 
 def _dance_by_rollout(
     song: Song,
-    music: Music,
+    song_features: SongFeatures,
     repertoire: Repertoire,
     config: DanceConfig,
-    wishes: Wishes,
+    constraints: Constraints,
     style_song: Song | None,
     start_s: float,
-    report: Report | None,
+    report: ProgressReport | None,
 ) -> tuple[Plan, Motion, tuple[str, ...]]:
-    from choreograph.pipeline.rolling import roll  # torch takes a second to import
+    from choreograph.engines.rollout import roll  # torch takes a second to import
 
-    goal, notes = goal_for(music, repertoire, wishes)
+    goal, notes = choose_goal(song_features, repertoire, constraints)
     plan, motion, _ = roll(
-        song, music, repertoire, config, wishes, signature=goal.signature, transitions=goal.transitions,
+        song, song_features, repertoire, config, constraints, signature=goal.signature, transitions=goal.transitions,
         style_song=style_song, start_s=start_s, report=report,
     )  # fmt: skip
-    return plan, motion, (*notes, *sequence_notes(wishes, len(plan.words)))
+    return plan, motion, (*notes, *sequence_notes(constraints, len(plan.words)))
 
 
-def _with_engine(config: DanceConfig, engine: str | None, wishes: Wishes) -> DanceConfig:
+def _with_engine(config: DanceConfig, engine: str | None, constraints: Constraints) -> DanceConfig:
     """The settings with the engine that is asked for; a whole motif sequence asks for one of words."""
-    if engine is None and wishes.motifs and config.engine == "graph":
+    if engine is None and constraints.motifs and config.engine == "graph":
         engine = "mixer"
     config = replace(config, engine=engine or config.engine)
-    steered = wishes.genre is not None or wishes.signature is not None
+    steered = constraints.genre is not None or constraints.signature is not None
     if config.engine == "graph" and config.planner == "motion-graph" and steered:
         raise ParameterError(
             "the motion-graph planner follows no genre or signature: expected exact or greedy"
         )
-    if config.engine == "graph" and wishes.motifs:
+    if config.engine == "graph" and constraints.motifs:
         raise ParameterError(
             "the graph engine dances seconds, not a whole sequence of motifs: expected the mixer or rollout "
             "engine, or motifs with their times"
@@ -174,7 +177,7 @@ def _with_engine(config: DanceConfig, engine: str | None, wishes: Wishes) -> Dan
     return config
 
 
-def _check_repertoire(repertoire: Repertoire, config: DanceConfig, wishes: Wishes) -> None:
+def _check_repertoire(repertoire: Repertoire, config: DanceConfig, constraints: Constraints) -> None:
     """Raise `RepertoireError` before any work if the repertoire lacks what the dance needs."""
     if config.engine == "graph" and repertoire.n_clips == 0:
         raise RepertoireError(
@@ -182,5 +185,5 @@ def _check_repertoire(repertoire: Repertoire, config: DanceConfig, wishes: Wishe
         )
     if config.engine == "rollout":
         repertoire.rollout_net()
-    if config.engine != "graph" or wishes.of_motifs:
+    if config.engine != "graph" or constraints.of_motifs:
         _ = repertoire.vocabulary

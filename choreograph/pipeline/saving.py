@@ -11,16 +11,16 @@ import numpy as np
 from choreograph.errors import ParameterError
 from choreograph.exporters import FORMATS, save_motion
 from choreograph.files import atomic_path, check_target
+from choreograph.progress import ProgressReport
 
 if TYPE_CHECKING:
     from choreograph.pipeline.dancing import Dance
 
-Report = Callable[[str, int, int], None]  # stage, done, of how many
 
 _STRIP_POSES = 40
 
 
-def save(dance: Dance, path: str | Path, report: Report | None = None) -> None:
+def save(dance: Dance, path: str | Path, report: ProgressReport | None = None) -> None:
     """Write `dance` to `path`: a motion format, the plan, or something to look at, by the suffix.
 
     Raises `ParameterError` for an unknown suffix or a missing folder, `ChoreographError` if the file
@@ -48,12 +48,12 @@ def _suffix(path: str | Path) -> str:
     return Path(path).suffix.lower().removeprefix(".")
 
 
-def _save_plan(dance: Dance, path: Path, report: Report | None) -> None:
+def _save_plan(dance: Dance, path: Path, report: ProgressReport | None) -> None:
     with atomic_path(path) as temporary:
         temporary.write_text(dance.plan.to_json(), encoding="utf-8")
 
 
-def _save_page(dance: Dance, path: Path, report: Report | None) -> None:
+def _save_page(dance: Dance, path: Path, report: ProgressReport | None) -> None:
     from choreograph.preview.page import write_page
 
     if report is not None:
@@ -63,7 +63,7 @@ def _save_page(dance: Dance, path: Path, report: Report | None) -> None:
         report("writing the page", 1, 1)
 
 
-def _save_video(dance: Dance, path: Path, report: Report | None) -> None:
+def _save_video(dance: Dance, path: Path, report: ProgressReport | None) -> None:
     from choreograph.preview.video import write_video
 
     write_video(
@@ -71,7 +71,7 @@ def _save_video(dance: Dance, path: Path, report: Report | None) -> None:
     )  # fmt: skip
 
 
-def _save_strip(dance: Dance, path: Path, report: Report | None) -> None:
+def _save_strip(dance: Dance, path: Path, report: ProgressReport | None) -> None:
     from choreograph.preview.strip import write_strip
 
     beats_s = np.array(dance.plan.music_beats_s)
@@ -85,7 +85,7 @@ def _save_strip(dance: Dance, path: Path, report: Report | None) -> None:
     write_strip(path, dance.motion, beats_s[numbers[::every]].tolist(), labels=labels)
 
 
-_SAVERS: dict[str, Callable[[Dance, Path, Report | None], None]] = {
+_SAVERS: dict[str, Callable[[Dance, Path, ProgressReport | None], None]] = {
     "json": _save_plan, "html": _save_page, "mp4": _save_video, "png": _save_strip,
 }  # fmt: skip
 OUTPUT_FORMATS = (*FORMATS, *_SAVERS)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from choreograph.audio.song import Song, load_song
 from choreograph.config import DanceConfig
 from choreograph.errors import ParameterError
-from choreograph.features.music import Music
+from choreograph.features.song_features import SongFeatures
 from choreograph.graph import Cost, Layer
 from choreograph.pipeline.dancing import Dance, dance
 from choreograph.plan import Plan
@@ -55,7 +55,7 @@ class Unlike(Cost):
     def __init__(self, earlier: Sequence[Plan]) -> None:
         self._earlier = earlier
 
-    def node(self, layer: Layer, music: Music) -> NDArray[np.floating]:
+    def node(self, layer: Layer, song_features: SongFeatures) -> NDArray[np.floating]:
         same = np.zeros(layer.n_nodes, bool)
         start_s = layer.take_frames[:, 0] / NET_FPS
         for plan in self._earlier:

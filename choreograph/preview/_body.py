@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
-from choreograph.motion.retarget import retarget
+from choreograph.motion.retargeting import retarget
 from choreograph.motion.rigs import joint_roles, rest_stands
 from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS, Skeleton, canonical_skeleton
 

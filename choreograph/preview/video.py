@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
@@ -18,9 +18,8 @@ from choreograph.motion.motion import Motion
 from choreograph.preview.follow import Shots, follow
 from choreograph.preview.scene import Pixels
 from choreograph.preview.sound import SongPart, aac_packets, aac_stream, song_part
+from choreograph.progress import ProgressReport
 from choreograph.timebase import frame_times_s, seconds_to_frames
-
-Report = Callable[[str, int, int], None]  # stage, done, of how many
 
 # The first one that PyAV brings along is used. H.264 plays everywhere; "mpeg4" is in every build.
 _ENCODERS = {
@@ -46,7 +45,7 @@ def write_video(
     duration_s: float | None = None,
     size: tuple[int, int] = (1280, 720),
     fps: float = 30.0,
-    report: Report | None = None,
+    report: ProgressReport | None = None,
 ) -> str:
     """Film a motion and write it with its song; the same input gives the same bytes on one machine.
 
@@ -100,7 +99,12 @@ def _checked(motion: Motion, duration_s: float | None, size: tuple[int, int], fp
 
 
 def _encode(
-    path: Path, shots: Shots, part: SongPart | None, size: tuple[int, int], fps: float, report: Report | None
+    path: Path,
+    shots: Shots,
+    part: SongPart | None,
+    size: tuple[int, int],
+    fps: float,
+    report: ProgressReport | None,
 ) -> str:
     import av
 

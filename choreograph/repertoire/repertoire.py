@@ -15,7 +15,7 @@ from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
-from choreograph.motion.pose import from_own_place
+from choreograph.motion.pose import to_root_frame
 from choreograph.motion.skeleton import Skeleton
 from choreograph.repertoire.motif_arrays import vocabulary_from
 from choreograph.repertoire.store import NetArrays, RepertoireFile
@@ -23,8 +23,8 @@ from choreograph.takes import Credits
 from choreograph.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 
 if TYPE_CHECKING:
-    from choreograph.nets.rollout import RolloutNet
-    from choreograph.nets.words import WordNet
+    from choreograph.nets.rollout.model import RolloutNet
+    from choreograph.nets.words.model import WordNet
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Repertoire:
 
     def word_net(self) -> WordNet:
         """The network that embeds motion words as the vocabulary's; `RepertoireError` if there is none."""
-        from choreograph.nets.words import WordNet
+        from choreograph.nets.words.model import WordNet
 
         self._expect_vocabulary()
         net = self.net("words")
@@ -113,7 +113,7 @@ class Repertoire:
 
     def rollout_net(self) -> RolloutNet:
         """The network that dances motifs; `RepertoireError` if there is none."""
-        from choreograph.nets.rollout import RolloutNet
+        from choreograph.nets.rollout.model import RolloutNet
 
         if "rollout" not in self.net_names:
             raise RepertoireError(
@@ -284,5 +284,5 @@ class Repertoire:
             start, stop = take.body
             if stop - start > 1:
                 velocity[start:stop] = np.gradient(pos[start:stop], axis=0) * NET_FPS
-        own = from_own_place(pos).astype(np.float32)
-        return own, from_own_place(pos, velocity).astype(np.float32)
+        own = to_root_frame(pos).astype(np.float32)
+        return own, to_root_frame(pos, velocity).astype(np.float32)

@@ -1,27 +1,10 @@
-"""The built-in repertoire: songs and takes the project makes itself, so that dancing needs no data set.
+"""The built-in repertoire, its songs, and the recipe that makes them.
 
-- `starter_repertoire` — the shipped repertoire, opened
-- `example_songs` — a few short songs that come along
-- `moves` — the language of steps and poses its takes are written in, and the genres
-- `synth` — the synthesiser of its songs, whose beats are known exactly
-- `build` — renders takes and songs and builds the shipped file again (`choreograph build-starter`)
+- `library` — the shipped repertoire and songs, opened
+- `takes` — what its takes are: dances and songs of `choreograph.synthesis`, with their true counts
+- `recipe` — renders the takes, trains the networks and writes the shipped file (`choreograph build-starter`)
 """
 
-from __future__ import annotations
+from choreograph.starter.library import SONGS_PATH, STARTER_PATH, example_songs, starter_repertoire
 
-from pathlib import Path
-
-from choreograph.repertoire import Repertoire
-
-STARTER_PATH = Path(__file__).with_name("starter.h5")
-SONGS_PATH = Path(__file__).with_name("songs")
-
-
-def starter_repertoire() -> Repertoire:
-    """The repertoire that comes with the package; `RepertoireError` if the installation lacks it."""
-    return Repertoire.open(STARTER_PATH)
-
-
-def example_songs() -> dict[str, Path]:
-    """Name -> file of the songs that come with the package."""
-    return {path.stem: path for path in sorted(SONGS_PATH.glob("*.ogg"))}
+__all__ = ["SONGS_PATH", "STARTER_PATH", "example_songs", "starter_repertoire"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from choreograph.exporters import save_motion
 from choreograph.files import atomic_path
-from choreograph.starter.moves.genres import GENRES
-from choreograph.starter.moves.sequencer import Rendered, render_take
-from choreograph.starter.synth import STYLES, SynthSong, render_song, write_song
+from choreograph.progress import ProgressReport
+from choreograph.synthesis.moves.genres import GENRES
+from choreograph.synthesis.moves.sequencer import Rendered, render_take
+from choreograph.synthesis.songs import STYLES, SynthSong, render_song, write_song
 
 TAKES_PER_GENRE = 16  # many short ones: a dance of three minutes can stay in its genre and still vary
 DURATION_S = 20.0
@@ -80,9 +81,7 @@ def truth(song: SynthSong, dance: Rendered) -> dict:
     return {**song.truth(), "moves": moves}
 
 
-def write_takes(
-    folder: Path, plans: Iterable[TakePlan], *, report: Callable[[str, int, int], None] | None = None
-) -> None:
+def write_takes(folder: Path, plans: Iterable[TakePlan], *, report: ProgressReport | None = None) -> None:
     """Render takes into `folder`, made if missing: BVH, FLAC, truth (JSON) and the manifest."""
     folder.mkdir(parents=True, exist_ok=True)
     plans = list(plans)

@@ -7,7 +7,7 @@
 
 from choreograph.warping.dtw import MAX_SLOPE, MIN_SLOPE, subsequence_dtw
 from choreograph.warping.segments import ClipBeats, Segments, warp_segments
-from choreograph.warping.timemap import smooth_time_maps
+from choreograph.warping.time_maps import smooth_time_maps
 
 __all__ = [
     "MAX_SLOPE", "MIN_SLOPE", "ClipBeats", "Segments", "smooth_time_maps", "subsequence_dtw",

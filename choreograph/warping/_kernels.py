@@ -256,12 +256,12 @@ def beat_fit(maps, speeds, music, near, far, prominence):  # pragma: no cover - 
             if np.isnan(first[k, q]):
                 first[k, q] = at
             last[k, q] = at
-            off[k, q] += _loneliness(placed[p], music, len(music), near, far)
+            off[k, q] += _unmatched(placed[p], music, len(music), near, far)
             seen[q] += 1
         for m in range(len(music)):
             if 0 <= music[m] < n_frames:
                 q = int(music[m]) // quarter
-                off[k, q] += _loneliness(music[m], placed, count, near, far)
+                off[k, q] += _unmatched(music[m], placed, count, near, far)
                 seen[q] += 1
         for q in range(4):
             if seen[q] > 0:
@@ -317,7 +317,7 @@ def _median(values):  # pragma: no cover - compiled
 
 
 @njit(cache=True)
-def _loneliness(at, others, count, near, far):  # pragma: no cover - compiled
+def _unmatched(at, others, count, near, far):  # pragma: no cover - compiled
     gap = far
     for i in range(count):
         gap = min(gap, abs(others[i] - at))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from choreograph.features.motion_beats import MIN_PROMINENCE
 from choreograph.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.warping.dtw import subsequence_dtw
-from choreograph.warping.timemap import smooth_time_maps
+from choreograph.warping.time_maps import smooth_time_maps
 
 NEAR_FRAMES = 1.0  # 50 ms: on the beat
 FAR_FRAMES = 5.0  # 250 ms: off it
@@ -34,7 +34,7 @@ class Segments:
     clip: NDArray[np.int64]  # (S, K)
     time_maps: NDArray[np.float32]  # (S, K, 81) clip frames at the 80 output frames and the end
     fit: NDArray[np.float32]  # (S, K, 4) mean squared difference of densities, a quarter at a time
-    off_beat: NDArray[np.float32]  # (S, K, 4) share of beats that fall alone
+    unmatched_beat: NDArray[np.float32]  # (S, K, 4) share of beats that fall alone
     first_beat: NDArray[np.float32]  # (S, K, 4) frame of the quarter's first motion beat, nan if none
     last_beat: NDArray[np.float32]  # (S, K, 4)
 

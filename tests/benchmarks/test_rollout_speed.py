@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from planted_rollouts import planted_motion
+from synthetic_rollouts import synthetic_motion
 
-from choreograph.nets.rollout import RolloutNet
-from choreograph.nets.rollout_presets import rollout_config
-from choreograph.rollout.rollout import MotifScore, roll_out
+from choreograph.nets.rollout.config import rollout_config
+from choreograph.nets.rollout.model import RolloutNet
+from choreograph.rollout.generation import MotifScore, roll_out
 
 pytestmark = pytest.mark.slow
 
@@ -27,7 +27,7 @@ def test_a_rollout(benchmark, preset):
         bounds[:-1], bounds[1:], rng.normal(0, 0.1, (n_words, 184)), rng.random((round(SONG_S * 30), 4)),
         rng.random((n_words, 87)),
     )  # fmt: skip
-    seed = planted_motion(np.array([0, 1]))
+    seed = synthetic_motion(np.array([0, 1]))
     roll_out(net, score, seed, fps=60)
     benchmark.pedantic(roll_out, args=(net, score, seed), kwargs={"fps": 60}, rounds=3)
     benchmark.extra_info["times_real_time"] = SONG_S / benchmark.stats["mean"]

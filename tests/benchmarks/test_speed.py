@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planted_repertoire import planted_contents, planted_takes, write_clicks
+from synthetic_repertoire import synthetic_contents, synthetic_takes, write_clicks
 
 from choreograph.config import DEFAULT_WEIGHTS
 from choreograph.features.density import music_density
-from choreograph.features.music import Music
+from choreograph.features.song_features import SongFeatures
 from choreograph.graph import BUILTIN_COSTS, ClipTable, LayerSource, WeightedCost, plan_exact
 from choreograph.repertoire import Repertoire, write_repertoire
 from choreograph.starter import starter_repertoire
-from choreograph.starter.synth import render_song, write_song
+from choreograph.synthesis.songs import render_song, write_song
 from choreograph.warping import ClipBeats, subsequence_dtw, warp_segments
 
 N_SECONDS, K, N_CLIPS = 180, 512, 2000
@@ -31,8 +31,8 @@ N_SECONDS, K, N_CLIPS = 180, 512, 2000
 @pytest.fixture(scope="module")
 def repertoire(tmp_path_factory):
     """2,000 clips from 40 takes of 57 s, and the built-in style networks: a song is heard by real ones."""
-    takes = planted_takes(periods_s=np.linspace(0.4, 0.9, 40), duration_s=57.0)
-    contents = replace(planted_contents(takes), nets={"style": starter_repertoire().net("style")})
+    takes = synthetic_takes(periods_s=np.linspace(0.4, 0.9, 40), duration_s=57.0)
+    contents = replace(synthetic_contents(takes), nets={"style": starter_repertoire().net("style")})
     path = tmp_path_factory.mktemp("speed") / "rep.h5"
     write_repertoire(path, contents)
     made = Repertoire.open(path)
@@ -84,7 +84,7 @@ def test_planning_a_song_exactly(benchmark, repertoire, warping, styles):
         np.array([take.credits.genre for take in repertoire.takes]),
         (spread * rng.normal(size=(N_CLIPS, 32))).astype(np.float32),
     )
-    music = Music(
+    music = SongFeatures(
         "planted", float(N_SECONDS), warping[2], np.zeros((N_SECONDS, 32), np.float32),
         np.full(N_SECONDS, 8, np.float32), warping[1],
     )  # fmt: skip

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_dances import stepping, swaying
+from synthetic_motions import stepping, swaying
 
-from choreograph.blending.assembly import BLENDINGS, FADES_S, assemble
+from choreograph.blending.assembly import BLENDINGS, TRANSITION_LENGTHS_S, assemble
 from choreograph.blending.runs import Run, to_runs
 from choreograph.errors import ParameterError
 from choreograph.motion.body import body_pos_m
@@ -49,8 +49,8 @@ def test_seconds_that_follow_one_another_are_one_run():
 
 @pytest.mark.parametrize("blending", BLENDINGS)
 def test_one_run_is_the_take_itself(blending):
-    made, joins_s = assembled(["sway"] * 3, seconds(4.0, 5.0, 6.0), blending=blending)
-    assert len(joins_s) == 0
+    made, transition_times_s = assembled(["sway"] * 3, seconds(4.0, 5.0, 6.0), blending=blending)
+    assert len(transition_times_s) == 0
     assert np.allclose(made.joint_pos_m(), TAKES["sway"].sliced(240, 420).joint_pos_m(), atol=1e-6)
 
 
@@ -61,8 +61,8 @@ def test_a_join_of_a_take_with_itself_changes_nothing(blending):
         Run("sway", 0.0, 2.0, np.arange(4.0, 6.001, 0.05)),
         Run("sway", 2.0, 4.0, np.arange(6.0, 8.001, 0.05)),
     ]
-    made, joins_s = assemble(runs, read_motion, fps=60.0, duration_s=4.0, blending=blending)
-    assert joins_s.tolist() == [2.0]
+    made, transition_times_s = assemble(runs, read_motion, fps=60.0, duration_s=4.0, blending=blending)
+    assert transition_times_s.tolist() == [2.0]
     assert np.abs(made.joint_pos_m() - TAKES["sway"].sliced(240, 480).joint_pos_m()).max() < 1e-3
 
 
@@ -85,25 +85,25 @@ def test_a_run_begins_where_the_last_one_stood_and_faces_as_it_faced(blending, s
     turn = np.angle(np.exp(1j * (heading_rad(body[at]) - heading_rad(alone[at]))))
     assert abs(turn) < 0.15
     # Heights are the take's: nobody sinks or floats.
-    settled = 120 + int(60 * FADES_S[blending][0]) + 2
+    settled = 120 + int(60 * TRANSITION_LENGTHS_S[blending][0]) + 2
     source = TAKES[second_take].resampled(60.0)
     heights = source.sliced(300, 420).joint_pos_m()[settled - 120 :, 0, 1]
     assert np.allclose(made.root_pos_m[settled:, 1], heights, atol=5e-3)
 
 
 @pytest.mark.parametrize("blending", BLENDINGS)
-@pytest.mark.parametrize("fade_s", [0.001, 1.0])
-def test_a_join_takes_as_long_as_it_is_told(blending, fade_s):
+@pytest.mark.parametrize("transition_s", [0.001, 1.0])
+def test_a_join_takes_as_long_as_it_is_told(blending, transition_s):
     """A plan may say any fade, also one that nothing searches for."""
     times = [t for start in (3, 6) for t in (start, start + 1, start + 2)]
     runs = to_runs(["sway"] * 3 + ["other"] * 3, seconds(*times))
     made = [
         assemble(told, read_motion, fps=60.0, duration_s=6.0, blending=blending)[0]
-        for told in (runs, [runs[0], replace(runs[1], fade_s=fade_s)])
+        for told in (runs, [runs[0], replace(runs[1], transition_s=transition_s)])
     ]
     assert np.isfinite(made[1].root_pos_m).all() and np.isfinite(made[1].local_quat).all()
     changed = np.abs(made[0].local_quat - made[1].local_quat).max(axis=(1, 2)) > 1e-6
-    reach = round(60 * max(fade_s, FADES_S[blending][0])) + 1
+    reach = round(60 * max(transition_s, TRANSITION_LENGTHS_S[blending][0])) + 1
     assert changed[180 - reach : 180 + reach].any()
     assert not changed[: 180 - reach].any() and not changed[180 + reach :].any()
 
@@ -115,8 +115,10 @@ def jerk(motion):
 
 @pytest.mark.parametrize("blending", BLENDINGS)
 def test_joins_are_continuous(blending):
-    made, joins_s = assembled(["sway", "other", "step", "slow"], seconds(3, 7, 2, 9), blending=blending)
-    assert joins_s.tolist() == [1.0, 2.0, 3.0]
+    made, transition_times_s = assembled(
+        ["sway", "other", "step", "slow"], seconds(3, 7, 2, 9), blending=blending
+    )
+    assert transition_times_s.tolist() == [1.0, 2.0, 3.0]
     step = np.linalg.norm(np.diff(body_pos_m(made), axis=0), axis=2).max(axis=1) * 60  # fastest joint, m/s
     assert step.max() < 8.0  # a hard cut between these poses is dozens of metres per second
     assert (np.sum(made.local_quat[1:] * made.local_quat[:-1], axis=-1) > 0.9).all()
@@ -124,13 +126,13 @@ def test_joins_are_continuous(blending):
 
 
 def test_inertial_joins_are_smooth_where_a_hard_cut_is_not():
-    made, joins_s = assembled(["sway", "other", "step", "slow"], seconds(3, 7, 2, 9))
+    made, transition_times_s = assembled(["sway", "other", "step", "slow"], seconds(3, 7, 2, 9))
     cut = [TAKES[take].resampled(60.0) for take in ("sway", "other", "step", "slow")]
     cut_pos = [body_pos_m(m)[60 * s : 60 * s + 60] for m, s in zip(cut, (3, 7, 2, 9), strict=True)]
     for before, after in itertools.pairwise(cut_pos):
         after -= ground_pos_m(after[0]) - ground_pos_m(before[-1])
     hard = np.sqrt(((np.diff(np.concatenate(cut_pos), n=3, axis=0) * 60**3) ** 2).mean(axis=(1, 2)))
-    near = (np.abs(np.arange(len(hard))[:, None] / 60 - joins_s) < 0.12).any(axis=1)
+    near = (np.abs(np.arange(len(hard))[:, None] / 60 - transition_times_s) < 0.12).any(axis=1)
     assert jerk(made)[near].max() < 0.02 * hard[near].max()
 
 
@@ -170,8 +172,8 @@ def test_short_runs_are_joined_without_a_jump_and_keep_their_middles(blending):
     starts = np.arange(0.0, 6.0, 0.4)
     takes = ["sway", "other", "step"] * 5
     runs = [Run(t, s, s + 0.4, np.linspace(s + 2, s + 2.4, 9)) for t, s in zip(takes, starts, strict=True)]
-    made, joins_s = assemble(runs, read_motion, fps=60.0, duration_s=6.0, blending=blending)
-    assert joins_s == pytest.approx(starts[1:])
+    made, transition_times_s = assemble(runs, read_motion, fps=60.0, duration_s=6.0, blending=blending)
+    assert transition_times_s == pytest.approx(starts[1:])
     assert made.n_frames == 360
     step = np.linalg.norm(np.diff(body_pos_m(made), axis=0), axis=2).max(axis=1) * 60  # m/s
     assert step.max() < 12.0

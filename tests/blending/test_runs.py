@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from choreograph.blending.runs import Join, Run, joined_at, overlaid, to_runs, words_to_runs
+from choreograph.blending.runs import (
+    Run,
+    TransitionTiming,
+    overlay_runs,
+    to_runs,
+    with_transitions,
+    words_to_runs,
+)
 
 
 def spans(runs):
@@ -28,7 +35,7 @@ def test_words_that_follow_one_another_in_their_take_are_one_run():
         np.array([[3.0, 3.6], [3.6, 4.0], [9.0, 9.5], [9.5, 10.0]]),
         [False, True, False, False],
     )
-    assert [run.firm for run in runs] == [True, False, False]
+    assert [run.locked for run in runs] == [True, False, False]
     assert spans(runs) == [("a", 0.0, 1.1), ("a", 1.1, 1.5), ("b", 1.5, 2.0)]
     assert runs[0].source_s(beats[:3]) == pytest.approx([3.0, 3.6, 4.0], abs=0.02)
     assert (np.diff(runs[0].source_times_s) > 0).all()
@@ -48,24 +55,28 @@ def test_what_is_danced_instead_leaves_no_gap(cover):
     seconds = [tuple(3.0 + s + np.arange(21) / 20) for s in range(2)]
     runs = to_runs(["a", "a", "b", "b"], seconds + seconds)
     instead = Run("x", *cover, np.linspace(7.0, 8.0, 11))
-    made = overlaid(runs, [instead])
+    made = overlay_runs(runs, [instead])
     assert covers(made, 4.0)
     assert instead in made
     assert [run.take for run in made if run.start_s == cover[0]] == ["x"]
-    assert overlaid(runs, []) == runs
+    assert overlay_runs(runs, []) == runs
 
 
 def test_a_join_is_moved_and_nothing_else_changes():
     runs = to_runs(
         ["a"] * 3 + ["b"] * 2 + ["c"] * 2, [np.linspace(t, t + 1, 21) for t in (5, 6, 7, 1, 2, 9, 10)]
     )
-    moved = joined_at(runs, [Join(0.0), Join(2.9, 0.25), Join(5.2)])
+    moved = with_transitions(
+        runs, [TransitionTiming(0.0), TransitionTiming(2.9, 0.25), TransitionTiming(5.2)]
+    )
     assert [run.start_s for run in moved] == [0.0, 2.9, 5.2]
     assert [run.stop_s for run in moved] == [2.9, 5.2, 7.0]
-    assert [run.fade_s for run in moved] == [None, 0.25, None]
+    assert [run.transition_s for run in moved] == [None, 0.25, None]
     for run, old in zip(moved, runs, strict=True):
         at = np.linspace(run.start_s, run.stop_s, 50)
         np.testing.assert_allclose(run.source_s(at), old.source_s(at), atol=1e-6)
     for stays_s in (3.0, 7.5):  # where it is, and not within the runs
-        stayed = joined_at(runs, [Join(0.0), Join(stays_s), Join(5.0)])
+        stayed = with_transitions(
+            runs, [TransitionTiming(0.0), TransitionTiming(stays_s), TransitionTiming(5.0)]
+        )
         assert [(run.start_s, run.stop_s) for run in stayed] == [(run.start_s, run.stop_s) for run in runs]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import soundfile
 from click.testing import CliRunner
-from planted_repertoire import planted_repertoire
+from synthetic_repertoire import synthetic_repertoire
 
 from choreograph.cli import main
 from choreograph.errors import ParameterError
@@ -21,7 +21,7 @@ RATE = 22050
 
 @pytest.fixture(scope="module")
 def db(tmp_path_factory):
-    return planted_repertoire(tmp_path_factory.mktemp("db") / "rep.h5").path
+    return synthetic_repertoire(tmp_path_factory.mktemp("db") / "rep.h5").path
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def test_inspect_speaks_to_people_and_machines(db):
 
 def test_inspect_tells_and_plots_what_genres_are_made_of(tmp_path, monkeypatch):
     monkeypatch.setattr("choreograph.preview.motif_plots.STRIPS", 1)
-    path = planted_repertoire(tmp_path / "rep.h5", vocabulary=True).path
+    path = synthetic_repertoire(tmp_path / "rep.h5", vocabulary=True).path
     shown = run("inspect", path, "--plots", tmp_path / "plots")
     assert shown.exit_code == 0, shown.output
     assert "motion words of" in shown.output
@@ -200,13 +200,13 @@ def test_sources_that_are_none(tmp_path):
         (["--style-from", "other.h5", "--preset", "tiny"], "other.h5", True),
     ],
 )
-def test_what_training_begins_with(tmp_path, monkeypatch, given, style_from, mirroring):
+def test_what_training_begins_with(tmp_path, monkeypatch, given, pretrained_style, augment_mirror):
     def build(sources, output, options, **reports):
-        assert (options.style_from and options.style_from.name) == style_from
-        assert options.mirroring == mirroring
+        assert (options.pretrained_style and options.pretrained_style.name) == pretrained_style
+        assert options.augment_mirror == augment_mirror
         raise ParameterError("asked for as expected")
 
-    monkeypatch.setattr("choreograph.pipeline.build_repertoire", build)
+    monkeypatch.setattr("choreograph.building.build_repertoire", build)
     assert_one_line(run("build-db", tmp_path, "-o", tmp_path / "r.h5", *given), says="asked for as expected")
 
 

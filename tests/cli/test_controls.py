@@ -6,7 +6,7 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from planted_repertoire import planted_repertoire, write_clicks
+from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 from choreograph.cli import main
 
@@ -14,7 +14,7 @@ from choreograph.cli import main
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("controls")
-    planted_repertoire(folder / "rep.h5", vocabulary=True)
+    synthetic_repertoire(folder / "rep.h5", vocabulary=True)
     write_clicks(folder / "song.wav", duration_s=6.0)
     return folder
 

@@ -4,9 +4,9 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from planted_dances import stepping
-from planted_repertoire import planted_repertoire, write_clicks
-from planted_studies import rate_all
+from synthetic_motions import stepping
+from synthetic_repertoire import synthetic_repertoire, write_clicks
+from synthetic_studies import rate_all
 
 from choreograph.cli import main
 from choreograph.exporters import save_motion
@@ -14,7 +14,7 @@ from choreograph.exporters import save_motion
 
 @pytest.fixture(scope="module")
 def db(tmp_path_factory):
-    return planted_repertoire(tmp_path_factory.mktemp("db") / "rep.h5").path
+    return synthetic_repertoire(tmp_path_factory.mktemp("db") / "rep.h5").path
 
 
 @pytest.fixture(scope="module")

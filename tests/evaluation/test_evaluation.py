@@ -8,8 +8,8 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-from planted_dances import stepping, swaying
-from planted_repertoire import planted_repertoire, write_clicks
+from synthetic_motions import stepping, swaying
+from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 from choreograph.audio.song import load_song
 from choreograph.errors import FormatError, ParameterError
@@ -27,7 +27,7 @@ from choreograph.evaluation import (
 from choreograph.evaluation.catalogue import FAMILIES
 from choreograph.evaluation.measuring import plan_scores
 from choreograph.evaluation.motif_judge import DancedMotifs, SignatureJudge
-from choreograph.evaluation.protocol import joins_s
+from choreograph.evaluation.protocol import transition_times_s
 from choreograph.evaluation.songs import beats_of
 from choreograph.evaluation.tables import number_text
 from choreograph.evaluation.variants import VARIANTS, dance_as
@@ -46,7 +46,7 @@ NO_SECTIONS = Sections(np.zeros(0), np.zeros(0, np.int64))
 
 @pytest.fixture(scope="module")
 def repertoire(tmp_path_factory) -> Repertoire:
-    return planted_repertoire(tmp_path_factory.mktemp("db") / "rep.h5", vocabulary=True)
+    return synthetic_repertoire(tmp_path_factory.mktemp("db") / "rep.h5", vocabulary=True)
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def test_numbers_that_explode_stay_readable():
     ]
 
 
-def test_planted_beats_tell_ours_from_chance(evaluation):
+def test_synthetic_beats_tell_ours_from_chance(evaluation):
     f_score = cells(evaluation, "f_score")
     assert f_score["ours"].n == f_score["random"].n == 6
     assert f_score["ours"].mean > 0.9
@@ -213,7 +213,7 @@ def test_random_clips_are_unwarped_and_the_seeds(repertoire, folder):
     for second in one.seconds:
         assert np.diff(second.source_times_s) == pytest.approx(0.05)
         assert second.source_times_s[0] == pytest.approx(second.clip_start_s + 2.0 + second.second % 4)
-    assert set(joins_s(one)) <= {4.0, 8.0}
+    assert set(transition_times_s(one)) <= {4.0, 8.0}
     scores = plan_scores(one, repertoire).values
     assert (scores["slope_median"], scores["share_at_fastest"]) == (pytest.approx(1.0), 0.0)
     assert scores["distinct_takes_per_minute"] == len({s.take for s in one.seconds}) * 60 / 9
@@ -223,7 +223,7 @@ def test_a_plan_that_plays_a_clip_twice_is_found_out(repertoire, folder):
     song = find_songs(folder, only=["alone"])[0].load()
     plan = dance_as(VARIANTS["random"], song, repertoire).plan
     again = tuple(
-        replace(second, second=i, begins_s=float(i)) for i, second in enumerate(plan.seconds[:4] * 2)
+        replace(second, second=i, start_s=float(i)) for i, second in enumerate(plan.seconds[:4] * 2)
     )
     twice = replace(plan, seconds=again, duration_s=8.0)
     assert plan_scores(twice, repertoire).values["longest_repeat_s"] == pytest.approx(4.0, abs=0.5)
@@ -242,11 +242,13 @@ def test_unknown_variants_and_settings_that_compare_nothing():
 def test_one_dance_of_any_system(repertoire, tmp_path):
     song = load_song(write_clicks(tmp_path / "song.wav", duration_s=12.0))
     on_beat = evaluate_dance(stepping(400, period_s=0.5), song, repertoire=repertoire)
-    off_beat = evaluate_dance(swaying(400), song)
-    assert cells(on_beat, "f_score")["dance"].mean > 0.9 > 0.6 > cells(off_beat, "f_score")["dance"].mean
+    unmatched_beat = evaluate_dance(swaying(400), song)
+    assert (
+        cells(on_beat, "f_score")["dance"].mean > 0.9 > 0.6 > cells(unmatched_beat, "f_score")["dance"].mean
+    )
     assert {"fpd", "signature_chi2"} <= set(on_beat.dances[0].scores.values)
-    assert "fpd" not in off_beat.dances[0].scores.values
-    jsonschema.validate(json.loads(to_json(off_beat)), SCHEMA)
+    assert "fpd" not in unmatched_beat.dances[0].scores.values
+    jsonschema.validate(json.loads(to_json(unmatched_beat)), SCHEMA)
 
 
 def test_a_dance_that_stands_still_has_no_motion_beats_and_ends_no_table(tmp_path):

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planted_dances import swaying
-from planted_studies import VARIANTS, read_key, small_study
+from synthetic_motions import swaying
+from synthetic_studies import VARIANTS, read_key, small_study
 
 from choreograph.errors import FormatError, ParameterError
 from choreograph.evaluation.study import QUESTIONS, StudyDance, write_study

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from browsers import SWIFTSHADER, note_complaints, until
-from planted_studies import read_key, small_study
+from synthetic_studies import read_key, small_study
 
 from choreograph.evaluation.study_results import read_study
 

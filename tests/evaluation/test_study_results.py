@@ -8,7 +8,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-from planted_studies import VARIANTS, rate_all, rating, read_key, small_study, write_rating
+from synthetic_studies import VARIANTS, rate_all, rating, read_key, small_study, write_rating
 
 from choreograph.errors import FormatError
 from choreograph.evaluation.study import QUESTIONS
@@ -38,7 +38,7 @@ def answers_for(key: dict, points: dict[str, int], questions=IDS) -> dict:
     return {d["dance"]: dict.fromkeys(questions, points[d["variant"]]) for d in key["dances"]}
 
 
-def test_the_planted_favourite_wins_and_intervals_hold_the_truth(study):
+def test_the_synthetic_favourite_wins_and_intervals_hold_the_truth(study):
     rate_all(study, MEANS, n_raters=12)
     for path in study.glob("rating-*.json"):
         jsonschema.validate(json.loads(path.read_text(encoding="utf-8")), SCHEMA)

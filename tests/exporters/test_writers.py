@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_dances import on_other_axes, swaying
+from synthetic_motions import on_other_axes, swaying
 
 from choreograph.errors import ChoreographError, FormatError, ParameterError
 from choreograph.exporters import BvhOptions, BvhWriter, NpzWriter, get_writer, save_motion

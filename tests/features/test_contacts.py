@@ -28,14 +28,14 @@ def _walking(fps: float, *, step_s: float = 0.6, seconds: float = 6.0) -> tuple[
 
 
 @pytest.mark.parametrize("fps", [20.0, 25.0, 60.0, 120.0])
-def test_planted_steps_are_found(fps):
+def test_synthetic_steps_are_found(fps):
     pos, standing = _walking(fps)
     contacts = foot_contacts(pos, fps)
     for column in range(4):
-        planted = standing[:, column // 2]
-        assert np.mean((contacts[:, column] > 0.5) == planted) > 0.75
-        assert contacts[planted, column].mean() > 0.7
-        assert contacts[~planted, column].mean() < 0.35
+        synthetic = standing[:, column // 2]
+        assert np.mean((contacts[:, column] > 0.5) == synthetic) > 0.75
+        assert contacts[synthetic, column].mean() > 0.7
+        assert contacts[~synthetic, column].mean() < 0.35
 
 
 @given(st.floats(10, 240), st.integers(1, 60), st.integers(0, 2**32 - 1))

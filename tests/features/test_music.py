@@ -65,9 +65,9 @@ def test_tempogram_peaks_at_the_beats_period(bpm):
     columns = tempogram(onset_envelopes(log_mel(samples)), np.array([15.0]))[0]  # (3, lags)
     strength = columns.mean(axis=0)
     period = np.argmin(np.abs(LAGS_S - 60 / bpm))
-    off_beat = np.argmin(np.abs(LAGS_S - 90 / bpm))
+    unmatched_beat = np.argmin(np.abs(LAGS_S - 90 / bpm))
     assert strength[period - 1 : period + 2].max() > 0.6
-    assert strength[off_beat] < 0.3
+    assert strength[unmatched_beat] < 0.3
 
 
 def test_rhythm_tells_threes_from_fours_at_one_tempo():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from choreograph.features.sections import song_sections
-from choreograph.starter.synth import render_song
+from choreograph.synthesis.songs import render_song
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 

@@ -56,12 +56,12 @@ def test_there_are_87_in_the_papers_order():
 
 
 @pytest.mark.parametrize(("name", "planted"), [("A", 9), ("C", 0), ("F sharp", 6)])
-def test_a_tone_is_where_it_was_planted(name, planted):
-    rows = spectral_features(0.3 * tone(planted, 4.0), np.array([1.0, 1.5, 2.2, 3.0]))
+def test_a_tone_is_where_it_was_synthetic(name, synthetic):
+    rows = spectral_features(0.3 * tone(synthetic, 4.0), np.array([1.0, 1.5, 2.2, 3.0]))
     assert rows.shape == (3, 87)
-    hz = A4_HZ * 2 ** ((planted - 9) / 12)
+    hz = A4_HZ * 2 ** ((synthetic - 9) / 12)
     for chroma in CHROMAS:
-        assert (column(rows, chroma).argmax(axis=1) == planted).all(), chroma
+        assert (column(rows, chroma).argmax(axis=1) == synthetic).all(), chroma
     np.testing.assert_allclose(column(rows, "centroid_hz"), hz, rtol=0.03)
     np.testing.assert_allclose(column(rows, "rolloff_hz"), hz, atol=22)
     np.testing.assert_allclose(column(rows, "zero_crossing_rate"), 2 * hz / SAMPLE_RATE_HZ, rtol=0.02)
@@ -99,8 +99,8 @@ def test_tonal_centroid_is_hartes_of_the_chord():
     for row, pitches in ((rows[0], C_MAJOR), (rows[2], D_MAJOR)):
         angles = np.outer([7 * np.pi / 6, 3 * np.pi / 2, 2 * np.pi / 3], pitches)  # (3, 3)
         radii = np.array([1.0, 1.0, 0.5])[:, None]
-        planted = np.stack([radii * np.sin(angles), radii * np.cos(angles)], axis=1).mean(axis=-1).ravel()
-        np.testing.assert_allclose(row[SPECTRAL_COLUMNS["tonnetz"]], planted, atol=0.12)
+        synthetic = np.stack([radii * np.sin(angles), radii * np.cos(angles)], axis=1).mean(axis=-1).ravel()
+        np.testing.assert_allclose(row[SPECTRAL_COLUMNS["tonnetz"]], synthetic, atol=0.12)
 
 
 def test_the_means_are_of_librosas_own_features(monkeypatch):

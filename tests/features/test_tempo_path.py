@@ -14,7 +14,7 @@ from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import beats_of_mel
 from choreograph.features.tempo_path import onset_strength, tempo_path_beats
 from choreograph.metrics.beat import f_score
-from choreograph.starter.synth.testbed import SONGS
+from choreograph.synthesis.songs.testbed import SONGS
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 

@@ -28,7 +28,7 @@ FPS = 60.0
 DURATION_S = 12.0
 
 
-def planted_motion() -> Motion:
+def synthetic_motion() -> Motion:
     """12 s of limbs that swing in sines while the body sways, bobs and turns."""
     times_s = np.arange(round(DURATION_S * FPS)) / FPS
     skeleton = canonical_skeleton()
@@ -49,12 +49,12 @@ def planted_motion() -> Motion:
     return Motion(skeleton, root, from_rotvec(rotvec), FPS)
 
 
-def planted_dance() -> NDArray[np.float64]:
+def synthetic_dance() -> NDArray[np.float64]:
     """Body positions (T, 21, 3) of the planted motion."""
-    return body_pos_m(planted_motion())
+    return body_pos_m(synthetic_motion())
 
 
-def planted_song() -> NDArray[np.float32]:
+def synthetic_song() -> NDArray[np.float32]:
     """12 s of plucked tones that hurry from two to four a second, over noise that grows."""
     times_s = np.arange(round(DURATION_S * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
     count = 2 * times_s + times_s**2 / DURATION_S  # notes begun so far
@@ -66,11 +66,11 @@ def planted_song() -> NDArray[np.float32]:
 
 
 def physical_scores() -> dict[str, float]:
-    return physical.evaluate(planted_dance(), FPS, [4.0, 8.0])
+    return physical.evaluate(synthetic_dance(), FPS, [4.0, 8.0])
 
 
 def beat_scores() -> dict[str, float]:
-    dance, music_beats_s = planted_dance(), np.arange(0.3, DURATION_S, 0.5)
+    dance, music_beats_s = synthetic_dance(), np.arange(0.3, DURATION_S, 0.5)
     motion_beats_s = motion_beat_times_s(dance, FPS)
     rng = np.random.default_rng(0)
     chance = beat.evaluate_chance(motion_beats_s, music_beats_s, duration_s=DURATION_S, rng=rng, rounds=20)
@@ -83,13 +83,13 @@ def beat_scores() -> dict[str, float]:
 
 def frechet_scores() -> dict[str, float]:
     """The motion's first second against the rest."""
-    dance = planted_motion()
+    dance = synthetic_motion()
     return frechet.evaluate([dance.sliced(0, 60)], [dance.sliced(60, dance.n_frames)])
 
 
 def dance_feature_values() -> dict[str, list[float]]:
     """All features of the motion, at a rate that has to be resampled."""
-    pos_m = dance_features.canonical_pos_m(planted_motion().resampled(25.0))
+    pos_m = dance_features.canonical_pos_m(synthetic_motion().resampled(25.0))
     return {
         f"{feature.__name__} {variant}": feature(pos_m, 25.0, variant=variant).tolist()
         for feature in (dance_features.kinetic, dance_features.geometric)
@@ -99,8 +99,8 @@ def dance_feature_values() -> dict[str, list[float]]:
 
 def label_scores() -> dict[str, float]:
     starts_s = labels.window_starts_s(DURATION_S)
-    dance = labels.dance_values(planted_dance(), FPS, starts_s)
-    music = labels.music_values(planted_song(), starts_s)
+    dance = labels.dance_values(synthetic_dance(), FPS, starts_s)
+    music = labels.music_values(synthetic_song(), starts_s)
     scale = labels.fit_scale(dance, music)
     means = {
         f"{whose} {pair}": float(mean)

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_layers import random_source
+from synthetic_layers import random_source
 
 from choreograph.graph import Completeness, Cost, Pace, Repeat, Rhythm, Style, Transition, Variety, Velocity
 
 
 @pytest.fixture(params=range(3))
 def layers(request):
-    source, music = random_source(request.param)
-    return source.layer(3), source.layer(4), music
+    source, song_features = random_source(request.param)
+    return source.layer(3), source.layer(4), song_features
 
 
 def completeness_by_hand(a, b, i, j) -> float:
@@ -28,16 +28,16 @@ def completeness_by_hand(a, b, i, j) -> float:
 
 
 def test_completeness_is_the_formula_pair_by_pair(layers):
-    a, b, music = layers
-    cost = Completeness().edge(a, b, music)
+    a, b, song_features = layers
+    cost = Completeness().edge(a, b, song_features)
     by_hand = [[completeness_by_hand(a, b, i, j) for j in range(b.n_nodes)] for i in range(a.n_nodes)]
     assert np.allclose(cost, by_hand, atol=1e-6)
     assert (cost < 1).sum() == len(a.successors_in(b)[0]) == 12  # 4 segments each of 3 ages play on
 
 
 def test_transition_is_the_rms_joint_distance_and_zero_for_successors(layers):
-    a, b, music = layers
-    cost = Transition().edge(a, b, music)
+    a, b, song_features = layers
+    cost = Transition().edge(a, b, song_features)
     differences = a.last_pose_m[:, None] - b.first_pose_m[None]  # (P, N, 21, 3)
     assert np.allclose(cost, np.sqrt((differences**2).sum(-1).mean(-1)), atol=2e-3)
     here, there = a.successors_in(b)
@@ -48,17 +48,17 @@ def test_transition_is_the_rms_joint_distance_and_zero_for_successors(layers):
 
 
 def test_velocity_is_the_rms_difference_of_velocities(layers):
-    a, b, music = layers
+    a, b, song_features = layers
     differences = a.last_velocity_m_s[:, None] - b.first_velocity_m_s[None]
-    cost = Velocity().edge(a, b, music)
+    cost = Velocity().edge(a, b, song_features)
     assert np.allclose(cost, np.sqrt((differences**2).sum(-1).mean(-1)), rtol=1e-3, atol=0.05)
 
 
 def test_style_and_rhythm(layers):
-    a, _, music = layers
-    by_hand = [math.dist(style, music.style[3]) for style in a.style]
-    assert np.allclose(Style().node(a, music), by_hand, rtol=1e-5)
-    assert np.allclose(Rhythm().node(a, music), a.off_beat + a.fit)
+    a, _, song_features = layers
+    by_hand = [math.dist(style, song_features.style[3]) for style in a.style]
+    assert np.allclose(Style().node(a, song_features), by_hand, rtol=1e-5)
+    assert np.allclose(Rhythm().node(a, song_features), a.unmatched_beat + a.fit)
 
 
 def test_pace_is_octaves_off_the_takes_own_speed(layers):
@@ -73,33 +73,38 @@ def test_pace_is_octaves_off_the_takes_own_speed(layers):
 
 
 def test_variety_prices_takes_by_what_they_have_danced():
-    source, music = random_source(0, whims_s=np.array([0.0, 3.0]))
-    tired_s = source.tired_after([0] * 12)
-    assert 11 < tired_s[0] < 12  # the first of them is a little forgotten
-    assert tired_s[1] == 3
-    layer = source.layer(3).with_tired(tired_s)
-    assert np.allclose(Variety().node(layer, music), np.where(layer.take == 1, 3, tired_s[0]) / 12)
+    source, song_features = random_source(0, tie_break_s=np.array([0.0, 3.0]))
+    recent_usage_s = source.recent_usage_after([0] * 12)
+    assert 11 < recent_usage_s[0] < 12  # the first of them is a little forgotten
+    assert recent_usage_s[1] == 3
+    layer = source.layer(3).with_recent_usage(recent_usage_s)
+    assert np.allclose(
+        Variety().node(layer, song_features), np.where(layer.take == 1, 3, recent_usage_s[0]) / 12
+    )
 
 
 def test_what_was_danced_long_ago_no_longer_tires():
-    source, _ = random_source(0, whims_s=np.zeros(2))
-    lately, long_ago = source.tired_after([1] * 600 + [0] * 20), source.tired_after([0] * 20 + [1] * 600)
+    source, _ = random_source(0, tie_break_s=np.zeros(2))
+    lately, long_ago = (
+        source.recent_usage_after([1] * 600 + [0] * 20),
+        source.recent_usage_after([0] * 20 + [1] * 600),
+    )
     assert lately[0] > 15
     assert long_ago[0] < 1
     assert long_ago[1] < 130  # nor does anybody tire without end
 
 
 def test_takes_do_not_tire_where_nobody_asks():
-    source, music = random_source(0)
-    assert not source.tired_after([0, 1, 1]).any()
-    assert not Variety().node(source.layer(3), music).any()
+    source, song_features = random_source(0)
+    assert not source.recent_usage_after([0, 1, 1]).any()
+    assert not Variety().node(source.layer(3), song_features).any()
 
 
 def test_repeat_is_going_back_less_than_a_clip_in_one_take(layers):
-    a, b, music = layers
+    a, b, song_features = layers
     back = a.take_frames[:, 1][:, None] - b.take_frames[:, 0][None]
     by_hand = (a.take[:, None] == b.take[None]) & (back > 5) & (back < 160)
-    cost = Repeat().edge(a, b, music)
+    cost = Repeat().edge(a, b, song_features)
     assert np.array_equal(cost, by_hand)
     assert 0 < cost.sum() < cost.size
     here, there = a.successors_in(b)
@@ -142,6 +147,6 @@ def test_a_cost_is_called_by_its_class_or_by_its_own_name():
 
     assert LowPoses.name == "lowposes"
     assert Another.name == "other"
-    source, music = random_source(0)
-    assert Another().node(source.layer(0), music) is None
-    assert Another().edge(source.layer(0), source.layer(1), music) is None
+    source, song_features = random_source(0)
+    assert Another().node(source.layer(0), song_features) is None
+    assert Another().edge(source.layer(0), source.layer(1), song_features) is None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_layers import random_source
+from synthetic_layers import random_source
 
 from choreograph.config import DEFAULT_WEIGHTS
 from choreograph.graph import (
@@ -43,9 +43,9 @@ def danced(path) -> np.ndarray:
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**31), st.sampled_from([plan_exact, plan_greedy]))
 def test_the_mean_of_what_is_paid_is_the_distance_of_the_dance(seed, planner):
-    source, music = random_source(seed, n_seconds=8, k=5, n_motifs=K)
+    source, song_features = random_source(seed, n_seconds=8, k=5, n_motifs=K)
     goal = random_goal(seed)
-    path = planner(source, [*BUILTIN, WeightedCost(Signature(goal, music), 3.0)], music)
+    path = planner(source, [*BUILTIN, WeightedCost(Signature(goal, song_features), 3.0)], song_features)
     paid = [costs["signature"] for costs in path.costs]
     distance = chi_square_distance(signature(danced(path), K), goal.signature)
     assert np.mean(paid) / 3.0 == pytest.approx(distance, abs=1e-5)
@@ -56,24 +56,27 @@ def test_the_mean_of_what_is_paid_is_the_distance_of_the_dance(seed, planner):
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**31), st.floats(0.1, 20.0))
 def test_exact_is_never_costlier_than_greedy_with_a_signature(seed, weight):
-    source, music = random_source(seed, n_seconds=8, k=5, n_motifs=K)
-    costs = [*BUILTIN, WeightedCost(Signature(random_goal(seed), music), weight)]
-    assert plan_exact(source, costs, music).total <= plan_greedy(source, costs, music).total + 1e-4
+    source, song_features = random_source(seed, n_seconds=8, k=5, n_motifs=K)
+    costs = [*BUILTIN, WeightedCost(Signature(random_goal(seed), song_features), weight)]
+    assert (
+        plan_exact(source, costs, song_features).total
+        <= plan_greedy(source, costs, song_features).total + 1e-4
+    )
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_leaving_out_hopeless_predecessors_changes_nothing_with_a_signature(seed):
-    source, music = random_source(seed, n_seconds=7, k=12, n_clips=14, n_motifs=K)
+    source, song_features = random_source(seed, n_seconds=7, k=12, n_clips=14, n_motifs=K)
     goal = random_goal(seed)
 
     class Unbounded(Signature):
         name = "signature"
 
-        def least_edges(self, previous, next, music):
+        def least_edges(self, previous, next, song_features):
             return -np.inf
 
     paths = [
-        plan_exact(source, [*BUILTIN, WeightedCost(cost(goal, music), 4.0)], music)
+        plan_exact(source, [*BUILTIN, WeightedCost(cost(goal, song_features), 4.0)], song_features)
         for cost in (Signature, Unbounded)
     ]
     assert paths[0].total == pytest.approx(paths[1].total, abs=1e-4)
@@ -82,46 +85,49 @@ def test_leaving_out_hopeless_predecessors_changes_nothing_with_a_signature(seed
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**31))
 def test_no_edge_costs_less_than_the_cost_says(seed):
-    source, music = random_source(seed, n_seconds=4, n_motifs=K)
+    source, song_features = random_source(seed, n_seconds=4, n_motifs=K)
     rng = np.random.default_rng(seed)
     previous, following = source.layer(2), source.layer(3)
     previous = previous.after(rng.integers(0, 4, previous.danced.shape).astype(np.int16))
-    for cost in (Signature(random_goal(seed), music), MotifTransition(random_goal(seed), music)):
-        least = cost.edge(previous, following, music).min(axis=0)
-        assert (least >= cost.least_edges(previous, following, music) - 1e-6).all()
+    for cost in (
+        Signature(random_goal(seed), song_features),
+        MotifTransition(random_goal(seed), song_features),
+    ):
+        least = cost.edge(previous, following, song_features).min(axis=0)
+        assert (least >= cost.least_edges(previous, following, song_features) - 1e-6).all()
 
 
 class Wanders(Cost):
     """Prefers one motif strongly enough that without a signature nothing else is danced."""
 
-    def node(self, layer, music):
+    def node(self, layer, song_features):
         return 0.1 * (layer.motifs != 0).sum(axis=1)
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
 def test_a_signature_that_can_be_danced_is_danced(planner):
     # 30 nodes a second with two random words each: any mix can be put together, to a word or two.
-    source, music = random_source(0, n_seconds=24, k=30, n_clips=30, n_motifs=4)
+    source, song_features = random_source(0, n_seconds=24, k=30, n_clips=30, n_motifs=4)
     goal = MotifGoal(np.array([0.1, 0.5, 0.4, 0.0]), np.full((4, 4), 0.25))
     wandering = [WeightedCost(Wanders(), 1.0)]
-    without = planner(source, wandering, music)
+    without = planner(source, wandering, song_features)
     assert chi_square_distance(signature(danced(without), 4), goal.signature) > 0.5
-    steered = planner(source, [*wandering, WeightedCost(Signature(goal, music), 20.0)], music)
+    steered = planner(source, [*wandering, WeightedCost(Signature(goal, song_features), 20.0)], song_features)
     assert chi_square_distance(signature(danced(steered), 4), goal.signature) < 0.005
 
 
 def test_the_beam_comes_near_the_best_of_all_paths():
     regrets = []
     for seed in range(12):
-        source, music = random_source(seed, n_seconds=6, k=1, n_clips=2, n_motifs=3)
-        cost = Signature(random_goal(seed, 3), music)
+        source, song_features = random_source(seed, n_seconds=6, k=1, n_clips=2, n_motifs=3)
+        cost = Signature(random_goal(seed, 3), song_features)
         goal = random_goal(seed, 3)
         layers = [source.layer(second).motifs for second in range(6)]
         distances = [
             chi_square_distance(signature(words[words >= 0].astype(int), 3), goal.signature)
             for words in map(np.concatenate, itertools.product(*layers))
         ]
-        found = plan_exact(source, [WeightedCost(cost, 1.0)], music).total / 6
+        found = plan_exact(source, [WeightedCost(cost, 1.0)], song_features).total / 6
         assert found >= min(distances) - 1e-5
         regrets.append(found - min(distances))
     assert np.mean(regrets) < 0.01
@@ -130,9 +136,9 @@ def test_the_beam_comes_near_the_best_of_all_paths():
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
 def test_steps_that_dancers_take_are_taken(planner):
-    source, music = random_source(3, n_seconds=12, k=40, n_clips=40, n_motifs=3)
+    source, song_features = random_source(3, n_seconds=12, k=40, n_clips=40, n_motifs=3)
     cycle = MotifGoal(np.full(3, 1 / 3), np.roll(np.eye(3), 1, axis=1))
-    path = planner(source, [WeightedCost(MotifTransition(cycle, music), 1.0)], music)
+    path = planner(source, [WeightedCost(MotifTransition(cycle, song_features), 1.0)], song_features)
     words = danced(path)
     assert np.array_equal((words[:-1] + 1) % 3, words[1:])
     assert path.total == pytest.approx(0.0, abs=1e-6)
@@ -140,29 +146,32 @@ def test_steps_that_dancers_take_are_taken(planner):
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
 def test_a_transition_pays_for_every_step_from_word_to_word(planner):
-    source, music = random_source(4, n_seconds=8, n_motifs=K)
+    source, song_features = random_source(4, n_seconds=8, n_motifs=K)
     goal = random_goal(4)
-    path = planner(source, [*BUILTIN, WeightedCost(MotifTransition(goal, music), 2.0)], music)
+    path = planner(source, [*BUILTIN, WeightedCost(MotifTransition(goal, song_features), 2.0)], song_features)
     words = danced(path)
     by_hand = np.minimum(-np.log(goal.transitions[words[:-1], words[1:]]) / np.log(1000), 1.0)
     paid = sum(costs["motif_transition"] for costs in path.costs)
-    assert paid == pytest.approx(2.0 * by_hand.sum() * music.n_seconds / len(words), rel=1e-5)
+    assert paid == pytest.approx(2.0 * by_hand.sum() * song_features.n_seconds / len(words), rel=1e-5)
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
 def test_weights_of_zero_leave_the_dance_as_it_was(planner):
-    plain, music = random_source(5, n_seconds=8)
+    plain, song_features = random_source(5, n_seconds=8)
     source, _ = random_source(5, n_seconds=8, n_motifs=K)
     goal = random_goal(5)
-    off = [WeightedCost(cost(goal, music), 0.0) for cost in (Signature, MotifTransition)]
-    with_them, without = planner(source, [*BUILTIN, *off], music), planner(plain, BUILTIN, music)
+    off = [WeightedCost(cost(goal, song_features), 0.0) for cost in (Signature, MotifTransition)]
+    with_them, without = (
+        planner(source, [*BUILTIN, *off], song_features),
+        planner(plain, BUILTIN, song_features),
+    )
     for a, b in zip(with_them.nodes, without.nodes, strict=True):
         assert a.segment == b.segment and a.offset == b.offset
     assert with_them.total == without.total
 
 
 def test_nodes_dance_the_words_whose_middle_they_hold():
-    source, music = random_source(7, n_seconds=6, k=3)
+    source, song_features = random_source(7, n_seconds=6, k=3)
     segments, clips = source._segments, source._clips
     asked = []
 
@@ -170,7 +179,7 @@ def test_nodes_dance_the_words_whose_middle_they_hold():
         asked.append((take, start_s, stop_s))
         return np.arange(take.size)
 
-    motifs = node_motifs(segments, clips, song_words_s(music), motifs_of)
+    motifs = node_motifs(segments, clips, song_words_s(song_features), motifs_of)
     [(take, start_s, stop_s)] = asked
     assert motifs.shape == (6, 3, 4, 2)
     for second, rank, offset in np.ndindex(6, 3, 4):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_layers import random_source
+from synthetic_layers import random_source
 
 from choreograph.config import DEFAULT_WEIGHTS
 from choreograph.errors import NoPathError, ParameterError
@@ -30,10 +30,10 @@ class RandomCost(Cost):
         table[rng.random(table.shape) < self.forbidden] = np.inf
         return table
 
-    def node(self, layer, music):
+    def node(self, layer, song_features):
         return self._table(layer, 1)[layer.segment, 0]
 
-    def edge(self, previous, next, music):
+    def edge(self, previous, next, song_features):
         return self._table(next, 128)[np.ix_(previous.segment, next.segment)]
 
 
@@ -43,24 +43,27 @@ class Forbids(Cost):
     def __init__(self, take: str | None = None, second: int | None = None, *, edges: bool = False) -> None:
         self.take, self.second, self.edges = take, second, edges
 
-    def node(self, layer, music):
+    def node(self, layer, song_features):
         if self.edges:
             return None
         hit = (layer.take_names == self.take) | (layer.second == self.second)
         return np.where(hit, np.inf, 0.0)
 
-    def edge(self, previous, next, music):
+    def edge(self, previous, next, song_features):
         if not self.edges:
             return None
         return np.full((previous.n_nodes, next.n_nodes), np.inf if next.second == self.second else 0.0)
 
 
-def cheapest_by_trying_all(source, costs, music) -> float:
+def cheapest_by_trying_all(source, costs, song_features) -> float:
     layers = [source.layer(second) for second in range(source.n_seconds)]
     nodes = [
-        sum(np.nan_to_num(w.weight * w.cost.node(la, music), posinf=np.inf) for w in costs) for la in layers
+        sum(np.nan_to_num(w.weight * w.cost.node(la, song_features), posinf=np.inf) for w in costs)
+        for la in layers
     ]
-    edges = [sum(w.weight * w.cost.edge(a, b, music) for w in costs) for a, b in itertools.pairwise(layers)]
+    edges = [
+        sum(w.weight * w.cost.edge(a, b, song_features) for w in costs) for a, b in itertools.pairwise(layers)
+    ]
     totals = [
         sum(node[i] for node, i in zip(nodes, path, strict=True))
         + sum(edge[i, j] for edge, (i, j) in zip(edges, itertools.pairwise(path), strict=True))
@@ -72,9 +75,9 @@ def cheapest_by_trying_all(source, costs, music) -> float:
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**31))
 def test_exact_is_never_costlier_than_greedy(seed):
-    source, music = random_source(seed, n_seconds=8, k=5)
+    source, song_features = random_source(seed, n_seconds=8, k=5)
     costs = [*BUILTIN, WeightedCost(RandomCost(seed, low=-1.0), 0.7)]
-    exact, greedy = plan_exact(source, costs, music), plan_greedy(source, costs, music)
+    exact, greedy = plan_exact(source, costs, song_features), plan_greedy(source, costs, song_features)
     assert exact.total <= greedy.total + 1e-4
     for path in (exact, greedy):
         assert [node.second for node in path.nodes] == list(range(8))
@@ -84,59 +87,59 @@ def test_exact_is_never_costlier_than_greedy(seed):
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**31), st.sampled_from([0.0, -2.0]), st.sampled_from([0.0, 0.1]))
 def test_exact_is_the_best_of_all_paths(seed, low, forbidden):
-    source, music = random_source(seed, n_seconds=5, k=2, n_clips=3)
+    source, song_features = random_source(seed, n_seconds=5, k=2, n_clips=3)
     costs = [WeightedCost(RandomCost(seed, low, forbidden), 1.0)]
-    best = cheapest_by_trying_all(source, costs, music)
+    best = cheapest_by_trying_all(source, costs, song_features)
     if np.isfinite(best):
-        assert plan_exact(source, costs, music).total == pytest.approx(best, abs=1e-5)
+        assert plan_exact(source, costs, song_features).total == pytest.approx(best, abs=1e-5)
     else:
         with pytest.raises(NoPathError):
-            plan_exact(source, costs, music)
+            plan_exact(source, costs, song_features)
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_leaving_out_hopeless_predecessors_changes_nothing(seed):
     # More than 16 nodes a layer, so that there are predecessors besides the scouts; costs that are
     # the same but for a constant, below zero in one case, have the same best path.
-    source, music = random_source(seed, n_seconds=7, k=12, n_clips=14)
+    source, song_features = random_source(seed, n_seconds=7, k=12, n_clips=14)
 
     class Lowered(RandomCost):
         name = "random"
 
-        def edge(self, previous, next, music):
-            return super().edge(previous, next, music) - 5.0
+        def edge(self, previous, next, song_features):
+            return super().edge(previous, next, song_features) - 5.0
 
-    pruned = plan_exact(source, [WeightedCost(RandomCost(seed), 1.0)], music)
-    full = plan_exact(source, [WeightedCost(Lowered(seed), 1.0)], music)
+    pruned = plan_exact(source, [WeightedCost(RandomCost(seed), 1.0)], song_features)
+    full = plan_exact(source, [WeightedCost(Lowered(seed), 1.0)], song_features)
     assert full.total == pytest.approx(pruned.total - 6 * 5.0, abs=1e-4)
     assert [n.segment[0] for n in full.nodes] == [n.segment[0] for n in pruned.nodes]
 
 
 def test_an_edge_below_zero_from_a_dear_node_is_found():
     # Only nodes dear enough not to be tried first have a negative edge: leaving them out would lose.
-    source, music = random_source(1, n_seconds=2, k=40, n_clips=40)
+    source, song_features = random_source(1, n_seconds=2, k=40, n_clips=40)
 
     class Bait(Cost):
-        def node(self, layer, music):
+        def node(self, layer, song_features):
             return np.where(layer.segment == 39, 5.0, 0.0) if layer.second == 0 else np.zeros(layer.n_nodes)
 
-        def edge(self, previous, next, music):
+        def edge(self, previous, next, song_features):
             return np.where(previous.segment[:, None] == 39, -10.0, np.zeros((1, next.n_nodes)))
 
-    path = plan_exact(source, [WeightedCost(Bait(), 1.0)], music)
+    path = plan_exact(source, [WeightedCost(Bait(), 1.0)], song_features)
     assert path.total == pytest.approx(-5.0)
     assert path.nodes[0].segment[0] == 39
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
 def test_totals_are_the_sums_of_what_each_second_paid(planner):
-    source, music = random_source(4)
-    path = planner(source, BUILTIN, music)
+    source, song_features = random_source(4)
+    path = planner(source, BUILTIN, song_features)
     for second, (node, paid) in enumerate(zip(path.nodes, path.costs, strict=True)):
         for w in BUILTIN:
-            value = w.cost.node(node, music)
+            value = w.cost.node(node, song_features)
             expected = 0.0 if value is None else w.weight * float(value[0])
-            if second and (edge := w.cost.edge(path.nodes[second - 1], node, music)) is not None:
+            if second and (edge := w.cost.edge(path.nodes[second - 1], node, song_features)) is not None:
                 expected += w.weight * float(edge[0, 0])
             assert paid[w.cost.name] == pytest.approx(expected, abs=2e-3)
 
@@ -144,51 +147,51 @@ def test_totals_are_the_sums_of_what_each_second_paid(planner):
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
 def test_takes_that_tire_are_danced_in_turn(planner):
     class Favourite(Cost):
-        def node(self, layer, music):
+        def node(self, layer, song_features):
             return np.where(layer.take == 0, 0.0, 1.0)
 
-    for whims_s, others_s in ((None, 0), (np.zeros(2), 8)):
-        source, music = random_source(5, n_seconds=48, n_clips=4, whims_s=whims_s)
-        path = planner(source, [WeightedCost(Favourite(), 1.0), WeightedCost(Variety(), 1.0)], music)
+    for tie_break_s, others_s in ((None, 0), (np.zeros(2), 8)):
+        source, song_features = random_source(5, n_seconds=48, n_clips=4, tie_break_s=tie_break_s)
+        path = planner(source, [WeightedCost(Favourite(), 1.0), WeightedCost(Variety(), 1.0)], song_features)
         takes = [int(node.take[0]) for node in path.nodes]
         assert sum(takes) >= others_s
         assert not sum(takes) or others_s
         for second, (node, paid) in enumerate(zip(path.nodes, path.costs, strict=True)):
             assert paid["variety"] == pytest.approx(
-                source.tired_after(takes[:second])[node.take[0]] / 12, abs=0.2
+                source.recent_usage_after(takes[:second])[node.take[0]] / 12, abs=0.2
             )
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy, plan_motion_graph])
 def test_a_forbidden_take_is_not_danced(planner):
-    source, music = random_source(2, n_seconds=8)
-    path = planner(source, [*BUILTIN, WeightedCost(Forbids(take="left"), 1.0)], music)
+    source, song_features = random_source(2, n_seconds=8)
+    path = planner(source, [*BUILTIN, WeightedCost(Forbids(take="left"), 1.0)], song_features)
     assert {str(node.take_names[0]) for node in path.nodes} == {"right"}
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
 @pytest.mark.parametrize("edges", [True, False])
 def test_the_second_that_cannot_be_danced_is_named(planner, edges):
-    source, music = random_source(2)
+    source, song_features = random_source(2)
     with pytest.raises(NoPathError, match="second 3") as said:
-        planner(source, [*BUILTIN, WeightedCost(Forbids(second=3, edges=edges), 1.0)], music)
+        planner(source, [*BUILTIN, WeightedCost(Forbids(second=3, edges=edges), 1.0)], song_features)
     assert "\n" not in str(said.value)
 
 
 def test_exact_walks_round_a_dead_end_that_greedy_falls_into():
-    source, music = random_source(0, n_seconds=2, k=2)
+    source, song_features = random_source(0, n_seconds=2, k=2)
 
     class DeadEnd(Cost):
-        def node(self, layer, music):
+        def node(self, layer, song_features):
             return np.where(layer.segment == 0, 0.0, 1.0)
 
-        def edge(self, previous, next, music):
+        def edge(self, previous, next, song_features):
             return np.where(previous.segment[:, None] == 0, np.inf, np.zeros((1, next.n_nodes)))
 
     costs = [WeightedCost(DeadEnd(), 1.0)]
     with pytest.raises(NoPathError):
-        plan_greedy(source, costs, music)
-    assert plan_exact(source, costs, music).total == pytest.approx(1.0)
+        plan_greedy(source, costs, song_features)
+    assert plan_exact(source, costs, song_features).total == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
@@ -198,46 +201,46 @@ def test_a_faulty_cost_is_named(planner, method, fault):
     class Faulty(Cost):
         pass
 
-    def node(self, layer, music):
+    def node(self, layer, song_features):
         return np.full(layer.n_nodes, np.nan) if fault == "nan" else np.zeros(layer.n_nodes + 1)
 
-    def edge(self, previous, next, music):
+    def edge(self, previous, next, song_features):
         shape = (previous.n_nodes, next.n_nodes)
         return np.full(shape, np.nan) if fault == "nan" else np.zeros((shape[0], shape[1] + 1))
 
     setattr(Faulty, method, node if method == "node" else edge)
-    source, music = random_source(0)
+    source, song_features = random_source(0)
     with pytest.raises(ParameterError, match="'faulty'"):
-        planner(source, [*BUILTIN, WeightedCost(Faulty(), 1.0)], music)
+        planner(source, [*BUILTIN, WeightedCost(Faulty(), 1.0)], song_features)
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
 def test_a_weight_of_zero_leaves_a_cost_out(planner):
-    source, music = random_source(5)
-    with_it = planner(source, [*BUILTIN, WeightedCost(Forbids(second=2), 0.0)], music)
-    without = planner(source, BUILTIN, music)
+    source, song_features = random_source(5)
+    with_it = planner(source, [*BUILTIN, WeightedCost(Forbids(second=2), 0.0)], song_features)
+    without = planner(source, BUILTIN, song_features)
     assert with_it.total == pytest.approx(without.total)
     assert with_it.costs[2]["forbids"] == 0.0
 
 
 def test_one_second_is_a_path():
-    source, music = random_source(0, n_seconds=1)
-    assert plan_exact(source, BUILTIN, music).total == pytest.approx(
-        plan_greedy(source, BUILTIN, music).total
+    source, song_features = random_source(0, n_seconds=1)
+    assert plan_exact(source, BUILTIN, song_features).total == pytest.approx(
+        plan_greedy(source, BUILTIN, song_features).total
     )
 
 
 def test_progress_is_reported_to_the_end():
-    source, music = random_source(0)
+    source, song_features = random_source(0)
     seen = []
-    plan_exact(source, BUILTIN, music, report=lambda done, total: seen.append((done, total)))
+    plan_exact(source, BUILTIN, song_features, report=lambda done, total: seen.append((done, total)))
     assert seen[-1] == (6, 6)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_motion_graph_walks_on_first_seconds_only(seed):
-    source, music = random_source(seed, n_seconds=9)
-    path = plan_motion_graph(source, BUILTIN, music)
+    source, song_features = random_source(seed, n_seconds=9)
+    path = plan_motion_graph(source, BUILTIN, song_features)
     assert [node.second for node in path.nodes] == list(range(9))
     assert all(node.offset[0] == 0 for node in path.nodes)
     assert all(set(paid) == {"transition"} for paid in path.costs)

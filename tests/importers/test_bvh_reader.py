@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from planted_dances import swaying
+from synthetic_motions import swaying
 
 from choreograph.errors import ChoreographError, FormatError, ParameterError
 from choreograph.exporters import BvhOptions, BvhWriter

@@ -12,8 +12,8 @@ import pytest
 from choreograph.errors import FormatError
 from choreograph.importers import dance_with_melody
 from choreograph.motion import rotations as rot
-from choreograph.motion.fit import fit_error_m, fit_positions
 from choreograph.motion.kinematics import forward
+from choreograph.motion.marker_fitting import fit_error_m, fit_positions
 from choreograph.motion.proportions import measure_bodies, measure_skeleton
 from choreograph.motion.skeleton import canonical_skeleton
 
@@ -86,12 +86,12 @@ def _dancer(stature: float, thigh: float, n_frames: int, phase: float) -> np.nda
 
 def test_spliced_bodies_of_several_sizes_come_out_on_one_skeleton():
     frames = 200
-    planted = [
+    synthetic = [
         _dancer(1.08, 1.04, frames, 0.0),
         _dancer(0.95, 1.0, frames, 1.0),
         _dancer(1.0, 0.94, frames, 2.0),
     ]
-    pos_m = np.concatenate(planted)
+    pos_m = np.concatenate(synthetic)
     bodies = measure_bodies(pos_m, dance_with_melody.ROLES, 3)
     assert len(bodies.skeletons) == 3
     skeleton = measure_skeleton(pos_m, dance_with_melody.ROLES)

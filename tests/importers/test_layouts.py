@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_dances import swaying
+from synthetic_motions import swaying
 
 from choreograph import importers
 from choreograph.errors import FormatError, ParameterError
@@ -56,8 +56,8 @@ def amass(path, *, fps=120.0, key="mocap_framerate"):
 
 
 def assert_same_poses(motion, tolerance_m=1e-3):
-    ours, planted = body_pos_m(motion), body_pos_m(MOTION)
-    assert np.abs((ours - ours[:, :1]) - (planted - planted[:, :1])).max() < tolerance_m
+    ours, synthetic = body_pos_m(motion), body_pos_m(MOTION)
+    assert np.abs((ours - ours[:, :1]) - (synthetic - synthetic[:, :1])).max() < tolerance_m
 
 
 def test_folder_with_songs_and_manifest(tmp_path):

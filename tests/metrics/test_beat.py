@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from golden.regenerate import beat_scores, golden, planted_dance
+from golden.regenerate import beat_scores, golden, synthetic_dance
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -165,7 +165,7 @@ def test_published_motion_beats_of_a_body_that_stops_every_second(name, fps):
 
 
 def test_published_scores_depend_on_neither_place_nor_heading_and_little_on_the_rate():
-    dance, music = planted_dance(), np.arange(0.3, 12, 0.5)
+    dance, music = synthetic_dance(), np.arange(0.3, 12, 0.5)
     wanted = evaluate_published(dance, 60.0, music)
     turned = dance[..., [2, 1, 0]] * np.array([1.0, 1.0, -1.0]) + np.array([3.0, 0.0, 1.0])
     assert evaluate_published(turned, 60.0, music) == pytest.approx(wanted)
@@ -178,7 +178,7 @@ def test_published_scores_depend_on_neither_place_nor_heading_and_little_on_the_
 
 
 def test_published_scores_beside_their_chance():
-    dance, music = planted_dance(), np.arange(0.3, 12, 0.5)
+    dance, music = synthetic_dance(), np.arange(0.3, 12, 0.5)
     scores = evaluate_published(dance, 60.0, music, rng=np.random.default_rng(0), rounds=400)
     for name in PROTOCOLS:
         motion = published_motion_beats_s(dance, 60.0, name)

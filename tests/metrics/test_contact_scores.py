@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from golden.regenerate import planted_dance
+from golden.regenerate import synthetic_dance
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -64,7 +64,7 @@ def test_falling_is_free_and_rising_is_not():
 
 
 def test_pfc_hides_slides_behind_a_glitch_and_less_so_in_pieces():
-    dance = np.concatenate([planted_dance()[::2]] * 3)[: 30 * 30]
+    dance = np.concatenate([synthetic_dance()[::2]] * 3)[: 30 * 30]
     glitch = dance.copy()
     glitch[100, PELVIS] += 1.0
     assert pfc(glitch, FPS) < 0.3 * pfc(dance, FPS)
@@ -109,7 +109,7 @@ def test_one_foot_of_two_and_never_in_contact():
 
 
 def test_place_and_heading_play_no_part():
-    dance = planted_dance()
+    dance = synthetic_dance()
     moved = turned(dance, 0.7) + np.array([3.0, 0.0, -2.0])
     assert pfc(moved, 60.0) == pytest.approx(pfc(dance, 60.0))
     assert foot_skating_ratio(moved, 60.0) == foot_skating_ratio(dance, 60.0)
@@ -119,7 +119,7 @@ def test_place_and_heading_play_no_part():
 
 @pytest.mark.parametrize("fps", [30.0, 120.0])
 def test_the_rate_plays_no_part(fps):
-    dance = planted_dance()
+    dance = synthetic_dance()
     other = body_pos_at(dance, 60.0, fps)
     assert pfc(other, fps) == pytest.approx(pfc(dance, 60.0), rel=0.02)
     assert foot_skating_ratio(other, fps) == pytest.approx(foot_skating_ratio(dance, 60.0), abs=0.02)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from golden.regenerate import golden, label_scores, planted_dance, planted_song
+from golden.regenerate import golden, label_scores, synthetic_dance, synthetic_song
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,7 +19,7 @@ START = np.array([0.0])
 
 
 def still(duration_s: float = 4.0) -> np.ndarray:
-    return np.repeat(planted_dance()[:1], round(duration_s * FPS), axis=0)
+    return np.repeat(synthetic_dance()[:1], round(duration_s * FPS), axis=0)
 
 
 def clicks(times_s: np.ndarray, hz: np.ndarray | float = 440.0, duration_s: float = 4.0) -> np.ndarray:
@@ -80,7 +80,7 @@ def test_asymmetry_of_arms_alone_and_of_arms_and_legs():
 
 
 def test_place_heading_mirror_and_rate_play_no_part():
-    dance, starts = planted_dance(), labels.window_starts_s(12.0)
+    dance, starts = synthetic_dance(), labels.window_starts_s(12.0)
     wanted = labels.dance_values(dance, FPS, starts)
     c, s = np.cos(2.0), np.sin(2.0)
     moved = dance @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) + np.array([4.0, 0.0, 1.0])
@@ -186,5 +186,5 @@ def test_golden():
 
 
 def test_the_golden_song_is_heard():
-    values = labels.music_values(planted_song(), labels.window_starts_s(12.0))
+    values = labels.music_values(synthetic_song(), labels.window_starts_s(12.0))
     assert (values > 0).all()

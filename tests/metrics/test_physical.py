@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from golden.regenerate import golden, physical_scores, planted_dance
+from golden.regenerate import golden, physical_scores, synthetic_dance
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,7 +35,7 @@ def test_standing_still_is_perfect():
 
 
 @given(speed_cm_s=st.floats(0.1, 500), heading=st.floats(-3.1, 3.1))
-def test_slide_is_the_planted_speed(speed_cm_s, heading):
+def test_slide_is_the_synthetic_speed(speed_cm_s, heading):
     pos = body_pos_m(_standing(40))
     along = np.arange(40)[:, None] / FPS * speed_cm_s / 100
     pos = pos + along[:, None] * [np.sin(heading), 0.0, np.cos(heading)]
@@ -53,7 +53,7 @@ def test_a_raised_foot_does_not_slide():
 
 
 @given(depth_cm=st.floats(0, 30))
-def test_penetration_is_the_planted_depth(depth_cm):
+def test_penetration_is_the_synthetic_depth(depth_cm):
     motion = _standing(20)
     stands_m = sole_pos_m(motion)[..., 1].min()
     sunk = motion.moved(shift_m=np.array([0.0, -stands_m - depth_cm / 100, 0.0]))
@@ -147,7 +147,7 @@ def test_golden():
 
 @pytest.mark.parametrize("fps", [30.0, 90.0])
 def test_rate_heading_and_place_play_no_part(fps):
-    dance = planted_dance()
+    dance = synthetic_dance()
     c, s = np.cos(1.1), np.sin(1.1)
     other = body_pos_at(dance, 60.0, fps) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) + np.array(
         [2.0, 0.0, 5.0]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_dances import stepping
+from synthetic_motions import stepping
 
 from choreograph.errors import ParameterError
 from choreograph.motifs.clustering import find_motifs, n_motifs_for
-from choreograph.motifs.words import cut_words
+from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
 
 
@@ -18,7 +18,7 @@ def _blobs(rng, n_blobs=5, n_each=20, dim=8):
     return middles[labels] + 0.1 * rng.normal(size=(len(labels), dim)), labels
 
 
-def test_planted_clusters_are_found():
+def test_synthetic_clusters_are_found():
     vectors, truth = _blobs(np.random.default_rng(1))
     motifs, labels = find_motifs(vectors, n_motifs=5, seed=0)
     assert len(motifs) == 5
@@ -30,7 +30,7 @@ def test_planted_clusters_are_found():
 def test_a_dance_of_two_moves_has_two_motifs():
     # There and back, each half a second: a word from every rest to the next.
     body = body_pos_m(stepping(601, fps=60, period_s=0.5, seed=4))
-    words = cut_words(body, 60, np.arange(0.0, 10.1, 0.5)).body_pos_m
+    words = segment_words(body, 60, np.arange(0.0, 10.1, 0.5)).body_pos_m
     motifs, labels = find_motifs(words.reshape(len(words), -1), n_motifs=2)
     np.testing.assert_array_equal(labels, [labels[0], 1 - labels[0]] * 10)
     np.testing.assert_array_equal(motifs.counts, 10)

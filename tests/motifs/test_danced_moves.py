@@ -6,12 +6,12 @@ from sklearn.metrics import adjusted_mutual_info_score
 
 from choreograph.motifs.clustering import find_motifs
 from choreograph.motifs.signatures import chi_square_distance, signature
-from choreograph.motifs.words import cut_words
+from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
-from choreograph.nets.word_presets import word_config
-from choreograph.nets.word_training import WordTake, train_word_net
-from choreograph.starter.moves.genres import GENRES
-from choreograph.starter.moves.sequencer import render_take
+from choreograph.nets.words.config import word_config
+from choreograph.nets.words.train import WordTake, train_word_net
+from choreograph.synthesis.moves.genres import GENRES
+from choreograph.synthesis.moves.sequencer import render_take
 
 FPS = 30.0
 DANCES = [("salsa", 0, 100.0), ("salsa", 1, 108.0), ("waltz", 2, 90.0), ("waltz", 3, 96.0)]
@@ -25,7 +25,7 @@ def danced():
         beats = np.arange(64) * 60 / bpm + 0.2
         take = render_take(GENRES[genre], beats, seed=seed, fps=FPS)
         body = body_pos_m(take.motion)
-        cut = cut_words(body, FPS, beats)
+        cut = segment_words(body, FPS, beats)
         starts = take.count_times_s[[p.start for p in take.placed if p.start < len(take.count_times_s)]]
         index = np.searchsorted(starts, cut.start_s + 0.05, side="right") - 1
         words.append(cut.body_pos_m)

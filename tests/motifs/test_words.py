@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_dances import stepping, swaying
+from synthetic_motions import stepping, swaying
 
 from choreograph.errors import ParameterError
 from choreograph.motifs.words import (
     LONGEST_S,
     NO_BEAT_S,
     SHORTEST_S,
-    cut_words,
     dance_bounds_s,
     poses_at,
+    segment_words,
     word_bounds_s,
     word_distance_m,
 )
@@ -27,7 +27,7 @@ BEATS = np.arange(0.25, 10, 0.5)
 
 
 def test_words_are_the_dance_between_beats():
-    words = cut_words(BODY, FPS, BEATS)
+    words = segment_words(BODY, FPS, BEATS)
     np.testing.assert_allclose(words.start_s, BEATS[:-1])
     np.testing.assert_allclose(words.end_s, BEATS[1:])
     assert words.body_pos_m.shape == (19, 13, 21, 3)
@@ -39,7 +39,7 @@ def test_words_are_the_dance_between_beats():
 
 
 def test_a_word_stands_in_its_own_place_and_keeps_its_travel():
-    words = cut_words(BODY, FPS, BEATS).body_pos_m
+    words = segment_words(BODY, FPS, BEATS).body_pos_m
     np.testing.assert_allclose(heading_rad(words[:, 6]), 0.0, atol=1e-9)
     np.testing.assert_allclose(ground_pos_m(words).mean(axis=1), 0.0, atol=1e-9)
     travel = np.linalg.norm(words[:, -1, 0] - words[:, 0, 0], axis=-1)
@@ -52,13 +52,13 @@ def test_a_word_stands_in_its_own_place_and_keeps_its_travel():
 def test_words_do_not_know_where_on_the_floor_they_are(yaw, x, z):
     moved = rot.rotate(rot.about_y(yaw), BODY) + np.array([x, 0.0, z])
     np.testing.assert_allclose(
-        cut_words(moved, FPS, BEATS).body_pos_m, cut_words(BODY, FPS, BEATS).body_pos_m, atol=1e-9
+        segment_words(moved, FPS, BEATS).body_pos_m, segment_words(BODY, FPS, BEATS).body_pos_m, atol=1e-9
     )
 
 
 def test_a_word_danced_twice_as_fast_is_the_same_word():
-    slow = cut_words(body_pos_m(stepping(301, fps=60, period_s=1.0, seed=2)), 60, np.arange(5.0))
-    fast = cut_words(body_pos_m(stepping(301, fps=60, period_s=0.5, seed=2)), 60, np.arange(5.0) / 2)
+    slow = segment_words(body_pos_m(stepping(301, fps=60, period_s=1.0, seed=2)), 60, np.arange(5.0))
+    fast = segment_words(body_pos_m(stepping(301, fps=60, period_s=0.5, seed=2)), 60, np.arange(5.0) / 2)
     assert word_distance_m(slow.body_pos_m, fast.body_pos_m).max() < 0.002
     assert word_distance_m(slow.body_pos_m[0], slow.body_pos_m[1]) > 0.02  # there and back differ
 
@@ -66,7 +66,7 @@ def test_a_word_danced_twice_as_fast_is_the_same_word():
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(-2, 14), max_size=40))
 def test_words_tile_the_time_between_the_beats(beats):
-    words = cut_words(BODY, FPS, np.array(beats))
+    words = segment_words(BODY, FPS, np.array(beats))
     assert np.isfinite(words.body_pos_m).all()
     np.testing.assert_array_equal(words.start_s[1:], words.end_s[:-1])
     lengths = words.end_s - words.start_s
@@ -78,7 +78,7 @@ def test_beats_too_close_are_one_and_gaps_are_divided():
     np.testing.assert_allclose(word_bounds_s(np.array([1.0, 1.1, 1.5]), 9.0), [1.0, 1.5])
     np.testing.assert_allclose(word_bounds_s(np.array([4.0, 1.0]), 9.0), [1.0, 2.5, 4.0])
     for beats in ([], [2.0], [-1.0, 3.0, 20.0]):
-        assert len(cut_words(BODY, FPS, np.array(beats))) == 0
+        assert len(segment_words(BODY, FPS, np.array(beats))) == 0
 
 
 @pytest.mark.parametrize(
@@ -93,11 +93,11 @@ def test_beats_too_close_are_one_and_gaps_are_divided():
 )
 def test_malformed_input_is_refused(body, fps, beats):
     with pytest.raises(ParameterError):
-        cut_words(body, fps, beats)
+        segment_words(body, fps, beats)
 
 
 def test_one_frame_has_no_word():
-    assert len(cut_words(BODY[:1], FPS, BEATS)) == 0
+    assert len(segment_words(BODY[:1], FPS, BEATS)) == 0
 
 
 @settings(max_examples=100)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_dances import swaying
+from synthetic_motions import swaying
 
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_pos_m, mirrored
 from choreograph.motion.motion import Motion
-from choreograph.motion.pose import from_own_place, ground_pos_m, heading_rad, phrases_from_own_place
+from choreograph.motion.pose import clips_to_root_frame, ground_pos_m, heading_rad, to_root_frame
 from choreograph.motion.skeleton import canonical_skeleton
 
 BODY = body_pos_m(swaying(20, seed=3))  # (T, 21, 3)
@@ -37,23 +37,23 @@ def test_heading_and_place_move_with_the_body_and_the_pose_does_not(angle, x, z)
     assert np.allclose(turned_by(heading_rad(moved), heading_rad(BODY)), angle, atol=1e-9)
     expected = rot.rotate(rot.about_y(angle), ground_pos_m(BODY)) + np.array([x, 0.0, z])
     assert np.allclose(ground_pos_m(moved), expected)
-    assert np.allclose(from_own_place(moved), from_own_place(BODY))
+    assert np.allclose(to_root_frame(moved), to_root_frame(BODY))
     velocities = np.gradient(BODY, axis=0)
     turned = rot.rotate(rot.about_y(angle), velocities)
-    assert np.allclose(from_own_place(moved, turned), from_own_place(BODY, velocities))
+    assert np.allclose(to_root_frame(moved, turned), to_root_frame(BODY, velocities))
 
 
 def test_from_its_own_place_a_body_stands_over_the_origin_and_faces_z():
-    own = from_own_place(BODY)
+    own = to_root_frame(BODY)
     assert np.allclose(heading_rad(own), 0, atol=1e-9)
     assert np.allclose(ground_pos_m(own), 0, atol=1e-9)
     assert np.allclose(own[..., 1], BODY[..., 1])  # heights are kept
-    assert np.allclose(from_own_place(own), own)
+    assert np.allclose(to_root_frame(own), own)
 
 
 def test_any_leading_dimensions():
     boxed = BODY.reshape(4, 5, 21, 3)
-    assert np.allclose(from_own_place(boxed).reshape(BODY.shape), from_own_place(BODY))
+    assert np.allclose(to_root_frame(boxed).reshape(BODY.shape), to_root_frame(BODY))
     assert heading_rad(boxed).shape == (4, 5)
 
 
@@ -66,9 +66,9 @@ def test_a_mirror_turns_the_heading_round_and_swaps_sides():
 
 
 def test_a_phrase_from_its_own_place_keeps_its_travel_and_forgets_where_it_was():
-    phrase = phrases_from_own_place(BODY[None])[0]
+    phrase = clips_to_root_frame(BODY[None])[0]
     moved = rot.rotate(rot.about_y(1.3), BODY) + np.array([2.0, 0.0, -1.0])
-    assert np.allclose(phrases_from_own_place(moved[None])[0], phrase)
+    assert np.allclose(clips_to_root_frame(moved[None])[0], phrase)
     assert heading_rad(phrase[len(BODY) // 2]) == pytest.approx(0.0, abs=1e-9)
     assert np.allclose(ground_pos_m(phrase).mean(axis=0), 0.0)
     travel = np.linalg.norm(BODY[-1] - BODY[0], axis=-1)

@@ -10,7 +10,7 @@ import torch
 from torch import nn
 
 from choreograph.errors import ChoreographError, FormatError, ParameterError
-from choreograph.nets.training import TrainingPlace, chosen_device, load_start, train
+from choreograph.nets.training import TrainingContext, chosen_device, load_pretrained, train
 
 
 def _module():
@@ -30,7 +30,7 @@ def _run(module, folder=None, *, resume=False, report=lambda p: None, steps=60, 
 
     return train(
         module, loss, name="toy", n_steps=steps, learning_rate=1e-2, weight_decay=0.01, seed=seed,
-        configuration={"width": width}, place=TrainingPlace(folder, resume, "cpu", report),
+        configuration={"width": width}, context=TrainingContext(folder, resume, "cpu", report),
     )  # fmt: skip
 
 
@@ -123,7 +123,7 @@ def test_loss_that_is_not_finite_stops_without_a_checkpoint(tmp_path):
     with pytest.raises(ChoreographError, match="finite loss, got nan"):
         train(
             module, loss, name="toy", n_steps=9, learning_rate=1e-2, weight_decay=0.0, seed=0,
-            configuration={}, place=TrainingPlace(tmp_path, device="cpu"),
+            configuration={}, context=TrainingContext(tmp_path, device="cpu"),
         )  # fmt: skip
     assert not (tmp_path / "toy.pt").exists()
 
@@ -132,4 +132,4 @@ def test_unknown_device_and_weights_of_another_shape_are_refused():
     with pytest.raises(ParameterError, match="auto, cpu, cuda"):
         chosen_device("gpu0")
     with pytest.raises(ParameterError, match="another preset"):
-        load_start(_module(), "toy", {"0.weight": np.zeros((3, 3), np.float32)})
+        load_pretrained(_module(), "toy", {"0.weight": np.zeros((3, 3), np.float32)})

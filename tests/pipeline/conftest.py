@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from planted_repertoire import planted_repertoire, write_clicks
+from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 
 @pytest.fixture(scope="session")
 def repertoire(tmp_path_factory):
-    return planted_repertoire(tmp_path_factory.mktemp("planted") / "rep.h5")
+    return synthetic_repertoire(tmp_path_factory.mktemp("planted") / "rep.h5")
 
 
 @pytest.fixture(scope="session")

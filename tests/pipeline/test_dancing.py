@@ -10,7 +10,7 @@ import jsonschema
 import numpy as np
 import pytest
 import soundfile
-from planted_repertoire import planted_repertoire, planted_takes, write_clicks
+from synthetic_repertoire import synthetic_repertoire, synthetic_takes, write_clicks
 
 import choreograph as cg
 from choreograph.blending.assembly import BLENDINGS
@@ -32,7 +32,7 @@ class OnlyTake(cg.Cost):
     def __init__(self, take: str) -> None:
         self.take = take
 
-    def node(self, layer, music):
+    def node(self, layer, song_features):
         return np.where(layer.take_names == self.take, 0.0, np.inf)
 
 
@@ -42,7 +42,7 @@ class Prefers(cg.Cost):
     def __init__(self, take: str) -> None:
         self.take = take
 
-    def node(self, layer, music):
+    def node(self, layer, song_features):
         return (layer.take_names != self.take).astype(float)
 
 
@@ -151,8 +151,8 @@ def test_a_part_of_a_song(repertoire, song):
 
 
 def test_fewer_clips_than_candidates_and_one_genre_only(tmp_path, song):
-    few = planted_repertoire(
-        tmp_path / "few.h5", planted_takes(periods_s=[0.5], duration_s=8.5, genres=["a"])
+    few = synthetic_repertoire(
+        tmp_path / "few.h5", synthetic_takes(periods_s=[0.5], duration_s=8.5, genres=["a"])
     )
     assert few.n_clips == 1
     made = cg.dance(song, few)
@@ -162,7 +162,7 @@ def test_fewer_clips_than_candidates_and_one_genre_only(tmp_path, song):
 
 
 def test_a_repertoire_without_any_clip(tmp_path, song):
-    short = planted_repertoire(tmp_path / "short.h5", planted_takes(periods_s=[0.5], duration_s=5.0))
+    short = synthetic_repertoire(tmp_path / "short.h5", synthetic_takes(periods_s=[0.5], duration_s=5.0))
     with pytest.raises(RepertoireError, match="no clip"):
         cg.dance(song, short)
 
@@ -178,8 +178,8 @@ def test_an_edited_plan_renders_what_it_says(made, repertoire):
     seconds = list(made.plan.seconds)
     other = "take2" if seconds[5].take != "take2" else "take1"
     times = tuple(4.0 + 0.05 * i for i in range(21))
-    seconds[5] = replace(seconds[5], take=other, source_times_s=times, begins_s=5.0)
-    seconds[6] = replace(seconds[6], begins_s=6.0)
+    seconds[5] = replace(seconds[5], take=other, source_times_s=times, start_s=5.0)
+    seconds[6] = replace(seconds[6], start_s=6.0)
     edited = cg.render(replace(made.plan, seconds=tuple(seconds)), repertoire)
     assert edited.n_frames == made.motion.n_frames
     assert np.isfinite(edited.root_pos_m).all()
@@ -232,7 +232,7 @@ def test_poses_of_the_last_frame_of_a_take_are_its_own(repertoire):
 
 
 def test_without_warping_takes_are_danced_as_recorded(repertoire, song):
-    made = cg.dance(song, repertoire, config=cg.DanceConfig(warping="none", joins="seconds"))
+    made = cg.dance(song, repertoire, config=cg.DanceConfig(warping="none", transitions="seconds"))
     for second in made.plan.seconds:
         assert np.diff(second.source_times_s) == pytest.approx(0.05, abs=1e-4)
         assert second.source_times_s[0] == pytest.approx(second.clip_start_s + 2.0 + second.offset, abs=1e-4)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_dances import on_other_axes, swaying
+from synthetic_motions import on_other_axes, swaying
 
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward

@@ -18,7 +18,7 @@ def rasterised(corners, triangles=((0, 1, 2),), shape=(12, 16)):
     return owners, nearness
 
 
-def test_a_planted_triangle_covers_the_samples_inside_it():
+def test_a_synthetic_triangle_covers_the_samples_inside_it():
     # Counter-clockwise with y up: (1, 1), (1, 9), (9, 1) on a screen whose y grows down.
     owners, _ = rasterised([(1, 1, 1), (1, 9, 1), (9, 1, 1)])
     rows, columns = np.mgrid[:12, :16] + 0.5

@@ -7,7 +7,7 @@ import builtins
 import numpy as np
 import pytest
 from PIL import Image
-from planted_repertoire import planted_repertoire, planted_takes
+from synthetic_repertoire import synthetic_repertoire, synthetic_takes
 
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.motifs.templates import dances_of
@@ -24,8 +24,8 @@ from choreograph.preview.motif_strip import words_to_show
 
 @pytest.fixture(scope="module")
 def repertoire(tmp_path_factory):
-    takes = planted_takes(periods_s=(0.5, 0.6, 0.55, 0.75), genres=("a/b", "c", "a/b", ""))
-    return planted_repertoire(tmp_path_factory.mktemp("plots") / "rep.h5", takes, vocabulary=True)
+    takes = synthetic_takes(periods_s=(0.5, 0.6, 0.55, 0.75), genres=("a/b", "c", "a/b", ""))
+    return synthetic_repertoire(tmp_path_factory.mktemp("plots") / "rep.h5", takes, vocabulary=True)
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def test_words_shown_of_a_motif_are_its_medoid_and_others_of_other_takes(reperto
 
 def test_what_cannot_be_plotted(repertoire, tmp_path, monkeypatch):
     with pytest.raises(RepertoireError, match="build-db"):
-        write_motif_plots(tmp_path / "x", planted_repertoire(tmp_path / "old.h5"))
+        write_motif_plots(tmp_path / "x", synthetic_repertoire(tmp_path / "old.h5"))
     (tmp_path / "file").write_text("")
     with pytest.raises(ParameterError, match="file"):
         write_motif_plots(tmp_path / "file", repertoire)

@@ -8,7 +8,7 @@ import zlib
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_dances import swaying
+from synthetic_motions import swaying
 
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_dances import swaying
-from planted_pages import TAKES, plan_for, write_seconds
+from synthetic_motions import swaying
+from synthetic_pages import TAKES, plan_for, write_seconds
 
 from choreograph.errors import ChoreographError, FormatError, ParameterError
 from choreograph.preview.page import write_page

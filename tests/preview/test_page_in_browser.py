@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from browsers import NO_COMPOSITING, SWIFTSHADER, note_complaints, until
 from PIL import Image
-from planted_dances import swaying
-from planted_pages import plan_for, write_seconds
+from synthetic_motions import swaying
+from synthetic_pages import plan_for, write_seconds
 
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planted_dances import swaying
+from synthetic_motions import swaying
 
 from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot

@@ -8,7 +8,7 @@ import av
 import numpy as np
 import pytest
 import soundfile
-from planted_pages import write_seconds
+from synthetic_pages import write_seconds
 
 from choreograph.errors import FormatError, ParameterError
 from choreograph.preview.sound import Levels, encode_mp4, song_part

@@ -7,7 +7,7 @@ import base64
 import numpy as np
 import pytest
 from browsers import QUIET
-from planted_pages import write_seconds
+from synthetic_pages import write_seconds
 
 from choreograph.preview.sound import encode_mp4, song_part
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from PIL import Image
-from planted_dances import swaying
+from synthetic_motions import swaying
 
 from choreograph.errors import ParameterError
 from choreograph.preview.strip import draw_strip, write_strip

@@ -8,7 +8,7 @@ import av
 import numpy as np
 import pytest
 import soundfile
-from planted_dances import swaying
+from synthetic_motions import swaying
 
 from choreograph.errors import ChoreographError, FormatError, ParameterError
 from choreograph.motion import rotations as rot

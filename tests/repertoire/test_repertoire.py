@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planted_repertoire import planted_repertoire, planted_takes
+from synthetic_repertoire import synthetic_repertoire, synthetic_takes
 
 from choreograph.errors import RepertoireError
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motion import rotations as rot
-from choreograph.motion.pose import from_own_place, ground_pos_m, heading_rad
+from choreograph.motion.pose import ground_pos_m, heading_rad, to_root_frame
 from choreograph.repertoire.contents import clip_starts, middle_starts
 
 
 @pytest.fixture(scope="module")
 def takes():
-    return planted_takes(duration_s=20.0)
+    return synthetic_takes(duration_s=20.0)
 
 
 @pytest.fixture(scope="module")
 def repertoire(takes, tmp_path_factory):
-    return planted_repertoire(tmp_path_factory.mktemp("rep") / "rep.h5", takes)
+    return synthetic_repertoire(tmp_path_factory.mktemp("rep") / "rep.h5", takes)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_poses_are_seen_from_their_own_place(repertoire, takes):
     assert np.abs(ground_pos_m(pose)).max() < 1e-6
     measured = takes[2]
     at = int(repertoire.clip_start_frame[30]) + 33
-    assert np.allclose(pose[1], from_own_place(measured.body_pos_m[at]), atol=1e-5)
+    assert np.allclose(pose[1], to_root_frame(measured.body_pos_m[at]), atol=1e-5)
     around = (measured.body_pos_m[at + 1] - measured.body_pos_m[at - 1]) * 10
     turn = rot.about_y(-heading_rad(measured.body_pos_m[at]))
     assert np.allclose(velocity[1], rot.rotate(turn, around), atol=1e-4)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_repertoire import planted_contents, planted_takes
+from synthetic_repertoire import synthetic_contents, synthetic_takes
 
 from choreograph.errors import ChoreographError, ParameterError, RepertoireError
 from choreograph.motion.body import BODY_JOINTS
-from choreograph.nets.word_presets import WORD_DIM
+from choreograph.nets.words.config import WORD_DIM
 from choreograph.repertoire import NetArrays, Repertoire, write_repertoire
 from choreograph.repertoire.schema import (
     ATTRIBUTES,
@@ -37,7 +37,7 @@ NET = NetArrays({"width": 3}, {"linear.weight": np.arange(6.0).reshape(2, 3), "b
 
 @pytest.fixture(scope="module")
 def contents():
-    return replace(planted_contents(planted_takes(duration_s=12.0)), nets={"style": NET})
+    return replace(synthetic_contents(synthetic_takes(duration_s=12.0)), nets={"style": NET})
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from planted_repertoire import planted_contents, planted_takes, planted_vocabulary, with_vocabulary
+from synthetic_repertoire import synthetic_contents, synthetic_takes, synthetic_vocabulary, with_vocabulary
 
 from choreograph.errors import RepertoireError
-from choreograph.motifs.words import cut_words
+from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
-from choreograph.nets.words import WordNet
+from choreograph.nets.words.model import WordNet
 from choreograph.repertoire import Repertoire, write_repertoire
 from choreograph.repertoire.schema import MOTIFS
 
@@ -24,12 +24,12 @@ COLUMNS = (
 
 @pytest.fixture(scope="module")
 def takes():
-    return planted_takes()
+    return synthetic_takes()
 
 
 @pytest.fixture(scope="module")
 def contents(takes):
-    return with_vocabulary(planted_contents(takes), takes)
+    return with_vocabulary(synthetic_contents(takes), takes)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def path(contents, tmp_path_factory):
 
 
 def test_a_vocabulary_comes_out_as_it_went_in(path, takes):
-    expected, _ = planted_vocabulary(takes)
+    expected, _ = synthetic_vocabulary(takes)
     found = Repertoire.open(path).vocabulary
     assert found.genres == expected.genres == ("a", "b", "c", "all")
     for column in COLUMNS:
@@ -52,7 +52,7 @@ def test_a_vocabulary_comes_out_as_it_went_in(path, takes):
 def test_its_network_embeds_the_medoids_where_they_are(path, takes):
     repertoire = Repertoire.open(path)
     vocabulary, net = repertoire.vocabulary, repertoire.word_net()
-    cut = [cut_words(body_pos_m(m.take.motion), m.take.motion.fps, m.motion_beats_s) for m in takes]
+    cut = [segment_words(body_pos_m(m.take.motion), m.take.motion.fps, m.motion_beats_s) for m in takes]
     embedded = net.embed(np.concatenate([c.body_pos_m for c in cut]))
     np.testing.assert_allclose(embedded[vocabulary.motifs.words], vocabulary.motifs.embeddings, atol=1e-6)
     np.testing.assert_array_equal(vocabulary.motifs.nearest(embedded), vocabulary.word_motif)
@@ -61,7 +61,7 @@ def test_its_network_embeds_the_medoids_where_they_are(path, takes):
 def test_a_packed_file_keeps_every_words_motif(contents, path, takes, tmp_path):
     write_repertoire(tmp_path / "packed.h5", contents, packed=True)
     packed, whole = Repertoire.open(tmp_path / "packed.h5"), Repertoire.open(path)
-    cut = cut_words(body_pos_m(takes[1].take.motion), takes[1].take.motion.fps, takes[1].motion_beats_s)
+    cut = segment_words(body_pos_m(takes[1].take.motion), takes[1].take.motion.fps, takes[1].motion_beats_s)
     labels = [r.vocabulary.motifs.nearest(r.word_net().embed(cut.body_pos_m)) for r in (whole, packed)]
     assert np.mean(labels[0] == labels[1]) > 0.95
     assert packed.vocabulary.motifs.embeddings.dtype == np.float32
@@ -69,7 +69,7 @@ def test_a_packed_file_keeps_every_words_motif(contents, path, takes, tmp_path):
 
 
 def test_a_file_without_words_opens_and_says_so(takes, tmp_path):
-    write_repertoire(tmp_path / "none.h5", planted_contents(takes))
+    write_repertoire(tmp_path / "none.h5", synthetic_contents(takes))
     repertoire = Repertoire.open(tmp_path / "none.h5")
     assert not repertoire.has_vocabulary
     assert repertoire.n_clips > 0

@@ -10,20 +10,20 @@ import pytest
 from click.testing import CliRunner
 
 import choreograph as cg
+from choreograph.building.segmentation import WORD_FPS
 from choreograph.cli import main
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.metrics.beat import f_score
 from choreograph.metrics.physical import floor_penetration_cm
 from choreograph.motifs.signatures import chi_square_distance, signature
-from choreograph.motifs.words import cut_words
+from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.skeleton import CANONICAL_JOINTS
-from choreograph.pipeline.wording import WORD_FPS
 from choreograph.starter import SONGS_PATH, STARTER_PATH
-from choreograph.starter.moves.genres import GENRES
-from choreograph.starter.synth import write_song
-from choreograph.starter.synth.testbed import SONGS
+from choreograph.synthesis.moves.genres import GENRES
+from choreograph.synthesis.songs import write_song
+from choreograph.synthesis.songs.testbed import SONGS
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_its_word_network_gives_words_their_motifs(starter):
         words = vocabulary.words_of_take(take)
         edges_s = np.append(vocabulary.word_start_s[words], vocabulary.word_end_s[words[-1]])
         motion, _ = starter.motion(take)
-        cut = cut_words(body_pos_m(motion.resampled(WORD_FPS)), WORD_FPS, edges_s)
+        cut = segment_words(body_pos_m(motion.resampled(WORD_FPS)), WORD_FPS, edges_s)
         given = vocabulary.motifs.nearest(net.embed(cut.body_pos_m))
         assert np.mean(given == vocabulary.word_motif[words]) > 0.9
 

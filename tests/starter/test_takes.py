@@ -14,9 +14,9 @@ from choreograph.metrics.beat import f_score
 from choreograph.motion.body import body_pos_m
 from choreograph.repertoire import Repertoire
 from choreograph.starter import build, takes
-from choreograph.starter.moves.genres import GENRES
-from choreograph.starter.synth import STYLES
-from choreograph.starter.synth.testbed import FIRST_SEED, SONGS
+from choreograph.synthesis.moves.genres import GENRES
+from choreograph.synthesis.songs import STYLES
+from choreograph.synthesis.songs.testbed import FIRST_SEED, SONGS
 
 
 def test_the_takes_are_enough_and_apart_from_the_test_songs():

@@ -62,7 +62,7 @@ def test_a_place_that_is_there_costs_nothing_more_and_a_constant_added_to_both_c
 
 
 @pytest.mark.parametrize("start", [0, 13, 80])
-def test_a_planted_part_is_found_where_it_lies(start):
+def test_a_synthetic_part_is_found_where_it_lies(start):
     target = np.random.default_rng(3).normal(size=160)
     frames, cost = subsequence_dtw(target[start : start + 80], target)
     assert cost == 0
@@ -70,7 +70,7 @@ def test_a_planted_part_is_found_where_it_lies(start):
 
 
 @pytest.mark.parametrize("speed", [0.6, 1.5])
-def test_a_planted_tempo_is_found(speed):
+def test_a_synthetic_tempo_is_found(speed):
     curve = np.cumsum(np.random.default_rng(5).normal(size=160))  # smooth enough to be told apart
     where = 10 + speed * np.arange(60)
     frames, _ = subsequence_dtw(np.interp(where, np.arange(160), curve), curve)

@@ -51,10 +51,10 @@ def test_shapes_and_slopes(segments):
 
 
 def test_clips_whose_beats_fit_are_on_the_beat_and_others_are_not(segments):
-    assert segments.off_beat[:, :2].max() < 0.05
-    assert segments.off_beat[:, 2].mean() > 0.3
-    assert segments.off_beat.min() >= 0
-    assert segments.off_beat.max() <= 1
+    assert segments.unmatched_beat[:, :2].max() < 0.05
+    assert segments.unmatched_beat[:, 2].mean() > 0.3
+    assert segments.unmatched_beat.min() >= 0
+    assert segments.unmatched_beat.max() <= 1
     assert segments.fit[:, :2].max() < 0.05
     assert segments.fit[:, 2].mean() > 2 * segments.fit[:, :2].mean()
 

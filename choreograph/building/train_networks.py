@@ -1,0 +1,202 @@
+"""All networks of a repertoire, one after another: kept from another repertoire, or trained."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from choreograph.audio.song import load_song
+from choreograph.building.options import BuildOptions
+from choreograph.building.segmentation import FEWEST_WORDS, SegmentedTake
+from choreograph.errors import FormatError
+from choreograph.features.mel import log_mel
+from choreograph.features.rhythm import rhythm_features
+from choreograph.progress import ProgressReport
+from choreograph.repertoire import NetArrays, Repertoire
+from choreograph.repertoire.contents import MeasuredTake
+from choreograph.timebase import CLIP_S, MUSIC_FPS, NET_FPS, seconds_to_frames
+
+if TYPE_CHECKING:
+    from choreograph.nets.style.data import StyleTake
+    from choreograph.nets.training import TrainingContext
+
+MUSIC_NETS = ("style", "motion_density", "music_density")  # learned from pairs of music and motion
+
+
+@dataclass(frozen=True)
+class PretrainedWeights:
+    """Networks of another repertoire: to train on from, or to keep."""
+
+    nets: Mapping[str, NetArrays] = field(default_factory=dict)
+    style: NetArrays | None = None  # to train on from where `nets` has none
+    trained_on: frozenset[str] = frozenset()  # songs that any of these has heard
+    keep: bool = False
+
+    @classmethod
+    def of(cls, options: BuildOptions) -> PretrainedWeights:
+        """Those that the options name; `RepertoireError` if a repertoire cannot be read or has no style."""
+        nets, style, heard = {}, None, frozenset[str]()
+        if options.init_from is not None:
+            other = Repertoire.open(options.init_from)
+            nets = {name: other.net(name) for name in other.net_names}
+            heard |= set(other.provenance.get("trained_on", ()))
+        if options.pretrained_style is not None and "style" not in nets:
+            other = Repertoire.open(options.pretrained_style)
+            style = other.net("style")
+            heard |= set(other.provenance.get("trained_on", ()))
+        return cls(nets, style, heard, options.keep_networks)
+
+    @property
+    def kept(self) -> Mapping[str, NetArrays]:
+        """Networks that are taken as they are."""
+        return self.nets if self.keep else {}
+
+    def weights(self, name: str) -> Mapping[str, Any] | None:
+        """Weights to begin with; None for none."""
+        net = self.nets.get(name, self.style if name == "style" else None)
+        return None if net is None else net.weights
+
+
+def training_context(
+    work: Path, options: BuildOptions, report: Callable[[Any], None] | None
+) -> TrainingContext:
+    """Checkpoints NAME.pt and logs NAME.jsonl in `work`; `options.resume` goes on from there."""
+    from choreograph.nets.training import TrainingContext
+
+    return TrainingContext(work, options.resume, options.device, report or (lambda progress: None))
+
+
+def train_music_networks(
+    measured: Sequence[MeasuredTake],
+    beginning: PretrainedWeights,
+    *,
+    options: BuildOptions,
+    context: TrainingContext,
+    report: ProgressReport | None,
+) -> tuple[dict[str, NetArrays], list[str], tuple[str, ...]]:
+    """Style and tempo-density networks, the songs they learned from, and notes.
+
+    Those that are not kept are trained, if two takes or more have songs of their own; with fewer, what
+    there is to begin with is taken over.
+    """
+    with_music = [m for m in measured if m.take.song_path is not None]
+    songs = {m.take.song_name for m in with_music}
+    known = {name: net for name, net in beginning.nets.items() if name in MUSIC_NETS}
+    if beginning.keep and set(known) == set(MUSIC_NETS):
+        return known, sorted(beginning.trained_on), ()
+    if len(songs) >= 2:
+        heard = [_heard(m, i, len(with_music), report) for i, m in enumerate(with_music)]
+        nets = _trained(heard, beginning, options=options, context=context)
+        return nets, sorted(songs | beginning.trained_on), ()
+    if known:
+        note = "fewer than two takes' songs to learn from: the networks are taken over as they are"
+        return known, sorted(beginning.trained_on), () if beginning.keep else (note,)
+    return (
+        {},
+        [],
+        ("fewer than two songs to learn from: no networks of music, so clips are not chosen by style",),
+    )
+
+
+def _trained(
+    takes: Sequence[StyleTake],
+    beginning: PretrainedWeights,
+    *,
+    options: BuildOptions,
+    context: TrainingContext,
+) -> dict[str, NetArrays]:
+    """The three networks: style, then the tempo-density of motion, then of music, which follows the motion's.
+
+    Without a take of 8 s of music and motion no tempo-density is trained.
+    """
+    from choreograph.nets.density.config import density_config
+    from choreograph.nets.density.model import MotionDensity
+    from choreograph.nets.density.train import train_motion_density
+    from choreograph.nets.density.train_music import train_music_density
+    from choreograph.nets.style.config import style_config
+    from choreograph.nets.style.train import train_style
+
+    nets = {name: net for name, net in beginning.kept.items() if name in MUSIC_NETS}
+    given: dict[str, Any] = {"seed": options.seed, "place": context}
+    if "style" not in nets:
+        n_songs = len({take.song_name for take in takes})
+        config = style_config(options.preset, n_songs=n_songs, **_changes(options))
+        style = train_style(takes, config, start=beginning.weights("style"), **given)
+        nets["style"] = _stored(style)
+    longest_s = max(min(len(t.body_pos_m) / NET_FPS, len(t.log_mel) / MUSIC_FPS) for t in takes)
+    if longest_s < CLIP_S:
+        return nets
+    densities = density_config(options.preset, **_changes(options))
+    if "motion_density" in nets:
+        motion = MotionDensity.from_arrays(nets["motion_density"].weights, nets["motion_density"].config)
+    else:
+        motion = train_motion_density(takes, densities, start=beginning.weights("motion_density"), **given)
+        nets["motion_density"] = _stored(motion)
+    if "music_density" not in nets:
+        start = beginning.weights("music_density")
+        nets["music_density"] = _stored(train_music_density(takes, motion, densities, start=start, **given))
+    return nets
+
+
+def train_word_network(
+    takes: Sequence[SegmentedTake],
+    beginning: PretrainedWeights,
+    *,
+    options: BuildOptions,
+    context: TrainingContext,
+) -> NetArrays | None:
+    """The network that embeds motion words; None if there are too few words and none to take over."""
+    from choreograph.nets.words.config import word_config
+    from choreograph.nets.words.train import train_word_net
+
+    if "words" in beginning.kept or sum(len(take.words) for take in takes) < FEWEST_WORDS:
+        return beginning.nets.get("words")
+    net = train_word_net(
+        [take.to_learn_from() for take in takes], word_config(options.preset, **_changes(options)),
+        seed=options.seed, context=context, start=beginning.weights("words"),
+    )  # fmt: skip
+    return _stored(net)
+
+
+def _changes(options: BuildOptions) -> dict[str, Any]:
+    """What every network's preset is changed by."""
+    return {} if options.augment_mirror else {"mirrored_share": 0.0}
+
+
+def _stored(net) -> NetArrays:
+    weights, config = net.to_arrays()
+    return NetArrays(config, weights)
+
+
+def _heard(measured: MeasuredTake, index: int, total: int, report: ProgressReport | None) -> StyleTake:
+    """A take as the networks learn from it; the song's part from the motion's first frame on."""
+    from choreograph.nets.style.data import StyleTake
+
+    take = measured.take
+    assert take.song_path is not None  # only takes with music are heard
+    song = load_song(take.song_path)
+    mel = log_mel(song.samples)
+    rhythm = rhythm_features(mel, start_s=max(0.0, take.song_start_s))
+    first = seconds_to_frames(take.song_start_s, MUSIC_FPS)
+    last = first + seconds_to_frames(take.motion.duration_s, MUSIC_FPS)
+    if first >= len(mel):
+        raise FormatError(
+            f"{take.song_path}: expected music at {take.song_start_s:g} s, where {take.name} begins, but the "
+            f"song lasts {song.duration_s:.1f} s"
+        )
+    silent = np.full((max(0, -first), mel.shape[1]), mel.min(), mel.dtype)
+    if report is not None:
+        report("hearing", index + 1, total)
+    return StyleTake(
+        name=take.name,
+        song_name=take.song_name,
+        genre=take.credits.genre,
+        log_mel=np.concatenate([silent, mel[max(0, first) : max(0, last)]]),
+        rhythm=rhythm,
+        body_pos_m=measured.body_pos_m,
+        motion_beat_times_s=measured.motion_beats_s,
+    )

@@ -1,0 +1,162 @@
+"""Wishes held against a repertoire and a song: in places of the dance's words, and without contradiction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.constraints.spec import Constraints, MotifPin, TakePin
+from choreograph.errors import ParameterError
+from choreograph.motifs.goals import MotifGoal, motif_goal
+from choreograph.repertoire import Repertoire
+
+_TOUCH_S = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedConstraints:
+    """What each word of one dance may be; places count the words from 0."""
+
+    bounds_s: NDArray[np.float64]  # (N + 1,) instants at which words begin and end
+    motifs: dict[int, int]  # place -> motif that must be danced there
+    takes: dict[int, int]  # place -> take that must be danced there
+    pinned: frozenset[int]  # places that a pin of a motif names
+    take_allowed: NDArray[np.bool_]  # (takes,)
+    motif_banned: NDArray[np.bool_]  # (K,); empty without a vocabulary
+
+    @property
+    def n_words(self) -> int:
+        """Number of words N."""
+        return len(self.bounds_s) - 1
+
+
+def resolve(
+    constraints: Constraints, repertoire: Repertoire, bounds_s: NDArray[np.float64], duration_s: float
+) -> ResolvedConstraints:
+    """The wishes in places of a dance whose words have the given bounds.
+
+    Raises
+    ------
+    ParameterError    an unknown motif, genre or take; a pin outside the dance; pins or bans that contradict
+                      each other; a signature of another vocabulary
+    RepertoireError   motifs are asked for of a repertoire without
+    """
+    n_motifs = repertoire.vocabulary.n_motifs if constraints.of_motifs or repertoire.has_vocabulary else 0
+    if constraints.genre is not None:
+        repertoire.vocabulary.genre_index(constraints.genre)
+    take_allowed, motif_banned = _bans(constraints, repertoire, n_motifs)
+    motifs = {
+        slot: _known(motif, n_motifs) for slot, motif in enumerate(constraints.motifs[: len(bounds_s) - 1])
+    }
+    pinned: dict[int, MotifPin] = {}
+    takes: dict[int, tuple[int, TakePin]] = {}
+    for pin in constraints.pins:
+        if isinstance(pin, MotifPin):
+            slot = _slot_of(pin, bounds_s, duration_s)
+            _known(pin.motif, n_motifs)
+            other = pinned.setdefault(slot, pin)
+            if other.motif != pin.motif:
+                raise ParameterError(f"pins {other} and {pin} want two motifs in one beat: give up one")
+            motifs[slot] = pin.motif
+        else:
+            index = _allowed_take(pin, repertoire, take_allowed)
+            for slot in _slots_of(pin, bounds_s, duration_s):
+                _, first = takes.setdefault(slot, (index, pin))
+                if first.take != pin.take:
+                    raise ParameterError(f"pins {first} and {pin} overlap: give up one or shorten it")
+    resolved = ResolvedConstraints(
+        bounds_s, motifs, {slot: index for slot, (index, _) in takes.items()}, frozenset(pinned),
+        take_allowed, motif_banned,
+    )  # fmt: skip
+    if motifs:
+        _check_words_exist(resolved, repertoire)
+    return resolved
+
+
+def target_goal(constraints: Constraints, repertoire: Repertoire, genre: str | None = None) -> MotifGoal:
+    """Signature and transitions of what is asked for, or else of a genre, or else of all takes.
+
+    Raises `ParameterError` for an unknown genre or a signature of another vocabulary.
+    """
+    shares = None if constraints.signature is None else np.array(constraints.signature)
+    n_motifs = repertoire.vocabulary.n_motifs
+    if shares is not None and len(shares) != n_motifs:
+        raise ParameterError(
+            f"expected a signature of this repertoire's {n_motifs} motifs, got {len(shares)} shares: it may "
+            "be of another repertoire"
+        )
+    return motif_goal(repertoire.vocabulary, genre=constraints.genre or genre, signature=shares)
+
+
+def _bans(
+    constraints: Constraints, repertoire: Repertoire, n_motifs: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Takes that may be danced, and motifs that may not."""
+    take_allowed, motif_banned = np.ones(len(repertoire.takes), bool), np.zeros(n_motifs, bool)
+    genres = [take.credits.genre for take in repertoire.takes]
+    for ban in constraints.bans:
+        if ban.take is not None:
+            take_allowed[_take_index(ban.take, repertoire)] = False
+        elif ban.genre is not None:
+            if ban.genre not in genres:
+                known = ", ".join(sorted({genre for genre in genres if genre}))
+                raise ParameterError(f"expected a ban of a genre among {known}, got {ban.genre!r}")
+            take_allowed[[genre == ban.genre for genre in genres]] = False
+        elif ban.motif is not None:
+            motif_banned[_known(ban.motif, n_motifs)] = True
+    if not take_allowed.any():
+        raise ParameterError("every take of the repertoire is banned: allow one")
+    return take_allowed, motif_banned
+
+
+def _take_index(name: str, repertoire: Repertoire) -> int:
+    names = [take.name for take in repertoire.takes]
+    if name not in names:
+        raise ParameterError(f"no take {name!r} in {repertoire.path.name}, which holds {len(names)} takes")
+    return names.index(name)
+
+
+def _allowed_take(pin: TakePin, repertoire: Repertoire, take_allowed: NDArray[np.bool_]) -> int:
+    index = _take_index(pin.take, repertoire)
+    if not take_allowed[index]:
+        raise ParameterError(f"take {pin.take} is pinned ({pin}) and banned: give up one")
+    return index
+
+
+def _known(motif: int, n_motifs: int) -> int:
+    if not 0 <= motif < n_motifs:
+        raise ParameterError(f"expected motifs 0 to {n_motifs - 1}, got motif {motif}")
+    return motif
+
+
+def _slot_of(pin: MotifPin, bounds_s: NDArray[np.float64], duration_s: float) -> int:
+    if not 0 <= pin.at_s < duration_s:
+        raise ParameterError(f"pin {pin}: expected an instant within the dance, which lasts {duration_s:g} s")
+    return int(np.clip(np.searchsorted(bounds_s, pin.at_s, side="right") - 1, 0, len(bounds_s) - 2))
+
+
+def _slots_of(pin: TakePin, bounds_s: NDArray[np.float64], duration_s: float) -> range:
+    if not 0 <= pin.start_s < pin.end_s <= duration_s + _TOUCH_S:
+        raise ParameterError(
+            f"pin {pin}: expected a start before its end, and both within the dance of {duration_s:g} s"
+        )
+    first = np.searchsorted(bounds_s, pin.start_s + _TOUCH_S, side="right") - 1
+    last = np.searchsorted(bounds_s, pin.end_s - _TOUCH_S, side="right") - 1
+    return range(max(0, int(first)), min(int(last), len(bounds_s) - 2) + 1)
+
+
+def _check_words_exist(resolved: ResolvedConstraints, repertoire: Repertoire) -> None:
+    """Raise `ParameterError` where what is asked for leaves no word to dance."""
+    vocabulary = repertoire.vocabulary
+    for slot, motif in resolved.motifs.items():
+        at = f"{resolved.bounds_s[slot]:.1f} s"
+        if resolved.motif_banned[motif]:
+            raise ParameterError(f"motif {motif} is asked for at {at} and banned: give up one")
+        takes = vocabulary.word_take[vocabulary.words_of_motif(motif)]
+        if not resolved.take_allowed[takes].any():
+            raise ParameterError(f"motif {motif} is asked for at {at}, but all takes that have it are banned")
+        if slot in resolved.takes and not (takes == resolved.takes[slot]).any():
+            name = repertoire.takes[resolved.takes[slot]].name
+            raise ParameterError(f"motif {motif} is asked for at {at}, where {name} is pinned: it has none")

@@ -1,0 +1,339 @@
+"""Places over time -> rotations of one skeleton: markers, and joints known only by position.
+
+Top-down and in closed form: the pelvis as a rigid body, the trunk spread over the spine, limbs by
+their directions. What a single direction leaves open, the twist about it, is read from how knees and
+elbows bend and, while a limb is straight, carried over smoothly from the moments when it is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from choreograph.errors import ParameterError
+from choreograph.motion import rotations as rot
+from choreograph.motion.fit_refinement import refine
+from choreograph.motion.kinematics import forward, to_local
+from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
+
+Floats = NDArray[np.float64]
+
+# Points beside the canonical joints that say more about a pose: the soles' ends, the head's sides.
+LANDMARKS = ("left_heel", "right_heel", "left_temple", "right_temple")
+REQUIRED_ROLES = tuple(
+    f"{side}_{part}"
+    for side in ("left", "right")
+    for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
+)
+
+# Joints whose turns are weighed against each other in the end; feet and hands come last in a limb.
+_REFINED = (
+    "pelvis",
+    "spine1",
+    "neck",
+    *(
+        f"{s}_{p}"
+        for p in ("hip", "knee", "ankle", "collar", "shoulder", "elbow", "wrist")
+        for s in ("left", "right")
+    ),
+)
+_TWIST_SMOOTH_S = 0.12  # time over which an unsure twist listens to its neighbours
+_FOOT_SURENESS = 0.3  # the foot's word on the leg's twist, against sin(knee bend)
+_NECK_SURENESS = 1.3  # against the temples', which get confused: above 1 the head never turns over
+_REST_SURENESS = 0.05  # an untwisted limb, where nothing else is known
+_FLIP_RAD = 1.4  # between two frames
+_BRIDGE_S = 0.16
+_PASSES = 3  # after the first pass the root moves to spread what bone lengths leave over
+
+
+def fit_positions(
+    skeleton: Skeleton, pos_m: Floats, roles: Sequence[str], *, fps: float
+) -> tuple[Floats, Floats]:
+    """Root positions (T, 3) and local rotations (T, J, 4) that bring `skeleton` closest to `pos_m`.
+
+    Parameters
+    ----------
+    skeleton : whose joints are known by name (`joint_roles`); any rest pose
+    pos_m : float array (T, R, 3)   metres, Y up
+    roles : R names                 canonical joints and `LANDMARKS`; at least `REQUIRED_ROLES`
+    fps : float                     rate of `pos_m`
+
+    A heel counts if the skeleton has it: as an end site of the ankle.
+
+    Raises
+    ------
+    ParameterError   if a required role is missing, shapes disagree, or a position is not finite
+    """
+    pos_m = np.asarray(pos_m, np.float64)  # (T, R, 3)
+    missing = [role for role in REQUIRED_ROLES if role not in roles]
+    unknown = [role for role in roles if role not in CANONICAL_JOINTS and role not in LANDMARKS]
+    if missing or unknown:
+        raise ParameterError(
+            f"expected canonical joints, missing {missing or 'none'}, unknown {unknown or 'none'}"
+        )
+    if pos_m.ndim != 3 or pos_m.shape[1:] != (len(roles), 3) or len(pos_m) == 0:
+        raise ParameterError(f"expected positions (T, {len(roles)}, 3), got {pos_m.shape}")
+    if not np.isfinite(pos_m).all():
+        raise ParameterError("expected finite positions, got nan or infinity: fill the gaps first")
+    targets = {role: pos_m[:, index] for index, role in enumerate(roles)}
+    fit = _Fit(skeleton, joint_roles(skeleton), targets, (_TWIST_SMOOTH_S * fps) ** 2)
+    root_pos_m, local_quat = fit.solve()
+    joints = joint_roles(skeleton)
+    placed = {joints[role]: place for role, place in targets.items() if role in joints}
+    turning = [joints[role] for role in _REFINED if role in joints]
+    root_pos_m, local_quat = refine(skeleton, root_pos_m, local_quat, placed, turning)
+    return root_pos_m, _without_flips(local_quat, max(1, round(_BRIDGE_S * fps)))
+
+
+def fit_error_m(
+    skeleton: Skeleton, root_pos_m: Floats, local_quat: Floats, pos_m: Floats, roles: Sequence[str]
+) -> Floats:
+    """Distances (T, R') in metres between the fitted joints and those of `roles` that are joints."""
+    indices = joint_roles(skeleton)
+    placed = [(column, indices[role]) for column, role in enumerate(roles) if role in indices]
+    joint_pos_m, _ = forward(skeleton, root_pos_m, local_quat)  # (T, J, 3)
+    columns, joints = np.array(placed).T
+    return np.linalg.norm(joint_pos_m[:, joints] - pos_m[:, columns], axis=-1)
+
+
+@dataclass
+class _Fit:
+    """The state of one fit: world rotations found so far, by joint."""
+
+    skeleton: Skeleton
+    joints: Mapping[str, int]
+    targets: Mapping[str, Floats]  # role -> (T, 3)
+    twist_smoothing: float  # frames squared
+    global_quat: dict[int, Floats] = field(default_factory=dict)  # joint -> world rotation (T, 4)
+    root_pos_m: Floats = field(init=False)  # (T, 3)
+
+    def __post_init__(self) -> None:
+        self.rest_m = self.skeleton.rest_pos_m()  # (J, 3)
+        self.left = _unit(self.rest_m[self.joints["left_hip"]] - self.rest_m[self.joints["right_hip"]])
+        middle = [self._rest_middle("shoulder"), self._rest_middle("hip")]
+        up = middle[0] - middle[1]
+        self.up = _unit(up - self.left * (up @ self.left))
+        self.front = np.cross(self.left, self.up)
+
+    def solve(self) -> tuple[Floats, Floats]:
+        """Root positions (T, 3) in metres and local rotations (T, J, 4), limb by limb from the pelvis."""
+        self._pelvis()
+        placed = [role for role in self.targets if role in self.joints]
+        target = np.stack([self.targets[role] for role in placed], axis=1)  # (T, R', 3)
+        for last in range(_PASSES):
+            self._trunk()
+            for side in ("left", "right"):
+                self._leg(side)
+                self._arm(side)
+            self._head()
+            if last == _PASSES - 1:
+                break
+            fitted = np.stack([self._pos(self.joints[role]) for role in placed], axis=1)
+            self.root_pos_m = self.root_pos_m + np.mean(target - fitted, axis=1)
+        world = np.stack([self._turn(joint) for joint in range(self.skeleton.n_joints)], axis=1)  # (T, J, 4)
+        return self.root_pos_m, rot.make_continuous(to_local(self.skeleton, world))
+
+    def _rest_middle(self, part: str) -> Floats:
+        return 0.5 * (self.rest_m[self.joints[f"left_{part}"]] + self.rest_m[self.joints[f"right_{part}"]])
+
+    def _middle(self, part: str) -> Floats:
+        return 0.5 * (self.targets[f"left_{part}"] + self.targets[f"right_{part}"])  # (T, 3)
+
+    def _turn(self, joint: int) -> Floats:
+        """World rotation (T, 4); a joint without one of its own follows its parent."""
+        while joint not in self.global_quat:
+            joint = int(self.skeleton.parents[joint])
+        return self.global_quat[joint]
+
+    def _pos(self, joint: int) -> Floats:
+        """World position (T, 3) by what is known of the joints above."""
+        pos = self.root_pos_m
+        chain = []
+        while self.skeleton.parents[joint] >= 0:
+            chain.append(joint)
+            joint = int(self.skeleton.parents[joint])
+        for link in chain:
+            pos = pos + rot.rotate(
+                self._turn(int(self.skeleton.parents[link])), self.skeleton.offsets_m[link]
+            )
+        return pos
+
+    def _rest_vector(self, source: int, target: int) -> Floats:
+        return self.rest_m[target] - self.rest_m[source]
+
+    def _pelvis(self) -> None:
+        """Pelvis from the hips and what stands over them; the root where the hips fit best."""
+        pelvis = self.joints["pelvis"]
+        above = next(
+            (role for role in ("spine1", "pelvis") if role in self.targets and role in self.joints), None
+        )
+        middle = self._rest_middle("hip")
+        if above and np.linalg.norm(self.rest_m[self.joints[above]] - middle) > 0.03:
+            rest_up, up = self.rest_m[self.joints[above]] - middle, self.targets[above] - self._middle("hip")
+        else:
+            rest_up, up = (
+                self._rest_middle("shoulder") - middle,
+                self._middle("shoulder") - self._middle("hip"),
+            )
+        across = self.targets["left_hip"] - self.targets["right_hip"]
+        turn = _frame_to_quat(across, up, _basis(self.left, rest_up))
+        for joint in {0, pelvis}:
+            self.global_quat[joint] = turn
+        fixed = [role for role in ("left_hip", "right_hip", above) if role]
+        self.root_pos_m = np.mean(
+            [self.targets[r] - rot.rotate(turn, self.rest_m[self.joints[r]] - self.rest_m[0]) for r in fixed],
+            axis=0,
+        )
+
+    def _trunk(self) -> None:
+        """Shoulders' frame over the spine, in equal parts; then its foot aims at the shoulders' middle."""
+        spine = [self.joints[role] for role in ("spine1", "spine2", "spine3") if role in self.joints]
+        if not spine:
+            return
+        pelvis = self.global_quat[self.joints["pelvis"]]
+        foot = self._pos(spine[0])
+        rest_up = self._rest_middle("shoulder") - self.rest_m[spine[0]]
+        across = self.targets["left_shoulder"] - self.targets["right_shoulder"]
+        chest = _frame_to_quat(self._middle("shoulder") - foot, across, _basis(rest_up, self.left))
+        bend = rot.to_rotvec(rot.multiply(chest, rot.invert(pelvis)))  # (T, 3)
+        for step, joint in enumerate(spine, start=1):
+            self.global_quat[joint] = rot.multiply(rot.from_rotvec(bend * (step / len(spine))), pelvis)
+        shoulders = np.zeros(3)
+        for side in ("left", "right"):
+            hang = self.joints.get(f"{side}_collar", self.joints[f"{side}_shoulder"])
+            anchor = int(self.skeleton.parents[hang])
+            reach = self._rest_vector(anchor, self.joints[f"{side}_shoulder"])
+            shoulders = shoulders + 0.5 * (self._pos(anchor) + rot.rotate(self._turn(anchor), reach))
+        correction = rot.between(shoulders - foot, self._middle("shoulder") - foot)
+        for joint in spine:
+            self.global_quat[joint] = rot.multiply(correction, self.global_quat[joint])
+
+    def _swing(self, joint: int, child: int, target: Floats) -> Floats:
+        """World rotation that takes `joint` with its parent's, then the shortest way to point at target."""
+        parent = self._turn(int(self.skeleton.parents[joint]))
+        now = rot.rotate(parent, self._rest_vector(joint, child))
+        return rot.multiply(rot.between(now, target - self._pos(joint)), parent)
+
+    def _head(self) -> None:
+        neck, head = self.joints.get("neck"), self.joints.get("head")
+        if neck is None or head is None or "head" not in self.targets:
+            return
+        self.global_quat[neck] = self._swing(neck, head, self.targets["head"])
+        self.global_quat[head] = self.global_quat[neck]
+        if "left_temple" in self.targets and "right_temple" in self.targets:
+            across = self.targets["left_temple"] - self.targets["right_temple"]
+            ahead = rot.rotate(self.global_quat[neck], self.left)
+            turn = rot.between(ahead, _NECK_SURENESS * ahead + _unit(across))
+            self.global_quat[head] = rot.multiply(turn, self.global_quat[neck])
+
+    def _arm(self, side: str) -> None:
+        shoulder, elbow, wrist = (self.joints[f"{side}_{part}"] for part in ("shoulder", "elbow", "wrist"))
+        collar, hand = self.joints.get(f"{side}_collar"), self.joints.get(f"{side}_hand")
+        if collar is not None:
+            self.global_quat[collar] = self._swing(collar, shoulder, self.targets[f"{side}_shoulder"])
+        rest_axis = np.cross(self._rest_vector(shoulder, elbow), self.front)
+        self._hinge(shoulder, elbow, wrist, f"{side}_elbow", f"{side}_wrist", rest_axis, None)
+        if hand is not None and f"{side}_hand" in self.targets:
+            self.global_quat[wrist] = self._swing(wrist, hand, self.targets[f"{side}_hand"])
+
+    def _leg(self, side: str) -> None:
+        hip, knee, ankle = (self.joints[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
+        foot = self.joints.get(f"{side}_foot")
+        across = None
+        if f"{side}_foot" in self.targets:
+            rear = self.targets.get(f"{side}_heel", self.targets[f"{side}_ankle"])
+            shank = self.targets[f"{side}_knee"] - self.targets[f"{side}_ankle"]
+            across = np.cross(shank, self.targets[f"{side}_foot"] - rear)
+        self._hinge(hip, knee, ankle, f"{side}_knee", f"{side}_ankle", self.left, across)
+        if foot is None or across is None:
+            return
+        self.global_quat[ankle] = self._swing(ankle, foot, self.targets[f"{side}_foot"])
+        heels = self.skeleton.tips_m[self.skeleton.tip_parents == ankle]  # (E', 3)
+        if f"{side}_heel" in self.targets and len(heels):
+            rest = _basis(self._rest_vector(ankle, foot), heels[0])
+            start = self._pos(ankle)
+            toe, heel = self.targets[f"{side}_foot"] - start, self.targets[f"{side}_heel"] - start
+            self.global_quat[ankle] = _frame_to_quat(toe, heel, rest)
+
+    def _hinge(
+        self,
+        upper: int,
+        middle: int,
+        end: int,
+        middle_role: str,
+        end_role: str,
+        rest_axis: Floats,
+        hint: Floats | None,
+    ) -> None:
+        """Aim the two bones of a limb; its twist puts the hinge's axis where the limb bends."""
+        swing = self._swing(upper, middle, self.targets[middle_role])
+        bone = _unit(self.targets[middle_role] - self._pos(upper))
+        lower = _unit(self.targets[end_role] - self.targets[middle_role])
+        axis = np.cross(bone, lower)  # (T, 3), length sin(bend)
+        if hint is not None:
+            axis = axis + _FOOT_SURENESS * _unit(hint)
+        bone_rest = _unit(self._rest_vector(upper, middle))
+        rest_axis = _unit(rest_axis - bone_rest * (rest_axis @ bone_rest))
+        ahead = rot.rotate(swing, rest_axis)
+        aside = np.cross(bone, ahead)
+        twist = _steady_angle(
+            np.sum(axis * ahead, axis=-1) + _REST_SURENESS,
+            np.sum(axis * aside, axis=-1),
+            self.twist_smoothing,
+        )
+        self.global_quat[upper] = rot.multiply(rot.from_rotvec(bone * twist[:, None]), swing)
+        self.global_quat[middle] = self._swing(middle, end, self.targets[end_role])
+
+
+def _without_flips(local_quat: Floats, half: int) -> Floats:
+    """Rotations (T, J, 4) whose jumps, which no body makes, are bridged by `half` frames on either side."""
+    n_frames = len(local_quat)
+    dot = np.abs(np.sum(local_quat[1:] * local_quat[:-1], axis=-1))  # (T-1, J)
+    jumps = 2.0 * np.arccos(np.clip(dot, 0.0, 1.0)) > _FLIP_RAD
+    for joint in np.flatnonzero(jumps.any(axis=0)):
+        jumped = np.convolve(jumps[:, joint], np.ones(2 * half), mode="same") > 0
+        edges = np.flatnonzero(
+            np.diff(np.concatenate([[False], jumped[: n_frames - 1], [False]]).astype(int))
+        )
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):  # frames start and stop are good
+            weight = np.linspace(0.0, 1.0, stop - start + 1)
+            ends = local_quat[[start, stop], joint]
+            local_quat[start : stop + 1, joint] = rot.slerp(ends[:1], ends[1:], weight)
+    return rot.make_continuous(local_quat)
+
+
+def _steady_angle(cos: Floats, sin: Floats, smoothing: float) -> Floats:
+    """Angles (T,) of vectors (cos, sin) whose length says how sure each is; the unsure follow the others.
+
+    Least squares on the unit circle's plane: sum of length * |z - unit vector|² + smoothing * |dz/dt|².
+    """
+    weight = np.hypot(cos, sin)
+    n = len(weight)
+    link = np.full(n, smoothing * _REST_SURENESS)
+    bands = np.zeros((2, n))  # upper form: off-diagonal, diagonal
+    bands[1] = weight + 1e-9
+    bands[1, 1:] += link[1:]
+    bands[1, :-1] += link[1:]
+    bands[0, 1:] = -link[1:]
+    smooth = solveh_banded(bands, np.stack([cos, sin], axis=-1))  # (T, 2)
+    return np.arctan2(smooth[:, 1], smooth[:, 0])
+
+
+def _unit(vector: Floats) -> Floats:
+    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
+
+
+def _basis(first: Floats, second: Floats) -> Floats:
+    """Right-handed orthonormal columns (..., 3, 3): along `first`, then towards `second`."""
+    x = _unit(first)
+    y = _unit(second - x * np.sum(x * second, axis=-1, keepdims=True))
+    return np.stack([x, y, np.cross(x, y)], axis=-1)
+
+
+def _frame_to_quat(first: Floats, second: Floats, rest: Floats) -> Floats:
+    return rot.from_matrix(_basis(first, second) @ rest.T)

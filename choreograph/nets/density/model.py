@@ -1,0 +1,198 @@
+"""Learned tempo-densities of motion and music (ChoreoGraph, section 3.2).
+
+Layer counts, the hidden vector and what goes in and out are the paper's. Ours: skip connections from
+each convolution block to the deconvolution block of its rate, because timing does not survive a hidden
+vector of a few frames; no positional encoding, so that what a frame is does not depend on when; and
+every density has zero mean and unit variance over its segment, so that it cannot collapse.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from choreograph.errors import ParameterError
+from choreograph.features.mel import MEL_BANDS
+from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
+from choreograph.nets.density.config import DensityConfig
+from choreograph.nets.stored import StoredNet
+from choreograph.nets.style.model import MEL_FRAMES, centred
+from choreograph.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SEGMENT_FRAMES
+
+BODY_DIM = 3 * len(BODY_JOINTS)
+HIDDEN_FRAMES = 4
+_HOP_FRAMES = NET_FPS  # of the windows of a whole take
+
+
+class MotionDensity(StoredNet):
+    """The estimator: centred clips (B, 160, 21, 3) to densities (B, 160) and contents (B, C)."""
+
+    config_class = DensityConfig
+
+    def __init__(self, config: DensityConfig) -> None:
+        super().__init__()
+        self.config = config
+        channels = (config.width, *config.conv_channels)
+        self.embed = nn.Linear(2 * BODY_DIM, config.width)
+        self.transformer = _transformer(config.width)
+        self.convs = nn.ModuleList(_conv(channels[i], channels[i + 1], i == 4) for i in range(5))
+        # A deconvolution block sees what the one before made and what the convolutions saw at its rate.
+        self.deconvs = nn.ModuleList(
+            _deconv(channels[i + 1] * (1 if i == 4 else 2), channels[i], i == 4) for i in (4, 3, 2, 1, 0)
+        )
+        self.to_density = nn.Conv1d(2 * config.width, 1, 3, padding=1)
+        hidden = HIDDEN_FRAMES * channels[-1]
+        self.content = nn.Sequential(
+            nn.Linear(hidden, config.content_dim),
+            nn.ReLU(),
+            nn.Linear(config.content_dim, config.content_dim),
+        )
+
+    def forward(self, body: Tensor) -> tuple[Tensor, Tensor]:
+        """Centred clips (B, 160, 21, 3) in metres to standardised densities (B, 160) and contents (B, C)."""
+        pos = body.flatten(2)  # (B, 160, 63)
+        # Ten frames of velocity are about as large as the positions they lead through.
+        velocity = 10 * torch.gradient(pos, dim=1)[0]
+        x = self.transformer(self.embed(torch.cat([pos, velocity], dim=2))).transpose(1, 2)  # (B, W, 160)
+        seen = [x]
+        for conv in self.convs:
+            seen.append(conv(seen[-1]))
+        content = self.content(seen[-1].flatten(1))
+        x = seen.pop()
+        for deconv in self.deconvs:
+            x = torch.cat([deconv(x), seen.pop()], dim=1)
+        return standardised(self.to_density(x)[:, 0]), content
+
+    def take_density(self, body_pos_m: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Tempo-density (T,) of a whole take, body positions (T, 21, 3) in metres at 20 fps.
+
+        The mean of windows of 8 s, one starting every second; a shorter take holds its end poses.
+        """
+        body = checked_body_pos_m(body_pos_m).astype(np.float32)
+        n_frames = len(body)
+        last = max(0, n_frames - CLIP_FRAMES)
+        starts = np.unique(np.append(np.arange(0, last + 1, _HOP_FRAMES), last))
+        frames = starts[:, None] + np.arange(CLIP_FRAMES)  # (N, 160)
+        clips = np.minimum(frames, n_frames - 1)
+        curves = self._in_batches(len(starts), lambda p: self(torch.from_numpy(centred(body[clips[p]])))[0])
+        # A window's ends know least of what surrounds them: they weigh least.
+        weights = np.broadcast_to(np.hanning(CLIP_FRAMES + 2)[1:-1] + 1e-3, frames.shape)
+        total = np.bincount(frames.ravel(), (weights * curves).ravel())
+        return (total / np.bincount(frames.ravel(), weights.ravel()))[:n_frames].astype(np.float32)
+
+
+class MotionDecoder(nn.Module):
+    """The estimator in reverse: densities (B, 160) and contents (B, C) to clips (B, 160, 21, 3)."""
+
+    def __init__(self, config: DensityConfig) -> None:
+        super().__init__()
+        channels = (config.width, *config.conv_channels)
+        hidden = HIDDEN_FRAMES * channels[-1]
+        self.content = nn.Sequential(
+            nn.Linear(config.content_dim, config.content_dim),
+            nn.ReLU(),
+            nn.Linear(config.content_dim, hidden),
+        )
+        self.from_density = nn.Conv1d(1, config.width, 3, padding=1)
+        self.convs = nn.ModuleList(_conv(channels[i], channels[i + 1], i == 4) for i in range(5))
+        self.deconvs = nn.ModuleList(
+            _deconv(2 * channels[i + 1], channels[i], i == 4) for i in (4, 3, 2, 1, 0)
+        )
+        self.join = nn.Linear(2 * config.width, config.width)
+        self.transformer = _transformer(config.width)
+        self.to_body = nn.Linear(config.width, BODY_DIM)
+
+    def forward(self, density: Tensor, content: Tensor) -> Tensor:
+        """Densities (B, 160) and contents (B, C) to centred clips (B, 160, 21, 3) in metres."""
+        seen = [self.from_density(density[:, None])]
+        for conv in self.convs:
+            seen.append(conv(seen[-1]))
+        x = self.content(content).view(len(content), -1, HIDDEN_FRAMES)
+        for deconv in self.deconvs:
+            x = deconv(torch.cat([x, seen.pop()], dim=1))
+        x = self.join(torch.cat([x, seen.pop()], dim=1).transpose(1, 2))
+        return self.to_body(self.transformer(x)).unflatten(2, (len(BODY_JOINTS), 3))
+
+
+class MusicDensity(StoredNet):
+    """Log-mel (B, 240, 96) of 4 s to the tempo-density wanted, (B, 80) at 20 fps."""
+
+    config_class = DensityConfig
+
+    def __init__(self, config: DensityConfig) -> None:
+        super().__init__()
+        self.config = config
+        channels = (config.width, *config.music_channels)
+        self.mel_mean: Tensor
+        self.mel_std: Tensor
+        self.register_buffer("mel_mean", torch.zeros(MEL_BANDS))
+        self.register_buffer("mel_std", torch.ones(MEL_BANDS))
+        self.embed = nn.Linear(MEL_BANDS, config.width)
+        self.transformers = nn.Sequential(_transformer(config.width), _transformer(config.width))
+        # 240 frames of 60 fps become 80 of 20 fps in the first block: 80, 40, 20, 10, 5.
+        strides = (3, 2, 2, 2, 2)
+        self.convs = nn.ModuleList(
+            nn.Sequential(
+                nn.Conv1d(channels[i], channels[i + 1], 5, stride=strides[i], padding=2),
+                nn.BatchNorm1d(channels[i + 1]),
+                nn.ReLU(),
+            )
+            for i in range(5)
+        )
+        self.deconvs = nn.ModuleList(
+            _deconv(channels[i + 1] * (1 if i == 4 else 2), channels[i], False) for i in (4, 3, 2, 1)
+        )
+        self.last = nn.ConvTranspose1d(2 * channels[1], 1, 3, padding=1)  # the fifth: 80 to 80
+
+    def forward(self, mel: Tensor) -> Tensor:
+        """Log-mel (B, 240, 96), raw, to densities (B, 80), not yet standardised."""
+        x = (mel - self.mel_mean) / self.mel_std
+        x = self.transformers(self.embed(x)).transpose(1, 2)
+        seen = []
+        for conv in self.convs:
+            x = conv(x)
+            seen.append(x)
+        seen.pop()
+        for deconv in self.deconvs:
+            x = torch.cat([deconv(x), seen.pop()], dim=1)
+        return self.last(x)[:, 0]
+
+    def song_density(self, log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:
+        """Densities (S, 80) wanted in the 4 s from each second, from a song's log-mel (T, 96) at 60 fps.
+
+        Each is stretched to unit variance: a mean-square fit is timid, and a flat query is found anywhere.
+        """
+        mel = np.asarray(log_mel, np.float32)
+        if mel.ndim != 2 or mel.shape[1] != MEL_BANDS or len(mel) == 0 or n_seconds < 1:
+            raise ParameterError(
+                f"expected log-mel (T, {MEL_BANDS}) and a second or more, got {mel.shape} and {n_seconds}"
+            )
+        padded = np.pad(mel, ((0, MEL_FRAMES), (0, 0)), constant_values=float(mel.min()))
+        frames = np.minimum(np.arange(n_seconds) * MUSIC_FPS, len(mel))[:, None] + np.arange(MEL_FRAMES)
+        curves = self._in_batches(
+            n_seconds, lambda part: standardised(self(torch.from_numpy(padded[frames[part]])))
+        )
+        return curves.reshape(n_seconds, SEGMENT_FRAMES)
+
+
+def standardised(curves: Tensor) -> Tensor:
+    """Curves (B, T) with zero mean and unit variance each; a flat one becomes zero."""
+    centre = curves - curves.mean(dim=1, keepdim=True)
+    return centre / torch.sqrt(centre.square().mean(dim=1, keepdim=True) + 1e-5)
+
+
+def _transformer(width: int) -> nn.Module:
+    return nn.TransformerEncoderLayer(width, 4, 2 * width, dropout=0.0, batch_first=True, norm_first=True)
+
+
+def _conv(n_in: int, n_out: int, deepest: bool) -> nn.Sequential:
+    """Half the frames; the deepest block takes 10 to 4, so that the hidden vector is 4 frames of it."""
+    conv = nn.Conv1d(n_in, n_out, 4, stride=2, padding=0 if deepest else 1)
+    return nn.Sequential(conv, nn.BatchNorm1d(n_out), nn.ReLU())
+
+
+def _deconv(n_in: int, n_out: int, deepest: bool) -> nn.Sequential:
+    deconv = nn.ConvTranspose1d(n_in, n_out, 4, stride=2, padding=0 if deepest else 1)
+    return nn.Sequential(deconv, nn.BatchNorm1d(n_out), nn.ReLU())

@@ -1,0 +1,71 @@
+"""Sizes and training of the rollout network: `paper`, `small` (two CPU cores), `tiny` (tests)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from choreograph.errors import ParameterError
+from choreograph.nets.presets import changed_preset
+
+
+@dataclass(frozen=True)
+class RolloutConfig:
+    """Everything that shapes and trains the rollout network; stored beside its weights.
+
+    The paper's network takes raw conditions, is asked for medoids only, feeds itself 5 frames of 10, and has
+    no weights but `perceptual_weight`; what else there is is ours.
+    """
+
+    n_joints: int = 24  # of the takes' skeleton, set by the training
+    width: int = 256
+    n_layers: int = 2
+    condition_width: int = 192
+    use_audio: bool = True  # rhythm and place in the word; False is the ablation without audio
+    motifs: bool = True  # False is the acLSTM baseline
+    phase: bool = True  # tell how far the word is and how long it lasts; ours
+    own_embedding_share: float = (
+        0.5  # share of sequences asked for their words' own embeddings, not the medoids'
+    )
+    style_strength: float = 1.5  # β of equation 4
+    style_fade_s: float = 1.0  # in which the styles of words pass into each other; 0: the paper's window
+    style_dropout: float = 0.5  # share of sequences whose style is left out
+    perceptual_weight: float = 0.5  # λ of equation 10
+    position_weight: float = 2.0
+    velocity_weight: float = 0.3
+    root_weight: float = 0.1
+    contact_weight: float = 0.05
+    slide_weight: float = 0.2
+    frames: int = 75  # of a training sequence
+    teacher_frames: int = 5  # fed with what was danced, before
+    self_fed_frames: tuple[int, ...] = (5, 15, 60)  # so many of its own, drawn per batch
+    batch_size: int = 32
+    steps: int = 1500
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-4
+
+    def __post_init__(self) -> None:
+        sizes = (self.n_joints, self.width, self.n_layers, self.condition_width, self.teacher_frames)
+        if min(*sizes, *self.self_fed_frames, self.batch_size, self.steps) < 1 or self.frames < 2:
+            raise ParameterError(f"expected sizes of 1 or more and sequences of 2 frames or more, got {self}")
+        if not (0 <= self.own_embedding_share <= 1 and 0 <= self.style_dropout <= 1):
+            raise ParameterError(
+                f"expected shares from 0 to 1, got {self.own_embedding_share} and {self.style_dropout}"
+            )
+
+
+_PRESETS = {
+    "paper": RolloutConfig(
+        width=1024, n_layers=3, condition_width=512, frames=100, self_fed_frames=(5,), steps=500_000,
+        learning_rate=1e-4, style_fade_s=0.0,
+    ),
+    "small": RolloutConfig(),
+    "tiny": RolloutConfig(
+        width=48, n_layers=1, condition_width=32, frames=40, self_fed_frames=(5, 15), batch_size=8, steps=40
+    ),
+}  # fmt: skip
+
+
+def rollout_config(preset: str, **changes: Any) -> RolloutConfig:
+    """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
+    return changed_preset(_PRESETS, preset, changes)

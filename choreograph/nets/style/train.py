@@ -1,0 +1,100 @@
+"""Training of the style networks on paired takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from choreograph.nets.style.config import StyleConfig
+from choreograph.nets.style.data import StyleBatch, StyleData, StyleTake
+from choreograph.nets.style.losses import contrastive_loss, style_loss
+from choreograph.nets.style.model import StyleNets
+from choreograph.nets.training import TrainingContext, load_pretrained, train
+
+
+def train_style(
+    takes: Sequence[StyleTake],
+    config: StyleConfig,
+    *,
+    seed: int,
+    start: Mapping[str, NDArray] | None = None,
+    context: TrainingContext | None = None,
+) -> StyleNets:
+    """Train both embeddings and the beat-count head together (ChoreoGraph, section 3.1).
+
+    All songs are learned from, to the last step. Holding a tenth of each genre's songs out and keeping
+    the weights they liked best was measured on five songs left out: by their loss it kept nearly the
+    last step and found no more of the genre (0.565 for 0.558), by their retrieval less (0.497).
+
+    Parameters
+    ----------
+    takes : pairs of music and motion of at least two songs
+    start : weights of the same configuration to begin with (`StyleNets.to_arrays`)
+    place : checkpoints, log, device and progress (`nets.training`)
+
+    Raises
+    ------
+    ParameterError   fewer than two songs have 4 s of pairs, or `start` is of another shape
+    """
+    data = StyleData(takes)
+    drawn = partial(data.batch, mirrored_share=config.mirrored_share)
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        nets = StyleNets(config)
+    if start is not None:
+        load_pretrained(nets, "style", start)
+    nets.load_state_dict({name: torch.as_tensor(v) for name, v in data.statistics().items()}, strict=False)
+    train(
+        nets,
+        lambda rng, device: pair_loss(nets, drawn(config.batch_size, rng).on(device)),
+        name="style",
+        n_steps=config.steps,
+        learning_rate=config.learning_rate,
+        weight_decay=config.weight_decay,
+        seed=seed,
+        configuration={**asdict(config), "takes": sorted(take.name for take in takes)},
+        context=context,
+    )
+    return nets
+
+
+def pair_loss(nets: StyleNets, batch: StyleBatch) -> Tensor:
+    """Equation 1, plus contrast between takes and between genres unless the config asks for it alone."""
+    config = nets.config
+    music = nets.style_of_music(batch.mel, batch.rhythm)
+    motion = nets.style_of_motion(batch.body)
+    loss = style_loss(
+        music,
+        motion,
+        nets.beat_count(music),
+        batch.n_beats,
+        style_weight=config.style_weight,
+        beat_weight=config.beat_weight,
+    )
+    if config.loss == "paper":
+        return loss
+    same_song = batch.song[:, None] == batch.song[None]  # (B, B)
+    own = torch.eye(len(music), dtype=torch.bool, device=music.device)
+    for anchors, others in ((music, motion), (motion, music)):
+        loss = loss + 0.5 * config.contrast_weight * contrastive_loss(
+            anchors, others, positive=own, negative=~same_song, temperature=config.temperature
+        )
+    # Genre holds within music and within motion too: each network finds it on its own, and then they
+    # need only agree. Across alone, both start from nothing to agree on.
+    both = torch.cat([music, motion])  # (2B, 32)
+    genre = batch.genre.repeat(2)
+    known = (genre >= 0)[:, None] & (genre >= 0)[None]
+    same_genre = genre[:, None] == genre[None]
+    itself = torch.eye(len(both), dtype=torch.bool, device=both.device)
+    return loss + config.genre_weight * contrastive_loss(
+        both,
+        both,
+        positive=known & same_genre & ~itself,
+        negative=known & ~same_genre,
+        temperature=config.temperature,
+    )

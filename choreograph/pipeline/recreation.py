@@ -1,0 +1,73 @@
+"""The motif sequence and the signature of a dance there is already."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.building.segmentation import segment_takes
+from choreograph.errors import ParameterError
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.importers import import_takes
+from choreograph.importers.folder import song_beside
+from choreograph.motifs.signatures import signature
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.retargeting import retarget
+from choreograph.repertoire import Repertoire
+from choreograph.repertoire.contents import MeasuredTake
+from choreograph.takes import Take
+from choreograph.timebase import NET_FPS, STORE_FPS
+
+
+def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
+    """The motifs of a dance in their order, to be danced again to another song.
+
+    `take` is the name of one in the repertoire, or a motion file (or a folder of one take), whose words are
+    cut on the beats of the song that lies beside it; without one, on its motion beats.
+
+    Raises `ParameterError` if it is neither, or has no motion word; `FormatError` if the file is damaged;
+    `RepertoireError` without a vocabulary.
+    """
+    vocabulary = repertoire.vocabulary
+    names = [info.name for info in repertoire.takes]
+    if str(take) in names:
+        motifs = vocabulary.word_motif[vocabulary.words_of_take(names.index(str(take)))]
+    elif Path(take).exists():
+        [cut], _ = segment_takes([_measured(_only_take(Path(take)), repertoire)])
+        motifs = vocabulary.motifs.nearest(repertoire.word_net().embed(cut.words.body_pos_m))
+    else:
+        raise ParameterError(
+            f"expected a take of {repertoire.path.name} or a motion file with its song beside it, got {take}"
+        )
+    if len(motifs) == 0:
+        raise ParameterError(f"{take}: expected two beats or more to cut motion words on, got fewer")
+    return tuple(motifs.tolist())
+
+
+def signature_of(name: str, repertoire: Repertoire) -> NDArray[np.float64]:
+    """The signature (K,) of a genre, or of a take as `motifs_of` finds it."""
+    vocabulary = repertoire.vocabulary
+    if name in vocabulary.genres:
+        return vocabulary.signatures[vocabulary.genre_index(name)]
+    return signature(np.array(motifs_of(name, repertoire)), vocabulary.n_motifs)
+
+
+def _only_take(path: Path) -> Take:
+    takes = list(import_takes(path))
+    if len(takes) != 1:
+        raise ParameterError(f"{path}: expected one take to dance again, got {len(takes)}")
+    take = takes[0]
+    song = take.song_path or song_beside(path.parent, path.stem)
+    return replace(take, song_path=song)
+
+
+def _measured(take: Take, repertoire: Repertoire) -> MeasuredTake:
+    motion = take.motion
+    if not motion.skeleton.same_as(repertoire.skeleton):
+        motion = retarget(motion, repertoire.skeleton)
+    beats_s = motion_beat_times_s(body_pos_m(motion.resampled(STORE_FPS)), STORE_FPS)
+    coarse = body_pos_m(motion.resampled(NET_FPS)).astype(np.float32)
+    return MeasuredTake(replace(take, motion=motion), coarse, beats_s)

@@ -1,0 +1,219 @@
+"""Building a repertoire with its networks and words, from real takes: resumed, taken over, danced with."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_motions import stepping
+from synthetic_repertoire import synthetic_takes, write_clicks
+
+import choreograph as cg
+from choreograph.building import BuildOptions, build_repertoire
+from choreograph.building.segmentation import FEWEST_WORDS, segment_takes
+from choreograph.errors import ParameterError
+from choreograph.exporters import save_motion
+from choreograph.metrics import physical
+from choreograph.motion.body import body_pos_m
+from choreograph.repertoire import Repertoire
+from choreograph.timebase import NET_FPS
+
+TRUE_BPM = 120.0
+TAKES = ("DANCE_C_8", "DANCE_R_2", "DANCE_W_11")
+
+
+@pytest.fixture(scope="module")
+def takes(shared_data, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("takes")
+    for name in TAKES:
+        (folder / name).symlink_to(shared_data / "dance-with-melody" / name)
+    return folder
+
+
+@pytest.mark.slow
+def test_build_resume_take_over_and_dance(takes, tmp_path):
+    progress = []
+    built, _ = build_repertoire(
+        [takes], tmp_path / "a.h5", BuildOptions(preset="tiny"), training_report=progress.append
+    )
+    assert set(built.net_names) == {"style", "motion_density", "music_density", "words"}
+    assert built.vocabulary.genres == ("cha-cha", "rumba", "waltz", "all")
+    assert set(built.vocabulary.word_take.tolist()) == {0, 1, 2}
+    assert {take.credits.genre for take in built.takes} == {"cha-cha", "rumba", "waltz"}
+    assert np.isfinite(built.clip_style).all()
+    assert built.clip_style.std(axis=0).max() > 0.01  # a collapsed embedding would be constant
+    assert {state.name for state in progress} == set(built.net_names)
+
+    # Everything is trained: resuming only writes the file again, to the same bytes.
+    first = built.path.read_bytes()
+    again, _ = build_repertoire([takes], tmp_path / "a.h5", BuildOptions(preset="tiny", resume=True))
+    assert again.path.read_bytes() == first
+
+    one, notes = build_repertoire(
+        [takes], tmp_path / "b.h5", BuildOptions(preset="tiny", init_from=built.path, leave_out=TAKES[1:])
+    )
+    assert any("taken over" in note for note in notes)
+    assert set(one.net_names) == set(built.net_names)
+    assert [take.name for take in one.takes] == [TAKES[0]]
+
+    kept, _ = build_repertoire(
+        [takes], tmp_path / "c.h5", BuildOptions(init_from=built.path, keep_networks=True, packed=True)
+    )
+    assert kept.provenance["trained_on"] == built.provenance["trained_on"]
+    assert not (tmp_path / "c.h5.build").exists()
+    assert kept.path.stat().st_size < 0.5 * built.path.stat().st_size
+    np.testing.assert_allclose(kept.clip_style, built.clip_style, atol=1e-5)
+    np.testing.assert_array_equal(kept.vocabulary.word_motif, built.vocabulary.word_motif)
+
+    made = cg.dance(takes / "DANCE_W_11" / "audio.mp3", built, duration_s=12.0)
+    assert abs(made.motion.n_frames - 12.0 * 60) <= 1
+
+
+def test_two_takes_of_one_name_are_refused(takes, tmp_path):
+    with pytest.raises(ParameterError, match="two takes are called"):
+        build_repertoire([takes / TAKES[0], takes / TAKES[0]], tmp_path / "x.h5")
+    assert not (tmp_path / "x.h5").exists()
+
+
+def test_networks_to_keep_must_be_given(takes, tmp_path):
+    with pytest.raises(ParameterError, match="init-from"):
+        build_repertoire([takes], tmp_path / "x.h5", BuildOptions(keep_networks=True))
+
+
+@pytest.fixture(scope="module")
+def silent_takes(tmp_path_factory):
+    """Two dances without music, of 40 words and more together, one take of 3 s, which has few."""
+    folder = tmp_path_factory.mktemp("silent")
+    for name, duration_s in (("long", 30.0), ("longer", 36.0), ("short", 3.0)):
+        save_motion(folder / f"{name}.bvh", stepping(round(duration_s * 30), period_s=0.6, seed=1))
+    return folder
+
+
+def test_takes_without_music_have_words_on_their_motion_beats(silent_takes, tmp_path):
+    built, notes = build_repertoire([silent_takes], tmp_path / "a.h5", BuildOptions(preset="tiny"))
+    assert built.net_names == ("words",)
+    vocabulary = built.vocabulary
+    take = built.take_index("longer")
+    words = vocabulary.words_of_take(take)
+    assert len(words) > FEWEST_WORDS / 2
+    beats = built.motion_beats_s(take)
+    for edges in (vocabulary.word_start_s[words], vocabulary.word_end_s[words]):
+        assert np.abs(edges[:, None] - beats).min(axis=1).max() < 1e-9
+    assert vocabulary.genres == ("all",)
+    assert any("fewer than two songs" in note for note in notes)
+
+    # Networks to keep: the words' is there, so nothing is trained, and nothing is where training would be.
+    kept, _ = build_repertoire(
+        [silent_takes], tmp_path / "b.h5", BuildOptions(init_from=built.path, keep_networks=True)
+    )
+    assert not (tmp_path / "b.h5.build").exists()
+    np.testing.assert_array_equal(kept.vocabulary.word_motif, vocabulary.word_motif)
+
+
+def test_words_can_be_left_out(silent_takes, tmp_path):
+    built, _ = build_repertoire([silent_takes], tmp_path / "a.h5", BuildOptions(preset="tiny", words=False))
+    assert built.net_names == ()
+    assert not built.has_vocabulary
+
+
+@pytest.fixture(scope="module")
+def takes_to_clicks(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clicks")
+    for seed, (name, bpm) in enumerate({"slow": 90, "even": 110, "quick": 130}.items()):
+        save_motion(folder / f"{name}.bvh", stepping(12 * 30, period_s=60 / bpm, seed=seed))
+        write_clicks(folder / f"{name}.wav", duration_s=12.0, bpm=bpm)
+    return folder
+
+
+def test_style_begins_with_another_repertoires_and_says_what_that_heard(takes_to_clicks, tmp_path):
+    options = BuildOptions(preset="tiny", words=False)
+
+    def built(name, **changes):
+        return build_repertoire([takes_to_clicks], tmp_path / name, replace(options, **changes))[0]
+
+    one = built("one.h5", leave_out=("slow",))
+    begun = built("begun.h5", leave_out=("quick",), pretrained_style=one.path)
+    afresh = built("afresh.h5", leave_out=("quick",))
+    assert not np.allclose(begun.clip_style, afresh.clip_style, atol=1e-3)
+    assert begun.provenance["trained_on"] == ["even", "quick", "slow"]
+    assert afresh.provenance["trained_on"] == ["even", "slow"]
+    assert (begun.provenance["style_from"], afresh.provenance["style_from"]) == ("one.h5", None)
+
+
+@pytest.mark.parametrize(("mirroring", "share"), [(True, 0.5), (False, 0.0)])
+def test_networks_learn_from_mirrored_motion_unless_told_not_to(
+    silent_takes, tmp_path, augment_mirror, share
+):
+    options = BuildOptions(preset="tiny", augment_mirror=augment_mirror)
+    built, _ = build_repertoire([silent_takes], tmp_path / "a.h5", options)
+    assert built.net("words").config["mirrored_share"] == share
+
+
+def test_what_a_kept_repertoire_lacks_is_trained(silent_takes, tmp_path):
+    build_repertoire([silent_takes], tmp_path / "old.h5", BuildOptions(preset="tiny"))
+    old = Repertoire.open(tmp_path / "old.h5")
+    with_old = BuildOptions(
+        preset="tiny", init_from=old.path, keep_networks=True, leave_out=("long", "longer")
+    )
+    few, notes = build_repertoire([silent_takes], tmp_path / "few.h5", with_old)
+    assert few.net_names == ("words",)  # taken over, though its takes have too few words for motifs
+    assert not few.has_vocabulary
+    assert any(f"fewer than {FEWEST_WORDS}" in note for note in notes)
+    lacking, _ = build_repertoire(
+        [silent_takes], tmp_path / "none.h5", BuildOptions(preset="tiny", leave_out=("long", "longer"))
+    )
+    assert lacking.net_names == ()
+    trained, _ = build_repertoire(
+        [silent_takes], tmp_path / "c.h5", replace(with_old, init_from=lacking.path, leave_out=())
+    )
+    assert trained.net_names == ("words",)
+    assert (tmp_path / "c.h5.build" / "words.pt").exists()
+
+
+def test_words_are_cut_on_the_music_where_it_plays_while_the_take_lasts(tmp_path):
+    song = write_clicks(tmp_path / "clicks.wav", duration_s=25.0, bpm=TRUE_BPM)
+    [synthetic] = synthetic_takes(periods_s=[0.75], duration_s=12.0)
+    cases = {
+        "begins 3.2 s into the song": dict(song_path=song, song_start_s=3.2),
+        "begins after the song": dict(song_path=song, song_start_s=40.0),
+        "no music": {},
+    }
+    takes = [
+        replace(synthetic, take=replace(synthetic.take, name=name, **changes))
+        for name, changes in cases.items()
+    ]
+    (inside, after, silent), notes = segment_takes(takes)
+    clicks_s = np.arange(0.0, 25.0, 60.0 / TRUE_BPM) - 3.2
+    assert len(inside.words) >= 20
+    assert np.abs(inside.words.start_s[:, None] - clicks_s).min(axis=1).max() < 0.05
+    for cut in (after, silent):
+        assert np.abs(cut.words.start_s[:, None] - synthetic.motion_beats_s).min(axis=1).max() < 1e-9
+    assert len(notes) == 1 and notes[0].startswith("begins after the song")
+
+
+@pytest.fixture(scope="module")
+def waltz(shared_data, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("waltz")
+    (folder / "DANCE_W_11").symlink_to(shared_data / "dance-with-melody" / "DANCE_W_11")
+    return folder
+
+
+def test_feet_of_takes_are_held_unless_told_not_to(waltz, tmp_path):
+    def built(name, **changes):
+        options = BuildOptions(preset="tiny", words=False, **changes)
+        return build_repertoire([waltz], tmp_path / name, options)[0]
+
+    held, recorded = built("held.h5"), built("recorded.h5", lock_feet=False)
+    assert (held.provenance["feet_held"], recorded.provenance["feet_held"]) == (True, False)
+    (still, _), (sliding, _) = held.motion(0), recorded.motion(0)
+    slides = [physical.foot_slide_cm_s(body_pos_m(motion), motion.fps) for motion in (still, sliding)]
+    assert slides[0] < 0.85 * slides[1]
+    # Only legs are moved; what is measured on the body is measured on the held one.
+    np.testing.assert_allclose(still.root_pos_m, sliding.root_pos_m, atol=1e-6)
+    arms = slice(still.skeleton.index("neck"), None)
+    np.testing.assert_allclose(still.local_quat[:, arms], sliding.local_quat[:, arms], atol=1e-6)
+    coarse = body_pos_m(still.resampled(NET_FPS))
+    np.testing.assert_allclose(
+        held.body_pos_m(0)[: len(coarse)], coarse[: len(held.body_pos_m(0))], atol=2e-3
+    )
+    again = built("again.h5")
+    assert again.path.read_bytes() == held.path.read_bytes()

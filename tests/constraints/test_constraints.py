@@ -1,0 +1,97 @@
+"""Pins, bans, signatures and motif sequences as text and files, and what is none."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_motions import swaying
+from synthetic_pages import plan_for
+
+from choreograph.constraints.parse import parse_ban, parse_pin, read_motifs, read_signature, write_signature
+from choreograph.constraints.spec import Ban, MotifPin, TakePin
+from choreograph.errors import FormatError, ParameterError
+from choreograph.plan import PlannedWord
+from choreograph.takes import Credits
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [MotifPin(12.0, 41), MotifPin(0.25, 0), TakePin(30.0, 38.5, "DANCE_W_3"), TakePin(0.0, 1.0, "a=b:c")],
+)
+def test_pins_say_how_they_are_written(wish):
+    assert parse_pin(str(wish)) == wish
+
+
+@pytest.mark.parametrize("ban", [Ban(take="a b"), Ban(genre="cha-cha"), Ban(motif=0)])
+def test_bans_say_how_they_are_written(ban):
+    assert parse_ban(str(ban)) == ban
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "12", "12=41", "12=motif:", "12=motif:-1", "12=motif:x", "12=take:A", "1-2=motif:3", "-3=motif:1",
+     "1.2.3=motif:4", "1-2=take:", "a-b=take:A"],
+)  # fmt: skip
+def test_text_that_is_no_pin(text):
+    with pytest.raises(ParameterError, match="--pin"):
+        parse_pin(text)
+
+
+@pytest.mark.parametrize("text", ["", "take", "take:", "motif:x", "motif:-1", "song:a", "genre:"])
+def test_text_that_is_no_ban(text):
+    with pytest.raises(ParameterError, match="--ban"):
+        parse_ban(text)
+
+
+def test_a_signature_survives_its_file(tmp_path):
+    shares = np.array([0.1, 0.2, 0.7])
+    write_signature(tmp_path / "mine.json", shares, name="waltz", repertoire="rep.h5")
+    np.testing.assert_allclose(read_signature(tmp_path / "mine.json"), shares)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        "{", "[0.5, 0.5]", {"format": "choreograph-signature"}, {"format": "x", "shares": [1.0]},
+        {"format": "choreograph-signature", "shares": [0.5, 0.4]},
+        {"format": "choreograph-signature", "shares": [1.5, -0.5]},
+        {"format": "choreograph-signature", "shares": ["1"]},
+        {"format": "choreograph-signature", "shares": []},
+    ],
+)  # fmt: skip
+def test_what_is_no_signature(tmp_path, data):
+    path = tmp_path / "as_given.json"
+    path.write_text(data if isinstance(data, str) else json.dumps(data))
+    with pytest.raises(FormatError, match="as_given") as said:
+        read_signature(path)
+    assert "\n" not in str(said.value)
+
+
+def test_motif_sequences_of_every_kind(tmp_path):
+    path = tmp_path / "of_moves.json"
+    path.write_text("[3, 41, 7]")
+    assert read_motifs(path) == (3, 41, 7)
+    path.write_text('[{"at_s": 1.5, "motif": 4}, {"at_s": 12, "motif": 0}]')
+    assert read_motifs(path) == (MotifPin(1.5, 4), MotifPin(12, 0))
+    plan = plan_for(swaying(120, fps=60.0))
+    word = PlannedWord(0.5, 1.0, 7, "anna-waltz", 3.0, 3.6, Credits(), True)
+    path.write_text(replace(plan, words=(word,)).to_json())
+    assert read_motifs(path) == (MotifPin(0.75, 7),)
+    whole = (replace(word, start_s=0.0), replace(word, start_s=1.0, end_s=2.0, motif=9))
+    path.write_text(replace(plan, engine="mixer", seconds=(), words=whole).to_json())
+    assert read_motifs(path) == (7, 9)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", "[1, -2]", "[1, 2.5]", "[true]", '[{"at_s": 1}]', "[1, [2]]"]
+)
+def test_what_is_no_motif_sequence(tmp_path, text):
+    (tmp_path / "of_moves.json").write_text(text)
+    with pytest.raises(FormatError, match="of_moves"):
+        read_motifs(tmp_path / "of_moves.json")
+    (tmp_path / "of_moves.json").write_text(plan_for(swaying(120, fps=60.0)).to_json())
+    with pytest.raises(FormatError, match="seconds alone"):
+        read_motifs(tmp_path / "of_moves.json")

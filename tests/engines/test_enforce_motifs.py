@@ -1,0 +1,115 @@
+"""The graph engine follows a genre or a signature: one asked for, or of the genre nearest to the song."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_repertoire import synthetic_contents, synthetic_repertoire, synthetic_takes, with_vocabulary
+
+import choreograph as cg
+from choreograph.engines.rendering import danced_motifs
+from choreograph.errors import ParameterError
+from choreograph.motifs.signatures import chi_square_distance, signature
+from choreograph.motifs.words import dance_bounds_s
+from choreograph.repertoire import write_repertoire
+from choreograph.starter import starter_repertoire
+
+UNSTEERED = {"signature": 0.0, "motif_transition": 0.0}
+
+
+def six_takes(genres=("waltz",) * 4 + ("rumba",) * 2):
+    return synthetic_takes(periods_s=[0.45, 0.5, 0.55, 0.6, 0.5, 0.55], duration_s=24.0, genres=list(genres))
+
+
+def hearing(path, takes):
+    """A repertoire with a vocabulary and style networks: a song's genre can be told."""
+    nets = {"style": starter_repertoire().net("style")}
+    write_repertoire(path, with_vocabulary(replace(synthetic_contents(takes), nets=nets), takes))
+    return cg.Repertoire.open(path)
+
+
+@pytest.fixture(scope="module")
+def worded(tmp_path_factory):
+    return synthetic_repertoire(tmp_path_factory.mktemp("worded") / "rep.h5", six_takes(), vocabulary=True)
+
+
+def distance(dance, repertoire, wanted) -> float:
+    bounds_s = dance_bounds_s(np.array(dance.plan.music_beats_s), dance.plan.duration_s)
+    motifs = danced_motifs(dance.motion, bounds_s, repertoire)
+    return float(chi_square_distance(signature(motifs[motifs >= 0], len(wanted)), wanted))
+
+
+@pytest.fixture(scope="module")
+def use_audio(tmp_path_factory):
+    return hearing(tmp_path_factory.mktemp("hears") / "rep.h5", six_takes())
+
+
+@pytest.mark.parametrize("planner", ["exact", "greedy"])
+def test_a_signature_asked_for_is_come_near_to(worded, song, planner):
+    wanted = worded.vocabulary.signatures[worded.vocabulary.genre_index("rumba")]
+    config = cg.DanceConfig(planner=planner, candidates=16)
+    without = cg.dance(song, worded, config=config)
+    steered = cg.dance(song, worded, config=config, signature=wanted, weights={"signature": 5.0})
+    assert distance(steered, worded, wanted) < distance(without, worded, wanted) - 0.05
+    assert set(steered.plan.seconds[0].costs) - set(without.plan.seconds[0].costs) == {
+        "signature", "motif_transition",
+    }  # fmt: skip
+
+
+def test_what_the_seconds_pay_is_the_distance_planned(worded, song):
+    made = cg.dance(song, worded, genre="waltz", weights={"signature": 2.0})
+    paid = np.mean([second.costs["signature"] for second in made.plan.seconds]) / 2.0
+    assert 0.0 <= paid <= 1.0
+    wanted = worded.vocabulary.signatures[worded.vocabulary.genre_index("waltz")]
+    assert abs(paid - distance(made, worded, wanted)) < 0.25  # but for words that joins have changed
+
+
+def test_the_likely_genre_is_followed_where_none_is_asked_for(use_audio, song):
+    made = cg.dance(song, use_audio)
+    (note,) = [note for note in made.notes if "no genre asked for" in note]
+    genre = next(genre for genre in ("waltz", "rumba") if f"dances {genre}," in note)
+    resolved = cg.dance(song, use_audio, genre=genre)
+    assert made.plan.seconds == resolved.plan.seconds and made.plan.weights == resolved.plan.weights
+    assert not any("no genre asked for" in note for note in resolved.notes)
+
+
+def test_a_banned_genre_is_not_followed(use_audio, song):
+    for banned, other in (("waltz", "rumba"), ("rumba", "waltz")):
+        notes = cg.dance(song, use_audio, bans=[cg.Ban(genre=banned)]).notes
+        assert any(f"dances {other}," in note for note in notes)
+
+
+def test_takes_without_genres_are_not_followed(song, tmp_path):
+    nameless = hearing(tmp_path / "rep.h5", six_takes(genres=[""] * 6))
+    made = cg.dance(song, nameless)
+    assert "signature" not in made.plan.weights and not any("genre" in note for note in made.notes)
+
+
+@pytest.mark.parametrize("how", [{"weights": UNSTEERED}, {"config": cg.DanceConfig(planner="motion-graph")}])
+def test_a_vocabulary_without_weight_changes_nothing(use_audio, song, tmp_path, how):
+    nets = {"style": starter_repertoire().net("style")}
+    write_repertoire(tmp_path / "rep.h5", replace(synthetic_contents(six_takes()), nets=nets))
+    plain = cg.Repertoire.open(tmp_path / "rep.h5")
+    a, b = cg.dance(song, use_audio, **how).plan, cg.dance(song, plain, **how).plan
+    assert a.seconds == b.seconds and a.weights == b.weights
+
+
+@pytest.mark.parametrize(
+    ("resolved", "said"),
+    [
+        ({"genre": "polka"}, "rumba"),
+        ({"signature": np.ones(3) / 3}, "signature"),
+        ({"weights": {"signature": 1.0}}, "'signature'"),
+        (
+            {"weights": {"motif_transition": 1.0}, "config": cg.DanceConfig(planner="motion-graph")},
+            "'motif_transition'",
+        ),
+        ({"genre": "waltz", "config": cg.DanceConfig(planner="motion-graph")}, "motion-graph"),
+    ],
+)
+def test_what_cannot_be_followed_is_said_in_one_line(worded, song, resolved, said):
+    with pytest.raises(ParameterError, match=said) as raised:
+        cg.dance(song, worded, **resolved)
+    assert "\n" not in str(raised.value)

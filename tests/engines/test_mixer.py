@@ -1,0 +1,283 @@
+"""The mixer, and what is asked of it and of the graph: pins hold, bans are kept, dances are made again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from synthetic_repertoire import synthetic_repertoire
+
+import choreograph as cg
+from choreograph.constraints.resolve import resolve, target_goal
+from choreograph.constraints.spec import make_constraints
+from choreograph.engines.rendering import plan_runs
+from choreograph.errors import NoPathError, ParameterError, RepertoireError
+from choreograph.motifs.words import segment_words
+from choreograph.motion.body import body_pos_m
+
+SCHEMA = Path(__file__).resolve().parents[2] / "data_schema" / "plan.schema.json"
+ENGINES = ("graph", "mixer")
+
+
+@pytest.fixture(scope="module")
+def spoken(tmp_path_factory):
+    """The planted repertoire with its words and motifs."""
+    return synthetic_repertoire(tmp_path_factory.mktemp("spoken") / "rep.h5", vocabulary=True)
+
+
+@pytest.fixture(scope="module")
+def mixed(spoken, song):
+    return cg.dance(song, spoken, engine="mixer")
+
+
+def shown_motifs(dance, repertoire) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds (N + 1,) and motifs (N,) of a rendered dance, cut on the song's beats."""
+    words = segment_words(body_pos_m(dance.motion.resampled(30.0)), 30.0, np.array(dance.plan.music_beats_s))
+    motifs = repertoire.vocabulary.motifs.nearest(repertoire.word_net().embed(words.body_pos_m))
+    return np.append(words.start_s, words.end_s[-1]), motifs
+
+
+def motif_at(dance, repertoire, at_s: float) -> int:
+    bounds, motifs = shown_motifs(dance, repertoire)
+    return int(motifs[np.searchsorted(bounds, at_s, side="right") - 1])
+
+
+def takes_between(dance, start_s: float, end_s: float) -> set[str]:
+    return {
+        b.planned.take for b in dance.plan.blocks if b.start_s < end_s - 1e-6 and b.end_s > start_s + 1e-6
+    }
+
+
+def test_a_mixed_dance_fills_its_song_with_words_on_the_beats(mixed, spoken):
+    plan = mixed.plan
+    assert (plan.engine, plan.seconds) == ("mixer", ())
+    assert abs(mixed.motion.duration_s - 12.4) <= 1 / 60
+    assert plan.words[0].start_s == 0.0 and plan.words[-1].end_s == 12.4
+    borders = {word.start_s for word in plan.words}
+    assert all(min(abs(beat - b) for b in borders) < 1e-5 for beat in plan.music_beats_s if 0.3 < beat < 12)
+    v = spoken.vocabulary
+    known = {
+        (spoken.takes[t].name, round(s, 6), round(e, 6), int(m))
+        for t, s, e, m in zip(v.word_take, v.word_start_s, v.word_end_s, v.word_motif, strict=True)
+    }
+    for word in plan.words[1:-1]:
+        assert (word.take, word.source_start_s, word.source_end_s, word.motif) in known
+        assert word.credits.licence == "CC0"
+    jsonschema.validate(json.loads(plan.to_json()), json.loads(SCHEMA.read_text(encoding="utf-8")))
+    assert cg.Plan.from_json(plan.to_json()) == plan
+
+
+def test_its_words_are_still_their_motifs_once_they_are_joined(mixed, spoken):
+    bounds, motifs = shown_motifs(mixed, spoken)
+    wanted = {round(word.start_s, 4): word.motif for word in mixed.plan.words}
+    resolved = [wanted[round(start, 4)] for start in bounds[:-1] if round(start, 4) in wanted]
+    assert len(resolved) >= len(motifs) - 1
+    assert np.mean(np.array(resolved) == motifs[-len(resolved) :]) >= 0.9
+
+
+def test_its_plan_renders_the_same_dance(mixed, spoken):
+    again = cg.render(cg.Plan.from_json(mixed.plan.to_json()), spoken)
+    assert np.array_equal(again.local_quat, mixed.motion.local_quat)
+    words = list(mixed.plan.words)
+    words[3] = replace(words[3], source_end_s=99.0)
+    with pytest.raises(ParameterError, match="99"):
+        cg.render(replace(mixed.plan, words=tuple(words)), spoken)
+
+
+def test_the_same_seed_mixes_the_same_and_another_another(mixed, spoken, song):
+    assert cg.dance(song, spoken, engine="mixer").plan == mixed.plan
+    other = cg.dance(song, spoken, engine="mixer", config=cg.DanceConfig(seed=5))
+    assert [w.motif for w in other.plan.words] != [w.motif for w in mixed.plan.words]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_pinned_motifs_always_hold(spoken, song, engine, seed):
+    rng = np.random.default_rng(seed)
+    times = [1.7, 2.2, 5.1, 9.9]  # two of them next to each other
+    pins = [cg.MotifPin(at_s, int(rng.integers(spoken.vocabulary.n_motifs))) for at_s in times]
+    made = cg.dance(song, spoken, engine=engine, pins=pins)
+    for pin in pins:
+        assert motif_at(made, spoken, pin.at_s) == pin.motif
+    pinned = [word for word in made.plan.words if word.pinned]
+    if engine == "mixer":
+        assert [word.motif for word in pinned] == [pin.motif for pin in pins]
+    else:
+        assert {word.motif for word in pinned} <= {pin.motif for pin in pins}
+        assert len(made.plan.seconds) == 13
+    again = cg.render(made.plan, spoken)
+    assert np.array_equal(again.local_quat, made.motion.local_quat)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_where_a_take_is_pinned_nothing_else_is_danced(spoken, song, engine):
+    pin = cg.TakePin(4.0, 8.0, "take2")
+    made = cg.dance(song, spoken, engine=engine, pins=[pin], bans=[cg.Ban(take="take1")])
+    assert takes_between(made, 4.0, 8.0) == {"take2"}
+    assert "take1" not in made.plan.takes_s()
+
+
+def test_joins_that_move_to_beats_stay_out_of_a_pinned_take(spoken, song):
+    made = cg.dance(song, spoken, pins=[cg.TakePin(4.0, 8.0, "take2")], bans=[cg.Ban(take="take1")])
+    runs = plan_runs(made.plan)
+    assert {run.take for run in runs if run.start_s < 8.0 - 1e-6 and run.stop_s > 4.0 + 1e-6} == {"take2"}
+    with pytest.raises(ParameterError, match="share second 4"):
+        cg.dance(song, spoken, pins=[cg.TakePin(2.0, 4.2, "take2"), cg.TakePin(4.8, 6.0, "take1")])
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_motif_within_a_pinned_take(spoken, song, engine):
+    v = spoken.vocabulary
+    motif = int(v.word_motif[v.words_of_take(1)[8]])
+    pins = [cg.TakePin(3.0, 7.0, "take1"), cg.MotifPin(5.2, motif)]
+    made = cg.dance(song, spoken, engine=engine, pins=pins)
+    assert takes_between(made, 3.0, 7.0) == {"take1"}
+    assert motif_at(made, spoken, 5.2) == motif
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_bans_are_never_danced(spoken, song, engine):
+    made = cg.dance(song, spoken, engine=engine, bans=[cg.Ban(genre="a")])
+    assert "take0" not in made.plan.takes_s()
+    free = cg.dance(song, spoken, engine=engine)
+    _, motifs = shown_motifs(free, spoken)
+    banned = int(np.bincount(motifs).argmax())
+    made = cg.dance(song, spoken, engine=engine, bans=[cg.Ban(motif=banned)])
+    assert banned not in shown_motifs(made, spoken)[1]
+    assert banned not in {word.motif for word in made.plan.words}
+
+
+def test_a_genre_and_a_signature_are_followed(spoken, song):
+    v = spoken.vocabulary
+    for genre in ("b", "c"):
+        made = cg.dance(song, spoken, engine="mixer", genre=genre)
+        shares = v.signatures[v.genre_index(genre)]
+        assert all(shares[word.motif] > 0 for word in made.plan.words)
+    only = np.zeros(v.n_motifs)
+    only[2] = 1.0
+    made = cg.dance(song, spoken, engine="mixer", signature=only)
+    motifs = [word.motif for word in made.plan.words]
+    assert motifs.count(2) > len(motifs) / 3
+    np.testing.assert_array_equal(cg.signature_of("b", spoken), v.signatures[1])
+
+
+def test_a_dance_is_made_again_to_another_song(spoken, song):
+    motifs = cg.motifs_of("take2", spoken)
+    assert list(motifs) == spoken.vocabulary.word_motif[spoken.vocabulary.words_of_take(2)].tolist()
+    made = cg.dance(song, spoken, motifs=motifs)  # a sequence asks for the mixer
+    n_words = len(made.plan.words)
+    assert made.plan.engine == "mixer"
+    assert [word.motif for word in made.plan.words] == list(motifs[:n_words])
+    assert any(f"{len(motifs)} motifs were given" in note for note in made.notes)
+    few = cg.dance(song, spoken, motifs=motifs[:4])
+    assert [word.motif for word in few.plan.words[:4]] == list(motifs[:4])
+    assert any("the rest is drawn" in note for note in few.notes)
+
+
+@pytest.mark.slow
+def test_a_motion_file_is_made_again(spoken, mixed, song, tmp_path):
+    mixed.save(tmp_path / "old.bvh")
+    (tmp_path / "old.wav").write_bytes(Path(song).read_bytes())
+    motifs = np.array(cg.motifs_of(tmp_path / "old.bvh", spoken))
+    _, shown = shown_motifs(mixed, spoken)
+    assert abs(len(motifs) - len(shown)) <= 1
+    same = max(np.mean(motifs[i : i + 20] == shown[:20]) for i in range(2))
+    assert same > 0.8
+    with pytest.raises(ParameterError, match="nobody"):
+        cg.motifs_of("nobody", spoken)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_variations_differ(spoken, song, engine):
+    made = cg.vary(song, spoken, 3, engine=engine, duration_s=6.0)
+    assert len(made) == 3
+    for i, one in enumerate(made):
+        for other in made[:i]:
+            # Planted takes repeat themselves: what differs is what of which take is danced.
+            sources = [[(b.planned.take, b.source_start_s) for b in d.plan.blocks] for d in (one, other)]
+            assert sum(a != b for a, b in zip(*sources, strict=False)) >= len(sources[0]) / 2
+    with pytest.raises(ParameterError, match="got 0"):
+        cg.vary(song, spoken, 0)
+
+
+@pytest.mark.parametrize(
+    ("constraints", "says"),
+    [
+        ({"pins": [cg.MotifPin(1.0, 99)]}, "motif 99"),
+        ({"pins": [cg.MotifPin(13.0, 1)]}, "12.4 s"),
+        ({"pins": [cg.MotifPin(1.1, 1), cg.MotifPin(1.2, 2)]}, "one beat"),
+        ({"pins": [cg.MotifPin(1.1, 1)], "bans": [cg.Ban(motif=1)]}, "banned"),
+        ({"pins": [cg.TakePin(2, 20, "take0")]}, "12.4 s"),
+        ({"pins": [cg.TakePin(5, 2, "take0")]}, "before its end"),
+        ({"pins": [cg.TakePin(2, 5, "nobody")]}, "nobody"),
+        ({"pins": [cg.TakePin(2, 5, "take0"), cg.TakePin(4, 6, "take1")]}, "overlap"),
+        ({"pins": [cg.TakePin(2, 5, "take0")], "bans": [cg.Ban(genre="a")]}, "banned"),
+        ({"bans": [cg.Ban(take="nobody")]}, "nobody"),
+        ({"bans": [cg.Ban(genre="polka")]}, "polka"),
+        ({"bans": [cg.Ban(motif=99)]}, "motif 99"),
+        ({"bans": [cg.Ban(genre=g) for g in "abc"]}, "every take"),
+        ({"bans": ["take0"]}, "as Ban"),
+        ({"pins": ["1=motif:2"]}, "as MotifPin"),
+        ({"genre": "polka"}, "polka"),
+        ({"signature": [0.5, 0.6]}, "sum to 1"),
+        ({"signature": [0.5, 0.5]}, "another repertoire"),
+        ({"motifs": [cg.MotifPin(1.0, 1), 2]}, "all have times"),
+        ({"motifs": [1.5]}, "as numbers"),
+        ({"motifs": [99]}, "motif 99"),
+    ],
+)
+def test_wishes_that_cannot_be_fulfilled(spoken, constraints, says):
+    def check() -> None:
+        wanted = make_constraints(**constraints)
+        resolve(wanted, spoken, np.arange(0.0, 12.6, 0.5), 12.4)
+        target_goal(wanted, spoken)
+
+    with pytest.raises(ParameterError, match=says) as said:
+        check()
+    assert "\n" not in str(said.value)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_every_engine_refuses_them(spoken, song, engine):
+    for constraints in (
+        {"pins": [cg.MotifPin(13.0, 1)]},
+        {"signature": [0.5, 0.5]},
+        {"bans": [cg.Ban(motif=99)]},
+    ):
+        with pytest.raises(ParameterError):
+            cg.dance(song, spoken, engine=engine, **constraints)
+
+
+def test_what_only_one_engine_can_do(spoken, song):
+    with pytest.raises(ParameterError, match="graph engine"):
+        cg.dance(song, spoken, engine="graph", motifs=[1, 2, 3])
+    with pytest.raises(ParameterError, match="costs and weights"):
+        cg.dance(song, spoken, engine="mixer", weights={"style": 1.0})
+    with pytest.raises(ParameterError, match="motion-graph"):
+        cg.dance(song, spoken, engine="mixer", config=cg.DanceConfig(planner="motion-graph"))
+    with pytest.raises(ParameterError, match="steam"):
+        cg.dance(song, spoken, engine="steam")
+    with pytest.raises(ParameterError, match="one take, genre or motif"):
+        cg.Ban()
+
+
+def test_a_ban_that_leaves_no_path_is_named(spoken, song):
+    motifs = [cg.Ban(motif=motif) for motif in range(spoken.vocabulary.n_motifs - 1)]
+    with pytest.raises(NoPathError, match="--ban motif:0"):
+        cg.dance(song, spoken, bans=motifs)
+
+
+@pytest.mark.parametrize("constraints", [{"engine": "mixer"}, {"engine": "rollout"}, {"genre": "a"}])
+def test_a_repertoire_without_motifs(repertoire, song, constraints):
+    with pytest.raises(RepertoireError, match="build-db"):
+        cg.dance(song, repertoire, **constraints)
+
+
+def test_takes_can_be_pinned_and_banned_without_motifs(repertoire, song):
+    made = cg.dance(song, repertoire, pins=[cg.TakePin(2, 5, "take1")], bans=[cg.Ban(take="take0")])
+    assert takes_between(made, 2, 5) == {"take1"}
+    assert "take0" not in made.plan.takes_s()

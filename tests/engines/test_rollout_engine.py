@@ -1,0 +1,105 @@
+"""The rollout engine: built, danced, asked, refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_motions import stepping
+from synthetic_repertoire import synthetic_repertoire, write_clicks
+
+import choreograph as cg
+from choreograph.audio.song import Song
+from choreograph.building import BuildOptions, build_repertoire
+from choreograph.errors import ParameterError, RepertoireError
+from choreograph.exporters import save_motion
+from choreograph.features.word_audio import rhythm_from, word_spectra
+
+
+@pytest.fixture(scope="module")
+def rolling(tmp_path_factory):
+    """A repertoire of one dance to clicks, with a rollout network that has hardly learned."""
+    folder = tmp_path_factory.mktemp("rolling")
+    save_motion(folder / "steps.bvh", stepping(30 * 30, period_s=0.5, seed=1))
+    write_clicks(folder / "steps.wav", duration_s=30.0)
+    built, _ = build_repertoire([folder], folder / "rep.h5", BuildOptions(preset="tiny", rollout=True))
+    return built
+
+
+@pytest.fixture(scope="module")
+def rolled(rolling, song):
+    return cg.dance(song, rolling, engine="rollout")
+
+
+def test_build_stores_the_network_and_what_shaped_it(rolling):
+    assert set(rolling.net_names) == {"words", "rollout"}
+    assert rolling.rollout_net().config.n_joints == rolling.skeleton.n_joints
+
+
+def test_a_network_that_is_kept_is_not_trained_again(rolling, tmp_path):
+    told = []
+    kept, _ = build_repertoire(
+        [rolling.path.parent], tmp_path / "b.h5",
+        BuildOptions(preset="tiny", rollout=True, init_from=rolling.path, keep_networks=True),
+        training_report=told.append,
+    )  # fmt: skip
+    assert not told
+    for name, weights in rolling.net("rollout").weights.items():
+        assert np.array_equal(weights, kept.net("rollout").weights[name])
+
+
+def test_a_rolled_dance_fills_its_song_with_words_of_the_network(rolled):
+    plan = rolled.plan
+    assert (plan.engine, plan.seconds) == ("rollout", ())
+    assert abs(rolled.motion.duration_s - plan.duration_s) <= 1 / 60
+    assert plan.words[0].start_s == 0.0 and plan.words[-1].end_s == pytest.approx(plan.duration_s)
+    assert {word.take for word in plan.words} == {""}
+    assert cg.Plan.from_json(plan.to_json()) == plan
+
+
+def test_one_seed_one_dance(rolling, song, rolled):
+    again = cg.dance(song, rolling, engine="rollout")
+    assert np.array_equal(again.motion.local_quat, rolled.motion.local_quat)
+
+
+def test_motifs_are_asked_for_as_given_and_pinned(rolling, song):
+    given = cg.dance(song, rolling, engine="rollout", motifs=[1, 0, 1])
+    assert [word.motif for word in given.plan.words[:3]] == [1, 0, 1]
+    pinned = cg.dance(song, rolling, engine="rollout", pins=[cg.MotifPin(4.1, 1)])
+    word = next(w for w in pinned.plan.words if w.start_s <= 4.1 < w.end_s)
+    assert (word.motif, word.pinned) == (1, True)
+    banned = cg.dance(song, rolling, engine="rollout", bans=[cg.Ban(motif=0)])
+    assert all(word.motif != 0 for word in banned.plan.words)
+
+
+def test_another_songs_style_changes_poses_but_not_what_is_danced(rolling, song, rolled, tmp_path):
+    other = write_clicks(tmp_path / "other.wav", duration_s=5.0, bpm=90.0)
+    styled = cg.dance(song, rolling, engine="rollout", style_song=other)
+    assert [w.motif for w in styled.plan.words] == [w.motif for w in rolled.plan.words]
+    assert not np.allclose(styled.motion.local_quat, rolled.motion.local_quat)
+
+
+def test_what_a_network_cannot_do_is_refused_in_one_line(rolling, song, tmp_path):
+    with pytest.raises(ParameterError, match="dances no take"):
+        cg.dance(song, rolling, engine="rollout", pins=[cg.TakePin(1.0, 2.0, "steps")])
+    with pytest.raises(ParameterError, match="style song"):
+        cg.dance(song, rolling, engine="mixer", style_song=song)
+    without = synthetic_repertoire(tmp_path / "rep.h5", vocabulary=True)
+    with pytest.raises(RepertoireError, match="build-db --rollout"):
+        cg.dance(song, without, engine="rollout")
+
+
+def test_music_of_words_outside_the_song_is_that_of_the_nearest():
+    samples = np.random.default_rng(0).normal(0, 0.1, 22050 * 4).astype(np.float32)
+    noise = Song(samples, "noise")
+    spectra = word_spectra(noise, np.array([-1.0, -0.5, 0.5, 1.0, 3.9, 4.5, 5.0]))
+    inside = word_spectra(noise, np.array([0.0, 0.5, 1.0, 3.9, 4.0]))
+    assert np.allclose(spectra[0], inside[0]) and np.allclose(spectra[1], inside[0])
+    assert np.allclose(spectra[-1], inside[-1]) and len(spectra) == 6
+    beats = np.arange(0.0, 4.0, 0.5)
+    whole = rhythm_from(noise, beats, 0.0)
+    assert np.array_equal(rhythm_from(noise, beats, 1.0), whole[30:])
+    early = rhythm_from(noise, beats, -0.5)
+    assert len(early) == len(whole) + 15 and np.array_equal(early[15:], whole)
+    assert len(rhythm_from(replace(noise, name="x"), beats, 60.0)) == 1

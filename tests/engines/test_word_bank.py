@@ -1,0 +1,47 @@
+"""What the mixer looks at: poses around words' borders, and doubts about their motifs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic_repertoire import synthetic_repertoire
+
+from choreograph.engines.word_bank import WordBank
+
+
+@pytest.fixture(scope="module")
+def bank(tmp_path_factory):
+    rep = synthetic_repertoire(tmp_path_factory.mktemp("bank") / "rep.h5", vocabulary=True)
+    return WordBank(rep.vocabulary, rep.body_pos_m, rep.word_net().embed)
+
+
+def test_a_word_ends_as_the_next_of_its_take_begins(bank):
+    v = bank.vocabulary
+    words = v.words_of_take(1)
+    lengths = v.word_end_s - v.word_start_s
+    for word in words[3:6]:  # at their own speed, so that the poses are the same instants
+        _, last = bank.borders_m(np.array([word]), float(lengths[word]))
+        first, _ = bank.borders_m(np.array([word + 1]), float(lengths[word + 1]))
+        assert np.abs(first - last).max() < 5e-3
+    other, _ = bank.borders_m(v.words_of_take(0)[:1], 0.5)
+    assert np.abs(other - last).max() > 0.05
+
+
+def test_faster_words_show_poses_farther_apart(bank):
+    word = np.array([bank.vocabulary.words_of_take(0)[4]])
+    own = float((bank.vocabulary.word_end_s - bank.vocabulary.word_start_s)[word[0]])
+    middle = [bank.borders_m(word, length)[1][0, 1] for length in (own, own / 3)]
+    assert np.allclose(*middle, atol=0.1)
+    spread = [np.ptp(bank.borders_m(word, length)[1][0], axis=0).max() for length in (own, own / 3)]
+    assert spread[1] > 1.5 * spread[0]
+
+
+def test_doubt_is_distance_to_its_own_motif_less_that_to_the_next(bank):
+    v = bank.vocabulary
+    doubt = bank.motif_margin_m(np.arange(len(v.word_motif)))
+    assert np.mean(doubt < 0) > 0.95  # nearest is how words were given their motifs, here at 20 fps
+    medoids = v.motifs.embeddings.astype(np.float64)
+    gaps = np.linalg.norm(medoids[:, None] - medoids, axis=-1)
+    np.fill_diagonal(gaps, np.inf)
+    # A medoid is its motif: all its doubt is the distance to the next medoid.
+    np.testing.assert_allclose(doubt[v.motifs.words], -gaps.min(axis=1), atol=0.02)

@@ -1,0 +1,109 @@
+"""Retargeting: planted motions on other rigs, and a real one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_motions import on_other_axes, swaying
+
+from choreograph.errors import ParameterError
+from choreograph.importers.bvh import read_bvh
+from choreograph.motion import rotations as rot
+from choreograph.motion.floor import estimate_floor_m, sole_pos_m
+from choreograph.motion.kinematics import forward, to_local
+from choreograph.motion.retargeting import retarget, share_skeleton
+from choreograph.motion.rigs import joint_roles, rest_stands
+from choreograph.motion.skeleton import Skeleton, canonical_skeleton
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_another_rest_pose_comes_out_at_the_same_places(seed):
+    motion = swaying(seed=seed)
+    other = on_other_axes(motion, seed)
+    assert np.allclose(other.joint_pos_m(), motion.joint_pos_m())  # the plant itself
+    back = retarget(other, canonical_skeleton())
+    assert np.linalg.norm(back.joint_pos_m() - motion.joint_pos_m(), axis=-1).max() < 0.01
+
+
+def test_back_and_forth_onto_an_odd_rig():
+    motion = swaying()
+    odd = on_other_axes(motion, 5).skeleton
+    there = retarget(motion, odd)
+    assert np.abs(there.joint_pos_m() - motion.joint_pos_m()).max() < 0.01
+
+
+def test_twist_of_limbs_comes_back():
+    motion = swaying(240)
+    back = retarget(on_other_axes(motion, 1), canonical_skeleton())
+    for role in ("left_hip", "right_knee", "left_shoulder", "right_elbow", "pelvis", "spine3"):
+        joint = motion.skeleton.index(role)
+        dots = np.abs((back.local_quat[:, joint] * motion.local_quat[:, joint]).sum(-1))
+        assert np.degrees(2 * np.arccos(np.clip(dots, 0, 1))).mean() < 12, role
+
+
+def test_a_giant_keeps_directions_and_the_floor_and_walks_a_shorter_path():
+    motion = swaying()
+    body = motion.skeleton
+    giant = Skeleton(body.names, body.parents, body.offsets_m * 2, body.tip_parents, body.tips_m * 2)
+    big = replace(motion, skeleton=giant, root_pos_m=motion.root_pos_m * 2)
+    assert np.allclose(retarget(big, body).joint_pos_m(), motion.joint_pos_m(), atol=0.01)
+
+
+def test_rate_and_length_stay_and_signs_are_continuous():
+    moved = retarget(on_other_axes(swaying(50, fps=24.0), 2), canonical_skeleton())
+    assert (moved.n_frames, moved.fps) == (50, 24.0)
+    assert ((moved.local_quat[1:] * moved.local_quat[:-1]).sum(-1) > 0).all()
+
+
+def test_unknown_names_are_refused():
+    body = canonical_skeleton()
+    unnamed = Skeleton(tuple(f"b{i}" for i in range(24)), body.parents, body.offsets_m)
+    with pytest.raises(ParameterError, match="known rig"):
+        retarget(replace(swaying(), skeleton=unnamed), body)
+
+
+def test_share_skeleton():
+    a, b = swaying(seed=1), swaying(seed=2)
+    assert share_skeleton([a, b])
+    assert not share_skeleton([a, on_other_axes(b, 1)])
+
+
+def test_bandai_namco_keeps_every_limb_direction(shared_data):
+    motion, _ = read_bvh(shared_data / "bvh" / "dance-short_normal_001.bvh")
+    moved = retarget(motion, canonical_skeleton())
+    before, after = motion.joint_pos_m(), moved.joint_pos_m()
+    a, b = joint_roles(motion.skeleton), joint_roles(moved.skeleton)
+    limbs = ("hip knee", "knee ankle", "ankle foot", "shoulder elbow", "elbow wrist")
+    for start, end in (pair.split() for pair in limbs):
+        for side in ("left", "right"):
+            x = before[:, a[f"{side}_{end}"]] - before[:, a[f"{side}_{start}"]]
+            y = after[:, b[f"{side}_{end}"]] - after[:, b[f"{side}_{start}"]]
+            cos = (x * y).sum(-1) / np.linalg.norm(x, axis=-1) / np.linalg.norm(y, axis=-1)
+            assert np.degrees(np.arccos(np.clip(cos, -1, 1))).max() < 0.1
+    ankles = [f"{side}_ankle" for side in ("left", "right")]
+    apart = before[:, [a[j] for j in ankles]] - after[:, [b[j] for j in ankles]]
+    assert np.linalg.norm(apart, axis=-1).mean() < 0.05
+    assert abs(estimate_floor_m(sole_pos_m(moved))) < 1e-6
+    assert -0.05 < after[:, [b["left_foot"], b["right_foot"]], 1].min() < 0.05
+
+
+def test_soles_of_a_rig_whose_rest_pose_lies_down_are_found_from_its_motion():
+    motion = swaying(120)
+    body = motion.skeleton
+    turn = rot.from_rotvec(np.array([0.0, 0.0, 1.3]))  # every joint's axes turned alike: the rest pose lies
+    world = rot.multiply(forward(body, motion.root_pos_m, motion.local_quat)[1], turn)
+    back = rot.invert(turn)
+    lying = Skeleton(
+        body.names,
+        body.parents,
+        rot.rotate(back, body.offsets_m),
+        body.tip_parents,
+        rot.rotate(back, body.tips_m),
+    )
+    moved = replace(motion, skeleton=lying, local_quat=to_local(lying, world))
+    assert not rest_stands(lying)
+    assert estimate_floor_m(sole_pos_m(moved)) == pytest.approx(
+        estimate_floor_m(sole_pos_m(motion)), abs=0.06
+    )

@@ -1,0 +1,33 @@
+"""The songs that come along are the ones the code renders."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import soundfile
+
+from choreograph.starter import example_songs
+from choreograph.synthesis.songs.examples import rendered_examples
+
+_MOST_BYTES = 450 * 1024
+
+
+@pytest.fixture(scope="module")
+def songs():
+    return rendered_examples()
+
+
+@pytest.mark.parametrize("name", example_songs())
+def test_a_shipped_song_is_the_one_that_is_rendered(name, songs):
+    path = example_songs()[name]
+    assert path.stat().st_size < _MOST_BYTES
+    samples, _ = soundfile.read(path, dtype="float32")
+    rendered = songs[name].samples
+    assert samples.shape == rendered.shape
+    assert 40.0 <= songs[name].duration_s <= 45.0
+    assert np.corrcoef(samples.mean(axis=1), rendered.mean(axis=1))[0, 1] > 0.97
+    assert np.abs(samples).max() < 1.0, "the codec's overshoot clips"
+
+
+def test_every_example_is_shipped(songs):
+    assert set(example_songs()) == set(songs)

@@ -1,0 +1,73 @@
+"""Layers with random contents, and a source of them, for planners and costs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from choreograph.features.song_features import SongFeatures
+from choreograph.graph import ClipTable, LayerSource, node_motifs, song_words_s
+from choreograph.timebase import CLIP_FRAMES, NODE_FRAMES, SEGMENT_FRAMES
+from choreograph.warping import Segments
+
+
+class RandomPoses:
+    """A pose bank whose every frame of every clip is another pose."""
+
+    def __init__(self, n_clips: int, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        self.pose = rng.normal(size=(n_clips, CLIP_FRAMES, 21, 3)).astype(np.float32)
+
+    def poses_m(self, clip, frames):
+        low = np.minimum(np.asarray(frames).astype(int), CLIP_FRAMES - 2)
+        weight = (frames - low)[:, None, None].astype(np.float32)
+        here, there = self.pose[clip, low], self.pose[clip, low + 1]
+        return here + weight * (there - here), (there - here) * 20
+
+
+def random_source(
+    seed: int,
+    *,
+    n_seconds: int = 6,
+    k: int = 4,
+    n_clips: int = 6,
+    tie_break_s: np.ndarray | None = None,
+    n_motifs: int = 0,
+) -> tuple[LayerSource, SongFeatures]:
+    """`n_seconds` layers of at most 4·k nodes with everything random, and music to go with them.
+
+    With `n_motifs`, nodes dance random motifs, two words a second.
+    """
+    rng = np.random.default_rng(seed)
+    beats = np.sort(rng.uniform(0, NODE_FRAMES, (2, n_seconds, k, 4)), axis=0).astype(np.float32)
+    beats[:, rng.random((n_seconds, k, 4)) < 0.2] = np.nan
+    start = rng.uniform(0, 70, (n_seconds, k, 1))
+    segments = Segments(
+        clip=np.stack([rng.permutation(n_clips)[:k] for _ in range(n_seconds)]),
+        time_maps=(start + np.arange(SEGMENT_FRAMES + 1)).astype(np.float32),
+        fit=rng.random((n_seconds, k, 4), np.float32),
+        unmatched_beat=rng.random((n_seconds, k, 4), np.float32),
+        first_beat=beats[0],
+        last_beat=beats[1],
+    )
+    clips = ClipTable(
+        take=np.arange(n_clips) % 2,
+        start_frame=20 * np.arange(n_clips),
+        take_names=np.array(["left", "right"]),
+        genres=np.array(["waltz", "rumba"]),
+        style=rng.normal(size=(n_clips, 32)).astype(np.float32),
+    )
+    song_features = SongFeatures(
+        "random", float(n_seconds), np.arange(0, n_seconds, 0.5),
+        rng.normal(size=(n_seconds, 32)).astype(np.float32), np.full(n_seconds, 8, np.float32),
+        np.zeros((n_seconds, SEGMENT_FRAMES), np.float32),
+    )  # fmt: skip
+    motifs = None
+    if n_motifs:
+        words = rng.integers(n_motifs, size=10_000)
+        motifs = node_motifs(
+            segments, clips, song_words_s(song_features), lambda take, start_s, stop_s: words[: take.size]
+        )
+    source = LayerSource(
+        segments, clips, RandomPoses(n_clips, seed), tie_break_s=tie_break_s, motifs=motifs, n_motifs=n_motifs
+    )  # fmt: skip
+    return source, song_features

@@ -1,0 +1,107 @@
+"""A small repertoire without networks, from takes whose every beat is known, and songs of clicks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import soundfile
+from synthetic_motions import stepping
+
+from choreograph.features.density import motion_density
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.motifs.clustering import find_motifs
+from choreograph.motifs.vocabulary import Vocabulary, make_vocabulary
+from choreograph.motifs.words import segment_words
+from choreograph.motion.body import body_pos_m
+from choreograph.repertoire import Contents, NetArrays, Repertoire, write_repertoire
+from choreograph.repertoire.contents import MeasuredTake, to_arrays
+from choreograph.repertoire.motif_arrays import motif_arrays
+from choreograph.takes import Credits, Take
+from choreograph.timebase import NET_FPS, SAMPLE_RATE_HZ
+
+PERIODS_S = (0.5, 0.6, 0.75)
+
+
+def synthetic_takes(
+    *,
+    periods_s: Sequence[float] = PERIODS_S,
+    duration_s: float = 30.0,
+    genres: Sequence[str] = ("a", "b", "c"),
+) -> list[MeasuredTake]:
+    """One take a period, coming to rest once every period, with styles that tell them apart."""
+    takes = []
+    for index, period_s in enumerate(periods_s):
+        motion = stepping(round(duration_s * 30), period_s=period_s, seed=index)
+        credits = Credits(genres[index % len(genres)], f"dancer {index}", "CC0", "planted")
+        take = Take(f"take{index}", motion, credits, song_name=f"song{index}", notes=("planted",))
+        beats_s = motion_beat_times_s(body_pos_m(motion), motion.fps)
+        takes.append(MeasuredTake(take, body_pos_m(motion.resampled(NET_FPS)).astype(np.float32), beats_s))
+    return takes
+
+
+def synthetic_contents(takes: Sequence[MeasuredTake] | None = None) -> Contents:
+    """What a repertoire of the takes holds, densities analytic, styles random but the same each time."""
+    takes = synthetic_takes() if takes is None else takes
+    rng = np.random.default_rng(7)
+    arrays = to_arrays(
+        takes,
+        embed_motion=lambda pos, starts: rng.normal(size=(len(starts), 32)).astype(np.float32),
+        density=lambda m: motion_density(len(m.body_pos_m), m.motion_beats_s),
+        checksums=[(f"{m.take.name}.bvh", "0" * 64, i) for i, m in enumerate(takes)],
+    )
+    return Contents(arrays, "analytic", {"preset": "planted", "selection_beat_weight": 0.1})
+
+
+def synthetic_vocabulary(takes: Sequence[MeasuredTake]) -> tuple[Vocabulary, NetArrays]:
+    """The takes' words, cut on their motion beats, and the network they are embedded by: untrained."""
+    import torch
+
+    from choreograph.nets.words.config import word_config
+    from choreograph.nets.words.model import WordNet
+
+    cut = [segment_words(body_pos_m(m.take.motion), m.take.motion.fps, m.motion_beats_s) for m in takes]
+    words = np.concatenate([c.body_pos_m for c in cut])
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        net = WordNet(word_config("tiny"))
+    net.begin_with(torch.from_numpy(words.astype(np.float32)))
+    motifs, word_motif = find_motifs(net.embed(words))
+    vocabulary = make_vocabulary(
+        motifs, word_motif, np.repeat(np.arange(len(takes)), [len(c) for c in cut]),
+        np.concatenate([c.start_s for c in cut]), np.concatenate([c.end_s for c in cut]),
+        [m.take.credits.genre for m in takes],
+    )  # fmt: skip
+    weights, config = net.to_arrays()
+    return vocabulary, NetArrays(config, weights)
+
+
+def with_vocabulary(contents: Contents, takes: Sequence[MeasuredTake]) -> Contents:
+    """The same contents with the takes' words, motifs and word network beside them."""
+    vocabulary, net = synthetic_vocabulary(takes)
+    return replace(
+        contents,
+        arrays={**contents.arrays, **motif_arrays(vocabulary)},
+        nets={**contents.nets, "words": net},
+    )
+
+
+def synthetic_repertoire(
+    path: Path, takes: Sequence[MeasuredTake] | None = None, *, vocabulary: bool = False
+) -> Repertoire:
+    """The repertoire of the takes, written to `path` and opened; with its words if asked for."""
+    takes = synthetic_takes() if takes is None else takes
+    contents = synthetic_contents(takes)
+    write_repertoire(path, with_vocabulary(contents, takes) if vocabulary else contents)
+    return Repertoire.open(path)
+
+
+def write_clicks(path: Path, *, duration_s: float, bpm: float = 120.0) -> Path:
+    """A song of one click a beat from 0 s on."""
+    times = np.arange(round(duration_s * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
+    since = times % (60.0 / bpm)
+    samples = 0.6 * np.exp(-since / 0.02) * np.sin(2 * np.pi * 880 * since)
+    soundfile.write(path, samples.astype(np.float32), SAMPLE_RATE_HZ)
+    return path

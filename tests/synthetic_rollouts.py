@@ -1,0 +1,65 @@
+"""Takes with a planted answer for rollouts: a body that swings its arms, left or right, on every beat."""
+
+import numpy as np
+
+from choreograph.motifs.words import segment_words
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.nets.rollout.data import ROLLOUT_FPS, RolloutTake
+from choreograph.nets.words.config import word_config
+from choreograph.nets.words.model import WordNet
+from choreograph.nets.words.train import WordTake, train_word_net
+
+BEAT_S = 0.5
+N_BEATS = 24
+KINDS = 3  # the left arm, the right arm, both
+
+
+def synthetic_motion(kinds: np.ndarray) -> Motion:
+    """Beat by beat (N,) the arms of a kind are raised and lowered."""
+    skeleton = canonical_skeleton()
+    n_frames = round(len(kinds) * BEAT_S * ROLLOUT_FPS) + 1
+    times = np.arange(n_frames) / ROLLOUT_FPS
+    beat = np.minimum((times / BEAT_S).astype(int), len(kinds) - 1)
+    raised = np.sin(np.pi * (times / BEAT_S - beat)) ** 2
+    quat = np.tile(rot.IDENTITY, (n_frames, skeleton.n_joints, 1))
+    for name, sign, of in (("left_shoulder", 1.0, (0, 2)), ("right_shoulder", -1.0, (1, 2))):
+        angle = sign * 1.2 * raised * np.isin(kinds[beat], of)
+        vector = np.stack([np.zeros(n_frames), np.zeros(n_frames), angle], axis=1)
+        quat[:, skeleton.index(name)] = rot.from_rotvec(vector)
+    root = np.tile(skeleton.offsets_m[0], (n_frames, 1))
+    return Motion(skeleton, root, quat, ROLLOUT_FPS)
+
+
+def synthetic_takes(n_takes: int = 3) -> list[RolloutTake]:
+    """Takes of random kinds, and what `synthetic_words` says of their words; every kind is a motif."""
+    takes = []
+    for seed in range(n_takes):
+        rng = np.random.default_rng(seed)
+        kinds = rng.integers(0, KINDS, N_BEATS)
+        motion = synthetic_motion(kinds)
+        bounds = np.arange(N_BEATS + 1) * BEAT_S
+        rhythm = np.zeros((motion.n_frames, 4), np.float32)
+        rhythm[:: round(BEAT_S * ROLLOUT_FPS), 3] = 1.0
+        empty = np.zeros((N_BEATS, 184), np.float32)
+        spectral = rng.normal(size=(N_BEATS, 87)).astype(np.float32)
+        takes.append(
+            RolloutTake(f"take {seed}", motion, rhythm, bounds[:-1], bounds[1:], empty, empty, spectral)
+        )
+    return takes
+
+
+def synthetic_words(takes: list[RolloutTake]) -> WordNet:
+    """A word network trained on the takes; their embeddings and motifs are filled in."""
+    bodies = [body_pos_m(take.motion) for take in takes]
+    net = train_word_net(
+        [WordTake(t.name, b, ROLLOUT_FPS, t.start_s, t.end_s) for t, b in zip(takes, bodies, strict=True)],
+        word_config("tiny", steps=10), seed=0,
+    )  # fmt: skip
+    for take, body in zip(takes, bodies, strict=True):
+        bounds = np.append(take.start_s, take.end_s[-1])
+        take.embedding[:] = net.embed(segment_words(body, ROLLOUT_FPS, bounds).body_pos_m)
+        take.motif[:] = take.embedding
+    return net
