@@ -96,6 +96,11 @@ class Plan:
             blocks.extend(_left_over(second, span_s, self.words))
         return tuple(sorted(blocks, key=lambda block: block.start_s))
 
+    @property
+    def from_takes(self) -> bool:
+        """Whether every block is a piece of a take; False if a network generates the motion."""
+        return all(block.planned.take for block in self.blocks)
+
     def takes_s(self) -> dict[str, float]:
         """How many seconds of the dance are of which take, in the order of their first."""
         danced: dict[str, float] = {}
