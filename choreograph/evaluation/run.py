@@ -1,44 +1,40 @@
-"""An evaluation: which dances are made, to which songs, how often, and everything measured on them."""
+"""Run an evaluation: dance to songs in several variants and seeds, and measure every dance."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.engines.rendering import plan_runs
 from choreograph.errors import ParameterError
-from choreograph.evaluation.measuring import (
-    FeatureRows,
-    RealDances,
-    Scores,
+from choreograph.evaluation.motif_scores import MotifScorer
+from choreograph.evaluation.motion_scores import (
     beat_scores,
     dance_label_values,
     label_scores,
     physical_scores,
-    plan_scores,
-    real_set_scores,
-    retrieval_scores,
-    set_scores,
 )
-from choreograph.evaluation.motif_judge import SignatureJudge
+from choreograph.evaluation.plan_scores import plan_scores, transition_times_s
+from choreograph.evaluation.realism_scores import FeatureRows, RealDances, real_set_scores, set_scores
 from choreograph.evaluation.results import (
     REAL,
     SELECTION,
     TAKES,
     Evaluation,
+    ExampleDance,
+    ExampleSong,
     MeasuredDance,
-    Shown,
-    ShownDance,
     dances_of,
 )
+from choreograph.evaluation.retrieval_scores import retrieval_scores
+from choreograph.evaluation.scores import Scores, weighted_mean
 from choreograph.evaluation.songs import EvaluatedSong, beats_of, check_unseen
-from choreograph.evaluation.variants import Variant, dance_as, variants_named
+from choreograph.evaluation.variants import Variant, dance_variant, variants_named
 from choreograph.features.music_beats import DEFAULT_TRACKER
 from choreograph.features.sections import Sections, song_sections
 from choreograph.metrics import labels
@@ -51,24 +47,26 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Protocol:
-    """What is compared, and how it is measured."""
+class EvaluationConfig:
+    """Which variants are compared, how often, and against which beats."""
 
     variants: tuple[Variant, ...] = field(default_factory=lambda: variants_named(["ours"]))
     seeds: int = 5
-    beats: str | Path = DEFAULT_TRACKER  # the beats that dances are measured by, not those danced to
-    seen: bool = False  # songs that the repertoire was made with are measured all the same
-    first_seed: int = 0  # seeds count from it
+    beats: str | Path = DEFAULT_TRACKER  # that dances are measured against, not those they are made with
+    seen: bool = False  # whether songs that the repertoire was built from are allowed
+    first_seed: int = 0  # the seeds are first_seed, first_seed + 1, …
 
     def __post_init__(self) -> None:
         if not self.variants or self.seeds < 1:
-            raise ParameterError(f"expected variants and seeds, got {len(self.variants)} and {self.seeds}")
+            raise ParameterError(
+                f"expected variants and seeds, 1 or more each, got {len(self.variants)} and {self.seeds}"
+            )
 
 
 def evaluate(
     repertoire: Repertoire,
     songs: Sequence[EvaluatedSong],
-    protocol: Protocol | None = None,
+    config: EvaluationConfig | None = None,
     *,
     report: ProgressReport | None = None,
 ) -> Evaluation:
@@ -76,17 +74,17 @@ def evaluate(
 
     Raises
     ------
-    ParameterError    the repertoire was made with a song, or beats or settings cannot be used
+    ParameterError    the repertoire was built from a song, or beats or settings cannot be used
     FormatError       a song cannot be read
-    RepertoireError   the repertoire lacks what a variant needs
+    RepertoireError   the repertoire lacks something that a variant needs
     """
-    protocol = protocol or Protocol()
-    if not protocol.seen:
+    config = config or EvaluationConfig()
+    if not config.seen:
         check_unseen(songs, repertoire)
-    run = _Run(repertoire, songs, protocol, report)
+    run = _Run(repertoire, songs, config, report)
     for song in songs:
         run.dance_to(song)
-    return run.finished()
+    return run.evaluation()
 
 
 class _Run:
@@ -96,42 +94,42 @@ class _Run:
         self,
         repertoire: Repertoire,
         songs: Sequence[EvaluatedSong],
-        protocol: Protocol,
+        config: EvaluationConfig,
         report: ProgressReport | None,
     ) -> None:
-        self.repertoire, self.songs, self.protocol = repertoire, songs, protocol
+        self.repertoire, self.songs, self.config = repertoire, songs, config
         self.report = report or (lambda stage, done, total: None)
         self.dances: list[MeasuredDance] = []
-        self.found: list[MeasuredDance] = []  # clips, by style
+        self.retrievals: list[MeasuredDance] = []  # style retrieval by song, not dances
         self.notes: dict[str, None] = {}
-        self.features: dict[tuple[str, int], list[FeatureRows]] = {}
-        self.dance_labels: list[Floats] = []  # (W, 4) a dance
+        self.features: dict[tuple[str, int], list[FeatureRows]] = {}  # (variant, seed) -> dances
+        self.dance_labels: list[Floats] = []  # (W, 4) per dance
         self.music_labels: dict[str, Floats] = {}  # song -> (W, 4)
         self.sections: dict[str, Sections] = {}  # by song
-        self.shown: Shown | None = None
-        self.judge = SignatureJudge(repertoire) if repertoire.has_vocabulary else None
-        self.real, self.against = self._real_dances()
-        self.n_dances = sum(len(self._seeds(v)) for v in protocol.variants) * len(songs)
+        self.example: ExampleSong | None = None
+        self.motif_scorer = MotifScorer(repertoire) if repertoire.has_vocabulary else None
+        self.real, self.real_description = self._real_dances()
+        self.n_dances = sum(len(self._seeds(v)) for v in config.variants) * len(songs)
 
     def _seeds(self, variant: Variant) -> range:
-        first = self.protocol.first_seed
-        return range(first, first + (self.protocol.seeds if variant.seeded else 1))
+        first = self.config.first_seed
+        return range(first, first + (self.config.seeds if variant.seeded else 1))
 
     def _real_dances(self) -> tuple[RealDances | None, str]:
-        """What poses are held against: real takes to other songs, or the repertoire's takes."""
-        self.report("learning what is real", 0, 0)
+        """The dances that poses are compared with: real takes to other songs, or the repertoire's takes."""
+        self.report("measuring real dances", 0, 0)
         takes = [(song.take.motion, song.song_name) for song in self.songs if song.take is not None]
-        what = "the real takes to the other songs"
+        description = "the real takes to the other songs"
         if len({name for _, name in takes}) < 2:
             infos = self.repertoire.takes
             takes = [(self.repertoire.motion(i)[0], info.song_name) for i, info in enumerate(infos)]
-            what = "the repertoire's takes"
+            description = "the repertoire's takes"
         if len({name for _, name in takes}) < 2:
-            self.notes["one real song: no Fréchet distances"] = None
+            self.notes["real takes to one song only: no Fréchet distances"] = None
             return None, "nothing"
         try:
             like = self.repertoire.motion(0, 0.0, 0.0)[0]
-            return RealDances([m for m, _ in takes], [name for _, name in takes], like=like), what
+            return RealDances([m for m, _ in takes], [name for _, name in takes], like=like), description
         except ParameterError as error:
             self.notes[f"no Fréchet distances: {error}"] = None
             return None, "nothing"
@@ -139,29 +137,29 @@ class _Run:
     def dance_to(self, song: EvaluatedSong) -> None:
         """Make and measure all dances to a song."""
         loaded = song.load()
-        beats_s = beats_of(loaded, self.protocol.beats, start_s=song.start_s)
+        beats_s = beats_of(loaded, self.config.beats, start_s=song.start_s)
         starts_s = labels.window_starts_s(loaded.duration_s)
         self.music_labels[song.name] = labels.music_values(loaded.samples, starts_s)
         self.sections[song.name] = song_sections(loaded.samples, beats_s)
-        kept: list[ShownDance] = []
-        for variant in self.protocol.variants:
+        examples: list[ExampleDance] = []
+        for variant in self.config.variants:
             for seed in self._seeds(variant):
                 self.report("dancing", len(self.dances), self.n_dances)
-                made = dance_as(variant, loaded, self.repertoire, seed=seed, start_s=song.start_s)
-                self.notes |= dict.fromkeys(made.notes)
-                shown = self._measured(variant.name, song, seed, made.motion, made.plan, beats_s)
-                if seed == self.protocol.first_seed:
-                    kept.append(shown)
+                dance = dance_variant(variant, loaded, self.repertoire, seed=seed, start_s=song.start_s)
+                self.notes |= dict.fromkeys(dance.notes)
+                example = self._measure(variant.name, song, seed, dance.motion, dance.plan, beats_s)
+                if seed == self.config.first_seed:
+                    examples.append(example)
         if song.take is not None:
-            found = retrieval_scores(loaded, song.genre, self.repertoire)
-            self.found.append(MeasuredDance(SELECTION, song.name, 0, found))
+            scores = retrieval_scores(loaded, song.genre, self.repertoire)
+            self.retrievals.append(MeasuredDance(SELECTION, song.name, 0, scores))
             n_frames = min(song.take.motion.n_frames, round(loaded.duration_s * song.take.motion.fps))
-            kept.append(self._measured(REAL, song, 0, song.take.motion.sliced(0, n_frames), None, beats_s))
-        if self.shown is None:
-            template = self.judge.template(song.genre) if self.judge else None
-            self.shown = Shown(song.name, beats_s, tuple(kept), template)
+            examples.append(self._measure(REAL, song, 0, song.take.motion.sliced(0, n_frames), None, beats_s))
+        if self.example is None:
+            template = self.motif_scorer.template(song.genre) if self.motif_scorer else None
+            self.example = ExampleSong(song.name, beats_s, tuple(examples), template)
 
-    def _measured(
+    def _measure(
         self,
         variant: str,
         song: EvaluatedSong,
@@ -169,51 +167,52 @@ class _Run:
         motion: Motion,
         plan: Plan | None,
         beats_s: Floats,
-    ) -> ShownDance:
+    ) -> ExampleDance:
         rng = np.random.default_rng(seed)
         boundaries_s = transition_times_s(plan) if plan else ()
         scores = beat_scores(motion, beats_s, rng) | physical_scores(motion, boundaries_s)
         if self.real is not None:
             scores |= self.real.scores(motion, song.song_name, rng)
         motifs = None
-        if self.judge is not None:
-            motifs = self.judge.motifs_of(motion, beats_s)
-            scores |= self.judge.scores(motifs, song.genre)
-            scores |= self.judge.section_scores(motifs, self.sections[song.name])
+        if self.motif_scorer is not None:
+            motifs = self.motif_scorer.motifs_of(motion, beats_s)
+            scores |= self.motif_scorer.scores(motifs, song.genre)
+            scores |= self.motif_scorer.section_scores(motifs, self.sections[song.name])
         if plan is not None:
             scores |= plan_scores(plan, self.repertoire, song.genre)
-        self.features.setdefault((variant, seed), []).append(FeatureRows.of(motion, self.real))
+        self.features.setdefault((variant, seed), []).append(FeatureRows.from_motion(motion, self.real))
         self.dance_labels.append(dance_label_values(motion))
         self.dances.append(MeasuredDance(variant, song.name, seed, scores, plan))
-        return ShownDance(variant, motion, plan, motifs)
+        return ExampleDance(variant, motion, plan, motifs)
 
-    def finished(self) -> Evaluation:
-        """The evaluation, with what needs all dances: labels, sets, and the takes danced with."""
-        dances = self._labelled()
-        sets = self._sets()
-        takes = self._takes()
-        variants = {v.name: v.says for v in self.protocol.variants}
+    def evaluation(self) -> Evaluation:
+        """The results, with the scores that need all dances: labels, sets, and the takes danced with."""
+        dances = self._with_label_scores()
+        sets = self._set_scores()
+        takes = self._take_scores()
+        variants = {v.name: v.description for v in self.config.variants}
         if any(d.variant == REAL for d in dances):
             variants[REAL] = "the real takes to these songs"
-        found = [f for f in self.found if f.scores.values]
-        if found:
-            variants[SELECTION] = "the repertoire's clips by style, whatever is danced"
+        retrievals = [r for r in self.retrievals if r.scores.values]
+        if retrievals:
+            variants[SELECTION] = "the repertoire's clips ranked by style; the same for every variant"
         if takes:
-            variants[TAKES] = f"the takes that {self.protocol.variants[0].name} danced with, by how long"
+            variants[TAKES] = (
+                f"the takes in the dances of {self.config.variants[0].name}, weighted by duration"
+            )
         facts = {
             "choreograph": version("choreograph"),
             "repertoire": self.repertoire.path.name,
             "songs": [song.name for song in self.songs],
-            "seeds": self.protocol.seeds,
-            "beats": Path(self.protocol.beats).name,
-            "frechet_against": self.against,
-            "seen": self.protocol.seen,
+            "seeds": self.config.seeds,
+            "beats": Path(self.config.beats).name,
+            "frechet_against": self.real_description,
+            "seen": self.config.seen,
         }
-        return Evaluation(
-            facts, variants, (*dances, *found, *takes), tuple(sets), tuple(self.notes), self.shown
-        )
+        measured = (*dances, *retrievals, *takes)
+        return Evaluation(facts, variants, measured, tuple(sets), tuple(self.notes), self.example)
 
-    def _labelled(self) -> list[MeasuredDance]:
+    def _with_label_scores(self) -> list[MeasuredDance]:
         real = [v for d, v in zip(self.dances, self.dance_labels, strict=True) if d.variant == REAL]
         windows = np.concatenate(real or self.dance_labels)
         music = np.concatenate(list(self.music_labels.values()))
@@ -222,14 +221,11 @@ class _Run:
             return self.dances
         scale = labels.fit_scale(windows, music)
         return [
-            MeasuredDance(
-                d.variant, d.song, d.seed,
-                d.scores | label_scores(scale, values, self.music_labels[d.song]), d.plan,
-            )
+            replace(d, scores=d.scores | label_scores(scale, values, self.music_labels[d.song]))
             for d, values in zip(self.dances, self.dance_labels, strict=True)
-        ]  # fmt: skip
+        ]
 
-    def _sets(self) -> list[MeasuredDance]:
+    def _set_scores(self) -> list[MeasuredDance]:
         real = self.features.get((REAL, 0), [])
         names = [song.song_name for song in self.songs if song.take is not None]
         if len(set(names)) < 2:
@@ -242,42 +238,22 @@ class _Run:
         halves = real_set_scores(real, names, np.random.default_rng(0))
         return [*sets, MeasuredDance(REAL, "", 0, Scores(halves))]
 
-    def _takes(self) -> list[MeasuredDance]:
-        """The physics of the takes that the first variant danced with, song by song, by how long it did."""
+    def _take_scores(self) -> list[MeasuredDance]:
+        """Physics of the takes in the first variant's dances, by song, weighted by their duration there."""
         plans: dict[str, list[Plan]] = {}
-        for dance in dances_of(self.dances, self.protocol.variants[0].name):
+        for dance in dances_of(self.dances, self.config.variants[0].name):
             if dance.plan is not None:
                 plans.setdefault(dance.song, []).append(dance.plan)
         known: dict[str, dict[str, float]] = {}
         measured = []
-        for done, (song, own) in enumerate(plans.items()):
+        for done, (song, of_song) in enumerate(plans.items()):
             self.report("measuring takes", done, len(plans))
             danced_s: Counter[str] = Counter()
-            for plan in own:
+            for plan in of_song:
                 danced_s.update({take: length_s for take, length_s in plan.takes_s().items() if take})
             for take in danced_s.keys() - known.keys():
                 motion, _ = self.repertoire.motion(self.repertoire.take_index(take))
                 known[take] = dict(physical_scores(motion).values)
             if danced_s:
-                measured.append(MeasuredDance(TAKES, song, 0, weighted(known, danced_s)))
+                measured.append(MeasuredDance(TAKES, song, 0, weighted_mean(known, danced_s)))
         return measured
-
-
-def weighted(scores: Mapping[str, Mapping[str, float]], weights: Mapping[str, float]) -> Scores:
-    """Mean scores of those that have a weight; a score counts only where it is finite."""
-    names = {name for key in weights for name in scores[key]}
-    means = {}
-    for name in sorted(names):
-        pairs = [(scores[key][name], weight) for key, weight in weights.items() if name in scores[key]]
-        pairs = [(value, weight) for value, weight in pairs if np.isfinite(value)]
-        if pairs:
-            values, shares = zip(*pairs, strict=True)
-            means[name] = float(np.average(values, weights=shares))
-    return Scores(means)
-
-
-def transition_times_s(plan: Plan) -> Floats:
-    """Instants in seconds, (B,), at which one run of a take gives way to another; none of a network's."""
-    if plan.engine == "rollout":
-        return np.zeros(0)
-    return np.array([run.start_s for run in plan_runs(plan)[1:]])
