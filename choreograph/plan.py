@@ -104,6 +104,11 @@ class Plan:
         return danced
 
     @property
+    def from_takes(self) -> bool:
+        """Whether every part of the dance is of a take, so that it can be rendered from a repertoire."""
+        return all(block.planned.take for block in self.blocks)
+
+    @property
     def total_cost(self) -> float:
         """Sum of all weighted costs of the seconds; words have none."""
         return sum(sum(second.costs.values()) for second in self.seconds)
