@@ -24,7 +24,7 @@ import torch
 import choreograph as cg
 from choreograph.audio.song import Song, load_song
 from choreograph.engines import rollout as rolling
-from choreograph.engines.rendering import danced_motifs
+from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.importers.dance_with_melody import read
 from choreograph.metrics import beat
 from choreograph.metrics.physical import foot_slide_cm_s, joint_jerk_m_s3

@@ -102,14 +102,16 @@ def blend_transition(
     if part_b > 0:
         length = min(longest, room_b)
         after = np.arange(frame, min(last_out, frame + length))
-        _add_decaying(offsets, part_b * _FORWARDS, after - frame, length, fps, root_out, quat_out, frame - first_out)
+        _decay(offsets, part_b * _FORWARDS, after - frame, length, fps, root_out, quat_out, frame - first_out)
     if part_a > 0:
         length = min(longest, room_a)
         before = np.arange(max(first_out, frame - length), frame)
-        _add_decaying(offsets, part_a * _BACKWARDS, before - frame, length, fps, root_out, quat_out, frame - first_out)
+        _decay(
+            offsets, part_a * _BACKWARDS, before - frame, length, fps, root_out, quat_out, frame - first_out
+        )
 
 
-def _add_decaying(
+def _decay(
     offsets: tuple[Floats, Floats],
     parts: Floats,
     frames: NDArray[np.int64],

@@ -99,7 +99,11 @@ def train_music_networks(
     if known:
         note = "fewer than two songs to train on: the networks are taken over as they are"
         return known, sorted(pretrained.trained_on), () if pretrained.keep else (note,)
-    return {}, [], ("fewer than two songs to train on: no networks of music, so clips are not chosen by style",)
+    return (
+        {},
+        [],
+        ("fewer than two songs to train on: no music networks, so clips are not chosen by style",),
+    )
 
 
 def _trained(
@@ -173,7 +177,7 @@ def _stored(net) -> NetArrays:
 
 
 def _style_take(measured: MeasuredTake, songs: SongCache) -> StyleTake:
-    """A take as the networks are trained on it, with its part of the song from the motion's first frame on."""
+    """A take as the networks are trained on it, with its part of the song."""
     from choreograph.nets.style.data import StyleTake
 
     take = measured.take

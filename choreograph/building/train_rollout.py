@@ -82,4 +82,3 @@ def rollout_takes(
         if report is not None:
             report("analysing the music of words", index + 1, len(measured))
     return takes
-

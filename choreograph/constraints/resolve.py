@@ -49,9 +49,7 @@ def resolve(
                       each other; a signature of another vocabulary
     RepertoireError   motifs are requested of a repertoire without motifs
     """
-    n_motifs = (
-        repertoire.vocabulary.n_motifs if constraints.need_motifs or repertoire.has_vocabulary else 0
-    )
+    n_motifs = repertoire.vocabulary.n_motifs if constraints.need_motifs or repertoire.has_vocabulary else 0
     if constraints.genre is not None:
         repertoire.vocabulary.genre_index(constraints.genre)
     take_allowed, motif_banned = _bans(constraints, repertoire, n_motifs)
@@ -123,7 +121,9 @@ def _bans(
 def _take_index(name: str, repertoire: Repertoire) -> int:
     names = [take.name for take in repertoire.takes]
     if name not in names:
-        raise ParameterError(f"expected a take of {repertoire.path.name}, which has {len(names)}, got {name!r}")
+        raise ParameterError(
+            f"expected a take of {repertoire.path.name}, which has {len(names)}, got {name!r}"
+        )
     return names.index(name)
 
 

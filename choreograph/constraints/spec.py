@@ -104,7 +104,9 @@ def make_constraints(
     untimed = [motif for motif in motifs if not isinstance(motif, MotifPin)]
     if timed and untimed:
         raise ParameterError("expected motifs that all have times, or none, got both")
-    return Constraints(genre, _shares(signature), tuple(int(motif) for motif in untimed), (*pins, *timed), bans)
+    return Constraints(
+        genre, _shares(signature), tuple(int(motif) for motif in untimed), (*pins, *timed), bans
+    )
 
 
 def _several(name: str, given: object, kinds: str, types: type | UnionType) -> tuple:

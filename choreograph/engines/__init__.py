@@ -17,7 +17,9 @@ from choreograph.engines.graph import GraphEngine
 from choreograph.engines.mixer import MixerEngine
 from choreograph.engines.rollout import RolloutEngine
 
-ENGINES: dict[str, Engine] = {engine.name: engine for engine in (GraphEngine(), MixerEngine(), RolloutEngine())}
+ENGINES: dict[str, Engine] = {
+    engine.name: engine for engine in (GraphEngine(), MixerEngine(), RolloutEngine())
+}
 
 __all__ = ["ENGINES", "DanceRequest", "Engine", "EngineResult", "check_settings", "engine_name"]
 

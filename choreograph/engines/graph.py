@@ -1,4 +1,4 @@
-"""The graph engine: clips selected and warped for every second, a path through the graph of them, transitions."""
+"""The graph engine: the best path through a graph of warped clips, and its transitions."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class GraphEngine:
             _ = repertoire.vocabulary
 
     def plan(self, request: DanceRequest) -> EngineResult:
-        """Seconds of the cheapest path found, with transitions, and words where motifs are pinned or banned."""
+        """The cheapest path found, with transitions; words where motifs are pinned or banned."""
         constraints, config, repertoire = request.constraints, request.config, request.repertoire
         notes: tuple[str, ...] = ()
         if repertoire.n_clips < config.candidates and config.planner != "motion-graph":

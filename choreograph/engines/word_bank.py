@@ -45,7 +45,7 @@ class WordBank:
         return poses[:, 0], poses[:, 1]
 
     def motif_margin_m(self, words: Indices) -> Floats:
-        """How much nearer each word (M,) is to its own motif than to the next: negative if another is nearer."""
+        """How much nearer each word (M,) is to its motif than to the next; negative if it is not."""
         new = np.unique(words[np.isnan(self._margin_m[words])])
         if len(new):
             self._margin_m[new] = self._measured_margin_m(new)

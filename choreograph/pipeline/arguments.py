@@ -53,14 +53,18 @@ def as_costs(costs: object) -> tuple[Cost, ...]:
     for cost in checked:
         if not isinstance(cost, Cost):
             likely = ": a class instead of an instance?" if isinstance(cost, type) else ""
-            raise ParameterError(f"expected costs that are instances of Cost, got {reprlib.repr(cost)}{likely}")
+            raise ParameterError(
+                f"expected costs that are instances of Cost, got {reprlib.repr(cost)}{likely}"
+            )
     return checked
 
 
 def as_weights(weights: object) -> dict[str, Any]:
     """Weights as a dictionary; `ParameterError` for anything but a mapping. Values: see `DanceConfig`."""
     if not isinstance(weights, Mapping):
-        raise ParameterError(f"expected weights as a mapping of cost name to number, got {reprlib.repr(weights)}")
+        raise ParameterError(
+            f"expected weights as a mapping of cost name to number, got {reprlib.repr(weights)}"
+        )
     return dict(weights)
 
 

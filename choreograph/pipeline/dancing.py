@@ -1,4 +1,4 @@
-"""From a song and a repertoire to a dance: the song analysed, constraints resolved, a plan made and rendered."""
+"""A song to a dance: analyse the song, resolve the constraints, let an engine plan, render."""
 
 from __future__ import annotations
 

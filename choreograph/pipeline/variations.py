@@ -46,9 +46,7 @@ def vary(
     for seed in range(config.seed, config.seed + _SEEDS * n):
         priced = bool(made) and "costs" in ENGINES[made[0].plan.engine].settings
         unlike = (Unlike([one.plan for one in made]),) if priced else ()
-        one = dance(
-            loaded, repertoire, config=replace(config, seed=seed), costs=(*costs, *unlike), **options
-        )
+        one = dance(loaded, repertoire, config=replace(config, seed=seed), costs=(*costs, *unlike), **options)
         if all(_content(one.plan) != _content(other.plan) for other in made):
             made.append(one)
         if len(made) == n:
