@@ -104,7 +104,7 @@ def build_repertoire(
     write_repertoire(
         output,
         Contents(arrays | words.arrays, options.density if learned.density else "analytic", provenance, nets),
-        packed=options.packed,
+        compress=options.packed,
     )
     return Repertoire.open(output), (*notes, *more, *about_density, *about_words)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from choreograph.audio.song import load_song
 from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import get_beat_tracker
-from choreograph.motifs.clustering import WORDS_A_MOTIF, find_motifs
+from choreograph.motifs.clustering import WORDS_PER_MOTIF, find_motifs
 from choreograph.motifs.vocabulary import Vocabulary, make_vocabulary
 from choreograph.motifs.words import Words, segment_words
 from choreograph.motion.body import body_pos_m
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from choreograph.nets.words.train import WordTake
 
 WORD_FPS = 30.0  # of the positions that words are cut from
-FEWEST_WORDS = 2 * WORDS_A_MOTIF  # for two motifs: less is no vocabulary
+FEWEST_WORDS = 2 * WORDS_PER_MOTIF  # for two motifs: less is no vocabulary
 
 
 @dataclass(frozen=True, eq=False)

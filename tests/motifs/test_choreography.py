@@ -147,7 +147,7 @@ def test_no_words_are_no_dance():
         ({"pins": {-1: 0}}, "word -1"),
         ({"pins": {1: K}}, f"motif {K}"),
         ({"banned": [99]}, "motif 99"),
-        ({"pins": {2: 3}, "banned": [3]}, "give up one"),
+        ({"pins": {2: 3}, "banned": [3]}, "motif 3, pinned at word 2"),
         ({"banned": range(K)}, "all 8 banned"),
         ({"signature": GOAL * 0.9}, "sum"),
         ({"signature": GOAL[:-1] / GOAL[:-1].sum()}, "transitions"),

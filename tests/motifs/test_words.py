@@ -8,9 +8,9 @@ from synthetic_motions import stepping, swaying
 
 from choreograph.errors import ParameterError
 from choreograph.motifs.words import (
-    LONGEST_S,
-    NO_BEAT_S,
-    SHORTEST_S,
+    DEFAULT_WORD_S,
+    MAX_WORD_S,
+    MIN_WORD_S,
     dance_bounds_s,
     poses_at,
     segment_words,
@@ -70,7 +70,7 @@ def test_words_tile_the_time_between_the_beats(beats):
     assert np.isfinite(words.body_pos_m).all()
     np.testing.assert_array_equal(words.start_s[1:], words.end_s[:-1])
     lengths = words.end_s - words.start_s
-    assert np.all(lengths >= SHORTEST_S - 1e-9) and np.all(lengths <= LONGEST_S + 1e-9)
+    assert np.all(lengths >= MIN_WORD_S - 1e-9) and np.all(lengths <= MAX_WORD_S + 1e-9)
     assert np.all(words.start_s >= 0) and np.all(words.end_s <= 299 / FPS)
 
 
@@ -110,10 +110,10 @@ def test_a_dances_words_fill_it_and_are_the_songs_in_between(beats, duration_s, 
     inner = word_bounds_s(beats, duration_s)
     if len(inner) > 1:
         assert set(inner.tolist()) <= set(bounds.tolist())
-        assert np.diff(bounds).min() >= SHORTEST_S - 1e-9 and np.diff(bounds).max() <= 2 * LONGEST_S
+        assert np.diff(bounds).min() >= MIN_WORD_S - 1e-9 and np.diff(bounds).max() <= 2 * MAX_WORD_S
         gaps = np.diff(inner)
-        assert bounds[0] <= np.median(gaps[:8]) / 2 + SHORTEST_S
-        assert duration_s - bounds[-1] <= np.median(gaps[-8:]) / 2 + SHORTEST_S
+        assert bounds[0] <= np.median(gaps[:8]) / 2 + MIN_WORD_S
+        assert duration_s - bounds[-1] <= np.median(gaps[-8:]) / 2 + MIN_WORD_S
 
 
 def test_words_before_the_first_beat_are_as_long_as_beats():
@@ -121,7 +121,7 @@ def test_words_before_the_first_beat_are_as_long_as_beats():
     np.testing.assert_allclose(np.diff(bounds[:4]), 1.6 / 3)
     np.testing.assert_allclose(bounds[-4:], [7.6, 8.1 + 1 / 30, 8.2 + 14 / 30, 9.2])
     assert dance_bounds_s(np.arange(0.1, 9, 0.5), 9.2)[0] == 0.1  # a tenth of a second is no word
-    np.testing.assert_allclose(dance_bounds_s(np.zeros(0), 2.0), np.arange(0, 2.1, NO_BEAT_S))
+    np.testing.assert_allclose(dance_bounds_s(np.zeros(0), 2.0), np.arange(0, 2.1, DEFAULT_WORD_S))
     np.testing.assert_allclose(dance_bounds_s(np.zeros(0), 0.1), [0.0, 0.1])
 
 
