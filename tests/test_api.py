@@ -140,7 +140,8 @@ def test_wrong_arguments_of_build(tmp_path):
 
 
 def test_a_dance_and_a_repertoire_show_what_they_are(repertoire, made):
-    assert repr(made) == f"<Dance to 'clicks': 6.0 s at 60 fps, graph engine, {len(made.plan.takes_s())} takes>"
+    takes = len(made.plan.takes_s())
+    assert repr(made) == f"<Dance to 'clicks': 6.0 s at 60 fps, graph engine, {takes} takes>"
     page = made._repr_html_()
     assert page.startswith("<iframe srcdoc=") and "&lt;canvas" in page
     assert "rep.h5" in repr(repertoire) and len(repr(repertoire)) < 200

@@ -82,7 +82,7 @@ def build_repertoire(
         _provenance(options, trained_on, features.selection_beat_weight),
         nets | words.nets,
     )
-    write_repertoire(output, contents, packed=options.compress)
+    write_repertoire(output, contents, compress=options.compress)
     return BuildResult(Repertoire.open(output), (*notes, *training_notes, *density_notes, *word_notes))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.building.song_cache import SongCache
-from choreograph.motifs.clustering import WORDS_A_MOTIF, find_motifs
+from choreograph.motifs.clustering import WORDS_PER_MOTIF, find_motifs
 from choreograph.motifs.vocabulary import Vocabulary, make_vocabulary
 from choreograph.motifs.words import Words, segment_words
 from choreograph.motion.body import body_pos_m
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from choreograph.nets.words.model import WordNet
     from choreograph.nets.words.train import WordTake
 
-FEWEST_WORDS = 2 * WORDS_A_MOTIF  # enough for two motifs
+FEWEST_WORDS = 2 * WORDS_PER_MOTIF  # enough for two motifs
 
 
 @dataclass(frozen=True, eq=False)
