@@ -18,8 +18,8 @@ import numpy as np
 
 from choreograph.importers import dance_with_melody as layout
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
-from choreograph.motion.proportions import Bodies, measure_bodies
 from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton_calibration import Bodies, measure_bodies
 from choreograph.takes import Take
 
 

@@ -19,7 +19,7 @@ from choreograph.audio.decode import decoded_blocks
 from choreograph.errors import FormatError, ParameterError
 from choreograph.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 
-_SILENCE = 1e-4  # peak amplitude (-80 dB) under which a song has nothing to dance to
+SILENCE_PEAK = 1e-4  # -80 dB: a song whose peak amplitude is lower counts as silent
 _LONG_S = 3600.0
 
 
@@ -134,7 +134,7 @@ def _joined(parts: list[NDArray[np.float32]]) -> NDArray[np.float32]:
 def _notes(samples: NDArray[np.float32]) -> tuple[str, ...]:
     notes = []
     duration_s = len(samples) / SAMPLE_RATE_HZ
-    if max(samples.max(), -samples.min()) < _SILENCE:
+    if max(samples.max(), -samples.min()) < SILENCE_PEAK:
         notes.append("the song is silent: the dance follows no beat")
     if duration_s < SEGMENT_S:
         notes.append(f"the song lasts {duration_s:.2f} s, less than the {SEGMENT_S} s of one segment")

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from choreograph.errors import FormatError
+from choreograph.importers._axes_and_units import turn_upright
 from choreograph.importers._pickles import load_arrays
 from choreograph.importers._smpl import smpl_motion, turned_world
-from choreograph.importers._upright import turn_upright
 from choreograph.importers.folder import song_beside
 from choreograph.motion.motion import Motion
 from choreograph.takes import Credits, Take

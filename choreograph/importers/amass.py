@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from choreograph.errors import FormatError
+from choreograph.importers._axes_and_units import Z_UP_TO_Y_UP
 from choreograph.importers._smpl import smpl_motion, turned_world
-from choreograph.importers._upright import Z_UP_TO_Y_UP
 from choreograph.importers.npz import array_names, load_arrays
 from choreograph.takes import Credits, Take
 

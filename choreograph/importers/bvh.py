@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
+from choreograph.importers._axes_and_units import human_roles, turn_upright, turned, unit_m
 from choreograph.importers._bvh_text import BvhText, parse_bvh, read_text
-from choreograph.importers._upright import human_roles, turn_upright, turned, unit_m
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton

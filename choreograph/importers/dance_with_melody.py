@@ -22,8 +22,14 @@ from choreograph.errors import FormatError
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m, track_floor_m
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
 from choreograph.motion.motion import Motion
-from choreograph.motion.proportions import Bodies, measure_bodies, measure_skeleton, resized, size_ratio
 from choreograph.motion.skeleton import Skeleton
+from choreograph.motion.skeleton_calibration import (
+    Bodies,
+    measure_bodies,
+    measure_skeleton,
+    resized,
+    size_ratio,
+)
 from choreograph.takes import Credits, Take
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import joint_roles, rest_stands
+from choreograph.motion.rigs import joint_roles, rest_pose_is_upright
 from choreograph.motion.skeleton import Skeleton
 
 Floats = NDArray[np.float64]
@@ -49,7 +49,9 @@ def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, global_quat: Floats, side
         points, heights = [pos_m[:, ankle]], [rest_m[ankle, 1]]
     foot_m = np.stack(points, axis=1)  # (T, F, 3)
     heights_m = (
-        np.array(heights) if rest_stands(skeleton) else np.percentile(foot_m[..., 1], _LOW_PERCENT, axis=0)
+        np.array(heights)
+        if rest_pose_is_upright(skeleton)
+        else np.percentile(foot_m[..., 1], _LOW_PERCENT, axis=0)
     )
     clearance = heights_m - heights_m.min()  # (F,)
     return foot_m - clearance[:, None] * [0.0, 1.0, 0.0]  # (T, F, 3)

@@ -13,7 +13,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import joint_roles, rest_stands
+from choreograph.motion.rigs import joint_roles, rest_pose_is_upright
 from choreograph.motion.skeleton import Skeleton
 
 Floats = NDArray[np.float64]
@@ -60,7 +60,7 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
         world[:, joint] = _carried(quat[:, source], parent, pairs, hinges.get(joint))
     local = rot.make_continuous(to_local(target, world))
     moved = Motion(target, _root(pos, source_roles, target, target_roles, local), local, motion.fps)
-    if not rest_stands(target):
+    if not rest_pose_is_upright(target):
         return moved
     return moved.moved(shift_m=np.array([0.0, -estimate_floor_m(sole_pos_m(moved)), 0.0]))
 

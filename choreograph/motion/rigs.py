@@ -54,7 +54,7 @@ def joint_roles(skeleton: Skeleton) -> dict[str, int]:
     return dict(_roles(skeleton.names, tuple(skeleton.parents.tolist())))
 
 
-def rest_stands(skeleton: Skeleton) -> bool:
+def rest_pose_is_upright(skeleton: Skeleton) -> bool:
     """Whether the rest pose stands upright along +Y, as most do; some lay all bones along one axis.
 
     Raises `ParameterError` as `joint_roles` does.

@@ -55,7 +55,7 @@ def test_there_are_87_in_the_papers_order():
     assert {name: columns.start + 5 for name, columns in SPECTRAL_COLUMNS.items()} == first
 
 
-@pytest.mark.parametrize(("name", "planted"), [("A", 9), ("C", 0), ("F sharp", 6)])
+@pytest.mark.parametrize(("name", "synthetic"), [("A", 9), ("C", 0), ("F sharp", 6)])
 def test_a_tone_is_where_it_was_synthetic(name, synthetic):
     rows = spectral_features(0.3 * tone(synthetic, 4.0), np.array([1.0, 1.5, 2.2, 3.0]))
     assert rows.shape == (3, 87)

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
-from choreograph.features._kernels import beat_chain
+from choreograph.features._kernels import best_beat_sequence
 from choreograph.features.mel import log_mel
-from choreograph.features.music_beats import beats_of_mel
+from choreograph.features.music_beats import librosa_beats
 from choreograph.features.tempo_path import onset_strength, tempo_path_beats
 from choreograph.metrics.beat import f_score
 from choreograph.synthesis.songs.testbed import SONGS
@@ -50,7 +50,7 @@ def test_a_ramp_is_followed(first, last, swing):
     times_s = ramp(first, last)
     mel = log_mel(drum_loop(times_s, swing=swing))
     assert f_score(tempo_path_beats(mel), times_s) > 0.95
-    assert f_score(beats_of_mel(mel, len(mel) / 60), times_s) < 0.92  # what one tempo for all makes of it
+    assert f_score(librosa_beats(mel, len(mel) / 60), times_s) < 0.92  # what one tempo for all makes of it
 
 
 @pytest.mark.parametrize("bpm", [80, 96, 120, 138])
@@ -59,7 +59,7 @@ def test_steady_beats_are_librosas_and_true(bpm):
     mel = log_mel(drum_loop(times_s))
     beats = tempo_path_beats(mel)
     assert f_score(beats, times_s) > 0.95
-    assert f_score(beats, beats_of_mel(mel, len(mel) / 60)) > 0.9
+    assert f_score(beats, librosa_beats(mel, len(mel) / 60)) > 0.9
     nearest = times_s[np.abs(beats[:, None] - times_s).argmin(axis=1)]
     assert abs(np.median(beats - nearest)) < 0.02
 
@@ -88,7 +88,7 @@ def test_a_chain_of_pulses_is_found_whole(period, phase, n_frames):
     strength[phase::period] = 1.0
     gain = np.zeros((1, 66))
     gain[0, period - 15] = 0.5
-    beats = beat_chain(strength, gain, n_frames, 15, 200.0)
+    beats = best_beat_sequence(strength, gain, n_frames, 15, 200.0)
     inner = beats[(beats > 0) & (beats < n_frames - period)]
     assert set(inner) <= set(range(phase, n_frames, period))
     assert (np.diff(beats) > 0).all()

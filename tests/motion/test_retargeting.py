@@ -14,7 +14,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.retargeting import retarget, share_skeleton
-from choreograph.motion.rigs import joint_roles, rest_stands
+from choreograph.motion.rigs import joint_roles, rest_pose_is_upright
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 
@@ -103,7 +103,7 @@ def test_soles_of_a_rig_whose_rest_pose_lies_down_are_found_from_its_motion():
         rot.rotate(back, body.tips_m),
     )
     moved = replace(motion, skeleton=lying, local_quat=to_local(lying, world))
-    assert not rest_stands(lying)
+    assert not rest_pose_is_upright(lying)
     assert estimate_floor_m(sole_pos_m(moved)) == pytest.approx(
         estimate_floor_m(sole_pos_m(motion)), abs=0.06
     )

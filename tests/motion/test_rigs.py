@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from choreograph.errors import ParameterError
-from choreograph.motion.rigs import joint_roles, rest_stands
+from choreograph.motion.rigs import joint_roles, rest_pose_is_upright
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
 
 # Each rig as "joint<parent" in order; {s} stands for both sides.
@@ -161,5 +161,5 @@ def test_the_answer_is_the_callers_to_change():
 def test_whether_the_rest_pose_stands():
     body = canonical_skeleton()
     along_x = np.linalg.norm(body.offsets_m, axis=1)[:, None] * [1.0, 0.0, 0.0]
-    assert rest_stands(body)
-    assert not rest_stands(Skeleton(body.names, body.parents, along_x))
+    assert rest_pose_is_upright(body)
+    assert not rest_pose_is_upright(Skeleton(body.names, body.parents, along_x))
