@@ -1,4 +1,4 @@
-"""Motion beats of synthetic motions, the same by the warper's kernel, and the analytic density."""
+"""Motion beats of synthetic motions, agreement with the warper's kernel, and analytic density."""
 
 import numpy as np
 import pytest
