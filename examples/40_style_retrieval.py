@@ -24,7 +24,7 @@ from scipy.signal import resample_poly
 from choreograph.audio.song import load_song
 from choreograph.features.mel import log_mel
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.features.rhythm import RHYTHM_FPS, rhythm_features
+from choreograph.features.tempogram import RHYTHM_FPS, rhythm_features
 from choreograph.importers import dance_with_melody
 from choreograph.metrics.retrieval import chance_precision, mean_over_groups, precision_at_k
 from choreograph.motion.body import body_pos_m

@@ -13,7 +13,7 @@ from choreograph.building.options import BuildOptions
 from choreograph.building.segmentation import FEWEST_WORDS, SegmentedTake
 from choreograph.building.song_cache import SongCache
 from choreograph.errors import FormatError
-from choreograph.features.rhythm import rhythm_features
+from choreograph.features.tempogram import rhythm_features
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import NetArrays, Repertoire
 from choreograph.repertoire.contents import MeasuredTake

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from choreograph.errors import ParameterError
 from choreograph.features.mel import MEL_BANDS
-from choreograph.features.rhythm import LAGS_S, N_BANDS, N_SCALES, RHYTHM_DIM, RHYTHM_FPS
+from choreograph.features.tempogram import LAGS_S, N_BANDS, N_SCALES, RHYTHM_DIM, RHYTHM_FPS
 from choreograph.motion.body import mirrored
 from choreograph.nets.style.model import MEL_FRAMES, centred, turned
 from choreograph.timebase import MUSIC_FPS, NET_FPS, SEGMENT_FRAMES, SEGMENT_S

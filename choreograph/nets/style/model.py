@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from choreograph.errors import ParameterError
 from choreograph.features.mel import MEL_BANDS
-from choreograph.features.rhythm import RHYTHM_DIM, RHYTHM_FPS
+from choreograph.features.tempogram import RHYTHM_DIM, RHYTHM_FPS
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, checked_body_pos_m
 from choreograph.nets.stored import StoredNet
 from choreograph.nets.style.config import STYLE_DIM, StyleConfig

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from choreograph.errors import ParameterError
-from choreograph.features.rhythm import RHYTHM_DIM
+from choreograph.features.tempogram import RHYTHM_DIM
 from choreograph.motion.body import mirrored
 from choreograph.nets.style.config import STYLE_DIM, style_config
 from choreograph.nets.style.data import StyleData, StyleTake, augmented_mel, augmented_rhythm, count_beats
