@@ -21,6 +21,8 @@ CLIP_S = 8  # what the warper may choose from
 NODE_FRAMES = NODE_S * NET_FPS
 SEGMENT_FRAMES = SEGMENT_S * NET_FPS
 CLIP_FRAMES = CLIP_S * NET_FPS
+MIN_SLOPE = 0.5  # of time maps: source frames per output frame
+MAX_SLOPE = 2.0
 WORD_FRAMES = 13  # a motion word, from beat to beat, whatever the beats' distance
 
 

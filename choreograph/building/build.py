@@ -207,6 +207,6 @@ def _worded(
 
         nets["rollout"] = train_rollout_network(
             measured, segmented, vocabulary, words, rollout_config(options.preset), seed=options.seed, context=context,
-            start=beginning.nets.get("rollout"), report=report,
+            pretrained=beginning.nets.get("rollout"), report=report,
         )  # fmt: skip
     return _Worded(nets, motif_arrays(vocabulary)), notes

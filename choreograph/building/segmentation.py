@@ -21,8 +21,8 @@ from choreograph.progress import ProgressReport
 from choreograph.repertoire.contents import MeasuredTake
 
 if TYPE_CHECKING:
+    from choreograph.nets.words.data import WordTake
     from choreograph.nets.words.model import WordNet
-    from choreograph.nets.words.train import WordTake
 
 WORD_FPS = 30.0  # of the positions that words are cut from
 FEWEST_WORDS = 2 * WORDS_A_MOTIF  # for two motifs: less is no vocabulary
@@ -38,8 +38,8 @@ class SegmentedTake:
     words: Words
 
     def to_learn_from(self) -> WordTake:
-        """The take as `nets.word_training` wants it."""
-        from choreograph.nets.words.train import WordTake
+        """The take as `nets.words.data` wants it."""
+        from choreograph.nets.words.data import WordTake
 
         return WordTake(self.name, self.body_pos_m, WORD_FPS, self.words.start_s, self.words.end_s)
 

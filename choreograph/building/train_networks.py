@@ -115,17 +115,16 @@ def _trained(
     """
     from choreograph.nets.density.config import density_config
     from choreograph.nets.density.model import MotionDensity
-    from choreograph.nets.density.train import train_motion_density
-    from choreograph.nets.density.train_music import train_music_density
+    from choreograph.nets.density.train import train_motion_density, train_music_density
     from choreograph.nets.style.config import style_config
     from choreograph.nets.style.train import train_style
 
     nets = {name: net for name, net in beginning.kept.items() if name in MUSIC_NETS}
-    given: dict[str, Any] = {"seed": options.seed, "place": context}
+    given: dict[str, Any] = {"seed": options.seed, "context": context}
     if "style" not in nets:
         n_songs = len({take.song_name for take in takes})
         config = style_config(options.preset, n_songs=n_songs, **_changes(options))
-        style = train_style(takes, config, start=beginning.weights("style"), **given)
+        style = train_style(takes, config, pretrained=beginning.weights("style"), **given)
         nets["style"] = _stored(style)
     longest_s = max(min(len(t.body_pos_m) / NET_FPS, len(t.log_mel) / MUSIC_FPS) for t in takes)
     if longest_s < CLIP_S:
@@ -134,11 +133,14 @@ def _trained(
     if "motion_density" in nets:
         motion = MotionDensity.from_arrays(nets["motion_density"].weights, nets["motion_density"].config)
     else:
-        motion = train_motion_density(takes, densities, start=beginning.weights("motion_density"), **given)
+        motion = train_motion_density(
+            takes, densities, pretrained=beginning.weights("motion_density"), **given
+        )
         nets["motion_density"] = _stored(motion)
     if "music_density" not in nets:
-        start = beginning.weights("music_density")
-        nets["music_density"] = _stored(train_music_density(takes, motion, densities, start=start, **given))
+        pretrained = beginning.weights("music_density")
+        music = train_music_density(takes, motion, densities, pretrained=pretrained, **given)
+        nets["music_density"] = _stored(music)
     return nets
 
 
@@ -157,7 +159,7 @@ def train_word_network(
         return beginning.nets.get("words")
     net = train_word_net(
         [take.to_learn_from() for take in takes], word_config(options.preset, **_changes(options)),
-        seed=options.seed, context=context, start=beginning.weights("words"),
+        seed=options.seed, context=context, pretrained=beginning.weights("words"),
     )  # fmt: skip
     return _stored(net)
 

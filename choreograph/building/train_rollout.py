@@ -34,17 +34,18 @@ def train_rollout_network(
     *,
     seed: int,
     context: TrainingContext,
-    start: NetArrays | None,
+    pretrained: NetArrays | None,
     report: ProgressReport | None,
 ) -> NetArrays:
-    """Train the network that dances motifs on all takes with music, or train it on from `start`.
+    """Train the network that dances motifs on all takes with music, or continue from `pretrained`.
 
     Raises `ParameterError` if no take dances words to music for as long as a training sequence.
     """
     takes = rollout_takes(measured, segmented, vocabulary, words, report=report)
     net: RolloutNet = train_rollout(
-        takes, words, config, seed=seed, context=context, start=None if start is None else start.weights
-    )
+        takes, words, config, seed=seed, context=context,
+        pretrained=None if pretrained is None else pretrained.weights,
+    )  # fmt: skip
     weights, stored = net.to_arrays()
     return NetArrays(stored, weights)
 

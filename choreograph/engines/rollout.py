@@ -22,7 +22,7 @@ from choreograph.nets.rollout.data import ROLLOUT_FPS
 from choreograph.plan import Plan, PlannedWord
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import Repertoire
-from choreograph.rollout.generation import SEED_FRAMES, MotifScore, roll_out
+from choreograph.rollout.generation import SEED_FRAMES, MotifSequence, generate_motion
 from choreograph.takes import Credits
 
 Floats = NDArray[np.float64]
@@ -60,15 +60,15 @@ def roll(
         resolved.n_words, signature, transitions, rng=rng, pins=resolved.motifs,
         banned=np.flatnonzero(resolved.motif_banned).tolist(),
     )  # fmt: skip
-    score = MotifScore(
+    sequence = MotifSequence(
         start_s=bounds_s[:-1],
         end_s=bounds_s[1:],
         motif=repertoire.vocabulary.motifs.embeddings[motifs],
         rhythm=rhythm_from(song, song_features.beat_times_s, 0.0),
         spectral=word_spectra(song, bounds_s) if style_song is None else _cycled(style_song, len(motifs)),
     )
-    motion = roll_out(
-        net, score, _leading_to(int(motifs[0]), repertoire), fps=config.fps,
+    motion = generate_motion(
+        net, sequence, _leading_to(int(motifs[0]), repertoire), fps=config.fps,
         report=None if report is None else lambda done, total: report("dancing", done, total),
     )  # fmt: skip
     plan = Plan(
