@@ -88,8 +88,8 @@ def pair_loss(nets: StyleNets, batch: StyleBatch) -> Tensor:
         loss = loss + 0.5 * config.contrast_weight * contrastive_loss(
             anchors, others, positive=own, negative=~same_song, temperature=config.temperature
         )
-    # Genres contrast within music and within motion too: each network then finds them by itself, and the two
-    # need only agree. With contrast across alone, neither has anything to agree with at the start.
+    # Genres are contrasted within music and within motion too: each network then learns them alone, and the
+    # two need only agree. With contrast across alone, neither has anything to agree with at the start.
     both = torch.cat([music, motion])  # (2B, 32)
     genre = batch.genre.repeat(2)
     known = (genre >= 0)[:, None] & (genre >= 0)[None]

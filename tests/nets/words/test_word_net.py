@@ -103,7 +103,7 @@ def test_the_distance_of_words_is_the_mean_over_frames_and_joints():
 
 
 class SyntheticNet(torch.nn.Module):
-    """A function of the words in place of a trained embedding."""
+    """A known function of the words instead of a trained embedding."""
 
     def __init__(self, embed):
         super().__init__()
