@@ -1,4 +1,4 @@
-"""The graph engine follows a genre or a signature: one asked for, or of the genre nearest to the song."""
+"""The graph engine follows a genre or a signature: the requested one, or that of the likely genre."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def six_takes(genres=("waltz",) * 4 + ("rumba",) * 2):
 
 
 def with_style_nets(path, takes):
-    """A repertoire with a vocabulary and style networks: a song's genre can be told."""
+    """A repertoire with a vocabulary and style networks: so that a song's genre can be estimated."""
     nets = {"style": starter_repertoire().net("style")}
     write_repertoire(path, with_vocabulary(replace(synthetic_contents(takes), nets=nets), takes))
     return cg.Repertoire.open(path)
@@ -47,7 +47,7 @@ def with_style(tmp_path_factory):
 
 
 @pytest.mark.parametrize("planner", ["exact", "greedy"])
-def test_a_signature_asked_for_is_come_near_to(worded, song, planner):
+def test_a_requested_signature_is_approached(worded, song, planner):
     wanted = worded.vocabulary.signatures[worded.vocabulary.genre_index("rumba")]
     config = cg.DanceConfig(planner=planner, candidates=16)
     without = cg.dance(song, worded, config=config)
@@ -58,15 +58,15 @@ def test_a_signature_asked_for_is_come_near_to(worded, song, planner):
     }  # fmt: skip
 
 
-def test_what_the_seconds_pay_is_the_distance_planned(worded, song):
+def test_the_signature_costs_add_up_to_the_planned_distance(worded, song):
     made = cg.dance(song, worded, genre="waltz", weights={"signature": 2.0})
     paid = np.mean([second.costs["signature"] for second in made.plan.seconds]) / 2.0
     assert 0.0 <= paid <= 1.0
     wanted = worded.vocabulary.signatures[worded.vocabulary.genre_index("waltz")]
-    assert abs(paid - distance(made, worded, wanted)) < 0.25  # but for words that joins have changed
+    assert abs(paid - distance(made, worded, wanted)) < 0.25  # except for words that transitions changed
 
 
-def test_the_likely_genre_is_followed_where_none_is_asked_for(with_style, song):
+def test_the_likely_genre_is_followed_by_default(with_style, song):
     made = cg.dance(song, with_style)
     (note,) = [note for note in made.notes if "no genre given" in note]
     genre = next(genre for genre in ("waltz", "rumba") if f"follows {genre}," in note)
@@ -97,7 +97,7 @@ def test_a_vocabulary_without_weight_changes_nothing(with_style, song, tmp_path,
 
 
 @pytest.mark.parametrize(
-    ("constraints", "said"),
+    ("constraints", "message"),
     [
         ({"genre": "polka"}, "rumba"),
         ({"signature": np.ones(3) / 3}, "signature"),
@@ -109,7 +109,7 @@ def test_a_vocabulary_without_weight_changes_nothing(with_style, song, tmp_path,
         ({"genre": "waltz", "config": cg.DanceConfig(planner="motion-graph")}, "motion-graph"),
     ],
 )
-def test_what_cannot_be_followed_is_said_in_one_line(worded, song, constraints, said):
-    with pytest.raises(ParameterError, match=said) as raised:
+def test_goals_that_cannot_be_followed_are_reported_in_one_line(worded, song, constraints, message):
+    with pytest.raises(ParameterError, match=message) as raised:
         cg.dance(song, worded, **constraints)
     assert "\n" not in str(raised.value)
