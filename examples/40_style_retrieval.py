@@ -24,7 +24,7 @@ from scipy.signal import resample_poly
 from choreograph.audio.song import load_song
 from choreograph.features.mel import log_mel
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.features.rhythm import RHYTHM_FPS, rhythm_features
+from choreograph.features.tempogram import RHYTHM_FPS, rhythm_features
 from choreograph.importers import dance_with_melody
 from choreograph.metrics.retrieval import chance_precision, mean_over_groups, precision_at_k
 from choreograph.motion.body import body_pos_m
@@ -152,14 +152,14 @@ def main() -> None:
         for names in left_out:
             songs = {by_name[name].song_name for name in names}
             heard = [take for take in takes if take.song_name not in songs]
-            start = None
+            pretrained = None
             if built_in:
                 all_takes = [*built_in, *heard]
                 longer = style_config(
                     options.preset, n_songs=len({t.song_name for t in all_takes}), **changes
                 )
-                start = train_style(all_takes, longer, seed=seed).to_arrays()[0]
-            nets = train_style(heard, config, seed=seed, start=start)
+                pretrained = train_style(all_takes, longer, seed=seed).to_arrays()[0]
+            nets = train_style(heard, config, seed=seed, pretrained=pretrained)
             for name in names:
                 others = [by_name[n] for n in POOL if n != name]
                 rows[name] = shares(nets, config, by_name[name], others)

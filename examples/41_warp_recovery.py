@@ -22,9 +22,10 @@ from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers import import_takes
 from choreograph.metrics.warping import recovery_errors_ms, summary_ms
 from choreograph.motion.body import body_pos_m
+from choreograph.motion.interpolation import interpolate_frames
 from choreograph.nets.density.config import density_config
+from choreograph.nets.density.data import random_time_map
 from choreograph.nets.density.model import MotionDensity
-from choreograph.nets.density.random_warp import random_time_map, resampled
 from choreograph.nets.density.train import train_motion_density
 from choreograph.nets.style.data import StyleTake
 from choreograph.nets.style.model import centred
@@ -71,7 +72,7 @@ def errors_ms(takes: list[StyleTake], net: MotionDensity | None) -> dict[str, np
                 )
             else:
                 query, target, name = (
-                    clip_density(net, resampled(clip, true)),
+                    clip_density(net, interpolate_frames(clip, true)),
                     clip_density(net, clip),
                     "learned",
                 )
@@ -108,7 +109,7 @@ def main() -> None:
     show("", errors_ms(unknown, None))
     config = density_config(options.preset, loss=options.loss)
     for seed in options.seeds:
-        net = train_motion_density(known, config, seed=seed, place=TrainingContext(device="cpu"))
+        net = train_motion_density(known, config, seed=seed, context=TrainingContext(device="cpu"))
         show(f"{options.preset}, seed {seed}:", errors_ms(unknown, net))
 
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from choreograph.importers import dance_with_melody as layout
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
-from choreograph.motion.proportions import Bodies, measure_bodies
 from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton_calibration import BodyClusters, cluster_bodies
 from choreograph.takes import Take
 
 
@@ -32,9 +32,9 @@ def raw_error_m(take: Take, pos_m: np.ndarray) -> np.ndarray:
     return np.linalg.norm(off_m - off_m.mean(axis=1, keepdims=True), axis=-1)
 
 
-def own_error_m(bodies: Bodies, pos_m: np.ndarray, fps: float) -> np.ndarray:
+def own_error_m(bodies: BodyClusters, pos_m: np.ndarray, fps: float) -> np.ndarray:
     """Distances (T, R') between the markers and each frame's own body, fitted to them."""
-    nearest = bodies.shares(pos_m, layout.ROLES, fps).argmax(axis=1)  # (T,)
+    nearest = bodies.membership(pos_m, layout.ROLES, fps).argmax(axis=1)  # (T,)
     errors = np.stack(
         [
             fit_error_m(body, *fit_positions(body, pos_m, layout.ROLES, fps=fps), pos_m, layout.ROLES)
@@ -60,7 +60,7 @@ def main() -> None:
         take.name: layout.without_spikes(layout.read_points_m(data / take.name / "skeletons.json"))
         for take in takes
     }
-    bodies = measure_bodies(np.concatenate(list(points.values())), layout.ROLES, layout.BODIES)
+    bodies = cluster_bodies(np.concatenate(list(points.values())), layout.ROLES, layout.N_BODIES)
     rows = []
     for take in takes:
         pos_m, fps, skeleton = points[take.name], take.motion.fps, take.motion.skeleton

@@ -34,8 +34,9 @@ from choreograph.motifs.vocabulary import make_vocabulary
 from choreograph.motifs.words import Words, segment_words, word_distance_m
 from choreograph.motion.body import body_pos_m
 from choreograph.nets.words.config import word_config
+from choreograph.nets.words.data import WordTake, augmented_words
 from choreograph.nets.words.model import WordNet, clips_to_root_frame
-from choreograph.nets.words.train import WordTake, train_word_net, word_copies
+from choreograph.nets.words.train import train_word_net
 from choreograph.preview.motif_strip import ShownWord, words_to_show, write_motif_strip
 from choreograph.takes import Take
 from choreograph.timebase import WORD_FRAMES
@@ -119,7 +120,7 @@ def show_neighbours(net: WordNet, known: list[Danced], unknown: list[Danced], tr
         distance, right = 100 * truth_m[np.arange(len(queries)), nearest], theirs[nearest] == genre
         per_genre = np.mean([right[genre == g].mean() for g in set(genre)])
         print(f"  nearest by {name:10s} {distance.mean():5.2f} cm  of its genre {per_genre:.2f}")
-    copies = word_copies([d.for_training() for d in unknown], COPIES, np.random.default_rng(5))
+    copies = augmented_words([d.for_training() for d in unknown], COPIES, np.random.default_rng(5))
     clean, altered = (clips_to_root_frame(t).numpy() for t in (copies.words, copies.first))
     clean, chosen = np.unique(clean, axis=0, return_index=True)
     found = {

@@ -28,7 +28,7 @@ from choreograph.takes import Take
 
 ABLATIONS = {
     "no-perceptual-loss": {"perceptual_weight": 0.0},
-    "no-audio": {"hears": False},
+    "no-audio": {"use_audio": False},
     "acLSTM-no-motifs": {"motifs": False, "perceptual_weight": 0.0},
 }
 
@@ -46,8 +46,8 @@ def train(takes: Mapping[str, Take], repertoire: cg.Repertoire, folder: Path, na
     learned = rollout_takes(own, segment_takes(own)[0], repertoire.vocabulary, words)
     for name in lacking:
         config = rollout_config(str(repertoire.provenance["preset"]), **ABLATIONS[name])
-        place = TrainingContext(folder / name, resume=True, report=show)
-        net = train_rollout(learned, words, config, seed=int(repertoire.provenance["seed"]), place=place)
+        context = TrainingContext(folder / name, resume=True, report=show)
+        net = train_rollout(learned, words, config, seed=int(repertoire.provenance["seed"]), context=context)
         torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, folder / f"{name}.pt")
 
 

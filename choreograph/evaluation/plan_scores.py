@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.engines.rendering import plan_runs
+from choreograph.blending.rendering import plan_runs
 from choreograph.evaluation.scores import Scores
 from choreograph.metrics import structure, warping
 from choreograph.plan import Plan

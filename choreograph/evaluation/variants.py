@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from choreograph.audio.song import Song
-from choreograph.config import TRANSITION_LENGTHS_S, DanceConfig
+from choreograph.config import DEFAULT_WEIGHTS, TRANSITION_LENGTHS_S, DanceConfig
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.pipeline import Dance, dance, render
 from choreograph.plan import Plan, PlannedSecond
@@ -16,10 +16,6 @@ from choreograph.repertoire import Repertoire
 from choreograph.timebase import CLIP_S, NODE_FRAMES, SEGMENT_S
 
 _JOINTS_TO_NORM = float(np.sqrt(21.0))  # our transition cost is a mean over 21 joints, the paper's a norm
-_GRAPH_COSTS = (
-    "style", "completeness", "transition", "velocity", "rhythm", "pace", "variety", "repeat", "signature",
-    "motif_transition",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -44,7 +40,7 @@ def _without_cost(cost: str) -> Variant:
 
 
 _AS_PUBLISHED = {
-    **dict.fromkeys(_GRAPH_COSTS, 0.0), "style": 1.0, "completeness": 1.0, "transition": _JOINTS_TO_NORM,
+    **dict.fromkeys(DEFAULT_WEIGHTS, 0.0), "style": 1.0, "completeness": 1.0, "transition": _JOINTS_TO_NORM,
 }  # fmt: skip
 _NO_EDGES = dict.fromkeys(
     ("completeness", "transition", "velocity", "repeat", "signature", "motif_transition"), 0.0
@@ -80,7 +76,7 @@ VARIANTS: dict[str, Variant] = {
             weights=_NO_EDGES,
         ),
         _variant("transitions-on-seconds", "ours with transitions on seconds", transitions="seconds"),
-        *(_without_cost(cost) for cost in _GRAPH_COSTS),
+        *(_without_cost(cost) for cost in DEFAULT_WEIGHTS),
         _variant("mixer", "the mixer engine: motion words of takes", engine="mixer"),
         _variant("rollout", "the rollout engine: motion from a network", engine="rollout"),
     )
@@ -89,7 +85,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "paper": ("ours", "greedy-published", "motion-graph", "random"),
     "ablations": (
         "ours", "no-selection", "no-retempo", "no-graph", "greedy", "linear", "transitions-on-seconds",
-        *(f"no-{cost}" for cost in _GRAPH_COSTS),
+        *(f"no-{cost}" for cost in DEFAULT_WEIGHTS),
     ),
     "engines": ("ours", "mixer", "rollout"),
 }  # fmt: skip

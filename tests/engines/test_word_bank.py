@@ -36,7 +36,7 @@ def test_faster_words_show_poses_farther_apart(bank):
     assert spread[1] > 1.5 * spread[0]
 
 
-def test_doubt_is_distance_to_its_own_motif_less_that_to_the_next(bank):
+def test_the_margin_is_the_distance_to_the_next_motif_less_that_to_its_own(bank):
     v = bank.vocabulary
     doubt = bank.motif_margin_m(np.arange(len(v.word_motif)))
     assert np.mean(doubt < 0) > 0.95  # nearest is how words were given their motifs, here at 20 fps

@@ -1,4 +1,4 @@
-"""Which way is up and how long is a unit: read off the body itself."""
+"""Up axis and length unit of a file, inferred from the body in it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
 
 _BODY_HEIGHT_M = 1.70
-# Bodies measured in each unit come out between these heights; the ranges are tried in this order.
-_LIKELY_HEIGHT_M = (1.0, 2.3)
+# A unit is accepted if it puts the body's height in this range. Units are tried in the order below.
+_PLAUSIBLE_HEIGHT_M = (1.0, 2.3)
 _UNITS_M = {
     "metres": 1.0,
     "centimetres": 0.01,
@@ -25,7 +25,7 @@ _UNITS_M = {
 _LEG_OF_HEIGHT = 0.46  # hip to ankle over body height, average adult
 
 _HALF = float(np.sqrt(0.5))
-# The turn that takes each axis to +Y.
+# The rotation that takes each axis to +Y.
 _TO_Y_UP = {
     "+X": np.array([_HALF, 0.0, 0.0, _HALF]),
     "-X": np.array([_HALF, 0.0, 0.0, -_HALF]),
@@ -34,11 +34,11 @@ _TO_Y_UP = {
     "-Z": np.array([_HALF, _HALF, 0.0, 0.0]),
 }
 Z_UP_TO_Y_UP = _TO_Y_UP["+Z"]
-_CLEARLY = 1.5  # an axis other than Y is up only if it is this much more so: dancers also lie down
+_UP_AXIS_MARGIN = 1.5  # over Y, which another axis needs to count as up: dancers also lie down
 
 
-def human_roles(skeleton: Skeleton) -> dict[str, int]:
-    """The joints' roles, or none where the rig's names are not a known body's."""
+def known_roles(skeleton: Skeleton) -> dict[str, int]:
+    """The joints' roles; empty if the rig's joint names are unknown."""
     try:
         return joint_roles(skeleton)
     except ParameterError:
@@ -46,13 +46,13 @@ def human_roles(skeleton: Skeleton) -> dict[str, int]:
 
 
 def unit_m(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[float, str]:
-    """Metres in a unit of the file, from body height, and a note that says so.
+    """Metres per unit of the file, inferred from body height, and a note on it.
 
-    `pos` (T, J, 3) joint positions in the file's unit. The height is that of a body with such legs,
-    so no pose need stand; without known names it is the body's largest extent. Raises `FormatError`
-    if the body has no size.
+    `pos` (T, J, 3) joint positions in the file's unit. The height is estimated from leg length, so no
+    pose needs to be upright; without known joint names it is the body's largest extent. Raises
+    `FormatError` if the body has no size.
     """
-    roles = human_roles(skeleton)
+    roles = known_roles(skeleton)
     if roles:
         legs = [
             np.linalg.norm(
@@ -65,20 +65,20 @@ def unit_m(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[float, str]:
     else:
         height = float(np.ptp(pos, axis=1).max())
     if height < 1e-6:
-        raise FormatError("all joints are at one place: the skeleton has no bone lengths")
+        raise FormatError("all joints are in the same place: the skeleton has no bone lengths")
     for name, metres in _UNITS_M.items():
-        if _LIKELY_HEIGHT_M[0] <= height * metres <= _LIKELY_HEIGHT_M[1]:
-            return metres, f"read as {name}: the body is then {height * metres:.2f} m tall"
+        if _PLAUSIBLE_HEIGHT_M[0] <= height * metres <= _PLAUSIBLE_HEIGHT_M[1]:
+            return metres, f"read as {name}, which makes the body {height * metres:.2f} m tall"
     metres = _BODY_HEIGHT_M / height
-    return metres, f"a body {height:.4g} units tall fits no known unit: scaled to {_BODY_HEIGHT_M:.2f} m"
+    return metres, f"a body {height:.4g} units tall matches no known unit: scaled to {_BODY_HEIGHT_M:.2f} m"
 
 
-def turn_upright(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDArray[np.float64], str]:
-    """The turn (4,) that brings the body upright along +Y, and a note; identity and "" if it is.
+def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDArray[np.float64], str]:
+    """The rotation (4,) that makes +Y the up axis, and a note; identity and "" if it already is.
 
     `pos` (T, J, 3). Up is the axis along which the shoulders are above the ankles, over all frames.
     """
-    roles = human_roles(skeleton)
+    roles = known_roles(skeleton)
     if not roles:
         return rot.IDENTITY, ""
     ends = [
@@ -88,13 +88,13 @@ def turn_upright(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDArray
     upward = ends[0] - ends[1]  # (3,)
     axis = int(np.argmax(np.abs(upward)))
     name = f"{'+' if upward[axis] > 0 else '-'}{'XYZ'[axis]}"
-    if name == "+Y" or (axis != 1 and abs(upward[axis]) < _CLEARLY * abs(upward[1])):
+    if name == "+Y" or (axis != 1 and abs(upward[axis]) < _UP_AXIS_MARGIN * abs(upward[1])):
         return rot.IDENTITY, ""
-    return _TO_Y_UP[name], f"turned from {name} up to +Y up: the shoulders are above the feet along {name}"
+    return _TO_Y_UP[name], f"rotated from {name} up to +Y up: the shoulders are above the feet along {name}"
 
 
-def turned(
-    turn: NDArray[np.float64], vectors: NDArray[np.float64], quats: NDArray[np.float64]
+def to_rotated_axes(
+    rotation: NDArray[np.float64], vectors: NDArray[np.float64], quats: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Vectors (..., 3) and rotations (..., 4) in a frame that `turn` (4,) takes the old one to."""
-    return rot.rotate(turn, vectors), rot.multiply(rot.multiply(turn, quats), rot.invert(turn))
+    """Vectors (..., 3) and rotations (..., 4), expressed in axes rotated by `rotation` (4,)."""
+    return rot.rotate(rotation, vectors), rot.multiply(rot.multiply(rotation, quats), rot.invert(rotation))
