@@ -1,6 +1,6 @@
 """Dances that a repertoire does not hold, made again by their motifs: are those danced, and how smoothly?
 
-    python examples/48_recreate.py path/to/dance-with-melody rep.h5 [--planner greedy] [--pins 3]
+    python examples/papers/recreate.py path/to/dance-with-melody rep.h5 [--planner greedy] [--pins 3]
 
 Every held-out take's motif sequence, cut on its own song's beats, is danced to that song by the mixer.
 Printed for each: the share of words whose motif, measured on the rendered dance, is the one asked for; foot

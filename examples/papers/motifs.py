@@ -1,7 +1,7 @@
 """Do motion words find what looks like them in other takes, and do motifs tell genres? On takes held out.
 
-    python examples/44_motifs.py path/to/dance-with-melody --seeds 0 1 [--strips folder]
-    python examples/44_motifs.py path/to/rendered/starter/takes --every 4
+    python examples/papers/motifs.py path/to/dance-with-melody --seeds 0 1 [--strips folder]
+    python examples/papers/motifs.py path/to/rendered/starter/takes --every 4
 
 The word network and the motifs are made from the other takes. Distances are mean joint distances in cm
 after alignment (each word from its own place, and time-warped by up to 3 of 13 frames); `positions` is the

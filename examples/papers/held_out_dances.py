@@ -1,6 +1,6 @@
 """The table of dances to held-out songs: beats, joins, feet, length.
 
-Run: python examples/42_evaluate_dances.py DATA REPERTOIRE [--songs FILE] [--planner greedy]
+Run: python examples/papers/held_out_dances.py DATA REPERTOIRE [--songs FILE] [--planner greedy]
 
 DATA is a folder in the layout of dance-with-melody; REPERTOIRE must have been built with
 `--leave-out @FILE`. Beside every dance stand the held-out take itself ("real") and chance: the same

@@ -5,7 +5,8 @@ selects its 50 best clips among the other songs of a fixed pool. Printed is the 
 among them, averaged per genre, then over genres: for all the pool's clips, and with equally many clips a
 genre, where chance is one third.
 
-    python examples/40_style_retrieval.py path/to/dance-with-melody --seeds 2 [--from-scratch] [--loss paper]
+    python examples/papers/style_retrieval.py path/to/dance-with-melody --seeds 2 [--from-scratch]
+        [--loss paper]
 
 Training begins, as in `build-db`, with networks that learned from the built-in takes and these; but not with
 those that come along, which have heard most of the pool: they are trained anew without the songs left
