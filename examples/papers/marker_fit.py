@@ -1,4 +1,4 @@
-"""How far is the body that is delivered from the markers that were captured?
+"""How far is the fitted body from the captured markers?
 
 For every take of dance-with-melody: the mean distance in centimetres between joints and markers, after
 the mean offset of each frame is taken away (the floor is levelled, the path scaled), of a skeleton with

@@ -5,8 +5,8 @@
 Each REPERTOIRE must have been built with `--leave-out @examples/papers/dance_with_melody_held_out.txt` and
 its own seed, and hold a vocabulary: numbers are mean ± spread over repertoires. The songs are the held-out
 ones and those of DATA without motion, each danced with its genre given, without, and with no weight on
-motifs; "real" is the held-out take itself. Words are segmented on the song's beats, as the takes' own are, and the
-distance is χ² (Rhythm is a Dancer, equation 11) to the genre's template, after so many seconds.
+motifs; "real" is the held-out take itself. Words are segmented on the song's beats, as the takes' own are.
+The distance is χ² (Rhythm is a Dancer, equation 11) to the genre's template, after so many seconds.
 """
 
 from __future__ import annotations

@@ -91,13 +91,13 @@ def test_build_and_dance_with_takes_without_music(tmp_path, song, db):
         (["-o", "x.doc"], "doc"),
     ],
 )
-def test_options_that_cannot_be_used(song, db, tmp_path, monkeypatch, options, says):
+def test_invalid_values_of_options_are_refused(song, db, tmp_path, monkeypatch, options, says):
     monkeypatch.chdir(tmp_path)
     assert_one_line(run("dance", song, "--db", db, *options), says=says)
     assert not list(tmp_path.iterdir())
 
 
-def test_songs_that_are_none(tmp_path, db):
+def test_a_file_that_is_no_song_is_refused(tmp_path, db):
     cases = {
         "missing": tmp_path / "none.wav",
         "folder": tmp_path,
@@ -120,7 +120,7 @@ def test_songs_that_are_none(tmp_path, db):
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_repertoires_that_are_none(tmp_path, song, db):
+def test_a_file_that_is_no_repertoire_is_refused(tmp_path, song, db):
     cut, text, other, version = (tmp_path / f"{n}.h5" for n in ("cut", "text", "other", "version"))
     cut.write_bytes(db.read_bytes()[:2000])
     text.write_text("not hdf5")
@@ -152,7 +152,7 @@ def test_config_files(tmp_path, song, db):
     assert_one_line(run("dance", song, "--db", db, "--config", bad, "-o", plan), says="candidate")
 
 
-def test_sources_that_are_none(tmp_path):
+def test_sources_without_takes_are_refused(tmp_path):
     (tmp_path / "empty").mkdir()
     for source in (tmp_path / "none", tmp_path / "empty"):
         assert_one_line(run("build-db", source, "-o", tmp_path / "r.h5"), says=str(source))

@@ -89,19 +89,21 @@ def test_constraints_that_cannot_be_met(here, options, says):
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("options", "says"),
     [
-        ["--warping", "none"],
-        ["--warping", "dtw"],  # its default, but given
-        ["--candidates", "3"],
-        ["--selection", "random"],
-        ["--transitions", "seconds"],
-        ["--weight", "style=2"],
+        (["--engine", "mixer", "--warping", "none"], "graph engine"),
+        (["--engine", "mixer", "--warping", "dtw"], "graph engine"),  # its default, but given
+        (["--engine", "mixer", "--candidates", "3"], "graph engine"),
+        (["--engine", "mixer", "--selection", "random"], "graph engine"),
+        (["--engine", "mixer", "--transitions", "seconds"], "graph engine"),
+        (["--engine", "mixer", "--weight", "style=2"], "graph engine"),
+        (["--engine", "mixer", "--style-song", "song.wav"], "rollout engine"),
+        (["--engine", "rollout", "--planner", "greedy"], "rollout engine"),
     ],
 )
-def test_a_setting_that_the_engine_does_not_use_is_refused(here, options):
-    result = run("dance", "song.wav", "--db", "rep.h5", "-o", "x.bvh", "--engine", "mixer", *options)
-    assert_one_line(result, says="graph engine")
+def test_a_setting_that_the_engine_does_not_use_is_refused(here, options, says):
+    result = run("dance", "song.wav", "--db", "rep.h5", "-o", "x.bvh", *options)
+    assert_one_line(result, says=says)
     assert not (here / "x.bvh").exists()
 
 
