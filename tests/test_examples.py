@@ -14,6 +14,8 @@ import pytest
 from command_line import run
 from synthetic_repertoire import synthetic_repertoire
 
+import choreograph as cg
+
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
@@ -121,6 +123,15 @@ def test_files_that_a_page_names_exist(page):
     named = re.findall(r"\b(?:examples|choreograph|data_schema)/[\w./-]*\w", text)
     for path in [*(page.parent / link for link in links), *(ROOT / name for name in named)]:
         assert path.exists(), path
+
+
+def test_python_in_the_readme_compiles_and_names_public_names():
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.S)
+    assert blocks
+    for block in blocks:
+        compile(block, "README.md", "exec")
+        for name in re.findall(r"\bcg\.(\w+)", block):
+            assert hasattr(cg, name), name
 
 
 def test_the_readme_is_short():

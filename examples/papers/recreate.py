@@ -5,8 +5,8 @@
 Every held-out take's motif sequence, segmented on its own song's beats, is danced to that song by the mixer.
 Printed for each: the share of words whose motif, measured on the rendered dance, is the one given; foot
 slide in cm/s and the largest distance from where the dance began in metres, beside the real take's; jerk
-(95th percentile) near transitions over elsewhere. With --pins, as many motifs are pinned at random times in the
-graph and the mixer, and the share that holds is printed.
+(95th percentile) near transitions over elsewhere. With --pins, as many motifs are pinned at random times in
+the graph and the mixer, and the share that holds is printed.
 """
 
 from __future__ import annotations
