@@ -21,6 +21,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 PAPERS = sorted((ROOT / "examples" / "papers").glob("*.py"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "examples" / "results").glob("*.md"))]
+MODEL_CARD = ROOT / "choreograph" / "starter" / "MODEL_CARD.md"
 WRITTEN = {
     "01_own_library.py": ("rep.h5", "own.bvh"),
     "02_own_cost.py": ("low.bvh",),
@@ -116,7 +117,16 @@ def test_a_command_on_a_page_is_known_and_so_are_its_options(line):
             assert re.search(rf"(^|[\s,/]){re.escape(word)}\b", shown.output), word
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_options_in_the_makefile_are_known():
+    lines = [line for line in (ROOT / "Makefile").read_text().splitlines() if "$(BIN)/choreograph " in line]
+    for line in lines:
+        command = line.split("$(BIN)/choreograph ")[1].split()[0].rstrip(")")
+        shown = run(command, "--help").output
+        for option in re.findall(r"(?<!\w)--[a-z-]+", line):
+            assert option in shown, (command, option)
+
+
+@pytest.mark.parametrize("page", [*PAGES, MODEL_CARD], ids=lambda p: p.name)
 def test_files_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
     links = re.findall(r"\]\(([^)#:]+)\)", text)
