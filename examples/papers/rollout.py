@@ -1,10 +1,11 @@
 """What the rollout network makes of motifs: ablations, re-created dances, variations, style, feet.
 
-    python examples/47_rollout.py path/to/dance-with-melody REPERTOIRE… [--ablations FOLDER]
+    python examples/papers/rollout.py path/to/dance-with-melody REPERTOIRE… [--ablations FOLDER]
 
-Each REPERTOIRE must have been built with `--rollout --leave-out @examples/dance_with_melody_held_out.txt`,
-and with a seed of its own: numbers are mean ± spread over repertoires. FOLDER: `49_rollout_ablations.py`.
-Danced are the held-out songs and those of DATA without motion, up to 80 s of each, asked for their genre.
+Each REPERTOIRE must have been built with `--rollout`, with
+`--leave-out @examples/papers/dance_with_melody_held_out.txt` and with its own seed: numbers are mean ± spread
+over repertoires. FOLDER was written by `train_rollout_ablations.py`. The songs are the held-out ones and
+those of DATA without motion, up to 80 s of each, danced with their genre given.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import to_root_frame
 from choreograph.nets.rollout.model import RolloutNet
-from choreograph.rollout import rollout
+from choreograph.rollout import generation
 from choreograph.takes import Take
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
@@ -232,7 +233,7 @@ def feet(pieces: list[Piece], repertoire: WithNet) -> Table:
         if piece.take is None:
             continue
         held = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre).motion
-        with patch.object(rollout, "lock_feet", lambda motion, contacts: motion):
+        with patch.object(generation, "lock_feet", lambda motion, contacts: motion):
             free = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre).motion
         motions = {"held": held, "not held": free, "real": piece.take.motion}
         rows.append({name: foot_slide_cm_s(body_pos_m(m), m.fps) for name, m in motions.items()})

@@ -1,7 +1,7 @@
 """Takes and songs that the built-in repertoire has never seen, one a genre, with their true beats.
 
-    python examples/52_test_bed_takes.py FOLDER
-    python examples/51_paper_tables.py FOLDER R R R -o results.md --only FOLDER/names.txt --beats FOLDER
+    python examples/papers/unseen_starter_takes.py FOLDER
+    python examples/papers/paper_tables.py FOLDER R R R -o results.md --only FOLDER/names.txt --beats FOLDER
 
 R is `choreograph/starter/starter.h5`, as often as there shall be seeds. The dances are made by what makes the
 built-in takes, from seeds beyond theirs: "real" in the tables is what the starter imitates.

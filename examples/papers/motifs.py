@@ -1,12 +1,12 @@
-"""Do motion words find what looks like them in other takes, and do motifs tell genres? On takes held out.
+"""Do motion words find similar words in other takes, and do motifs separate genres? On held-out takes.
 
-    python examples/44_motifs.py path/to/dance-with-melody --seeds 0 1 [--strips folder]
-    python examples/44_motifs.py path/to/rendered/starter/takes --every 4
+    python examples/papers/motifs.py path/to/dance-with-melody --seeds 0 1 [--strips folder]
+    python examples/papers/motifs.py path/to/rendered/starter/takes --every 4
 
 The word network and the motifs are made from the other takes. Distances are mean joint distances in cm
-after alignment (each word from its own place, and time-warped by up to 3 of 13 frames); `positions` is the
-nearest neighbour by positions frame by frame, `best` the one by the very distance measured. An altered copy
-is warped, on other beats, at another frame rate, of another size. Beats are the music's, by the default
+after alignment (each word in its root frame, and time-warped by up to 3 of 13 frames); `positions` is the
+nearest neighbour by positions frame by frame, `best` the one by the measured distance. An altered copy is
+warped, on other beats, at another frame rate, of another size. Beats are the music's, by the default
 tracker; takes with NAME.truth.json beside them are cut on the beats written there, and their moves compared
 with the motifs.
 """

@@ -1,12 +1,12 @@
-"""Dances that a repertoire does not hold, made again by their motifs: are those danced, and how smoothly?
+"""Dances that a repertoire does not hold, made again from their motifs: are those danced, and how smoothly?
 
-    python examples/48_recreate.py path/to/dance-with-melody rep.h5 [--planner greedy] [--pins 3]
+    python examples/papers/recreate.py path/to/dance-with-melody rep.h5 [--planner greedy] [--pins 3]
 
-Every held-out take's motif sequence, cut on its own song's beats, is danced to that song by the mixer.
-Printed for each: the share of words whose motif, measured on the rendered dance, is the one asked for; foot
+Every held-out take's motif sequence, segmented on its own song's beats, is danced to that song by the mixer.
+Printed for each: the share of words whose motif, measured on the rendered dance, is the one given; foot
 slide in cm/s and the largest distance from where the dance began in metres, beside the real take's; jerk
-(95th percentile) near joins over elsewhere. With --pins, as many motifs are pinned at random times in the
-graph and the mixer, and the share that holds is printed.
+(95th percentile) near transitions over elsewhere. With --pins, as many motifs are pinned at random times in
+the graph and the mixer, and the share that holds is printed.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """ChoreoGraph's tables and what each part of the engine does, on held-out songs, over several seeds.
 
-    python examples/51_paper_tables.py path/to/dance-with-melody s0.h5 s1.h5 … -o results.md \\
+    python examples/papers/paper_tables.py path/to/dance-with-melody s0.h5 s1.h5 … -o results.md \\
         [--also learned-density l0.h5 l1.h5 …]
 
-Each repertoire was built by `build-db --seed N --leave-out @examples/dance_with_melody_held_out.txt`. Its
-number is the seed of its dances, too, so that a spread is one of training, dancing and songs together.
+Each repertoire was built by `build-db --seed N --leave-out @examples/papers/dance_with_melody_held_out.txt`.
+Its number is also the seed of its dances, so that a spread is one of training, dancing and songs together.
 Repertoires of --also dance as "ours" does, under that name.
 """
 

@@ -1,6 +1,6 @@
 """How well DTW on tempo-densities gives a known random warp back, on takes never trained on.
 
-    python examples/41_warp_recovery.py shared/data/dance-with-melody --preset tiny --seeds 0 1
+    python examples/papers/warp_recovery.py shared/data/dance-with-melody --preset tiny --seeds 0 1
 
 Clips of 8 s every 4 s of each held-out take are warped at random: every motion beat moves by up to 0.5 s,
 slopes stay in [0.5, 2]. Query: the middle 4 s of the warped clip's density. Target: the density of the

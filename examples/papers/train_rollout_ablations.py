@@ -1,10 +1,10 @@
 """Train what the rollout network is compared with: it without the perceptual loss, audio, or motifs.
 
-    python examples/49_rollout_ablations.py path/to/dance-with-melody REPERTOIRE… -o FOLDER
+    python examples/papers/train_rollout_ablations.py path/to/dance-with-melody REPERTOIRE… -o FOLDER
 
-Each REPERTOIRE was built with `--rollout`; its ablations learn the same takes, with its preset and its seed,
-and lie in FOLDER/NAME OF THE REPERTOIRE for `47_rollout.py --ablations FOLDER`. Each takes as long as the
-network itself; go on after a stop with the same command.
+Each REPERTOIRE was built with `--rollout`. Its ablations are trained on the same takes, with its preset and
+seed, and written to FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as
+the network itself. After a stop, the same command continues.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""The table of dances to held-out songs: beats, joins, feet, length.
+"""The table of dances to held-out songs: beats, transitions, feet, length.
 
-Run: python examples/42_evaluate_dances.py DATA REPERTOIRE [--songs FILE] [--planner greedy]
+Run: python examples/papers/held_out_dances.py DATA REPERTOIRE [--songs FILE] [--planner greedy]
 
 DATA is a folder in the layout of dance-with-melody; REPERTOIRE must have been built with
 `--leave-out @FILE`. Beside every dance stand the held-out take itself ("real") and chance: the same
-motion beats against the song turned round by random amounts. Feet are held against the takes danced with.
+motion beats against the song shifted by random amounts. Feet are compared with the takes danced with.
 """
 
 from __future__ import annotations

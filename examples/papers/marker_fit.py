@@ -1,4 +1,4 @@
-"""How far is the body that is delivered from the markers that were captured?
+"""How far is the fitted body from the captured markers?
 
 For every take of dance-with-melody: the mean distance in centimetres between joints and markers, after
 the mean offset of each frame is taken away (the floor is levelled, the path scaled), of a skeleton with
@@ -6,7 +6,7 @@ the bones of the body that was captured (`own`); of the takes' one skeleton, wit
 size (`sized`), and with markers as they are, where a body of another size is off by construction
 (`raw`). And rotations that jump: how many joints turn by more than 90 degrees between two frames.
 
-    python examples/43_marker_fit.py path/to/dance-with-melody
+    python examples/papers/marker_fit.py path/to/dance-with-melody
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """How the built-in repertoire dances: beats on songs whose beats are known, on real songs, and variety.
 
-Run: python examples/50_starter_dances.py [--repertoire REP] [--songs SONG...] [--beats librosa]
+Run: python examples/papers/starter_dances.py [--repertoire REP] [--songs SONG...] [--beats librosa]
 
 The test bed's songs are rendered here; none of them is a song of the built-in takes. Beside each F-score
 (70 ms) stand what the beat tracker itself gets against the true beats, and chance: the same motion beats

@@ -1,15 +1,16 @@
-"""Does a song that training never heard find dances of its own genre?
+"""Does a song that training never saw find dances of its own genre?
 
-Songs are left out, the style networks are trained on all other takes, and every second of a song left out
+The style networks are trained on all takes but those of the songs left out. Every second of a song left out
 selects its 50 best clips among the other songs of a fixed pool. Printed is the share of the song's genre
 among them, averaged per genre, then over genres: for all the pool's clips, and with equally many clips a
 genre, where chance is one third.
 
-    python examples/40_style_retrieval.py path/to/dance-with-melody --seeds 2 [--from-scratch] [--loss paper]
+    python examples/papers/style_retrieval.py path/to/dance-with-melody --seeds 2 [--from-scratch]
+        [--loss paper]
 
-Training begins, as in `build-db`, with networks that learned from the built-in takes and these; but not with
-those that come along, which have heard most of the pool: they are trained anew without the songs left
-out, one of each genre at a time. `--from-scratch` begins with random weights, and leaves out single songs.
+As in `build-db`, training starts from networks trained on the built-in takes and these. The built-in networks
+were trained on most of the pool, so they are trained again without the songs left out, one of each genre at a
+time. `--from-scratch` starts from random weights and leaves out single songs.
 """
 
 from __future__ import annotations
@@ -135,7 +136,7 @@ def main() -> None:
     parser.add_argument("--music-inputs", default="mel+rhythm")
     parser.add_argument("--steps", type=int)
     parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--from-scratch", action="store_true", help="begin with random weights")
+    parser.add_argument("--from-scratch", action="store_true", help="start from random weights")
     options = parser.parse_args()
     torch.set_num_threads(1)
     changes = {"loss": options.loss, "music_inputs": options.music_inputs}

@@ -1,12 +1,12 @@
 """Do dances become what they should be? Motif signatures of dances against their genre's, over time.
 
-    python examples/45_steered_dances.py path/to/dance-with-melody REPERTOIRE… [--plot FIGURE.png]
+    python examples/papers/steered_dances.py path/to/dance-with-melody REPERTOIRE… [--plot FIGURE.png]
 
-Each REPERTOIRE must have been built with `--leave-out @examples/dance_with_melody_held_out.txt`, hold a
-vocabulary, and have a seed of its own: numbers are mean ± spread over repertoires. Danced are the held-out
-songs and those of DATA without motion, each asked for its own genre and not, and with no weight on motifs;
-"real" is the held-out take itself. Words are cut on the song's beats, as the takes' own are, and the
-distance is χ² (Rhythm is a Dancer, equation 11) to the genre's template, after so many seconds.
+Each REPERTOIRE must have been built with `--leave-out @examples/papers/dance_with_melody_held_out.txt` and
+its own seed, and hold a vocabulary: numbers are mean ± spread over repertoires. The songs are the held-out
+ones and those of DATA without motion, each danced with its genre given, without, and with no weight on
+motifs; "real" is the held-out take itself. Words are segmented on the song's beats, as the takes' own are.
+The distance is χ² (Rhythm is a Dancer, equation 11) to the genre's template, after so many seconds.
 """
 
 from __future__ import annotations
