@@ -13,7 +13,7 @@ from choreograph.importers import import_takes
 from choreograph.metrics.beat import f_score
 from choreograph.motion.body import body_pos_m
 from choreograph.repertoire import Repertoire
-from choreograph.starter import build, takes
+from choreograph.starter import recipe, takes
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.songs import STYLES
 from choreograph.synthesis.songs.testbed import FIRST_SEED, SONGS
@@ -68,9 +68,9 @@ def test_the_repertoire_is_built_from_the_takes_alone(tmp_path, monkeypatch):
     plans = [
         plan for plan in takes.take_plans() if plan.genre in ("waltz", "house") and plan.name[-2:] < "04"
     ]
-    monkeypatch.setattr(build, "take_plans", lambda: iter(plans))
+    monkeypatch.setattr(recipe, "take_plans", lambda: iter(plans))
     output = tmp_path / "made.h5"
-    made, _ = build.build_starter(tmp_path / "work", output, preset="tiny")
+    made, _ = recipe.build_starter(tmp_path / "work", output, preset="tiny")
     assert made.path == output
     assert sorted(path.name for path in tmp_path.iterdir()) == ["made.h5", "work"]
     assert set(made.net_names) == {"style", "motion_density", "music_density", "words"}

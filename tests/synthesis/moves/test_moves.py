@@ -53,19 +53,19 @@ def test_it_moves_to_the_counts(name: str, share: float) -> None:
 
 @every_move
 @pytest.mark.parametrize("size", [0.7, 1.25])
-def test_synthetic_feet_stand_still_on_the_floor(name: str, size: float) -> None:
+def test_planted_feet_stand_still_on_the_floor(name: str, size: float) -> None:
     rendered, _ = danced(name, 120.0, size)
     motion = rendered.motion
     pos = motion.joint_pos_m()
     for side in SIDES:
         path = rendered.feet[side]
-        assert path.synthetic.mean() > 0.3
-        assert (path.synthetic | (path.ball_m[:, 1] > 0.02)).mean() > 0.9  # it knows when it stands
-        for joint, still in (("foot", path.synthetic), ("ankle", path.flat)):
+        assert path.planted.mean() > 0.3
+        assert (path.planted | (path.ball_m[:, 1] > 0.02)).mean() > 0.9  # it knows when it stands
+        for joint, still in (("foot", path.planted), ("ankle", path.flat)):
             place = pos[:, motion.skeleton.index(f"{side}_{joint}")]
             speed = np.linalg.norm(np.diff(place, axis=0), axis=1) * motion.fps
             assert speed[still[1:] & still[:-1]].max() < 0.02
-        ball_y = pos[path.synthetic, motion.skeleton.index(f"{side}_foot"), 1]
+        ball_y = pos[path.planted, motion.skeleton.index(f"{side}_foot"), 1]
         np.testing.assert_allclose(ball_y, 0.015, atol=0.003)
 
 
