@@ -98,8 +98,8 @@ def test_the_same_input_gives_the_same_bytes(tmp_path, clicks):
     [
         ({"size": (95, 64)}, "even width"),
         ({"size": (96, 0)}, "even width"),
-        ({"fps": 0}, "pictures a second"),
-        ({"fps": float("nan")}, "pictures a second"),
+        ({"fps": 0}, "pictures per second"),
+        ({"fps": float("nan")}, "pictures per second"),
         ({"duration_s": 99.0}, "within the motion"),
         ({"duration_s": 0.0}, "within the motion"),
     ],

@@ -23,7 +23,7 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS
 from choreograph.starter import SONGS_PATH, STARTER_PATH
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.songs import write_song
-from choreograph.synthesis.songs.testbed import SONGS
+from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,9 @@ def test_what_it_learned_from_is_named(starter):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bench", [SONGS[6], SONGS[10], SONGS[16]], ids=lambda song: song.name)
+@pytest.mark.parametrize(
+    "bench", [BENCHMARK_SONGS[6], BENCHMARK_SONGS[10], BENCHMARK_SONGS[16]], ids=lambda song: song.name
+)
 def test_it_keeps_the_true_beat(starter, tmp_path, bench):
     truth = bench.render()
     write_song(tmp_path / "song.wav", truth)

@@ -14,9 +14,9 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.kinematics import forward
-from choreograph.synthesis.moves import Move, Rendered, in_a_row, render
+from choreograph.synthesis.moves import Move, RenderedTake, render, sequence_moves
 from choreograph.synthesis.moves.genres import GENRES
-from choreograph.synthesis.moves.language import SIDES, pose, step, touch
+from choreograph.synthesis.moves.notation import SIDES, pose, step, touch
 from choreograph.synthesis.songs.genres import STYLES
 
 MOVES = {f"{genre.name}: {move.name}": move for genre in GENRES.values() for move in genre.moves}
@@ -27,7 +27,7 @@ every_move = pytest.mark.parametrize("name", MOVES)
 
 
 @cache
-def danced(name: str, bpm: float = 120.0, size: float = 1.0) -> tuple[Rendered, np.ndarray]:
+def danced(name: str, bpm: float = 120.0, size: float = 1.0) -> tuple[RenderedTake, np.ndarray]:
     """The move three times, and the counts; the other side where it ends on the other foot."""
     row: list[Move] = []
     for _ in range(REPEATS):
@@ -36,7 +36,7 @@ def danced(name: str, bpm: float = 120.0, size: float = 1.0) -> tuple[Rendered, 
             move = move.mirrored()
         row.append(move)
     counts_s = START_S + np.arange(REPEATS * MOVES[name].counts) * 60.0 / bpm
-    return render(in_a_row(row, size=size), counts_s, rng=np.random.default_rng(1)), counts_s
+    return render(sequence_moves(row, size=size), counts_s, rng=np.random.default_rng(1)), counts_s
 
 
 @every_move
@@ -123,7 +123,7 @@ def test_knees_bend_the_right_way(name: str) -> None:
 @pytest.mark.parametrize("tilt", [15.0, -15.0])
 def test_hip_tilt_puts_the_tail_back_under_a_quiet_chest(tilt: float) -> None:
     move = Move("tilt", 2, (step("left", 1), touch("right", 2)), {c: pose(hip_tilt=tilt) for c in (1, 2)})
-    motion = render(in_a_row([move, move.mirrored()]), START_S + 0.5 * np.arange(4), rng=None).motion
+    motion = render(sequence_moves([move, move.mirrored()]), START_S + 0.5 * np.arange(4), rng=None).motion
     frame = round((START_S + 1.0) * motion.fps)
     _, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
     pelvis, chest = (

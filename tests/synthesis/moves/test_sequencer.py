@@ -14,7 +14,7 @@ from choreograph.metrics.beat import f_score
 from choreograph.metrics.physical import jerk_ratio_at
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, mirrored
-from choreograph.synthesis.moves import in_a_row, render, render_take
+from choreograph.synthesis.moves import render, render_take, sequence_moves
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.moves.sequencer import STAGE_M
 
@@ -112,7 +112,7 @@ def test_a_body_is_never_still_nor_rushed(genre) -> None:
 def test_the_mirrored_moves_are_the_motion_in_a_mirror(genre) -> None:
     for move in genre.moves:
         counts_s = BEATS_S[: move.counts]
-        one, other = (render(in_a_row([m]), counts_s, rng=None).motion for m in (move, move.mirrored()))
+        one, other = (render(sequence_moves([m]), counts_s, rng=None).motion for m in (move, move.mirrored()))
         np.testing.assert_allclose(body_pos_m(other), mirrored(body_pos_m(one)), atol=1e-6)
 
 
@@ -128,7 +128,7 @@ def test_fast_swing_leaves_the_triples_out() -> None:
 
 def test_size_scales_steps_but_not_home() -> None:
     move = GENRES["disco"].moves[0]
-    small, big = (render(in_a_row([move], size=s), BEATS_S[:4], rng=None) for s in (0.6, 1.2))
+    small, big = (render(sequence_moves([move], size=s), BEATS_S[:4], rng=None) for s in (0.6, 1.2))
     reach = [np.ptp(r.feet["left"].ball_m[:, 0]) for r in (small, big)]
     assert reach[1] == pytest.approx(2 * reach[0], rel=1e-6)
     np.testing.assert_allclose(small.feet["left"].ball_m[0], big.feet["left"].ball_m[0], atol=1e-9)
@@ -141,5 +141,5 @@ def test_rotations_stay_continuous_over_a_take() -> None:
 
 
 def test_one_energy_a_beat() -> None:
-    with pytest.raises(ParameterError, match="one energy a beat"):
+    with pytest.raises(ParameterError, match="one energy per beat"):
         render_take(GENRES["disco"], BEATS_S, energy=np.ones(3))

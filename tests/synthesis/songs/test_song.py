@@ -12,9 +12,9 @@ from scipy.signal import butter, sosfilt
 from choreograph.errors import ParameterError
 from choreograph.synthesis.songs import STYLES, render_song, write_song
 from choreograph.synthesis.songs.arrangement import form
+from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS, FIRST_SEED
 from choreograph.synthesis.songs.effects import loudness_lufs
 from choreograph.synthesis.songs.style import Lane, SongStyle
-from choreograph.synthesis.songs.testbed import FIRST_SEED, SONGS
 from choreograph.synthesis.songs.voices import RATE_HZ
 
 CLICK = SongStyle(  # nothing but a kick on each beat
@@ -179,9 +179,15 @@ def test_patterns_fill_whole_bars():
 
 
 def test_the_test_bed_is_as_wide_as_the_benchmark_asks():
-    groups = {group: [song for song in SONGS if song.group == group] for group in ("steady", "ramp", "swung")}
+    groups = {
+        group: [song for song in BENCHMARK_SONGS if song.group == group]
+        for group in ("steady", "ramp", "swung")
+    }
     assert len(groups["steady"]) >= 8 and len(groups["ramp"]) >= 3 and len(groups["swung"]) >= 3
     assert min(s.bpm for s in groups["steady"]) == 85 and max(s.bpm for s in groups["steady"]) > 160
-    assert len({song.seed for song in SONGS}) == len(SONGS) and min(s.seed for s in SONGS) >= FIRST_SEED
+    assert (
+        len({song.seed for song in BENCHMARK_SONGS}) == len(BENCHMARK_SONGS)
+        and min(s.seed for s in BENCHMARK_SONGS) >= FIRST_SEED
+    )
     song = groups["ramp"][0].render()
     assert 45.0 < song.duration_s < 60.0

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
-from choreograph.synthesis.songs.tempo import TempoMap, beats_within, swung
+from choreograph.synthesis.songs.tempo import TempoMap, apply_swing, beats_within
 
 bpms = st.floats(40.0, 220.0)
 
@@ -46,15 +46,15 @@ def test_pieces_of_a_map_join():
 @given(st.floats(0.0, 1.0), st.sampled_from([0.25, 0.5]))
 def test_swing_keeps_the_beats_and_the_order(swing, unit):
     beats = np.arange(0.0, 16.0, 0.125)
-    late = swung(beats, swing, unit)
+    late = apply_swing(beats, swing, unit)
     assert late[::8] == pytest.approx(beats[::8])
     assert (np.diff(late) > 0).all()
     assert (late >= beats - 1e-9).all()
 
 
 def test_full_swing_is_triplets():
-    assert swung([0.5, 1.5], 1.0) == pytest.approx([2 / 3, 5 / 3])
-    assert swung([0.25, 0.75], 1.0, 0.25) == pytest.approx([1 / 3, 0.5 + 1 / 3])
+    assert apply_swing([0.5, 1.5], 1.0) == pytest.approx([2 / 3, 5 / 3])
+    assert apply_swing([0.25, 0.75], 1.0, 0.25) == pytest.approx([1 / 3, 0.5 + 1 / 3])
 
 
 @pytest.mark.parametrize("points", [(), ((0.0, 10.0),), ((0.0, 100.0), (0.0, 120.0)), ((0.0, float("nan")),)])

@@ -1,4 +1,4 @@
-"""The songs that come along are the ones the code renders."""
+"""The shipped songs are the ones that the recipe renders."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import pytest
 import soundfile
 
 from choreograph.starter import example_songs
-from choreograph.synthesis.songs.examples import rendered_examples
+from choreograph.starter.song_recipe import render_example_songs
 
 _MOST_BYTES = 450 * 1024
 
 
 @pytest.fixture(scope="module")
 def songs():
-    return rendered_examples()
+    return render_example_songs()
 
 
 @pytest.mark.parametrize("name", example_songs())

@@ -9,12 +9,12 @@ from synthetic_motions import swaying
 from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.preview.figure import PARTS, build_figure
-from choreograph.preview.follow import follow
-from choreograph.preview.scene import Camera, render_pose
+from choreograph.preview.camera_path import follow_camera
+from choreograph.preview.mannequin import PARTS, build_mannequin
+from choreograph.preview.renderer import Camera, render_pose
 
 SKELETON = canonical_skeleton()
-FIGURE = build_figure(SKELETON)
+FIGURE = build_mannequin(SKELETON)
 STANDING_M = SKELETON.rest_pos_m()
 STILL = np.tile(rot.IDENTITY, (24, 1))
 FRONT = Camera(np.array([0.0, 1.0, 5.0]), np.array([0.0, 0.9, 0.0]))
@@ -37,8 +37,8 @@ def test_shape_and_bytes_that_repeat():
 
 
 def test_the_body_is_where_its_joints_project():
-    figure = drawn(picture())
-    rows, columns = np.nonzero(figure)
+    mesh = drawn(picture())
+    rows, columns = np.nonzero(mesh)
     focal = 0.5 * 120 / np.tan(FRONT.fov_rad / 2)
     top = 60 - focal * (FIGURE.vertices_m[:, 1].max() - 0.9) / 5.0
     assert abs(rows.min() - top) < 4
@@ -85,7 +85,7 @@ def test_no_picture_without_pixels(size):
 
 
 def test_a_pose_of_another_body_is_refused():
-    with pytest.raises(ParameterError, match="as the figure has"):
+    with pytest.raises(ParameterError, match="as in the mesh"):
         picture(STANDING_M[:5])
 
 
@@ -99,11 +99,11 @@ def test_impossible_cameras(target, fov, message):
 
 def test_the_camera_goes_along_and_sees_the_front_from_a_side():
     motion = swaying(90, fps=30.0).moved(yaw_rad=1.0, shift_m=np.array([3.0, 0.0, -2.0]))
-    shots = follow(motion, [0.0, 1.0, 2.0], aspect=1.0)
+    shots = follow_camera(motion, [0.0, 1.0, 2.0], aspect=1.0)
     assert np.allclose(shots.targets_m[:, [0, 2]], motion.root_pos_m[[0, 30, 60]][:, [0, 2]], atol=0.1)
     bearing = np.arctan2(shots.towards_eye_m[0], shots.towards_eye_m[2])
     assert 0.2 < bearing - 1.0 < 0.8
-    narrow = follow(motion, [0.0], aspect=0.3)
+    narrow = follow_camera(motion, [0.0], aspect=0.3)
     assert np.linalg.norm(narrow.towards_eye_m) > 1.5 * np.linalg.norm(shots.towards_eye_m)
 
 
@@ -112,11 +112,13 @@ def test_a_calm_camera_leaves_shaking_out():
     shaken = motion.root_pos_m + 0.2 * np.sin(np.arange(300) * 2 * np.pi / 10)[:, None] * [1.0, 0.0, 0.0]
     shaken = type(motion)(motion.skeleton, shaken, motion.local_quat, 30.0)
     times = np.arange(30, 270) / 30
-    jerky, calm = (np.diff(follow(shaken, times, aspect=1.0, calm_s=c).targets_m, axis=0) for c in (0.0, 0.7))
+    jerky, calm = (
+        np.diff(follow_camera(shaken, times, aspect=1.0, smoothing_s=c).targets_m, axis=0) for c in (0.0, 0.7)
+    )
     assert np.abs(calm).max() < 0.15 * np.abs(jerky).max()
 
 
 @pytest.mark.parametrize("times", [[], [-0.1], [1e9], [np.nan]])
 def test_times_outside_the_motion_are_refused(times):
     with pytest.raises(ParameterError, match="time"):
-        follow(swaying(30), times, aspect=1.0)
+        follow_camera(swaying(30), times, aspect=1.0)
