@@ -1,4 +1,4 @@
-"""Packed motion: what comes back, how small it is, and what becomes of motion that does not fit."""
+"""Compressed motion and mesh: round trip, size, and what happens to motion that does not fit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from choreograph.preview.mannequin import build_mannequin
 
 
 def decompressed(compressed: CompressedMotion) -> tuple[np.ndarray, np.ndarray]:
-    """Root places (T, 3) and rotations (T, J, 4), by the description of the format."""
+    """Root positions (T, 3) and rotations (T, J, 4), decoded from the description of the format."""
     planes = (
         np.frombuffer(zlib.decompress(base64.b64decode(compressed.text)), np.uint8)
         .astype(np.int64)
@@ -36,8 +36,8 @@ def decompressed(compressed: CompressedMotion) -> tuple[np.ndarray, np.ndarray]:
 @given(
     seed=st.integers(0, 2**32 - 1), n_frames=st.integers(1, 9), spread_m=st.sampled_from([0.0, 1.0, 500.0])
 )
-def test_any_motion_comes_back(seed, n_frames, spread_m):
-    """Jumps from frame to frame as far as rotations go, and roots far away."""
+def test_motion_round_trip(seed, n_frames, spread_m):
+    """Also with the largest jumps between frames, and roots far away."""
     rng = np.random.default_rng(seed)
     skeleton = canonical_skeleton()
     quat = rot.normalize(rng.normal(size=(n_frames, skeleton.n_joints, 4)))
@@ -54,12 +54,12 @@ def test_four_minutes_are_small():
     assert len(compressed.text) < 1_500_000
 
 
-def test_faster_motion_than_a_screen_shows_is_thinned():
+def test_frame_rate_is_limited_to_60_fps():
     compressed = compress_motion(swaying(240, fps=120.0))
     assert (compressed.fps, compressed.n_frames) == (60.0, 120)
 
 
-def test_motion_that_would_not_fit_loses_frames_not_joints():
+def test_motion_that_does_not_fit_loses_frames_not_joints():
     motion = swaying(600, fps=60.0)
     whole = compress_motion(motion)
     half = compress_motion(motion, max_bytes=len(whole.text) - 1)
@@ -70,7 +70,7 @@ def test_motion_that_would_not_fit_loses_frames_not_joints():
     assert quat.shape == (300, motion.skeleton.n_joints, 4)
 
 
-def test_a_figure_comes_back():
+def test_mesh_round_trip():
     mesh = build_mannequin(canonical_skeleton())
     text, numbers = compress_mesh(mesh)
     data = zlib.decompress(base64.b64decode(text))

@@ -1,4 +1,4 @@
-"""The mannequin: on the usual rigs and on none, whole, around its joints, and its skinning."""
+"""The mannequin on known and unknown rigs: closed surfaces, proportions, skinning."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MIXAMO = {
 
 
 def mixamo() -> Skeleton:
-    """The canonical body without its hands, in Mixamo's words, with three fingers of two joints each."""
+    """The canonical body without its hands, with Mixamo's names, with three fingers of two joints each."""
     body = canonical_skeleton()
     names, parents, offsets = [], [], []
     for name, parent, offset in zip(CANONICAL_JOINTS, body.parents, body.offsets_m, strict=True):
@@ -46,7 +46,7 @@ def mixamo() -> Skeleton:
 
 
 def with_tail() -> Skeleton:
-    """The canonical body with two joints more that no rig has, and a bone end on the last."""
+    """The canonical body with two extra joints and a bone tip on the last."""
     body = canonical_skeleton()
     return Skeleton(
         (*body.names, "tail1", "tail2"),
@@ -58,7 +58,7 @@ def with_tail() -> Skeleton:
 
 
 def unknown() -> Skeleton:
-    """A chain that is no body."""
+    """A chain of joints without known names."""
     return Skeleton(("a", "b", "c"), np.array([-1, 0, 1]), np.array([[0, 0, 0], [0.5, 0, 0], [0, 0.4, 0.0]]))
 
 
@@ -66,7 +66,7 @@ SKELETONS = {"canonical": canonical_skeleton, "mixamo": mixamo, "tail": with_tai
 
 
 def posed(mesh: SkinnedMesh, motion: Motion, frame: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and normals in the world in a frame of a motion."""
+    """World vertices and normals in a frame of a motion."""
     pos, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
     matrices = skin_matrices(mesh, pos[frame], quat[frame])
     return raster.skin(mesh.vertices_m, mesh.normals, mesh.joints, mesh.weights, matrices)
@@ -85,13 +85,13 @@ def test_arrays_fit_together(name):
     assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-3)
     assert mesh.palette.shape == (len(PARTS), 3) and set(mesh.parts) <= set(range(len(PARTS)))
     corners = mesh.parts[mesh.triangles]
-    assert (corners == corners[:, :1]).all()  # a triangle is of one part
+    assert (corners == corners[:, :1]).all()  # a triangle belongs to one part
 
 
 @pytest.mark.parametrize("name", SKELETONS)
 def test_pieces_are_closed_and_face_outward(name):
     mesh = build_mannequin(SKELETONS[name]())
-    # Vertices that differ by part only are one: every edge then has two triangles, once each way.
+    # Merge vertices that differ only by part: every edge then has two triangles, one in each direction.
     _, same = np.unique(np.round(mesh.vertices_m, 6), axis=0, return_inverse=True)
     triangles = same[mesh.triangles]
     triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
@@ -140,21 +140,21 @@ def test_soles_lie_on_the_floor_of_the_rest_pose(name):
     assert mesh.vertices_m[:, 1].min() == pytest.approx(floor, abs=1e-3)
 
 
-def test_face_and_toes_look_ahead():
+def test_face_and_toes_point_forward():
     mesh = build_mannequin(canonical_skeleton())
     skull = mesh.vertices_m[mesh.parts == PARTS.index("head")]
     nose = skull[skull[:, 2].argmax()]
     assert abs(nose[0]) < 0.01 and nose[2] > mesh.bind_pos_m[15, 2] + 0.08
     hair = mesh.vertices_m[mesh.parts == PARTS.index("hair")]
     brow = np.abs(hair[:, 1] - (nose[1] + 0.02)) < 0.03
-    assert hair[brow, 2].max() < nose[2] - 0.02 and hair[brow, 2].min() < skull[:, 2].min()  # behind only
+    assert hair[brow, 2].max() < nose[2] - 0.02 and hair[brow, 2].min() < skull[:, 2].min()
     shoe = mesh.vertices_m[mesh.parts == PARTS.index("left_shoe")]
     ankle = mesh.bind_pos_m[7]
     assert shoe[:, 2].max() - ankle[2] > 2.5 * (ankle[2] - shoe[:, 2].min())
 
 
 @pytest.mark.parametrize("name", SKELETONS)
-def test_the_bind_pose_gives_the_mesh_back(name):
+def test_bind_pose_reproduces_the_mesh(name):
     skeleton = SKELETONS[name]()
     mesh = build_mannequin(skeleton)
     still = rot.IDENTITY * np.ones((1, skeleton.n_joints, 1))
@@ -189,7 +189,7 @@ def test_a_bent_knee_keeps_its_girth():
     assert reach > 0.04  # the knee cap is there, though the tube is folded
 
 
-def test_extra_joints_get_bones_and_own_fingers_replace_ours():
+def test_extra_joints_get_bones_and_fingers_of_the_rig_replace_the_default_ones():
     tail = build_mannequin(with_tail())
     extra = tail.vertices_m[tail.parts == PARTS.index("extra")]
     assert extra[:, 2].min() < -0.6  # the end of the tail
@@ -213,7 +213,7 @@ def test_a_dwarf_and_a_giant_have_the_same_shape(scale):
 @settings(max_examples=25, deadline=None)
 @given(flat=st.sets(st.integers(1, 23)), scale=st.sampled_from([1.0, 1e-5, 0.0]))
 @pytest.mark.filterwarnings("error")
-def test_bones_without_length_give_a_figure_all_the_same(flat, scale):
+def test_zero_length_bones_give_a_finite_mesh(flat, scale):
     body = canonical_skeleton()
     offsets = body.offsets_m * scale
     offsets[list(flat)] = 0.0
@@ -223,7 +223,7 @@ def test_bones_without_length_give_a_figure_all_the_same(flat, scale):
     assert np.allclose(np.linalg.norm(bones, axis=1), np.linalg.norm(offsets[1:], axis=1))
 
 
-def test_a_rig_that_lies_in_its_rest_pose_looks_the_same():
+def test_rig_without_a_standing_rest_pose_looks_the_same():
     motion = swaying(120)
     lying = on_other_axes(motion, 0)
     assert not rest_stands(lying.skeleton)
@@ -235,10 +235,10 @@ def test_a_rig_that_lies_in_its_rest_pose_looks_the_same():
     assert mesh.vertices_m[:, 1].argmax() == build_mannequin(motion.skeleton).vertices_m[:, 1].argmax()
 
 
-def test_soles_of_a_rig_that_lies_are_level_where_it_stands():
+def test_soles_of_such_a_rig_are_level_when_it_stands():
     body = canonical_skeleton()
     offsets = np.array(body.offsets_m)
-    offsets[[10, 11]] = [0.0, -0.09, 0.09]  # the ball of the foot steeper under the ankle than ours
+    offsets[[10, 11]] = [0.0, -0.09, 0.09]  # lower than on the canonical body
     steep = Skeleton(body.names, body.parents, offsets, body.tip_parents, body.tips_m)
     sway = swaying(120)
     quat = np.array(sway.local_quat)
@@ -254,7 +254,7 @@ def test_soles_of_a_rig_that_lies_are_level_where_it_stands():
         assert sole.sum() >= 10 and np.ptp(world[sole, 1]) < 0.012
 
 
-def test_a_rig_that_lies_stands_even_without_a_motion():
+def test_such_a_rig_stands_even_without_a_motion():
     body = canonical_skeleton()
     along_x = np.linalg.norm(body.offsets_m, axis=1)[:, None] * [1.0, 0.0, 0.0]
     mesh = build_mannequin(replace(body, offsets_m=along_x))

@@ -1,4 +1,4 @@
-"""The renderer's loops against planted triangles and sums done by hand."""
+"""Raster kernels against synthetic triangles and calculations by hand."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_a_synthetic_triangle_covers_the_samples_inside_it():
     assert np.array_equal((owners == 0)[~edge], inside[~edge])
 
 
-def test_seen_from_behind_or_behind_the_eye_it_is_not_drawn():
+def test_back_faces_and_triangles_behind_the_camera_are_not_drawn():
     assert (rasterised([(1, 1, 1), (9, 1, 1), (1, 9, 1)])[0] == raster.NOTHING).all()
     assert (rasterised([(1, 1, 0), (1, 9, 1), (9, 1, 1)])[0] == raster.NOTHING).all()
 
@@ -40,7 +40,7 @@ def test_the_nearer_triangle_wins_whatever_the_order():
         assert np.allclose(nearness[owners == winner], 2.0)
 
 
-def test_two_crossing_triangles_part_where_they_cross():
+def test_crossing_triangles_are_split_at_their_intersection():
     # One slopes from 1 to 3 along x, the other stays at 2.
     corners = [(0, 0, 1), (0, 12, 1), (16, 0, 3), (16, 12, 3), (0, 0, 2), (0, 12, 2), (16, 0, 2), (16, 12, 2)]
     owners, _ = rasterised(corners, ((0, 1, 2), (2, 1, 3), (4, 5, 6), (6, 5, 7)))
@@ -58,7 +58,7 @@ def test_triangles_that_share_an_edge_leave_no_gap_and_stay_on_the_screen(points
     assert np.array_equal(owners >= 0, np.any(single, axis=0))
 
 
-def test_projection_is_a_pinhole():
+def test_pinhole_projection():
     view = np.hstack([np.eye(3), [[0], [0], [5.0]]]).astype(F32)  # 5 m in front
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 5], [0, 0, -6]], F32)
     screen = raster.project(points, view, F32(100), F32(50), F32(40))

@@ -1,4 +1,4 @@
-"""Pictures of the figure: where it is in them, on what, under which light, from where."""
+"""Rendered images: position of the mannequin, shadow, cameras."""
 
 from __future__ import annotations
 
@@ -25,31 +25,31 @@ def picture(pos_m=STANDING_M, camera=FRONT, size=(120, 120)):
 
 
 def drawn(pixels, pos_m=STANDING_M, camera=FRONT):
-    """Where a picture shows the figure: what changes when it stands far away instead."""
+    """Mask of the mannequin: pixels that change when it stands far away instead."""
     empty = picture(pos_m + np.array([1000.0, 0.0, 0.0]), camera, pixels.shape[1::-1])
     return np.abs(pixels.astype(int) - empty).max(axis=2) > 60
 
 
-def test_shape_and_bytes_that_repeat():
+def test_shape_and_determinism():
     first = picture(size=(64, 48))
     assert first.shape == (48, 64, 3) and first.dtype == np.uint8
     assert np.array_equal(first, picture(size=(64, 48)))
 
 
-def test_the_body_is_where_its_joints_project():
+def test_body_is_where_its_joints_project():
     mesh = drawn(picture())
     rows, columns = np.nonzero(mesh)
     focal = 0.5 * 120 / np.tan(FRONT.fov_rad / 2)
     top = 60 - focal * (FIGURE.vertices_m[:, 1].max() - 0.9) / 5.0
     assert abs(rows.min() - top) < 4
-    assert abs(columns.mean() - 59.5) < 2  # it stands in the middle
+    assert abs(columns.mean() - 59.5) < 2  # in the middle
     half_span = focal * FIGURE.vertices_m[:, 0].max() / 5.0
     assert abs((columns.max() - columns.min()) / 2 - half_span) < 3
 
 
-def test_left_is_right_seen_from_the_front():
+def test_left_appears_on_the_right_from_the_front():
     pixels = picture(size=(200, 200)).astype(float)
-    warm = pixels[..., 0] - pixels[..., 2] > 40  # the left arm's and leg's tint
+    warm = pixels[..., 0] - pixels[..., 2] > 40  # the colour of the left arm and leg
     cool = pixels[..., 2] - pixels[..., 0] > 40
     columns = np.arange(200)
     assert (warm.sum(axis=0) @ columns) / warm.sum() > 100 > (cool.sum(axis=0) @ columns) / cool.sum()
@@ -71,7 +71,7 @@ def test_feet_darken_the_floor_beneath_them():
     assert beside > 300
 
 
-def test_a_figure_out_of_sight_leaves_the_stage_empty():
+def test_mesh_out_of_view_leaves_the_stage_empty():
     away = Camera(np.array([0.0, 1.0, 5.0]), np.array([0.0, 1.0, 10.0]))
     assert picture(camera=away).std(axis=(0, 1)).max() < 60
     inside = Camera(np.array([0.0, 1.2, 0.02]), np.array([0.0, 1.2, 1.0]))  # eye in the chest
@@ -79,12 +79,12 @@ def test_a_figure_out_of_sight_leaves_the_stage_empty():
 
 
 @pytest.mark.parametrize("size", [(0, 10), (10, -1)])
-def test_no_picture_without_pixels(size):
+def test_size_must_be_positive(size):
     with pytest.raises(ParameterError, match="at least 1 x 1"):
         picture(size=size)
 
 
-def test_a_pose_of_another_body_is_refused():
+def test_pose_of_another_skeleton_is_refused():
     with pytest.raises(ParameterError, match="as in the mesh"):
         picture(STANDING_M[:5])
 
@@ -97,7 +97,7 @@ def test_impossible_cameras(target, fov, message):
         Camera(np.array([0.0, 1.0, 5.0]), np.array(target, float), fov)
 
 
-def test_the_camera_goes_along_and_sees_the_front_from_a_side():
+def test_camera_follows_and_sees_the_front_from_the_side():
     motion = swaying(90, fps=30.0).moved(yaw_rad=1.0, shift_m=np.array([3.0, 0.0, -2.0]))
     shots = follow_camera(motion, [0.0, 1.0, 2.0], aspect=1.0)
     assert np.allclose(shots.targets_m[:, [0, 2]], motion.root_pos_m[[0, 30, 60]][:, [0, 2]], atol=0.1)
@@ -107,15 +107,15 @@ def test_the_camera_goes_along_and_sees_the_front_from_a_side():
     assert np.linalg.norm(narrow.towards_eye_m) > 1.5 * np.linalg.norm(shots.towards_eye_m)
 
 
-def test_a_calm_camera_leaves_shaking_out():
+def test_smoothed_camera_ignores_shaking():
     motion = swaying(300, fps=30.0)
     shaken = motion.root_pos_m + 0.2 * np.sin(np.arange(300) * 2 * np.pi / 10)[:, None] * [1.0, 0.0, 0.0]
     shaken = type(motion)(motion.skeleton, shaken, motion.local_quat, 30.0)
     times = np.arange(30, 270) / 30
-    jerky, calm = (
+    unsmoothed, smoothed = (
         np.diff(follow_camera(shaken, times, aspect=1.0, smoothing_s=c).targets_m, axis=0) for c in (0.0, 0.7)
     )
-    assert np.abs(calm).max() < 0.15 * np.abs(jerky).max()
+    assert np.abs(smoothed).max() < 0.15 * np.abs(unsmoothed).max()
 
 
 @pytest.mark.parametrize("times", [[], [-0.1], [1e9], [np.nan]])

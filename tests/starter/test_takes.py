@@ -1,4 +1,4 @@
-"""The starter's takes: enough of everything, true to their songs, and read by the ordinary importer."""
+"""Takes of the built-in repertoire: their number, their beats, and import with the folder importer."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from choreograph.synthesis.songs import STYLES
 from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS, FIRST_SEED
 
 
-def test_the_takes_are_enough_and_apart_from_the_test_songs():
+def test_there_are_enough_takes_and_none_is_a_benchmark_song():
     specs = list(takes.take_specs())
     assert len({spec.name for spec in specs}) == len(specs)
     assert len({spec.seed for spec in specs}) == len(specs)
@@ -31,7 +31,7 @@ def test_the_takes_are_enough_and_apart_from_the_test_songs():
 
 
 @pytest.mark.parametrize("genre", sorted(GENRES))
-def test_a_take_keeps_the_beat_of_its_song(genre):
+def test_a_take_is_on_the_beat_of_its_song(genre):
     spec = next(spec for spec in takes.take_specs() if spec.genre == genre)
     song, dance = takes.render_spec(spec)
     assert song.beat_times_s[-1] < dance.motion.duration_s <= song.duration_s
@@ -42,7 +42,7 @@ def test_a_take_keeps_the_beat_of_its_song(genre):
     assert f_score(beats_s, counts_s) > max(0.75, chance + 0.3)
 
 
-def test_takes_are_written_as_any_library_is(tmp_path, monkeypatch):
+def test_takes_are_written_as_a_library_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(takes, "TAKES_PER_GENRE", 2)
     monkeypatch.setattr(takes, "GENRES", {"disco": GENRES["disco"]})
     specs = [replace(spec, duration_s=10.0) for spec in takes.take_specs()]
@@ -63,8 +63,8 @@ def test_takes_are_written_as_any_library_is(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_repertoire_is_built_from_the_takes_alone(tmp_path, monkeypatch):
-    """Two genres, three takes each: all networks trained, words of the takes, nothing left over."""
+def test_the_repertoire_contains_the_takes_alone(tmp_path, monkeypatch):
+    """A small recipe run: all networks are trained, words come from the takes, no file is left over."""
     specs = [
         spec for spec in takes.take_specs() if spec.genre in ("waltz", "house") and spec.name[-2:] < "04"
     ]

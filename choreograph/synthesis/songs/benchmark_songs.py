@@ -38,7 +38,7 @@ class BenchmarkSong:
         )
 
 
-SONGS = (
+BENCHMARK_SONGS = (
     BenchmarkSong("steady hip-hop 85", "steady", "hip-hop", 85.0, 1000),
     BenchmarkSong("steady contemporary 90", "steady", "contemporary", 90.0, 1001),
     BenchmarkSong("steady rumba 100", "steady", "rumba", 100.0, 1002),

@@ -1,4 +1,4 @@
-"""Curves: through their keys, at rest there, smooth between; counts and seconds agree."""
+"""Curves pass through their keyframes and rest there; counts and seconds are inverse."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def test_beats_that_do_not_increase_are_refused(beats: list[float]) -> None:
 
 
 @given(st.lists(st.floats(-2, 2), min_size=3, max_size=8), st.floats(0, 0.5), st.floats(0, 1))
-def test_a_track_goes_through_its_keys(values: list[float], hold: float, flow: float) -> None:
+def test_a_curve_goes_through_its_keyframes(values: list[float], hold: float, flow: float) -> None:
     keys = [Keyframe(float(i), (v,), flow, hold) for i, v in enumerate(values)]
     np.testing.assert_allclose(evaluate(keys, np.arange(len(values), dtype=float))[:, 0], values, atol=1e-9)
 
 
-def test_a_track_is_at_rest_on_its_keys_and_only_there() -> None:
+def test_a_curve_is_at_rest_on_its_keyframes_and_only_there() -> None:
     keys = [Keyframe(float(i), (float(i % 2),)) for i in range(6)]
     counts = np.arange(0.0, 5.0, 0.001)
     speed = np.abs(np.gradient(evaluate(keys, counts)[:, 0], counts))
@@ -68,7 +68,7 @@ def test_ease_is_symmetric(u: float) -> None:
     assert ease(np.array(u)) + ease(np.array(1 - u)) == pytest.approx(1.0, abs=1e-9)
 
 
-def test_follow_arrives_overshoots_a_little_and_lags_as_it_says() -> None:
+def test_spring_follow_settles_overshoots_and_lags() -> None:
     step = np.repeat([0.0, 1.0], 120)[:, None]
     after = spring_follow(step, 60.0, frequency_hz=4.0, damping=0.72)[:, 0]
     assert after[-1] == pytest.approx(1.0, abs=1e-3)

@@ -1,4 +1,4 @@
-"""Every move of every genre obeys floor, feet, body and beat, at its songs' tempi, small and big."""
+"""Constraints on every move of every genre (floor, feet, body, beat) over tempi and sizes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ every_move = pytest.mark.parametrize("name", MOVES)
 
 @cache
 def danced(name: str, bpm: float = 120.0, size: float = 1.0) -> tuple[RenderedTake, np.ndarray]:
-    """The move three times, and the counts; the other side where it ends on the other foot."""
+    """The move three times, on alternate sides if it ends on the other foot, and the times of its counts."""
     row: list[Move] = []
     for _ in range(REPEATS):
         move = MOVES[name]
@@ -42,7 +42,7 @@ def danced(name: str, bpm: float = 120.0, size: float = 1.0) -> tuple[RenderedTa
 @every_move
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_it_moves_to_the_counts(name: str, share: float) -> None:
-    low, high = STYLES[name.partition(":")[0]].bpm  # what its songs have, and takes are danced to
+    low, high = STYLES[name.partition(":")[0]].bpm  # the range of its songs and takes
     bpm = max(90.0, low + share * (high - low))
     rendered, counts_s = danced(name, bpm)
     counts_s, half = counts_s[1:-2], 30.0 / bpm
@@ -60,7 +60,7 @@ def test_planted_feet_stand_still_on_the_floor(name: str, size: float) -> None:
     for side in SIDES:
         path = rendered.feet[side]
         assert path.planted.mean() > 0.3
-        assert (path.planted | (path.ball_m[:, 1] > 0.02)).mean() > 0.9  # it knows when it stands
+        assert (path.planted | (path.ball_m[:, 1] > 0.02)).mean() > 0.9  # low feet are marked as planted
         for joint, still in (("foot", path.planted), ("ankle", path.flat)):
             place = pos[:, motion.skeleton.index(f"{side}_{joint}")]
             speed = np.linalg.norm(np.diff(place, axis=0), axis=1) * motion.fps
@@ -130,5 +130,5 @@ def test_hip_tilt_puts_the_tail_back_under_a_quiet_chest(tilt: float) -> None:
         rot.rotate(quat[frame, motion.skeleton.index(joint)], np.array([0.0, 1.0, 0.0]))[2]
         for joint in ("pelvis", "spine3")
     )
-    assert np.sign(pelvis) == np.sign(tilt) and abs(pelvis) > 0.2  # its top forward: the tail back
+    assert np.sign(pelvis) == np.sign(tilt) and abs(pelvis) > 0.2  # the top forward, the tail back
     assert abs(chest) < 0.6 * abs(pelvis)

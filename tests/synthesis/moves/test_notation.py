@@ -1,4 +1,4 @@
-"""The words refuse what a body cannot dance, and the other side is the other side."""
+"""The notation refuses impossible moves, and mirrors moves correctly."""
 
 from __future__ import annotations
 

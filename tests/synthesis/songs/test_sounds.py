@@ -1,4 +1,4 @@
-"""Drums begin at once, voices sound at their pitch, and neither clicks."""
+"""Drums have an immediate onset, voices are in tune, and neither clicks."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_a_note_starts_and_ends_at_rest(name):
     assert np.array_equal(sound, render_note(name, 60, 0.2, 0.9))
 
 
-def test_touch_brightens():
+def test_velocity_brightens():
     def centroid(sound):
         power = np.abs(np.fft.rfft(sound)) ** 2
         return (np.fft.rfftfreq(len(sound), 1 / RATE_HZ) * power).sum() / power.sum()
