@@ -1,10 +1,11 @@
-# make test: set up and run every test.   make dance [SONG=song.mp3] [DB=rep.h5]: set up and dance.
+# make test: set up and run every test; make test-fast: those that take a moment.
+# make dance [SONG=song.mp3] [DB=rep.h5]: set up and dance.
 PYTHON ?= python3
 BIN := .venv/bin
 SONG ?= $(shell $(BIN)/choreograph songs --path house)
 DB ?=
 
-.PHONY: setup test lint dance starter benchmark format
+.PHONY: setup test test-fast lint dance starter benchmark format
 
 setup: .venv/.ready
 
@@ -14,7 +15,11 @@ setup: .venv/.ready
 	touch .venv/.ready
 
 test: setup
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --dist loadfile -m "not alone"
+	$(BIN)/pytest -m alone
+
+test-fast: setup
+	$(BIN)/pytest -n auto --dist loadfile -m "not slow and not alone"
 
 lint: setup
 	$(BIN)/ruff check .

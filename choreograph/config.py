@@ -28,13 +28,13 @@ DEFAULT_WEIGHTS = {
 
 @dataclass(frozen=True)
 class DanceConfig:
-    """How to dance; field names are the keys of a config file and, with dashes, the CLI's options."""
+    """Settings of a dance; field names are the keys of a config file and, with dashes, the CLI's options."""
 
-    engine: str = "graph"  # how a dance comes about: seconds of takes, words of takes, or a network
-    planner: str = "exact"  # of the graph engine
-    candidates: int = 512  # K clips warped for each second,
-    selection: str = "style"  # those nearest in style, or any
-    warping: str = "dtw"  # onto the music's tempo, or their middle 4 s as recorded
+    engine: str = "graph"  # what a dance is made of: seconds of takes, words of takes, or a network's motion
+    planner: str = "exact"  # graph: exact, greedy or motion-graph; mixer: exact or greedy
+    candidates: int = 512  # K clips warped for each second (graph)
+    selection: str = "style"  # which clips: the nearest in style, or "random" (graph)
+    warping: str = "dtw"  # clips to the music's tempo, or "none": as recorded (graph)
     blending: str = "inertial"
     transitions: str = (
         "beats"  # where takes change: when the joined motion keeps the beat best, or on "seconds"
@@ -42,7 +42,9 @@ class DanceConfig:
     fps: float = 60.0
     seed: int = 0
     beats: str = "tempo-path"  # beat tracker
-    weights: Mapping[str, float] = field(default_factory=dict)  # over DEFAULT_WEIGHTS; own costs default to 1
+    weights: Mapping[str, float] = field(
+        default_factory=dict
+    )  # replace DEFAULT_WEIGHTS; custom costs default to 1 (graph)
 
     def __post_init__(self) -> None:
         from choreograph.features.music_beats import TRACKERS
@@ -77,7 +79,7 @@ def _choice(key: str, value: Any, choices: tuple[str, ...]) -> None:
 
 
 def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfig:
-    """The settings of a TOML file over `base` (the defaults).
+    """The settings of a TOML file, on top of `base` (default: the defaults).
 
     Raises `FormatError` if the file cannot be read or is not TOML, `ParameterError` for an unknown
     key or a value that cannot be used.
@@ -97,7 +99,7 @@ def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfi
 
 
 def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, float]:
-    """The weight of every cost by name: given, else its default, else 1 for a cost of one's own.
+    """The weight of every cost by name: as given, else its default, else 1 for a custom cost.
 
     Raises `ParameterError` for a weight that belongs to no cost.
     """

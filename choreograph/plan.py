@@ -1,4 +1,4 @@
-"""`Plan`: what of which take is danced when, what it cost and whose it is; JSON and back."""
+"""`Plan`: which part of which take is danced when, what it cost, and whose it is; JSON and back."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class PlannedSecond:
     clip_start_s: float  # in the take
     segment_second: int  # when its warped segment entered the graph
     offset: int  # 0 … 3, quarter of that segment
-    source_times_s: tuple[float, ...]  # 21 take instants, at the 20 fps frames and the second's end
-    start_s: float  # when it takes over from another piece: near `second`, or at it where it plays on,
-    transition_s: float  # and how long the join then takes: inertial to each side, linear in all
+    source_times_s: tuple[float, ...]  # 21 times of the take, at the 20 fps frames and the second's end
+    start_s: float  # when it takes over from another take: near `second`, or at it within a take
+    transition_s: float  # length of that transition: inertial to each side, linear in all
     costs: dict[str, float]  # name -> weighted cost, of the node and of the edge into it
     credits: Credits
 
@@ -45,17 +45,17 @@ class PlannedWord:
 
     start_s: float  # in the dance
     end_s: float
-    motif: int  # that was wanted
+    motif: int  # wanted
     take: str  # empty if a network dances it
     source_start_s: float  # in the take
     source_end_s: float
     credits: Credits
-    pinned: bool = False  # must stay its motif, as the user asked: its neighbours give way at joins
+    pinned: bool = False  # must keep its motif: transitions change its neighbours, not it
 
 
 @dataclass(frozen=True)
 class Block:
-    """From when to when one piece of one take is danced."""
+    """One part of one take, and from when to when it is danced."""
 
     start_s: float  # in the dance
     end_s: float
@@ -68,8 +68,8 @@ class Block:
 class Plan:
     """A whole dance as decisions: render it again with `choreograph dance --plan`.
 
-    The graph engine plans seconds, and words only where motifs are pinned: those are danced instead of
-    what the seconds say there. The other engines plan words alone, from the first instant to the last.
+    The graph engine plans seconds, and words only where motifs are pinned or banned: those replace the
+    seconds there. The other engines plan words only, from start to end without a gap.
     """
 
     song: str
@@ -88,24 +88,29 @@ class Plan:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """What is danced from when to when, in order: the words, and the seconds where no word is."""
+        """What is danced from when to when, in order: the words, and the seconds where there is no word."""
         blocks = [Block(w.start_s, w.end_s, w.source_start_s, w.source_end_s, w) for w in self.words]
         start_s = np.array([second.start_s for second in self.seconds])
         bounds_s = np.minimum(np.maximum.accumulate([*start_s, self.duration_s]), self.duration_s)
         for second, span_s in zip(self.seconds, pairwise(bounds_s.tolist()), strict=True):
-            blocks.extend(_left_over(second, span_s, self.words))
+            blocks.extend(_unreplaced_blocks(second, span_s, self.words))
         return tuple(sorted(blocks, key=lambda block: block.start_s))
 
     def takes_s(self) -> dict[str, float]:
-        """How many seconds of the dance are of which take, in the order of their first."""
+        """Take -> how many seconds of the dance are from it, in order of first appearance."""
         danced: dict[str, float] = {}
         for block in self.blocks:
             danced[block.planned.take] = danced.get(block.planned.take, 0.0) + block.end_s - block.start_s
         return danced
 
     @property
+    def from_takes(self) -> bool:
+        """Whether every part of the dance is of a take, so that it can be rendered from a repertoire."""
+        return all(block.planned.take for block in self.blocks)
+
+    @property
     def total_cost(self) -> float:
-        """Sum of all weighted costs of the seconds; words have none."""
+        """Sum of all weighted costs of the seconds; words have no costs."""
         return sum(sum(second.costs.values()) for second in self.seconds)
 
     def to_json(self) -> str:
@@ -175,7 +180,7 @@ class Plan:
         self._check_words(name)
 
     def _check_words(self, name: str) -> None:
-        """Words in order, none over another, of takes unless a network dances, and without a gap if alone."""
+        """Check that words are in order, without overlap, and without gaps unless seconds fill them."""
         gap_allowed = self.engine == "graph"
         done_s = 0.0
         for index, word in enumerate(self.words):
@@ -193,10 +198,10 @@ class Plan:
             raise FormatError(f"{name}: words to {done_s:g} s cannot fill {self.duration_s:g} s")
 
 
-def _left_over(
+def _unreplaced_blocks(
     second: PlannedSecond, span_s: tuple[float, float], words: tuple[PlannedWord, ...]
 ) -> list[Block]:
-    """The parts of the span that a second is danced in which no word takes the place of."""
+    """The parts of a second's span that no word replaces."""
     start_s, end_s = span_s
     covers = [(w.start_s, w.end_s) for w in words if w.end_s > start_s and w.start_s < end_s]
     blocks = []
@@ -209,7 +214,7 @@ def _left_over(
 
 
 def _source_s(second: PlannedSecond, at_s: float) -> float:
-    """The take's instant at one of the dance; beyond the second at the speed it has there."""
+    """The source time at a time of the dance; beyond the second at the speed it has there."""
     times_s = np.array(second.source_times_s)
     frame = (at_s - second.second) * NODE_FRAMES
     inside = float(np.interp(frame, np.arange(len(times_s)), times_s))

@@ -1,8 +1,9 @@
-"""From a song to what the engine knows of it."""
+"""Song analysis: beats, style and wanted tempo-density of a song, by a repertoire's networks."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
 from choreograph.features.density import music_density
@@ -16,30 +17,44 @@ from choreograph.repertoire import Repertoire
 def analyse_song(
     song: Song, repertoire: Repertoire, *, beats: str = DEFAULT_TRACKER
 ) -> tuple[SongFeatures, tuple[str, ...]]:
-    """The song's beats, styles and wanted tempo-densities, and notes on what is odd about it."""
+    """Features of every second of a song, and notes on what is unusual about it.
+
+    `beats` is the name of a beat tracker. Without style networks all style vectors are zero. Raises
+    `ParameterError` for an unknown tracker.
+    """
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)
     mel = log_mel(song.samples)  # (T, 96)
     beat_times_s = get_beat_tracker(beats).beats(song, mel)
     if len(beat_times_s) == 0:
-        notes.append(f"{song.name}: no beat heard: the dance keeps the rhythm of its takes")
-    starts = np.arange(n_seconds)
+        notes.append(f"{song.name}: no beats found: the dance keeps the rhythm of its takes")
     if "style" in repertoire.net_names:
-        from choreograph.nets.style.model import StyleNets
-
-        net = repertoire.net("style")
-        nets = StyleNets.from_arrays(net.weights, net.config)
-        style = nets.embed_music(mel, rhythm_features(mel), starts)
-        beat_count = nets.predict_beat_count(style)
+        style, beat_count = _style(repertoire, mel, n_seconds)
     else:
         notes.append(f"{repertoire.path.name}: no style networks: clips are not chosen by style")
         style = np.zeros((n_seconds, repertoire.clip_style.shape[1]), np.float32)
         beat_count = np.zeros(n_seconds, np.float32)
     density = _wanted_density(repertoire, mel, beat_times_s, n_seconds)
-    return SongFeatures(song.name, song.duration_s, beat_times_s, style, beat_count, density), tuple(notes)
+    features = SongFeatures(song.name, song.duration_s, beat_times_s, style, beat_count, density)
+    return features, tuple(notes)
 
 
-def _wanted_density(repertoire: Repertoire, mel, beat_times_s, n_seconds: int):
+def _style(
+    repertoire: Repertoire, mel: NDArray[np.float32], n_seconds: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Style vectors (S, 32) of the 4 s from each second, and the motion beats (S,) expected there."""
+    from choreograph.nets.style.model import StyleNets
+
+    net = repertoire.net("style")
+    nets = StyleNets.from_arrays(net.weights, net.config)
+    style = nets.embed_music(mel, rhythm_features(mel), np.arange(n_seconds))
+    return style, nets.predict_beat_count(style)
+
+
+def _wanted_density(
+    repertoire: Repertoire, mel: NDArray[np.float32], beat_times_s: NDArray[np.float64], n_seconds: int
+) -> NDArray[np.float32]:
+    """Tempo-density (S, 80) wanted in the 4 s from each second."""
     if repertoire.density == "learned":
         from choreograph.nets.density.model import MusicDensity
 

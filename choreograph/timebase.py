@@ -21,7 +21,10 @@ CLIP_S = 8  # what the warper may choose from
 NODE_FRAMES = NODE_S * NET_FPS
 SEGMENT_FRAMES = SEGMENT_S * NET_FPS
 CLIP_FRAMES = CLIP_S * NET_FPS
-WORD_FRAMES = 13  # a motion word, from beat to beat, whatever the beats' distance
+MIN_SLOPE = 0.5  # of time maps: source frames per output frame
+MAX_SLOPE = 2.0
+WORD_FRAMES = 13  # a motion word, from beat to beat, whatever its length
+WORD_FPS = 30.0  # of the positions that words are segmented from
 
 
 def seconds_to_frames(seconds: float, fps: float) -> int:

@@ -24,7 +24,7 @@ import torch
 import choreograph as cg
 from choreograph.audio.song import Song, load_song
 from choreograph.engines import rollout as rolling
-from choreograph.engines.rendering import danced_motifs
+from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.importers.dance_with_melody import read
 from choreograph.metrics import beat
 from choreograph.metrics.physical import foot_slide_cm_s, joint_jerk_m_s3
@@ -39,7 +39,7 @@ from choreograph.takes import Take
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 WITHOUT_MOTION = {"DANCE_C_1": "cha-cha", "DANCE_C_3": "cha-cha", "DANCE_R_6": "rumba", "DANCE_R_10": "rumba"}
-LONGEST_S = 80.0
+MAX_WORD_S = 80.0
 STILL_M_S = 0.15
 
 Row = dict[str, float]
@@ -69,11 +69,11 @@ def pieces_of(data: Path, takes: Mapping[str, Take]) -> list[Piece]:
     pieces = []
     for name in HELD_OUT.read_text(encoding="utf-8").split():
         take = takes[name]
-        length_s = min(LONGEST_S, take.motion.duration_s)
+        length_s = min(MAX_WORD_S, take.motion.duration_s)
         song = load_song(take.song_path, start_s=take.song_start_s, duration_s=length_s)
         pieces.append(Piece(name, song, take.credits.genre, take))
     for name, genre in WITHOUT_MOTION.items():
-        song = load_song(data / name / "audio.mp3", duration_s=LONGEST_S)
+        song = load_song(data / name / "audio.mp3", duration_s=MAX_WORD_S)
         pieces.append(Piece(name, song, genre, None))
     return pieces
 

@@ -18,7 +18,7 @@ import numpy as np
 
 import choreograph as cg
 from choreograph.audio.song import load_song
-from choreograph.engines.rendering import danced_motifs
+from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.importers import import_takes
 from choreograph.metrics.physical import foot_slide_cm_s, jerk_ratio_at
 from choreograph.motifs.words import dance_bounds_s

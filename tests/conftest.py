@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+# Tests run in several processes: one thread each, or they fight for the cores, and a numba cache each, since
+# processes that compile into one cache at the same time corrupt it. Set before anything imports numpy.
+if worker := os.environ.get("PYTEST_XDIST_WORKER"):
+    for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(threads, "1")
+    cache = Path(__file__).resolve().parents[1] / ".pytest_cache" / "numba" / worker
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(cache))
 
 # A loaded machine is no failure: laws are held to what they say, not to how long it takes.
 settings.register_profile("choreograph", deadline=None)
@@ -20,6 +29,30 @@ def shared_data() -> Path:
     if not data.is_dir():
         pytest.skip(f"no real data at {data}")
     return data
+
+
+@pytest.fixture(scope="session")
+def repertoire(tmp_path_factory):
+    """A small repertoire without networks, from synthetic takes."""
+    from synthetic_repertoire import synthetic_repertoire
+
+    return synthetic_repertoire(tmp_path_factory.mktemp("synthetic") / "rep.h5")
+
+
+@pytest.fixture(scope="session")
+def song(tmp_path_factory):
+    """A song of clicks, 12.4 s at 120 BPM."""
+    from synthetic_repertoire import write_clicks
+
+    return write_clicks(tmp_path_factory.mktemp("songs") / "clicks.wav", duration_s=12.4)
+
+
+@pytest.fixture(scope="session")
+def made(repertoire, song):
+    """A dance of the default engine."""
+    import choreograph as cg
+
+    return cg.dance(song, repertoire)
 
 
 @pytest.fixture(scope="module")

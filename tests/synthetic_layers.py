@@ -11,7 +11,7 @@ from choreograph.warping import Segments
 
 
 class RandomPoses:
-    """A pose bank whose every frame of every clip is another pose."""
+    """A pose bank with a random pose for every frame of every clip."""
 
     def __init__(self, n_clips: int, seed: int) -> None:
         rng = np.random.default_rng(seed)
@@ -33,9 +33,9 @@ def random_source(
     tie_break_s: np.ndarray | None = None,
     n_motifs: int = 0,
 ) -> tuple[LayerSource, SongFeatures]:
-    """`n_seconds` layers of at most 4·k nodes with everything random, and music to go with them.
+    """A source of `n_seconds` random layers of at most 4·k nodes, and song features for it.
 
-    With `n_motifs`, nodes dance random motifs, two words a second.
+    With `n_motifs`, nodes have random motifs, two words per second.
     """
     rng = np.random.default_rng(seed)
     beats = np.sort(rng.uniform(0, NODE_FRAMES, (2, n_seconds, k, 4)), axis=0).astype(np.float32)
@@ -44,7 +44,7 @@ def random_source(
     segments = Segments(
         clip=np.stack([rng.permutation(n_clips)[:k] for _ in range(n_seconds)]),
         time_maps=(start + np.arange(SEGMENT_FRAMES + 1)).astype(np.float32),
-        fit=rng.random((n_seconds, k, 4), np.float32),
+        density_mismatch=rng.random((n_seconds, k, 4), np.float32),
         unmatched_beat=rng.random((n_seconds, k, 4), np.float32),
         first_beat=beats[0],
         last_beat=beats[1],

@@ -1,4 +1,4 @@
-"""A small repertoire without networks, from takes whose every beat is known, and songs of clicks."""
+"""A small repertoire without networks, from takes with known beats, and songs of clicks."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ def synthetic_takes(
     duration_s: float = 30.0,
     genres: Sequence[str] = ("a", "b", "c"),
 ) -> list[MeasuredTake]:
-    """One take a period, coming to rest once every period, with styles that tell them apart."""
+    """One take per period, which comes to rest once every period."""
     takes = []
     for index, period_s in enumerate(periods_s):
         motion = stepping(round(duration_s * 30), period_s=period_s, seed=index)
-        credits = Credits(genres[index % len(genres)], f"dancer {index}", "CC0", "planted")
-        take = Take(f"take{index}", motion, credits, song_name=f"song{index}", notes=("planted",))
+        credits = Credits(genres[index % len(genres)], f"dancer {index}", "CC0", "synthetic")
+        take = Take(f"take{index}", motion, credits, song_name=f"song{index}", notes=("synthetic",))
         beats_s = motion_beat_times_s(body_pos_m(motion), motion.fps)
         takes.append(MeasuredTake(take, body_pos_m(motion.resampled(NET_FPS)).astype(np.float32), beats_s))
     return takes
 
 
 def synthetic_contents(takes: Sequence[MeasuredTake] | None = None) -> Contents:
-    """What a repertoire of the takes holds, densities analytic, styles random but the same each time."""
+    """Contents of a repertoire of the takes, with analytic densities and reproducible random styles."""
     takes = synthetic_takes() if takes is None else takes
     rng = np.random.default_rng(7)
     arrays = to_arrays(
@@ -52,11 +52,11 @@ def synthetic_contents(takes: Sequence[MeasuredTake] | None = None) -> Contents:
         density=lambda m: motion_density(len(m.body_pos_m), m.motion_beats_s),
         checksums=[(f"{m.take.name}.bvh", "0" * 64, i) for i, m in enumerate(takes)],
     )
-    return Contents(arrays, "analytic", {"preset": "planted", "selection_beat_weight": 0.1})
+    return Contents(arrays, "analytic", {"preset": "synthetic", "selection_beat_weight": 0.1})
 
 
 def synthetic_vocabulary(takes: Sequence[MeasuredTake]) -> tuple[Vocabulary, NetArrays]:
-    """The takes' words, cut on their motion beats, and the network they are embedded by: untrained."""
+    """The takes' words, segmented on their motion beats, and the untrained network that embeds them."""
     import torch
 
     from choreograph.nets.words.config import word_config
@@ -79,7 +79,7 @@ def synthetic_vocabulary(takes: Sequence[MeasuredTake]) -> tuple[Vocabulary, Net
 
 
 def with_vocabulary(contents: Contents, takes: Sequence[MeasuredTake]) -> Contents:
-    """The same contents with the takes' words, motifs and word network beside them."""
+    """The same contents with the takes' words, motifs and word network."""
     vocabulary, net = synthetic_vocabulary(takes)
     return replace(
         contents,
@@ -91,7 +91,7 @@ def with_vocabulary(contents: Contents, takes: Sequence[MeasuredTake]) -> Conten
 def synthetic_repertoire(
     path: Path, takes: Sequence[MeasuredTake] | None = None, *, vocabulary: bool = False
 ) -> Repertoire:
-    """The repertoire of the takes, written to `path` and opened; with its words if asked for."""
+    """The repertoire of the takes, written to `path` and opened; with a vocabulary on request."""
     takes = synthetic_takes() if takes is None else takes
     contents = synthetic_contents(takes)
     write_repertoire(path, with_vocabulary(contents, takes) if vocabulary else contents)
@@ -99,7 +99,7 @@ def synthetic_repertoire(
 
 
 def write_clicks(path: Path, *, duration_s: float, bpm: float = 120.0) -> Path:
-    """A song of one click a beat from 0 s on."""
+    """A song of one click per beat from 0 s on."""
     times = np.arange(round(duration_s * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
     since = times % (60.0 / bpm)
     samples = 0.6 * np.exp(-since / 0.02) * np.sin(2 * np.pi * 880 * since)

@@ -1,4 +1,4 @@
-"""From a plan to one motion: runs of seconds sampled from their takes, placed, joined."""
+"""All runs of a dance as one motion: sampled from their takes, aligned, and blended at transitions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.blending.runs import Run
-from choreograph.blending.sampled_runs import MotionReader, SampledRun, join, placed, play
+from choreograph.blending.sampled_runs import MotionReader, SampledRun, align_to, sample_run
+from choreograph.blending.transitions import blend_transition
 from choreograph.config import BLENDINGS, TRANSITION_LENGTHS_S
 from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
@@ -21,14 +22,14 @@ Floats = NDArray[np.float64]
 def assemble(
     runs: Sequence[Run], read_motion: MotionReader, *, fps: float, duration_s: float, blending: str
 ) -> tuple[Motion, NDArray[np.float64]]:
-    """The dance before its feet are locked, and the instants of its joins in seconds.
+    """The dance before foot locking, and the times of its transitions in seconds.
 
-    Each run is turned about Y and shifted on the ground so that its body stands where the last one's
-    stood at the join, and steered a little so that the dance stays on a stage (ours).
-    `linear` is the paper's crossfade; `inertial` lets the difference of pose, speed and acceleration
-    die away on both sides, so that neither motion is smeared. Short runs are joined in less time.
+    Each run is rotated about Y and shifted on the ground so that its body stands where the previous run's
+    stood at the transition, and steered a little to keep the dance on the stage (ours).
+    `linear` is the paper's crossfade. With `inertial` the difference of pose, velocity and acceleration
+    decays on both sides, so that neither motion is smeared. Transitions between short runs are shorter.
 
-    Raises `ParameterError` for an unknown blending.
+    Raises `ParameterError` for an unknown blending, or if there is no run.
     """
     if blending not in BLENDINGS:
         raise ParameterError(f"expected a blending among {', '.join(BLENDINGS)}, got {blending!r}")
@@ -39,17 +40,17 @@ def assemble(
     quat_out: Floats | None = None
     previous: SampledRun | None = None
     for run in runs:
-        played = play(run, read_motion, fps, margin)
+        sampled = sample_run(run, read_motion, fps, margin)
         if previous is not None:
-            played = placed(previous, played, fps)
+            sampled = align_to(previous, sampled, fps)
         if quat_out is None:
-            quat_out = np.empty((total, *played.quat.shape[1:]))
-        body = played.rows(played.start, played.stop)
-        root_out[played.start : played.stop] = played.root[body]
-        quat_out[played.start : played.stop] = played.quat[body]
+            quat_out = np.empty((total, *sampled.quat.shape[1:]))
+        rows = sampled.rows(sampled.start, sampled.stop)
+        root_out[sampled.start : sampled.stop] = sampled.root[rows]
+        quat_out[sampled.start : sampled.stop] = sampled.quat[rows]
         if previous is not None:
-            join(previous, played, blending, fps, root_out, quat_out)
-        previous = played
+            blend_transition(previous, sampled, blending, fps, root_out, quat_out)
+        previous = sampled
     if previous is None or quat_out is None:
         raise ParameterError("expected a plan of one second or more, got none")
     n_frames = max(1, seconds_to_frames(duration_s, fps))

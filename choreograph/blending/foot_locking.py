@@ -1,4 +1,4 @@
-"""Feet that stand stay where they stand: corrections of the legs that keep the rest of the motion."""
+"""Foot locking: feet in contact stay where they are, by corrections of the legs alone."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from choreograph.motion.skeleton import Skeleton
 Floats = NDArray[np.float64]
 
 SIDES = ("left", "right")
-_RETURN_S = 1.0  # in which a foot that is moved comes back to its own place; longer holds may drift
-TAKE_SHIFT_S = 0.2  # over which a shift comes and goes: shorter adds motion beats that nobody danced,
-DANCE_SHIFT_S = 0.3  # and for a dance of takes that are held already, where less is left to do
+_RETURN_S = 1.0  # a shifted foot returns to its own path within it; longer contacts may drift
+TAKE_SHIFT_S = 0.2  # a shift comes and goes within it: shorter adds motion beats that nobody danced
+DANCE_SHIFT_S = 0.3  # for a dance of takes whose feet are locked already, where less is left to do
 _ORDER = 3  # the derivative of the shift that is kept small: jerk
-_LIFT_S = 0.15  # to each side, for a foot that would go under the floor
+_LIFT_S = 0.15  # to each side, for a foot that would go through the floor
 
 
 def lock_feet(
@@ -35,31 +35,30 @@ def lock_feet(
     contacts: NDArray[np.floating] | NDArray[np.bool_] | None = None,
     *,
     floor_m: float = 0.0,
-    over_s: float = TAKE_SHIFT_S,
+    shift_s: float = TAKE_SHIFT_S,
 ) -> Motion:
-    """The motion with the feet held where they stand, as far as that adds no jerk.
+    """The motion with its feet locked where they are in contact, as far as that adds no jerk.
 
     Parameters
     ----------
     motion : on any rig whose joints are known by name
-    contacts : float or bool array (T, 4)   0 to 1, how surely left ankle, left foot (ball), right
-                                            ankle and right foot are at rest; if not given, as
-                                            `foot_contacts` finds it
+    contacts : float or bool array (T, 4)   contact confidence, 0 to 1, of left ankle, left foot (ball),
+                                            right ankle and right foot; by default from `foot_contacts`
     floor_m : float                         height of the floor
-    over_s : float                          time over which a foot's shift comes and goes
+    shift_s : float                         time over which a foot's shift comes and goes
 
-    Feet keep their world rotation, so a flat foot stays flat, and no point of a sole goes under the
-    floor. The root stays where it is, since moving the whole body makes beats that nobody danced: a leg
-    that is too short reaches as far as it can. ChoreoGraph does not lock feet.
+    Feet keep their world rotation, so a flat foot stays flat, and no point of a sole goes through the
+    floor. The root stays where it is, since moving the whole body adds motion beats: a leg that is too
+    short reaches as far as it can. ChoreoGraph does not lock feet.
 
     Raises `ParameterError` if shapes disagree, a contact is outside 0 to 1, or the rig's names are unknown.
     """
     if contacts is None:
         contacts = foot_contacts(body_pos_m(motion), motion.fps)
-    surely: Floats = np.asarray(contacts, np.float64)
-    if surely.shape != (motion.n_frames, 4):
-        raise ParameterError(f"expected contacts ({motion.n_frames}, 4), got {surely.shape}")
-    if not ((surely >= 0) & (surely <= 1)).all():
+    confidence: Floats = np.asarray(contacts, np.float64)
+    if confidence.shape != (motion.n_frames, 4):
+        raise ParameterError(f"expected contacts ({motion.n_frames}, 4), got {confidence.shape}")
+    if not ((confidence >= 0) & (confidence <= 1)).all():
         raise ParameterError("expected contacts from 0 to 1, got values outside")
     skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
     pos_m, global_quat = forward(skeleton, motion.root_pos_m, motion.local_quat)
@@ -68,7 +67,7 @@ def lock_feet(
     for index, side in enumerate(SIDES):
         ankle = roles[f"{side}_ankle"]
         points_m = pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]]  # (T, 2, 3)
-        shift = _holding_shift(points_m, surely[:, 2 * index : 2 * index + 2], motion.fps, over_s)
+        shift = _locking_shift(points_m, confidence[:, 2 * index : 2 * index + 2], motion.fps, shift_s)
         shift[:, 1] = _lift(foot_sole_pos_m(skeleton, pos_m, global_quat, side), floor_m, ease)
         targets[side] = pos_m[:, ankle] + shift
     for side, target in targets.items():
@@ -76,24 +75,24 @@ def lock_feet(
     return replace(motion, local_quat=rot.make_continuous(to_local(skeleton, global_quat)))
 
 
-def _holding_shift(points_m: Floats, contacts: Floats, fps: float, over_s: float) -> Floats:
-    """How far a foot is moved each frame, (T, 3): the smoothest small shift that stops it in contacts.
+def _locking_shift(points_m: Floats, contacts: Floats, fps: float, shift_s: float) -> Floats:
+    """How far a foot is shifted each frame, (T, 3): the smoothest small shift that stops it in contacts.
 
-    `points_m` (T, P, 3) are points of the foot, `contacts` (T, P) how surely each is at rest. Of all
+    `points_m` (T, P, 3) are points of the foot, `contacts` (T, P) their contact confidence. Of all
     shifts d, with v the points' velocities, it has the least sum of contact * |v + d'|^2 + a * |d|^2
-    + b * |third derivative of d|^2: one banded system, in which nothing begins or ends at a frame.
+    + b * |third derivative of d|^2: one banded system, so that no correction starts or stops at a frame.
     """
     n_frames = len(points_m)
     if n_frames <= _ORDER:
         return np.zeros((n_frames, 3))
-    surely = np.minimum(contacts[1:], contacts[:-1])  # (T-1, P)
+    confidence = np.minimum(contacts[1:], contacts[:-1])  # (T-1, P)
     pull = _RETURN_S**-2
     bands = np.zeros((_ORDER + 1, n_frames))
     bands[0] = pull
-    _add_differences(bands, surely.sum(axis=1) * fps**2, 1)
-    bending = pull * (over_s * fps) ** (2 * _ORDER)
+    _add_differences(bands, confidence.sum(axis=1) * fps**2, 1)
+    bending = pull * (shift_s * fps) ** (2 * _ORDER)
     _add_differences(bands, np.full(n_frames - _ORDER, bending), _ORDER)
-    steps = np.einsum("tp,tpi->ti", surely, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
+    steps = np.einsum("tp,tpi->ti", confidence, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
     wanted = np.diff(steps, axis=0, prepend=0.0, append=0.0)  # (T, 3)
     return solveh_banded(bands, wanted, lower=True)
 
@@ -107,7 +106,7 @@ def _add_differences(bands: Floats, weights: Floats, order: int) -> None:
 
 
 def _lift(sole_m: Floats, floor_m: float, ease: int) -> Floats:
-    """How far a foot goes up, (T,), so that no point of its sole (T, F, 3) is under the floor."""
+    """How far a foot is lifted, (T,), so that no point of its sole (T, F, 3) is under the floor."""
     return _smooth_cover(np.maximum(floor_m - sole_m[..., 1].min(axis=1), 0.0), ease)
 
 
@@ -121,7 +120,7 @@ def _smooth_cover(amount: Floats, ease: int) -> Floats:
 def _move_leg(
     skeleton: Skeleton, roles: dict[str, int], side: str, pos_m: Floats, global_quat: Floats, target: Floats
 ) -> None:
-    """Turn thigh and shin in `global_quat` (T, J, 4) to bring the ankle to `target`; the foot keeps its turn."""
+    """Rotate thigh and shin in `global_quat` (T, J, 4) to bring the ankle to `target`, but not the foot."""
     hip, knee, ankle = (roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
     rest_m = skeleton.rest_pos_m()
     left = rest_m[roles["left_hip"]] - rest_m[roles["right_hip"]]

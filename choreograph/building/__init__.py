@@ -1,12 +1,17 @@
 """From takes and their songs to a repertoire file.
 
-- `build_repertoire`, `BuildOptions` — the whole build and its settings
+- `build` — the public function; `build_repertoire`, `BuildOptions`, `BuildResult` — what is behind it
 - `importing` — takes read, brought to one skeleton, their feet locked, and measured
-- `train_networks`, `train_rollout` — every network of a repertoire
+- `song_cache` — each song decoded and analysed once
 - `segmentation` — takes segmented into motion words, and the motifs found among them
+- `train_networks`, `train_rollout` — every network of a repertoire
+
+The package is not called `build`, since `choreograph.build` is the function.
 """
 
+from choreograph.building.api import build
 from choreograph.building.build import build_repertoire
 from choreograph.building.options import BuildOptions
+from choreograph.building.result import BuildResult
 
-__all__ = ["BuildOptions", "build_repertoire"]
+__all__ = ["BuildOptions", "BuildResult", "build", "build_repertoire"]

@@ -8,21 +8,19 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class BuildOptions:
-    """How to build a repertoire; see `choreograph build-db --help`."""
+    """Settings of a build; see `choreograph build-db --help`."""
 
     preset: str = "small"  # size and training length of the networks: tiny, small, paper
-    density: str = "analytic"  # which tempo-density clips carry; the README's table says why
+    density: str = "analytic"  # which tempo-density clips carry, "analytic" or "learned"
     seed: int = 0
-    device: str = "auto"
-    resume: bool = False
-    init_from: Path | None = None  # networks of another repertoire to begin with
-    pretrained_style: Path | None = (
-        None  # style networks to begin with where `init_from` has none (CLI: starter's)
-    )
-    keep_networks: bool = False  # take those as they are; only what they lack is trained
-    packed: bool = False  # motion in 16 bits: a third of the size, turns to 0.03 degrees
-    rollout: bool = False  # train the network that dances motifs, too: as long as all else together
+    device: str = "auto"  # where networks are trained: auto, cpu, cuda
+    resume: bool = False  # continue from the checkpoints of a build that was stopped
+    init_from: Path | None = None  # repertoire whose networks training starts from
+    pretrained_style: Path | None = None  # repertoire whose style networks training starts from otherwise
+    keep_networks: bool = False  # take those of `init_from` as they are; only what it lacks is trained
+    compress: bool = False  # motion in 16 bits: a third of the size, rotations to 0.03 degrees
+    rollout: bool = False  # train the rollout network, which takes as long as all others together
     leave_out: tuple[str, ...] = ()  # takes left out of everything, by name
-    lock_feet: bool = True  # of takes: what a dance then does to its feet makes fewer beats nobody danced
-    augment_mirror: bool = True  # networks learn from motion seen in a mirror, too
-    words: bool = True  # cut motion words and find motifs; without, a word network is not even taken over
+    lock_feet: bool = True  # of takes, before anything is measured
+    augment_mirror: bool = True  # train on mirrored motion, too
+    words: bool = True  # find motion words and motifs; without, no word network is stored either

@@ -1,4 +1,4 @@
-"""All networks of a repertoire, one after another: kept from another repertoire, or trained."""
+"""The networks of a repertoire, one after another: kept from another repertoire, or trained."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from choreograph.audio.song import load_song
 from choreograph.building.options import BuildOptions
 from choreograph.building.segmentation import FEWEST_WORDS, SegmentedTake
+from choreograph.building.song_cache import SongCache
 from choreograph.errors import FormatError
-from choreograph.features.mel import log_mel
 from choreograph.features.rhythm import rhythm_features
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import NetArrays, Repertoire
@@ -24,39 +23,39 @@ if TYPE_CHECKING:
     from choreograph.nets.style.data import StyleTake
     from choreograph.nets.training import TrainingContext
 
-MUSIC_NETS = ("style", "motion_density", "music_density")  # learned from pairs of music and motion
+MUSIC_NETS = ("style", "motion_density", "music_density")  # trained on pairs of music and motion
 
 
 @dataclass(frozen=True)
 class PretrainedWeights:
-    """Networks of another repertoire: to train on from, or to keep."""
+    """Networks of another repertoire, that training starts from or that are kept."""
 
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
-    style: NetArrays | None = None  # to train on from where `nets` has none
-    trained_on: frozenset[str] = frozenset()  # songs that any of these has heard
+    style: NetArrays | None = None  # used where `nets` has none
+    trained_on: frozenset[str] = frozenset()  # songs that any of them was trained on
     keep: bool = False
 
     @classmethod
     def of(cls, options: BuildOptions) -> PretrainedWeights:
         """Those that the options name; `RepertoireError` if a repertoire cannot be read or has no style."""
-        nets, style, heard = {}, None, frozenset[str]()
+        nets, style, trained_on = {}, None, frozenset[str]()
         if options.init_from is not None:
             other = Repertoire.open(options.init_from)
             nets = {name: other.net(name) for name in other.net_names}
-            heard |= set(other.provenance.get("trained_on", ()))
+            trained_on |= set(other.provenance.get("trained_on", ()))
         if options.pretrained_style is not None and "style" not in nets:
             other = Repertoire.open(options.pretrained_style)
             style = other.net("style")
-            heard |= set(other.provenance.get("trained_on", ()))
-        return cls(nets, style, heard, options.keep_networks)
+            trained_on |= set(other.provenance.get("trained_on", ()))
+        return cls(nets, style, trained_on, options.keep_networks)
 
     @property
     def kept(self) -> Mapping[str, NetArrays]:
-        """Networks that are taken as they are."""
+        """Networks that are kept without training."""
         return self.nets if self.keep else {}
 
     def weights(self, name: str) -> Mapping[str, Any] | None:
-        """Weights to begin with; None for none."""
+        """Weights that training starts from; None for random ones."""
         net = self.nets.get(name, self.style if name == "style" else None)
         return None if net is None else net.weights
 
@@ -64,7 +63,7 @@ class PretrainedWeights:
 def training_context(
     work: Path, options: BuildOptions, report: Callable[[Any], None] | None
 ) -> TrainingContext:
-    """Checkpoints NAME.pt and logs NAME.jsonl in `work`; `options.resume` goes on from there."""
+    """Checkpoints NAME.pt and logs NAME.jsonl in `work`; `options.resume` continues from there."""
     from choreograph.nets.training import TrainingContext
 
     return TrainingContext(work, options.resume, options.device, report or (lambda progress: None))
@@ -72,44 +71,49 @@ def training_context(
 
 def train_music_networks(
     measured: Sequence[MeasuredTake],
-    beginning: PretrainedWeights,
+    songs: SongCache,
+    pretrained: PretrainedWeights,
     *,
     options: BuildOptions,
     context: TrainingContext,
     report: ProgressReport | None,
 ) -> tuple[dict[str, NetArrays], list[str], tuple[str, ...]]:
-    """Style and tempo-density networks, the songs they learned from, and notes.
+    """Style and tempo-density networks, the songs they were trained on, and notes.
 
-    Those that are not kept are trained, if two takes or more have songs of their own; with fewer, what
-    there is to begin with is taken over.
+    Networks that are not kept are trained if the takes have two songs or more; with fewer, the pretrained
+    ones are taken over as they are.
     """
     with_music = [m for m in measured if m.take.song_path is not None]
-    songs = {m.take.song_name for m in with_music}
-    known = {name: net for name, net in beginning.nets.items() if name in MUSIC_NETS}
-    if beginning.keep and set(known) == set(MUSIC_NETS):
-        return known, sorted(beginning.trained_on), ()
-    if len(songs) >= 2:
-        heard = [_heard(m, i, len(with_music), report) for i, m in enumerate(with_music)]
-        nets = _trained(heard, beginning, options=options, context=context)
-        return nets, sorted(songs | beginning.trained_on), ()
+    song_names = {m.take.song_name for m in with_music}
+    known = {name: net for name, net in pretrained.nets.items() if name in MUSIC_NETS}
+    if pretrained.keep and set(known) == set(MUSIC_NETS):
+        return known, sorted(pretrained.trained_on), ()
+    if len(song_names) >= 2:
+        takes = []
+        for done, m in enumerate(with_music):
+            takes.append(_style_take(m, songs))
+            if report is not None:
+                report("analysing songs", done + 1, len(with_music))
+        nets = _trained(takes, pretrained, options=options, context=context)
+        return nets, sorted(song_names | pretrained.trained_on), ()
     if known:
-        note = "fewer than two takes' songs to learn from: the networks are taken over as they are"
-        return known, sorted(beginning.trained_on), () if beginning.keep else (note,)
+        note = "fewer than two songs to train on: the networks are taken over as they are"
+        return known, sorted(pretrained.trained_on), () if pretrained.keep else (note,)
     return (
         {},
         [],
-        ("fewer than two songs to learn from: no networks of music, so clips are not chosen by style",),
+        ("fewer than two songs to train on: no music networks, so clips are not chosen by style",),
     )
 
 
 def _trained(
     takes: Sequence[StyleTake],
-    beginning: PretrainedWeights,
+    pretrained: PretrainedWeights,
     *,
     options: BuildOptions,
     context: TrainingContext,
 ) -> dict[str, NetArrays]:
-    """The three networks: style, then the tempo-density of motion, then of music, which follows the motion's.
+    """The three networks: style, then the tempo-density of motion, then that of music, which needs motion's.
 
     Without a take of 8 s of music and motion no tempo-density is trained.
     """
@@ -120,12 +124,12 @@ def _trained(
     from choreograph.nets.style.config import style_config
     from choreograph.nets.style.train import train_style
 
-    nets = {name: net for name, net in beginning.kept.items() if name in MUSIC_NETS}
-    given: dict[str, Any] = {"seed": options.seed, "place": context}
+    nets = {name: net for name, net in pretrained.kept.items() if name in MUSIC_NETS}
+    given: dict[str, Any] = {"seed": options.seed, "context": context}
     if "style" not in nets:
         n_songs = len({take.song_name for take in takes})
         config = style_config(options.preset, n_songs=n_songs, **_changes(options))
-        style = train_style(takes, config, start=beginning.weights("style"), **given)
+        style = train_style(takes, config, start=pretrained.weights("style"), **given)
         nets["style"] = _stored(style)
     longest_s = max(min(len(t.body_pos_m) / NET_FPS, len(t.log_mel) / MUSIC_FPS) for t in takes)
     if longest_s < CLIP_S:
@@ -134,17 +138,17 @@ def _trained(
     if "motion_density" in nets:
         motion = MotionDensity.from_arrays(nets["motion_density"].weights, nets["motion_density"].config)
     else:
-        motion = train_motion_density(takes, densities, start=beginning.weights("motion_density"), **given)
+        motion = train_motion_density(takes, densities, start=pretrained.weights("motion_density"), **given)
         nets["motion_density"] = _stored(motion)
     if "music_density" not in nets:
-        start = beginning.weights("music_density")
+        start = pretrained.weights("music_density")
         nets["music_density"] = _stored(train_music_density(takes, motion, densities, start=start, **given))
     return nets
 
 
 def train_word_network(
     takes: Sequence[SegmentedTake],
-    beginning: PretrainedWeights,
+    pretrained: PretrainedWeights,
     *,
     options: BuildOptions,
     context: TrainingContext,
@@ -153,17 +157,17 @@ def train_word_network(
     from choreograph.nets.words.config import word_config
     from choreograph.nets.words.train import train_word_net
 
-    if "words" in beginning.kept or sum(len(take.words) for take in takes) < FEWEST_WORDS:
-        return beginning.nets.get("words")
+    if "words" in pretrained.kept or sum(len(take.words) for take in takes) < FEWEST_WORDS:
+        return pretrained.nets.get("words")
     net = train_word_net(
-        [take.to_learn_from() for take in takes], word_config(options.preset, **_changes(options)),
-        seed=options.seed, context=context, start=beginning.weights("words"),
+        [take.to_word_take() for take in takes], word_config(options.preset, **_changes(options)),
+        seed=options.seed, context=context, start=pretrained.weights("words"),
     )  # fmt: skip
     return _stored(net)
 
 
 def _changes(options: BuildOptions) -> dict[str, Any]:
-    """What every network's preset is changed by."""
+    """Changes to the preset of every network."""
     return {} if options.augment_mirror else {"mirrored_share": 0.0}
 
 
@@ -172,14 +176,14 @@ def _stored(net) -> NetArrays:
     return NetArrays(config, weights)
 
 
-def _heard(measured: MeasuredTake, index: int, total: int, report: ProgressReport | None) -> StyleTake:
-    """A take as the networks learn from it; the song's part from the motion's first frame on."""
+def _style_take(measured: MeasuredTake, songs: SongCache) -> StyleTake:
+    """A take as the networks are trained on it, with its part of the song."""
     from choreograph.nets.style.data import StyleTake
 
     take = measured.take
-    assert take.song_path is not None  # only takes with music are heard
-    song = load_song(take.song_path)
-    mel = log_mel(song.samples)
+    assert take.song_path is not None  # only takes with music come here
+    song = songs.analysed(take.song_path)
+    mel = song.log_mel
     rhythm = rhythm_features(mel, start_s=max(0.0, take.song_start_s))
     first = seconds_to_frames(take.song_start_s, MUSIC_FPS)
     last = first + seconds_to_frames(take.motion.duration_s, MUSIC_FPS)
@@ -189,8 +193,6 @@ def _heard(measured: MeasuredTake, index: int, total: int, report: ProgressRepor
             f"song lasts {song.duration_s:.1f} s"
         )
     silent = np.full((max(0, -first), mel.shape[1]), mel.min(), mel.dtype)
-    if report is not None:
-        report("hearing", index + 1, total)
     return StyleTake(
         name=take.name,
         song_name=take.song_name,

@@ -1,17 +1,13 @@
-"""The rollout network of a library: takes with their words and their music, and the training on them."""
+"""The rollout network of a library: takes with their words and their music, and its training."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
-from choreograph.audio.song import Song, load_song
 from choreograph.building.segmentation import SegmentedTake
-from choreograph.features.mel import log_mel
-from choreograph.features.music_beats import get_beat_tracker
+from choreograph.building.song_cache import SongCache
 from choreograph.features.word_audio import rhythm_from, word_spectra
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.nets.rollout.config import RolloutConfig
@@ -32,19 +28,19 @@ def train_rollout_network(
     words: WordNet,
     config: RolloutConfig,
     *,
+    songs: SongCache,
     seed: int,
     context: TrainingContext,
-    start: NetArrays | None,
+    pretrained: NetArrays | None,
     report: ProgressReport | None,
 ) -> NetArrays:
-    """Train the network that dances motifs on all takes with music, or train it on from `start`.
+    """Train the network that dances motifs on all takes with music, starting from `pretrained` if given.
 
     Raises `ParameterError` if no take dances words to music for as long as a training sequence.
     """
-    takes = rollout_takes(measured, segmented, vocabulary, words, report=report)
-    net: RolloutNet = train_rollout(
-        takes, words, config, seed=seed, context=context, start=None if start is None else start.weights
-    )
+    takes = rollout_takes(measured, segmented, vocabulary, words, songs=songs, report=report)
+    start = None if pretrained is None else pretrained.weights
+    net: RolloutNet = train_rollout(takes, words, config, seed=seed, context=context, start=start)
     weights, stored = net.to_arrays()
     return NetArrays(stored, weights)
 
@@ -55,35 +51,34 @@ def rollout_takes(
     vocabulary: Vocabulary,
     words: WordNet,
     *,
+    songs: SongCache,
     report: ProgressReport | None = None,
 ) -> list[RolloutTake]:
-    """The takes that have music, as the network learns from them; `segmented` are the words of `measured`."""
-    heard = lru_cache(maxsize=4)(_heard)  # takes of one song mostly follow one another
+    """The takes with music, as the network is trained on them.
+
+    `segmented` are the words of `measured`; `songs` must keep samples.
+    """
     takes = []
     for index, (m, of_take) in enumerate(zip(measured, segmented, strict=True)):
         take, bounds = m.take, of_take.words
         if take.song_path is None or len(bounds) == 0:
             continue
-        song, beat_times_s = heard(take.song_path)
-        instants = take.song_start_s + np.append(bounds.start_s, bounds.end_s[-1])
+        analysed = songs.analysed(take.song_path)
+        assert analysed.song is not None  # the cache keeps samples
+        times_s = take.song_start_s + np.append(bounds.start_s, bounds.end_s[-1])
         motif = vocabulary.word_motif[vocabulary.words_of_take(index)]
         takes.append(
             RolloutTake(
                 name=take.name,
                 motion=take.motion.resampled(ROLLOUT_FPS),
-                rhythm=rhythm_from(song, beat_times_s, take.song_start_s),
+                rhythm=rhythm_from(analysed.song, analysed.beat_times_s, take.song_start_s),
                 start_s=bounds.start_s,
                 end_s=bounds.end_s,
                 motif=vocabulary.motifs.embeddings[motif],
                 embedding=words.embed(bounds.body_pos_m),
-                spectral=word_spectra(song, instants),
+                spectral=word_spectra(analysed.song, times_s),
             )
         )
         if report is not None:
-            report("hearing words", index + 1, len(measured))
+            report("analysing the music of words", index + 1, len(measured))
     return takes
-
-
-def _heard(path: Path) -> tuple[Song, np.ndarray]:
-    song = load_song(path)
-    return song, get_beat_tracker().beats(song, log_mel(song.samples))

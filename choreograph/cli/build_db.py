@@ -87,7 +87,7 @@ def command(
         preset=preset, seed=seed, device=device, resume=resume, init_from=init_from,
         pretrained_style=begin[pretrained_style] if pretrained_style in begin else Path(pretrained_style),
         keep_networks=keep_networks, rollout=rollout, augment_mirror=augment_mirror, lock_feet=lock_feet,
-        packed=packed, leave_out=names_of(leave_out), **given,
+        compress=packed, leave_out=names_of(leave_out), **given,
     )  # fmt: skip
     try:
         with stages(quiet=quiet) as shown:

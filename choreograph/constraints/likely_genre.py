@@ -1,4 +1,4 @@
-"""Which genre of the repertoire a song is nearest to, and so what its dance should be like as a whole."""
+"""The genre of the repertoire that a song is nearest to, and the goal of a dance to it."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from choreograph.motifs.vocabulary import ALL_GENRES
 from choreograph.repertoire import Repertoire
 from choreograph.selection import take_losses
 
-_NEAREST = "it dances {}, whose takes are nearest to the song in style"
-_CHOSEN = {ALL_GENRES: "none can be told by style, so it dances as all takes together do"}
+_NEAREST = "it follows {}, whose takes are nearest to the song in style"
+_FALLBACK = {ALL_GENRES: "style does not tell one, so it follows all takes together"}
 
 
 def choose_goal(
     song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
 ) -> tuple[MotifGoal, tuple[str, ...]]:
-    """The signature and transitions of what is asked for, or of the genre nearest to the song; and notes.
+    """Signature and motif transitions as requested, or of the genre nearest to the song; and notes.
 
     Raises `ParameterError` for an unknown genre or a signature of another vocabulary, `RepertoireError` for a
     repertoire without one.
@@ -32,8 +32,8 @@ def choose_goal(
 
 
 def genre_note(genre: str) -> str:
-    """What to say when a dance follows the genre that is likely."""
-    return f"no genre asked for: {_CHOSEN.get(genre, _NEAREST.format(genre))}"
+    """The note that a dance follows the likely genre."""
+    return f"no genre given: {_FALLBACK.get(genre, _NEAREST.format(genre))}"
 
 
 def likely_genre(song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints) -> str:

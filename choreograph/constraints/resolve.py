@@ -1,4 +1,4 @@
-"""Wishes held against a repertoire and a song: in places of the dance's words, and without contradiction."""
+"""Constraints held against a repertoire and a song: one slot per word of the dance, and no contradictions."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ _TOUCH_S = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ResolvedConstraints:
-    """What each word of one dance may be; places count the words from 0."""
+    """What each word of one dance may be; slots count the words from 0."""
 
-    bounds_s: NDArray[np.float64]  # (N + 1,) instants at which words begin and end
-    motifs: dict[int, int]  # place -> motif that must be danced there
-    takes: dict[int, int]  # place -> take that must be danced there
-    pinned: frozenset[int]  # places that a pin of a motif names
+    requested: Constraints
+    bounds_s: NDArray[np.float64]  # (N + 1,) times at which words begin and end
+    motifs: dict[int, int]  # slot -> motif that must be danced there
+    takes: dict[int, int]  # slot -> take that must be danced there
+    pinned: frozenset[int]  # slots with a pinned motif
     take_allowed: NDArray[np.bool_]  # (takes,)
     motif_banned: NDArray[np.bool_]  # (K,); empty without a vocabulary
 
@@ -31,31 +32,37 @@ class ResolvedConstraints:
         """Number of words N."""
         return len(self.bounds_s) - 1
 
+    @property
+    def constrains_motifs(self) -> bool:
+        """Whether some motif must be danced, or must not."""
+        return bool(self.motifs) or bool(self.motif_banned.any())
+
 
 def resolve(
     constraints: Constraints, repertoire: Repertoire, bounds_s: NDArray[np.float64], duration_s: float
 ) -> ResolvedConstraints:
-    """The wishes in places of a dance whose words have the given bounds.
+    """The constraints on each word of a dance whose words begin and end at `bounds_s` (N + 1,).
 
     Raises
     ------
     ParameterError    an unknown motif, genre or take; a pin outside the dance; pins or bans that contradict
                       each other; a signature of another vocabulary
-    RepertoireError   motifs are asked for of a repertoire without
+    RepertoireError   motifs are requested of a repertoire without motifs
     """
-    n_motifs = repertoire.vocabulary.n_motifs if constraints.of_motifs or repertoire.has_vocabulary else 0
+    n_motifs = repertoire.vocabulary.n_motifs if constraints.need_motifs or repertoire.has_vocabulary else 0
     if constraints.genre is not None:
         repertoire.vocabulary.genre_index(constraints.genre)
     take_allowed, motif_banned = _bans(constraints, repertoire, n_motifs)
     motifs = {
-        slot: _known(motif, n_motifs) for slot, motif in enumerate(constraints.motifs[: len(bounds_s) - 1])
+        slot: _checked_motif(motif, n_motifs)
+        for slot, motif in enumerate(constraints.motifs[: len(bounds_s) - 1])
     }
     pinned: dict[int, MotifPin] = {}
     takes: dict[int, tuple[int, TakePin]] = {}
     for pin in constraints.pins:
         if isinstance(pin, MotifPin):
             slot = _slot_of(pin, bounds_s, duration_s)
-            _known(pin.motif, n_motifs)
+            _checked_motif(pin.motif, n_motifs)
             other = pinned.setdefault(slot, pin)
             if other.motif != pin.motif:
                 raise ParameterError(f"pins {other} and {pin} want two motifs in one beat: give up one")
@@ -67,8 +74,8 @@ def resolve(
                 if first.take != pin.take:
                     raise ParameterError(f"pins {first} and {pin} overlap: give up one or shorten it")
     resolved = ResolvedConstraints(
-        bounds_s, motifs, {slot: index for slot, (index, _) in takes.items()}, frozenset(pinned),
-        take_allowed, motif_banned,
+        constraints, bounds_s, motifs, {slot: index for slot, (index, _) in takes.items()},
+        frozenset(pinned), take_allowed, motif_banned,
     )  # fmt: skip
     if motifs:
         _check_words_exist(resolved, repertoire)
@@ -76,7 +83,7 @@ def resolve(
 
 
 def target_goal(constraints: Constraints, repertoire: Repertoire, genre: str | None = None) -> MotifGoal:
-    """Signature and transitions of what is asked for, or else of a genre, or else of all takes.
+    """Signature and motif transitions as requested, or else of a genre, or else of all takes.
 
     Raises `ParameterError` for an unknown genre or a signature of another vocabulary.
     """
@@ -105,7 +112,7 @@ def _bans(
                 raise ParameterError(f"expected a ban of a genre among {known}, got {ban.genre!r}")
             take_allowed[[genre == ban.genre for genre in genres]] = False
         elif ban.motif is not None:
-            motif_banned[_known(ban.motif, n_motifs)] = True
+            motif_banned[_checked_motif(ban.motif, n_motifs)] = True
     if not take_allowed.any():
         raise ParameterError("every take of the repertoire is banned: allow one")
     return take_allowed, motif_banned
@@ -114,7 +121,9 @@ def _bans(
 def _take_index(name: str, repertoire: Repertoire) -> int:
     names = [take.name for take in repertoire.takes]
     if name not in names:
-        raise ParameterError(f"no take {name!r} in {repertoire.path.name}, which holds {len(names)} takes")
+        raise ParameterError(
+            f"expected a take of {repertoire.path.name}, which has {len(names)}, got {name!r}"
+        )
     return names.index(name)
 
 
@@ -125,7 +134,7 @@ def _allowed_take(pin: TakePin, repertoire: Repertoire, take_allowed: NDArray[np
     return index
 
 
-def _known(motif: int, n_motifs: int) -> int:
+def _checked_motif(motif: int, n_motifs: int) -> int:
     if not 0 <= motif < n_motifs:
         raise ParameterError(f"expected motifs 0 to {n_motifs - 1}, got motif {motif}")
     return motif
@@ -133,7 +142,7 @@ def _known(motif: int, n_motifs: int) -> int:
 
 def _slot_of(pin: MotifPin, bounds_s: NDArray[np.float64], duration_s: float) -> int:
     if not 0 <= pin.at_s < duration_s:
-        raise ParameterError(f"pin {pin}: expected an instant within the dance, which lasts {duration_s:g} s")
+        raise ParameterError(f"pin {pin}: expected a time within the dance, which lasts {duration_s:g} s")
     return int(np.clip(np.searchsorted(bounds_s, pin.at_s, side="right") - 1, 0, len(bounds_s) - 2))
 
 
@@ -148,15 +157,15 @@ def _slots_of(pin: TakePin, bounds_s: NDArray[np.float64], duration_s: float) ->
 
 
 def _check_words_exist(resolved: ResolvedConstraints, repertoire: Repertoire) -> None:
-    """Raise `ParameterError` where what is asked for leaves no word to dance."""
+    """Raise `ParameterError` where the constraints leave no word to dance."""
     vocabulary = repertoire.vocabulary
     for slot, motif in resolved.motifs.items():
         at = f"{resolved.bounds_s[slot]:.1f} s"
         if resolved.motif_banned[motif]:
-            raise ParameterError(f"motif {motif} is asked for at {at} and banned: give up one")
+            raise ParameterError(f"motif {motif} is requested at {at} and banned: give up one")
         takes = vocabulary.word_take[vocabulary.words_of_motif(motif)]
         if not resolved.take_allowed[takes].any():
-            raise ParameterError(f"motif {motif} is asked for at {at}, but all takes that have it are banned")
+            raise ParameterError(f"motif {motif} is requested at {at}, but all takes that have it are banned")
         if slot in resolved.takes and not (takes == resolved.takes[slot]).any():
             name = repertoire.takes[resolved.takes[slot]].name
-            raise ParameterError(f"motif {motif} is asked for at {at}, where {name} is pinned: it has none")
+            raise ParameterError(f"motif {motif} is requested at {at}, where {name} is pinned: it has none")

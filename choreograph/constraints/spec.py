@@ -1,10 +1,11 @@
-"""What a dance should hold, as users say it: pins, bans, signatures, motif sequences; from text and files."""
+"""Constraints as the user states them: pins, bans, a genre, a signature, a motif sequence."""
 
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import UnionType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from choreograph.motifs.signatures import checked_signature
 
 @dataclass(frozen=True)
 class MotifPin:
-    """A motif in the beat interval that holds an instant of the dance."""
+    """A motif in the beat interval around a time of the dance."""
 
     at_s: float
     motif: int
@@ -26,7 +27,7 @@ class MotifPin:
 
 @dataclass(frozen=True)
 class TakePin:
-    """Material of one take alone, from one instant of the dance to another."""
+    """Only one take, from one time of the dance to another."""
 
     start_s: float
     end_s: float
@@ -38,7 +39,7 @@ class TakePin:
 
 @dataclass(frozen=True)
 class Ban:
-    """One take, one genre or one motif that is not danced: give one of the three."""
+    """One take, one genre or one motif that must not be danced: give exactly one of the three."""
 
     take: str | None = None
     genre: str | None = None
@@ -58,20 +59,25 @@ Pin = MotifPin | TakePin
 
 @dataclass(frozen=True)
 class Constraints:
-    """Everything that is asked of a dance beside its song; by default nothing."""
+    """Everything requested of a dance beside its song; by default nothing."""
 
     genre: str | None = None
     signature: tuple[float, ...] | None = None  # (K,) shares of the motifs
-    motifs: tuple[int, ...] = ()  # of the dance's words from the first on
+    motifs: tuple[int, ...] = ()  # of the dance's words, from the first word on
     pins: tuple[Pin, ...] = ()
     bans: tuple[Ban, ...] = ()
 
     @property
-    def of_motifs(self) -> bool:
-        """Whether a vocabulary is needed to fulfil them."""
+    def need_motifs(self) -> bool:
+        """Whether they can only be met with a repertoire that has motifs."""
         motif_pins = any(isinstance(pin, MotifPin) for pin in self.pins)
         motif_bans = any(ban.motif is not None for ban in self.bans)
         return bool(self.genre or self.signature or self.motifs or motif_pins or motif_bans)
+
+    @property
+    def take_pins(self) -> tuple[TakePin, ...]:
+        """The pins of takes."""
+        return tuple(pin for pin in self.pins if isinstance(pin, TakePin))
 
     def __str__(self) -> str:
         return ", ".join([*(f"--pin {pin}" for pin in self.pins), *(f"--ban {ban}" for ban in self.bans)])
@@ -85,28 +91,42 @@ def make_constraints(
     pins: Sequence[Pin] = (),
     bans: Sequence[Ban] = (),
 ) -> Constraints:
-    """Wishes from what a caller gives; motifs with times become pins.
+    """Constraints from the arguments of a caller; motifs with times become pins.
 
-    Raises `ParameterError` for a pin, ban or motif of another kind, or a signature that does not sum to 1.
+    Raises `ParameterError` for an argument of another type, or a signature that does not sum to 1.
     """
-    for pin in pins:
-        if not isinstance(pin, MotifPin | TakePin):
-            raise ParameterError(f"expected pins as MotifPin or TakePin, got {reprlib.repr(pin)}")
-    for ban in bans:
-        if not isinstance(ban, Ban):
-            raise ParameterError(f"expected bans as Ban, got {reprlib.repr(ban)}")
+    if genre is not None and not isinstance(genre, str):
+        raise ParameterError(f"expected a genre as text, got {reprlib.repr(genre)}")
+    pins = _several("pins", pins, "MotifPin or TakePin", MotifPin | TakePin)
+    bans = _several("bans", bans, "Ban", Ban)
+    motifs = _several("motifs", motifs, "whole numbers or MotifPin", int | np.integer | MotifPin)
     timed = [motif for motif in motifs if isinstance(motif, MotifPin)]
-    plain = [motif for motif in motifs if not isinstance(motif, MotifPin)]
-    if timed and plain:
+    untimed = [motif for motif in motifs if not isinstance(motif, MotifPin)]
+    if timed and untimed:
         raise ParameterError("expected motifs that all have times, or none, got both")
-    for motif in plain:
-        if isinstance(motif, bool) or not isinstance(motif, int | np.integer):
-            raise ParameterError(f"expected motifs as numbers, got {reprlib.repr(motif)}")
-    shares = None if signature is None else np.asarray(signature, np.float64)
     return Constraints(
-        genre,
-        None if shares is None else tuple(checked_signature(shares, max(1, shares.size)).tolist()),
-        tuple(int(motif) for motif in plain),
-        (*pins, *timed),
-        tuple(bans),
+        genre, _shares(signature), tuple(int(motif) for motif in untimed), (*pins, *timed), bans
     )
+
+
+def _several(name: str, given: object, kinds: str, types: type | UnionType) -> tuple:
+    """`given` as a tuple; `ParameterError` unless it is a collection of values of `types`."""
+    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
+        raise ParameterError(f"expected {name} as a list of {kinds}, got {reprlib.repr(given)}")
+    values = tuple(given)
+    for value in values:
+        if isinstance(value, bool) or not isinstance(value, types):
+            raise ParameterError(f"expected {name} as {kinds}, got {reprlib.repr(value)}")
+    return values
+
+
+def _shares(signature: object) -> tuple[float, ...] | None:
+    if signature is None:
+        return None
+    try:
+        shares = np.asarray(signature, np.float64)
+    except (TypeError, ValueError):
+        raise ParameterError(
+            f"expected a signature as a list of shares, got {reprlib.repr(signature)}"
+        ) from None
+    return tuple(checked_signature(shares, max(1, shares.size)).tolist())

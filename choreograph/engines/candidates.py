@@ -1,75 +1,100 @@
-"""The words that may be danced in each place of one dance, and what each costs by itself."""
+"""The words that may be danced in each slot of one dance, and what each costs on its own."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.engines.word_bank import WordBank
-from choreograph.engines.word_search import Candidates
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.plan import PlannedWord
 from choreograph.repertoire import Repertoire
 
-# What a word costs by itself, metres of joint distance.
-_SAFE_M = 0.04  # it should be nearer to its own motif than to any other by this: joins move it a little
-_HURRY_M = 0.1  # at twice or half its speed
-_WHIM_M = 0.02  # left to the seed
+Floats = NDArray[np.floating]
+Indices = NDArray[np.int64]
+
+# Costs of a word on its own, in metres of joint distance.
+_SAFE_MARGIN_M = 0.04  # a word should be nearer to its motif than to any other by this: transitions move it
+_SPEED_COST_M = 0.1  # of twice or half its speed
+_TIE_BREAK_M = 0.02  # left to the seed
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """The words that may be danced in one slot of the dance, M of them."""
+
+    words: Indices  # (M,) indices in the vocabulary
+    cost_m: Floats  # (M,) of the word on its own, in metres of joint distance; inf forbids
+    first_m: Floats  # (M, 3, 21, 3) the poses around its start, in the root frame
+    last_m: Floats  # (M, 3, 21, 3) the poses around its end
+
+    @property
+    def any_left(self) -> bool:
+        """Whether a word is not forbidden."""
+        return bool(np.isfinite(self.cost_m).any())
+
+    def without(self, *words: int) -> Candidates:
+        """The same, with some words forbidden."""
+        return replace(self, cost_m=np.where(np.isin(self.words, words), np.inf, self.cost_m))
+
+    def preferring(self, word: int, by_m: float) -> Candidates:
+        """The same, with all words but one more expensive."""
+        return replace(self, cost_m=self.cost_m + by_m * (self.words != word))
 
 
 @dataclass(frozen=True, eq=False)
 class CandidatePool:
-    """All words of a repertoire for what is asked of one dance."""
+    """All words of a repertoire that the constraints of one dance allow."""
 
-    resolved: ResolvedConstraints
+    constraints: ResolvedConstraints
     repertoire: Repertoire
     bank: WordBank
     rng: np.random.Generator
 
     @classmethod
     def of(
-        cls, resolved: ResolvedConstraints, repertoire: Repertoire, rng: np.random.Generator
+        cls, constraints: ResolvedConstraints, repertoire: Repertoire, rng: np.random.Generator
     ) -> CandidatePool:
-        """The shelf of a repertoire; `RepertoireError` if it has no vocabulary."""
+        """The pool of a repertoire; `RepertoireError` if it has no vocabulary."""
         bank = WordBank(repertoire.vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
-        return cls(resolved, repertoire, bank, rng)
+        return cls(constraints, repertoire, bank, rng)
 
     @property
     def vocabulary(self) -> Vocabulary:
-        """Whose words they are."""
+        """The vocabulary of the words."""
         return self.bank.vocabulary
 
     def length_s(self, slot: int) -> float:
-        """How long the word in a place lasts."""
-        return float(self.resolved.bounds_s[slot + 1] - self.resolved.bounds_s[slot])
+        """How long the word in a slot lasts."""
+        return float(self.constraints.bounds_s[slot + 1] - self.constraints.bounds_s[slot])
 
     def candidates(self, slot: int, motif: int | None) -> Candidates:
-        """Words of a motif, or of any that is not banned if it is None, for a place; perhaps none."""
-        resolved, v = self.resolved, self.vocabulary
-        fits = resolved.take_allowed[v.word_take] & ~resolved.motif_banned[v.word_motif]
+        """Words of a motif, or of every motif that is not banned if None, for a slot; perhaps none."""
+        constraints, v = self.constraints, self.vocabulary
+        fits = constraints.take_allowed[v.word_take] & ~constraints.motif_banned[v.word_motif]
         if motif is not None:
             fits &= v.word_motif == motif
-        if slot in resolved.takes:
-            fits &= v.word_take == resolved.takes[slot]
+        if slot in constraints.takes:
+            fits &= v.word_take == constraints.takes[slot]
         words = np.flatnonzero(fits)
-        hurry = np.log2((v.word_end_s[words] - v.word_start_s[words]) / self.length_s(slot))
-        price = _HURRY_M * hurry**2 + _WHIM_M * self.rng.exponential(size=len(words))
-        price += np.maximum(self.bank.motif_margin_m(words) + _SAFE_M, 0.0)
-        return Candidates(words, price, *self.bank.borders_m(words, self.length_s(slot)))
+        octaves = np.log2((v.word_end_s[words] - v.word_start_s[words]) / self.length_s(slot))
+        cost = _SPEED_COST_M * octaves**2 + _TIE_BREAK_M * self.rng.exponential(size=len(words))
+        cost += np.maximum(_SAFE_MARGIN_M - self.bank.motif_margin_m(words), 0.0)
+        return Candidates(words, cost, *self.bank.borders_m(words, self.length_s(slot)))
 
     def motif_allowed(self) -> NDArray[np.bool_]:
-        """Motifs (K,) that have a word that may be danced."""
+        """Motifs (K,) that are not banned and have a word that may be danced."""
         allowed = np.zeros(self.vocabulary.n_motifs, bool)
-        allowed[self.vocabulary.word_motif[self.resolved.take_allowed[self.vocabulary.word_take]]] = True
-        return allowed & ~self.resolved.motif_banned
+        allowed[self.vocabulary.word_motif[self.constraints.take_allowed[self.vocabulary.word_take]]] = True
+        return allowed & ~self.constraints.motif_banned
 
     def planned(self, slot: int, word: int, *, pinned: bool) -> PlannedWord:
-        """A word in its place of the dance."""
-        v, bounds_s = self.vocabulary, self.resolved.bounds_s
+        """A word in its slot of the dance."""
+        v, bounds_s = self.vocabulary, self.constraints.bounds_s
         take = self.repertoire.takes[v.word_take[word]]
         return PlannedWord(
             start_s=round(float(bounds_s[slot]), 6), end_s=round(float(bounds_s[slot + 1]), 6),
@@ -80,12 +105,12 @@ class CandidatePool:
         )  # fmt: skip
 
 
-def stretches(slots: Mapping[int, object]) -> list[list[int]]:
-    """Places that follow one another with the same value, in order."""
-    found: list[list[int]] = []
+def consecutive_slots(slots: Mapping[int, object]) -> list[list[int]]:
+    """Slots that follow one another with the same value, in order."""
+    groups: list[list[int]] = []
     for slot in sorted(slots):
-        if found and found[-1][-1] == slot - 1 and slots[slot - 1] == slots[slot]:
-            found[-1].append(slot)
+        if groups and groups[-1][-1] == slot - 1 and slots[slot - 1] == slots[slot]:
+            groups[-1].append(slot)
         else:
-            found.append([slot])
-    return found
+            groups.append([slot])
+    return groups

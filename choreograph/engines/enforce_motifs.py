@@ -1,4 +1,4 @@
-"""Pinned and banned motifs in a dance of the graph: words in place of what is not as asked, until all is."""
+"""Pinned and banned motifs in a graph dance: words replace the parts that violate them, until none does."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.blending.rendering import render
 from choreograph.constraints.resolve import ResolvedConstraints
-from choreograph.engines.candidates import CandidatePool, stretches
-from choreograph.engines.rendering import danced_motifs, render
+from choreograph.engines.candidates import CandidatePool, Candidates, consecutive_slots
+from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.engines.word_bank import AROUND_S
-from choreograph.engines.word_search import Candidates, search_words
+from choreograph.engines.word_search import search_words
 from choreograph.errors import NoPathError
 from choreograph.motifs.words import poses_at
 from choreograph.motion.body import body_pos_m
@@ -24,79 +25,79 @@ Indices = NDArray[np.int64]
 
 
 def enforce_motifs(
-    plan: Plan, motion: Motion, resolved: ResolvedConstraints, repertoire: Repertoire
+    plan: Plan, motion: Motion, constraints: ResolvedConstraints, repertoire: Repertoire
 ) -> tuple[Plan, Motion]:
     """The plan with words wherever pinned motifs are not danced, or banned ones are, and its motion.
 
-    Each word is the one that joins best to what is danced around it; the result is rendered and measured,
-    and a word that is not its motif any more, or makes another place wrong, gives way to the next.
+    Each word is the one with the best transitions from and to what is danced around it. The result is
+    rendered and checked: a word that no longer shows its motif, or makes another slot wrong, is replaced by
+    the next best.
 
-    Raises `NoPathError` naming the motif and the instant for which there is no word left.
+    Raises `NoPathError` naming the motif and the time for which no word is left.
     """
-    pool = CandidatePool.of(resolved, repertoire, np.random.default_rng(plan.seed))
-    around = _Around(body_pos_m(motion), motion.fps)
+    pool = CandidatePool.of(constraints, repertoire, np.random.default_rng(plan.seed))
+    surroundings = _Surroundings(body_pos_m(motion), motion.fps)
     candidates: dict[int, Candidates] = {}
     chosen: dict[int, int] = {}
-    made = plan
+    enforced = plan
     while True:
-        danced = danced_motifs(motion, resolved.bounds_s, repertoire)
-        wrong = violated_slots(danced, resolved)
+        wrong = violated_slots(danced_motifs(motion, constraints.bounds_s, repertoire), constraints)
         if not wrong:
-            return made, motion
+            return enforced, motion
         for slot in wrong:
-            here = candidates.get(slot) or around.joined_to(pool, slot)
+            here = candidates.get(slot) or surroundings.candidates(pool, slot)
             candidates[slot] = here.without(chosen[slot]) if slot in chosen else here
-            if not np.isfinite(candidates[slot].price_m).any():
-                raise NoPathError(nothing_left(slot, resolved))
+            if not candidates[slot].any_left:
+                raise NoPathError(no_word_left(slot, constraints))
         chosen = _chosen(candidates)
         words = tuple(pool.planned(slot, word, pinned=True) for slot, word in sorted(chosen.items()))
-        made = replace(plan, words=words)
-        motion = render(made, repertoire)
+        enforced = replace(plan, words=words)
+        motion = render(enforced, repertoire)
 
 
-def violated_slots(danced: Indices, resolved: ResolvedConstraints) -> list[int]:
-    """Places whose motif (N,) is another than asked for, or banned; -1 is no motif that could be told."""
-    banned = np.append(resolved.motif_banned, False)[danced]
+def violated_slots(danced: Indices, constraints: ResolvedConstraints) -> list[int]:
+    """Slots whose motif (N,) is not the required one, or is banned; -1 is a word without a motif."""
+    banned = np.append(constraints.motif_banned, False)[danced]
     return [
         slot
         for slot, motif in enumerate(danced)
-        if banned[slot] or (slot in resolved.motifs and motif != resolved.motifs[slot])
+        if banned[slot] or (slot in constraints.motifs and motif != constraints.motifs[slot])
     ]
 
 
-def nothing_left(slot: int, resolved: ResolvedConstraints) -> str:
-    """What to tell a user when no word is left for a place."""
-    at = f"{resolved.bounds_s[slot]:.1f} s"
-    if slot in resolved.motifs:
+def no_word_left(slot: int, constraints: ResolvedConstraints) -> str:
+    """The message for a slot that no word is left for."""
+    at = f"{constraints.bounds_s[slot]:.1f} s"
+    if slot in constraints.motifs:
         return (
-            f"no word of motif {resolved.motifs[slot]} can be danced at {at} so that it stays that motif: "
+            f"no word of motif {constraints.motifs[slot]} can be danced at {at} so that it stays that motif: "
             "pin it elsewhere, or another"
         )
     return f"no word can be danced at {at} that is none of the banned motifs: ban fewer"
 
 
 def _chosen(candidates: dict[int, Candidates]) -> dict[int, int]:
-    """The word of every place; of places that follow one another, those that go best together."""
+    """The word of every slot; words of consecutive slots are chosen together."""
     chosen: dict[int, int] = {}
-    for slots in stretches(dict.fromkeys(candidates)):
+    for slots in consecutive_slots(dict.fromkeys(candidates)):
         words = search_words([candidates[slot] for slot in slots])
         chosen.update(zip(slots, words.tolist(), strict=True))
     return chosen
 
 
-class _Around:
-    """The dance that words are put into: its poses at the words' borders."""
+class _Surroundings:
+    """The dance that words are put into: its poses at their borders."""
 
     def __init__(self, body: NDArray[np.float64], fps: float) -> None:
         self._body, self._fps = body, fps
 
-    def joined_to(self, pool: CandidatePool, slot: int) -> Candidates:
-        """The words for a place, dearer by what they are off from the dance at their borders."""
-        here = pool.candidates(slot, pool.resolved.motifs.get(slot))
-        start_s, end_s = pool.resolved.bounds_s[slot : slot + 2]
-        off_m = self._off_m(here.first_m, start_s) + self._off_m(here.last_m, end_s)
-        return replace(here, price_m=here.price_m + off_m)
+    def candidates(self, pool: CandidatePool, slot: int) -> Candidates:
+        """The words for a slot; the distance from the dance at both borders adds to their cost."""
+        here = pool.candidates(slot, pool.constraints.motifs.get(slot))
+        start_s, end_s = pool.constraints.bounds_s[slot : slot + 2]
+        distance_m = self._distance_m(here.first_m, start_s) + self._distance_m(here.last_m, end_s)
+        return replace(here, cost_m=here.cost_m + distance_m)
 
-    def _off_m(self, poses_m: NDArray[np.floating], at_s: float) -> NDArray[np.floating]:
-        mine = clips_to_root_frame(poses_at(self._body, self._fps, at_s + AROUND_S))  # (3, 21, 3)
-        return np.sqrt(np.square(poses_m - mine).sum(axis=-1).mean(axis=(1, 2)))
+    def _distance_m(self, poses_m: NDArray[np.floating], at_s: float) -> NDArray[np.floating]:
+        danced_m = clips_to_root_frame(poses_at(self._body, self._fps, at_s + AROUND_S))  # (3, 21, 3)
+        return np.sqrt(np.square(poses_m - danced_m).sum(axis=-1).mean(axis=(1, 2)))

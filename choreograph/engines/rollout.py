@@ -1,88 +1,107 @@
-"""The rollout engine: a sequence of motifs, drawn or given, danced by the repertoire's network."""
+"""The rollout engine: a sequence of motifs, drawn or given, danced by the repertoire's recurrent network."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
 from choreograph.config import DanceConfig
-from choreograph.constraints.resolve import ResolvedConstraints, resolve
+from choreograph.constraints.likely_genre import choose_goal
+from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.constraints.spec import Constraints
-from choreograph.engines.rendering import danced_motifs
+from choreograph.engines.base import DanceRequest, EngineResult
+from choreograph.engines.mixer import sequence_notes
 from choreograph.errors import ParameterError
 from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import get_beat_tracker
-from choreograph.features.song_features import SongFeatures
 from choreograph.features.word_audio import rhythm_from, word_spectra
+from choreograph.graph import Cost
 from choreograph.motifs.choreography import draw_motifs
+from choreograph.motifs.goals import MotifGoal
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.motion import Motion
-from choreograph.nets.rollout.data import ROLLOUT_FPS
-from choreograph.plan import Plan, PlannedWord
-from choreograph.progress import ProgressReport
+from choreograph.plan import PlannedWord
 from choreograph.repertoire import Repertoire
-from choreograph.rollout.generation import SEED_FRAMES, MotifScore, roll_out
 from choreograph.takes import Credits
 
-Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-def roll(
-    song: Song,
-    song_features: SongFeatures,
-    repertoire: Repertoire,
-    config: DanceConfig,
-    constraints: Constraints,
-    *,
-    signature: Floats,
-    transitions: Floats,
-    style_song: Song | None = None,
-    start_s: float = 0.0,
-    report: ProgressReport | None = None,
-) -> tuple[Plan, Motion, Indices]:
-    """A dance of the rollout network (Rhythm is a Dancer, section 4): plan, motion, motifs it shows (N,).
+class RolloutEngine:
+    """A network's motion (Rhythm is a Dancer, section 4)."""
 
-    `signature` (K,) and `transitions` (K, K) are the genre's, or what the user gave. The style of the
-    motion (equation 4) is the song's, or another's, `style_song`, interval by interval of its beats.
+    name = "rollout"
+    settings = frozenset({"style_song"})
 
-    Raises `ParameterError` if wishes contradict each other or name takes, `RepertoireError` without a
-    vocabulary or a rollout network.
+    def check(
+        self,
+        repertoire: Repertoire,
+        config: DanceConfig,
+        constraints: Constraints,
+        costs: Sequence[Cost],
+    ) -> None:
+        """As `Engine.check`: it needs motifs and a rollout network, and dances no take."""
+        repertoire.rollout_net()
+        _ = repertoire.vocabulary
+
+    def plan(self, request: DanceRequest) -> EngineResult:
+        """A dance of the network; it follows the genre nearest to the song unless one is given."""
+        constraints = request.constraints.requested
+        goal, notes = choose_goal(request.song_features, request.repertoire, constraints)
+        result = roll_out_motifs(request, goal)
+        return replace(result, notes=(*notes, *sequence_notes(constraints, len(result.plan.words))))
+
+
+def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
+    """Motifs drawn towards a goal and danced by the network, with the plan's motion.
+
+    The style of the motion (equation 4) is the song's, or another song's (`style_song`), from beat to beat.
+
+    Raises `ParameterError` if constraints name takes, `RepertoireError` without a vocabulary or a rollout
+    network.
     """
+    from choreograph.nets.rollout.data import ROLLOUT_FPS  # torch takes a second to import
+    from choreograph.rollout.generation import MotifScore, roll_out
+
+    repertoire, features, config = request.repertoire, request.song_features, request.config
     net = repertoire.rollout_net()
-    bounds_s = dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
-    bounds_s = np.concatenate([[0.0], bounds_s[1:-1], [song_features.duration_s]])
-    resolved = resolve(constraints, repertoire, bounds_s, song_features.duration_s)
-    _refuse_takes(resolved)
-    rng = np.random.default_rng(config.seed)
+    inner_s = request.constraints.bounds_s[1:-1]
+    bounds_s = np.concatenate([[0.0], inner_s, [features.duration_s]])
+    constraints = replace(request.constraints, bounds_s=bounds_s)
+    _refuse_takes(constraints)
     motifs = draw_motifs(
-        resolved.n_words, signature, transitions, rng=rng, pins=resolved.motifs,
-        banned=np.flatnonzero(resolved.motif_banned).tolist(),
+        constraints.n_words, goal.signature, goal.transitions, rng=np.random.default_rng(config.seed),
+        pins=constraints.motifs, banned=np.flatnonzero(constraints.motif_banned).tolist(),
     )  # fmt: skip
+    spectral = (
+        word_spectra(request.song, bounds_s)
+        if request.style_song is None
+        else _repeated_spectra(request.style_song, len(motifs))
+    )
     score = MotifScore(
         start_s=bounds_s[:-1],
         end_s=bounds_s[1:],
         motif=repertoire.vocabulary.motifs.embeddings[motifs],
-        rhythm=rhythm_from(song, song_features.beat_times_s, 0.0),
-        spectral=word_spectra(song, bounds_s) if style_song is None else _cycled(style_song, len(motifs)),
+        rhythm=rhythm_from(request.song, features.beat_times_s, 0.0),
+        spectral=spectral,
     )
+    report = request.report
     motion = roll_out(
-        net, score, _leading_to(int(motifs[0]), repertoire), fps=config.fps,
+        net, score, _lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
         report=None if report is None else lambda done, total: report("dancing", done, total),
     )  # fmt: skip
-    plan = Plan(
-        song=song_features.name, duration_s=song_features.duration_s, start_s=start_s, repertoire=repertoire.path.name,
-        planner=config.planner, blending=config.blending, seed=config.seed, fps=config.fps, weights={},
-        music_beats_s=tuple(float(beat) for beat in song_features.beat_times_s), seconds=(), engine="rollout",
-        words=_planned_words(motifs, resolved, Credits(performer=f"learned from {len(repertoire.takes)} takes")),
-    )  # fmt: skip
-    return plan, motion, danced_motifs(motion, bounds_s, repertoire)
+    credits = Credits(performer=f"learned from {len(repertoire.takes)} takes")
+    plan = request.new_plan(engine=RolloutEngine.name, words=_planned_words(motifs, constraints, credits))
+    return EngineResult(plan, motion=motion)
 
 
-def _refuse_takes(resolved: ResolvedConstraints) -> None:
-    """The network dances no take, so that none can be pinned or banned."""
-    if resolved.takes or not resolved.take_allowed.all():
+def _refuse_takes(constraints: ResolvedConstraints) -> None:
+    """The network dances no take, so none can be pinned or banned."""
+    if constraints.takes or not constraints.take_allowed.all():
         raise ParameterError(
             "expected pins and bans of motifs, got takes or genres: the rollout engine dances no take; use "
             "--engine graph or mixer, or --genre"
@@ -90,29 +109,31 @@ def _refuse_takes(resolved: ResolvedConstraints) -> None:
 
 
 def _planned_words(
-    motifs: Indices, resolved: ResolvedConstraints, credits: Credits
+    motifs: Indices, constraints: ResolvedConstraints, credits: Credits
 ) -> tuple[PlannedWord, ...]:
-    bounds = resolved.bounds_s.round(6).tolist()
+    bounds = constraints.bounds_s.round(6).tolist()
     return tuple(
         PlannedWord(bounds[slot], bounds[slot + 1], int(motif), "", 0.0, 0.0, credits,
-                    pinned=slot in resolved.pinned)
+                    pinned=slot in constraints.pinned)
         for slot, motif in enumerate(motifs)
     )  # fmt: skip
 
 
-def _leading_to(motif: int, repertoire: Repertoire) -> Motion:
-    """The real motion that leads up to a motif's medoid, at 30 fps; at a take's very beginning, into it."""
+def _lead_in(motif: int, repertoire: Repertoire, fps: float) -> Motion:
+    """The recorded motion that leads up to a motif's medoid; at a take's very beginning, into it."""
+    from choreograph.rollout.generation import SEED_FRAMES
+
     v = repertoire.vocabulary
     word = int(v.motifs.words[motif])
-    lead_s = (SEED_FRAMES + 1) / ROLLOUT_FPS
-    end_s = max(float(v.word_start_s[word]), lead_s)
-    motion, first_s = repertoire.motion(int(v.word_take[word]), end_s - lead_s, end_s)
-    times_s = end_s - np.arange(SEED_FRAMES, 0, -1) / ROLLOUT_FPS
-    return motion.sampled((times_s - first_s) * motion.fps, fps=ROLLOUT_FPS)
+    length_s = (SEED_FRAMES + 1) / fps
+    end_s = max(float(v.word_start_s[word]), length_s)
+    motion, first_s = repertoire.motion(int(v.word_take[word]), end_s - length_s, end_s)
+    times_s = end_s - np.arange(SEED_FRAMES, 0, -1) / fps
+    return motion.sampled((times_s - first_s) * motion.fps, fps=fps)
 
 
-def _cycled(song: Song, n_words: int) -> NDArray[np.float32]:
-    """The colour (N, 87) of a song from beat to beat, from its beginning again where it ends."""
+def _repeated_spectra(song: Song, n_words: int) -> NDArray[np.float32]:
+    """Spectral features (N, 87) of a song from beat to beat, repeated where it ends."""
     beats = get_beat_tracker().beats(song, log_mel(song.samples))
     spectra = word_spectra(song, dance_bounds_s(beats, song.duration_s))
     return spectra[np.arange(n_words) % len(spectra)]

@@ -1,5 +1,4 @@
-"""The words of a repertoire as the mixer sees them: poses at their borders, and how surely they are their
-motif."""
+"""The words of a repertoire as the mixer compares them: poses at their borders, and their motif margin."""
 
 from __future__ import annotations
 
@@ -16,11 +15,11 @@ from choreograph.timebase import NET_FPS, WORD_FRAMES
 Floats = NDArray[np.floating]
 Indices = NDArray[np.int64]
 
-AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS  # the three poses that a join is judged by
+AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS  # the three poses that a transition is judged by
 
 
 class WordBank:
-    """Looks words up in the takes' positions, (T, 21, 3) at 20 fps, and embeds those asked for once."""
+    """Reads words from the takes' positions, (T, 21, 3) at 20 fps, and embeds each when first needed."""
 
     def __init__(
         self,
@@ -34,20 +33,19 @@ class WordBank:
         self._margin_m = np.full(len(vocabulary.word_motif), np.nan)
 
     def borders_m(self, words: Indices, lengths_s: float) -> tuple[Floats, Floats]:
-        """The three poses around the start and the end of words (M,), each (M, 3, 21, 3).
+        """The three poses around the start and the end of words (M,), each (M, 3, 21, 3), in the root frame.
 
-        They are a twentieth of a second apart in the dance, where the words last `lengths_s`, and seen
-        from their own place.
+        They are a twentieth of a second apart in the dance, where the words last `lengths_s`.
         """
         v = self.vocabulary
         speed = (v.word_end_s[words] - v.word_start_s[words]) / lengths_s  # (M,)
         borders_s = np.stack([v.word_start_s[words], v.word_end_s[words]], axis=1)  # (M, 2)
         poses = self._poses_m(words, borders_s[..., None] + speed[:, None, None] * AROUND_S)
-        own = clips_to_root_frame(poses)  # (M, 2, 3, 21, 3)
-        return own[:, 0], own[:, 1]
+        poses = clips_to_root_frame(poses)  # (M, 2, 3, 21, 3)
+        return poses[:, 0], poses[:, 1]
 
     def motif_margin_m(self, words: Indices) -> Floats:
-        """How much nearer each word (M,) is to its own motif than to any other: below 0, unless it is not."""
+        """How much nearer each word (M,) is to its motif than to the next; negative if it is not."""
         new = np.unique(words[np.isnan(self._margin_m[words])])
         if len(new):
             self._margin_m[new] = self._measured_margin_m(new)
@@ -61,14 +59,14 @@ class WordBank:
         embedded = self._embed(clips_to_root_frame(poses)).astype(np.float64)  # (M, D)
         medoids = v.motifs.embeddings.astype(np.float64)  # (K, D)
         squares = np.sum(embedded**2, axis=1)[:, None] + np.sum(medoids**2, axis=1)
-        far = np.sqrt(np.maximum(squares - 2.0 * embedded @ medoids.T, 0.0))  # (M, K)
+        distance = np.sqrt(np.maximum(squares - 2.0 * embedded @ medoids.T, 0.0))  # (M, K)
         rows, own = np.arange(len(words)), v.word_motif[words]
-        own_far = far[rows, own]
-        far[rows, own] = np.inf
-        return own_far - np.minimum(far.min(axis=1), 1.0)  # one motif alone: a metre to the next
+        to_own = distance[rows, own]
+        distance[rows, own] = np.inf
+        return np.minimum(distance.min(axis=1), 1.0) - to_own  # with one motif alone the next is a metre away
 
     def _poses_m(self, words: Indices, times_s: Floats) -> NDArray[np.float64]:
-        """Poses (M, ..., 21, 3) of the words' takes at instants (M, ...)."""
+        """Poses (M, ..., 21, 3) of the words' takes at times (M, ...)."""
         poses = np.empty((*times_s.shape, 21, 3))
         takes = self.vocabulary.word_take[words]
         for take in np.unique(takes):

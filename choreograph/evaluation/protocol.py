@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.engines.rendering import plan_runs
+from choreograph.blending.rendering import plan_runs
 from choreograph.errors import ParameterError
 from choreograph.evaluation.measuring import (
     FeatureRows,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from choreograph.audio.song import Song
-from choreograph.config import TRANSITION_LENGTHS_S, DanceConfig
+from choreograph.config import DEFAULT_WEIGHTS, TRANSITION_LENGTHS_S, DanceConfig
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.pipeline import Dance, dance, render
 from choreograph.plan import Plan, PlannedSecond
@@ -16,10 +16,6 @@ from choreograph.repertoire import Repertoire
 from choreograph.timebase import CLIP_S, NODE_FRAMES, SEGMENT_S
 
 _JOINTS_TO_NORM = float(np.sqrt(21.0))  # our transition is a mean over 21 joints, the paper's their norm
-_GRAPH_COSTS = (
-    "style", "completeness", "transition", "velocity", "rhythm", "pace", "variety", "repeat", "signature",
-    "motif_transition",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -44,7 +40,7 @@ def _without(cost: str) -> Variant:
 
 
 _AS_PUBLISHED = {
-    **dict.fromkeys(_GRAPH_COSTS, 0.0), "style": 1.0, "completeness": 1.0, "transition": _JOINTS_TO_NORM,
+    **dict.fromkeys(DEFAULT_WEIGHTS, 0.0), "style": 1.0, "completeness": 1.0, "transition": _JOINTS_TO_NORM,
 }  # fmt: skip
 _NO_EDGES = dict.fromkeys(
     ("completeness", "transition", "velocity", "repeat", "signature", "motif_transition"), 0.0
@@ -78,7 +74,7 @@ VARIANTS: dict[str, Variant] = {
             "no-graph", "ours without costs between seconds: each the best for itself", weights=_NO_EDGES
         ),
         _graph("joins-on-seconds", "ours with joins on seconds", transitions="seconds"),
-        *(_without(cost) for cost in _GRAPH_COSTS),
+        *(_without(cost) for cost in DEFAULT_WEIGHTS),
         _graph("mixer", "the mixer engine: motion words of takes", engine="mixer"),
         _graph("rollout", "the rollout engine: a network's motion", engine="rollout"),
     )
@@ -87,11 +83,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "paper": ("ours", "greedy-published", "motion-graph", "random"),
     "ablations": (
         "ours", "no-selection", "no-retempo", "no-graph", "greedy", "linear", "joins-on-seconds",
-        *(f"no-{cost}" for cost in _GRAPH_COSTS),
+        *(f"no-{cost}" for cost in DEFAULT_WEIGHTS),
     ),
     "engines": ("ours", "mixer", "rollout"),
 }  # fmt: skip
-DEFAULT_VARIANTS = ("ours",)
 
 
 def variants_named(names: Sequence[str]) -> tuple[Variant, ...]:

@@ -1,10 +1,11 @@
 """The dynamic graph: a layer of nodes per second, costs on nodes and edges, planners.
 
-- `Layer` — all nodes that may be danced in one second, as arrays
-- `Cost`, `Style`, `Completeness`, `Transition`, `Velocity`, `Rhythm`, `Pace`, `Variety`,
-  `Repeat` — what makes a node dear
-- `Signature`, `MotifTransition` — what steers a dance towards a genre; `node_motifs` for them
-- `plan_exact`, `plan_greedy` — the cheapest path, the paper's walk
+- `layers` — `Layer`, all nodes active in one second, and `LayerSource`, which builds them
+- `costs` — `Cost` and the built-in costs of nodes and edges; `weighted_costs` sums and checks them
+- `motif_costs` — costs that steer a dance towards a genre's signature and motif transitions
+- `node_motifs` — the motifs that each node dances
+- `planners` — `plan_exact`, the cheapest path, and `plan_greedy`, the paper's
+- `motion_graph` — the paper's baseline, a static motion graph
 """
 
 from choreograph.graph.costs import (
@@ -22,7 +23,8 @@ from choreograph.graph.costs import (
 from choreograph.graph.layers import ClipTable, Layer, LayerSource
 from choreograph.graph.motif_costs import MOTIF_COSTS, MotifTransition, Signature, song_words_s
 from choreograph.graph.node_motifs import node_motifs
-from choreograph.graph.planners import Path, WeightedCost, plan_exact, plan_greedy
+from choreograph.graph.planners import Path, plan_exact, plan_greedy
+from choreograph.graph.weighted_costs import WeightedCost
 
 __all__ = [
     "BUILTIN_COSTS", "MOTIF_COSTS", "ClipTable", "Completeness", "Cost", "Layer", "LayerSource",

@@ -1,6 +1,6 @@
-"""Compiled loops of the planner: distances from a matrix product, and the cheapest predecessor.
+"""Compiled loops of the planners: edge costs, and the cheapest predecessor of each node.
 
-One thread a call: the planner prices parts of a block of edges in threads of its own.
+Each call runs on one thread: the planner evaluates parts of a block of edges in threads of its own.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def root_of_differences(product, sq_a, sq_b, scale):  # pragma: no cover - compiled
-    """√(scale · max(0, |a|² + |b|² - 2 a·b)) in place of a·b, (P, N) float32."""
+def distances_from_product(product, sq_a, sq_b, scale):  # pragma: no cover - compiled
+    """√(scale · max(0, |a|² + |b|² - 2 a·b)) in place of the products a·b, (P, N) float32."""
     n_a, n_b = product.shape
     for i in range(n_a):
         for j in range(n_b):
@@ -24,7 +24,7 @@ def root_of_differences(product, sq_a, sq_b, scale):  # pragma: no cover - compi
 def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
     """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32; float32 in."""
     n_a, n_b = edges.shape
-    who = np.zeros(n_b, np.int32)
+    parent = np.zeros(n_b, np.int32)
     block = 512
     for b in range((n_b + block - 1) // block):
         best = np.full(block, np.float32(np.inf))
@@ -36,49 +36,52 @@ def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
                 c = r + edges[i, first + j]
                 if c < best[j]:
                     best[j] = c
-                    who[first + j] = i
-    return who
+                    parent[first + j] = i
+    return parent
 
 
 @njit(cache=True, nogil=True)
-def goes_back(take_a, end_a, take_b, start_b, least, most):  # pragma: no cover - compiled
-    """1 where b's take is a's and b starts more than `least` and less than `most` before a ends, (P, N)."""
+def revisits(take_a, end_a, take_b, start_b, min_frames, max_frames):  # pragma: no cover - compiled
+    """1 where a and b share a take and b starts between `min_frames` and `max_frames` before a ends, (P, N).
+
+    Both limits are exclusive.
+    """
     n_a, n_b = len(take_a), len(take_b)
     back = np.zeros((n_a, n_b), np.float32)
     for i in range(n_a):
         for j in range(n_b):
-            if take_a[i] == take_b[j] and least < end_a[i] - start_b[j] < most:
+            if take_a[i] == take_b[j] and min_frames < end_a[i] - start_b[j] < max_frames:
                 back[i, j] = 1.0
     return back
 
 
 @njit(cache=True, nogil=True)
-def prices_after(step, danced, motifs):  # pragma: no cover - compiled
-    """Sum over a node's motifs of step[motif, times danced before], (P, N) float32.
+def motif_count_costs(step_cost, counts, motifs):  # pragma: no cover - compiled
+    """Sum over a node's motifs of step_cost[motif, times danced before], (P, N) float32.
 
-    step (K, C) float32; danced (P, K) on the way to each predecessor; motifs (N, W) padded with -1.
+    step_cost (K, C) float32; counts (P, K) along the path to each predecessor; motifs (N, W) padded with -1.
     """
-    n_a, n_b, width = len(danced), len(motifs), motifs.shape[1]
-    n_motifs, most = step.shape
-    again = np.zeros((n_b, width), np.int64)  # how often a node has danced the motif before
+    n_a, n_b, width = len(counts), len(motifs), motifs.shape[1]
+    n_motifs, n_counts = step_cost.shape
+    repeats = np.zeros((n_b, width), np.int64)  # how often the node itself has danced the motif before
     for j in range(n_b):
         for w in range(width):
             for v in range(w):
-                again[j, w] += motifs[j, v] == motifs[j, w]
-    price = np.empty(n_motifs, np.float32)
+                repeats[j, w] += motifs[j, v] == motifs[j, w]
+    next_cost = np.empty(n_motifs, np.float32)
     total = np.zeros((n_a, n_b), np.float32)
     for i in range(n_a):
         for k in range(n_motifs):
-            price[k] = step[k, min(danced[i, k], most - 1)]
+            next_cost[k] = step_cost[k, min(counts[i, k], n_counts - 1)]
         for j in range(n_b):
             cost = np.float32(0.0)
             for w in range(width):
                 motif = motifs[j, w]
                 if motif < 0:
                     break
-                if again[j, w] == 0:
-                    cost += price[motif]
+                if repeats[j, w] == 0:
+                    cost += next_cost[motif]
                 else:
-                    cost += step[motif, min(danced[i, motif] + again[j, w], most - 1)]
+                    cost += step_cost[motif, min(counts[i, motif] + repeats[j, w], n_counts - 1)]
             total[i, j] = cost
     return total

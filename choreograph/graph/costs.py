@@ -1,4 +1,4 @@
-"""Costs of nodes and edges. The built-in ones use nothing that a cost of your own cannot."""
+"""Costs of nodes and edges. The built-in ones use only what a user-defined cost can use, too."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from choreograph.timebase import CLIP_FRAMES, NODE_FRAMES
 
 Floats = NDArray[np.floating]
 
-_TIRED_AFTER_S = 12.0  # three minutes in 15 takes
-_PLAYING_ON = NODE_FRAMES // 4
+_USAGE_SCALE_S = 12.0  # three minutes in 15 takes
+_OVERLAP_FRAMES = NODE_FRAMES // 4  # a step back of at most this is no repeat: takes change on a shared beat
 
 
 class Cost:
-    """A price on nodes, on edges, or on both; subclass it and override what you need.
+    """A cost on nodes, on edges, or on both. Subclass it and override what you need.
 
-    `name` is what plans, weights and errors call it; by default the class' name in lower case.
-    Values are of any unit (a weight brings them to scale); `inf` forbids, `nan` is an error. Say in
-    `least_jump` what an edge that leaves its warped segment costs at least, and the exact planner need not
-    look at edges that cannot win: 0 if no edge is ever negative.
+    `name` is its name in plans, weights and errors; the default is the class name in lower case. Values
+    may have any unit: the weight scales them. `inf` forbids, `nan` is an error. `min_jump_cost` is a lower
+    bound of every edge between two warped segments; with it the exact planner skips edges that cannot be
+    on the cheapest path. Set it to 0 if no edge is negative.
     """
 
     name: str = ""
-    least_jump: float = -math.inf
+    min_jump_cost: float = -math.inf
 
     def __init_subclass__(cls, **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
@@ -42,13 +42,13 @@ class Cost:
         """Cost (P, N) of going from each node of `previous` to each of `next`, or None."""
         return None
 
-    def least_edges(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats | float:
-        """What an edge that leaves its segment costs at least, by the node of `next` (N,) or for all."""
-        return self.least_jump
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats | float:
+        """Lower bounds of edges between segments: one per node of `next`, (N,), or one for all."""
+        return self.min_jump_cost
 
 
 class Style(Cost):
-    """‖S_x(clip) - S_m(second)‖₂: how far a clip's style is from the music's (equation 5)."""
+    """‖S_x(clip) - S_m(second)‖₂: distance of a clip's style from the music's (equation 5)."""
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
         return np.linalg.norm(layer.style - song_features.style[layer.second], axis=1)
@@ -58,11 +58,10 @@ class Completeness(Cost):
     """1 for leaving a warped segment; less for staying in it, the longer an action has no beat.
 
     σ((20 - V) / 5) with V the frames from the last motion beat before the border to the first after
-    it; where a second has no beat, the gap reaches to that second's far end. The paper's figure of
-    the two joined seconds, section 3.3.
+    it (ChoreoGraph, section 3.3). In a second without a beat, the gap extends to its far end.
     """
 
-    least_jump = 1.0
+    min_jump_cost = 1.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         cost = np.ones((previous.n_nodes, next.n_nodes), np.float32)
@@ -75,77 +74,78 @@ class Completeness(Cost):
 
 
 class Transition(Cost):
-    """Root mean square joint distance, metres, with the next body moved onto the previous one.
+    """Root mean square joint distance in metres, with the next body aligned to the previous one.
 
-    The paper's ‖·‖₂ over all joints, divided by √21 so that it reads in metres whatever the joint
-    count, and taken at the border of the two seconds: nodes that follow one another in a segment
-    are at distance 0. The first node costs nothing.
+    The paper's ‖·‖₂ over all joints, divided by √21 so that it is in metres for any number of joints, and
+    measured at the border of the two seconds: consecutive nodes of a segment are at distance 0. The first
+    node costs nothing.
     """
 
-    least_jump = 0.0
+    min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         return _rms_distances(previous.last_pose_m, next.first_pose_m)
 
 
 class Velocity(Cost):
-    """Root mean square difference of joint velocities at the border, m/s; ours, not the paper's."""
+    """Root mean square difference of joint velocities at the border, m/s (ours)."""
 
-    least_jump = 0.0
+    min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         return _rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)
 
 
 class Rhythm(Cost):
-    """How badly the warped node keeps time: share of lone beats plus misfit of tempo-densities.
+    """Share of unmatched beats plus the mismatch of tempo-densities, of the warped node.
 
-    Ours: the paper's cost does not see the fit, and picks clips that cannot be warped to the beat.
+    Ours: the paper's costs do not measure the result of the warp, and select clips that cannot be warped
+    to the beat.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
-        return layer.unmatched_beat + layer.fit
+        return layer.unmatched_beat + layer.density_mismatch
 
 
 class Pace(Cost):
-    """How far from its own speed the take is played, in octaves, on average over quarters of the second.
+    """Change of playback speed from the recording, in octaves, averaged over quarters of the second.
 
-    Ours: every warp within the slope limits costs the paper nothing, and its dances hurry. Played half as
-    fast again, feet slide half as far again, and what a body throws about is thrown twice as hard.
+    Ours: in the paper every warp within the slope limits is free, and its dances look hectic. At 1.5 times
+    the speed, feet slide 1.5 times as fast and accelerations are more than doubled.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
-        parts = np.diff(layer.source_frames[:, :: NODE_FRAMES // 4], axis=1) / (NODE_FRAMES // 4)  # (N, 4)
-        return np.abs(np.log2(parts)).mean(axis=1)
+        slopes = np.diff(layer.source_frames[:, :: NODE_FRAMES // 4], axis=1) / (NODE_FRAMES // 4)  # (N, 4)
+        return np.abs(np.log2(slopes)).mean(axis=1)
 
 
 class Variety(Cost):
-    """Seconds that the dance so far has lately danced the node's take, over 12: favourites tire.
+    """Recent use of the node's take by the dance so far, in seconds, over 12.
 
-    Ours, not the paper's, whose cheapest path likes best to play one long take on and on.
+    Ours: the paper's cheapest path tends to play one long take on and on.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
-        return layer.recent_usage_s / _TIRED_AFTER_S
+        return layer.recent_usage_s / _USAGE_SCALE_S
 
 
 class Repeat(Cost):
-    """1 for going back to what has just been danced: less than a clip's length back in the same take.
+    """1 for an edge that goes back in the same take by less than a clip's length (ours).
 
-    Ours. Beats may be shared: up to a quarter second back is playing on.
+    A step back of up to a quarter of a second is free: both sides may contain the same beat.
     """
 
-    least_jump = 0.0
+    min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
-        from choreograph.graph._kernels import goes_back
+        from choreograph.graph._kernels import revisits
 
-        return goes_back(
+        return revisits(
             previous.take,
             previous.take_frames[:, 1],
             next.take,
             next.take_frames[:, 0],
-            _PLAYING_ON,
+            _OVERLAP_FRAMES,
             CLIP_FRAMES,
         )
 
@@ -164,11 +164,11 @@ BUILTIN_COSTS: tuple[type[Cost], ...] = (
 
 def _rms_distances(a: Floats, b: Floats) -> Floats:
     """Root mean square joint distances (P, N) of poses (P, 21, 3) and (N, 21, 3)."""
-    from choreograph.graph._kernels import root_of_differences
+    from choreograph.graph._kernels import distances_from_product
 
     n_joints = a.shape[1]
     flat_a = np.ascontiguousarray(a, np.float32).reshape(len(a), -1)
     flat_b = np.ascontiguousarray(b, np.float32).reshape(len(b), -1)
     sq_a = np.einsum("pd,pd->p", flat_a, flat_a)
     sq_b = np.einsum("nd,nd->n", flat_b, flat_b)
-    return root_of_differences(flat_a @ flat_b.T, sq_a, sq_b, np.float32(1.0 / n_joints))
+    return distances_from_product(flat_a @ flat_b.T, sq_a, sq_b, np.float32(1.0 / n_joints))

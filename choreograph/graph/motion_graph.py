@@ -12,9 +12,10 @@ from choreograph.errors import NoPathError
 from choreograph.features.song_features import SongFeatures
 from choreograph.graph.costs import BUILTIN_COSTS, Transition
 from choreograph.graph.layers import Layer, LayerSource
-from choreograph.graph.planners import Path, WeightedCost
+from choreograph.graph.planners import Path
+from choreograph.graph.weighted_costs import WeightedCost
 
-NEIGHBOURS = 32  # edges a clip keeps: to the clips that its first second leads into most smoothly
+NEIGHBOURS = 32  # edges that each clip keeps: the smoothest transitions from its first second
 
 
 def plan_motion_graph(
@@ -22,47 +23,47 @@ def plan_motion_graph(
 ) -> Path:
     """A walk on clips' first warped seconds by transition alone (ChoreoGraph, section 4).
 
-    Only the first second of each warped segment is a node, so neither completeness nor style says
-    anything. As Kovar's motion graphs are, the graph over clips is pruned to its largest strongly
-    connected part, so that a walk never ends; the warped poses of each second's own candidates then
-    decide among the edges. Costs of your own that forbid nodes are heeded.
+    Only the first second of each warped segment is a node, so completeness and style play no part. As in
+    Kovar's motion graphs, the graph over clips is pruned to its largest strongly connected component, so
+    that the walk has no dead ends. The edge is then chosen by the warped poses of each second's candidates.
+    User-defined node costs count as in the other planners.
     """
-    allowed_clips = _never_ending(source, song_features)
-    priced = [w for w in costs if w.cost.name == Transition.name]
-    own = [w for w in costs if type(w.cost) not in BUILTIN_COSTS]
+    allowed_clips = _largest_component(source, song_features)
+    transition = [w for w in costs if w.cost.name == Transition.name]
+    custom = [w for w in costs if type(w.cost) not in BUILTIN_COSTS]
     nodes: list[Layer] = []
     terms: list[dict[str, float]] = []
     for second in range(source.n_seconds):
         layer = source.layer(second)
         first = layer.offset == 0
         inside = first & np.isin(layer.clip, allowed_clips)
-        layer = layer.chosen(inside if inside.any() else first)
+        layer = layer.subset(inside if inside.any() else first)
         total = np.zeros(layer.n_nodes)
-        for w in own:
+        for w in custom:
             value = w.cost.node(layer, song_features)
             total += 0.0 if value is None else w.weight * np.asarray(value)
         edges = np.zeros(layer.n_nodes)
-        for w in priced:
+        for w in transition:
             if nodes:
                 value = w.cost.edge(nodes[-1], layer, song_features)
                 edges += 0.0 if value is None else w.weight * np.asarray(value)[0]
         if not np.isfinite(total + edges).any():
             raise NoPathError(f"every node of second {second} is forbidden: relax a cost that returns inf")
         best = int(np.argmin(total + edges))
-        nodes.append(layer.chosen(np.array([best])))
+        nodes.append(layer.subset(np.array([best])))
         terms.append({Transition.name: float(edges[best])})
     return Path(tuple(nodes), tuple(terms))
 
 
-def _never_ending(source: LayerSource, song_features: SongFeatures) -> NDArray[np.integer]:
-    """Clips of the largest strongly connected part of the graph of smooth transitions."""
+def _largest_component(source: LayerSource, song_features: SongFeatures) -> NDArray[np.integer]:
+    """Clips of the largest strongly connected component of the graph of smooth transitions."""
     layers = [source.layer(second) for second in range(0, source.n_seconds, 4)]
-    firsts = [layer.chosen(layer.offset == 0) for layer in layers]
+    firsts = [layer.subset(layer.offset == 0) for layer in layers]
     graph = nx.DiGraph()
     for here, there in zip(firsts, [*firsts[1:], firsts[0]], strict=True):
         cost = np.asarray(Transition().edge(here, there, song_features))
         nearest = np.argsort(cost, axis=1)[:, :NEIGHBOURS]
         for row, columns in enumerate(nearest):
             graph.add_edges_from((int(here.clip[row]), int(there.clip[column])) for column in columns)
-    parts = [list(part) for part in nx.strongly_connected_components(graph)]
-    return np.array(sorted(parts[int(np.argmax([len(part) for part in parts]))]))
+    components = [list(component) for component in nx.strongly_connected_components(graph)]
+    return np.array(sorted(components[int(np.argmax([len(c) for c in components]))]))

@@ -1,4 +1,7 @@
-"""Which motifs each node dances: those of the words, from music beat to music beat, whose middle it holds."""
+"""The motifs that each node dances.
+
+Words last from music beat to music beat. A word belongs to the second of the song that its middle is in.
+"""
 
 from __future__ import annotations
 
@@ -24,40 +27,42 @@ def node_motifs(
 
     Parameters
     ----------
-    word_bounds_s : float array (Q + 1,)   the song's words begin and end here; `song_words_s`
-    motifs_of : (take, start_s, stop_s) -> motifs, arrays (M,); `motifs.stretches.SpanMotifLookup.motifs_of`
+    word_bounds_s : float array (Q + 1,)   times where the song's words begin and end; `song_words_s`
+    motifs_of : (take, start_s, stop_s) -> motifs, arrays (M,); see `motifs.span_motifs.SpanMotifLookup`
 
     Returns
     -------
-    int array (S, K, 4, W), in order, padded with -1; every node of a second holds as many. A word that
-    reaches beyond its segment is taken to go on there at the segment's own pace.
+    int array (S, K, 4, W), in order, padded with -1; all nodes of a second have as many. Where a word
+    extends beyond its segment, the time map is extrapolated.
     """
     n_seconds, k = segments.clip.shape
     owner = np.floor((word_bounds_s[1:] + word_bounds_s[:-1]) / 2).astype(np.int64)  # (Q,) second of the song
     words = [np.flatnonzero(owner == second) for second in range(n_seconds + SEGMENT_S - 1)]
     width = max((len(w) for w in words), default=0)
     motifs = np.full((n_seconds, k, SEGMENT_S, width), NO_MOTIF, np.int16)
-    asked, takes, starts, stops = [], [], [], []
+    requests, takes, starts, stops = [], [], [], []
     for second in range(n_seconds):
         inside = np.concatenate(words[second : second + SEGMENT_S])
         clip = segments.clip[second]
         bounds = np.stack([word_bounds_s[inside], word_bounds_s[inside + 1]])  # (2, M)
-        frames = clips.start_frame[clip, None, None] + _mapped(segments.time_maps[second], bounds - second)
-        asked.append((inside, owner[inside] - second))
+        frames = clips.start_frame[clip, None, None] + _source_frames(
+            segments.time_maps[second], bounds - second
+        )
+        requests.append((inside, owner[inside] - second))
         takes.append(np.repeat(clips.take[clip], len(inside)))
         starts.append(frames[:, 0].ravel() / NET_FPS)
         stops.append(frames[:, 1].ravel() / NET_FPS)
     labels = motifs_of(*(np.concatenate(parts) for parts in (takes, starts, stops)))
     stop = 0
-    for second, (inside, offset) in enumerate(asked):
+    for second, (inside, offset) in enumerate(requests):
         start, stop = stop, stop + k * len(inside)
-        place = inside - np.array([words[second + o][0] for o in offset], np.int64)
-        motifs[second][:, offset, place] = labels[start:stop].reshape(k, len(inside))
+        slot = inside - np.array([words[second + o][0] for o in offset], np.int64)
+        motifs[second][:, offset, slot] = labels[start:stop].reshape(k, len(inside))
     return motifs
 
 
-def _mapped(maps: NDArray[np.floating], times_s: Floats) -> NDArray[np.float64]:
-    """Clip frames (K, ...) of instants (...) of a segment by its time maps (K, 81)."""
+def _source_frames(maps: NDArray[np.floating], times_s: Floats) -> NDArray[np.float64]:
+    """Clip frames (K, ...) of times (...) in a segment by its time maps (K, 81), extrapolated outside."""
     frames = np.asarray(times_s) * NET_FPS
     low = np.clip(np.floor(frames).astype(np.int64), 0, SEGMENT_FRAMES - 1)
     return maps[:, low] + (frames - low) * (maps[:, low + 1] - maps[:, low]).astype(np.float64)

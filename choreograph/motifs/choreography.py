@@ -1,10 +1,10 @@
-"""Which motif comes when: drawn so that transitions and signature are the genre's, around what is pinned.
+"""Sequences of motifs, drawn to have a genre's signature and transitions, around pinned motifs.
 
-Rhythm is a Dancer, section 4.3. Equation 5 reads, component by component, p_{k+1} = |s_k - s_G| · T_j: s_k
-the signature of the dance so far, s_G the one it should have, T_j the row of the transition matrix of the
-motif danced last, · the product of components, the whole scaled to sum to 1. Taken by the letter, a motif
-danced too often is as likely as one danced too seldom, against the text, which raises "the probability of
-missing motifs"; so the part of the difference that is missing, max(s_G - s_k, 0), is our default (`need`).
+Rhythm is a Dancer, section 4.3. Equation 5 is, componentwise, p_{k+1} = |s_k - s_G| · T_j, normalised to sum
+to 1: s_k is the signature of the dance so far, s_G the target signature, T_j the row of the transition matrix
+for the last motif. Read literally, a motif danced too often is as likely as one danced too seldom. This
+contradicts the text, which raises "the probability of missing motifs". Our default is therefore the missing
+part of the difference, max(s_G - s_k, 0) (parameter `need`).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from choreograph.motifs.signatures import checked_signature
 Floats = NDArray[np.float64]
 
 NEEDS = ("missing", "absolute")
-_LEAP = 1e-9  # chance of a step that no dance has, looking ahead: for pins that leave no other way
-_DEAD_END = 1e-7  # wanted motifs of so small a share of what can follow lead to a pin by leaps only
+_UNSEEN = 1e-9  # probability of unseen transitions in the backward messages, for pins that need one
+_DEAD_END = 1e-7  # missing motifs with a smaller share of the probability reach the next pin only by these
 
 
 def draw_motifs(
@@ -38,69 +38,71 @@ def draw_motifs(
 
     Parameters
     ----------
-    signature : float array (K,)       shares wanted, s_G
-    transitions : float array (K, K)   row i: what follows motif i
-    pins : position -> motif           held exactly; pinning all positions re-creates a given dance
+    signature : float array (K,)       target signature s_G
+    transitions : float array (K, K)   row i: probabilities of the motif after motif i
+    pins : position -> motif           always kept; pinning all positions re-creates a given dance
     banned : motifs that must not occur
     need : "missing" or "absolute": how equation 5's difference is read, see above
 
     Each motif is drawn by equation 5 times the probability that the transitions lead from it to the next
-    pin in the steps that are left (backward messages, one a position), so that a gap is filled with a way
-    that dancers take wherever there is one. Pinned motifs count as danced from the start: the rest of the
-    signature is left to the gaps. Where no wanted motif can follow, any that can follow may; where none
-    can, because pins or bans contradict the transitions, any that is allowed.
+    pin in the remaining steps (backward messages, one per position). So gaps are filled with observed
+    transitions wherever possible. Pinned motifs count as danced from the start; the gaps supply the rest of
+    the signature. If no missing motif can follow, any motif that can follow is drawn; if none can follow,
+    because pins or bans contradict the transitions, any allowed motif.
 
-    Raises `ParameterError` if shapes disagree, the signature or a row does not sum to 1, a pin lies
-    outside the dance, a pin or ban names an unknown motif, a pinned motif is banned, or all are.
+    Raises `ParameterError` if shapes disagree, the signature or a row does not sum to 1, a pin is outside
+    the dance, a pin or ban is of an unknown motif, a pinned motif is banned, or all motifs are.
     """
     n_motifs = len(np.atleast_1d(signature))
     target = checked_signature(signature, n_motifs)
-    steps = _checked_transitions(transitions, n_motifs)
+    transitions = _checked_transitions(transitions, n_motifs)
     if n_words < 0 or need not in NEEDS:
         raise ParameterError(
-            f"expected 0 words or more and a need among {', '.join(NEEDS)}, got {n_words} and {need!r}"
+            f"expected at least 0 words and a need among {', '.join(NEEDS)}, got {n_words} and {need!r}"
         )
     pins = dict(pins or {})
     allowed = _allowed(n_motifs, pins, banned, n_words)
-    ahead = _ahead(n_words, (1.0 - _LEAP) * steps + _LEAP / n_motifs, pins, allowed)
+    smoothed = (1.0 - _UNSEEN) * transitions + _UNSEEN / n_motifs
+    messages = _backward_messages(n_words, smoothed, pins, allowed)
     counts = np.bincount(list(pins.values()), minlength=n_motifs).astype(np.float64)
     motifs = np.empty(n_words, np.int64)
     for position in range(n_words):
         if position in pins:
             motifs[position] = pins[position]
             continue
-        follows = steps[motifs[position - 1]] if position else target
-        likely = follows * ahead[position] * allowed
-        wanted = likely * _need(counts, target, need)
-        if wanted.sum() > _DEAD_END * likely.sum():
-            chances = wanted
+        prior = transitions[motifs[position - 1]] if position else target
+        feasible = prior * messages[position] * allowed
+        weighted = feasible * _need(counts, target, need)
+        if weighted.sum() > _DEAD_END * feasible.sum():
+            weights = weighted
         else:
-            chances = likely if likely.sum() > 0 else ahead[position] * allowed
-        motifs[position] = rng.choice(n_motifs, p=chances / chances.sum())
+            weights = feasible if feasible.sum() > 0 else messages[position] * allowed
+        motifs[position] = rng.choice(n_motifs, p=weights / weights.sum())
         counts[motifs[position]] += 1
     return motifs
 
 
 def _need(counts: Floats, target: Floats, need: str) -> Floats:
-    """How much each motif is wanted, (K,), of how often each was danced (K,)."""
+    """Equation 5's difference of signatures, (K,), from the counts of the dance so far (K,)."""
     missing = target - counts / max(1.0, counts.sum())
     return np.maximum(missing, 0.0) if need == "missing" else np.abs(missing)
 
 
-def _ahead(n_words: int, steps: Floats, pins: Mapping[int, int], allowed: NDArray[np.bool_]) -> Floats:
+def _backward_messages(
+    n_words: int, transitions: Floats, pins: Mapping[int, int], allowed: NDArray[np.bool_]
+) -> Floats:
     """Likelihood (N, K) that the transitions lead from each motif at a position to all later pins.
 
     Scaled so that the largest of a position is 1; all ones after the last pin.
     """
-    n_motifs = len(steps)
-    ahead = np.ones((n_words, n_motifs))
+    messages = np.ones((n_words, len(transitions)))
     for position in range(max(pins, default=0) - 1, -1, -1):
         if position + 1 in pins:
-            way = steps[:, pins[position + 1]] * ahead[position + 1, pins[position + 1]]
+            message = transitions[:, pins[position + 1]] * messages[position + 1, pins[position + 1]]
         else:
-            way = steps @ (ahead[position + 1] * allowed)
-        ahead[position] = way / way.max()
-    return ahead
+            message = transitions @ (messages[position + 1] * allowed)
+        messages[position] = message / message.max()
+    return messages
 
 
 def _allowed(
@@ -113,21 +115,26 @@ def _allowed(
     for position, motif in pins.items():
         if not 0 <= position < n_words:
             raise ParameterError(
-                f"expected pins at words 0 to {n_words - 1} of the dance, got one at word {position}"
+                f"expected pins at words 0 to {n_words - 1} of the dance, got a pin at word {position}"
             )
         if motif in banned:
-            raise ParameterError(f"motif {motif} is pinned at word {position} and banned: give up one")
+            raise ParameterError(
+                f"expected pinned motifs that are not banned, got motif {motif}, pinned at word {position}: "
+                "remove the pin or the ban"
+            )
     allowed = np.ones(n_motifs, bool)
     allowed[list(banned)] = False
     if not allowed.any():
-        raise ParameterError(f"expected a motif that is not banned, got all {n_motifs} banned")
+        raise ParameterError(f"expected at least one motif that is not banned, got all {n_motifs} banned")
     return allowed
 
 
 def _checked_transitions(transitions: Floats, n_motifs: int) -> Floats:
-    steps = np.asarray(transitions, np.float64)
-    if steps.shape != (n_motifs, n_motifs):
-        raise ParameterError(f"expected transitions ({n_motifs}, {n_motifs}), got {steps.shape}")
-    if not (np.isfinite(steps).all() and (steps >= 0).all() and np.allclose(steps.sum(axis=1), 1.0)):
-        raise ParameterError("expected rows of transitions of 0 or more that sum to 1, got others")
-    return steps
+    rows = np.asarray(transitions, np.float64)
+    if rows.shape != (n_motifs, n_motifs):
+        raise ParameterError(f"expected transitions ({n_motifs}, {n_motifs}), got {rows.shape}")
+    if not (np.isfinite(rows).all() and (rows >= 0).all() and np.allclose(rows.sum(axis=1), 1.0)):
+        raise ParameterError(
+            "expected rows of transition probabilities that sum to 1, got negative values or other sums"
+        )
+    return rows

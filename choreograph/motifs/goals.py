@@ -1,4 +1,4 @@
-"""What a dance should be like as a whole: a signature, and what follows what on the way there."""
+"""Goals for a whole dance: its motif signature and its motif transitions."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class MotifGoal:
-    """A signature wanted, and probabilities of steps from motif to motif."""
+    """The target signature, and the probabilities of transitions between motifs."""
 
     signature: Floats  # (K,)
-    transitions: Floats  # (K, K) row i: what follows motif i
+    transitions: Floats  # (K, K) row i: probabilities of the motif after motif i
 
 
 def motif_goal(
     vocabulary: Vocabulary, *, genre: str | None = None, signature: Floats | None = None
 ) -> MotifGoal:
-    """The goal of dancing a genre, a signature (K,) of one's own, or a signature with a genre's steps.
+    """The goal of a genre, or of a custom signature (K,) with a genre's transitions.
 
-    Without a genre the steps are those of all takes. Raises `ParameterError` for an unknown genre, or a
-    signature that is not of this vocabulary's motifs or does not sum to 1.
+    Without a genre the transitions are those of all takes. Raises `ParameterError` for an unknown genre, or
+    a signature that does not match this vocabulary's motifs or does not sum to 1.
     """
     row = vocabulary.genre_index(ALL_GENRES if genre is None else genre)
     shares = vocabulary.signatures[row] if signature is None else signature

@@ -1,4 +1,4 @@
-"""How near the takes of a vocabulary are to their genre's template, and how they get there."""
+"""Distances of a vocabulary's takes to their genre's template, in total and over time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 def dances_of(vocabulary: Vocabulary, take_genres: Sequence[str], genre: str) -> list[int]:
-    """Takes of a genre that have words; of `ALL_GENRES` all such takes. `take_genres`: one a take."""
+    """Takes with words of a genre, or of all for `ALL_GENRES`; `take_genres` has one genre per take."""
     danced = np.unique(vocabulary.word_take)
     return [int(take) for take in danced if genre in (ALL_GENRES, take_genres[take])]
 
@@ -22,8 +22,8 @@ def dances_of(vocabulary: Vocabulary, take_genres: Sequence[str], genre: str) ->
 def distances_to_template(vocabulary: Vocabulary, genre: str, takes: Sequence[int]) -> Floats:
     """χ² distance of each take's signature to the genre's template, (X,).
 
-    The template is the mean of such signatures: a genre's only take lies at 0. Raises `ParameterError` for
-    an unknown genre or a take without words.
+    The template is the mean of these signatures, so that a genre's only take is at distance 0. Raises
+    `ParameterError` for an unknown genre or a take without words.
     """
     template = vocabulary.signatures[vocabulary.genre_index(genre)]
     dances = [vocabulary.word_motif[vocabulary.words_of_take(take)] for take in takes]
@@ -31,9 +31,9 @@ def distances_to_template(vocabulary: Vocabulary, genre: str, takes: Sequence[in
 
 
 def distance_over_time(vocabulary: Vocabulary, genre: str, take: int) -> tuple[Floats, Floats]:
-    """Seconds danced (N,), and χ² distance (N,) of a take's signature so far to the genre's template.
+    """Seconds danced (N,) and the χ² distance (N,) of the signature so far to the genre's template.
 
-    Rhythm is a Dancer, Figure 12; one value after every word.
+    One value after each of the take's words (Rhythm is a Dancer, Figure 12).
     """
     words = vocabulary.words_of_take(take)
     counts = np.cumsum(np.eye(vocabulary.n_motifs)[vocabulary.word_motif[words]], axis=0)  # (N, K)

@@ -1,4 +1,4 @@
-"""The vocabulary of a repertoire: its motifs, every word of its takes, and what its genres make of them."""
+"""The vocabulary of a repertoire: its motifs, the words of its takes, and the signatures of its genres."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ ALL_GENRES = "all"  # the template and transitions of all takes together
 class Vocabulary:
     """Motifs, words and genres (Rhythm is a Dancer, sections 3.3 and 3.4).
 
-    Words are in the order of the takes, and within a take in that of time; each begins where the one
-    before it in its take ends.
+    Words are ordered by take, then by time. Within a take, each begins where the one before it ends.
     """
 
     motifs: Motifs  # K, the most frequent first; `motifs.words` index the words here
@@ -33,7 +32,7 @@ class Vocabulary:
     word_motif: Indices  # (N,)
     genres: tuple[str, ...]  # G names, sorted, and last `ALL_GENRES`
     signatures: Floats  # (G, K) templates
-    transitions: Floats  # (G, K, K) row i: what follows motif i
+    transitions: Floats  # (G, K, K) row i: probabilities of the motif after motif i
 
     @property
     def n_motifs(self) -> int:
@@ -41,7 +40,7 @@ class Vocabulary:
         return len(self.motifs)
 
     def genre_index(self, genre: str) -> int:
-        """Row of a genre; `ParameterError` naming those there are."""
+        """Row of a genre; `ParameterError` for an unknown one, with the known genres."""
         if genre not in self.genres:
             raise ParameterError(f"expected a genre among {', '.join(self.genres)}, got {genre!r}")
         return self.genres.index(genre)
@@ -51,7 +50,7 @@ class Vocabulary:
         return np.flatnonzero(self.word_motif == motif)
 
     def words_of_take(self, take: int) -> Indices:
-        """All words of a take in order, (M,), perhaps none."""
+        """All words of a take in order, (M,); there may be none."""
         return np.flatnonzero(self.word_take == take)
 
 
@@ -65,8 +64,8 @@ def make_vocabulary(
 ) -> Vocabulary:
     """Templates and transitions of every genre among the takes, and of all takes together.
 
-    `take_genres` holds the genre of every take; a take without words, and a genre of such takes only, has
-    no part in them. Raises `ParameterError` if there is no word.
+    `take_genres` holds the genre of every take. Takes without words are ignored, and so are genres that
+    have no other takes. Raises `ParameterError` if there is no word.
     """
     words = [word_motif[word_take == take] for take in range(len(take_genres))]
     danced = [(genre, sequence) for genre, sequence in zip(take_genres, words, strict=True) if len(sequence)]

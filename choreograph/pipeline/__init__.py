@@ -5,7 +5,7 @@
 - `recreation` — the motifs and the signature of a dance there is already
 """
 
-from choreograph.engines.rendering import render
+from choreograph.blending.rendering import render
 from choreograph.pipeline.dancing import Dance, dance
 from choreograph.pipeline.variations import vary
 

@@ -1,28 +1,38 @@
-"""From a song and a repertoire to a dance: one door to all engines."""
+"""A song to a dance: analyse the song, resolve the constraints, let an engine plan, render."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from html import escape
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.audio.song import Song, load_song
+from choreograph.audio.song import Song
+from choreograph.blending.rendering import render
 from choreograph.config import DanceConfig
-from choreograph.constraints.likely_genre import choose_goal
-from choreograph.constraints.spec import Ban, Constraints, MotifPin, Pin, make_constraints
-from choreograph.engines.graph import dance_by_graph, weigh
-from choreograph.engines.mixer import dance_by_mixer, sequence_notes
-from choreograph.errors import ParameterError, RepertoireError
+from choreograph.constraints.resolve import resolve
+from choreograph.constraints.spec import Ban, MotifPin, Pin, make_constraints
+from choreograph.engines import ENGINES, DanceRequest, check_settings, engine_name
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.features.song_features import SongFeatures
 from choreograph.graph import Cost
+from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.pipeline.saving import save
+from choreograph.pipeline.arguments import (
+    as_config,
+    as_costs,
+    as_repertoire,
+    as_song,
+    as_weights,
+    check_span,
+)
+from choreograph.pipeline.saving import SavedParts, save_dance
 from choreograph.plan import Plan
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import Repertoire
@@ -32,12 +42,12 @@ from choreograph.timebase import STORE_FPS
 
 @dataclass(frozen=True, eq=False)
 class Dance:
-    """A finished dance: the motion, why it is so, and what was odd about the input."""
+    """A finished dance: the motion, the plan that explains it, and notes on what was unusual."""
 
     motion: Motion
     plan: Plan
     notes: tuple[str, ...] = ()  # one line each
-    song_path: Path | None = None  # for what is heard in pages and videos; None: they are silent
+    song_path: Path | None = None  # for the sound of pages and videos; None: they are silent
 
     @cached_property
     def motion_beats_s(self) -> NDArray[np.float64]:
@@ -51,14 +61,42 @@ class Dance:
         video, png a strip of poses on the beats. Raises `ParameterError` for another suffix or a
         folder that does not exist, `FormatError` if the song can no longer be read.
         """
-        save(self, path, report)
+        parts = SavedParts(self.motion, self.plan, lambda: self.motion_beats_s, self.song_path)
+        save_dance(path, parts, report)
+
+    def __repr__(self) -> str:
+        plan, motion = self.plan, self.motion
+        return (
+            f"<Dance to {plan.song!r}: {plan.duration_s:.1f} s at {motion.fps:g} fps, {plan.engine} engine, "
+            f"{len(plan.takes_s())} takes>"
+        )
+
+    def _repr_html_(self) -> str:
+        """The page that plays the dance, for notebooks."""
+        with TemporaryDirectory() as folder:
+            page = Path(folder) / "dance.html"
+            self.save(page)
+            text = page.read_text(encoding="utf-8")
+        return (
+            f'<iframe srcdoc="{escape(text)}" style="width:100%;height:640px;border:0" '
+            'allow="autoplay; fullscreen"></iframe>'
+        )
 
 
 def dance(
     song: str | Path | Song,
-    repertoire: Repertoire,
+    repertoire: str | Path | Repertoire | None = None,
     *,
     engine: str | None = None,
+    planner: str | None = None,
+    candidates: int | None = None,
+    selection: str | None = None,
+    warping: str | None = None,
+    blending: str | None = None,
+    transitions: str | None = None,
+    fps: float | None = None,
+    seed: int | None = None,
+    beats: str | None = None,
     genre: str | None = None,
     signature: Sequence[float] | NDArray[np.floating] | None = None,
     motifs: Sequence[int] | Sequence[MotifPin] = (),
@@ -77,19 +115,22 @@ def dance(
     Parameters
     ----------
     song : path of any audio file, or a loaded `Song`
-    repertoire : the takes to dance with
+    repertoire : the takes to dance with, opened or as a path; by default the built-in ones
     engine : "graph" (seconds of takes), "mixer" (motion words of takes) or "rollout" (a network); default
         `config`'s, or "mixer" if `motifs` has one for every word
-    genre : whose signature and transitions the dance should have; by default that whose takes are nearest to
-        the song in style. Weights 0 of "signature" and "motif_transition" let a graph dance follow none
+    planner, candidates, selection, warping, blending, transitions, fps, seed, beats : settings, as in
+        `DanceConfig`; those given here replace `config`'s
+    genre : whose signature and motif transitions the dance follows; by default the genre whose takes are
+        nearest to the song in style. With weights 0 of "signature" and "motif_transition" a graph dance
+        follows none
     signature : (K,) shares of the motifs that the dance should have
     motifs : of the dance's words from the first on, or with their times
-    pins : `MotifPin`s and `TakePin`s, in seconds of the dance; what they say is danced, whatever it costs
-    bans : takes, genres and motifs that are not danced
-    style_song : another song, whose colour the rollout's motion takes on
-    config : engine, planner, candidates, blending, rate, seed (default `DanceConfig()`)
-    weights : cost name -> weight, over those of `config`; 0 leaves a cost out; of the graph engine
-    costs : costs of your own beside the built-in ones; weight 1 unless given; of the graph engine
+    pins : `MotifPin`s and `TakePin`s, in seconds of the dance
+    bans : takes, genres and motifs that must not be danced
+    style_song : another song, whose style the rollout engine's motion takes on
+    config : all settings in one object; default `DanceConfig()`
+    weights : cost name -> weight, replacing those of `config`; 0 leaves a cost out; graph engine only
+    costs : custom costs beside the built-in ones; weight 1 unless given; graph engine only
     start_s, duration_s : the part of the song file to dance to
     report : called with the stage's name, how much is done, of how much
 
@@ -97,9 +138,10 @@ def dance(
     ------
     FormatError      the song cannot be read
     RepertoireError  the repertoire is damaged, or lacks clips, motifs or networks that are needed
-    ParameterError   an unknown engine, genre, take, motif, weight, planner or blending; wishes that
-                     contradict each other; a cost that misbehaves
-    NoPathError      the costs or wishes forbid every dance
+    ParameterError   an argument of the wrong type or value; an unknown genre, take, motif or weight; a
+                     setting that the engine does not use; constraints that contradict each other; a cost
+                     that misbehaves
+    NoPathError      the costs or constraints forbid every dance
 
     References
     ----------
@@ -107,83 +149,33 @@ def dance(
     `Velocity` and `assemble`. Rhythm is a Dancer, sections 4 and 5.2.5; the differences stand with
     `search_words`, `Signature` and `enforce_motifs`.
     """
-    constraints = make_constraints(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
-    config = _with_engine(config or DanceConfig(), engine, constraints)
-    if config.engine == "graph":
-        config = replace(config, weights={**config.weights, **(weights or {})})
-        own_costs = weigh(config.weights, costs)
-    elif costs or weights:
-        raise ParameterError(f"costs and weights are of the graph engine, got the {config.engine} engine")
-    _check_repertoire(repertoire, config, constraints)
-    if style_song is not None and config.engine != "rollout":
-        raise ParameterError(f"a style song is of the rollout engine, got the {config.engine} engine")
-    if not isinstance(song, Song):
-        song = load_song(song, start_s=start_s, duration_s=duration_s)
-    if style_song is not None and not isinstance(style_song, Song):
-        style_song = load_song(style_song)
+    settings = {
+        "planner": planner, "candidates": candidates, "selection": selection, "warping": warping,
+        "blending": blending, "transitions": transitions, "fps": fps, "seed": seed, "beats": beats,
+    }  # fmt: skip
+    given: dict[str, Any] = {name: value for name, value in settings.items() if value is not None}
+    requested = make_constraints(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
+    config, costs = as_config(config), as_costs(costs)
+    if weights is not None:
+        given["weights"] = {**config.weights, **as_weights(weights)}
+    config = replace(config, engine=engine_name(config, engine, requested), **given)
+    chosen = ENGINES[config.engine]
+    extra = {"costs": bool(costs), "style_song": style_song is not None}
+    check_settings(
+        chosen, list(ENGINES.values()), config, {*given, *(name for name, used in extra.items() if used)}
+    )
+    check_span(start_s, duration_s)
+    repertoire = as_repertoire(repertoire)
+    chosen.check(repertoire, config, requested, costs)
+    loaded = as_song("a song", song, start_s=start_s, duration_s=duration_s)
+    style = None if style_song is None else as_song("a style song", style_song)
     if report is not None:
-        report("hearing", 0, 0)
-    song_features, notes = analyse_song(song, repertoire, beats=config.beats)
-    if config.engine == "graph":
-        plan, motion, more = dance_by_graph(
-            song_features, repertoire, config, constraints, own_costs, start_s=start_s, report=report
-        )
-    elif config.engine == "mixer":
-        plan, motion, more = dance_by_mixer(
-            song_features, repertoire, config, constraints, start_s=start_s, report=report
-        )
-    else:
-        plan, motion, more = _dance_by_rollout(
-            song, song_features, repertoire, config, constraints, style_song, start_s, report
-        )
-    return Dance(motion, plan, (*notes, *more), song.path)
-
-
-def _dance_by_rollout(
-    song: Song,
-    song_features: SongFeatures,
-    repertoire: Repertoire,
-    config: DanceConfig,
-    constraints: Constraints,
-    style_song: Song | None,
-    start_s: float,
-    report: ProgressReport | None,
-) -> tuple[Plan, Motion, tuple[str, ...]]:
-    from choreograph.engines.rollout import roll  # torch takes a second to import
-
-    goal, notes = choose_goal(song_features, repertoire, constraints)
-    plan, motion, _ = roll(
-        song, song_features, repertoire, config, constraints, signature=goal.signature, transitions=goal.transitions,
-        style_song=style_song, start_s=start_s, report=report,
-    )  # fmt: skip
-    return plan, motion, (*notes, *sequence_notes(constraints, len(plan.words)))
-
-
-def _with_engine(config: DanceConfig, engine: str | None, constraints: Constraints) -> DanceConfig:
-    """The settings with the engine that is asked for; a whole motif sequence asks for one of words."""
-    if engine is None and constraints.motifs and config.engine == "graph":
-        engine = "mixer"
-    config = replace(config, engine=engine or config.engine)
-    steered = constraints.genre is not None or constraints.signature is not None
-    if config.engine == "graph" and config.planner == "motion-graph" and steered:
-        raise ParameterError(
-            "the motion-graph planner follows no genre or signature: expected exact or greedy"
-        )
-    if config.engine == "graph" and constraints.motifs:
-        raise ParameterError(
-            "the graph engine dances seconds, not a whole sequence of motifs: expected the mixer or rollout "
-            "engine, or motifs with their times"
-        )
-    return config
-
-
-def _check_repertoire(repertoire: Repertoire, config: DanceConfig, constraints: Constraints) -> None:
-    """Raise `RepertoireError` before any work if the repertoire lacks what the dance needs."""
-    if config.engine == "graph" and repertoire.n_clips == 0:
-        raise RepertoireError(
-            f"{repertoire.path}: the repertoire has no clip: its takes are shorter than 8 s"
-        )
-    if config.engine == "rollout":
-        repertoire.rollout_net()
-    if config.engine != "graph" or constraints.of_motifs:
-        _ = repertoire.vocabulary
+        report("analysing the song", 0, 0)
+    song_features, notes = analyse_song(loaded, repertoire, beats=config.beats)
+    bounds_s = dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
+    resolved = resolve(requested, repertoire, bounds_s, song_features.duration_s)
+    result = chosen.plan(
+        DanceRequest(loaded, song_features, repertoire, config, resolved, costs, style, start_s, report)
+    )
+    motion = render(result.plan, repertoire) if result.motion is None else result.motion
+    return Dance(motion, result.plan, (*notes, *result.notes), loaded.path)

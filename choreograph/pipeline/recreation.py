@@ -1,4 +1,4 @@
-"""The motif sequence and the signature of a dance there is already."""
+"""The motif sequence and the signature of an existing dance."""
 
 from __future__ import annotations
 
@@ -8,25 +8,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.building.importing import measure_take
 from choreograph.building.segmentation import segment_takes
 from choreograph.errors import ParameterError
-from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers import import_takes
 from choreograph.importers.folder import song_beside
 from choreograph.motifs.signatures import signature
-from choreograph.motion.body import body_pos_m
 from choreograph.motion.retargeting import retarget
 from choreograph.repertoire import Repertoire
-from choreograph.repertoire.contents import MeasuredTake
 from choreograph.takes import Take
-from choreograph.timebase import NET_FPS, STORE_FPS
 
 
 def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
     """The motifs of a dance in their order, to be danced again to another song.
 
-    `take` is the name of one in the repertoire, or a motion file (or a folder of one take), whose words are
-    cut on the beats of the song that lies beside it; without one, on its motion beats.
+    `take` is the name of a take of the repertoire, or a motion file (or a folder of one take). A file is
+    segmented on the beats of the song beside it, or on its motion beats if there is none.
 
     Raises `ParameterError` if it is neither, or has no motion word; `FormatError` if the file is damaged;
     `RepertoireError` without a vocabulary.
@@ -36,14 +33,14 @@ def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
     if str(take) in names:
         motifs = vocabulary.word_motif[vocabulary.words_of_take(names.index(str(take)))]
     elif Path(take).exists():
-        [cut], _ = segment_takes([_measured(_only_take(Path(take)), repertoire)])
+        [cut], _ = segment_takes([measure_take(_on_skeleton(_only_take(Path(take)), repertoire))])
         motifs = vocabulary.motifs.nearest(repertoire.word_net().embed(cut.words.body_pos_m))
     else:
         raise ParameterError(
             f"expected a take of {repertoire.path.name} or a motion file with its song beside it, got {take}"
         )
     if len(motifs) == 0:
-        raise ParameterError(f"{take}: expected two beats or more to cut motion words on, got fewer")
+        raise ParameterError(f"{take}: expected two beats or more to segment it on, got fewer")
     return tuple(motifs.tolist())
 
 
@@ -64,10 +61,7 @@ def _only_take(path: Path) -> Take:
     return replace(take, song_path=song)
 
 
-def _measured(take: Take, repertoire: Repertoire) -> MeasuredTake:
-    motion = take.motion
-    if not motion.skeleton.same_as(repertoire.skeleton):
-        motion = retarget(motion, repertoire.skeleton)
-    beats_s = motion_beat_times_s(body_pos_m(motion.resampled(STORE_FPS)), STORE_FPS)
-    coarse = body_pos_m(motion.resampled(NET_FPS)).astype(np.float32)
-    return MeasuredTake(replace(take, motion=motion), coarse, beats_s)
+def _on_skeleton(take: Take, repertoire: Repertoire) -> Take:
+    if take.motion.skeleton.same_as(repertoire.skeleton):
+        return take
+    return replace(take, motion=retarget(take.motion, repertoire.skeleton))

@@ -5,44 +5,49 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.audio.song import Song, load_song
-from choreograph.config import DanceConfig
+from choreograph.audio.song import Song
+from choreograph.engines import ENGINES
 from choreograph.errors import ParameterError
 from choreograph.features.song_features import SongFeatures
 from choreograph.graph import Cost, Layer
+from choreograph.pipeline.arguments import as_config, as_costs, as_song
 from choreograph.pipeline.dancing import Dance, dance
 from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import NET_FPS
 
 _SEEDS = 3  # tried for each variation
-_SAME_S = 0.5  # nearer to one another in a take is the same to look at
+_SAME_S = 0.5  # parts of a take nearer than this look the same
 
 
-def vary(song: str | Path | Song, repertoire: Repertoire, n: int, **options) -> list[Dance]:
-    """`n` dances for one song that all differ; `options` are those of `dance`.
+def vary(
+    song: str | Path | Song, repertoire: str | Path | Repertoire | None = None, n: int = 3, **options: Any
+) -> list[Dance]:
+    """`n` dances for one song that all differ; `options` are the keywords of `dance`.
 
-    Their seeds are `config`'s and those after it. In the graph engine what earlier variations danced in a
-    second costs more in the later ones (`Unlike`). Raises `ParameterError` if `n` is below 1, or so many
-    different dances cannot be found.
+    Their seeds are `seed` (or `config`'s) and the ones after it. With an engine that has costs, what earlier
+    variations danced in a second costs more in the later ones (`Unlike`). Raises `ParameterError` if `n` is
+    below 1, or so many different dances cannot be found.
     """
-    if n < 1:
-        raise ParameterError(f"expected 1 variation or more, got {n}")
-    config = options.pop("config", None) or DanceConfig()
-    costs = tuple(options.pop("costs", ()))
-    if not isinstance(song, Song):
-        part = {key: options[key] for key in ("start_s", "duration_s") if key in options}
-        song = load_song(song, **part)
+    if isinstance(n, bool) or not isinstance(n, int) or n < 1:
+        raise ParameterError(f"expected 1 variation or more, got {n!r}")
+    config, costs = as_config(options.pop("config", None)), as_costs(options.pop("costs", ()))
+    if options.get("seed") is not None:
+        config = replace(config, seed=options["seed"])
+    options.pop("seed", None)
+    part = {key: options[key] for key in ("start_s", "duration_s") if key in options}
+    loaded = as_song("a song", song, **part)
     made: list[Dance] = []
     for seed in range(config.seed, config.seed + _SEEDS * n):
-        by_graph = bool(made) and made[0].plan.engine == "graph"
-        unlike = (Unlike([one.plan for one in made]),) if by_graph else ()
-        one = dance(song, repertoire, config=replace(config, seed=seed), costs=(*costs, *unlike), **options)
-        if all(_danced(one.plan) != _danced(other.plan) for other in made):
+        priced = bool(made) and "costs" in ENGINES[made[0].plan.engine].settings
+        unlike = (Unlike([one.plan for one in made]),) if priced else ()
+        one = dance(loaded, repertoire, config=replace(config, seed=seed), costs=(*costs, *unlike), **options)
+        if all(_content(one.plan) != _content(other.plan) for other in made):
             made.append(one)
         if len(made) == n:
             return made
@@ -64,7 +69,7 @@ class Unlike(Cost):
         return same.astype(np.float64)
 
 
-def _danced(plan: Plan) -> list[tuple[object, ...]]:
+def _content(plan: Plan) -> list[tuple[object, ...]]:
     """What is danced, without what it cost."""
     sources = [(b.start_s, b.planned.take, b.source_start_s, b.source_end_s) for b in plan.blocks]
     return [*sources, *((word.start_s, word.motif) for word in plan.words)]

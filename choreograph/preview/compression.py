@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.preview.mannequin import SkinnedMesh
+from choreograph.zigzag import zigzag_encode
 
 ROTVEC_STEP_RAD = 2.5e-4  # pi is 12,566 steps: any rotation fits into two bytes
 _ROOT_STEP_M = 5e-4
@@ -57,7 +58,7 @@ def _compressed(motion: Motion) -> CompressedMotion:
     steps = np.round(table.T).astype(np.int64)  # (3 + 3J, T)
     change = np.diff(steps, n=2, axis=1, prepend=np.zeros((len(steps), 2), np.int64))
     change = change.astype(np.int16)  # wraps around, as the sums in the decoder do
-    folded = ((change << 1) ^ (change >> 15)).view(np.uint16)
+    folded = zigzag_encode(change)
     planes = np.concatenate([(folded & 0xFF).ravel(), (folded >> 8).ravel()]).astype(np.uint8)
     return CompressedMotion(
         deflate_base64(planes.tobytes()), motion.fps, motion.n_frames, root_step_m, tuple(map(float, origin))

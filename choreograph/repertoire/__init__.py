@@ -1,4 +1,11 @@
-"""The repertoire: one HDF5 file with all that `dance` needs beside the song."""
+"""The repertoire: one HDF5 file with everything that `dance` needs besides the song.
+
+- `repertoire` — `Repertoire`, an open file as takes, clips, motions and poses
+- `contents` — takes and their features as the arrays of a file
+- `motif_arrays` — a vocabulary as arrays, and back with every property checked
+- `schema` — the layout of a file
+- `store` — reading and writing files, the only user of h5py
+"""
 
 from choreograph.repertoire.repertoire import Repertoire, TakeInfo
 from choreograph.repertoire.store import Contents, NetArrays, write_repertoire

@@ -1,4 +1,4 @@
-"""From takes and what was measured on them to the arrays of a repertoire file."""
+"""From takes and their features to the arrays of a repertoire file."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.nets.style.config import STYLE_DIM
 from choreograph.takes import Take
 from choreograph.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, frames_to_seconds
-
-STYLE_DIM = 32
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTake:
-    """A take with its features; all motion arrays begin at its first frame."""
+    """A take with its features; all of its arrays begin at the first frame."""
 
     take: Take  # on the repertoire's skeleton
     body_pos_m: NDArray[np.float32]  # (T, 21, 3) at 20 fps
@@ -24,12 +23,12 @@ class MeasuredTake:
 
 
 def clip_starts(n_frames: int) -> NDArray[np.int64]:
-    """First frames of a take's clips, at 20 fps: one every second that 8 s still follow."""
+    """First frames of a take's clips, at 20 fps: one every second, as long as 8 s remain."""
     return np.arange(0, max(0, n_frames - CLIP_FRAMES + 1), NET_FPS, dtype=np.int64)
 
 
 def middle_starts(starts: NDArray[np.integer]) -> NDArray[np.int64]:
-    """First frames of the clips' middle 4 s, which their style vectors describe."""
+    """First frames of the clips' middle 4 s, the part that style vectors describe."""
     return np.asarray(starts, np.int64) + (CLIP_FRAMES - SEGMENT_FRAMES) // 2
 
 
@@ -42,8 +41,8 @@ def to_arrays(
 ) -> dict[str, NDArray]:
     """All arrays of a repertoire file by path.
 
-    `embed_motion(body_pos_m (T, 21, 3), starts (N,)) -> (N, 32)`, None for no style networks (zeros);
-    `density(take) -> (T,)` at 20 fps; checksums are (path, sha256, index of the take).
+    `embed_motion(body_pos_m (T, 21, 3), starts (N,)) -> (N, 32)`; None without style networks, for zeros.
+    `density(take) -> (T,)` at 20 fps. `checksums` are (path, sha256, index of the take).
     """
     skeleton = takes[0].take.motion.skeleton
     motions = [measured.take.motion for measured in takes]

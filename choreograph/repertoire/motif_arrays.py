@@ -1,4 +1,4 @@
-"""A vocabulary to the arrays of a repertoire file, and back with every statement checked."""
+"""A vocabulary as the arrays of a repertoire file, and back with every property checked."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from choreograph.motifs.clustering import Motifs
 from choreograph.motifs.signatures import SUM_TOLERANCE
 from choreograph.motifs.vocabulary import ALL_GENRES, Vocabulary
 
-_SAME_S = 1e-6  # a word begins where the one before it ends
+_TOLERANCE_S = 1e-6  # between the end of a word and the beginning of the next
 
 
 def motif_arrays(vocabulary: Vocabulary) -> dict[str, NDArray]:
@@ -32,9 +32,9 @@ def motif_arrays(vocabulary: Vocabulary) -> dict[str, NDArray]:
 
 
 def vocabulary_from(read: Callable[[str], NDArray], n_takes: int) -> Vocabulary:
-    """The vocabulary of a file; `read(path)` gives an array of `schema.MOTIFS`.
+    """The vocabulary of a file; `read(path)` returns an array of `schema.MOTIFS`.
 
-    Raises `RepertoireError`, without the file's name, if the arrays contradict each other.
+    Raises `RepertoireError`, without the file name, if the arrays are inconsistent.
     """
     motifs = Motifs(
         read("motifs/embeddings").astype(np.float32),
@@ -62,16 +62,16 @@ def _check_words(vocabulary: Vocabulary, n_takes: int) -> None:
     _expect(len(take) > 0, "expected motion words, got none")
     _expect(
         bool(take.min() >= 0 and take.max() < n_takes and (np.diff(take) >= 0).all()),
-        f"expected motion words of takes 0 to {n_takes - 1} in order, got others",
+        f"expected motion words of takes 0 to {n_takes - 1} in order, got others or another order",
     )
     follows = np.diff(take) == 0
     _expect(
         bool((start_s >= 0).all() and np.isfinite(end_s).all() and (start_s < end_s).all()),
-        "expected every motion word to end after it begins, got others",
+        "expected every motion word to end after it begins, got one that does not",
     )
     _expect(
-        bool((np.abs(start_s[1:] - end_s[:-1])[follows] <= _SAME_S).all()),
-        "expected every motion word to begin where the one before it ends, got a gap",
+        bool((np.abs(start_s[1:] - end_s[:-1])[follows] <= _TOLERANCE_S).all()),
+        "expected every motion word to begin where the previous one ends, got a gap or overlap",
     )
 
 
@@ -80,15 +80,15 @@ def _check_motifs(vocabulary: Vocabulary) -> None:
     _expect(bool(np.isfinite(motifs.embeddings).all()), "expected finite motifs, got nan or infinity")
     _expect(
         bool(word_motif.min() >= 0 and word_motif.max() < k),
-        f"expected motion words of motifs 0 to {k - 1}, got others",
+        f"expected motion words with motifs 0 to {k - 1}, got others",
     )
     _expect(
         bool(motifs.words.min() >= 0 and motifs.words.max() < len(word_motif)),
-        f"expected motifs among {len(word_motif)} motion words, got others",
+        f"expected medoids among {len(word_motif)} motion words, got others",
     )
     _expect(
         bool((np.bincount(word_motif, minlength=k) == motifs.counts).all() and motifs.counts.min() > 0),
-        "expected the motifs' counts to be those of the motion words, got others",
+        "expected motif counts that match the motion words, got others",
     )
 
 
@@ -96,15 +96,15 @@ def _check_genres(vocabulary: Vocabulary) -> None:
     genres = vocabulary.genres
     _expect(
         len(set(genres)) == len(genres) and genres[-1:] == (ALL_GENRES,),
-        f"expected genres that differ and last {ALL_GENRES!r}, got {', '.join(genres)}",
+        f"expected distinct genres with {ALL_GENRES!r} last, got {', '.join(genres)}",
     )
     for shares in (vocabulary.signatures, vocabulary.transitions):
         _expect(
             bool((shares >= 0).all() and (np.abs(shares.sum(axis=-1) - 1.0) <= SUM_TOLERANCE).all()),
-            "expected signatures and transitions of shares that sum to 1, got others",
+            "expected signatures and transitions that sum to 1, got others",
         )
 
 
-def _expect(holds: bool, otherwise: str) -> None:
-    if not holds:
-        raise RepertoireError(otherwise)
+def _expect(condition: bool, message: str) -> None:
+    if not condition:
+        raise RepertoireError(message)

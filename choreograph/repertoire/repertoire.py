@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,9 +15,11 @@ from choreograph.errors import ParameterError, RepertoireError
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
+from choreograph.motion.interpolation import frame_weights
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import to_root_frame
 from choreograph.motion.skeleton import Skeleton
+from choreograph.repertoire.html_table import html_table
 from choreograph.repertoire.motif_arrays import vocabulary_from
 from choreograph.repertoire.store import NetArrays, RepertoireFile
 from choreograph.takes import Credits
@@ -27,9 +30,12 @@ if TYPE_CHECKING:
     from choreograph.nets.words.model import WordNet
 
 
+_HTML_ROWS = 50
+
+
 @dataclass(frozen=True)
 class TakeInfo:
-    """A take as the repertoire knows it; ranges are into the file's flat arrays."""
+    """A take of a repertoire; ranges are into the file's flat arrays."""
 
     name: str
     song_name: str
@@ -47,24 +53,57 @@ class TakeInfo:
 
 
 class Repertoire:
-    """Everything `dance` needs beside the song. Open with `Repertoire.open`; reads what is asked for."""
+    """Everything that `dance` needs besides the song. Open with `Repertoire.open`; arrays load on demand."""
 
     def __init__(self, file: RepertoireFile) -> None:
         self._file = file
 
     @classmethod
     def open(cls, path: str | Path) -> Repertoire:
-        """Open a repertoire file; `RepertoireError` if it is missing, damaged or of another version."""
+        """Open a repertoire file.
+
+        Raises `RepertoireError` if it is missing, damaged or of another version, `ParameterError` if `path`
+        is not a path.
+        """
+        if not isinstance(path, str | os.PathLike):
+            raise ParameterError(f"expected the path of a repertoire file, got {path!r}")
         return cls(RepertoireFile(Path(path)))
+
+    def __repr__(self) -> str:
+        return f"<Repertoire {self._summary()}>"
+
+    def _repr_html_(self) -> str:
+        """A table of the takes, for notebooks."""
+        clips = np.bincount(self.clip_take, minlength=len(self.takes))
+        rows = [
+            (
+                take.name,
+                take.credits.genre,
+                f"{take.duration_s:.1f} s",
+                f"{n_clips:,}",
+                ", ".join(filter(None, (take.credits.performer, take.credits.licence, take.credits.source))),
+            )
+            for take, n_clips in zip(self.takes, clips, strict=True)
+        ]
+        header = ("take", "genre", "length", "clips", "credits")
+        return html_table(self._summary(), header, rows, max_rows=_HTML_ROWS)
+
+    def _summary(self) -> str:
+        minutes = sum(take.duration_s for take in self.takes) / 60
+        genres = ", ".join(sorted({take.credits.genre for take in self.takes} - {""})) or "none"
+        return (
+            f"{self.path.name}: {len(self.takes):,} takes, {minutes:.1f} min, {self.n_clips:,} clips, "
+            f"genres: {genres}"
+        )
 
     @property
     def path(self) -> Path:
-        """The file this repertoire lies in."""
+        """The file of this repertoire."""
         return self._file.path
 
     @property
     def density(self) -> str:
-        """Which tempo-density the clips carry: "analytic" or "learned"."""
+        """The kind of the clips' tempo-densities: "analytic" or "learned"."""
         return self._file.density
 
     @property
@@ -74,26 +113,26 @@ class Repertoire:
 
     @property
     def source_checksums(self) -> frozenset[str]:
-        """SHA-256, hexadecimal, of every file of motion and music that it was made from."""
+        """SHA-256, hexadecimal, of every motion and music file that it was made from."""
         return frozenset(str(digest) for digest in self._file.read("sources/sha256"))
 
     @property
     def net_names(self) -> tuple[str, ...]:
-        """The networks the file carries."""
+        """Names of the networks in the file."""
         return self._file.net_names
 
     def net(self, name: str) -> NetArrays:
-        """A network's config and weights; `RepertoireError` if there is none of that name."""
+        """A network's config and weights; `RepertoireError` if there is none with that name."""
         return self._file.read_net(name)
 
     @property
     def has_vocabulary(self) -> bool:
-        """Whether the file holds motion words and motifs."""
+        """Whether the file has motion words and motifs."""
         return self._file.has_motifs
 
     @cached_property
     def vocabulary(self) -> Vocabulary:
-        """Motion words, motifs and what the genres make of them; `RepertoireError` if there are none."""
+        """Motion words, motifs and the genres' signatures; `RepertoireError` if there are none."""
         self._expect_vocabulary()
         try:
             return vocabulary_from(self._file.read, len(self.takes))
@@ -101,7 +140,7 @@ class Repertoire:
             raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
 
     def word_net(self) -> WordNet:
-        """The network that embeds motion words as the vocabulary's; `RepertoireError` if there is none."""
+        """The network that embedded the vocabulary's motion words; `RepertoireError` if there is none."""
         from choreograph.nets.words.model import WordNet
 
         self._expect_vocabulary()
@@ -112,12 +151,12 @@ class Repertoire:
             raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
 
     def rollout_net(self) -> RolloutNet:
-        """The network that dances motifs; `RepertoireError` if there is none."""
+        """The network that generates motion from motifs; `RepertoireError` if there is none."""
         from choreograph.nets.rollout.model import RolloutNet
 
         if "rollout" not in self.net_names:
             raise RepertoireError(
-                f"{self.path}: expected a rollout network, got a repertoire without: build it again with "
+                f"{self.path}: expected a rollout network, got a repertoire without one: build it again with "
                 "`choreograph build-db --rollout`"
             )
         net = self.net("rollout")
@@ -130,12 +169,12 @@ class Repertoire:
         if not self.has_vocabulary:
             raise RepertoireError(
                 f"{self.path}: expected motion words and motifs, got a repertoire without: made by an older "
-                "choreograph or of too few words; build it again with `choreograph build-db`"
+                "choreograph or from too few words, build it again with `choreograph build-db`"
             )
 
     @cached_property
     def skeleton(self) -> Skeleton:
-        """The skeleton all motion here is on."""
+        """The skeleton of all motion in the file."""
         names = ("parents", "offsets_m", "tip_parents", "tips_m")
         joints = tuple(str(name) for name in self._file.read("skeleton/names"))
         return Skeleton(joints, *(self._file.read(f"skeleton/{name}") for name in names))
@@ -205,18 +244,18 @@ class Repertoire:
 
     @property
     def selection_beat_weight(self) -> float:
-        """What a motion beat too many or too few counts in selection, against style distance 1."""
+        """Weight in selection of a difference of one motion beat, relative to style distance."""
         return float(self.provenance.get("selection_beat_weight", 0.0))
 
     def take_index(self, name: str) -> int:
         """Index of a take by name; `RepertoireError` if there is none."""
         names = [take.name for take in self.takes]
         if name not in names:
-            raise RepertoireError(f"{self.path}: no take {name!r} in this repertoire of {len(names)} takes")
+            raise RepertoireError(f"{self.path}: expected one of {len(names)} takes, got {name!r}")
         return names.index(name)
 
     def motion(self, take: int, start_s: float = 0.0, stop_s: float | None = None) -> tuple[Motion, float]:
-        """A take's stored motion around [start_s, stop_s], and the instant of its first frame."""
+        """A take's stored motion around [start_s, stop_s], and the time of its first frame."""
         info = self.takes[take]
         n_frames = info.motion[1] - info.motion[0]
         first = int(np.clip(np.floor(start_s * info.fps), 0, n_frames - 1))
@@ -253,7 +292,7 @@ class Repertoire:
         return np.concatenate(speeds).astype(np.float32)
 
     def clip_start_s(self, clip: int) -> float:
-        """Where a clip begins in its take, in seconds."""
+        """Start of a clip in its take, in seconds."""
         return float(frames_to_seconds(self.clip_start_frame[clip], NET_FPS))
 
     def clip_motion_beats(self, clip: int) -> NDArray[np.float64]:
@@ -264,25 +303,24 @@ class Repertoire:
     def poses_m(
         self, clip: NDArray[np.integer], frames: NDArray[np.floating]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Poses (N, 21, 3) seen from their own place, and joint velocities (N, 21, 3) in m/s likewise.
+        """Poses (N, 21, 3) and joint velocities (N, 21, 3) in m/s, both in the root frame.
 
         `clip` (N,) and fractional clip frames (N,) at 20 fps, the last frame included.
         """
-        poses, velocities = self._own_poses
-        low = np.minimum(frames.astype(np.int64), CLIP_FRAMES - 2)
-        weight = (frames - low).astype(np.float32)[:, None, None]
+        poses, velocities = self._root_frame_poses
+        low, _, weights = frame_weights(frames, CLIP_FRAMES)
+        weight = weights.astype(np.float32)[:, None, None]
         row = self._clip_body_start[clip] + low
         pose = poses[row] + weight * (poses[row + 1] - poses[row])
         return pose, velocities[row] + weight * (velocities[row + 1] - velocities[row])
 
     @cached_property
-    def _own_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Every 20 fps frame from its own place, and velocities there, (B, 21, 3) each."""
+    def _root_frame_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Every 20 fps frame and its velocities in its root frame, (B, 21, 3) each."""
         pos = self._body_pos_m.astype(np.float64)
         velocity = np.zeros_like(pos)
         for take in self.takes:
             start, stop = take.body
             if stop - start > 1:
                 velocity[start:stop] = np.gradient(pos[start:stop], axis=0) * NET_FPS
-        own = to_root_frame(pos).astype(np.float32)
-        return own, to_root_frame(pos, velocity).astype(np.float32)
+        return to_root_frame(pos).astype(np.float32), to_root_frame(pos, velocity).astype(np.float32)

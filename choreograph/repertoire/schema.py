@@ -1,7 +1,7 @@
-"""The layout of a repertoire file, version 1; `data_schema/repertoire.json` says the same to others.
+"""The layout of a repertoire file, version 1; `data_schema/repertoire.json` documents it for other programs.
 
-Takes lie end to end along the first axis of each array; the takes table says where each begins and
-ends. Clips are (take, start frame), never copies.
+Takes are concatenated along the first axis of each array; the takes table holds their first rows and ends.
+Clips are (take, start frame), never copies.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ DATASETS: dict[str, tuple[str, str]] = {
     "sources/take": ("i4", "C"),
 }
 
-# Motion words and motifs, all of these or none: K motif, W word, G genre. They go with the network `words`.
+# Motion words and motifs, all of these or none: K motif, W word, G genre. They need the network `words`.
 MOTIFS: dict[str, tuple[str, str]] = {
     "motifs/embeddings": ("f4", "K 184"),
     "motifs/words": ("i8", "K"),
@@ -59,15 +59,15 @@ MOTIFS: dict[str, tuple[str, str]] = {
     "motifs/transitions": ("f8", "G K K"),
 }
 
-# A packed file holds these as i2 with attributes `step`, `order` and `restart`: value = integer × step, the
-# integers as differences of that order from row to row (modulo 2^16) that restart every so many rows; where
-# the attribute `folded` is true they are u2, 0, -1, 1, -2, … as 0, 1, 2, 3, …. The steps keep a joint's turn
-# to 0.03 degrees and places to half a millimetre.
-PACKED_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
-PACKED_ORDER, PACKED_RESTART = 2, 8192
-PACKED_HALVES = ("motifs/embeddings",)  # f2 in a packed file, as networks' weights are
+# A compressed file stores these quantised to 16-bit integers with the attributes `step`, `order`, `restart`
+# and `folded`: value = integer × step. The integers are delta-coded `order` times from row to row (modulo
+# 2^16), anew every `restart` rows. Where `folded` is true they are u2 in zigzag encoding, else i2. The steps
+# keep joint rotations to 0.03 degrees and positions to half a millimetre.
+QUANTISATION_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
+DELTA_ORDER, DELTA_RESTART = 2, 8192
+HALF_PRECISION = ("motifs/embeddings",)  # f2 in a compressed file, as are the networks' weights
 
-# nets/<name>: a group with the attribute `config` (JSON) and one dataset per weight, any shape.
+# nets/<name>: a group with the attribute `config` (JSON) and one dataset per weight, of any shape.
 NETS = ("style", "motion_density", "music_density", "words", "rollout")
 
 # Attributes of the file itself.

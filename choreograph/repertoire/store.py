@@ -1,4 +1,4 @@
-"""Reading and writing repertoire files: the only door to h5py."""
+"""Reading and writing repertoire files; the only module that uses h5py."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ from choreograph.files import atomic_path
 from choreograph.repertoire.schema import (
     ATTRIBUTES,
     DATASETS,
+    DELTA_ORDER,
+    DELTA_RESTART,
     FORMAT,
+    HALF_PRECISION,
     MOTIFS,
     NETS,
-    PACKED_HALVES,
-    PACKED_ORDER,
-    PACKED_RESTART,
-    PACKED_STEPS,
+    QUANTISATION_STEPS,
     VERSION,
 )
+from choreograph.zigzag import zigzag_decode, zigzag_encode
 
-_FEW = 4096  # values: compressing fewer saves nothing
+_MIN_GZIP_SIZE = 4096  # values: compressing fewer saves nothing
 
 
 @dataclass(frozen=True, eq=False)
 class NetArrays:
-    """One network as plain data: what its file needs to build it again."""
+    """One network as plain data: its config and weights."""
 
     config: dict[str, Any]
     weights: dict[str, NDArray]
@@ -41,20 +42,20 @@ class NetArrays:
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """Everything a repertoire file holds."""
+    """Everything in a repertoire file."""
 
-    arrays: Mapping[str, NDArray]  # by the paths of `schema.DATASETS`, and all or none of `schema.MOTIFS`
+    arrays: Mapping[str, NDArray]  # by path: all of `schema.DATASETS`, all or none of `schema.MOTIFS`
     density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
     provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
 
 
-def write_repertoire(path: Path, contents: Contents, *, packed: bool = False) -> None:
+def write_repertoire(path: Path, contents: Contents, *, compress: bool = False) -> None:
     """Write all of `contents` to `path`, or nothing.
 
-    `packed` rounds motion and networks to 16 bits (`schema.PACKED_STEPS`): a quarter of the size. The
-    bytes depend on the arguments alone. Raises `RepertoireError` if an array is missing or not
-    of the schema's kind and shape; `ParameterError` if the folder does not exist.
+    `compress` quantises motion and networks to 16 bits (`schema.QUANTISATION_STEPS`): a quarter of the
+    size. The bytes depend on the arguments alone. Raises `RepertoireError` if an array is missing or does
+    not match the schema, `ParameterError` if the folder does not exist.
     """
     _check(contents)
     with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
@@ -68,56 +69,49 @@ def write_repertoire(path: Path, contents: Contents, *, packed: bool = False) ->
                 array = np.array([str(text) for text in array], dtype=object)
                 file.create_dataset(name, data=array, dtype=h5py.string_dtype(), track_times=False)
                 continue
-            kind = "f2" if packed and name in PACKED_HALVES else kind
-            _write_numbers(file, name, array.astype(kind), PACKED_STEPS.get(name) if packed else None)
+            kind = "f2" if compress and name in HALF_PRECISION else kind
+            step = QUANTISATION_STEPS.get(name) if compress else None
+            _write_numbers(file, name, array.astype(kind), step)
         for name, net in sorted(contents.nets.items()):
             group = file.create_group(f"nets/{name}")
             group.attrs["config"] = json.dumps(net.config, sort_keys=True)
             for weight, array in sorted(net.weights.items()):
-                array = np.asarray(array, np.float16) if packed else np.asarray(array)
-                options = _compression(9) if packed and array.size > _FEW else {}
+                array = np.asarray(array, np.float16) if compress else np.asarray(array)
+                options = _gzip(9) if compress and array.size > _MIN_GZIP_SIZE else {}
                 group.create_dataset(weight, data=array, track_times=False, **options)
 
 
-def _compression(level: int) -> dict[str, Any]:
+def _gzip(level: int) -> dict[str, Any]:
     return {"compression": "gzip", "compression_opts": level, "shuffle": True}
 
 
 def _write_numbers(file: h5py.File, name: str, array: NDArray, step: float | None) -> None:
-    options = _compression(1) if array.size > _FEW else {}
+    """Write an array, quantised to multiples of `step` if it is given and 16 bits hold all values."""
+    options = _gzip(1) if array.size > _MIN_GZIP_SIZE else {}
     if step is None or np.abs(array).max(initial=0.0) > np.iinfo(np.int16).max * step:
         file.create_dataset(name, data=array, track_times=False, **options)
         return
     if options:
-        # One column a chunk: neighbours in time are alike, neighbouring joints are not.
-        chunk = (min(len(array), PACKED_RESTART), *(1,) * (array.ndim - 1))
-        options = {**_compression(9), "chunks": chunk}
+        # One column per chunk: values are similar in time, but not between joints.
+        chunk = (min(len(array), DELTA_RESTART), *(1,) * (array.ndim - 1))
+        options = {**_gzip(9), "chunks": chunk}
     integers = np.rint(array / step).astype(np.int16)
     differences = integers
-    for _ in range(PACKED_ORDER):
-        steps = np.diff(differences, axis=0, prepend=np.zeros_like(differences[:1]))
-        steps[::PACKED_RESTART] = differences[::PACKED_RESTART]
-        differences = steps
-    data = file.create_dataset(name, data=_folded(differences), track_times=False, **options)
-    data.attrs.update(step=step, order=PACKED_ORDER, restart=PACKED_RESTART, folded=True)
+    for _ in range(DELTA_ORDER):
+        deltas = np.diff(differences, axis=0, prepend=np.zeros_like(differences[:1]))
+        deltas[::DELTA_RESTART] = differences[::DELTA_RESTART]
+        differences = deltas
+    data = file.create_dataset(name, data=zigzag_encode(differences), track_times=False, **options)
+    data.attrs.update(step=step, order=DELTA_ORDER, restart=DELTA_RESTART, folded=True)
 
 
-def _folded(integers: NDArray[np.int16]) -> NDArray[np.uint16]:
-    """0, -1, 1, -2, … as 0, 1, 2, 3, …: the high bytes of small numbers are then 0, whatever their sign."""
-    return ((integers << 1) ^ (integers >> 15)).view(np.uint16)
-
-
-def _unfolded(folded: NDArray[np.uint16]) -> NDArray[np.int16]:
-    return ((folded >> 1) ^ -(folded & 1)).view(np.int16)
-
-
-def _unpacked(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
+def _read_quantised(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
     restart = int(data.attrs["restart"])
     start, stop, _ = part.indices(len(data))
     first = start // restart * restart
     differences = data[first:stop]
     if data.attrs.get("folded", False):
-        differences = _unfolded(differences)
+        differences = zigzag_decode(differences)
     for row in range(0, len(differences), restart):
         block = differences[row : row + restart]
         for _ in range(int(data.attrs["order"])):
@@ -126,7 +120,7 @@ def _unpacked(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
 
 
 def _layout(names: Container[str]) -> dict[str, tuple[str, str]]:
-    """The datasets a file with any of these has: with one of `schema.MOTIFS`, all of them."""
+    """The datasets of a file with these names: all of `schema.MOTIFS` if it has any of them."""
     return DATASETS | MOTIFS if any(name in names for name in MOTIFS) else DATASETS
 
 
@@ -134,17 +128,17 @@ def _check(contents: Contents) -> None:
     layout = _layout(contents.arrays)
     missing = [name for name in layout if name not in contents.arrays]
     if missing:
-        raise RepertoireError(f"cannot write a repertoire without {', '.join(missing)}")
-    misfit = _misfit({name: np.shape(contents.arrays[name]) for name in layout})
-    if misfit:
-        raise RepertoireError(misfit)
+        raise RepertoireError(f"expected all arrays of a repertoire, got no {', '.join(missing)}")
+    mismatch = _shape_mismatch({name: np.shape(contents.arrays[name]) for name in layout})
+    if mismatch:
+        raise RepertoireError(mismatch)
     unknown = set(contents.nets) - set(NETS)
     if unknown:
-        raise RepertoireError(f"unknown networks {sorted(unknown)}: expected some of {NETS}")
+        raise RepertoireError(f"expected networks among {', '.join(NETS)}, got {', '.join(sorted(unknown))}")
 
 
-def _misfit(shapes: Mapping[str, tuple[int, ...]]) -> str:
-    """The first array whose shape disagrees with the schema or with those before it; empty if none."""
+def _shape_mismatch(shapes: Mapping[str, tuple[int, ...]]) -> str:
+    """A message on the first shape that contradicts the schema or the arrays before it; empty if none."""
     sizes: dict[str, int] = {}
     for name, (_, axes) in _layout(shapes).items():
         letters, shape = axes.split(), shapes[name]
@@ -158,7 +152,7 @@ def _misfit(shapes: Mapping[str, tuple[int, ...]]) -> str:
 
 
 class RepertoireFile:
-    """An open repertoire file; arrays are read when asked for, not before.
+    """An open repertoire file; arrays are read on demand.
 
     Raises `RepertoireError` if the file is missing, not HDF5, truncated, not a repertoire or of
     another version.
@@ -169,7 +163,7 @@ class RepertoireFile:
         if self.path.is_dir():
             raise RepertoireError(f"{path}: expected a repertoire file, got a folder")
         if not self.path.exists():
-            raise RepertoireError(f"{path}: no such repertoire; make one with `choreograph build-db`")
+            raise RepertoireError(f"{path}: no such repertoire: make one with `choreograph build-db`")
         with self._opened() as file:
             kind, version = file.attrs.get("format"), file.attrs.get("version")
             if kind != FORMAT:
@@ -179,21 +173,21 @@ class RepertoireFile:
             if version != VERSION:
                 raise RepertoireError(
                     f"{path}: expected repertoire version {VERSION}, got {version}: made by another "
-                    "version of choreograph; build it again from its takes"
+                    "version of choreograph, build it again from its takes"
                 )
             self.has_motifs = "motifs" in file
             layout = DATASETS | MOTIFS if self.has_motifs else DATASETS
             missing = [name for name in layout if not isinstance(file.get(name), h5py.Dataset)]
             missing += [name for name in ATTRIBUTES if name not in file.attrs]
             if missing:
-                raise RepertoireError(f"{path}: the repertoire lacks {', '.join(missing)}: a damaged file")
+                raise RepertoireError(f"{path}: the repertoire has no {', '.join(missing)}: a damaged file")
             self.density = str(file.attrs["density"])
             self.provenance = _from_json(file.attrs["provenance"], f"{path}: provenance")
             self.net_names = tuple(file["nets"]) if "nets" in file else ()
             self.shapes: dict[str, tuple[int, ...]] = {name: file[name].shape for name in layout}
-        misfit = _misfit(self.shapes)
-        if misfit:
-            raise RepertoireError(f"{path}: {misfit}: a damaged file")
+        mismatch = _shape_mismatch(self.shapes)
+        if mismatch:
+            raise RepertoireError(f"{path}: {mismatch}: a damaged file")
 
     @contextmanager
     def _opened(self):
@@ -208,25 +202,26 @@ class RepertoireFile:
             ) from error
 
     def read(self, name: str, part: slice = slice(None)) -> NDArray:
-        """One array of the schema, or a slice of its first axis; strings as numpy str."""
+        """An array of the schema, or a slice of its first axis; strings as numpy str."""
         with self._opened() as file:
             data = file[name]
             if (DATASETS | MOTIFS)[name][0] == "s":
                 return np.array(data.asstr()[part], dtype=np.str_)
-            return _unpacked(data, part) if "step" in data.attrs else data[part]
+            return _read_quantised(data, part) if "step" in data.attrs else data[part]
 
     def read_net(self, name: str) -> NetArrays:
         """A network's config and weights; `RepertoireError` if the file has none of that name."""
         if name not in self.net_names:
-            raise RepertoireError(f"{self.path}: the repertoire has no network {name!r}")
+            known = ", ".join(self.net_names) or "none"
+            raise RepertoireError(f"{self.path}: expected a network {name!r}, got a repertoire with {known}")
         with self._opened() as file:
             group = file[f"nets/{name}"]
-            weights = {weight: _single(group[weight][()]) for weight in group}
+            weights = {weight: _to_single(group[weight][()]) for weight in group}
             config = _from_json(group.attrs["config"], f"{self.path}: the config of network {name}")
             return NetArrays(config, weights)
 
 
-def _single(weight: NDArray) -> NDArray:
+def _to_single(weight: NDArray) -> NDArray:
     return weight.astype(np.float32) if weight.dtype == np.float16 else weight
 
 
@@ -234,7 +229,7 @@ def _from_json(text: str, what: str) -> dict[str, Any]:
     try:
         data = json.loads(text)
     except (TypeError, ValueError) as error:
-        raise RepertoireError(f"{what} is not JSON: a damaged file") from error
+        raise RepertoireError(f"{what}: expected JSON: a damaged file") from error
     if not isinstance(data, dict):
-        raise RepertoireError(f"{what} is not a table: a damaged file")
+        raise RepertoireError(f"{what}: expected a JSON object: a damaged file")
     return data

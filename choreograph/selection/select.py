@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.distances import squared_distances
 from choreograph.errors import ParameterError
 
 _BLOCK_BYTES = 64e6
@@ -22,21 +23,25 @@ def select_clips(
     beat_weight: float,
     penalty: Callable[[int], NDArray[np.floating]] | None = None,
 ) -> NDArray[np.int64]:
-    """The clips with the least style loss for each music segment, best first.
+    """The clips with the smallest style loss for each music segment, best first.
 
     Parameters
     ----------
-    music_style : float array (S, D)        s_m of every second's 4 s
+    music_style : float array (S, D)        s_m of the 4 s from every second
     music_beat_count : float array (S,)     B_m(s_m)
     clip_style : float array (N, D)         s_x of every clip's middle 4 s
     clip_beat_count : float array (N,)      motion beats in the clip's middle 4 s
     candidates : int                        K; all clips if there are fewer
     beat_weight : float                     λ_b against λ_cs = 1, as in training
-    penalty : second -> float array (N,)    added to the loss of every clip: who should stand back
+    penalty : second -> float array (N,)    added to the losses of the clips
 
     Returns
     -------
     int array (S, min(K, N)); ties go to the earlier clip.
+
+    Raises
+    ------
+    ParameterError   if there are no clips, or `candidates` is less than 1
 
     References
     ----------
@@ -46,7 +51,7 @@ def select_clips(
         raise ParameterError(f"expected at least 1 candidate, got {candidates}")
     n_clips = len(clip_style)
     if n_clips == 0:
-        raise ParameterError("there is no clip to select from: every take is shorter than 8 s")
+        raise ParameterError("expected clips to select from, got none: every take is shorter than 8 s")
     k = min(candidates, n_clips)
     chosen = np.empty((len(music_style), k), np.int64)
     losses = style_losses(
@@ -73,13 +78,12 @@ def style_losses(
     *,
     beat_weight: float,
 ) -> Iterator[tuple[int, NDArray[np.floating]]]:
-    """Equation 1 of every clip for every music segment, in blocks: (first second, loss (B, N))."""
+    """Equation 1 for every music segment and clip, in blocks of seconds: (first second, loss (B, N))."""
     block = max(1, int(_BLOCK_BYTES / (8 * len(clip_style))))
-    clip_sq = np.sum(clip_style**2, axis=1)
+    clip_squares = np.sum(clip_style**2, axis=1)
     for start in range(0, len(music_style), block):
         style = music_style[start : start + block]  # (B, D)
-        sq = np.sum(style**2, axis=1)[:, None] + clip_sq - 2.0 * style @ clip_style.T
-        loss = np.sqrt(np.maximum(sq, 0.0))  # (B, N)
+        loss = np.sqrt(squared_distances(style, clip_style, b_squares=clip_squares))  # (B, N)
         yield (
             start,
             loss + beat_weight * np.abs(music_beat_count[start : start + block, None] - clip_beat_count),

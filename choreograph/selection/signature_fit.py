@@ -1,4 +1,4 @@
-"""Selection towards a signature: clips and takes that hold what is wanted come first."""
+"""Selection towards a signature: clips with the motifs that it needs come first."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ def clip_signature_mismatch(
     *,
     n_words: int,
 ) -> Floats:
-    """How little of each clip (N,) is wanted in a dance of `n_words` words with a signature (K,).
+    """Mismatch (N,) of each clip with a signature (K,), for a dance of `n_words` words.
 
-    From -1 (all of it, more often than a song has room for) to 1 (nothing): of the clip's words, those of
-    the take's own beats, the mean of (1 - n) / (1 + n), n being how often the word's motif is expected:
-    what the word costs a dance that has nothing yet (`graph.Signature`). 0 for a clip without words.
+    The mean over the clip's words of (1 - n) / (1 + n), with n the expected count of the word's motif: the
+    cost of the word as the first of a dance (`graph.Signature`). From -1, all motifs are frequent, to 1,
+    none is expected; 0 for a clip without words. The words are those segmented on the take's own beats.
     """
     expected = n_words * signature[vocabulary.word_motif]  # (W,)
-    price = (1.0 - expected) / (1.0 + expected)
+    word_cost = (1.0 - expected) / (1.0 + expected)
     middle_s = (vocabulary.word_start_s + vocabulary.word_end_s) / 2
-    misfits = np.zeros(len(clip_take))
+    mismatch = np.zeros(len(clip_take))
     for take in np.unique(clip_take):
         words = vocabulary.words_of_take(take)
-        sums = np.concatenate([[0.0], np.cumsum(price[words])])
+        sums = np.concatenate([[0.0], np.cumsum(word_cost[words])])
         clips = np.flatnonzero(clip_take == take)
         first, last = (
             np.searchsorted(middle_s[words], clip_start_s[clips] + edge_s) for edge_s in (0.0, CLIP_S)
         )
-        misfits[clips] = (sums[last] - sums[first]) / np.maximum(last - first, 1)
-    return misfits
+        mismatch[clips] = (sums[last] - sums[first]) / np.maximum(last - first, 1)
+    return mismatch

@@ -43,7 +43,7 @@ def build_starter(
     _, notes = build_repertoire(
         [takes, *learn_from], learned, training, report=report, training_report=training_report
     )
-    keeping = BuildOptions(init_from=learned, keep_networks=True, packed=True, **given)
+    keeping = BuildOptions(init_from=learned, keep_networks=True, compress=True, **given)
     made, more = build_repertoire(
         [takes], work / output.name, keeping, report=report, training_report=training_report
     )

@@ -1,11 +1,12 @@
-"""Warping: subsequence DTW of a clip's tempo-density to the music's, and the time map it becomes.
+"""Warping: subsequence DTW of a clip's tempo-density to the music's, and time maps made from its path.
 
-- `subsequence_dtw` — where in each clip the wanted density runs, with slope in [0.5, 2]
-- `warp_segments` — every second's candidates, for the graph
-- `smooth_time_maps` — the DTW's staircase as a smooth, monotone time map with beats on beats
+- `dtw` — subsequence DTW of many clips at once, with slopes in [0.5, 2]
+- `time_maps` — a DTW path as a smooth, monotone time map that puts motion beats on music beats
+- `segments` — every second's candidates, warped for the graph
 """
 
-from choreograph.warping.dtw import MAX_SLOPE, MIN_SLOPE, subsequence_dtw
+from choreograph.timebase import MAX_SLOPE, MIN_SLOPE
+from choreograph.warping.dtw import subsequence_dtw
 from choreograph.warping.segments import ClipBeats, Segments, warp_segments
 from choreograph.warping.time_maps import smooth_time_maps
 

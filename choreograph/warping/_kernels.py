@@ -1,8 +1,8 @@
-"""Compiled loops of the warper, rows of the cost table vectorised.
+"""Compiled loops of the warper, with rows of the cost table vectorised.
 
-They let go of the interpreter, so that `segments` warps several seconds at once in threads of its own.
-Plain loops stand where numpy's words would be shorter: a median or a slice's assignment compiles for
-seconds, and the first dance on a new machine waits for that.
+They release the GIL, so that `segments` can warp several seconds at once in threads of its own. Some loops
+could be shorter in numpy, but a median or a slice assignment takes seconds to compile, and the first dance
+on a new machine waits for that.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ def dtw_batch(queries, targets):  # pragma: no cover - compiled
     """Subsequence DTW of queries (K, Tq) in targets (K, Tt), float32: source frames (K, Tq), costs (K,).
 
     Steps (query, target) are (1, 1), (1, 2), (2, 1), preferred in this order on ties. A step (2, 1) pays
-    its last cell twice, once for each query frame it passes. The steps taken are found again from the
-    table of costs: a table of steps beside it would keep the rows from being vectorised.
+    its last cell twice, once for each query frame. Backtracking recomputes the steps from the cost table:
+    a second table for the steps would prevent vectorised rows.
     """
     n, n_query = queries.shape
     n_target = targets.shape[1]
@@ -27,7 +27,7 @@ def dtw_batch(queries, targets):  # pragma: no cover - compiled
     costs = np.empty(n, np.float32)
     for k in range(n):
         target = targets[k]
-        # One row and two columns out of reach in front.
+        # One padding row and two padding columns in front, unreachable.
         table = np.full((n_query + 1, n_target + 2), UNREACHED, np.float32)
         for j in range(n_target):
             d = queries[k, 0] - target[j]
@@ -48,13 +48,13 @@ def dtw_batch(queries, targets):  # pragma: no cover - compiled
             if table[n_query, j + 2] < table[n_query, end + 2]:
                 end = j
         costs[k] = table[n_query, end + 2] / n_query
-        _walk_back(queries[k], target, table, end, source_frames[k])
+        _backtrack(queries[k], target, table, end, source_frames[k])
     return source_frames, costs
 
 
 @njit(cache=True)
-def _walk_back(query, target, table, end, source_frames):  # pragma: no cover - compiled
-    """Fill in the path that ends at `end`, from the table of costs (1 + Tq, 2 + Tt)."""
+def _backtrack(query, target, table, end, source_frames):  # pragma: no cover - compiled
+    """Write the path that ends at `end` to `source_frames`, from the cost table (1 + Tq, 2 + Tt)."""
     i, j = len(query) - 1, end
     source_frames[i] = j
     while i > 0:
@@ -78,7 +78,7 @@ def _walk_back(query, target, table, end, source_frames):  # pragma: no cover - 
 
 @njit(cache=True)
 def _solve_banded(main, first, second, rhs):  # pragma: no cover - compiled
-    """In-place LDLᵀ solve of a symmetric positive definite matrix with two bands beside the diagonal."""
+    """In-place LDLᵀ solve of a symmetric positive definite pentadiagonal system."""
     n = len(main)
     for i in range(n):
         pivot = main[i]
@@ -103,9 +103,10 @@ def _solve_banded(main, first, second, rhs):  # pragma: no cover - compiled
 
 @njit(cache=True)
 def _match_beats(path, source_beats, music_beats, window, anchor_frame, anchor_source):  # pragma: no cover
-    """Pairs (output frame, source frame) of music and motion beats that the path brings near; their number.
+    """Match music beats to motion beats along the path; returns the number of pairs.
 
-    A pair counts if each is the other's nearest and they are at most `window` output frames apart.
+    Pairs go to `anchor_frame` (output frames) and `anchor_source` (source frames). Beats match if each is the
+    other's nearest and they are at most `window` output frames apart.
     """
     n = len(path)
     count = 0
@@ -117,7 +118,7 @@ def _match_beats(path, source_beats, music_beats, window, anchor_frame, anchor_s
         low = min(int(frame), n - 2)
         slope = path[low + 1] - path[low]
         source_here = path[low] + (frame - low) * slope
-        # Nearest motion beat in the source, measured in output frames through the local slope.
+        # The nearest motion beat in the source; the gap is in output frames, by the local slope.
         while b + 1 < len(source_beats) and abs(source_beats[b + 1] - source_here) <= abs(
             source_beats[b] - source_here
         ):
@@ -128,7 +129,7 @@ def _match_beats(path, source_beats, music_beats, window, anchor_frame, anchor_s
         if gap > window:
             continue
         if count > 0 and anchor_source[count - 1] == source_beats[b]:
-            # Two music beats want the same motion beat: the nearer one keeps it.
+            # Two music beats have the same nearest motion beat: the nearer one gets it.
             if gap < _gap_of(path, anchor_frame[count - 1], source_beats[b]):
                 anchor_frame[count - 1] = frame
             continue
@@ -140,6 +141,7 @@ def _match_beats(path, source_beats, music_beats, window, anchor_frame, anchor_s
 
 @njit(cache=True)
 def _gap_of(path, frame, source):  # pragma: no cover - compiled
+    """Distance of a source frame from the path at an output frame, in output frames."""
     low = min(int(frame), len(path) - 2)
     slope = path[low + 1] - path[low]
     return abs(source - (path[low] + (frame - low) * slope)) / max(slope, 0.25)
@@ -147,10 +149,10 @@ def _gap_of(path, frame, source):  # pragma: no cover - compiled
 
 @njit(cache=True)
 def _limit_slopes(path, slopes, min_slope, max_slope, last_source):  # pragma: no cover - compiled
-    """Clamp the path's slopes in place, hold its mean, and keep it inside [0, last_source].
+    """Clamp the path's slopes in place, preserving its mean, and keep it inside [0, last_source].
 
-    What would leave the clip runs along its border at the least slope instead: moving the whole path
-    would take its beats off the music's.
+    Where the path would leave the clip, it follows the border at the minimum slope instead: shifting the
+    whole path would move its beats off the music's.
     """
     n = len(path)
     mean = 0.0
@@ -175,10 +177,10 @@ def _limit_slopes(path, slopes, min_slope, max_slope, last_source):  # pragma: n
 def smooth_batch(
     paths, beats, beat_ranges, music, window, stiffness, anchor_weight, min_slope, max_slope, last_source
 ):  # pragma: no cover - compiled
-    """Smooth time maps (K, Tq) of DTW paths; see `timemap.smooth_time_maps` for the objective.
+    """Smooth time maps (K, Tq) of DTW paths; see `time_maps.smooth_time_maps` for the objective.
 
-    Candidate k has the motion beats beats[beat_ranges[k, 0] : beat_ranges[k, 1]]; all have the same
-    music beats; clip frames and output frames.
+    Candidate k has the motion beats beats[beat_ranges[k, 0] : beat_ranges[k, 1]], in clip frames; all have
+    the same music beats, in output frames.
     """
     n, n_frames = paths.shape
     maps = np.empty((n, n_frames), np.float64)
@@ -190,15 +192,15 @@ def smooth_batch(
     anchor_frame = np.empty(len(music) + 1)
     anchor_source = np.empty(len(music) + 1)
     for k in range(n):
-        mine = beats[beat_ranges[k, 0] : beat_ranges[k, 1]]
+        clip_beats = beats[beat_ranges[k, 0] : beat_ranges[k, 1]]
         path = maps[k]
         for i in range(n_frames):
             path[i] = paths[k, i]
-        # The first round only takes the staircase out; the second snaps beats seen along a calm path.
-        for turn in range(2):
+        # The first pass only smooths the staircase; the second matches beats along the smooth path.
+        for iteration in range(2):
             _normal_equations(path, stiffness, main, first, second, rhs)
-            if turn == 1:
-                count = _match_beats(path, mine, music, window, anchor_frame, anchor_source)
+            if iteration == 1:
+                count = _match_beats(path, clip_beats, music, window, anchor_frame, anchor_source)
                 for a in range(count):
                     low = min(int(anchor_frame[a]), n_frames - 2)
                     w = anchor_frame[a] - low
@@ -233,40 +235,40 @@ def _normal_equations(path, stiffness, main, first, second, rhs):  # pragma: no 
 
 
 @njit(cache=True, nogil=True)
-def beat_fit(maps, speeds, music, near, far, prominence):  # pragma: no cover - compiled
-    """How each quarter of each warped segment keeps the beat, for time maps (K, Tq + 1).
+def segment_beats(maps, speeds, music, near, far, prominence):  # pragma: no cover - compiled
+    """Beats of each quarter of each warped segment, for time maps (K, Tq + 1).
 
-    `speeds` (K, Tt) are the clips' mean joint speeds. The beats are those of the motion as it will be
-    played: changing tempo moves a minimum of speed, or flattens it. Returns off_beat, first and last
-    motion beat (K, 4): the share of beats (music's and motion's) without a partner, counted fully
-    beyond `far` frames, not at all within `near`; beats in frames of their quarter, nan where none is.
+    `speeds` (K, Tt) are the clips' mean joint speeds. Motion beats are found in the warped motion: a tempo
+    change moves a minimum of speed, or flattens it. Returns (K, 4) each: the share of music and motion beats
+    without a partner, a beat counting 0 with a partner within `near` frames and 1 beyond `far`; and the
+    first and last motion beat in frames of their quarter, nan where there is none.
     """
     n = len(maps)
     n_frames = maps.shape[1] - 1
     quarter = n_frames // 4
-    off = np.zeros((n, 4), np.float32)
+    unmatched = np.zeros((n, 4), np.float32)
     first = np.full((n, 4), np.nan, np.float32)
     last = np.full((n, 4), np.nan, np.float32)
     for k in range(n):
-        placed, count = _played_beats(maps[k], speeds[k], prominence)
-        seen = np.zeros(4)
+        played, count = _played_beats(maps[k], speeds[k], prominence)
+        n_beats = np.zeros(4)
         for p in range(count):
-            q = min(int(placed[p]) // quarter, 3)
-            at = np.float32(placed[p] - q * quarter)
+            q = min(int(played[p]) // quarter, 3)
+            at = np.float32(played[p] - q * quarter)
             if np.isnan(first[k, q]):
                 first[k, q] = at
             last[k, q] = at
-            off[k, q] += _unmatched(placed[p], music, len(music), near, far)
-            seen[q] += 1
+            unmatched[k, q] += _unmatched(played[p], music, len(music), near, far)
+            n_beats[q] += 1
         for m in range(len(music)):
             if 0 <= music[m] < n_frames:
                 q = int(music[m]) // quarter
-                off[k, q] += _unmatched(music[m], placed, count, near, far)
-                seen[q] += 1
+                unmatched[k, q] += _unmatched(music[m], played, count, near, far)
+                n_beats[q] += 1
         for q in range(4):
-            if seen[q] > 0:
-                off[k, q] /= seen[q]
-    return off, first, last
+            if n_beats[q] > 0:
+                unmatched[k, q] /= n_beats[q]
+    return unmatched, first, last
 
 
 @njit(cache=True)

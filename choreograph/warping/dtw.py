@@ -7,15 +7,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from choreograph.errors import ParameterError
 
-MIN_SLOPE = 0.5  # source frames per output frame
-MAX_SLOPE = 2.0
-
 
 def subsequence_dtw(query: ArrayLike, targets: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Find `query` inside each of `targets`, at between half and double speed.
 
-    Steps (query, target) are (1, 1), (1, 2) and (2, 1); the last pays for both query frames it
-    passes, so that slowing down is not cheaper than it should be (the paper does not say).
+    Steps (query, target) are (1, 1), (1, 2) and (2, 1), which keep the slope between `MIN_SLOPE` and
+    `MAX_SLOPE`. A step (2, 1) pays its cell twice, once for each query frame, so that slowing down is not
+    cheaper than it should be (the paper does not specify this).
 
     Parameters
     ----------
@@ -31,8 +29,8 @@ def subsequence_dtw(query: ArrayLike, targets: ArrayLike) -> tuple[NDArray[np.fl
 
     Raises
     ------
-    ParameterError   if shapes do not fit, a value is not finite, or the target is too short to
-        hold the query at double speed's reverse: Tt - 1 < (Tq - 1) / 2
+    ParameterError   if shapes do not match, a value is not finite, or the target is too short for the
+        query at half speed: Tt - 1 < (Tq - 1) / 2
 
     References
     ----------
@@ -52,9 +50,10 @@ def subsequence_dtw(query: ArrayLike, targets: ArrayLike) -> tuple[NDArray[np.fl
     t = np.ascontiguousarray(np.broadcast_to(t, (n, t.shape[-1])))  # (K, Tt)
     if q.shape[1] < 2 or 2 * (t.shape[1] - 1) < q.shape[1] - 1:
         raise ParameterError(
-            f"a target of {t.shape[1]} frames is too short for a query of {q.shape[1]} at half speed"
+            f"expected a query of at least 2 frames and a target that holds it at half speed, got "
+            f"{q.shape[1]} and {t.shape[1]} frames"
         )
     if not (np.isfinite(q).all() and np.isfinite(t).all()):
-        raise ParameterError("a tempo-density is not finite")
+        raise ParameterError("expected finite tempo-densities, got nan or infinity")
     source_frames, cost = dtw_batch(q, t)
     return (source_frames[0], cost[0]) if single else (source_frames, cost)

@@ -42,7 +42,7 @@ def searched(runs, beats_s=BEATS_S, lengths_s=LENGTHS_S, **options):
 
 def score(runs, *, held):
     made, _ = assemble(runs, read, fps=FPS, duration_s=runs[-1].stop_s, blending="inertial")
-    body_m = body_pos_m(lock_feet(made, over_s=DANCE_SHIFT_S) if held else made)
+    body_m = body_pos_m(lock_feet(made, shift_s=DANCE_SHIFT_S) if held else made)
     return beat.evaluate(motion_beat_times_s(body_m, FPS), BEATS_S[runs[-1].stop_s > BEATS_S])
 
 
@@ -108,7 +108,7 @@ def test_runs_that_are_held_begin_on_time():
     runs = on_the_beat("ababcb")
     free = searched(runs)
     held = [run.start_s % 2 == 1 for run in runs]
-    transitions = searched(runs, held=held)
+    transitions = searched(runs, fixed=held)
     on_time = [join.start_s == run.start_s for join, run in zip(transitions, runs, strict=True)]
     assert all(stays for stays, is_held in zip(on_time, held, strict=True) if is_held)
     assert free != transitions and not all(on_time)

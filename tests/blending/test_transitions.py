@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from choreograph.blending.transitions import apply_offset, crossfade, fading, inertial_offsets
+from choreograph.blending.transitions import apply_offset, crossfade, decay_offset, inertial_offsets
 from choreograph.motion import rotations as rot
 
 
@@ -41,8 +41,8 @@ def test_a_crossfade_of_the_same_is_the_same():
 def test_fading_starts_with_the_offset_and_ends_at_rest(seed, length_s):
     offset = np.random.default_rng(seed).normal(size=(3, 2))
     h = length_s * 1e-4
-    start = fading(offset, np.array([0.0, h, 2 * h]), length_s)
-    end = fading(offset, length_s - np.array([2 * h, h, 0.0]), length_s)
+    start = decay_offset(offset, np.array([0.0, h, 2 * h]), length_s)
+    end = decay_offset(offset, length_s - np.array([2 * h, h, 0.0]), length_s)
     scale = np.abs(offset).max() * max(1.0, length_s) ** 2 / length_s**2
     assert np.allclose(start[0], offset[0])
     slope = (-3 * start[0] + 4 * start[1] - start[2]) / (2 * h)
@@ -51,11 +51,11 @@ def test_fading_starts_with_the_offset_and_ends_at_rest(seed, length_s):
     assert np.allclose(bend, offset[2], atol=5e-2 * scale * max(1, 1 / length_s))
     assert np.allclose(end[2], 0, atol=1e-9)
     assert np.allclose((end[2] - end[0]) / (2 * h), 0, atol=1e-3 * scale)
-    assert np.allclose(fading(offset, np.array([length_s * 1.5, length_s * 9]), length_s), 0, atol=1e-9)
+    assert np.allclose(decay_offset(offset, np.array([length_s * 1.5, length_s * 9]), length_s), 0, atol=1e-9)
 
 
 def test_fading_of_nothing_is_nothing():
-    assert np.array_equal(fading(np.zeros((3, 4, 3)), np.linspace(0, 1, 9), 0.5), np.zeros((9, 4, 3)))
+    assert np.array_equal(decay_offset(np.zeros((3, 4, 3)), np.linspace(0, 1, 9), 0.5), np.zeros((9, 4, 3)))
 
 
 def test_offsets_are_what_b_lacks():
@@ -74,6 +74,6 @@ def test_b_with_its_offset_is_a_at_the_join():
     a, b = random_motion(5, 3), random_motion(6, 3)
     root, turn = inertial_offsets(*a, *b, fps=60.0)
     at = np.array([0.0])
-    joined = apply_offset(b[0][1:2], b[1][1:2], fading(root, at, 0.3), fading(turn, at, 0.3))
+    joined = apply_offset(b[0][1:2], b[1][1:2], decay_offset(root, at, 0.3), decay_offset(turn, at, 0.3))
     assert np.allclose(joined[0][0], a[0][1])
     assert np.abs(np.sum(joined[1][0] * a[1][1], axis=-1)) == pytest.approx(1.0)

@@ -203,7 +203,7 @@ def test_feet_of_takes_are_held_unless_told_not_to(waltz, tmp_path):
         return build_repertoire([waltz], tmp_path / name, options)[0]
 
     held, recorded = built("held.h5"), built("recorded.h5", lock_feet=False)
-    assert (held.provenance["feet_held"], recorded.provenance["feet_held"]) == (True, False)
+    assert (held.provenance["feet_locked"], recorded.provenance["feet_locked"]) == (True, False)
     (still, _), (sliding, _) = held.motion(0), recorded.motion(0)
     slides = [physical.foot_slide_cm_s(body_pos_m(motion), motion.fps) for motion in (still, sliding)]
     assert slides[0] < 0.85 * slides[1]

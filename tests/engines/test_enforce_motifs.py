@@ -9,7 +9,7 @@ import pytest
 from synthetic_repertoire import synthetic_contents, synthetic_repertoire, synthetic_takes, with_vocabulary
 
 import choreograph as cg
-from choreograph.engines.rendering import danced_motifs
+from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.errors import ParameterError
 from choreograph.motifs.signatures import chi_square_distance, signature
 from choreograph.motifs.words import dance_bounds_s
@@ -23,7 +23,7 @@ def six_takes(genres=("waltz",) * 4 + ("rumba",) * 2):
     return synthetic_takes(periods_s=[0.45, 0.5, 0.55, 0.6, 0.5, 0.55], duration_s=24.0, genres=list(genres))
 
 
-def hearing(path, takes):
+def with_style_nets(path, takes):
     """A repertoire with a vocabulary and style networks: a song's genre can be told."""
     nets = {"style": starter_repertoire().net("style")}
     write_repertoire(path, with_vocabulary(replace(synthetic_contents(takes), nets=nets), takes))
@@ -42,8 +42,8 @@ def distance(dance, repertoire, wanted) -> float:
 
 
 @pytest.fixture(scope="module")
-def use_audio(tmp_path_factory):
-    return hearing(tmp_path_factory.mktemp("hears") / "rep.h5", six_takes())
+def with_style(tmp_path_factory):
+    return with_style_nets(tmp_path_factory.mktemp("style") / "rep.h5", six_takes())
 
 
 @pytest.mark.parametrize("planner", ["exact", "greedy"])
@@ -66,38 +66,38 @@ def test_what_the_seconds_pay_is_the_distance_planned(worded, song):
     assert abs(paid - distance(made, worded, wanted)) < 0.25  # but for words that joins have changed
 
 
-def test_the_likely_genre_is_followed_where_none_is_asked_for(use_audio, song):
-    made = cg.dance(song, use_audio)
-    (note,) = [note for note in made.notes if "no genre asked for" in note]
-    genre = next(genre for genre in ("waltz", "rumba") if f"dances {genre}," in note)
-    resolved = cg.dance(song, use_audio, genre=genre)
-    assert made.plan.seconds == resolved.plan.seconds and made.plan.weights == resolved.plan.weights
-    assert not any("no genre asked for" in note for note in resolved.notes)
+def test_the_likely_genre_is_followed_where_none_is_asked_for(with_style, song):
+    made = cg.dance(song, with_style)
+    (note,) = [note for note in made.notes if "no genre given" in note]
+    genre = next(genre for genre in ("waltz", "rumba") if f"follows {genre}," in note)
+    requested = cg.dance(song, with_style, genre=genre)
+    assert made.plan.seconds == requested.plan.seconds and made.plan.weights == requested.plan.weights
+    assert not any("no genre given" in note for note in requested.notes)
 
 
-def test_a_banned_genre_is_not_followed(use_audio, song):
+def test_a_banned_genre_is_not_followed(with_style, song):
     for banned, other in (("waltz", "rumba"), ("rumba", "waltz")):
-        notes = cg.dance(song, use_audio, bans=[cg.Ban(genre=banned)]).notes
-        assert any(f"dances {other}," in note for note in notes)
+        notes = cg.dance(song, with_style, bans=[cg.Ban(genre=banned)]).notes
+        assert any(f"follows {other}," in note for note in notes)
 
 
 def test_takes_without_genres_are_not_followed(song, tmp_path):
-    nameless = hearing(tmp_path / "rep.h5", six_takes(genres=[""] * 6))
+    nameless = with_style_nets(tmp_path / "rep.h5", six_takes(genres=[""] * 6))
     made = cg.dance(song, nameless)
     assert "signature" not in made.plan.weights and not any("genre" in note for note in made.notes)
 
 
 @pytest.mark.parametrize("how", [{"weights": UNSTEERED}, {"config": cg.DanceConfig(planner="motion-graph")}])
-def test_a_vocabulary_without_weight_changes_nothing(use_audio, song, tmp_path, how):
+def test_a_vocabulary_without_weight_changes_nothing(with_style, song, tmp_path, how):
     nets = {"style": starter_repertoire().net("style")}
     write_repertoire(tmp_path / "rep.h5", replace(synthetic_contents(six_takes()), nets=nets))
     plain = cg.Repertoire.open(tmp_path / "rep.h5")
-    a, b = cg.dance(song, use_audio, **how).plan, cg.dance(song, plain, **how).plan
+    a, b = cg.dance(song, with_style, **how).plan, cg.dance(song, plain, **how).plan
     assert a.seconds == b.seconds and a.weights == b.weights
 
 
 @pytest.mark.parametrize(
-    ("resolved", "said"),
+    ("constraints", "said"),
     [
         ({"genre": "polka"}, "rumba"),
         ({"signature": np.ones(3) / 3}, "signature"),
@@ -109,7 +109,7 @@ def test_a_vocabulary_without_weight_changes_nothing(use_audio, song, tmp_path, 
         ({"genre": "waltz", "config": cg.DanceConfig(planner="motion-graph")}, "motion-graph"),
     ],
 )
-def test_what_cannot_be_followed_is_said_in_one_line(worded, song, resolved, said):
+def test_what_cannot_be_followed_is_said_in_one_line(worded, song, constraints, said):
     with pytest.raises(ParameterError, match=said) as raised:
-        cg.dance(song, worded, **resolved)
+        cg.dance(song, worded, **constraints)
     assert "\n" not in str(raised.value)

@@ -12,9 +12,9 @@ import pytest
 from synthetic_repertoire import synthetic_repertoire
 
 import choreograph as cg
+from choreograph.blending.rendering import plan_runs
 from choreograph.constraints.resolve import resolve, target_goal
 from choreograph.constraints.spec import make_constraints
-from choreograph.engines.rendering import plan_runs
 from choreograph.errors import NoPathError, ParameterError, RepertoireError
 from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
@@ -24,14 +24,14 @@ ENGINES = ("graph", "mixer")
 
 
 @pytest.fixture(scope="module")
-def spoken(tmp_path_factory):
-    """The planted repertoire with its words and motifs."""
-    return synthetic_repertoire(tmp_path_factory.mktemp("spoken") / "rep.h5", vocabulary=True)
+def with_motifs(tmp_path_factory):
+    """The synthetic repertoire with its words and motifs."""
+    return synthetic_repertoire(tmp_path_factory.mktemp("motifs") / "rep.h5", vocabulary=True)
 
 
 @pytest.fixture(scope="module")
-def mixed(spoken, song):
-    return cg.dance(song, spoken, engine="mixer")
+def mixed(with_motifs, song):
+    return cg.dance(song, with_motifs, engine="mixer")
 
 
 def shown_motifs(dance, repertoire) -> tuple[np.ndarray, np.ndarray]:
@@ -52,16 +52,16 @@ def takes_between(dance, start_s: float, end_s: float) -> set[str]:
     }
 
 
-def test_a_mixed_dance_fills_its_song_with_words_on_the_beats(mixed, spoken):
+def test_a_mixed_dance_fills_its_song_with_words_on_the_beats(mixed, with_motifs):
     plan = mixed.plan
     assert (plan.engine, plan.seconds) == ("mixer", ())
     assert abs(mixed.motion.duration_s - 12.4) <= 1 / 60
     assert plan.words[0].start_s == 0.0 and plan.words[-1].end_s == 12.4
     borders = {word.start_s for word in plan.words}
     assert all(min(abs(beat - b) for b in borders) < 1e-5 for beat in plan.music_beats_s if 0.3 < beat < 12)
-    v = spoken.vocabulary
+    v = with_motifs.vocabulary
     known = {
-        (spoken.takes[t].name, round(s, 6), round(e, 6), int(m))
+        (with_motifs.takes[t].name, round(s, 6), round(e, 6), int(m))
         for t, s, e, m in zip(v.word_take, v.word_start_s, v.word_end_s, v.word_motif, strict=True)
     }
     for word in plan.words[1:-1]:
@@ -71,137 +71,137 @@ def test_a_mixed_dance_fills_its_song_with_words_on_the_beats(mixed, spoken):
     assert cg.Plan.from_json(plan.to_json()) == plan
 
 
-def test_its_words_are_still_their_motifs_once_they_are_joined(mixed, spoken):
-    bounds, motifs = shown_motifs(mixed, spoken)
+def test_its_words_are_still_their_motifs_once_they_are_joined(mixed, with_motifs):
+    bounds, motifs = shown_motifs(mixed, with_motifs)
     wanted = {round(word.start_s, 4): word.motif for word in mixed.plan.words}
     resolved = [wanted[round(start, 4)] for start in bounds[:-1] if round(start, 4) in wanted]
     assert len(resolved) >= len(motifs) - 1
     assert np.mean(np.array(resolved) == motifs[-len(resolved) :]) >= 0.9
 
 
-def test_its_plan_renders_the_same_dance(mixed, spoken):
-    again = cg.render(cg.Plan.from_json(mixed.plan.to_json()), spoken)
+def test_its_plan_renders_the_same_dance(mixed, with_motifs):
+    again = cg.render(cg.Plan.from_json(mixed.plan.to_json()), with_motifs)
     assert np.array_equal(again.local_quat, mixed.motion.local_quat)
     words = list(mixed.plan.words)
     words[3] = replace(words[3], source_end_s=99.0)
     with pytest.raises(ParameterError, match="99"):
-        cg.render(replace(mixed.plan, words=tuple(words)), spoken)
+        cg.render(replace(mixed.plan, words=tuple(words)), with_motifs)
 
 
-def test_the_same_seed_mixes_the_same_and_another_another(mixed, spoken, song):
-    assert cg.dance(song, spoken, engine="mixer").plan == mixed.plan
-    other = cg.dance(song, spoken, engine="mixer", config=cg.DanceConfig(seed=5))
+def test_the_same_seed_mixes_the_same_and_another_another(mixed, with_motifs, song):
+    assert cg.dance(song, with_motifs, engine="mixer").plan == mixed.plan
+    other = cg.dance(song, with_motifs, engine="mixer", config=cg.DanceConfig(seed=5))
     assert [w.motif for w in other.plan.words] != [w.motif for w in mixed.plan.words]
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
-def test_pinned_motifs_always_hold(spoken, song, engine, seed):
+def test_pinned_motifs_always_hold(with_motifs, song, engine, seed):
     rng = np.random.default_rng(seed)
     times = [1.7, 2.2, 5.1, 9.9]  # two of them next to each other
-    pins = [cg.MotifPin(at_s, int(rng.integers(spoken.vocabulary.n_motifs))) for at_s in times]
-    made = cg.dance(song, spoken, engine=engine, pins=pins)
+    pins = [cg.MotifPin(at_s, int(rng.integers(with_motifs.vocabulary.n_motifs))) for at_s in times]
+    made = cg.dance(song, with_motifs, engine=engine, pins=pins)
     for pin in pins:
-        assert motif_at(made, spoken, pin.at_s) == pin.motif
+        assert motif_at(made, with_motifs, pin.at_s) == pin.motif
     pinned = [word for word in made.plan.words if word.pinned]
     if engine == "mixer":
         assert [word.motif for word in pinned] == [pin.motif for pin in pins]
     else:
         assert {word.motif for word in pinned} <= {pin.motif for pin in pins}
         assert len(made.plan.seconds) == 13
-    again = cg.render(made.plan, spoken)
+    again = cg.render(made.plan, with_motifs)
     assert np.array_equal(again.local_quat, made.motion.local_quat)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_where_a_take_is_pinned_nothing_else_is_danced(spoken, song, engine):
+def test_where_a_take_is_pinned_nothing_else_is_danced(with_motifs, song, engine):
     pin = cg.TakePin(4.0, 8.0, "take2")
-    made = cg.dance(song, spoken, engine=engine, pins=[pin], bans=[cg.Ban(take="take1")])
+    made = cg.dance(song, with_motifs, engine=engine, pins=[pin], bans=[cg.Ban(take="take1")])
     assert takes_between(made, 4.0, 8.0) == {"take2"}
     assert "take1" not in made.plan.takes_s()
 
 
-def test_joins_that_move_to_beats_stay_out_of_a_pinned_take(spoken, song):
-    made = cg.dance(song, spoken, pins=[cg.TakePin(4.0, 8.0, "take2")], bans=[cg.Ban(take="take1")])
+def test_joins_that_move_to_beats_stay_out_of_a_pinned_take(with_motifs, song):
+    made = cg.dance(song, with_motifs, pins=[cg.TakePin(4.0, 8.0, "take2")], bans=[cg.Ban(take="take1")])
     runs = plan_runs(made.plan)
     assert {run.take for run in runs if run.start_s < 8.0 - 1e-6 and run.stop_s > 4.0 + 1e-6} == {"take2"}
     with pytest.raises(ParameterError, match="share second 4"):
-        cg.dance(song, spoken, pins=[cg.TakePin(2.0, 4.2, "take2"), cg.TakePin(4.8, 6.0, "take1")])
+        cg.dance(song, with_motifs, pins=[cg.TakePin(2.0, 4.2, "take2"), cg.TakePin(4.8, 6.0, "take1")])
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_motif_within_a_pinned_take(spoken, song, engine):
-    v = spoken.vocabulary
+def test_a_motif_within_a_pinned_take(with_motifs, song, engine):
+    v = with_motifs.vocabulary
     motif = int(v.word_motif[v.words_of_take(1)[8]])
     pins = [cg.TakePin(3.0, 7.0, "take1"), cg.MotifPin(5.2, motif)]
-    made = cg.dance(song, spoken, engine=engine, pins=pins)
+    made = cg.dance(song, with_motifs, engine=engine, pins=pins)
     assert takes_between(made, 3.0, 7.0) == {"take1"}
-    assert motif_at(made, spoken, 5.2) == motif
+    assert motif_at(made, with_motifs, 5.2) == motif
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_bans_are_never_danced(spoken, song, engine):
-    made = cg.dance(song, spoken, engine=engine, bans=[cg.Ban(genre="a")])
+def test_bans_are_never_danced(with_motifs, song, engine):
+    made = cg.dance(song, with_motifs, engine=engine, bans=[cg.Ban(genre="a")])
     assert "take0" not in made.plan.takes_s()
-    free = cg.dance(song, spoken, engine=engine)
-    _, motifs = shown_motifs(free, spoken)
+    free = cg.dance(song, with_motifs, engine=engine)
+    _, motifs = shown_motifs(free, with_motifs)
     banned = int(np.bincount(motifs).argmax())
-    made = cg.dance(song, spoken, engine=engine, bans=[cg.Ban(motif=banned)])
-    assert banned not in shown_motifs(made, spoken)[1]
+    made = cg.dance(song, with_motifs, engine=engine, bans=[cg.Ban(motif=banned)])
+    assert banned not in shown_motifs(made, with_motifs)[1]
     assert banned not in {word.motif for word in made.plan.words}
 
 
-def test_a_genre_and_a_signature_are_followed(spoken, song):
-    v = spoken.vocabulary
+def test_a_genre_and_a_signature_are_followed(with_motifs, song):
+    v = with_motifs.vocabulary
     for genre in ("b", "c"):
-        made = cg.dance(song, spoken, engine="mixer", genre=genre)
+        made = cg.dance(song, with_motifs, engine="mixer", genre=genre)
         shares = v.signatures[v.genre_index(genre)]
         assert all(shares[word.motif] > 0 for word in made.plan.words)
     only = np.zeros(v.n_motifs)
     only[2] = 1.0
-    made = cg.dance(song, spoken, engine="mixer", signature=only)
+    made = cg.dance(song, with_motifs, engine="mixer", signature=only)
     motifs = [word.motif for word in made.plan.words]
     assert motifs.count(2) > len(motifs) / 3
-    np.testing.assert_array_equal(cg.signature_of("b", spoken), v.signatures[1])
+    np.testing.assert_array_equal(cg.signature_of("b", with_motifs), v.signatures[1])
 
 
-def test_a_dance_is_made_again_to_another_song(spoken, song):
-    motifs = cg.motifs_of("take2", spoken)
-    assert list(motifs) == spoken.vocabulary.word_motif[spoken.vocabulary.words_of_take(2)].tolist()
-    made = cg.dance(song, spoken, motifs=motifs)  # a sequence asks for the mixer
+def test_a_dance_is_made_again_to_another_song(with_motifs, song):
+    motifs = cg.motifs_of("take2", with_motifs)
+    assert list(motifs) == with_motifs.vocabulary.word_motif[with_motifs.vocabulary.words_of_take(2)].tolist()
+    made = cg.dance(song, with_motifs, motifs=motifs)  # a sequence asks for the mixer
     n_words = len(made.plan.words)
     assert made.plan.engine == "mixer"
     assert [word.motif for word in made.plan.words] == list(motifs[:n_words])
     assert any(f"{len(motifs)} motifs were given" in note for note in made.notes)
-    few = cg.dance(song, spoken, motifs=motifs[:4])
+    few = cg.dance(song, with_motifs, motifs=motifs[:4])
     assert [word.motif for word in few.plan.words[:4]] == list(motifs[:4])
     assert any("the rest is drawn" in note for note in few.notes)
 
 
 @pytest.mark.slow
-def test_a_motion_file_is_made_again(spoken, mixed, song, tmp_path):
+def test_a_motion_file_is_made_again(with_motifs, mixed, song, tmp_path):
     mixed.save(tmp_path / "old.bvh")
     (tmp_path / "old.wav").write_bytes(Path(song).read_bytes())
-    motifs = np.array(cg.motifs_of(tmp_path / "old.bvh", spoken))
-    _, shown = shown_motifs(mixed, spoken)
+    motifs = np.array(cg.motifs_of(tmp_path / "old.bvh", with_motifs))
+    _, shown = shown_motifs(mixed, with_motifs)
     assert abs(len(motifs) - len(shown)) <= 1
     same = max(np.mean(motifs[i : i + 20] == shown[:20]) for i in range(2))
     assert same > 0.8
     with pytest.raises(ParameterError, match="nobody"):
-        cg.motifs_of("nobody", spoken)
+        cg.motifs_of("nobody", with_motifs)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_variations_differ(spoken, song, engine):
-    made = cg.vary(song, spoken, 3, engine=engine, duration_s=6.0)
+def test_variations_differ(with_motifs, song, engine):
+    made = cg.vary(song, with_motifs, 3, engine=engine, duration_s=6.0)
     assert len(made) == 3
     for i, one in enumerate(made):
         for other in made[:i]:
-            # Planted takes repeat themselves: what differs is what of which take is danced.
+            # Synthetic takes repeat themselves: what differs is what of which take is danced.
             sources = [[(b.planned.take, b.source_start_s) for b in d.plan.blocks] for d in (one, other)]
             assert sum(a != b for a, b in zip(*sources, strict=False)) >= len(sources[0]) / 2
     with pytest.raises(ParameterError, match="got 0"):
-        cg.vary(song, spoken, 0)
+        cg.vary(song, with_motifs, 0)
 
 
 @pytest.mark.parametrize(
@@ -226,15 +226,15 @@ def test_variations_differ(spoken, song, engine):
         ({"signature": [0.5, 0.6]}, "sum to 1"),
         ({"signature": [0.5, 0.5]}, "another repertoire"),
         ({"motifs": [cg.MotifPin(1.0, 1), 2]}, "all have times"),
-        ({"motifs": [1.5]}, "as numbers"),
+        ({"motifs": [1.5]}, "as whole numbers"),
         ({"motifs": [99]}, "motif 99"),
     ],
 )
-def test_wishes_that_cannot_be_fulfilled(spoken, constraints, says):
+def test_constraints_that_cannot_be_met(with_motifs, constraints, says):
     def check() -> None:
         wanted = make_constraints(**constraints)
-        resolve(wanted, spoken, np.arange(0.0, 12.6, 0.5), 12.4)
-        target_goal(wanted, spoken)
+        resolve(wanted, with_motifs, np.arange(0.0, 12.6, 0.5), 12.4)
+        target_goal(wanted, with_motifs)
 
     with pytest.raises(ParameterError, match=says) as said:
         check()
@@ -242,33 +242,33 @@ def test_wishes_that_cannot_be_fulfilled(spoken, constraints, says):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_every_engine_refuses_them(spoken, song, engine):
+def test_every_engine_refuses_them(with_motifs, song, engine):
     for constraints in (
         {"pins": [cg.MotifPin(13.0, 1)]},
         {"signature": [0.5, 0.5]},
         {"bans": [cg.Ban(motif=99)]},
     ):
         with pytest.raises(ParameterError):
-            cg.dance(song, spoken, engine=engine, **constraints)
+            cg.dance(song, with_motifs, engine=engine, **constraints)
 
 
-def test_what_only_one_engine_can_do(spoken, song):
+def test_what_only_one_engine_can_do(with_motifs, song):
     with pytest.raises(ParameterError, match="graph engine"):
-        cg.dance(song, spoken, engine="graph", motifs=[1, 2, 3])
-    with pytest.raises(ParameterError, match="costs and weights"):
-        cg.dance(song, spoken, engine="mixer", weights={"style": 1.0})
+        cg.dance(song, with_motifs, engine="graph", motifs=[1, 2, 3])
+    with pytest.raises(ParameterError, match="expected no weights with the mixer engine"):
+        cg.dance(song, with_motifs, engine="mixer", weights={"style": 1.0})
     with pytest.raises(ParameterError, match="motion-graph"):
-        cg.dance(song, spoken, engine="mixer", config=cg.DanceConfig(planner="motion-graph"))
+        cg.dance(song, with_motifs, engine="mixer", config=cg.DanceConfig(planner="motion-graph"))
     with pytest.raises(ParameterError, match="steam"):
-        cg.dance(song, spoken, engine="steam")
+        cg.dance(song, with_motifs, engine="steam")
     with pytest.raises(ParameterError, match="one take, genre or motif"):
         cg.Ban()
 
 
-def test_a_ban_that_leaves_no_path_is_named(spoken, song):
-    motifs = [cg.Ban(motif=motif) for motif in range(spoken.vocabulary.n_motifs - 1)]
+def test_a_ban_that_leaves_no_path_is_named(with_motifs, song):
+    motifs = [cg.Ban(motif=motif) for motif in range(with_motifs.vocabulary.n_motifs - 1)]
     with pytest.raises(NoPathError, match="--ban motif:0"):
-        cg.dance(song, spoken, bans=motifs)
+        cg.dance(song, with_motifs, bans=motifs)
 
 
 @pytest.mark.parametrize("constraints", [{"engine": "mixer"}, {"engine": "rollout"}, {"genre": "a"}])

@@ -20,7 +20,7 @@ def choices_of(rng: np.random.Generator, n_words: int, first: int = 0) -> Candid
 
 def cost(candidates: list[Candidates], rows: tuple[int, ...]) -> float:
     """What a way costs, written down directly."""
-    total = sum(here.price_m[row] for here, row in zip(candidates, rows, strict=True))
+    total = sum(here.cost_m[row] for here, row in zip(candidates, rows, strict=True))
     for (a, i), (b, j) in itertools.pairwise(zip(candidates, rows, strict=True)):
         total += np.sqrt(np.mean(np.sum((a.last_m[i] - b.first_m[j]) ** 2, axis=-1)))
         total += 0.15 * (a.words[i] == b.words[j])
@@ -43,7 +43,7 @@ def test_the_exact_search_finds_the_cheapest_of_all_ways(seed, sizes):
 def test_the_word_that_really_followed_is_taken(search):
     rng = np.random.default_rng(0)
     first, second = choices_of(rng, 1), choices_of(rng, 9, first=10)
-    second.price_m[:] = 0.0
+    second.cost_m[:] = 0.0
     second.first_m[6] = first.last_m[0]
     assert search_words([first, second], search=search).tolist() == [0, 16]
 
@@ -53,7 +53,7 @@ def test_the_same_word_again_only_if_nothing_else_is_near():
     poses[0, 1] += 0.05 / np.sqrt(3)  # the other word begins 5 cm away
     here = Candidates(np.array([4, 5]), np.zeros(2), *poses)
     assert search_words([here.without(5), here]).tolist() == [4, 5]
-    far = Candidates(here.words, here.price_m, here.first_m * 20, here.last_m)  # 1 m
+    far = Candidates(here.words, here.cost_m, here.first_m * 20, here.last_m)  # 1 m
     assert search_words([far.without(5), far]).tolist() == [4, 4]
 
 

@@ -1,4 +1,4 @@
-"""The built-in costs against scalar readings of their formulas."""
+"""The built-in costs against their formulas, pair by pair."""
 
 from __future__ import annotations
 
@@ -9,7 +9,20 @@ import numpy as np
 import pytest
 from synthetic_layers import random_source
 
-from choreograph.graph import Completeness, Cost, Pace, Repeat, Rhythm, Style, Transition, Variety, Velocity
+from choreograph.config import DEFAULT_WEIGHTS
+from choreograph.graph import (
+    BUILTIN_COSTS,
+    MOTIF_COSTS,
+    Completeness,
+    Cost,
+    Pace,
+    Repeat,
+    Rhythm,
+    Style,
+    Transition,
+    Variety,
+    Velocity,
+)
 
 
 @pytest.fixture(params=range(3))
@@ -32,7 +45,7 @@ def test_completeness_is_the_formula_pair_by_pair(layers):
     cost = Completeness().edge(a, b, song_features)
     by_hand = [[completeness_by_hand(a, b, i, j) for j in range(b.n_nodes)] for i in range(a.n_nodes)]
     assert np.allclose(cost, by_hand, atol=1e-6)
-    assert (cost < 1).sum() == len(a.successors_in(b)[0]) == 12  # 4 segments each of 3 ages play on
+    assert (cost < 1).sum() == len(a.successors_in(b)[0]) == 12  # 4 segments of each of 3 ages continue
 
 
 def test_transition_is_the_rms_joint_distance_and_zero_for_successors(layers):
@@ -58,11 +71,11 @@ def test_style_and_rhythm(layers):
     a, _, song_features = layers
     by_hand = [math.dist(style, song_features.style[3]) for style in a.style]
     assert np.allclose(Style().node(a, song_features), by_hand, rtol=1e-5)
-    assert np.allclose(Rhythm().node(a, song_features), a.unmatched_beat + a.fit)
+    assert np.allclose(Rhythm().node(a, song_features), a.unmatched_beat + a.density_mismatch)
 
 
-def test_pace_is_octaves_off_the_takes_own_speed(layers):
-    layer = layers[0].chosen(np.arange(4))
+def test_pace_is_the_change_of_speed_in_octaves(layers):
+    layer = layers[0].subset(np.arange(4))
     steps = np.linspace(0.0, 1.0, 21)
     speeds = np.array([1.0, 2.0, 0.5, 1.25])
     frames = 20.0 * speeds[:, None] * steps
@@ -72,10 +85,10 @@ def test_pace_is_octaves_off_the_takes_own_speed(layers):
     assert Pace().node(replace(layer, source_frames=np.tile(hurried, (4, 1))), None) == pytest.approx(1.0)
 
 
-def test_variety_prices_takes_by_what_they_have_danced():
+def test_variety_is_the_recent_usage_of_takes():
     source, song_features = random_source(0, tie_break_s=np.array([0.0, 3.0]))
     recent_usage_s = source.recent_usage_after([0] * 12)
-    assert 11 < recent_usage_s[0] < 12  # the first of them is a little forgotten
+    assert 11 < recent_usage_s[0] < 12  # decayed a little
     assert recent_usage_s[1] == 3
     layer = source.layer(3).with_recent_usage(recent_usage_s)
     assert np.allclose(
@@ -83,7 +96,7 @@ def test_variety_prices_takes_by_what_they_have_danced():
     )
 
 
-def test_what_was_danced_long_ago_no_longer_tires():
+def test_usage_decays():
     source, _ = random_source(0, tie_break_s=np.zeros(2))
     lately, long_ago = (
         source.recent_usage_after([1] * 600 + [0] * 20),
@@ -91,16 +104,16 @@ def test_what_was_danced_long_ago_no_longer_tires():
     )
     assert lately[0] > 15
     assert long_ago[0] < 1
-    assert long_ago[1] < 130  # nor does anybody tire without end
+    assert long_ago[1] < 130  # and is bounded
 
 
-def test_takes_do_not_tire_where_nobody_asks():
+def test_usage_is_not_counted_without_tie_breaks():
     source, song_features = random_source(0)
     assert not source.recent_usage_after([0, 1, 1]).any()
     assert not Variety().node(source.layer(3), song_features).any()
 
 
-def test_repeat_is_going_back_less_than_a_clip_in_one_take(layers):
+def test_repeat_is_1_for_going_back_less_than_a_clip_in_one_take(layers):
     a, b, song_features = layers
     back = a.take_frames[:, 1][:, None] - b.take_frames[:, 0][None]
     by_hand = (a.take[:, None] == b.take[None]) & (back > 5) & (back < 160)
@@ -121,8 +134,8 @@ def test_successors_are_the_pairs_of_one_segment_one_quarter_apart(layers):
         if a.segment[i] == b.segment[j] and a.offset[i] + 1 == b.offset[j]
     }
     assert pairs == by_hand
-    # Also when nodes were forbidden on either side.
-    few_a, few_b = a.chosen(a.offset != 1), b.chosen(np.arange(b.n_nodes) % 3 == 0)
+    # Also when nodes on either side are forbidden.
+    few_a, few_b = a.subset(a.offset != 1), b.subset(np.arange(b.n_nodes) % 3 == 0)
     for i, j in zip(*few_a.successors_in(few_b), strict=True):
         assert few_a.segment[i] == few_b.segment[j]
         assert few_a.offset[i] + 1 == few_b.offset[j]
@@ -138,7 +151,7 @@ def test_a_layer_holds_the_segments_of_its_last_four_seconds():
     assert set(layer.take_names) <= {"left", "right"}
 
 
-def test_a_cost_is_called_by_its_class_or_by_its_own_name():
+def test_a_cost_has_its_class_name_or_its_own():
     class LowPoses(Cost):
         pass
 
@@ -150,3 +163,7 @@ def test_a_cost_is_called_by_its_class_or_by_its_own_name():
     source, song_features = random_source(0)
     assert Another().node(source.layer(0), song_features) is None
     assert Another().edge(source.layer(0), source.layer(1), song_features) is None
+
+
+def test_default_weights_are_of_the_graphs_costs():
+    assert tuple(DEFAULT_WEIGHTS) == tuple(cost.name for cost in (*BUILTIN_COSTS, *MOTIF_COSTS))

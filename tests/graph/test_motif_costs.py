@@ -1,4 +1,4 @@
-"""Steering costs: what is paid is the distance reached, and both planners reach what can be reached."""
+"""Motif costs: their mean is the distance of the dance to the goal, and both planners reduce it."""
 
 from __future__ import annotations
 
@@ -35,22 +35,22 @@ def random_goal(seed: int, n_motifs: int = K) -> MotifGoal:
     return MotifGoal(shares, rng.dirichlet(np.full(n_motifs, 0.3), size=n_motifs))
 
 
-def danced(path) -> np.ndarray:
+def motifs_of(path) -> np.ndarray:
     motifs = np.concatenate([node.motifs[0] for node in path.nodes])
     return motifs[motifs >= 0].astype(int)
 
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**31), st.sampled_from([plan_exact, plan_greedy]))
-def test_the_mean_of_what_is_paid_is_the_distance_of_the_dance(seed, planner):
+def test_the_mean_cost_is_the_distance_of_the_dance(seed, planner):
     source, song_features = random_source(seed, n_seconds=8, k=5, n_motifs=K)
     goal = random_goal(seed)
     path = planner(source, [*BUILTIN, WeightedCost(Signature(goal, song_features), 3.0)], song_features)
     paid = [costs["signature"] for costs in path.costs]
-    distance = chi_square_distance(signature(danced(path), K), goal.signature)
+    distance = chi_square_distance(signature(motifs_of(path), K), goal.signature)
     assert np.mean(paid) / 3.0 == pytest.approx(distance, abs=1e-5)
-    counts = np.bincount(danced(path), minlength=K)
-    assert np.array_equal(path.nodes[-1].danced[0], counts)
+    counts = np.bincount(motifs_of(path), minlength=K)
+    assert np.array_equal(path.nodes[-1].motif_counts[0], counts)
 
 
 @settings(max_examples=30, deadline=None)
@@ -65,14 +65,14 @@ def test_exact_is_never_costlier_than_greedy_with_a_signature(seed, weight):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_leaving_out_hopeless_predecessors_changes_nothing_with_a_signature(seed):
+def test_pruning_predecessors_changes_nothing_with_a_signature(seed):
     source, song_features = random_source(seed, n_seconds=7, k=12, n_clips=14, n_motifs=K)
     goal = random_goal(seed)
 
     class Unbounded(Signature):
         name = "signature"
 
-        def least_edges(self, previous, next, song_features):
+        def min_edge_costs(self, previous, next, song_features):
             return -np.inf
 
     paths = [
@@ -84,36 +84,36 @@ def test_leaving_out_hopeless_predecessors_changes_nothing_with_a_signature(seed
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**31))
-def test_no_edge_costs_less_than_the_cost_says(seed):
+def test_min_edge_costs_are_lower_bounds(seed):
     source, song_features = random_source(seed, n_seconds=4, n_motifs=K)
     rng = np.random.default_rng(seed)
     previous, following = source.layer(2), source.layer(3)
-    previous = previous.after(rng.integers(0, 4, previous.danced.shape).astype(np.int16))
+    previous = previous.with_motif_counts(rng.integers(0, 4, previous.motif_counts.shape).astype(np.int16))
     for cost in (
         Signature(random_goal(seed), song_features),
         MotifTransition(random_goal(seed), song_features),
     ):
         least = cost.edge(previous, following, song_features).min(axis=0)
-        assert (least >= cost.least_edges(previous, following, song_features) - 1e-6).all()
+        assert (least >= cost.min_edge_costs(previous, following, song_features) - 1e-6).all()
 
 
 class Wanders(Cost):
-    """Prefers one motif strongly enough that without a signature nothing else is danced."""
+    """Prefers one motif so strongly that without a signature no other is chosen."""
 
     def node(self, layer, song_features):
         return 0.1 * (layer.motifs != 0).sum(axis=1)
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
-def test_a_signature_that_can_be_danced_is_danced(planner):
+def test_a_feasible_signature_is_reached(planner):
     # 30 nodes a second with two random words each: any mix can be put together, to a word or two.
     source, song_features = random_source(0, n_seconds=24, k=30, n_clips=30, n_motifs=4)
     goal = MotifGoal(np.array([0.1, 0.5, 0.4, 0.0]), np.full((4, 4), 0.25))
     wandering = [WeightedCost(Wanders(), 1.0)]
     without = planner(source, wandering, song_features)
-    assert chi_square_distance(signature(danced(without), 4), goal.signature) > 0.5
+    assert chi_square_distance(signature(motifs_of(without), 4), goal.signature) > 0.5
     steered = planner(source, [*wandering, WeightedCost(Signature(goal, song_features), 20.0)], song_features)
-    assert chi_square_distance(signature(danced(steered), 4), goal.signature) < 0.005
+    assert chi_square_distance(signature(motifs_of(steered), 4), goal.signature) < 0.005
 
 
 def test_the_beam_comes_near_the_best_of_all_paths():
@@ -135,21 +135,21 @@ def test_the_beam_comes_near_the_best_of_all_paths():
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
-def test_steps_that_dancers_take_are_taken(planner):
+def test_likely_transitions_are_chosen(planner):
     source, song_features = random_source(3, n_seconds=12, k=40, n_clips=40, n_motifs=3)
     cycle = MotifGoal(np.full(3, 1 / 3), np.roll(np.eye(3), 1, axis=1))
     path = planner(source, [WeightedCost(MotifTransition(cycle, song_features), 1.0)], song_features)
-    words = danced(path)
+    words = motifs_of(path)
     assert np.array_equal((words[:-1] + 1) % 3, words[1:])
     assert path.total == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
-def test_a_transition_pays_for_every_step_from_word_to_word(planner):
+def test_every_transition_between_words_is_counted_once(planner):
     source, song_features = random_source(4, n_seconds=8, n_motifs=K)
     goal = random_goal(4)
     path = planner(source, [*BUILTIN, WeightedCost(MotifTransition(goal, song_features), 2.0)], song_features)
-    words = danced(path)
+    words = motifs_of(path)
     by_hand = np.minimum(-np.log(goal.transitions[words[:-1], words[1:]]) / np.log(1000), 1.0)
     paid = sum(costs["motif_transition"] for costs in path.costs)
     assert paid == pytest.approx(2.0 * by_hand.sum() * song_features.n_seconds / len(words), rel=1e-5)
@@ -170,17 +170,17 @@ def test_weights_of_zero_leave_the_dance_as_it_was(planner):
     assert with_them.total == without.total
 
 
-def test_nodes_dance_the_words_whose_middle_they_hold():
+def test_a_word_belongs_to_the_node_with_its_middle():
     source, song_features = random_source(7, n_seconds=6, k=3)
     segments, clips = source._segments, source._clips
-    asked = []
+    requests = []
 
     def motifs_of(take, start_s, stop_s):
-        asked.append((take, start_s, stop_s))
+        requests.append((take, start_s, stop_s))
         return np.arange(take.size)
 
     motifs = node_motifs(segments, clips, song_words_s(song_features), motifs_of)
-    [(take, start_s, stop_s)] = asked
+    [(take, start_s, stop_s)] = requests
     assert motifs.shape == (6, 3, 4, 2)
     for second, rank, offset in np.ndindex(6, 3, 4):
         clip = segments.clip[second, rank]
@@ -188,15 +188,15 @@ def test_nodes_dance_the_words_whose_middle_they_hold():
         words = motifs[second, rank, offset]
         held = (0, 0.5) if second + offset < 6 else ()
         assert (words >= 0).sum() == len(held)
-        for place, t in enumerate(held):
-            word = words[place]
+        for slot, t in enumerate(held):
+            word = words[slot]
             assert take[word] == clips.take[clip]
-            # The planted maps play at the take's own pace.
+            # The synthetic time maps play at original speed.
             assert start_s[word] == pytest.approx((origin + 20 * (offset + t)) / 20, abs=1e-4)
             assert stop_s[word] - start_s[word] == pytest.approx(0.5, abs=1e-4)
 
 
-def test_a_word_over_the_border_belongs_to_where_its_middle_is():
+def test_a_word_across_a_border_belongs_to_the_side_of_its_middle():
     source, _ = random_source(8, n_seconds=4, k=2)
     bounds = np.array([0.3, 1.2, 2.4, 3.1])  # middles at 0.75, 1.8, 2.75
     motifs = node_motifs(

@@ -1,4 +1,4 @@
-"""Planners: the exact path is the cheapest there is, and what is forbidden is not danced."""
+"""Planners: the exact path is the cheapest of all, and forbidden nodes are never chosen."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BUILTIN = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_
 
 
 class RandomCost(Cost):
-    """Any price on anything, by node identity, so that it is the same however layers are cut."""
+    """A random cost of every node and edge, by node identity: the same for any subset of a layer."""
 
     def __init__(self, seed: int, low: float = 0.0, forbidden: float = 0.0) -> None:
         self.seed, self.low, self.forbidden = seed, low, forbidden
@@ -55,7 +55,7 @@ class Forbids(Cost):
         return np.full((previous.n_nodes, next.n_nodes), np.inf if next.second == self.second else 0.0)
 
 
-def cheapest_by_trying_all(source, costs, song_features) -> float:
+def cheapest_by_brute_force(source, costs, song_features) -> float:
     layers = [source.layer(second) for second in range(source.n_seconds)]
     nodes = [
         sum(np.nan_to_num(w.weight * w.cost.node(la, song_features), posinf=np.inf) for w in costs)
@@ -89,7 +89,7 @@ def test_exact_is_never_costlier_than_greedy(seed):
 def test_exact_is_the_best_of_all_paths(seed, low, forbidden):
     source, song_features = random_source(seed, n_seconds=5, k=2, n_clips=3)
     costs = [WeightedCost(RandomCost(seed, low, forbidden), 1.0)]
-    best = cheapest_by_trying_all(source, costs, song_features)
+    best = cheapest_by_brute_force(source, costs, song_features)
     if np.isfinite(best):
         assert plan_exact(source, costs, song_features).total == pytest.approx(best, abs=1e-5)
     else:
@@ -98,9 +98,8 @@ def test_exact_is_the_best_of_all_paths(seed, low, forbidden):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_leaving_out_hopeless_predecessors_changes_nothing(seed):
-    # More than 16 nodes a layer, so that there are predecessors besides the scouts; costs that are
-    # the same but for a constant, below zero in one case, have the same best path.
+def test_pruning_predecessors_changes_nothing(seed):
+    # Costs that differ by a constant have the same best path; the negative ones cannot be pruned.
     source, song_features = random_source(seed, n_seconds=7, k=12, n_clips=14)
 
     class Lowered(RandomCost):
@@ -115,8 +114,8 @@ def test_leaving_out_hopeless_predecessors_changes_nothing(seed):
     assert [n.segment[0] for n in full.nodes] == [n.segment[0] for n in pruned.nodes]
 
 
-def test_an_edge_below_zero_from_a_dear_node_is_found():
-    # Only nodes dear enough not to be tried first have a negative edge: leaving them out would lose.
+def test_a_negative_edge_from_an_expensive_node_is_found():
+    # Only a node too expensive to come first has a negative edge: pruning it would miss the best path.
     source, song_features = random_source(1, n_seconds=2, k=40, n_clips=40)
 
     class Bait(Cost):
@@ -132,20 +131,20 @@ def test_an_edge_below_zero_from_a_dear_node_is_found():
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
-def test_totals_are_the_sums_of_what_each_second_paid(planner):
+def test_totals_are_the_sums_of_each_seconds_costs(planner):
     source, song_features = random_source(4)
     path = planner(source, BUILTIN, song_features)
-    for second, (node, paid) in enumerate(zip(path.nodes, path.costs, strict=True)):
+    for second, (node, terms) in enumerate(zip(path.nodes, path.costs, strict=True)):
         for w in BUILTIN:
             value = w.cost.node(node, song_features)
             expected = 0.0 if value is None else w.weight * float(value[0])
             if second and (edge := w.cost.edge(path.nodes[second - 1], node, song_features)) is not None:
                 expected += w.weight * float(edge[0, 0])
-            assert paid[w.cost.name] == pytest.approx(expected, abs=2e-3)
+            assert terms[w.cost.name] == pytest.approx(expected, abs=2e-3)
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
-def test_takes_that_tire_are_danced_in_turn(planner):
+def test_takes_alternate_when_recent_usage_counts(planner):
     class Favourite(Cost):
         def node(self, layer, song_features):
             return np.where(layer.take == 0, 0.0, 1.0)
@@ -156,14 +155,14 @@ def test_takes_that_tire_are_danced_in_turn(planner):
         takes = [int(node.take[0]) for node in path.nodes]
         assert sum(takes) >= others_s
         assert not sum(takes) or others_s
-        for second, (node, paid) in enumerate(zip(path.nodes, path.costs, strict=True)):
-            assert paid["variety"] == pytest.approx(
+        for second, (node, terms) in enumerate(zip(path.nodes, path.costs, strict=True)):
+            assert terms["variety"] == pytest.approx(
                 source.recent_usage_after(takes[:second])[node.take[0]] / 12, abs=0.2
             )
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy, plan_motion_graph])
-def test_a_forbidden_take_is_not_danced(planner):
+def test_a_forbidden_take_is_not_chosen(planner):
     source, song_features = random_source(2, n_seconds=8)
     path = planner(source, [*BUILTIN, WeightedCost(Forbids(take="left"), 1.0)], song_features)
     assert {str(node.take_names[0]) for node in path.nodes} == {"right"}
@@ -171,14 +170,14 @@ def test_a_forbidden_take_is_not_danced(planner):
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
 @pytest.mark.parametrize("edges", [True, False])
-def test_the_second_that_cannot_be_danced_is_named(planner, edges):
+def test_a_second_without_allowed_nodes_is_named(planner, edges):
     source, song_features = random_source(2)
-    with pytest.raises(NoPathError, match="second 3") as said:
+    with pytest.raises(NoPathError, match="second 3") as error:
         planner(source, [*BUILTIN, WeightedCost(Forbids(second=3, edges=edges), 1.0)], song_features)
-    assert "\n" not in str(said.value)
+    assert "\n" not in str(error.value)
 
 
-def test_exact_walks_round_a_dead_end_that_greedy_falls_into():
+def test_exact_avoids_a_dead_end_that_greedy_runs_into():
     source, song_features = random_source(0, n_seconds=2, k=2)
 
     class DeadEnd(Cost):
@@ -243,4 +242,4 @@ def test_the_motion_graph_walks_on_first_seconds_only(seed):
     path = plan_motion_graph(source, BUILTIN, song_features)
     assert [node.second for node in path.nodes] == list(range(9))
     assert all(node.offset[0] == 0 for node in path.nodes)
-    assert all(set(paid) == {"transition"} for paid in path.costs)
+    assert all(set(terms) == {"transition"} for terms in path.costs)

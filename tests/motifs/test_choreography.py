@@ -1,4 +1,4 @@
-"""The choreography level: pins are honoured, steps are those of dancers, the signature is approached."""
+"""Drawn motif sequences: pins are kept, transitions are observed ones, the signature is approached."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def _library(seed, n_motifs=K):
 GOAL, STEPS = _library(0)
 
 
-def _danced(motifs, steps=STEPS):
+def _is_observed(motifs, steps=STEPS):
     return np.all(steps[motifs[:-1], motifs[1:]] > 0)
 
 
@@ -43,7 +43,7 @@ def _danced(motifs, steps=STEPS):
     st.integers(0, 99),
     st.sampled_from(NEEDS),
 )
-def test_pins_are_honoured_whatever_they_are(size_and_pins, seed, need):
+def test_any_pins_are_kept(size_and_pins, seed, need):
     n, pins = size_and_pins
     motifs = draw_motifs(n, GOAL, STEPS, rng=np.random.default_rng(seed), pins=pins, need=need)
     assert motifs.shape == (n,) and motifs.min() >= 0 and motifs.max() < K
@@ -51,18 +51,20 @@ def test_pins_are_honoured_whatever_they_are(size_and_pins, seed, need):
 
 
 @pytest.mark.parametrize("need", NEEDS)
-def test_a_dance_comes_near_its_signature_by_steps_that_are_danced(need):
+def test_a_dance_approaches_its_signature_by_observed_transitions(need):
     ends = []
     for seed in range(5):
         motifs = draw_motifs(250, GOAL, STEPS, rng=np.random.default_rng(seed), need=need)
-        assert _danced(motifs)
+        assert _is_observed(motifs)
         far = [float(chi_square_distance(signature(motifs[:n], K), GOAL)) for n in (10, 250)]
         assert far[1] < far[0]
         ends.append(far[1])
-    assert np.mean(ends) < (0.002 if need == "missing" else 0.1)  # by the letter it is pulled away, too
+    assert np.mean(ends) < (
+        0.002 if need == "missing" else 0.1
+    )  # read literally, equation 5 also moves away from it
 
 
-def test_a_signature_of_ones_own_is_approached_where_steps_allow():
+def test_a_custom_signature_is_approached_where_transitions_allow():
     goal = np.full(K, 0.5 / (K - 1))
     goal[3] = 0.5
     free = np.full((K, K), 1 / K)
@@ -70,17 +72,17 @@ def test_a_signature_of_ones_own_is_approached_where_steps_allow():
     assert chi_square_distance(signature(motifs, K), goal) < 0.001
 
 
-def test_gaps_between_pins_are_filled_by_danced_steps():
+def test_gaps_between_pins_are_filled_with_observed_transitions():
     for seed in range(100):
         rng = np.random.default_rng(seed)
         real = draw_motifs(80, GOAL, STEPS, rng=rng)
         pins = {int(at): int(real[at]) for at in rng.choice(80, 25, replace=False)}
         motifs = draw_motifs(80, GOAL, STEPS, rng=rng, pins=pins)
-        assert _danced(motifs)  # the pins come from a dance, so there is a way
+        assert _is_observed(motifs)  # the pins come from a dance, so it is possible
         assert not np.array_equal(motifs, real)
 
 
-def test_a_dance_that_ends_on_one_motif_is_no_trap():
+def test_a_motif_that_ends_a_dance_is_not_absorbing():
     dances = [np.array([0, 1, 2, 3, 4, 4, 4, 4, 4]), np.array([3, 2, 1, 0, 1, 2])]
     goal, steps = template(dances, 5), transition_matrix(dances, 5)
     for seed in range(10):
@@ -88,8 +90,8 @@ def test_a_dance_that_ends_on_one_motif_is_no_trap():
         assert chi_square_distance(signature(motifs, 5), goal) < 0.01
 
 
-def test_a_chain_with_one_way_is_found_backwards_from_the_pin():
-    # 0 goes to 1 or 2; only 2 leads on to 4, and only after 3.
+def test_the_only_sequence_to_a_pin_is_found():
+    # 0 is followed by 1 or 2; only 2 leads to 4, through 3.
     steps = np.zeros((5, 5))
     steps[0, [1, 2]] = 0.9, 0.1
     steps[1, 1] = steps[2, 3] = steps[3, 4] = steps[4, 0] = 1.0
@@ -99,22 +101,22 @@ def test_a_chain_with_one_way_is_found_backwards_from_the_pin():
         np.testing.assert_array_equal(motifs, [0, 2, 3, 4])
 
 
-def test_far_pins_are_reached_without_a_step_nobody_made():
+def test_distant_pins_are_reached_without_unseen_transitions():
     goal, steps = _library(7, n_motifs=60)
     for seed in range(10):
         rng = np.random.default_rng(seed)
         pins = {0: int(rng.integers(60)), 30: int(rng.integers(60)), 90: int(rng.integers(60))}
-        assert _danced(draw_motifs(120, goal, steps, rng=rng, pins=pins), steps)
+        assert _is_observed(draw_motifs(120, goal, steps, rng=rng, pins=pins), steps)
 
 
-def test_pins_no_dance_can_join_are_still_kept():
+def test_pins_that_need_an_unseen_transition_are_kept():
     steps = np.eye(3)[[1, 2, 0]]  # 0, 1, 2, 0, ...
     motifs = draw_motifs(6, np.full(3, 1 / 3), steps, rng=np.random.default_rng(0), pins={0: 0, 5: 0})
     assert motifs[0] == motifs[5] == 0
-    assert np.sum(steps[motifs[:-1], motifs[1:]] == 0) == 1  # one leap is enough
+    assert np.sum(steps[motifs[:-1], motifs[1:]] == 0) == 1  # one unseen transition is enough
 
 
-def test_a_whole_dance_given_is_that_dance():
+def test_pinning_every_position_recreates_the_dance():
     dance = np.random.default_rng(5).integers(0, K, 40)
     pins = dict(enumerate(dance.tolist()))
     np.testing.assert_array_equal(
@@ -122,7 +124,7 @@ def test_a_whole_dance_given_is_that_dance():
     )
 
 
-def test_seeds_make_dances_and_the_same_seed_the_same():
+def test_the_seed_determines_the_dance():
     dances = [draw_motifs(100, GOAL, STEPS, rng=np.random.default_rng(seed)) for seed in (1, 1, 2)]
     np.testing.assert_array_equal(dances[0], dances[1])
     assert np.mean(dances[0] != dances[2]) > 0.3
@@ -135,7 +137,7 @@ def test_banned_motifs_do_not_occur():
     np.testing.assert_array_equal(only, 2)  # the signature has only what is banned
 
 
-def test_no_words_are_no_dance():
+def test_no_words_are_an_empty_dance():
     assert draw_motifs(0, GOAL, STEPS, rng=np.random.default_rng(0)).shape == (0,)
 
 
@@ -147,7 +149,7 @@ def test_no_words_are_no_dance():
         ({"pins": {-1: 0}}, "word -1"),
         ({"pins": {1: K}}, f"motif {K}"),
         ({"banned": [99]}, "motif 99"),
-        ({"pins": {2: 3}, "banned": [3]}, "give up one"),
+        ({"pins": {2: 3}, "banned": [3]}, "motif 3, pinned at word 2"),
         ({"banned": range(K)}, "all 8 banned"),
         ({"signature": GOAL * 0.9}, "sum"),
         ({"signature": GOAL[:-1] / GOAL[:-1].sum()}, "transitions"),
@@ -156,7 +158,7 @@ def test_no_words_are_no_dance():
         ({"need": "some"}, "some"),
     ],
 )
-def test_what_cannot_be_danced_is_refused_in_one_line(changes, named):
+def test_infeasible_requests_are_refused_in_one_line(changes, named):
     wanted = {"n_words": 10, "signature": GOAL, "transitions": STEPS, "rng": np.random.default_rng(0)}
     with pytest.raises(ParameterError, match=named) as caught:
         draw_motifs(**{**wanted, **changes})

@@ -1,4 +1,4 @@
-"""Motifs: planted clusters are found, medoids are words, and everything is deterministic."""
+"""Motifs: synthetic clusters are found, medoids are words, and everything is deterministic."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_the_same_seed_gives_the_same_motifs():
     np.testing.assert_array_equal(labels, labels_again)
 
 
-def test_words_that_are_all_alike_are_one_motif():
+def test_identical_words_are_one_motif():
     motifs, labels = find_motifs(np.ones((30, 4)), n_motifs=5)
     assert len(motifs) == 1
     np.testing.assert_array_equal(labels, 0)
@@ -83,7 +83,7 @@ def test_malformed_input_is_refused(vectors, n_motifs):
         find_motifs(vectors, n_motifs=n_motifs)
 
 
-def test_words_of_another_embedding_have_no_motif():
+def test_embeddings_of_another_dimension_are_refused():
     motifs, _ = find_motifs(np.eye(4))
     with pytest.raises(ParameterError, match="4"):
         motifs.nearest(np.eye(5))

@@ -1,4 +1,4 @@
-"""Dances whose moves are known: words of one move find each other across dances, and share motifs."""
+"""Dances with known moves: words of the same move are neighbours across dances, and share motifs."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ DANCES = [("salsa", 0, 100.0), ("salsa", 1, 108.0), ("waltz", 2, 90.0), ("waltz"
 
 @pytest.fixture(scope="module")
 def danced():
-    """Words, the embeddings a tiny network gives them, their dance and the move they are from."""
+    """Embeddings of words by a tiny network, the dance and the move of each."""
     words, moves, dances, takes = [], [], [], []
     for number, (genre, seed, bpm) in enumerate(DANCES):
         beats = np.arange(64) * 60 / bpm + 0.2
@@ -37,21 +37,21 @@ def danced():
     return embeddings, np.array(dances), np.unique(moves, return_inverse=True)[1]
 
 
-def test_a_words_nearest_in_another_dance_is_mostly_of_the_same_move(danced):
+def test_the_nearest_word_in_another_dance_is_mostly_of_the_same_move(danced):
     embeddings, dances, moves = danced
     apart = ((embeddings[:, None] - embeddings[None]) ** 2).sum(-1)
     apart[dances[:, None] == dances[None]] = np.inf
     genres = np.array([genre for genre, *_ in DANCES])[dances]
     nearest = apart.argmin(axis=1)
     assert np.mean(genres[nearest] == genres) > 0.65  # a third by chance
-    # Two dances of a genre do not share all their moves: only words whose move the other has can be found.
+    # Two dances of a genre share only some moves: only words of shared moves can be found.
     shared = np.array([np.any((moves == m) & (dances != d)) for m, d in zip(moves, dances, strict=True)])
     found = np.mean((moves[nearest] == moves)[shared])
     chance = np.mean((moves[np.random.default_rng(0).permutation(nearest)] == moves)[shared])
     assert found > 0.65 > 4 * chance
 
 
-def test_motifs_tell_moves_and_signatures_tell_genres(danced):
+def test_motifs_separate_moves_and_signatures_separate_genres(danced):
     embeddings, dances, moves = danced
     motifs, labels = find_motifs(embeddings, n_motifs=30)
     shuffled = np.random.default_rng(0).permutation(labels)

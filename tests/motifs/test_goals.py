@@ -1,4 +1,4 @@
-"""Goals: a genre's, or one's own."""
+"""Goals: a genre's, or a custom signature."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def vocabulary():
     return make_vocabulary(motifs, labels, take, start, start + 1, ["waltz", "rumba"])
 
 
-def test_a_genre_is_its_template_and_steps(vocabulary):
+def test_a_genres_goal_is_its_template_and_transitions(vocabulary):
     goal = motif_goal(vocabulary, genre="waltz")
     row = vocabulary.genre_index("waltz")
     assert np.array_equal(goal.signature, vocabulary.signatures[row])
     assert np.array_equal(goal.transitions, vocabulary.transitions[row])
 
 
-def test_a_signature_goes_with_the_steps_of_all_or_of_a_genre(vocabulary):
+def test_a_signature_has_the_transitions_of_all_takes_or_of_a_genre(vocabulary):
     shares = np.array([0.7, 0.3, 0.0, 0.0])
     assert np.array_equal(motif_goal(vocabulary, signature=shares).transitions, vocabulary.transitions[-1])
     mixed = motif_goal(vocabulary, signature=shares, genre="rumba")
@@ -37,7 +37,7 @@ def test_a_signature_goes_with_the_steps_of_all_or_of_a_genre(vocabulary):
 @pytest.mark.parametrize(
     "wrong", [{"genre": "polka"}, {"signature": np.ones(3) / 3}, {"signature": np.ones(4)}]
 )
-def test_what_is_no_goal_is_said_in_one_line(vocabulary, wrong):
-    with pytest.raises(ParameterError) as said:
+def test_invalid_goals_are_refused_in_one_line(vocabulary, wrong):
+    with pytest.raises(ParameterError) as error:
         motif_goal(vocabulary, **wrong)
-    assert "\n" not in str(said.value)
+    assert "\n" not in str(error.value)

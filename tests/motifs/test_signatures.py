@@ -1,4 +1,4 @@
-"""Signatures, templates, equation 11 and transitions: laws, and answers worked out by hand."""
+"""Signatures, templates, equation 11 and transitions: laws, and values computed by hand."""
 
 from itertools import pairwise
 
@@ -48,7 +48,7 @@ def test_signatures_and_templates_sum_to_1(library):
 
 
 @given(libraries)
-def test_rows_of_transitions_sum_to_1_and_only_what_was_danced_has_a_chance(library):
+def test_rows_of_transitions_sum_to_1_and_only_observed_ones_have_a_probability(library):
     steps = transition_matrix(library, K)
     np.testing.assert_allclose(steps.sum(axis=1), 1.0)
     pairs = {(int(a), int(b)) for dance in library for a, b in pairwise(dance)}
@@ -56,7 +56,7 @@ def test_rows_of_transitions_sum_to_1_and_only_what_was_danced_has_a_chance(libr
         assert set(np.flatnonzero(steps[a])) == {b for c, b in pairs if c == a}
 
 
-def test_a_template_counts_a_long_dance_no_more_than_a_short_one():
+def test_a_template_weights_all_dances_equally():
     np.testing.assert_allclose(
         template([np.zeros(100, int), np.array([1, 1]), np.zeros(0, int)], 3), [0.5, 0.5, 0]
     )

@@ -1,4 +1,4 @@
-"""Distances of takes to their genre's template, on vocabularies small enough to count by hand."""
+"""Distances of takes to their genre's template, on vocabularies small enough to compute by hand."""
 
 import numpy as np
 import pytest
@@ -27,8 +27,8 @@ def test_dances_of_a_genre_are_those_with_words(vocabulary):
     assert dances_of(vocabulary, GENRES, "waltz") == []
 
 
-def test_distances_counted_by_hand(vocabulary):
-    # Template (3/4, 1/4); (1/2, 1/2) lies at (1/16 / 5/4 + 1/16 / 3/4) / 2, (1, 0) at (1/16 / 7/4 + 1/4) / 2.
+def test_distances_by_hand(vocabulary):
+    # Template (3/4, 1/4); (1/2, 1/2) is at (1/16 / 5/4 + 1/16 / 3/4) / 2, (1, 0) at (1/16 / 7/4 + 1/4) / 2.
     expected = [(1 / 20 + 1 / 12) / 2, (1 / 28 + 1 / 4) / 2]
     np.testing.assert_allclose(distances_to_template(vocabulary, "polka", [0, 1]), expected)
     assert len(distances_to_template(vocabulary, "polka", [])) == 0

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from synthetic_repertoire import synthetic_repertoire, synthetic_takes
+from synthetic_repertoire import synthetic_contents, synthetic_repertoire, synthetic_takes
 
-from choreograph.errors import RepertoireError
+from choreograph.errors import ParameterError, RepertoireError
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motion import rotations as rot
 from choreograph.motion.pose import ground_pos_m, heading_rad, to_root_frame
+from choreograph.repertoire import Repertoire, write_repertoire
 from choreograph.repertoire.contents import clip_starts, middle_starts
 
 
@@ -34,12 +38,12 @@ def test_the_middle_of_a_clip_is_its_seconds_2_to_6():
     assert middle_starts(np.array([0, 20])).tolist() == [40, 60]
 
 
-def test_takes_are_what_came_in(repertoire, takes):
+def test_takes_are_read_back(repertoire, takes):
     assert [info.name for info in repertoire.takes] == ["take0", "take1", "take2"]
     for index, (info, measured) in enumerate(zip(repertoire.takes, takes, strict=True)):
         assert info.credits == measured.take.credits
         assert info.song_name == measured.take.song_name
-        assert info.notes == "planted"
+        assert info.notes == "synthetic"
         assert info.duration_s == pytest.approx(20.0)
         assert repertoire.take_index(info.name) == index
         assert np.array_equal(repertoire.body_pos_m(index), measured.body_pos_m)
@@ -62,7 +66,7 @@ def test_motion_is_stored_to_a_tenth_of_a_millimetre(repertoire, takes):
         assert np.array_equal(part.root_pos_m, motion.root_pos_m[first : first + part.n_frames])
 
 
-def test_asking_past_the_ends_gives_the_ends(repertoire):
+def test_motion_beyond_the_ends_is_that_at_the_ends(repertoire):
     motion, first_s = repertoire.motion(0, -5.0, 1.0)
     assert first_s == 0
     motion, first_s = repertoire.motion(0, 30.0, 40.0)
@@ -92,7 +96,7 @@ def test_the_clip_table(repertoire, takes):
     assert np.allclose(speed[0], mean_joint_speed_m_s(takes[1].body_pos_m, 20)[140:300], atol=1e-5)
 
 
-def test_poses_are_seen_from_their_own_place(repertoire, takes):
+def test_poses_are_in_the_root_frame(repertoire, takes):
     clips, frames = np.array([4, 30]), np.array([10.0, 33.0])
     pose, velocity = repertoire.poses_m(clips, frames)
     assert np.abs(heading_rad(pose)).max() < 1e-5
@@ -106,3 +110,37 @@ def test_poses_are_seen_from_their_own_place(repertoire, takes):
     halfway, _ = repertoire.poses_m(np.array([4]), np.array([10.5]))
     after, _ = repertoire.poses_m(np.array([4]), np.array([11.0]))
     assert np.allclose(halfway[0], (pose[0] + after[0]) / 2, atol=1e-5)
+
+
+def test_the_repr_is_one_line(repertoire):
+    assert repr(repertoire) == "<Repertoire rep.h5: 3 takes, 1.0 min, 39 clips, genres: a, b, c>"
+
+
+def test_the_html_is_a_table_of_takes(repertoire):
+    html = repertoire._repr_html_()
+    rows = [re.findall("<td>(.*?)</td>", row) for row in re.findall("<tr>(.*?)</tr>", html)]
+    assert rows[1:] == [
+        [f"take{i}", "abc"[i], "20.0 s", "13", f"dancer {i}, CC0, synthetic"] for i in range(3)
+    ]
+    assert "rep.h5: 3 takes" in html
+
+
+def test_the_html_is_escaped_and_has_at_most_50_takes(takes, tmp_path):
+    arrays = synthetic_contents(takes).arrays
+    many = {
+        name: np.tile(array, 20) if name.startswith("takes/") else array for name, array in arrays.items()
+    }
+    many["takes/name"] = np.array([f"<b>{i}</b> & more" for i in range(60)])
+    write_repertoire(tmp_path / "many.h5", replace(synthetic_contents(takes), arrays=many))
+    html = Repertoire.open(tmp_path / "many.h5")._repr_html_()
+    assert html.count("<tr>") == 1 + 50 + 1
+    assert "&lt;b&gt;49&lt;/b&gt; &amp; more" in html
+    assert "<b>" not in html
+    assert "… and 10 more" in html
+
+
+@pytest.mark.parametrize("path", [3, None, b"rep.h5"])
+def test_open_refuses_what_is_not_a_path(path):
+    with pytest.raises(ParameterError, match="expected the path of a repertoire file, got") as error:
+        Repertoire.open(path)
+    assert "\n" not in str(error.value)

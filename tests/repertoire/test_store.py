@@ -1,4 +1,4 @@
-"""The repertoire file: the published layout, whole or not at all, the same bytes, damage said in one line."""
+"""The repertoire file: published layout, atomic and deterministic writing, damage reported in one line."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ from choreograph.repertoire.schema import (
     ATTRIBUTES,
     DATASETS,
     FORMAT,
+    HALF_PRECISION,
     MOTIFS,
     NETS,
-    PACKED_HALVES,
-    PACKED_STEPS,
+    QUANTISATION_STEPS,
     VERSION,
 )  # fmt: skip
-from choreograph.repertoire.store import RepertoireFile, _folded, _unfolded
+from choreograph.repertoire.store import RepertoireFile
+from choreograph.zigzag import zigzag_decode
 
 LAYOUT = json.loads(
     (Path(__file__).resolve().parents[2] / "data_schema" / "repertoire.json").read_text(encoding="utf-8")
@@ -47,7 +48,7 @@ def path(contents, tmp_path_factory):
     return path
 
 
-def test_the_published_layout_is_the_codes():
+def test_the_published_layout_is_the_one_in_the_code():
     assert (LAYOUT["format"], LAYOUT["version"]) == (FORMAT, VERSION)
     assert {name: (d["kind"], " ".join(d["axes"])) for name, d in LAYOUT["datasets"].items()} == DATASETS
     assert tuple(LAYOUT["attributes"]) == ATTRIBUTES
@@ -55,8 +56,8 @@ def test_the_published_layout_is_the_codes():
     motifs = LAYOUT["motifs"]["datasets"]
     assert {name: (d["kind"], " ".join(d["axes"])) for name, d in motifs.items()} == MOTIFS
     assert str(WORD_DIM) in motifs["motifs/embeddings"]["axes"]
-    told = (*LAYOUT["datasets"].values(), *motifs.values())
-    letters = {axis for d in told for axis in d["axes"] if axis.isalpha()}
+    entries = (*LAYOUT["datasets"].values(), *motifs.values())
+    letters = {axis for d in entries for axis in d["axes"] if axis.isalpha()}
     assert set(LAYOUT["axes"]) == letters
     assert str(len(BODY_JOINTS)) in LAYOUT["datasets"]["body/pos_m"]["axes"]
 
@@ -68,16 +69,16 @@ def test_a_file_is_laid_out_as_published(path):
         assert {name for name in found if not name.startswith("nets/")} == set(LAYOUT["datasets"])
         assert set(file.attrs) == set(LAYOUT["attributes"])
         sizes: dict[str, int] = {}
-        for name, told in LAYOUT["datasets"].items():
+        for name, entry in LAYOUT["datasets"].items():
             data = file[name]
             is_text = h5py.check_string_dtype(data.dtype) is not None
-            assert is_text if told["kind"] == "s" else data.dtype == np.dtype(told["kind"]), name
-            assert data.ndim == len(told["axes"]), name
-            for axis, size in zip(told["axes"], data.shape, strict=True):
+            assert is_text if entry["kind"] == "s" else data.dtype == np.dtype(entry["kind"]), name
+            assert data.ndim == len(entry["axes"]), name
+            for axis, size in zip(entry["axes"], data.shape, strict=True):
                 assert sizes.setdefault(axis, int(axis) if axis.isdigit() else size) == size, name
 
 
-def test_what_is_written_is_read(path, contents):
+def test_written_contents_are_read_back(path, contents):
     file = RepertoireFile(path)
     for name, (kind, _) in DATASETS.items():
         expected = np.asarray(contents.arrays[name])
@@ -114,18 +115,18 @@ def test_a_failure_while_writing_leaves_what_was_there(path, contents, tmp_path,
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_what_does_not_fit_the_layout_is_not_written(contents, tmp_path):
+def test_contents_that_do_not_match_the_layout_are_not_written(contents, tmp_path):
     arrays = dict(contents.arrays)
-    lacking = {name: array for name, array in arrays.items() if name != "clips/style"}
+    incomplete = {name: array for name, array in arrays.items() if name != "clips/style"}
     for wrong in (
-        lacking,
+        incomplete,
         {**arrays, "clips/style": arrays["clips/style"][:, :5]},
         {**arrays, "body/density": arrays["body/density"][:-1]},
         {**arrays, "takes/fps": np.float64(30.0)},
     ):
         with pytest.raises(RepertoireError):
             write_repertoire(tmp_path / "rep.h5", replace(contents, arrays=wrong))
-    with pytest.raises(RepertoireError, match="unknown networks"):
+    with pytest.raises(RepertoireError, match="got oracle"):
         write_repertoire(tmp_path / "rep.h5", replace(contents, nets={"oracle": NET}))
     with pytest.raises(ParameterError, match="no folder"):
         write_repertoire(tmp_path / "none" / "rep.h5", contents)
@@ -133,13 +134,13 @@ def test_what_does_not_fit_the_layout_is_not_written(contents, tmp_path):
 
 
 def refused(path) -> str:
-    with pytest.raises(RepertoireError) as said:
+    with pytest.raises(RepertoireError) as error:
         Repertoire.open(path)
-    assert "\n" not in str(said.value)
-    return str(said.value)
+    assert "\n" not in str(error.value)
+    return str(error.value)
 
 
-def test_what_is_not_a_repertoire(path, tmp_path):
+def test_files_that_are_not_repertoires_are_refused(path, tmp_path):
     assert "no such repertoire" in refused(tmp_path / "none.h5")
     assert "folder" in refused(tmp_path)
     (tmp_path / "text.h5").write_text("hello")
@@ -151,7 +152,7 @@ def test_what_is_not_a_repertoire(path, tmp_path):
     assert "another kind" in refused(tmp_path / "other.h5")
 
 
-def test_another_version_and_lacking_parts_are_named(path, tmp_path):
+def test_other_versions_and_missing_parts_are_named(path, tmp_path):
     copy = tmp_path / "copy.h5"
     copy.write_bytes(path.read_bytes())
     with h5py.File(copy, "a") as file:
@@ -163,7 +164,7 @@ def test_another_version_and_lacking_parts_are_named(path, tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["provenance", "shape", "dataset is a group"])
-def test_damage_inside_a_file_is_said(path, tmp_path, damage):
+def test_damage_inside_a_file_is_reported(path, tmp_path, damage):
     copy = tmp_path / "copy.h5"
     copy.write_bytes(path.read_bytes())
     with h5py.File(copy, "a") as file:
@@ -180,14 +181,14 @@ def test_damage_inside_a_file_is_said(path, tmp_path, damage):
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(0.0, 0.999))
-def test_a_file_cut_off_anywhere_is_refused(path, tmp_path_factory, part):
+def test_a_truncated_file_is_refused(path, tmp_path_factory, part):
     cut = tmp_path_factory.getbasetemp() / "cut.h5"
     whole = path.read_bytes()
     cut.write_bytes(whole[: int(part * len(whole))])
     refused(cut)
 
 
-def test_opening_reads_no_array(path, monkeypatch):
+def test_opening_a_file_reads_no_array(path, monkeypatch):
     read = []
     original = h5py.Dataset.__getitem__
 
@@ -204,49 +205,41 @@ def test_opening_reads_no_array(path, monkeypatch):
     assert not any(name.startswith("/body") for name in read)
 
 
-def test_a_packed_file_is_smaller_and_hardly_different(contents, path, tmp_path):
-    small = tmp_path / "packed.h5"
-    write_repertoire(small, contents, packed=True)
+def test_a_compressed_file_is_smaller_and_hardly_different(contents, path, tmp_path):
+    small = tmp_path / "compressed.h5"
+    write_repertoire(small, contents, compress=True)
     assert small.stat().st_size < 0.7 * path.stat().st_size
-    whole, packed = RepertoireFile(path), RepertoireFile(small)
+    whole, compressed = RepertoireFile(path), RepertoireFile(small)
     for name, (_kind, _) in DATASETS.items():
-        a, b = whole.read(name), packed.read(name)
-        if name in PACKED_STEPS:
+        a, b = whole.read(name), compressed.read(name)
+        if name in QUANTISATION_STEPS:
             assert b.dtype == a.dtype
-            np.testing.assert_allclose(b, a, atol=PACKED_STEPS[name] / 2 + 1e-7)
+            np.testing.assert_allclose(b, a, atol=QUANTISATION_STEPS[name] / 2 + 1e-7)
             for part in (slice(3, 9), slice(0, 0), slice(len(b) - 2, len(b)), slice(100, 240)):
-                np.testing.assert_array_equal(packed.read(name, part), b[part])
+                np.testing.assert_array_equal(compressed.read(name, part), b[part])
         else:
             np.testing.assert_array_equal(a, b)
-    np.testing.assert_allclose(packed.read_net("style").weights["bias"], NET.weights["bias"], rtol=1e-3)
-    assert packed.read_net("style").weights["bias"].dtype == np.float32
-    assert set(LAYOUT["packed"]["datasets"]) == set(PACKED_STEPS)
-    assert set(LAYOUT["packed"]["halves"]) == set(PACKED_HALVES)
+    np.testing.assert_allclose(compressed.read_net("style").weights["bias"], NET.weights["bias"], rtol=1e-3)
+    assert compressed.read_net("style").weights["bias"].dtype == np.float32
+    assert set(LAYOUT["compressed"]["datasets"]) == set(QUANTISATION_STEPS)
+    assert set(LAYOUT["compressed"]["half_precision"]) == set(HALF_PRECISION)
 
 
-def test_packing_restarts_its_differences(contents, tmp_path, monkeypatch):
-    monkeypatch.setattr("choreograph.repertoire.store.PACKED_RESTART", 7)
-    write_repertoire(tmp_path / "often.h5", contents, packed=True)
-    packed = RepertoireFile(tmp_path / "often.h5")
-    whole = packed.read("body/pos_m")
+def test_delta_coding_restarts(contents, tmp_path, monkeypatch):
+    monkeypatch.setattr("choreograph.repertoire.store.DELTA_RESTART", 7)
+    write_repertoire(tmp_path / "often.h5", contents, compress=True)
+    compressed = RepertoireFile(tmp_path / "often.h5")
+    whole = compressed.read("body/pos_m")
     np.testing.assert_allclose(whole, contents.arrays["body/pos_m"], atol=0.0006)
-    np.testing.assert_array_equal(packed.read("body/pos_m", slice(20, 23)), whole[20:23])
+    np.testing.assert_array_equal(compressed.read("body/pos_m", slice(20, 23)), whole[20:23])
 
 
-@given(st.lists(st.integers(-(2**15), 2**15 - 1)))
-def test_folding_loses_nothing_and_keeps_small_numbers_small(values):
-    integers = np.array(values, np.int16)
-    folded = _folded(integers)
-    np.testing.assert_array_equal(_unfolded(folded), integers)
-    assert (folded // 2 <= np.abs(integers.astype(int))).all()
-
-
-def test_packed_files_of_before_folding_are_read(contents, tmp_path):
-    write_repertoire(tmp_path / "new.h5", contents, packed=True)
+def test_compressed_files_without_zigzag_encoding_are_read(contents, tmp_path):
+    write_repertoire(tmp_path / "new.h5", contents, compress=True)
     expected = RepertoireFile(tmp_path / "new.h5").read("motion/local_quat")
     with h5py.File(tmp_path / "new.h5", "a") as file:
-        for name in PACKED_STEPS:
-            attributes, integers = dict(file[name].attrs), _unfolded(file[name][()])
+        for name in QUANTISATION_STEPS:
+            attributes, integers = dict(file[name].attrs), zigzag_decode(file[name][()])
             del file[name]
             file[name] = integers
             file[name].attrs.update({k: v for k, v in attributes.items() if k != "folded"})
@@ -255,9 +248,9 @@ def test_packed_files_of_before_folding_are_read(contents, tmp_path):
     np.testing.assert_array_equal(old.read("motion/local_quat", slice(5, 9)), expected[5:9])
 
 
-def test_what_16_bits_cannot_hold_stays_whole(contents, tmp_path):
+def test_arrays_beyond_16_bits_are_not_quantised(contents, tmp_path):
     far = replace(contents, arrays={**contents.arrays, "body/pos_m": contents.arrays["body/pos_m"] + 100.0})
-    write_repertoire(tmp_path / "far.h5", far, packed=True)
+    write_repertoire(tmp_path / "far.h5", far, compress=True)
     np.testing.assert_array_equal(
         RepertoireFile(tmp_path / "far.h5").read("body/pos_m"), far.arrays["body/pos_m"].astype(np.float32)
     )

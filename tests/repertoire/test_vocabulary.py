@@ -1,4 +1,4 @@
-"""Motion words and motifs in a repertoire file: what went in comes out, and contradictions are said."""
+"""Motion words and motifs in a repertoire file: read back as written, inconsistencies reported."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def path(contents, tmp_path_factory):
     return path
 
 
-def test_a_vocabulary_comes_out_as_it_went_in(path, takes):
+def test_a_vocabulary_is_read_back(path, takes):
     expected, _ = synthetic_vocabulary(takes)
     found = Repertoire.open(path).vocabulary
     assert found.genres == expected.genres == ("a", "b", "c", "all")
@@ -49,7 +49,7 @@ def test_a_vocabulary_comes_out_as_it_went_in(path, takes):
         np.testing.assert_array_equal(getattr(found.motifs, column), getattr(expected.motifs, column))
 
 
-def test_its_network_embeds_the_medoids_where_they_are(path, takes):
+def test_the_word_network_reproduces_the_embeddings(path, takes):
     repertoire = Repertoire.open(path)
     vocabulary, net = repertoire.vocabulary, repertoire.word_net()
     cut = [segment_words(body_pos_m(m.take.motion), m.take.motion.fps, m.motion_beats_s) for m in takes]
@@ -58,31 +58,31 @@ def test_its_network_embeds_the_medoids_where_they_are(path, takes):
     np.testing.assert_array_equal(vocabulary.motifs.nearest(embedded), vocabulary.word_motif)
 
 
-def test_a_packed_file_keeps_every_words_motif(contents, path, takes, tmp_path):
-    write_repertoire(tmp_path / "packed.h5", contents, packed=True)
-    packed, whole = Repertoire.open(tmp_path / "packed.h5"), Repertoire.open(path)
+def test_a_compressed_file_keeps_every_words_motif(contents, path, takes, tmp_path):
+    write_repertoire(tmp_path / "compressed.h5", contents, compress=True)
+    compressed, whole = Repertoire.open(tmp_path / "compressed.h5"), Repertoire.open(path)
     cut = segment_words(body_pos_m(takes[1].take.motion), takes[1].take.motion.fps, takes[1].motion_beats_s)
-    labels = [r.vocabulary.motifs.nearest(r.word_net().embed(cut.body_pos_m)) for r in (whole, packed)]
+    labels = [r.vocabulary.motifs.nearest(r.word_net().embed(cut.body_pos_m)) for r in (whole, compressed)]
     assert np.mean(labels[0] == labels[1]) > 0.95
-    assert packed.vocabulary.motifs.embeddings.dtype == np.float32
-    np.testing.assert_array_equal(packed.vocabulary.word_motif, whole.vocabulary.word_motif)
+    assert compressed.vocabulary.motifs.embeddings.dtype == np.float32
+    np.testing.assert_array_equal(compressed.vocabulary.word_motif, whole.vocabulary.word_motif)
 
 
-def test_a_file_without_words_opens_and_says_so(takes, tmp_path):
+def test_a_file_without_words_opens(takes, tmp_path):
     write_repertoire(tmp_path / "none.h5", synthetic_contents(takes))
     repertoire = Repertoire.open(tmp_path / "none.h5")
     assert not repertoire.has_vocabulary
     assert repertoire.n_clips > 0
-    for ask in (lambda: repertoire.vocabulary, repertoire.word_net):
-        with pytest.raises(RepertoireError, match="build-db") as said:
-            ask()
-        assert "\n" not in str(said.value)
+    for access in (lambda: repertoire.vocabulary, repertoire.word_net):
+        with pytest.raises(RepertoireError, match="build-db") as error:
+            access()
+        assert "\n" not in str(error.value)
 
 
-def test_some_of_the_arrays_are_not_written(contents, tmp_path):
-    lacking = {name: array for name, array in contents.arrays.items() if name != "motifs/words"}
+def test_an_incomplete_vocabulary_is_not_written(contents, tmp_path):
+    incomplete = {name: array for name, array in contents.arrays.items() if name != "motifs/words"}
     with pytest.raises(RepertoireError, match="motifs/words"):
-        write_repertoire(tmp_path / "rep.h5", type(contents)(lacking, "analytic", {}, contents.nets))
+        write_repertoire(tmp_path / "rep.h5", type(contents)(incomplete, "analytic", {}, contents.nets))
 
 
 def changed(name: str, array: np.ndarray):
@@ -101,20 +101,20 @@ def changed(name: str, array: np.ndarray):
 
 
 @pytest.mark.parametrize("name", MOTIFS)
-def test_an_array_that_contradicts_the_others_is_damage(path, tmp_path, name):
+def test_an_inconsistent_array_is_damage(path, tmp_path, name):
     copy = tmp_path / "copy.h5"
     copy.write_bytes(path.read_bytes())
     with h5py.File(copy, "a") as file:
         array = changed(name, file[name][()])
         del file[name]
         file[name] = array
-    with pytest.raises(RepertoireError, match="damaged file") as said:
+    with pytest.raises(RepertoireError, match="damaged file") as error:
         _ = Repertoire.open(copy).vocabulary
-    assert "\n" not in str(said.value) and str(copy) in str(said.value)
+    assert "\n" not in str(error.value) and str(copy) in str(error.value)
 
 
 @pytest.mark.parametrize("damage", ["no array", "another shape", "no network", "another network", "config"])
-def test_lacking_parts_are_damage(path, tmp_path, damage):
+def test_missing_parts_are_damage(path, tmp_path, damage):
     copy = tmp_path / "copy.h5"
     copy.write_bytes(path.read_bytes())
     with h5py.File(copy, "a") as file:
@@ -131,9 +131,9 @@ def test_lacking_parts_are_damage(path, tmp_path, damage):
         else:
             config = json.loads(file["nets/words"].attrs["config"])
             file["nets/words"].attrs["config"] = json.dumps({**config, "depth": 3})
-    with pytest.raises(RepertoireError, match=str(copy)) as said:
+    with pytest.raises(RepertoireError, match=str(copy)) as error:
         Repertoire.open(copy).word_net()
-    assert "\n" not in str(said.value)
+    assert "\n" not in str(error.value)
 
 
 def test_opening_a_file_does_not_load_the_network(path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Selection: the least style loss, best first, whatever the block size; ties to the earlier clip."""
+"""Selection: the smallest style losses, best first, for any block size; ties go to the earlier clip."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_ties_go_to_the_earlier_clip():
     assert chosen.tolist() == [list(range(7))] * 2
 
 
-def test_beats_decide_between_equal_styles():
+def test_beat_counts_decide_between_equal_styles():
     chosen = select_clips(
         np.zeros((1, 4)),
         np.array([8.0]),
@@ -61,7 +61,7 @@ def test_beats_decide_between_equal_styles():
 
 
 @pytest.mark.parametrize(("n_clips", "k"), [(0, 3), (3, 0), (3, -1)])
-def test_nothing_to_select(n_clips, k):
+def test_no_clips_or_no_candidates_are_refused(n_clips, k):
     with pytest.raises(ParameterError):
         select_clips(
             np.zeros((1, 4)),
@@ -73,7 +73,7 @@ def test_nothing_to_select(n_clips, k):
         )
 
 
-def test_who_is_penalised_stands_back():
+def test_penalised_clips_come_last():
     chosen = select_clips(
         np.zeros((2, 4)), np.zeros(2), np.zeros((6, 4)), np.zeros(6), candidates=2, beat_weight=0.0,
         penalty=lambda second: (np.arange(6) < 4 + second).astype(float),
@@ -81,7 +81,7 @@ def test_who_is_penalised_stands_back():
     assert chosen.tolist() == [[4, 5], [5, 0]]
 
 
-def test_a_takes_loss_is_its_best_clips():
+def test_the_loss_of_a_take_is_that_of_its_best_clip():
     rng = np.random.default_rng(0)
     music, clips, take = (
         rng.normal(size=(5, 8)),

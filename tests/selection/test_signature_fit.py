@@ -1,4 +1,4 @@
-"""Clips that hold what is wanted are told from those that do not."""
+"""Clips with the motifs of the signature have a smaller mismatch than others."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CLIP_START_S = np.tile(np.arange(13.0), 3)
 
 @pytest.fixture(scope="module")
 def vocabulary():
-    """Take 0 dances motif a for 10 s and then b, take 1 c alone, take 2 has no word."""
+    """Take 0 has motif a for 10 s and then b, take 1 only c, take 2 has no words."""
     embeddings = np.concatenate([np.repeat(np.eye(3), [40, 30, 10], axis=0)])
     motifs, labels = find_motifs(embeddings, n_motifs=3)
     c, b, a = labels[0], labels[40], labels[-1]
@@ -27,22 +27,22 @@ def vocabulary():
     return made, a, b, c
 
 
-def test_a_clip_is_dear_by_the_words_it_holds_that_nobody_wants(vocabulary):
+def test_the_mismatch_is_the_mean_cost_of_a_clips_words(vocabulary):
     made, a, _, c = vocabulary
-    wanted = np.zeros(3)
-    wanted[[a, c]] = [0.9, 0.1]
-    misfits = clip_signature_mismatch(made, wanted, CLIP_TAKE, CLIP_START_S, n_words=100).reshape(3, 13)
+    target = np.zeros(3)
+    target[[a, c]] = [0.9, 0.1]
+    mismatch = clip_signature_mismatch(made, target, CLIP_TAKE, CLIP_START_S, n_words=100).reshape(3, 13)
     good, fair = (1 - 90) / (1 + 90), (1 - 10) / (1 + 10)
     by_hand = [(n_a * good + (8 - n_a) * 1.0) / 8 for n_a in np.clip(10 - np.arange(13), 0, 8)]
-    assert np.allclose(misfits[0], by_hand)
-    assert np.allclose(misfits[1], fair)
-    assert np.array_equal(misfits[2], np.zeros(13))
+    assert np.allclose(mismatch[0], by_hand)
+    assert np.allclose(mismatch[1], fair)
+    assert np.array_equal(mismatch[2], np.zeros(13))
 
 
-def test_a_motif_expected_once_is_neither_wanted_nor_not(vocabulary):
+def test_a_motif_expected_once_costs_nothing(vocabulary):
     made, a, b, _ = vocabulary
-    wanted = np.zeros(3)
-    wanted[[a, b]] = [0.1, 0.9]
-    misfits = clip_signature_mismatch(made, wanted, CLIP_TAKE, CLIP_START_S, n_words=10)
-    assert misfits[0] == pytest.approx(0.0)
-    assert misfits[12] < -0.7
+    target = np.zeros(3)
+    target[[a, b]] = [0.1, 0.9]
+    mismatch = clip_signature_mismatch(made, target, CLIP_TAKE, CLIP_START_S, n_words=10)
+    assert mismatch[0] == pytest.approx(0.0)
+    assert mismatch[12] < -0.7

@@ -1,4 +1,4 @@
-"""Subsequence DTW: librosa's cost, allowed slopes, a planted place, and bad input."""
+"""Subsequence DTW: librosa's cost, the slope limits, synthetic matches, and bad input."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_laws_of_the_path(query, longer, seed):
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_a_place_that_is_there_costs_nothing_more_and_a_constant_added_to_both_changes_nothing(seed):
+def test_a_longer_target_never_costs_more_and_a_common_offset_changes_nothing(seed):
     rng = np.random.default_rng(seed)
     query, target = rng.normal(size=30), rng.normal(size=50)
     _, cost = subsequence_dtw(query, target)
@@ -62,7 +62,7 @@ def test_a_place_that_is_there_costs_nothing_more_and_a_constant_added_to_both_c
 
 
 @pytest.mark.parametrize("start", [0, 13, 80])
-def test_a_synthetic_part_is_found_where_it_lies(start):
+def test_an_excerpt_is_found_where_it_was_taken(start):
     target = np.random.default_rng(3).normal(size=160)
     frames, cost = subsequence_dtw(target[start : start + 80], target)
     assert cost == 0
@@ -71,13 +71,13 @@ def test_a_synthetic_part_is_found_where_it_lies(start):
 
 @pytest.mark.parametrize("speed", [0.6, 1.5])
 def test_a_synthetic_tempo_is_found(speed):
-    curve = np.cumsum(np.random.default_rng(5).normal(size=160))  # smooth enough to be told apart
+    curve = np.cumsum(np.random.default_rng(5).normal(size=160))  # smooth enough for a unique match
     where = 10 + speed * np.arange(60)
     frames, _ = subsequence_dtw(np.interp(where, np.arange(160), curve), curve)
     assert np.abs(frames - where).max() <= 2.0  # the path has steps of a frame or two only
 
 
-def test_batches_are_the_same_as_one_by_one():
+def test_batches_match_single_calls():
     rng = np.random.default_rng(0)
     many, targets = rng.normal(size=(5, 40)), rng.normal(size=(5, 70))
     frames, costs = subsequence_dtw(many, targets)
@@ -102,13 +102,13 @@ def test_batches_are_the_same_as_one_by_one():
         (np.float64(3.0), np.zeros(20)),
     ],
 )
-def test_what_cannot_be_warped_is_said(query, targets):
-    with pytest.raises(ParameterError) as said:
+def test_malformed_input_is_refused_in_one_line(query, targets):
+    with pytest.raises(ParameterError) as error:
         subsequence_dtw(query, targets)
-    assert "\n" not in str(said.value)
+    assert "\n" not in str(error.value)
 
 
-def test_the_shortest_target_that_holds_a_query():
+def test_the_shortest_target_for_a_query():
     frames, _ = subsequence_dtw(np.arange(41.0), np.arange(21.0))
     assert frames[0] == 0
     assert frames[-1] == 20

@@ -27,7 +27,7 @@ def takes(shared_data, tmp_path_factory):
 
 
 def jerk_m_s3(motion, source_times_s: np.ndarray) -> np.ndarray:
-    """Jerk of a segment as a dance plays it: `source_times_s` (81,) are instants of the take."""
+    """Jerk of a segment as played in a dance; `source_times_s` (81,) are times in the take."""
     run = Run("take", 0.0, (len(source_times_s) - 1) / NET_FPS, source_times_s)
     dance, _ = assemble(
         [run], lambda *_: (motion, 0.0), fps=STORE_FPS, duration_s=SEGMENT_S, blending="inertial"
@@ -36,7 +36,7 @@ def jerk_m_s3(motion, source_times_s: np.ndarray) -> np.ndarray:
 
 
 def instants_s(frames: np.ndarray, start_s: float) -> np.ndarray:
-    """Clip frames (80,) and the end of the last one, as instants of the take (81,)."""
+    """Clip frames (80,) and the end of the last one, as times in the take (81,)."""
     end = min(2 * frames[-1] - frames[-2], CLIP_FRAMES - 1)
     return start_s + np.append(frames, end) / NET_FPS
 
@@ -63,6 +63,6 @@ def test_a_warped_take_is_as_smooth_as_the_take_at_its_mean_speed(takes, name, b
         even.append(jerk_m_s3(motion, np.linspace(times_s[0], times_s[-1], len(times_s))))
     assert len(even) >= 5
     smooth_p95, raw_p95, even_p95 = (np.percentile(np.concatenate(j), 95) for j in (smooth, raw, even))
-    # Where the map hurries to a beat, jerk grows with the cube of its slope: so much and no more.
+    # Where the map speeds up towards a beat, jerk grows with the cube of its slope, but no further.
     assert smooth_p95 < 1.4 * even_p95
     assert raw_p95 > 1.3 * smooth_p95

@@ -1,4 +1,4 @@
-"""Warped segments: a clip that fits the music, one that cannot, and what is told of each quarter."""
+"""Warped segments: clips that match the music, one that cannot, and the measures of each quarter."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def segments():
 
 def test_shapes_and_slopes(segments):
     assert segments.time_maps.shape == (N_SECONDS, 3, 81)
-    for name in ("fit", "off_beat", "first_beat", "last_beat"):
+    for name in ("density_mismatch", "unmatched_beat", "first_beat", "last_beat"):
         assert getattr(segments, name).shape == (N_SECONDS, 3, 4)
     slopes = np.diff(segments.time_maps, axis=2)
     assert slopes.min() > MIN_SLOPE - 1e-4
@@ -50,13 +50,13 @@ def test_shapes_and_slopes(segments):
     assert segments.time_maps.max() <= 159
 
 
-def test_clips_whose_beats_fit_are_on_the_beat_and_others_are_not(segments):
+def test_clips_that_can_be_warped_to_the_beat_match_and_others_do_not(segments):
     assert segments.unmatched_beat[:, :2].max() < 0.05
     assert segments.unmatched_beat[:, 2].mean() > 0.3
     assert segments.unmatched_beat.min() >= 0
     assert segments.unmatched_beat.max() <= 1
-    assert segments.fit[:, :2].max() < 0.05
-    assert segments.fit[:, 2].mean() > 2 * segments.fit[:, :2].mean()
+    assert segments.density_mismatch[:, :2].max() < 0.05
+    assert segments.density_mismatch[:, 2].mean() > 2 * segments.density_mismatch[:, :2].mean()
 
 
 def test_first_and_last_beats_are_frames_of_their_quarter(segments):
@@ -70,7 +70,7 @@ def test_first_and_last_beats_are_frames_of_their_quarter(segments):
     assert (segments.first_beat[both] <= segments.last_beat[both]).all()
 
 
-def test_without_music_beats_a_clip_plays_near_its_own_speed():
+def test_a_song_without_beats_gives_finite_time_maps():
     seen = []
     segments = warp_segments(
         np.array([[0]]), music_density(1, np.zeros(0)), np.zeros(0), density, speed,

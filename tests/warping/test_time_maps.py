@@ -60,7 +60,7 @@ def jerk(motion, time_map_s, fps: float = 60.0) -> float:
     return float(np.sqrt(np.mean((np.diff(pos, n=3, axis=0) * fps**3) ** 2)))
 
 
-def test_playing_the_smoothed_map_is_as_smooth_as_the_source():
+def test_motion_through_the_smoothed_map_is_as_smooth_as_the_source():
     motion = stepping(8 * 240, fps=240.0, period_s=0.6, seed=2)
     motion_beats = np.arange(0, 160, 0.6 * NET_FPS)
     music_beats = np.arange(0, 80, 0.5 * NET_FPS)  # 1.2 × faster
@@ -68,7 +68,7 @@ def test_playing_the_smoothed_map_is_as_smooth_as_the_source():
     paths, _ = subsequence_dtw(query, bumps(np.arange(160) / NET_FPS, motion_beats / NET_FPS)[None])
     smooth = smoothed(paths, motion_beats, music_beats)[0]
     source = jerk(motion, np.arange(80) / NET_FPS)
-    # Played 1.2 × faster, jerk grows by 1.2³; the rest is the map's own, and the 20 fps grid of its knots.
+    # At 1.2 × speed, jerk grows by 1.2³; the rest is from the map and its 20 fps knots.
     assert jerk(motion, smooth / NET_FPS) < 1.5 * 1.2**3 * source
     assert jerk(motion, paths[0] / NET_FPS) > 5 * 1.2**3 * source
 
@@ -80,13 +80,13 @@ def test_a_map_without_beats_follows_its_path():
     assert np.abs(np.diff(time_map, n=2)).max() < 0.1
 
 
-def test_a_beat_out_of_reach_is_left_alone():
+def test_beats_too_far_apart_are_not_matched():
     path = np.arange(30.0, 110.0)[None]
     time_map = smoothed(path, [40.0, 80.0], [30.0])[0]  # the music's beat is at source frame 60
     assert np.abs(time_map - path[0]).max() < 0.5
 
 
-def test_candidates_do_not_see_each_others_beats():
+def test_candidates_use_only_their_own_beats():
     path = np.tile(np.arange(30.0, 110.0), (2, 1))
     maps = smooth_time_maps(
         path, clip_frames=159, motion_beats=np.array([61.0, 10.0]), beat_ranges=np.array([[0, 1], [1, 2]]),

@@ -118,7 +118,7 @@ def render_song(
 
     Returns
     -------
-    SynthSong   stereo, about -14 LUFS, with beats, bars, sections and tempo
+    SyntheticSong   stereo, about -14 LUFS, with beats, bars, sections and tempo
 
     Raises
     ------

@@ -1,0 +1,69 @@
+from . import metrics as metrics
+from ._version import __version__ as __version__
+from .audio.song import Song as Song
+from .audio.song import load_song as load_song
+from .building import BuildOptions as BuildOptions
+from .building import BuildResult as BuildResult
+from .building import build as build
+from .config import DanceConfig as DanceConfig
+from .constraints import Ban as Ban
+from .constraints import MotifPin as MotifPin
+from .constraints import TakePin as TakePin
+from .errors import ChoreographError as ChoreographError
+from .errors import FormatError as FormatError
+from .errors import NoPathError as NoPathError
+from .errors import ParameterError as ParameterError
+from .errors import RepertoireError as RepertoireError
+from .features.song_features import SongFeatures as SongFeatures
+from .graph import Cost as Cost
+from .graph import Layer as Layer
+from .motion.motion import Motion as Motion
+from .motion.skeleton import Skeleton as Skeleton
+from .pipeline import Dance as Dance
+from .pipeline import dance as dance
+from .pipeline import render as render
+from .pipeline import vary as vary
+from .pipeline.recreation import motifs_of as motifs_of
+from .pipeline.recreation import signature_of as signature_of
+from .plan import Plan as Plan
+from .repertoire import Repertoire as Repertoire
+from .starter import example_songs as example_songs
+from .starter import starter_repertoire as starter_repertoire
+from .takes import Credits as Credits
+from .takes import Take as Take
+
+__all__ = [
+    "Ban",
+    "BuildOptions",
+    "BuildResult",
+    "ChoreographError",
+    "Cost",
+    "Credits",
+    "Dance",
+    "DanceConfig",
+    "FormatError",
+    "Layer",
+    "MotifPin",
+    "Motion",
+    "NoPathError",
+    "ParameterError",
+    "Plan",
+    "Repertoire",
+    "RepertoireError",
+    "Skeleton",
+    "Song",
+    "SongFeatures",
+    "Take",
+    "TakePin",
+    "__version__",
+    "build",
+    "dance",
+    "example_songs",
+    "load_song",
+    "metrics",
+    "motifs_of",
+    "render",
+    "signature_of",
+    "starter_repertoire",
+    "vary",
+]

@@ -1,0 +1,74 @@
+"""A plan to its motion: runs sampled from their takes, blended at the plan's transitions, feet locked."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from choreograph.blending.assembly import assemble
+from choreograph.blending.foot_locking import DANCE_SHIFT_S, lock_feet
+from choreograph.blending.runs import (
+    Run,
+    TransitionTiming,
+    overlay_runs,
+    to_runs,
+    with_transitions,
+    words_to_runs,
+)
+from choreograph.blending.sampled_runs import MotionReader
+from choreograph.errors import ParameterError
+from choreograph.motion.motion import Motion
+from choreograph.plan import Plan
+from choreograph.repertoire import Repertoire
+
+_LENGTH_SLACK_S = 0.1  # the first and last frames of a take are repeated for that long
+
+
+def render(plan: Plan, repertoire: Repertoire) -> Motion:
+    """The motion of a plan, exactly as planned.
+
+    Raises `RepertoireError` if the plan names a take that the repertoire does not have,
+    `ParameterError` if it wants a take beyond its end, or holds words without a take.
+    """
+    if not plan.from_takes:
+        raise ParameterError("a plan of the rollout engine holds motifs, no takes: dance to its song again")
+    indices = {block.planned.take: repertoire.take_index(block.planned.take) for block in plan.blocks}
+    for block in plan.blocks:
+        length = repertoire.takes[indices[block.planned.take]].duration_s
+        if block.source_start_s < -_LENGTH_SLACK_S or block.source_end_s > length + _LENGTH_SLACK_S:
+            raise ParameterError(
+                f"the plan wants {block.source_start_s:.2f} to {block.source_end_s:.2f} s of take "
+                f"{block.planned.take!r} at {block.start_s:.2f} s, but it lasts {length:.2f} s"
+            )
+    motion, _ = assemble(
+        plan_runs(plan),
+        motion_reader(repertoire),
+        fps=plan.fps,
+        duration_s=plan.duration_s,
+        blending=plan.blending,
+    )
+    return lock_feet(motion, shift_s=DANCE_SHIFT_S)
+
+
+def plan_runs(plan: Plan) -> list[Run]:
+    """The runs of a plan: its seconds with their transitions, and its words in place of them."""
+    words = words_to_runs(
+        [word.take for word in plan.words],
+        np.array([(word.start_s, word.end_s) for word in plan.words]),
+        np.array([(word.source_start_s, word.source_end_s) for word in plan.words]),
+        [word.pinned for word in plan.words],
+    )
+    seconds = runs_of_seconds(plan)
+    firsts = [plan.seconds[round(run.start_s)] for run in seconds]
+    timings = [TransitionTiming(first.start_s, first.transition_s) for first in firsts]
+    return overlay_runs(with_transitions(seconds, timings), words)
+
+
+def runs_of_seconds(plan: Plan) -> list[Run]:
+    """The runs of a plan's seconds, each starting on its second, before transitions move it."""
+    return to_runs([s.take for s in plan.seconds], [s.source_times_s for s in plan.seconds])
+
+
+def motion_reader(repertoire: Repertoire) -> MotionReader:
+    """Reads parts of the repertoire's takes by name."""
+    indices = {take.name: index for index, take in enumerate(repertoire.takes)}
+    return lambda take, start_s, stop_s: repertoire.motion(indices[take], start_s, stop_s)

@@ -1,0 +1,92 @@
+"""`build`: a repertoire from takes, every option a keyword."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from choreograph.building.build import build_repertoire
+from choreograph.building.options import BuildOptions
+from choreograph.building.result import BuildResult
+from choreograph.errors import ParameterError
+from choreograph.progress import ProgressReport
+from choreograph.starter.library import STARTER_PATH
+
+AUTO = "auto"
+_FLAGS = frozenset(f.name for f in fields(BuildOptions) if f.type == "bool")
+
+
+def build(
+    sources: str | Path | Iterable[str | Path],
+    output: str | Path,
+    *,
+    preset: str = "small",
+    density: str = "analytic",
+    seed: int = 0,
+    device: str = "auto",
+    resume: bool = False,
+    init_from: str | Path | None = None,
+    pretrained_style: str | Path | None = AUTO,
+    keep_networks: bool = False,
+    compress: bool = False,
+    rollout: bool = False,
+    leave_out: Sequence[str] = (),
+    lock_feet: bool = True,
+    augment_mirror: bool = True,
+    words: bool = True,
+    report: ProgressReport | None = None,
+    training_report: Callable[[Any], None] | None = None,
+) -> BuildResult:
+    """Build a repertoire from takes and their songs, and write it to one file.
+
+    Parameters
+    ----------
+    sources : a folder or file of takes, or several
+    output : the file to write; work in progress lies beside it in `OUTPUT.build/`
+    preset, density, seed, device, resume, keep_networks, compress, rollout, leave_out, lock_feet,
+        augment_mirror, words : as in `BuildOptions`
+    init_from : repertoire whose networks training starts from
+    pretrained_style : repertoire whose style networks training starts from. "auto" takes the built-in one's
+        for the preset "small"; None starts from random weights
+    report : called with the stage's name, how much is done, of how much
+    training_report : called with a `TrainingProgress` now and then
+
+    Raises
+    ------
+    ParameterError    no take is left, two takes share a name, an unknown preset, an argument of another type
+    FormatError       a source is damaged
+    RepertoireError   a repertoire to start from cannot be read
+    """
+    paths = [sources] if isinstance(sources, str | Path) else sources
+    if not isinstance(paths, Iterable):
+        raise ParameterError(f"expected sources as paths, got {reprlib.repr(sources)}")
+    paths = [_as_path("sources", path) for path in paths]
+    options = BuildOptions(
+        preset=preset, density=density, seed=seed, device=device, resume=resume,
+        init_from=None if init_from is None else _as_path("init_from", init_from),
+        pretrained_style=pretrained_path(pretrained_style, preset), keep_networks=keep_networks,
+        compress=compress, rollout=rollout, leave_out=tuple(leave_out), lock_feet=lock_feet,
+        augment_mirror=augment_mirror, words=words,
+    )  # fmt: skip
+    for name in sorted(_FLAGS):
+        if not isinstance(getattr(options, name), bool):
+            raise ParameterError(f"expected {name} as True or False, got {getattr(options, name)!r}")
+    return build_repertoire(
+        paths, _as_path("output", output), options, report=report, training_report=training_report
+    )
+
+
+def pretrained_path(given: str | Path | None, preset: str) -> Path | None:
+    """The repertoire whose style networks training starts from: see `build`."""
+    if given == AUTO:
+        return STARTER_PATH if preset == "small" else None
+    return None if given is None else _as_path("pretrained_style", given)
+
+
+def _as_path(what: str, path: object) -> Path:
+    if not isinstance(path, str | Path):
+        raise ParameterError(f"expected {what} as a path, got {reprlib.repr(path)}")
+    return Path(path)

@@ -1,0 +1,72 @@
+"""Takes for a repertoire: read, brought to one skeleton, their feet locked, and measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from choreograph.blending.foot_locking import lock_feet
+from choreograph.building.options import BuildOptions
+from choreograph.errors import ParameterError
+from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.importers import import_takes
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.retargeting import retarget
+from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.progress import ProgressReport
+from choreograph.repertoire.contents import MeasuredTake
+from choreograph.takes import Take
+from choreograph.timebase import CLIP_S, NET_FPS, STORE_FPS
+
+
+def measured_takes(
+    sources: Iterable[str | Path], options: BuildOptions, report: ProgressReport | None
+) -> tuple[list[MeasuredTake], tuple[str, ...]]:
+    """All takes of the sources with their features, on one skeleton, and notes on what was unusual.
+
+    Raises `ParameterError` if no take is left or two share a name, `FormatError` if a source is damaged.
+    """
+    takes, notes = _imported(sources, options, report)
+    if options.lock_feet:
+        takes = [replace(take, motion=lock_feet(take.motion)) for take in takes]
+    measured = [measure_take(take) for take in takes]
+    short = [m.take.name for m in measured if len(m.body_pos_m) < CLIP_S * NET_FPS]
+    if short:
+        notes = (*notes, f"{', '.join(short)}: shorter than {CLIP_S} s: no clip comes from there")
+    return measured, notes
+
+
+def measure_take(take: Take) -> MeasuredTake:
+    """A take with its body positions at 20 fps and its motion beats."""
+    fine = body_pos_m(take.motion.resampled(STORE_FPS))
+    coarse = body_pos_m(take.motion.resampled(NET_FPS)).astype(np.float32)
+    return MeasuredTake(take, coarse, motion_beat_times_s(fine, STORE_FPS))
+
+
+def _imported(
+    sources: Iterable[str | Path], options: BuildOptions, report: ProgressReport | None
+) -> tuple[list[Take], tuple[str, ...]]:
+    """All takes on one skeleton, and notes."""
+    takes: list[Take] = []
+    for source in sources:
+        for take in import_takes(source):
+            if take.name not in options.leave_out:
+                takes.append(take)
+            if report is not None:
+                report("importing", len(takes), 0)
+    if not takes:
+        raise ParameterError("no take is left to build from")
+    names = [take.name for take in takes]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ParameterError(f"two takes are called {twice[0]!r}: the sources overlap, or need other names")
+    notes = [f"{take.name}: {note}" for take in takes for note in take.notes]
+    first = takes[0].motion.skeleton
+    if all(take.motion.skeleton.same_as(first) for take in takes):
+        return takes, tuple(notes)
+    notes.append("the takes are on different skeletons: all are retargeted to the canonical body")
+    body = canonical_skeleton()
+    return [replace(take, motion=retarget(take.motion, body)) for take in takes], tuple(notes)

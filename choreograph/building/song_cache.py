@@ -1,0 +1,44 @@
+"""The songs of a build, each decoded and analysed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.audio.song import Song, load_song
+from choreograph.features.mel import log_mel
+from choreograph.features.music_beats import get_beat_tracker
+
+
+@dataclass(frozen=True, eq=False)
+class AnalysedSong:
+    """What a build needs of a song."""
+
+    duration_s: float
+    log_mel: NDArray[np.float32]  # (T, 96) at 60 fps
+    beat_times_s: NDArray[np.float64]  # (Q,) by the default tracker
+    song: Song | None  # with its samples, if the cache keeps them
+
+
+class SongCache:
+    """Decodes and analyses a song when it is first needed; several takes may dance to one song.
+
+    Samples are dropped after the analysis unless `keep_samples`: they take 5 MB a minute.
+    """
+
+    def __init__(self, *, keep_samples: bool = False) -> None:
+        self._keep_samples = keep_samples
+        self._analysed: dict[Path, AnalysedSong] = {}
+
+    def analysed(self, path: Path) -> AnalysedSong:
+        """The song of a file; raises as `load_song`."""
+        if path not in self._analysed:
+            song = load_song(path)
+            mel = log_mel(song.samples)
+            beat_times_s = get_beat_tracker().beats(song, mel)
+            kept = song if self._keep_samples else None
+            self._analysed[path] = AnalysedSong(song.duration_s, mel, beat_times_s, kept)
+        return self._analysed[path]

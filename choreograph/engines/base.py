@@ -1,0 +1,101 @@
+"""What an engine is: a way from a song's features and the user's constraints to a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, fields
+from typing import Protocol
+
+from choreograph.audio.song import Song
+from choreograph.config import DanceConfig
+from choreograph.constraints.resolve import ResolvedConstraints
+from choreograph.constraints.spec import Constraints
+from choreograph.errors import ParameterError
+from choreograph.features.song_features import SongFeatures
+from choreograph.graph import Cost
+from choreograph.motion.motion import Motion
+from choreograph.plan import Plan
+from choreograph.progress import ProgressReport
+from choreograph.repertoire import Repertoire
+
+COMMON_SETTINGS = frozenset({"engine", "fps", "seed", "beats"})  # that every engine uses
+
+
+@dataclass(frozen=True, eq=False)
+class DanceRequest:
+    """One dance to plan: everything an engine may use."""
+
+    song: Song
+    song_features: SongFeatures
+    repertoire: Repertoire
+    config: DanceConfig
+    constraints: ResolvedConstraints
+    costs: tuple[Cost, ...] = ()  # the user's
+    style_song: Song | None = None
+    start_s: float = 0.0  # of the danced part in the song's file
+    report: ProgressReport | None = None
+
+    def new_plan(self, **parts) -> Plan:
+        """A plan with what every engine's plan says of the song, the repertoire and the settings."""
+        features, config = self.song_features, self.config
+        common = {
+            "song": features.name, "duration_s": features.duration_s, "start_s": self.start_s,
+            "repertoire": self.repertoire.path.name, "planner": config.planner, "blending": config.blending,
+            "seed": config.seed, "fps": config.fps, "weights": {}, "seconds": (), "words": (),
+            "music_beats_s": tuple(float(beat) for beat in features.beat_times_s),
+        }  # fmt: skip
+        return Plan(**{**common, **parts})
+
+
+@dataclass(frozen=True, eq=False)
+class EngineResult:
+    """A final plan, transitions and their times included, and notes on what was unusual."""
+
+    plan: Plan
+    notes: tuple[str, ...] = ()  # one line each
+    motion: Motion | None = None  # the plan rendered, where the engine had to; None: render it
+
+
+class Engine(Protocol):
+    """A way from song features and constraints to a plan."""
+
+    name: str
+    settings: frozenset[str]  # fields of `DanceConfig` and arguments of `dance` beyond `COMMON_SETTINGS`
+
+    def check(
+        self,
+        repertoire: Repertoire,
+        config: DanceConfig,
+        constraints: Constraints,
+        costs: Sequence[Cost],
+    ) -> None:
+        """Raise before any work if the engine cannot dance like this.
+
+        `RepertoireError` if the repertoire lacks what the engine needs, `ParameterError` for constraints or
+        costs that it cannot follow.
+        """
+
+    def plan(self, request: DanceRequest) -> EngineResult:
+        """The dance; `NoPathError` if the constraints leave none."""
+
+
+def check_settings(
+    engine: Engine, engines: Sequence[Engine], config: DanceConfig, given: Collection[str]
+) -> None:
+    """Raise `ParameterError` for a setting that `engine` does not use.
+
+    A setting counts if its name is among those `given`, or if its value in `config` is not the default.
+    """
+    changed = {f.name for f in fields(DanceConfig) if getattr(config, f.name) != _default(f.name)}
+    unused = sorted((changed | set(given)) - COMMON_SETTINGS - engine.settings)
+    if unused:
+        name = unused[0]
+        users = " or ".join(other.name for other in engines if name in other.settings)
+        raise ParameterError(
+            f"expected no {name.replace('_', ' ')} with the {engine.name} engine: it is a setting of the "
+            f"{users} engine; leave it out, or choose that engine"
+        )
+
+
+def _default(name: str) -> object:
+    return getattr(DanceConfig(), name)
