@@ -34,9 +34,9 @@ format: setup
 dance: setup
 	$(BIN)/choreograph dance "$(SONG)" $(if $(DB),--db "$(DB)")
 
-# Renders the built-in takes and songs and builds their repertoire again. TAKES: real ones to train on as well.
+# Renders the built-in takes and songs and rebuilds the built-in repertoire; TAKES adds real takes to train on.
 starter: setup
-	$(BIN)/python -m choreograph.synthesis.songs.examples
+	$(BIN)/python -m choreograph.starter.song_recipe
 	$(BIN)/choreograph build-starter $(if $(TAKES),--train-on "$(TAKES)") $(if $(LEAVE_OUT),--leave-out "$(LEAVE_OUT)")
 
 benchmark: setup

@@ -25,7 +25,7 @@ from choreograph.metrics import beat, physical
 from choreograph.motion.body import body_pos_m
 from choreograph.plan import Plan
 from choreograph.synthesis.songs import STYLES, render_song, write_song
-from choreograph.synthesis.songs.testbed import SONGS
+from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS
 
 FPS = 60.0
 OTHER_TRACKER = {"tempo-path": "librosa", "librosa": "tempo-path", "beat-this": "librosa"}
@@ -76,7 +76,7 @@ def main() -> None:
     groups = defaultdict(list)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "song.wav"
-        for bench in SONGS:
+        for bench in BENCHMARK_SONGS:
             truth = bench.render()
             write_song(path, truth)
             made = cg.dance(path, repertoire, config=config)

@@ -35,7 +35,7 @@ from choreograph.nets.style.data import StyleTake, count_beats
 from choreograph.nets.style.model import StyleNets
 from choreograph.nets.style.train import train_style
 from choreograph.selection import select_clips
-from choreograph.starter.takes import rendered, take_plans
+from choreograph.starter.takes import render_spec, take_specs
 from choreograph.synthesis.songs.voices import RATE_HZ
 from choreograph.takes import Take
 from choreograph.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, SEGMENT_S
@@ -60,10 +60,10 @@ def style_take(take: Take) -> StyleTake:
 def built_in_takes() -> list[StyleTake]:
     """The starter's own takes, rendered again."""
     made = []
-    for plan in take_plans():
-        song, dance = rendered(plan)
+    for spec in take_specs():
+        song, dance = render_spec(spec)
         mono = resample_poly(song.samples.mean(axis=1), 1, RATE_HZ // SAMPLE_RATE_HZ)
-        made.append(learned_from((plan.name, plan.name, plan.genre), dance.motion, mono, 0.0))
+        made.append(learned_from((spec.name, spec.name, spec.genre), dance.motion, mono, 0.0))
     return made
 
 

@@ -13,10 +13,10 @@ import argparse
 import json
 from pathlib import Path
 
-from choreograph.starter.takes import TakePlan, write_takes
+from choreograph.starter.takes import TakeSpec, write_takes
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.songs import STYLES
-from choreograph.synthesis.songs.testbed import FIRST_SEED
+from choreograph.synthesis.songs.benchmark_songs import FIRST_SEED
 
 _SEEDS_FROM = FIRST_SEED + 500  # beyond the test bed's songs
 _DURATION_S = 60.0
@@ -27,7 +27,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
     plans = [
-        TakePlan(f"unseen-{genre}", genre, round(sum(STYLES[genre].bpm) / 2), _SEEDS_FROM + i, _DURATION_S)
+        TakeSpec(f"unseen-{genre}", genre, round(sum(STYLES[genre].bpm) / 2), _SEEDS_FROM + i, _DURATION_S)
         for i, genre in enumerate(sorted(GENRES))
     ]
     write_takes(folder, plans)

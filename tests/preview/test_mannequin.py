@@ -1,4 +1,4 @@
-"""The mannequin: on the usual rigs and on none, whole, around its joints, and its skinning."""
+"""The mannequin on known and unknown rigs: closed surfaces, proportions, skinning."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import rest_pose_is_upright
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
-from choreograph.preview import _kernels as kernels
-from choreograph.preview.figure import PARTS, Figure, build_figure, skin_matrices
+from choreograph.preview import _raster_kernels as raster
+from choreograph.preview.mannequin import PARTS, SkinnedMesh, build_mannequin, skin_matrices
 
 _MIXAMO = {
     "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2", "neck": "Neck",
@@ -26,7 +26,7 @@ _MIXAMO = {
 
 
 def mixamo() -> Skeleton:
-    """The canonical body without its hands, in Mixamo's words, with three fingers of two joints each."""
+    """The canonical body without its hands, with Mixamo's names, with three fingers of two joints each."""
     body = canonical_skeleton()
     names, parents, offsets = [], [], []
     for name, parent, offset in zip(CANONICAL_JOINTS, body.parents, body.offsets_m, strict=True):
@@ -46,7 +46,7 @@ def mixamo() -> Skeleton:
 
 
 def with_tail() -> Skeleton:
-    """The canonical body with two joints more that no rig has, and a bone end on the last."""
+    """The canonical body with two extra joints and a bone tip on the last."""
     body = canonical_skeleton()
     return Skeleton(
         (*body.names, "tail1", "tail2"),
@@ -58,144 +58,144 @@ def with_tail() -> Skeleton:
 
 
 def unknown() -> Skeleton:
-    """A chain that is no body."""
+    """A chain of joints without known names."""
     return Skeleton(("a", "b", "c"), np.array([-1, 0, 1]), np.array([[0, 0, 0], [0.5, 0, 0], [0, 0.4, 0.0]]))
 
 
 SKELETONS = {"canonical": canonical_skeleton, "mixamo": mixamo, "tail": with_tail, "unknown": unknown}
 
 
-def posed(figure: Figure, motion: Motion, frame: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and normals in the world in a frame of a motion."""
+def posed(mesh: SkinnedMesh, motion: Motion, frame: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """World vertices and normals in a frame of a motion."""
     pos, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
-    matrices = skin_matrices(figure, pos[frame], quat[frame])
-    return kernels.skin(figure.vertices_m, figure.normals, figure.joints, figure.weights, matrices)
+    matrices = skin_matrices(mesh, pos[frame], quat[frame])
+    return raster.skin(mesh.vertices_m, mesh.normals, mesh.joints, mesh.weights, matrices)
 
 
 @pytest.mark.parametrize("name", SKELETONS)
 def test_arrays_fit_together(name):
     skeleton = SKELETONS[name]()
-    figure = build_figure(skeleton)
-    n = len(figure.vertices_m)
-    assert figure.vertices_m.shape == figure.normals.shape == (n, 3)
-    assert figure.joints.shape == figure.weights.shape == (n, 2) and figure.parts.shape == (n,)
-    assert figure.triangles.min() >= 0 and figure.triangles.max() < n
-    assert figure.joints.min() >= 0 and figure.joints.max() < skeleton.n_joints
-    assert np.allclose(figure.weights.sum(axis=1), 1.0) and figure.weights.min() >= 0
-    assert np.allclose(np.linalg.norm(figure.normals, axis=1), 1.0, atol=1e-3)
-    assert figure.palette.shape == (len(PARTS), 3) and set(figure.parts) <= set(range(len(PARTS)))
-    corners = figure.parts[figure.triangles]
-    assert (corners == corners[:, :1]).all()  # a triangle is of one part
+    mesh = build_mannequin(skeleton)
+    n = len(mesh.vertices_m)
+    assert mesh.vertices_m.shape == mesh.normals.shape == (n, 3)
+    assert mesh.joints.shape == mesh.weights.shape == (n, 2) and mesh.parts.shape == (n,)
+    assert mesh.triangles.min() >= 0 and mesh.triangles.max() < n
+    assert mesh.joints.min() >= 0 and mesh.joints.max() < skeleton.n_joints
+    assert np.allclose(mesh.weights.sum(axis=1), 1.0) and mesh.weights.min() >= 0
+    assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-3)
+    assert mesh.palette.shape == (len(PARTS), 3) and set(mesh.parts) <= set(range(len(PARTS)))
+    corners = mesh.parts[mesh.triangles]
+    assert (corners == corners[:, :1]).all()  # a triangle belongs to one part
 
 
 @pytest.mark.parametrize("name", SKELETONS)
 def test_pieces_are_closed_and_face_outward(name):
-    figure = build_figure(SKELETONS[name]())
-    # Vertices that differ by part only are one: every edge then has two triangles, once each way.
-    _, same = np.unique(np.round(figure.vertices_m, 6), axis=0, return_inverse=True)
-    triangles = same[figure.triangles]
+    mesh = build_mannequin(SKELETONS[name]())
+    # Merge vertices that differ only by part: every edge then has two triangles, one in each direction.
+    _, same = np.unique(np.round(mesh.vertices_m, 6), axis=0, return_inverse=True)
+    triangles = same[mesh.triangles]
     triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
     edges = np.concatenate([triangles[:, [i, (i + 1) % 3]] for i in range(3)])
     forward_edges, counts = np.unique(edges, axis=0, return_counts=True)
     backward_edges, back_counts = np.unique(edges[:, ::-1], axis=0, return_counts=True)
     assert np.array_equal(forward_edges, backward_edges) and np.array_equal(counts, back_counts)
-    a, b, c = (figure.vertices_m[figure.triangles[:, k]] for k in range(3))
+    a, b, c = (mesh.vertices_m[mesh.triangles[:, k]] for k in range(3))
     faces = np.cross(b - a, c - a)
-    agree = np.einsum("ij,ij->i", faces, figure.normals[figure.triangles].sum(axis=1))
+    agree = np.einsum("ij,ij->i", faces, mesh.normals[mesh.triangles].sum(axis=1))
     assert (agree > 0).mean() > 0.98
     assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0  # six times the volume
 
 
 def test_size_of_the_mesh_and_of_the_body():
-    figure = build_figure(canonical_skeleton())
-    assert 2000 <= len(figure.triangles) <= 8000
-    low, high = figure.vertices_m.min(axis=0), figure.vertices_m.max(axis=0)
+    mesh = build_mannequin(canonical_skeleton())
+    assert 2000 <= len(mesh.triangles) <= 8000
+    low, high = mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0)
     assert 1.65 < high[1] - low[1] < 1.80
     assert 1.60 < high[0] - low[0] < 1.85  # the arms' span
-    joints = figure.bind_pos_m
+    joints = mesh.bind_pos_m
     assert (low > joints.min(axis=0) - 0.25).all() and (high < joints.max(axis=0) + 0.25).all()
 
 
 def test_left_and_right_mirror_each_other():
-    figure = build_figure(canonical_skeleton())
+    mesh = build_mannequin(canonical_skeleton())
     for left, right in (("left_arm", "right_arm"), ("left_shoe", "right_shoe"), ("left_leg", "right_leg")):
-        mine = figure.vertices_m[figure.parts == PARTS.index(left)]
-        other = figure.vertices_m[figure.parts == PARTS.index(right)] * [-1.0, 1.0, 1.0]
+        mine = mesh.vertices_m[mesh.parts == PARTS.index(left)]
+        other = mesh.vertices_m[mesh.parts == PARTS.index(right)] * [-1.0, 1.0, 1.0]
         assert np.allclose(mine.min(axis=0), other.min(axis=0), atol=1e-4)
         assert np.allclose(mine.max(axis=0), other.max(axis=0), atol=1e-4)
-        assert not np.allclose(figure.palette[PARTS.index(left)], figure.palette[PARTS.index(right)])
+        assert not np.allclose(mesh.palette[PARTS.index(left)], mesh.palette[PARTS.index(right)])
 
 
 @pytest.mark.parametrize("name", ["canonical", "mixamo", "tail"])
 def test_soles_lie_on_the_floor_of_the_rest_pose(name):
     skeleton = SKELETONS[name]()
-    figure = build_figure(skeleton)
+    mesh = build_mannequin(skeleton)
     floor = skeleton.rest_pos_m()[
         [skeleton.parents.tolist().index(7), skeleton.parents.tolist().index(8)], 1
     ].min()
     for shoe in ("left_shoe", "right_shoe"):
-        heights = figure.vertices_m[figure.parts == PARTS.index(shoe), 1]
+        heights = mesh.vertices_m[mesh.parts == PARTS.index(shoe), 1]
         assert heights.min() == pytest.approx(floor, abs=1e-3)
         assert (heights < floor + 0.004).sum() >= 10  # flat, not a point
-    assert figure.vertices_m[:, 1].min() == pytest.approx(floor, abs=1e-3)
+    assert mesh.vertices_m[:, 1].min() == pytest.approx(floor, abs=1e-3)
 
 
-def test_face_and_toes_look_ahead():
-    figure = build_figure(canonical_skeleton())
-    skull = figure.vertices_m[figure.parts == PARTS.index("head")]
+def test_face_and_toes_point_forward():
+    mesh = build_mannequin(canonical_skeleton())
+    skull = mesh.vertices_m[mesh.parts == PARTS.index("head")]
     nose = skull[skull[:, 2].argmax()]
-    assert abs(nose[0]) < 0.01 and nose[2] > figure.bind_pos_m[15, 2] + 0.08
-    hair = figure.vertices_m[figure.parts == PARTS.index("hair")]
+    assert abs(nose[0]) < 0.01 and nose[2] > mesh.bind_pos_m[15, 2] + 0.08
+    hair = mesh.vertices_m[mesh.parts == PARTS.index("hair")]
     brow = np.abs(hair[:, 1] - (nose[1] + 0.02)) < 0.03
-    assert hair[brow, 2].max() < nose[2] - 0.02 and hair[brow, 2].min() < skull[:, 2].min()  # behind only
-    shoe = figure.vertices_m[figure.parts == PARTS.index("left_shoe")]
-    ankle = figure.bind_pos_m[7]
+    assert hair[brow, 2].max() < nose[2] - 0.02 and hair[brow, 2].min() < skull[:, 2].min()
+    shoe = mesh.vertices_m[mesh.parts == PARTS.index("left_shoe")]
+    ankle = mesh.bind_pos_m[7]
     assert shoe[:, 2].max() - ankle[2] > 2.5 * (ankle[2] - shoe[:, 2].min())
 
 
 @pytest.mark.parametrize("name", SKELETONS)
-def test_the_bind_pose_gives_the_mesh_back(name):
+def test_bind_pose_reproduces_the_mesh(name):
     skeleton = SKELETONS[name]()
-    figure = build_figure(skeleton)
+    mesh = build_mannequin(skeleton)
     still = rot.IDENTITY * np.ones((1, skeleton.n_joints, 1))
-    vertices, normals = posed(figure, Motion(skeleton, skeleton.rest_pos_m()[:1], still, 30.0))
-    assert np.allclose(vertices, figure.vertices_m, atol=1e-5)
-    assert np.allclose(normals, figure.normals, atol=1e-5)
+    vertices, normals = posed(mesh, Motion(skeleton, skeleton.rest_pos_m()[:1], still, 30.0))
+    assert np.allclose(vertices, mesh.vertices_m, atol=1e-5)
+    assert np.allclose(normals, mesh.normals, atol=1e-5)
 
 
 @settings(max_examples=20, deadline=None)
 @given(yaw=st.floats(-3.1, 3.1), x=st.floats(-5, 5), y=st.floats(-1, 1))
 def test_the_mesh_moves_with_the_body(yaw, x, y):
     motion = swaying(3)
-    figure = build_figure(motion.skeleton)
+    mesh = build_mannequin(motion.skeleton)
     shift = np.array([x, y, 0.5])
-    before, _ = posed(figure, motion)
-    after, _ = posed(figure, motion.moved(yaw_rad=yaw, shift_m=shift))
+    before, _ = posed(mesh, motion)
+    after, _ = posed(mesh, motion.moved(yaw_rad=yaw, shift_m=shift))
     assert np.allclose(rot.rotate(rot.about_y(yaw), before.astype(np.float64)) + shift, after, atol=1e-4)
 
 
 def test_a_bent_knee_keeps_its_girth():
     skeleton = canonical_skeleton()
-    figure = build_figure(skeleton)
+    mesh = build_mannequin(skeleton)
     quat = np.tile(rot.IDENTITY, (1, 24, 1))
     quat[0, skeleton.index("left_knee")] = rot.from_rotvec(np.array([np.radians(100.0), 0.0, 0.0]))
     motion = Motion(skeleton, skeleton.rest_pos_m()[:1], quat, 30.0)
-    leg = figure.parts == PARTS.index("left_leg")
+    leg = mesh.parts == PARTS.index("left_leg")
     pos = motion.joint_pos_m()[0]
     hip, knee, ankle = (pos[skeleton.index(f"left_{part}")] for part in ("hip", "knee", "ankle"))
     outward = -((hip - knee) / np.linalg.norm(hip - knee) + (ankle - knee) / np.linalg.norm(ankle - knee))
     outward /= np.linalg.norm(outward)
-    reach = ((posed(figure, motion)[0][leg] - knee) @ outward).max()
+    reach = ((posed(mesh, motion)[0][leg] - knee) @ outward).max()
     assert reach > 0.04  # the knee cap is there, though the tube is folded
 
 
-def test_extra_joints_get_bones_and_own_fingers_replace_ours():
-    tail = build_figure(with_tail())
+def test_extra_joints_get_bones_and_fingers_of_the_rig_replace_the_default_ones():
+    tail = build_mannequin(with_tail())
     extra = tail.vertices_m[tail.parts == PARTS.index("extra")]
     assert extra[:, 2].min() < -0.6  # the end of the tail
-    plain = build_figure(canonical_skeleton())
+    plain = build_mannequin(canonical_skeleton())
     assert not (plain.parts == PARTS.index("extra")).any()
-    fingered = build_figure(mixamo())
+    fingered = build_mannequin(mixamo())
     hand = fingered.vertices_m[fingered.parts == PARTS.index("left_hand")]
     assert hand[:, 0].max() < plain.vertices_m[plain.parts == PARTS.index("left_hand"), 0].max() - 0.04
     assert (fingered.parts == PARTS.index("extra")).any()
@@ -206,58 +206,58 @@ def test_a_dwarf_and_a_giant_have_the_same_shape(scale):
     body = canonical_skeleton()
     scaled = Skeleton(body.names, body.parents, body.offsets_m * scale, body.tip_parents, body.tips_m * scale)
     assert np.allclose(
-        build_figure(scaled).vertices_m, build_figure(body).vertices_m * scale, atol=1e-3 * scale
+        build_mannequin(scaled).vertices_m, build_mannequin(body).vertices_m * scale, atol=1e-3 * scale
     )
 
 
 @settings(max_examples=25, deadline=None)
 @given(flat=st.sets(st.integers(1, 23)), scale=st.sampled_from([1.0, 1e-5, 0.0]))
 @pytest.mark.filterwarnings("error")
-def test_bones_without_length_give_a_figure_all_the_same(flat, scale):
+def test_zero_length_bones_give_a_finite_mesh(flat, scale):
     body = canonical_skeleton()
     offsets = body.offsets_m * scale
     offsets[list(flat)] = 0.0
-    figure = build_figure(replace(body, offsets_m=offsets))
-    assert np.isfinite(figure.vertices_m).all() and np.isfinite(figure.normals).all()
-    bones = figure.bind_pos_m[1:] - figure.bind_pos_m[body.parents[1:]]
+    mesh = build_mannequin(replace(body, offsets_m=offsets))
+    assert np.isfinite(mesh.vertices_m).all() and np.isfinite(mesh.normals).all()
+    bones = mesh.bind_pos_m[1:] - mesh.bind_pos_m[body.parents[1:]]
     assert np.allclose(np.linalg.norm(bones, axis=1), np.linalg.norm(offsets[1:], axis=1))
 
 
-def test_a_rig_that_lies_in_its_rest_pose_looks_the_same():
+def test_rig_without_a_standing_rest_pose_looks_the_same():
     motion = swaying(120)
     lying = on_other_axes(motion, 0)
     assert not rest_pose_is_upright(lying.skeleton)
-    figure = build_figure(lying.skeleton, lying)
-    wanted, _ = posed(build_figure(motion.skeleton), motion, 60)
-    got, _ = posed(figure, lying, 60)
+    mesh = build_mannequin(lying.skeleton, lying)
+    wanted, _ = posed(build_mannequin(motion.skeleton), motion, 60)
+    got, _ = posed(mesh, lying, 60)
     away = np.linalg.norm(got - wanted, axis=1)
     assert np.median(away) < 0.01 and away.max() < 0.12
-    assert figure.vertices_m[:, 1].argmax() == build_figure(motion.skeleton).vertices_m[:, 1].argmax()
+    assert mesh.vertices_m[:, 1].argmax() == build_mannequin(motion.skeleton).vertices_m[:, 1].argmax()
 
 
-def test_soles_of_a_rig_that_lies_are_level_where_it_stands():
+def test_soles_of_such_a_rig_are_level_when_it_stands():
     body = canonical_skeleton()
     offsets = np.array(body.offsets_m)
-    offsets[[10, 11]] = [0.0, -0.09, 0.09]  # the ball of the foot steeper under the ankle than ours
+    offsets[[10, 11]] = [0.0, -0.09, 0.09]  # lower than on the canonical body
     steep = Skeleton(body.names, body.parents, offsets, body.tip_parents, body.tips_m)
     sway = swaying(120)
     quat = np.array(sway.local_quat)
     quat[:, [0, 1, 2, 4, 5, 7, 8, 10, 11]] = rot.IDENTITY  # the trunk dances, the legs stand
     lying = on_other_axes(Motion(steep, sway.root_pos_m * 0 + [0.0, 1.0, 0.0], quat, sway.fps), 3)
     assert not rest_pose_is_upright(lying.skeleton)
-    figure = build_figure(lying.skeleton, lying)
-    world, _ = posed(figure, lying, 50)
+    mesh = build_mannequin(lying.skeleton, lying)
+    world, _ = posed(mesh, lying, 50)
     for shoe in ("left_shoe", "right_shoe"):
-        sole = (figure.parts == PARTS.index(shoe)) & (
-            figure.vertices_m[:, 1] < figure.vertices_m[:, 1].min() + 1e-3
+        sole = (mesh.parts == PARTS.index(shoe)) & (
+            mesh.vertices_m[:, 1] < mesh.vertices_m[:, 1].min() + 1e-3
         )
         assert sole.sum() >= 10 and np.ptp(world[sole, 1]) < 0.012
 
 
-def test_a_rig_that_lies_stands_even_without_a_motion():
+def test_such_a_rig_stands_even_without_a_motion():
     body = canonical_skeleton()
     along_x = np.linalg.norm(body.offsets_m, axis=1)[:, None] * [1.0, 0.0, 0.0]
-    figure = build_figure(replace(body, offsets_m=along_x))
-    roles = {name: figure.bind_pos_m[i] for i, name in enumerate(body.names)}
+    mesh = build_mannequin(replace(body, offsets_m=along_x))
+    roles = {name: mesh.bind_pos_m[i] for i, name in enumerate(body.names)}
     assert roles["head"][1] > roles["pelvis"][1] + 0.3 and roles["pelvis"][1] > roles["left_ankle"][1] + 0.5
-    assert np.isfinite(figure.vertices_m).all()
+    assert np.isfinite(mesh.vertices_m).all()

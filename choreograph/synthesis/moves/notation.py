@@ -1,11 +1,11 @@
-"""The words of a dance: steps, poses, bounce, and the moves made of them, on a teacher's counts.
+"""Dance notation: steps, poses and bounce on a teacher's counts, and the moves made of them.
 
 How to write a move
 -------------------
 A dancer stands at home: feet 0.2 m apart, body over them, facing forward. Counts are the teacher's:
 the first beat is 1, "3 and" is 3.5. A move of N counts begins where the last one ended (its count N is
-the next one's count 0), lands its first step usually on 1, and **is home again on N**: by then both
-feet stand at the same place with the same facing (that is where the next move's home is). Write it for
+the next one's count 0), usually lands its first step on 1, and **is home again on N**: by then both
+feet stand at the same place with the same facing, which is the home of the next move. Write it for
 one side; `mirrored()` gives the other. ::
 
     STEP_TOUCH = Move(
@@ -25,21 +25,21 @@ one side; `mirrored()` gives the other. ::
         bounce=Bounce(0.04, "down"),
     )
 
-Steps. `at` is (left, forward) in metres *from that foot's own home place*, so (0.4, 0) for both feet is
+Steps. `at` is (left, forward) in metres *from that foot's own home place*, so (0.4, 0) for both feet moves
 the whole body 0.4 m to the left; `face` in degrees (left is positive) turns the home the foot stands in.
-A travelling or turning move simply ends with both feet `at` the same place and `face`. Every swing
+A travelling or turning move ends with both feet `at` the same place and `face`. Every swing
 leaves the floor `swing` counts before it lands. `step` takes the weight, `touch`, `heel`, `kick` do not,
 `press` shifts weight without lifting (weight 0.5: on both feet), `pivot` turns a planted foot about its
 ball. The body faces where weighted steps `face`; in a turn, pivot the standing foot along on the same
-count. The standing foot may not lift: the language refuses it. Pelvis, knees and heels follow from the
-steps: the body goes over the
-standing foot, is lowered as far as both legs reach, heels rise before a foot leaves.
+count. The standing foot may not lift: `Move` raises an error. Pelvis, knees and heels follow from the
+steps: the body moves over the standing foot and is lowered until both legs reach, and heels rise before
+a foot leaves.
 
-Poses say where the rest of the body is on a count; what a pose leaves out keeps moving between its
-neighbours, and what a move never says is neutral. It *arrives* on the count: at rest there, so accents
-sit on counts. Give a pose on (nearly) every count for the channels the move is about; `flow=0.5`
+Poses define the rest of the body on a count. A channel that a pose leaves out is interpolated between its
+neighbours; one that the move never sets is neutral. A pose *arrives* on its count, at rest, so accents lie on
+counts. Give a pose on (nearly) every count for the main channels of the move; `flow=0.5`
 makes the body pass through instead (slow dances). Channels: see `CHANNELS`; arms: names in
-`poses.ARMS` or an `Arm(upper, fore)`. Left is positive; degrees and metres.
+`arm_poses.ARMS` or an `Arm(upper, fore)`. Left is positive; degrees and metres.
 
 Turns, quick steps, kicks, rises. ::
 
@@ -51,16 +51,16 @@ Turns, quick steps, kicks, rises. ::
     press("right", 3, pitch=25.0, weight=1.0),       # a rise onto the ball in place (and drop=-0.02)
 
 A genre is a module in `genres/` with its moves and a `Genre`, listed in `genres/__init__.py`; a waltz has
-counts=3 or 6 and `Genre(bar=3)`. The tests then hold each move to floor, beat, limbs and its mirror.
+counts=3 or 6 and `Genre(bar=3)`. The tests then check floor, beat, limbs and mirror of each move.
 
-What was learnt writing the first genre: bounce 0.02-0.05 m, "down" (hip-hop, house: lowest on the count)
+Experience: bounce 0.02-0.05 m, "down" (hip-hop, house: lowest on the count)
 or "up" (disco, swing: highest on it). Hips lead, the chest turns against the legs (left foot steps:
 twist -6 … -15). Arms that travel 0.3 m and more between counts make the accents; a pose between counts
-("and") is a stop of its own: give it `flow=1.0` unless it is meant. `hip_side` against the weight just
+("and") is another stop: give it `flow=1.0` unless the stop is wanted. `hip_side` against the weight just
 taken moves the accent off the count. Home's 0.2 m between the feet does not scale with `size`: a foot that
 crosses or passes needs 0.15 m clear at 0.7 too, or a `bow`. Look at strips from the front and the side
-(`choreograph.preview.strip.write_strip`). A move that ends with the other foot free alternates sides by
-itself; one that ends with the same foot free is repeated to the same side, so write both in 4 counts.
+(`choreograph.preview.strip.write_strip`). A move that ends with the other foot free alternates sides
+automatically; one that ends with the same foot free is repeated to the same side, so write both in 4 counts.
 """
 
 from __future__ import annotations
@@ -70,21 +70,21 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from choreograph.errors import ParameterError
-from choreograph.synthesis.moves.poses import Arm, arm
+from choreograph.synthesis.moves.arm_poses import Arm, arm
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
-_HOME_M = 0.06  # a foot that touches at the end may be so far from its home
+_HOME_M = 0.06  # largest distance from home of a foot that touches at the end
 
-# One number each, 0 when neutral; True: the sign is a side's, and mirroring turns it round.
+# One number each, 0 is neutral; True: the sign denotes a side and flips when mirrored.
 CHANNELS: dict[str, bool] = {
-    "hip_side": True,  # pelvis to the left of where the weight puts it, m
-    "hip_fwd": False,  # pelvis forward of it, m
+    "hip_side": True,  # pelvis to the left of the supported position, m
+    "hip_fwd": False,  # pelvis forward of that position, m
     "drop": False,  # pelvis down: a plié, m
     "hip_roll": True,  # left hip up, degrees
-    "hip_turn": True,  # pelvis turned to the left under a chest that stays, degrees
+    "hip_turn": True,  # pelvis turned to the left, the chest stays, degrees
     "hip_tilt": False,  # tail back (arched), degrees; negative: tail under (contracted)
-    "bend": False,  # spine forward, degrees over all of it
+    "bend": False,  # spine bent forward, degrees in total
     "arch": False,  # chest lifted and pushed forward against the lower spine, degrees
     "side": True,  # spine bent to the left, degrees
     "twist": True,  # chest turned to the left of the facing, degrees
@@ -106,22 +106,22 @@ class Step:
     foot: Side
     count: float  # when it lands (or, a kick, is furthest out)
     at: tuple[float, float] = (0.0, 0.0)  # (left, forward) of its home place, m
-    face: float | None = 0.0  # the home it stands in is turned so far to the left, degrees; None: as it was
-    weight: float | None = None  # share of the body's weight it has then; None: as before
-    toe_out: float = 10.0  # degrees out of the facing
-    pitch: float = 0.0  # heel up (positive) or toes up (negative) while it stays, degrees
+    face: float | None = 0.0  # turn of its home to the left, degrees; None: unchanged
+    weight: float | None = None  # share of the body's weight it carries afterwards; None: unchanged
+    toe_out: float = 10.0  # outwards from the facing, degrees
+    pitch: float = 0.0  # heel up (positive) or toes up (negative) while on the floor, degrees
     height: float = 0.0  # of a kick, m
-    swing: float = 0.8  # counts it is on its way
-    lift: float = 0.07  # how high it goes over the straight way, m
-    bow: tuple[float, float] = (0.0, 0.0)  # (left, forward) bulge of its way: round the other foot, m
+    swing: float = 0.8  # counts in the air
+    lift: float = 0.07  # height above the straight path, m
+    bow: tuple[float, float] = (0.0, 0.0)  # (left, forward) bulge of its path, around the other foot, m
 
     @property
     def in_place(self) -> bool:
-        """Whether it stays on the floor where it is."""
+        """Whether it stays on the floor in its place."""
         return self.lift == 0.0 and self.height == 0.0
 
     def mirrored(self) -> Step:
-        """The same by the other foot to the other side."""
+        """The mirror image: the other foot, to the other side."""
         return replace(
             self, foot=other(self.foot), at=(-self.at[0], self.at[1]),
             face=None if self.face is None else -self.face, bow=(-self.bow[0], self.bow[1]),
@@ -134,7 +134,7 @@ def other(foot: Side) -> Side:
 
 
 def step(foot: Side, count: float, at: tuple[float, float] = (0.0, 0.0), **more: Any) -> Step:
-    """A step that takes the whole weight (`weight=0.5`: half of it), flat."""
+    """A flat step that takes the whole weight (`weight=0.5`: half of it)."""
     return Step(foot, count, at, **{"weight": 1.0, **more})
 
 
@@ -154,30 +154,30 @@ def heel(foot: Side, count: float, at: tuple[float, float] = (0.0, 0.0), **more:
 
 
 def kick(foot: Side, count: float, at: tuple[float, float], height: float, **more: Any) -> Step:
-    """The foot is in the air on the count, `height` m up, toes pointed; it comes down by its next step."""
+    """The foot is in the air on the count, `height` m up, toes pointed; it lands with its next step."""
     return Step(foot, count, at, **{"height": height, "pitch": 10.0, "lift": 0.02, **more})
 
 
 def press(foot: Side, count: float, **more: Any) -> Step:
-    """Weight onto a foot that stays where it stands; `weight=0.5` puts it on both."""
+    """Shift the weight onto a foot that stays in place; `weight=0.5`: onto both."""
     return Step(foot, count, **{"face": None, "weight": 1.0, "lift": 0.0, "swing": 0.5, **more})
 
 
 def pivot(foot: Side, count: float, **more: Any) -> Step:
-    """The planted foot turns about its ball, which stays where it is, to a new `face`; weight as before."""
+    """The planted foot turns about its ball to a new `face`; the weight stays."""
     return Step(foot, count, **{"lift": 0.0, "swing": 0.7, **more})
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where the upper body and the hips are on a count; only the channels it names."""
+    """Hips and upper body on a count; only the channels it names."""
 
     values: Mapping[str, float]  # of CHANNELS
     arms: Mapping[Side, Arm] = field(default_factory=dict)
     flow: float = 0.0  # 0: at rest on the count, 1: passing through
 
     def mirrored(self) -> Pose:
-        """The same to the other side."""
+        """The mirror image."""
         values = {_swapped(name): -v if CHANNELS[name] else v for name, v in self.values.items()}
         return replace(self, values=values, arms={other(side): a for side, a in self.arms.items()})
 
@@ -195,7 +195,7 @@ def pose(
     flow: float = 0.0,
     **values: float,
 ) -> Pose:
-    """A pose by channel (`CHANNELS`) and arms by name; `arms` sets both.
+    """A pose from channels (`CHANNELS`) and arms (names or `Arm`); `arms` sets both.
 
     Raises `ParameterError` for a channel or an arm pose that does not exist.
     """
@@ -208,19 +208,19 @@ def pose(
 
 @dataclass(frozen=True)
 class Bounce:
-    """The knees' pulse: `depth_m` down and up again every `every` counts, lowest or highest on them."""
+    """The pulse of the knees: `depth_m` down and up every `every` counts, lowest or highest on them."""
 
     depth_m: float
     on: Literal["down", "up"] = "down"
     every: float = 1.0
-    start: float = 1.0  # the count of the first one
+    start: float = 1.0  # the first count
 
 
 @dataclass(frozen=True)
 class Move:
-    """A dance move on counts, for one side. See the module's text.
+    """A dance move on counts, for one side; see the module docstring.
 
-    Raises `ParameterError` if a count lies outside, a standing foot lifts, or it does not end at home.
+    Raises `ParameterError` if a count is out of range, a standing foot lifts, or it does not end at home.
     """
 
     name: str
@@ -228,26 +228,28 @@ class Move:
     steps: tuple[Step, ...]
     poses: Mapping[float, Pose] = field(default_factory=dict)
     bounce: Bounce = Bounce(0.025)
-    fastest_bpm: float = 400.0  # counts a minute: above, its quick steps are no longer danced
+    fastest_bpm: float = 400.0  # counts per minute; at higher tempi its quick steps are not feasible
 
     def __post_init__(self) -> None:
         counts = [s.count for s in self.steps] + list(self.poses)
         if any(not 0 < c <= self.counts for c in counts):
-            raise ParameterError(f"{self.name}: expected counts over 0 up to {self.counts}, got {counts}")
+            raise ParameterError(f"{self.name}: expected counts above 0, up to {self.counts}, got {counts}")
         self._stands_on()
         apart = [abs(a - b) for a, b in zip(self._place("left"), self._place("right"), strict=True)]
         if max(apart[:2]) > _HOME_M or apart[2] > 0.0:
             raise ParameterError(
                 f"{self.name}: the feet end at {self._place('left')} and {self._place('right')}, "
-                f"expected one place (to {_HOME_M} m) and facing: its home at the end"
+                f"expected the same place (within {_HOME_M} m) and facing: the home at its end"
             )
 
     def _stands_on(self) -> Side | None:
-        """The foot that carries the weight at the end; None: both, or whichever did at the start."""
+        """The foot that carries the weight at the end; None: both, or the same as at the start."""
         standing: Side | None = None
         for s in sorted(self.steps, key=lambda s: s.count):
             if s.foot == standing and not s.in_place:
-                raise ParameterError(f"{self.name}: on {s.count} the {s.foot} foot lifts but it carries you")
+                raise ParameterError(
+                    f"{self.name}: on {s.count} the {s.foot} foot lifts but carries the weight"
+                )
             if s.weight is not None:
                 standing = None if s.weight < 1.0 else s.foot
             elif not s.in_place:
@@ -268,18 +270,18 @@ class Move:
 
     @property
     def first_foot(self) -> Side | None:
-        """The foot that must be free when it starts; None: either."""
+        """The foot that must be free at the start; None: either."""
         moving = [s for s in sorted(self.steps, key=lambda s: s.count) if not s.in_place]
         return moving[0].foot if moving else None
 
     @property
     def free_foot(self) -> Side | None:
-        """The foot without weight at its end; None: either, the weight is on both or never moved."""
+        """The foot without weight at the end; None: either, since the weight is on both or never shifted."""
         standing = self._stands_on()
         return None if standing is None else other(standing)
 
     def mirrored(self) -> Move:
-        """The move to the other side: mirrored twice it is itself again."""
+        """The move to the other side; an involution."""
         return replace(
             self,
             steps=tuple(s.mirrored() for s in self.steps),
@@ -288,9 +290,9 @@ class Move:
 
 
 def both_sides(move: Move) -> Move:
-    """`move`, then its mirror image, as one move of twice the counts; the move must end where it starts."""
+    """`move`, then its mirror image, as one move of twice the counts; the move must not travel."""
     if move.travel != (0.0, 0.0, 0.0):
-        raise ParameterError(f"{move.name}: travels, so its other side cannot be written from the same home")
+        raise ParameterError(f"{move.name}: travels, so its mirror image cannot start from the same home")
     n, back = move.counts, move.mirrored()
     steps = move.steps + tuple(replace(s, count=s.count + n) for s in back.steps)
     return replace(

@@ -1,4 +1,4 @@
-"""The body a figure is made around: a skeleton standing, whatever its rest pose, and its measures."""
+"""The bind pose of the mannequin: a skeleton standing upright, whatever its rest pose, and its measures."""
 
 from __future__ import annotations
 
@@ -23,17 +23,18 @@ _SHORTEST_BONE_M = 0.01
 _NO_LENGTH_M = 1e-3
 # Of the 1.70 m body that the tables measure: hip to ankle, and hips' to shoulders' height.
 _LEG_M, _TRUNK_M = 0.785, 0.525
-_SPREAD = 0.2  # sine between bones of one joint from which on they fix how it is turned
+_SPREAD = 0.2  # from this sine between two bones of a joint on, they determine its rotation
 _STANDING_PERCENT, _MOST_PITCH_RAD = 90.0, 0.7
-_SAMPLES = 200  # frames of a motion that tell how its rig's joints are turned
+_SAMPLES = 200  # frames of a motion from which the rotations of its rig's joints are estimated
 
 
 def bind_pose(skeleton: Skeleton, motion: Motion | None) -> tuple[Floats, Floats]:
-    """Places (J, 3) and world rotations (J, 4) of the joints, standing upright.
+    """World positions (J, 3) and rotations (J, 4) of the joints, standing upright.
 
-    The rest pose if that stands. If not (all bones along one axis), each joint is turned as the
-    canonical body's is in its rest pose; how the two compare is read off `motion`, or, without one,
-    off the bones' directions alone, which leaves their twist open. Names must be a known rig's.
+    This is the rest pose if that stands. If not (all bones along one axis), each joint gets the rotation
+    that the canonical body has in its rest pose. How the two rigs compare is estimated from `motion`, or,
+    without one, from the bones' directions alone, which leaves their twist undetermined. Joint names must
+    be those of a known rig.
     """
     if rest_pose_is_upright(skeleton):
         return skeleton.rest_pos_m(), np.tile(rot.IDENTITY, (skeleton.n_joints, 1))
@@ -53,7 +54,7 @@ def _turns_from_motion(motion: Motion) -> Floats:
     turns = np.tile(rot.IDENTITY, (skeleton.n_joints, 1))
     for joint in range(skeleton.n_joints):
         if joint in roles:
-            # A joint turned R in the world while its twin is turned S: it was S⁻¹ R when S was identity.
+            # With world rotation R of the joint and S of its retargeted twin, the bind rotation is S⁻¹ R.
             relative = rot.multiply(rot.invert(twin_quat[:, roles[joint]]), quat[:, joint])
             mean = Rotation.from_quat(relative, scalar_first=True).mean()
             turns[joint] = mean.as_quat(scalar_first=True)
@@ -67,10 +68,10 @@ def _turns_from_motion(motion: Motion) -> Floats:
 
 
 def _flat_foot(turn: Floats, quat: Floats) -> Floats:
-    """How far a foot (4,) has to be pitched in the bind pose for its sole to be level when it stands.
+    """The pitch (4,) that a foot needs in the bind pose for its sole to be level when it stands.
 
-    Rigs differ in how high the ankle is over the ball of the foot, so the bone between them does not
-    tell. Standing, a foot has its toes as high as they get but for a few steps onto the heel.
+    Rigs differ in the height of the ankle over the ball of the foot, so the bone between them does not
+    show the pitch. The toes of a standing foot are at their highest, except in a few steps onto the heel.
     """
     ahead = rot.rotate(rot.multiply(quat, rot.invert(turn)), np.array([0.0, 0.0, 1.0]))  # (T, 3)
     pitch_rad = np.arcsin(np.clip(np.percentile(ahead[:, 1], _STANDING_PERCENT), -1.0, 1.0))
@@ -96,7 +97,7 @@ def _turns_from_bones(skeleton: Skeleton) -> Floats:
     for joint in range(skeleton.n_joints):
         if joint in bones:
             lying, upright = (_unit(np.array(ends)) for ends in zip(*bones[joint], strict=True))
-            if np.linalg.matrix_rank(lying, tol=_SPREAD) < 2:  # the most upright bone says all there is
+            if np.linalg.matrix_rank(lying, tol=_SPREAD) < 2:  # only the most upright bone is informative
                 main = int(np.argmax(np.abs(upright[:, 1])))
                 turns[joint] = rot.between(lying[main], upright[main])
             else:
@@ -112,11 +113,11 @@ def _unit(vectors: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A skeleton standing in its bind pose, as the pieces need it."""
+    """A skeleton standing in its bind pose, with the measures that the mesh pieces need."""
 
     bind_pos_m: Floats  # (J, 3)
-    bind_quat: Floats  # (J, 4) turns against the rest pose
-    pos_m: Floats  # (J, 3) as bound, but bones without length have a little: the pieces need directions
+    bind_quat: Floats  # (J, 4) rotations relative to the rest pose
+    pos_m: Floats  # (J, 3) the same, but zero-length bones get a little length: the pieces need directions
     roles: dict[str, int]  # canonical role -> joint
     spine: tuple[int, ...]  # joints from the pelvis up to where the arms meet
     front: Floats  # (3,) unit, level
@@ -124,11 +125,11 @@ class Body:
     sole_m: float  # height of the floor
 
     def place(self, role: str) -> Floats:
-        """Where the joint of a role is, (3,) metres."""
+        """Position (3,) of the joint of a role, metres."""
         return self.pos_m[self.roles[role]]
 
     def middle(self, part: str) -> Floats:
-        """Half-way between the left and the right joint of a part, (3,) metres."""
+        """Midpoint (3,) of the left and the right joint of a part, metres."""
         return (self.place(f"left_{part}") + self.place(f"right_{part}")) / 2
 
     def half_span(self, part: str) -> float:
@@ -136,13 +137,13 @@ class Body:
         return float(np.linalg.norm(self.place(f"left_{part}") - self.place(f"right_{part}"))) / 2
 
     def neck_base(self) -> Floats:
-        """Where the neck starts, (3,) metres: its joint, or over the middle of the shoulders."""
+        """Base of the neck (3,), metres: its joint, or a point above the middle of the shoulders."""
         if "neck" in self.roles:
             return self.place("neck")
         return self.middle("shoulder") + 0.05 * self.scale * UP
 
     def head_place(self) -> Floats:
-        """Where the skull sits on the neck, (3,) metres: its joint, or a neck's length over the neck."""
+        """Base of the skull (3,), metres: the head joint, or a neck's length above the neck."""
         if "head" in self.roles:
             return self.place("head")
         return self.neck_base() + 0.09 * self.scale * UP
@@ -153,7 +154,7 @@ class Body:
 
 
 def standing_body(skeleton: Skeleton, motion: Motion | None) -> Body:
-    """The body of a known rig in its bind pose; `motion` is for rigs whose rest pose does not stand.
+    """The body of a known rig in its bind pose; `motion` is used for rigs whose rest pose does not stand.
 
     Raises `ParameterError` if the joint names are not a known rig's.
     """
@@ -179,7 +180,7 @@ def standing_body(skeleton: Skeleton, motion: Motion | None) -> Body:
 
 
 def _drawn_out(pos_m: Floats, roles: dict[str, int]) -> Floats:
-    """The places (J, 3), where a bone without length has a millimetre in the canonical body's direction."""
+    """The positions (J, 3), with a millimetre along the canonical body's bone for each zero-length bone."""
     places, standing = np.array(pos_m), canonical_skeleton().offsets_m
     for role, joint in roles.items():
         index = CANONICAL_JOINTS.index(role)
@@ -191,7 +192,7 @@ def _drawn_out(pos_m: Floats, roles: dict[str, int]) -> Floats:
 
 
 def _scale(pos_m: Floats, roles: dict[str, int]) -> float:
-    """Size of the body against the tables' 1.70 m, by legs and trunk alike."""
+    """Size of the body relative to the tables' 1.70 m: the mean of legs and trunk."""
     chains = [[roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in ("left", "right")]
     leg_m = np.linalg.norm(np.diff(pos_m[chains], axis=1), axis=-1).sum(axis=-1).mean()
     hips, shoulders = (
@@ -201,7 +202,7 @@ def _scale(pos_m: Floats, roles: dict[str, int]) -> float:
 
 
 def _sole_m(skeleton: Skeleton, roles: dict[str, int], pos_m: Floats, quat: Floats) -> float:
-    """Height of the floor under the bind pose: the lowest point of the feet that the skeleton has."""
+    """Height of the floor under the bind pose: the lowest point of the skeleton's feet."""
     owners = [
         roles[f"{side}_{part}"]
         for side in ("left", "right")

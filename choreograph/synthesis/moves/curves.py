@@ -1,4 +1,4 @@
-"""Curves through keys on counts, the follow-through after them, and counts against seconds."""
+"""Animation curves through keyframes on counts, follow-through, and counts against seconds."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from choreograph.errors import ParameterError
 
 Floats = NDArray[np.float64]
 
-_OUTSIDE = 32  # counts the tempo of the first and the last beat is carried on for
-_SAME_COUNT = 0.04  # keys closer than this are one key: the later written wins
+_OUTSIDE = 32  # counts of extrapolation at the tempo of the first and the last beat
+_SAME_COUNT = 0.04  # closer keyframes are merged: the last written wins
 
 
 def ease(u: Floats) -> Floats:
@@ -24,7 +24,7 @@ def ease(u: Floats) -> Floats:
 
 
 class Tempo:
-    """Counts against seconds through beat times: count k is the k-th beat, smoothly between."""
+    """Map between counts and seconds: count k is the k-th beat, with smooth interpolation."""
 
     def __init__(self, beat_times_s: NDArray[np.floating]) -> None:
         beats = np.asarray(beat_times_s, np.float64)
@@ -39,27 +39,27 @@ class Tempo:
         self._to_time = PchipInterpolator(counts, times, extrapolate=True)
 
     def counts(self, times_s: Floats) -> Floats:
-        """Fractional counts of instants in seconds."""
+        """Fractional counts of times in seconds."""
         return self._to_count(times_s)
 
     def times_s(self, counts: Floats | float) -> Floats:
-        """Instants in seconds of fractional counts."""
+        """Times in seconds of fractional counts."""
         return self._to_time(counts)
 
 
 @dataclass(frozen=True)
-class Key:
-    """What a track is at one count, and how it gets there."""
+class Keyframe:
+    """Value of a curve at a count, and how it gets there."""
 
     count: float
     value: tuple[float, ...]  # (D,)
-    flow: float = 0.0  # 0: comes to rest on the count; 1: passes through it
-    hold: float = 0.0  # share of the time since the last key that it waits before it goes
+    flow: float = 0.0  # 0: at rest on the count; 1: passes through it
+    hold: float = 0.0  # share of the time since the last keyframe in which it does not move yet
 
 
-def evaluate(keys: list[Key], counts: Floats) -> Floats:
-    """The track through `keys` at `counts` (T,), (T, D): quintics, at rest or in flow at the keys."""
-    keys = _distinct(keys)
+def evaluate(keys: list[Keyframe], counts: Floats) -> Floats:
+    """The curve through `keys` at `counts` (T,), (T, D): piecewise quintic, with slope at keys that flow."""
+    keys = _merged(keys)
     at = np.array([key.count for key in keys])  # (K,)
     values = np.array([key.value for key in keys])  # (K, D)
     if len(keys) == 1:
@@ -79,8 +79,8 @@ def evaluate(keys: list[Key], counts: Floats) -> Floats:
     return values[i] * (1 - s) + values[i + 1] * s + gap * (slope[i] * start + slope[i + 1] * stop)
 
 
-def _distinct(keys: list[Key]) -> list[Key]:
-    kept: list[Key] = []
+def _merged(keys: list[Keyframe]) -> list[Keyframe]:
+    kept: list[Keyframe] = []
     for key in sorted(keys, key=lambda key: key.count):
         if kept and key.count - kept[-1].count < _SAME_COUNT:
             kept.pop()
@@ -88,8 +88,8 @@ def _distinct(keys: list[Key]) -> list[Key]:
     return kept
 
 
-def follow(values: Floats, fps: float, *, frequency_hz: float, damping: float) -> Floats:
-    """`values` (T, D) as a damped spring follows them: it lags, swings a little past, and settles."""
+def spring_follow(values: Floats, fps: float, *, frequency_hz: float, damping: float) -> Floats:
+    """`values` (T, D) followed by a damped spring: it lags, overshoots a little, and settles."""
     w = 2.0 * np.pi * frequency_hz
     k = 2.0 * fps  # bilinear transform of w² / (s² + 2 ζ w s + w²)
     b = np.array([1.0, 2.0, 1.0]) * w * w
@@ -99,13 +99,13 @@ def follow(values: Floats, fps: float, *, frequency_hz: float, damping: float) -
     return lfilter(b, a, values, axis=0, zi=start)[0]
 
 
-def follow_lag_s(frequency_hz: float, damping: float) -> float:
-    """How late `follow` is for slow motion, in seconds."""
+def spring_lag_s(frequency_hz: float, damping: float) -> float:
+    """Lag of `spring_follow` for slow motion, in seconds."""
     return damping / (np.pi * frequency_hz)
 
 
-def wander(times_s: Floats, rng: np.random.Generator, *, slow_s: float, fast_s: float) -> Floats:
-    """A smooth unrest (T,) of standard deviation about 1, periods between `fast_s` and `slow_s`."""
+def smooth_noise(times_s: Floats, rng: np.random.Generator, *, slow_s: float, fast_s: float) -> Floats:
+    """Smooth noise (T,) of standard deviation about 1, with periods between `fast_s` and `slow_s`."""
     periods = np.exp(rng.uniform(np.log(fast_s), np.log(slow_s), 4))
     phases = rng.uniform(0, 2 * np.pi, 4)
     return np.sin(2 * np.pi * times_s[:, None] / periods + phases).sum(axis=1) / np.sqrt(2.0)

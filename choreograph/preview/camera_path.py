@@ -1,4 +1,4 @@
-"""A camera that goes with a dancer: from the front, a quarter to the side, calm however the dancer moves."""
+"""A camera that follows a dancer: from the front, 28° to the side, on a smoothed path."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import ground_pos_m, heading_rad
-from choreograph.preview.figure import Figure, Floats, build_figure
-from choreograph.preview.scene import Camera, Pixels, render_pose
+from choreograph.preview.mannequin import Floats, SkinnedMesh, build_mannequin
+from choreograph.preview.renderer import Camera, Pixels, render_pose
 
 _FOV_RAD = float(np.radians(28.0))
-_SIDE_RAD = float(np.radians(28.0))  # of the camera from straight ahead of the dancer
+_SIDE_RAD = float(np.radians(28.0))  # of the camera, from straight ahead of the dancer
 _EYE_OF_HEIGHT = 0.78  # a little below the dancer's eyes
-_HIGH_OF_HEIGHT = 1.36  # what has to fit: the body with its arms up,
-_WIDE_OF_HEIGHT = 1.05  # and out to the sides, both with some air
+_HIGH_OF_HEIGHT = 1.36  # what has to fit: the body with raised arms,
+_WIDE_OF_HEIGHT = 1.05  # and with arms to the sides, both with a margin
 _MIDDLE_OF_HEIGHT = 0.54
 
 
@@ -28,24 +28,26 @@ _MIDDLE_OF_HEIGHT = 0.54
 class Shots:
     """A motion's poses with a camera for each, ready to be rendered."""
 
-    figure: Figure
+    mesh: SkinnedMesh
     pos_m: Floats  # (T, J, 3) of the world
     global_quat: Floats  # (T, J, 4)
     targets_m: Floats  # (T, 3) what the cameras look at
-    towards_eye_m: Floats  # (3,) from there to the cameras
+    towards_eye_m: Floats  # (3,) from the target to the camera
 
     def render(self, frame: int, size: tuple[int, int]) -> Pixels:
         """Frame `frame` as an image (H, W, 3)."""
         camera = Camera(self.targets_m[frame] + self.towards_eye_m, self.targets_m[frame], _FOV_RAD)
-        return render_pose(self.figure, self.pos_m[frame], self.global_quat[frame], camera, size=size)
+        return render_pose(self.mesh, self.pos_m[frame], self.global_quat[frame], camera, size=size)
 
 
-def follow(motion: Motion, times_s: Sequence[float] | Floats, *, aspect: float, calm_s: float = 0.0) -> Shots:
+def follow_camera(
+    motion: Motion, times_s: Sequence[float] | Floats, *, aspect: float, smoothing_s: float = 0.0
+) -> Shots:
     """The poses at `times_s` (T,) and cameras for pictures `aspect` times as wide as high.
 
-    The cameras all look the same way, a quarter from the side of where the dancer faces on average
-    between the first and the last time, so that turns are seen. They follow the dancer's place on the
-    ground, without what happens faster than about `calm_s`. Raises `ParameterError` if a time lies
+    All cameras have the same direction: 28° to the side of the dancer's mean heading between the first and
+    the last time, so that turns stay visible. They follow the dancer's ground position, smoothed over
+    about `smoothing_s`. Raises `ParameterError` if a time lies
     outside the motion.
     """
     times = np.asarray(times_s, dtype=np.float64)
@@ -56,27 +58,27 @@ def follow(motion: Motion, times_s: Sequence[float] | Floats, *, aspect: float, 
             f"expected times within the motion's 0 to {motion.duration_s:.2f} s, "
             f"got {times.min():.2f} to {times.max():.2f} s"
         )
-    figure = build_figure(motion.skeleton, motion)
+    mesh = build_mannequin(motion.skeleton, motion)
     ground, headings = _whereabouts(motion)
     frames = times * motion.fps
     shown_headings = headings[int(frames.min()) : int(frames.max()) + 2]
     heading = np.arctan2(np.sin(shown_headings).mean(), np.cos(shown_headings).mean())
-    if calm_s > 0:
-        ground = gaussian_filter1d(ground, calm_s * motion.fps, axis=0, mode="nearest")
+    if smoothing_s > 0:
+        ground = gaussian_filter1d(ground, smoothing_s * motion.fps, axis=0, mode="nearest")
     shown = motion.sampled(frames)
     pos_m, quat = forward(motion.skeleton, shown.root_pos_m, shown.local_quat)
-    height = float(np.ptp(figure.vertices_m[:, 1]))
+    height = float(np.ptp(mesh.vertices_m[:, 1]))
     grid = np.arange(motion.n_frames)
     targets = np.stack([np.interp(frames, grid, ground[:, axis]) for axis in range(3)], axis=1)  # (T, 3)
     targets[:, 1] = _MIDDLE_OF_HEIGHT * height
     distance = max(_HIGH_OF_HEIGHT, _WIDE_OF_HEIGHT / aspect) * height / (2 * np.tan(_FOV_RAD / 2))
     level = np.array([np.sin(heading + _SIDE_RAD), 0.0, np.cos(heading + _SIDE_RAD)])
     rise = np.array([0.0, (_EYE_OF_HEIGHT - _MIDDLE_OF_HEIGHT) * height, 0.0])
-    return Shots(figure, pos_m, quat, targets, distance * level + rise)
+    return Shots(mesh, pos_m, quat, targets, distance * level + rise)
 
 
 def _whereabouts(motion: Motion) -> tuple[Floats, Floats]:
-    """Place on the ground (T, 3) and heading (T,); the root's and 0 if the rig is not a known body's."""
+    """Ground position (T, 3) and heading (T,); of an unknown rig, the root's position and 0."""
     try:
         body = body_pos_m(motion)
     except ParameterError:

@@ -1,4 +1,4 @@
-"""Curves: through their keys, at rest there, smooth between; counts and seconds agree."""
+"""Curves pass through their keyframes and rest there; counts and seconds are inverse."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
-from choreograph.synthesis.moves.tracks import Key, Tempo, ease, evaluate, follow, follow_lag_s
+from choreograph.synthesis.moves.curves import Keyframe, Tempo, ease, evaluate, spring_follow, spring_lag_s
 
 gaps = st.lists(st.floats(0.25, 1.5), min_size=2, max_size=20)
 
@@ -35,13 +35,13 @@ def test_beats_that_do_not_increase_are_refused(beats: list[float]) -> None:
 
 
 @given(st.lists(st.floats(-2, 2), min_size=3, max_size=8), st.floats(0, 0.5), st.floats(0, 1))
-def test_a_track_goes_through_its_keys(values: list[float], hold: float, flow: float) -> None:
-    keys = [Key(float(i), (v,), flow, hold) for i, v in enumerate(values)]
+def test_a_curve_goes_through_its_keyframes(values: list[float], hold: float, flow: float) -> None:
+    keys = [Keyframe(float(i), (v,), flow, hold) for i, v in enumerate(values)]
     np.testing.assert_allclose(evaluate(keys, np.arange(len(values), dtype=float))[:, 0], values, atol=1e-9)
 
 
-def test_a_track_is_at_rest_on_its_keys_and_only_there() -> None:
-    keys = [Key(float(i), (float(i % 2),)) for i in range(6)]
+def test_a_curve_is_at_rest_on_its_keyframes_and_only_there() -> None:
+    keys = [Keyframe(float(i), (float(i % 2),)) for i in range(6)]
     counts = np.arange(0.0, 5.0, 0.001)
     speed = np.abs(np.gradient(evaluate(keys, counts)[:, 0], counts))
     assert speed[np.abs(counts - np.round(counts)) < 0.01].max() < 0.01
@@ -49,18 +49,18 @@ def test_a_track_is_at_rest_on_its_keys_and_only_there() -> None:
 
 
 def test_flow_passes_through() -> None:
-    keys = [Key(0.0, (0.0,)), Key(1.0, (1.0,), flow=1.0), Key(2.0, (2.0,))]
+    keys = [Keyframe(0.0, (0.0,)), Keyframe(1.0, (1.0,), flow=1.0), Keyframe(2.0, (2.0,))]
     value = evaluate(keys, np.array([0.999, 1.001]))[:, 0]
     assert np.diff(value)[0] / 0.002 == pytest.approx(1.0, rel=0.02)
 
 
 def test_hold_waits_then_goes_faster() -> None:
-    late = evaluate([Key(0.0, (0.0,)), Key(1.0, (1.0,), hold=0.4)], np.array([0.39, 0.7]))[:, 0]
+    late = evaluate([Keyframe(0.0, (0.0,)), Keyframe(1.0, (1.0,), hold=0.4)], np.array([0.39, 0.7]))[:, 0]
     assert late[0] == 0.0 and late[1] == pytest.approx(0.5)
 
 
 def test_later_written_of_two_keys_on_one_count_wins() -> None:
-    assert evaluate([Key(1.0, (1.0,)), Key(1.0, (2.0,))], np.array([1.0]))[0, 0] == 2.0
+    assert evaluate([Keyframe(1.0, (1.0,)), Keyframe(1.0, (2.0,))], np.array([1.0]))[0, 0] == 2.0
 
 
 @given(st.floats(0, 1))
@@ -68,11 +68,11 @@ def test_ease_is_symmetric(u: float) -> None:
     assert ease(np.array(u)) + ease(np.array(1 - u)) == pytest.approx(1.0, abs=1e-9)
 
 
-def test_follow_arrives_overshoots_a_little_and_lags_as_it_says() -> None:
+def test_spring_follow_settles_overshoots_and_lags() -> None:
     step = np.repeat([0.0, 1.0], 120)[:, None]
-    after = follow(step, 60.0, frequency_hz=4.0, damping=0.72)[:, 0]
+    after = spring_follow(step, 60.0, frequency_hz=4.0, damping=0.72)[:, 0]
     assert after[-1] == pytest.approx(1.0, abs=1e-3)
     assert 1.01 < after.max() < 1.08
     ramp = np.arange(240.0)[:, None] / 60.0
-    lag = (ramp - follow(ramp, 60.0, frequency_hz=4.0, damping=0.72))[-1, 0]
-    assert lag == pytest.approx(follow_lag_s(4.0, 0.72), abs=1e-3)
+    lag = (ramp - spring_follow(ramp, 60.0, frequency_hz=4.0, damping=0.72))[-1, 0]
+    assert lag == pytest.approx(spring_lag_s(4.0, 0.72), abs=1e-3)

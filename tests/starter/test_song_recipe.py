@@ -1,4 +1,4 @@
-"""The songs that come along are the ones the code renders."""
+"""The shipped songs are the ones that the recipe renders."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import pytest
 import soundfile
 
 from choreograph.starter import example_songs
-from choreograph.synthesis.songs.examples import rendered_examples
+from choreograph.starter.song_recipe import render_example_songs
 
 _MOST_BYTES = 450 * 1024
 
 
 @pytest.fixture(scope="module")
 def songs():
-    return rendered_examples()
+    return render_example_songs()
 
 
 @pytest.mark.parametrize("name", example_songs())
-def test_a_shipped_song_is_the_one_that_is_rendered(name, songs):
+def test_shipped_songs_are_those_of_the_recipe(name, songs):
     path = example_songs()[name]
     assert path.stat().st_size < _MOST_BYTES
     samples, _ = soundfile.read(path, dtype="float32")
@@ -29,5 +29,5 @@ def test_a_shipped_song_is_the_one_that_is_rendered(name, songs):
     assert np.abs(samples).max() < 1.0, "the codec's overshoot clips"
 
 
-def test_every_example_is_shipped(songs):
+def test_every_song_of_the_recipe_is_shipped(songs):
     assert set(example_songs()) == set(songs)

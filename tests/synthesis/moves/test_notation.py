@@ -1,4 +1,4 @@
-"""The words refuse what a body cannot dance, and the other side is the other side."""
+"""The notation refuses impossible moves, and mirrors moves correctly."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import pytest
 from choreograph.errors import ParameterError
 from choreograph.synthesis.moves import Move, both_sides, press, step, touch
 from choreograph.synthesis.moves.genres import GENRES
-from choreograph.synthesis.moves.language import pose
+from choreograph.synthesis.moves.notation import pose
 
 MOVES = [move for genre in GENRES.values() for move in genre.moves]
 
 
 def test_the_standing_foot_may_not_lift() -> None:
-    with pytest.raises(ParameterError, match="lifts but it carries you"):
+    with pytest.raises(ParameterError, match="lifts but carries the weight"):
         Move("wrong", 4, (step("left", 1, (0.2, 0.0)), step("left", 2), touch("right", 4)))
 
 
 def test_a_move_ends_at_home() -> None:
-    with pytest.raises(ParameterError, match="expected one place"):
+    with pytest.raises(ParameterError, match="expected the same place"):
         Move("wrong", 4, (step("left", 1, (0.4, 0.0)), touch("right", 2)))
 
 

@@ -1,4 +1,4 @@
-// Bytes that Python packed (preview/packing.py), back to numbers.
+// Decodes what preview/compression.py wrote.
 
 import { rotationVectorInto } from "./math.js";
 
@@ -9,23 +9,23 @@ export function fromBase64(text) {
   return bytes;
 }
 
-// The text of a data element, which is then let go: nobody reads a song in base64 twice.
-export function takeText(id) {
+// The text of a data element, which is removed: a song in base64 is large and read once.
+export function consumeText(id) {
   const element = document.getElementById(id);
   const text = element.textContent;
   element.remove();
   return text;
 }
 
-export async function inflated(text) {
+export async function inflate(text) {
   const stream = new Blob([fromBase64(text)]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
 // roots (T, 3) in metres and quaternions (T, J, 4), flat.
-export async function unpackMotion(text, dance) {
+export async function decompressMotion(text, dance) {
   const joints = dance.names.length, frames = dance.frames, channels = 3 + 3 * joints;
-  const planes = await inflated(text);
+  const planes = await inflate(text);
   const high = channels * frames;
   const steps = new Int16Array(channels * frames);
   for (let c = 0; c < channels; c++) {
@@ -53,8 +53,8 @@ export async function unpackMotion(text, dance) {
   return { roots, quats };
 }
 
-export async function unpackMesh(text, { vertices, triangles, step_m, palette }) {
-  const bytes = await inflated(text);
+export async function decompressMesh(text, { vertices, triangles, step_m, palette }) {
+  const bytes = await inflate(text);
   let at = 0;
   const next = (Kind, count) => {
     const start = at;
@@ -73,9 +73,9 @@ export async function unpackMesh(text, { vertices, triangles, step_m, palette })
 }
 
 // Peaks (N,) then RMS (N,), 0 to 255.
-export async function unpackLevels(text) {
+export async function decompressLevels(text) {
   if (!text.trim()) return { peaks: new Uint8Array(0), cores: new Uint8Array(0) };
-  const planes = await inflated(text);
+  const planes = await inflate(text);
   const half = planes.length / 2;
   return { peaks: planes.subarray(0, half), cores: planes.subarray(half) };
 }

@@ -1,6 +1,6 @@
-"""Compiled loops of the renderer's colours: backdrop and floor, the figure's shading, bytes.
+"""Compiled shading loops of the renderer: backdrop and floor, the mannequin, conversion to sRGB bytes.
 
-Colours are linear light until `to_srgb`. All arrays are float32 unless said.
+Colours are linear light until `to_srgb`. All arrays are float32 unless noted.
 """
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-_BIAS_M = np.float32(0.012)  # a surface does not shade itself closer than this
-_SHADOW = np.float32(0.3)  # share of the key light that shadows on the body keep: the lamp is large
+_BIAS_M = np.float32(0.012)  # shadow bias: a surface closer than this casts no shadow
+_SHADOW = np.float32(0.3)  # share of the key light left in shadows on the body: the light source is large
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -30,7 +30,7 @@ def paint_backdrop(
     pixel, per_texel = one / focal, one / texel
     for row in range(height):
         v = (half_h - np.float32(row)) * pixel
-        dy = ahead[1] + v * up[1]  # the camera stands level: a row looks down as steeply all along
+        dy = ahead[1] + v * up[1]  # the camera has no roll: all pixels of a row have the same slope
         down = dy < np.float32(-1e-4) and eye[1] > 0
         away = -eye[1] / dy if down else np.float32(0.0)
         for column in range(width):
@@ -50,7 +50,7 @@ def paint_backdrop(
                 solid = max(one - far * np.float32(1.0 / 9.0), np.float32(0.0))
                 solid = solid * solid * (np.float32(3.0) - np.float32(2.0) * solid)
                 if solid > 0:
-                    # A sample covers this much floor, across the view and along it.
+                    # The footprint of a sample on the floor, across and along the view.
                     steep = max(-dy * inverse, np.float32(0.02))
                     span = away * pixel / (inverse * np.sqrt(steep))
                     gx = np.abs(x - np.floor(x + half))
@@ -75,7 +75,7 @@ def paint_backdrop(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def shade_figure(
+def shade_mesh(
     image,
     owners,
     grid,
@@ -91,13 +91,13 @@ def shade_figure(
     seen_by_key,
     key_map,
 ):  # pragma: no cover - compiled
-    """Blend the figure's samples into `image` (H, W, 3): `grid` × `grid` samples a pixel.
+    """Blend the mesh's samples into `image` (H, W, 3): `grid` × `grid` samples a pixel.
 
     `owners` (h · grid, w · grid) int32 is the window of samples whose pixel (0, 0) is `corner` (row, column).
     `lights` (3, 3): unit directions to key, fill and back light; `tints` (5, 3): their colours, then the
-    light from overhead and the light off the floor. `colours` (V, 3) are the vertices' own. `key_map` (N, N)
-    is how near to the key light the nearest surface is that faces away from it, metres, and `seen_by_key`
-    (V, 3) where the vertices are on it: what lies behind gets little key light.
+    light from overhead and the light off the floor. `colours` (V, 3) belong to the vertices. `key_map` (N, N)
+    is the shadow map of the key light: the nearness in metres of the nearest surface that faces away from
+    it. `seen_by_key` (V, 3) are the vertices' positions in it: what lies behind gets little key light.
     """
     rows, columns = owners.shape[0] // grid, owners.shape[1] // grid
     share = np.float32(1.0) / np.float32(grid * grid)
@@ -107,7 +107,7 @@ def shade_figure(
             r = g = b = zero
             covered = zero
             top, left = row * grid, column * grid
-            # Most pixels are of one triangle: those are shaded once, in their middle.
+            # Most pixels lie in one triangle: they are shaded once, at their centre.
             alike = True
             for sample in range(1, grid * grid):
                 alike = alike and owners[top + sample // grid, left + sample % grid] == owners[top, left]
@@ -148,9 +148,9 @@ def shade_figure(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
 def _shares(screen, i, j, k, px, py):  # pragma: no cover - compiled
-    """How much of each corner of a triangle is at a place of the picture: three numbers that sum to 1.
+    """Perspective-correct barycentric coordinates of a picture position: three numbers that sum to 1.
 
-    `screen` (V, 3) are the vertices' places in the picture and the inverse of how far away they are.
+    `screen` (V, 3): the vertices' picture positions and inverse depths.
     """
     one = np.float32(1.0)
     x0, y0 = screen[i, 0], screen[i, 1]
@@ -166,7 +166,7 @@ def _shares(screen, i, j, k, px, py):  # pragma: no cover - compiled
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
 def _between(values, i, j, k, b0, b1, b2):  # pragma: no cover - compiled
-    """The corners' `values` (V, 3), as three numbers, at a place inside the triangle."""
+    """The corners' `values` (V, 3) interpolated inside the triangle, as three numbers."""
     return (
         b0 * values[i, 0] + b1 * values[j, 0] + b2 * values[k, 0],
         b0 * values[i, 1] + b1 * values[j, 1] + b2 * values[k, 1],
@@ -176,7 +176,7 @@ def _between(values, i, j, k, b0, b1, b2):  # pragma: no cover - compiled
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
 def _light(normal, point, colour, eye, lights, tints, key_share):  # pragma: no cover - compiled
-    """Light (r, g, b) a surface of a colour sends to the eye; `key_share` of the key light reaches it."""
+    """Light (r, g, b) that a surface reflects to the eye; `key_share` of the key light reaches it."""
     zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
     nx, ny, nz = normal
     unit = one / np.sqrt(nx * nx + ny * ny + nz * nz + np.float32(1e-12))
@@ -187,7 +187,7 @@ def _light(normal, point, colour, eye, lights, tints, key_share):  # pragma: no 
     facing = max(nx * vx + ny * vy + nz * vz, zero)
     edge = (one - facing) * (one - facing) * (one - facing)
     key = nx * lights[0, 0] + ny * lights[0, 1] + nz * lights[0, 2]
-    key = key_share * max((key + np.float32(0.25)) / np.float32(1.25), zero)  # skin lets light round its edge
+    key = key_share * max((key + np.float32(0.25)) / np.float32(1.25), zero)  # wrap lighting, as on skin
     fill = max(nx * lights[1, 0] + ny * lights[1, 1] + nz * lights[1, 2], zero)
     back = max(nx * lights[2, 0] + ny * lights[2, 1] + nz * lights[2, 2], zero)
     back = edge * (half + back)
@@ -208,9 +208,9 @@ def _light(normal, point, colour, eye, lights, tints, key_share):  # pragma: no 
 
 @njit(cache=True, nogil=True, inline="always")
 def _lit(key_map, x, y, near):  # pragma: no cover - compiled
-    """Share of the light at (x, y) on the map that nothing nearer takes, over 4 x 4 texels around.
+    """Unoccluded share of the light at (x, y) on the shadow map, filtered over 4 x 4 texels.
 
-    The outer ones count by how far the 4 x 4 reach into them, so that shadows have no steps.
+    The outer texels are weighted by their overlap with the 4 x 4 window, so that shadows have no steps.
     """
     n = len(key_map)
     left, top = x - np.float32(2.5), y - np.float32(2.5)
@@ -241,8 +241,8 @@ def _lit(key_map, x, y, near):  # pragma: no cover - compiled
 def to_srgb(image, table, thresholds):  # pragma: no cover - compiled
     """Bytes (H, W, 3) of linear light (H, W, 3); `table` (N,) holds sRGB, 0 to 255, of 0 to 1 in even steps.
 
-    `thresholds` (4, 4), 0 to 1, repeat over the picture: what rounds up there. They hide the steps that
-    a smooth backdrop would show.
+    `thresholds` (4, 4), 0 to 1, are an ordered dither, repeated over the picture. It hides the banding
+    of a smooth backdrop.
     """
     height, width, _ = image.shape
     last = len(table) - 1

@@ -1,6 +1,6 @@
-"""Trunk, neck and head of a mannequin: profiles lofted along a standing body's spine.
+"""Mesh of the mannequin's trunk, neck and head: profiles lofted along the spine.
 
-Measures in the tables are metres of a 1.70 m body; `Body.scale` brings them to the one at hand.
+The tables are in metres on a 1.70 m body; `Body.scale` scales them to the actual one.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.preview._body import UP, Body
-from choreograph.preview._loft import (
+from choreograph.preview._bind_pose import UP, Body
+from choreograph.preview._lofting import (
     Floats,
     Piece,
     Rings,
@@ -32,8 +32,8 @@ _TRUNK = np.array([
     (1.05, 0.188, 0.064, 0.075), (1.075, 0.168, 0.058, 0.069), (1.095, 0.124, 0.053, 0.063),
     (1.12, 0.082, 0.049, 0.058), (1.15, 0.057, 0.046, 0.054),
 ])  # fmt: skip
-_WAIST, _NECKLINE = 0.40, 1.09  # of that height, where the clothes part and end
-_COLLAR_FROM = 0.76  # of that height: the chest below does not follow the collar bones
+_WAIST, _NECKLINE = 0.40, 1.09  # on the same scale: border of the clothes, and their upper end
+_COLLAR_FROM = 0.76  # on the same scale: the chest below does not follow the collar bones
 # First column: 0 under the chin, 1 the crown.
 _HEAD = np.array([
     (0.00, 0.026, 0.072, 0.015), (0.07, 0.042, 0.085, 0.040), (0.20, 0.056, 0.090, 0.064),
@@ -58,7 +58,7 @@ def trunk(body: Body, torso: int, pelvis: int, skin: int) -> Piece:
     radii = smooth_rows(_TRUNK, at) * body.scale
     hips = np.clip(body.half_span("hip") / (0.085 * body.scale), 0.75, 1.2)
     shoulders = np.clip(body.half_span("shoulder") / (0.17 * body.scale), 0.7, 1.3)
-    # Wide bodies are wide all over, but less so than their joints; the neck is not.
+    # The whole trunk gets wider with the joints, but less than they do; the neck does not.
     wider = np.interp(at, [0.2, 0.8, 1.0, 1.15], [hips, shoulders, shoulders, 1.0]) - 1
     radii[:, 0] *= 1 + np.interp(at, [0.2, 0.8, 0.95], [0.6, 0.6, 1.0]) * wider
     across, ahead = frames_along(np.tile(high - low, (len(at), 1)), body.front)
@@ -74,7 +74,7 @@ def trunk(body: Body, torso: int, pelvis: int, skin: int) -> Piece:
 
 
 def _hang_on_collars(piece: Piece, body: Body, low: Floats, up: Floats) -> None:
-    """Let the trunk's vertices about the shoulders follow the collar bones, in place."""
+    """Bind the trunk's vertices around the shoulders to the collar bones, in place."""
     places = piece.vertices_m - low
     height = places @ up / (up @ up)
     chest = body.spine[-1]
@@ -105,7 +105,7 @@ def neck(body: Body, part: int) -> Piece:
 
 
 def head(body: Body, skin: int, hair: int) -> list[Piece]:
-    """Skull with chin, nose and brow, ears, and a cap of hair that leaves the face free."""
+    """Skull with chin, nose and brow, ears, and hair that leaves the face free."""
     k, joint = body.scale, body.head_joint()
     chin = body.head_place() - k * (_CHIN_BELOW_HEAD_M * UP + _SKULL_BEHIND_HEAD_M * body.front)
     at = np.linspace(0.0, 0.97, 14)
@@ -157,8 +157,8 @@ def bending(
 ) -> tuple[NDArray[np.int64], Floats]:
     """Joints (R, 2) and weights (R, 2) of points (R, 3) along a chain of joints at `places_m` (C, 3).
 
-    A bone's middle is its own joint's; from there to the next bone's middle the two share smoothly. From
-    `limit_m` (3,) on, all is the last joint's.
+    The middle of a bone follows its own joint alone; from there to the middle of the next bone the weights
+    blend smoothly. From `limit_m` (3,) on, the last joint has all the weight.
     """
     chain = np.asarray(joints)
     if len(chain) == 1:

@@ -1,6 +1,6 @@
-"""Where arms go: named poses, written for either arm, and their coordinates for splines.
+"""Named arm poses for either arm, and their coordinates for interpolation.
 
-A direction is (out, up, fwd): away from the body's middle, up, forward, in the chest's frame.
+A direction is (out, up, fwd): away from the body's midline, up, forward, in the chest's frame.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Direction = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Arm:
-    """An arm in the chest's frame: where upper arm and forearm point, degrees at the hand."""
+    """An arm in the chest's frame: directions of upper arm and forearm, angles of wrist and palm."""
 
     upper: Direction
     fore: Direction
@@ -27,15 +27,15 @@ class Arm:
     palm: float = 0.0  # turned in (thumb towards the body, palm back or down), degrees
 
     def coordinates(self) -> tuple[float, ...]:
-        """(6,): the left shoulder's turn from `_MIDDLE` as a rotation vector; elbow, wrist, palm in radians.
+        """(6,): rotation vector of the left shoulder relative to `_MIDDLE`; elbow, wrist, palm in radians.
 
-        Around a middle of all poses, rotation vectors blend like directions do, far from their
-        wrap at π.
+        Relative to a mean of all poses, rotation vectors stay far from their wrap at π and
+        interpolate well.
         """
         upper = np.array(self.upper) / np.linalg.norm(self.upper)
         fore = np.array(self.fore) / np.linalg.norm(self.fore)
         elbow = float(np.arctan2(np.linalg.norm(np.cross(upper, fore)), upper @ fore))
-        # A straight arm's elbow would bend forward and in; a bent one says itself where it bends.
+        # The hint defines the bend direction of a straight arm: forward and in.
         bend = fore - upper * (upper @ fore)
         hint = np.array([-0.3, 0.15, 1.0])
         bend = bend + 0.08 * (hint - upper * (hint @ upper))
@@ -52,7 +52,7 @@ _MIDDLE = rot.from_matrix(
 
 
 def shoulder_quat(vectors: Floats) -> Floats:
-    """Left shoulder rotations (..., 4) in the collar's frame, of `Arm.coordinates`' first three (..., 3)."""
+    """Left shoulder rotations (..., 4) in the collar's frame, from the first three `Arm.coordinates`."""
     return rot.multiply(rot.from_rotvec(vectors), _MIDDLE)
 
 
@@ -86,13 +86,13 @@ ARMS: dict[str, Arm] = {
     "clap": Arm((0.25, -0.70, 0.60), (-0.62, 0.40, 0.70), -8, 0),
     "clap_open": Arm((0.70, -0.60, 0.35), (0.25, 0.35, 0.95), -5, 0),
     "head": Arm((0.90, 0.35, 0.15), (-0.55, 0.85, -0.10), 10, 0),
-    # one forearm over the other, at four quarters of a circle that goes up, away, down, back
+    # one forearm over the other, at four points of a circle: up, away, down, back
     "roll_high": Arm((0.30, -0.60, 0.55), (-0.90, 0.35, 0.60), 10, 30),
     "roll_far": Arm((0.28, -0.62, 0.72), (-0.90, 0.10, 0.70), 10, 30),
     "roll_low": Arm((0.35, -0.85, 0.35), (-0.90, -0.15, 0.65), 10, 30),
     "roll_near": Arm((0.45, -0.80, 0.10), (-0.90, 0.15, 0.62), 10, 30),
     "cross_low": Arm((0.10, -0.85, 0.50), (-0.70, -0.55, 0.60), 10, 25),
-    # ballet's and the ballroom's: rounded arms, low, in front, to the side, over the head; reaching out
+    # ballet and ballroom: rounded arms, low, in front, to the side, overhead; reaching out
     "en_bas": Arm((0.50, -0.92, 0.28), (-0.30, -0.80, 0.55), 8, 20),
     "first": Arm((0.62, -0.50, 0.70), (-0.72, -0.10, 0.62), 5, 25),
     "second": Arm((1.0, -0.32, 0.25), (0.90, -0.20, 0.50), -6, 15),
@@ -105,7 +105,7 @@ ARMS: dict[str, Arm] = {
 
 
 def arm(which: str | Arm) -> Arm:
-    """A named arm pose, or the `Arm` itself; `ParameterError` if there is none of that name."""
+    """A named arm pose, or the `Arm` itself; `ParameterError` if the name is unknown."""
     if isinstance(which, Arm):
         return which
     if which not in ARMS:

@@ -1,14 +1,14 @@
-"""Limbs of a mannequin: profiles lofted along its arms and legs, hands, shoes, and plain bones.
+"""Mesh of the mannequin's limbs: profiles lofted along arms and legs, hands, shoes, and plain bones.
 
-Measures in the tables are metres of a 1.70 m body; `Body.scale` brings them to the one at hand.
+The tables are in metres on a 1.70 m body; `Body.scale` scales them to the actual one.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from choreograph.preview._body import UP, Body
-from choreograph.preview._loft import (
+from choreograph.preview._bind_pose import UP, Body
+from choreograph.preview._lofting import (
     Floats,
     Piece,
     Rings,
@@ -28,7 +28,7 @@ _LEG = np.array([
     (1.34, 0.052, 0.038, 0.066), (1.55, 0.043, 0.036, 0.050), (1.75, 0.032, 0.031, 0.037),
     (1.90, 0.028, 0.028, 0.034), (2.00, 0.029, 0.029, 0.036),
 ])  # fmt: skip
-# First column: 0 shoulder, 1 elbow, 2 wrist; the hand's width lies in front and back of the wrist.
+# First column: 0 shoulder, 1 elbow, 2 wrist; the width of the hand extends to the front and back.
 _ARM = np.array([
     (0.00, 0.047, 0.049, 0.050), (0.14, 0.050, 0.051, 0.052), (0.32, 0.046, 0.048, 0.047),
     (0.50, 0.043, 0.046, 0.045), (0.70, 0.039, 0.042, 0.040), (0.90, 0.035, 0.036, 0.036),
@@ -36,23 +36,28 @@ _ARM = np.array([
     (1.50, 0.033, 0.034, 0.032), (1.75, 0.025, 0.027, 0.026), (1.95, 0.020, 0.027, 0.026),
     (2.00, 0.019, 0.026, 0.026),
 ])  # fmt: skip
-_SHORTS, _SLEEVE = 0.30, 0.24  # down to where the clothes go, in the same measure
+_SHORTS, _SLEEVE = 0.30, 0.24  # lower ends of the clothes, on the scale of the first column
 # First column: 0 wrist, 1 knuckles; half thickness, width to the thumb's side and to the other.
 _PALM = np.array([
     (0.0, 0.018, 0.025, 0.025), (0.25, 0.0165, 0.032, 0.030), (0.6, 0.0155, 0.039, 0.037),
     (0.9, 0.0130, 0.040, 0.037), (1.0, 0.0110, 0.038, 0.035),
 ])  # fmt: skip
 _PALM_M = 0.088
-_FINGERS = ((0.030, 0.072), (0.0105, 0.081), (-0.009, 0.075), (-0.0275, 0.060))  # place across, length
-_HANGING = 0.7  # cosine from the vertical of forearms at whose end the palms face the thighs
+_FINGERS = (
+    (0.030, 0.072),
+    (0.0105, 0.081),
+    (-0.009, 0.075),
+    (-0.0275, 0.060),
+)  # position across the palm, length
+_HANGING = 0.7  # forearms with a larger cosine to the vertical hang: their palms face the thighs
 # Metres ahead of the ankle: half width, height over the sole.
 _SHOE = np.array([
     (-0.055, 0.022, 0.044), (-0.040, 0.031, 0.072), (-0.015, 0.035, 0.092), (0.02, 0.036, 0.090),
     (0.05, 0.037, 0.074), (0.09, 0.042, 0.056), (0.13, 0.046, 0.045), (0.17, 0.043, 0.036),
     (0.195, 0.034, 0.028), (0.208, 0.022, 0.021),
 ])  # fmt: skip
-_BALL_AHEAD_M = 0.13  # of the ankle, to which the table above is stretched
-_ANKLE_M = 0.07  # over the sole, likewise
+_BALL_AHEAD_M = 0.13  # of the ankle, in the table above
+_ANKLE_M = 0.07  # over the sole, in the table above
 
 
 def leg(body: Body, side: str, part: int, shorts: int) -> list[Piece]:
@@ -75,7 +80,7 @@ def _limb(
     cloth: tuple[int, float],
     part: int,
 ) -> list[Piece]:
-    """One tube over the middle joint, and a ball that fills its bend; `cloth`: a part, and down to where."""
+    """A tube across the middle joint, and a ball that fills the bend; `cloth`: its part and its lower end."""
     start, middle, end = (body.place(role) for role in roles)
     joints = [body.roles[role] for role in roles]
     bend = 1 + np.array([-0.12, -0.045, -0.015, 0.015, 0.045, 0.12])
@@ -91,7 +96,7 @@ def _limb(
     axes = upper / np.linalg.norm(upper) * (1 - turn[:, None]) + lower / np.linalg.norm(lower) * turn[:, None]
     across, ahead = frames_along(axes, body.front)
     radii = smooth_rows(table, at) * body.scale
-    # The bend is sharp: a wide one would sink in at the outside, where the ball now carries it.
+    # The bend is sharp: a wide one would collapse on the outside, where the ball fills it now.
     rings = Rings(centres, across, ahead, radii, np.tile(joints[:2], (len(at), 1)), shares(turn))
     parts = np.where(at[:-1] < cloth[1] - 1e-9, cloth[0], part)
     tube = loft(rings, parts, sides=12, start_cap_m=caps_m[0] * body.scale, end_cap_m=caps_m[1] * body.scale)
@@ -102,7 +107,7 @@ def _limb(
 
 
 def hand(body: Body, side: str, part: int, *, fingers: bool) -> list[Piece]:
-    """A palm with its thumb to the front and, unless the rig has its own, four fingers a little curled."""
+    """A palm with the thumb to the front and, if `fingers`, four slightly curled fingers."""
     k, wrist = body.scale, body.place(f"{side}_wrist")
     along = wrist - body.place(f"{side}_elbow")
     if f"{side}_hand" in body.roles:
@@ -142,7 +147,7 @@ def _finger(line_m: Floats, radii_m: Floats, joint: int, part: int) -> Piece:
 
 
 def shoe(body: Body, side: str, part: int) -> Piece:
-    """A shoe whose sole lies on the floor, bending at the ball of the foot."""
+    """A shoe with its sole on the floor that bends at the ball of the foot."""
     ankle, ball = body.place(f"{side}_ankle"), body.roles.get(f"{side}_foot")
     reach = (body.pos_m[ball] - ankle) * [1.0, 0.0, 1.0] if ball is not None else np.zeros(3)
     long = float(np.linalg.norm(reach))
@@ -183,7 +188,7 @@ def taper(
     sides: int = 10,
     rings: int = 4,
 ) -> Piece:
-    """A bone from `start` to `end` (3,), rounded at both, moving with one joint."""
+    """A tapered bone from `start` to `end` (3,), with rounded ends, bound to one joint."""
     at = np.linspace(0.0, 1.0, rings)[:, None]
     radii = (wide_m + (thin_m - wide_m) * at) * np.ones(3)
     axis = end - start

@@ -1,4 +1,4 @@
-"""Closed surfaces drawn through rings of half-ellipses along a line, and how they hang on joints."""
+"""Lofting: closed surfaces through cross-sections along a line, with skinning weights."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One closed surface of a figure."""
+    """One closed surface of the mannequin."""
 
     vertices_m: Floats  # (V, 3)
     triangles: NDArray[np.int64]  # (F, 3) counter-clockwise seen from outside
     joints: NDArray[np.int64]  # (V, 2)
     weights: Floats  # (V, 2) rows sum to 1
-    parts: NDArray[np.int64]  # (F,) index into `figure.PARTS`
+    parts: NDArray[np.int64]  # (F,) index into `mannequin.PARTS`
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,20 +38,20 @@ class Rings:
 
 
 def smooth_rows(table: Floats, at: Floats) -> Floats:
-    """Rows (R, C - 1) of a table whose first column increases, between its rows without overshoot."""
+    """Rows (R, C - 1) interpolated in a table whose first column increases, without overshoot."""
     return PchipInterpolator(table[:, 0], table[:, 1:], axis=0)(at)
 
 
 def frames_along(axis: Floats, front: Floats) -> tuple[Floats, Floats]:
-    """`across` and `ahead` (R, 3) square to `axis` (R, 3), `ahead` as near `front` (3,) as can be.
+    """Unit `across` and `ahead` (R, 3), orthogonal to `axis` (R, 3), with `ahead` closest to `front` (3,).
 
-    Where the line itself runs to the front, `ahead` is upward.
+    Where the axis itself points to the front, `ahead` points up.
     """
     axis = axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-12)
     parallel = np.abs(axis @ front)[:, None] > 0.97
     wanted = np.where(
         parallel, np.roll(front, 1), front
-    )  # (R, 3): another direction, square to a level front
+    )  # (R, 3): another direction, orthogonal to a level front
     ahead = wanted - axis * np.sum(axis * wanted, axis=1, keepdims=True)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
     return np.cross(axis, ahead), ahead
@@ -69,7 +69,7 @@ def loft(
 ) -> Piece:
     """The closed surface through rings.
 
-    Its ends are rounded over `start_cap_m` and `end_cap_m`, by `cap_rings` rings and a pole each.
+    The ends are rounded over `start_cap_m` and `end_cap_m` with `cap_rings` rings and a pole each.
     `parts` is one part, or one per gap between rings (R - 1,). `squareness` is the exponent of the
     rings' superellipse: 2 is round, more has flatter sides.
     """
@@ -85,7 +85,7 @@ def loft(
         + width[..., None] * rings.across[:, None]
         + depth[..., None] * rings.ahead[:, None]
     )  # (R, sides, 3)
-    slope = 1 - np.sin(np.pi / 2 * cap_rings / (cap_rings + 1))  # of a cap, from its last ring to its pole
+    slope = 1 - np.sin(np.pi / 2 * cap_rings / (cap_rings + 1))  # of a cap: from its last ring to its pole
     poles = np.stack([rings.centres_m[0], rings.centres_m[-1]])
     poles[0] += _outward(rings, 0) * start_cap_m * slope
     poles[1] += _outward(rings, -1) * end_cap_m * slope
@@ -98,7 +98,7 @@ def loft(
 
 
 def ellipsoid(centre_m: Floats, axes_m: Floats, joint: int, part: int, *, sides: int = 14) -> Piece:
-    """An ellipsoid about `centre_m` (3,), half-axes the rows of `axes_m` (3, 3), moving with one joint."""
+    """An ellipsoid about `centre_m` (3,), half-axes the rows of `axes_m` (3, 3), bound to one joint."""
     lengths = np.maximum(np.linalg.norm(axes_m, axis=1), 1e-9)
     unit = axes_m / lengths[:, None]
     angles = np.linspace(-np.pi / 2, np.pi / 2, sides // 2 + 2)[1:-1]
@@ -118,7 +118,7 @@ def ellipsoid(centre_m: Floats, axes_m: Floats, joint: int, part: int, *, sides:
 
 
 def outside_out(piece: Piece) -> Piece:
-    """The piece with triangles counter-clockwise seen from outside: a closed surface's volume is positive."""
+    """The piece with its triangles counter-clockwise seen from outside: its signed volume is positive."""
     a, b, c = (piece.vertices_m[piece.triangles[:, k]] for k in range(3))
     if np.einsum("ij,ij->", a - piece.vertices_m[0], np.cross(b - a, c - a)) < 0:
         return replace(piece, triangles=piece.triangles[:, ::-1].copy())
@@ -126,7 +126,7 @@ def outside_out(piece: Piece) -> Piece:
 
 
 def vertex_normals(vertices_m: Floats, triangles: NDArray[np.int64]) -> Floats:
-    """Unit normals (V, 3): the sum of the adjoining triangles', each as long as its area."""
+    """Unit normals (V, 3): the area-weighted sum of the normals of the adjacent triangles."""
     a, b, c = (vertices_m[triangles[:, k]] for k in range(3))
     faces = np.cross(b - a, c - a)  # (F, 3)
     normals = np.zeros_like(vertices_m)
@@ -136,14 +136,14 @@ def vertex_normals(vertices_m: Floats, triangles: NDArray[np.int64]) -> Floats:
 
 
 def _outward(rings: Rings, end: int) -> Floats:
-    """Direction (3,) out of the line's start (`end` 0) or end (-1), square to that ring."""
+    """Direction (3,) out of the line's start (`end` 0) or end (-1), orthogonal to that ring."""
     direction = np.cross(rings.across[end], rings.ahead[end])
     inner = rings.centres_m[1 if end == 0 else -2]
     return direction if direction @ (rings.centres_m[end] - inner) > 0 else -direction
 
 
 def _with_caps(rings: Rings, start_m: float, end_m: float, n: int) -> tuple[Rings, NDArray[np.int64]]:
-    """Rings with the `n` of each rounded end, and the original gap of each gap between them."""
+    """Rings including the `n` of each rounded end, and, for each gap between them, the original gap."""
     last = len(rings.centres_m) - 1
     order = [0] * (n if start_m else 0) + list(range(last + 1)) + [last] * (n if end_m else 0)
     centres, radii = rings.centres_m[order], rings.radii_m[order]

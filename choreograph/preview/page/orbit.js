@@ -1,6 +1,6 @@
-// The hands on the stage: drag to look round, wheel or pinch to come closer.
+// Orbit controls of the stage: drag to orbit, wheel or pinch to zoom.
 
-export class StageHands {
+export class OrbitControls {
   constructor(stage) {
     const { canvas: view } = stage;
     Object.assign(this, { stage, fingers: new Map() });
@@ -21,7 +21,7 @@ export class StageHands {
     if (!before) return;
     const here = [event.clientX, event.clientY];
     const others = [...this.fingers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
-    const share = 1 / this.fingers.size; // two fingers moving together turn no faster than one
+    const share = 1 / this.fingers.size; // two fingers moving together orbit no faster than one
     this.stage.camera.turn(-(here[0] - before[0]) * 0.008 * share, (here[1] - before[1]) * 0.006 * share);
     if (others.length) {
       const apart = ([x, y]) => Math.max(20, Math.hypot(x - others[0][0], y - others[0][1]));

@@ -1,7 +1,7 @@
-"""Compiled loops of the renderer's geometry: skinning, projection, triangles to samples, floor shadows.
+"""Compiled geometry loops of the renderer: skinning, projection, rasterisation, floor shadows.
 
 Screens are sampled on a grid: sample (row, column) is at y = row + 0.5, x = column + 0.5. All arrays are
-float32 unless said.
+float32 unless noted.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _NEAR_M = np.float32(0.05)
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def skin(vertices, normals, joints, weights, matrices):  # pragma: no cover - compiled
-    """Vertices and unit normals (V, 3) in the world, by joints' matrices (J, 3, 4)."""
+    """Linear blend skinning: world vertices and unit normals (V, 3) from joint matrices (J, 3, 4)."""
     placed, turned = np.empty_like(vertices), np.empty_like(normals)
     for v in range(len(vertices)):
         a, b = matrices[joints[v, 0]], matrices[joints[v, 1]]
@@ -57,10 +57,10 @@ def project(points, view, focal, centre_x, centre_y):  # pragma: no cover - comp
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def rasterise(screen, triangles, nearness, owners):  # pragma: no cover - compiled
-    """Write each triangle that faces the viewer into `nearness` and `owners` (int32) where it is nearest.
+    """Write each front-facing triangle into `nearness` and `owners` (int32) where it is nearest.
 
-    `screen` (V, 3) holds x, y and a nearness that is linear on the screen, above 0. Counter-clockwise
-    on a screen whose y grows down is seen from behind.
+    `screen` (V, 3) holds x, y and a positive nearness that is linear on the screen. Triangles that are
+    counter-clockwise on a screen whose y grows down are seen from behind.
     """
     height, width = nearness.shape
     for t in range(len(triangles)):
@@ -78,7 +78,7 @@ def rasterise(screen, triangles, nearness, owners):  # pragma: no cover - compil
         top = max(0, int(np.ceil(min(y0, y1, y2) - 0.5)))
         bottom = min(height - 1, int(np.floor(max(y0, y1, y2) - 0.5)))
         scale = np.float32(1.0) / area
-        # Shares of the corners, each linear on the screen: b = value at the first sample + steps.
+        # Barycentric coordinates, linear on the screen: b = value at the first sample + steps.
         b1x, b1y = -(y2 - y0) * scale, (x2 - x0) * scale
         b2x, b2y = (y1 - y0) * scale, -(x1 - x0) * scale
         nx = b1x * (n1 - n0) + b2x * (n2 - n0)
@@ -98,7 +98,7 @@ def rasterise(screen, triangles, nearness, owners):  # pragma: no cover - compil
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def flatten_onto_floor(points, triangles, slope, origin, texel, top, cover):  # pragma: no cover - compiled
-    """How much of the light each texel of the floor loses, into `cover` (N, N), 0 to 1.
+    """Shadow of the triangles on the floor, into `cover` (N, N), from 0 to 1 (no light left).
 
     Triangles are projected along `slope` (x and z a metre of height); a triangle higher than `top`
     metres takes nothing, one on the floor everything. Texel (row, column) is at `origin` (x, z) + texel.
