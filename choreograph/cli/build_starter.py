@@ -34,7 +34,7 @@ def command(work, train_on, leave_out, preset, seed, output) -> None:
     output = output or STARTER_PATH
     with stages(quiet=False) as shown:
         repertoire, notes = build_starter(
-            work, output, learn_from=train_on, leave_out=names_of(leave_out), preset=preset, seed=seed,
+            work, output, train_on=train_on, leave_out=names_of(leave_out), preset=preset, seed=seed,
             report=shown.report, training_report=shown.training,
         )  # fmt: skip
     show_notes(notes)

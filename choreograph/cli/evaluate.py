@@ -110,15 +110,15 @@ def _of_dance(dance, song, db, duration, beats):
 
 
 def _of_songs(folder, db, only, variants, seeds, duration, beats, seen, report):
-    from choreograph.evaluation import Protocol, evaluate, find_songs, variants_named
+    from choreograph.evaluation import EvaluationConfig, evaluate, find_songs, variants_named
     from choreograph.repertoire import Repertoire
     from choreograph.starter import starter_repertoire
 
-    protocol = Protocol(variants_named(variants or ("ours",)), seeds, beats, seen)
+    config = EvaluationConfig(variants_named(variants or ("ours",)), seeds, beats, seen)
     repertoire = starter_repertoire() if db is None else Repertoire.open(db)
     report("finding songs", 0, 0)
     songs = find_songs(folder, only=only, duration_s=duration)
-    return evaluate(repertoire, songs, protocol, report=report)
+    return evaluate(repertoire, songs, config, report=report)
 
 
 def _show(evaluation) -> None:

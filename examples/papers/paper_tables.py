@@ -23,14 +23,14 @@ import choreograph as cg
 from choreograph.evaluation import (
     METRICS,
     EvaluatedSong,
+    EvaluationConfig,
     MeasuredDance,
-    Protocol,
     evaluate,
     find_songs,
     variants_named,
 )
-from choreograph.evaluation.measuring import physical_scores
-from choreograph.evaluation.protocol import weighted
+from choreograph.evaluation.motion_scores import physical_scores
+from choreograph.evaluation.scores import weighted_mean
 from choreograph.features.music_beats import DEFAULT_TRACKER
 from choreograph.plan import Plan
 
@@ -58,13 +58,15 @@ GROUPS = {
 }
 
 
-def danced(path: Path, songs: Sequence[EvaluatedSong], protocol: Protocol, data: Path) -> list[MeasuredDance]:
-    """Every dance with one repertoire, then what holds for all songs together, as of the protocol's seed."""
-    found = evaluate(cg.Repertoire.open(path), songs, protocol)
+def danced(
+    path: Path, songs: Sequence[EvaluatedSong], config: EvaluationConfig, data: Path
+) -> list[MeasuredDance]:
+    """All dances with one repertoire, then the sets of all songs together, with the seed of `config`."""
+    found = evaluate(cg.Repertoire.open(path), songs, config)
     print(f"{path.name}: {len(found.dances)} dances", flush=True)
     plans = {d.song: d.plan for d in found.dances if d.variant == "ours" and d.plan is not None}
     made = (*found.dances, *found.sets, *as_recorded(plans, data))
-    return [replace(d, seed=protocol.first_seed, plan=None) for d in made]
+    return [replace(d, seed=config.first_seed, plan=None) for d in made]
 
 
 def as_recorded(plans: Mapping[str, Plan], data: Path) -> list[MeasuredDance]:
@@ -77,7 +79,9 @@ def as_recorded(plans: Mapping[str, Plan], data: Path) -> list[MeasuredDance]:
     if len(recorded) < len(used):  # the repertoire is of other takes
         return []
     known = {name: physical_scores(motion).values for name, motion in recorded.items()}
-    return [MeasuredDance(RECORDED, song, 0, weighted(known, plan.takes_s())) for song, plan in plans.items()]
+    return [
+        MeasuredDance(RECORDED, song, 0, weighted_mean(known, plan.takes_s())) for song, plan in plans.items()
+    ]
 
 
 def cell(dances: Sequence[MeasuredDance], metric: str) -> tuple[float, float, float | None] | None:
@@ -138,8 +142,10 @@ def main() -> None:
     with ProcessPoolExecutor(options.jobs) as pool:
         made = []
         for name, path, seed in jobs:
-            protocol = Protocol(ours if name else variants, seeds=1, beats=options.beats, first_seed=seed)
-            made.append(pool.submit(danced, path, songs, protocol, options.data))
+            config = EvaluationConfig(
+                ours if name else variants, seeds=1, beats=options.beats, first_seed=seed
+            )
+            made.append(pool.submit(danced, path, songs, config, options.data))
         for (name, _, _), found in zip(jobs, made, strict=True):
             dances += [
                 replace(d, variant=name or d.variant)

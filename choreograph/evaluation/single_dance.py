@@ -1,4 +1,4 @@
-"""One dance of any system, measured."""
+"""Evaluate one dance of any system."""
 
 from __future__ import annotations
 
@@ -9,14 +9,10 @@ import numpy as np
 
 from choreograph.audio.song import Song
 from choreograph.errors import ParameterError
-from choreograph.evaluation.measuring import (
-    RealDances,
-    beat_scores,
-    check_measurable,
-    physical_scores,
-)
-from choreograph.evaluation.motif_judge import SignatureJudge
-from choreograph.evaluation.results import GIVEN, Evaluation, MeasuredDance, Shown, ShownDance
+from choreograph.evaluation.motif_scores import MotifScorer
+from choreograph.evaluation.motion_scores import beat_scores, check_measurable, physical_scores
+from choreograph.evaluation.realism_scores import RealDances
+from choreograph.evaluation.results import SINGLE, Evaluation, ExampleDance, ExampleSong, MeasuredDance
 from choreograph.evaluation.songs import beats_of
 from choreograph.features.music_beats import DEFAULT_TRACKER
 from choreograph.features.sections import song_sections
@@ -34,8 +30,8 @@ def evaluate_dance(
 ) -> Evaluation:
     """Measure one dance of any system to a song; with a repertoire also against its takes and motifs.
 
-    The dance begins with the song; what is longer than the other is cut. Raises `ParameterError` if the
-    rig's names are unknown or beats cannot be used.
+    Dance and song start together, and the longer one is cut. Raises `ParameterError` if the rig's joint names
+    are unknown or the beats cannot be used.
     """
     check_measurable(motion, name)
     length_s = min(motion.duration_s, song.duration_s)
@@ -53,11 +49,11 @@ def evaluate_dance(
         except ParameterError as error:
             notes.append(f"no Fréchet distances: {error}")
         if repertoire.has_vocabulary:
-            judge = SignatureJudge(repertoire)
-            motifs = judge.motifs_of(motion, beats_s)
-            scores |= judge.scores(motifs, "")
-            scores |= judge.section_scores(motifs, song_sections(song.samples, beats_s))
-            template = judge.template("")
+            scorer = MotifScorer(repertoire)
+            motifs = scorer.motifs_of(motion, beats_s)
+            scores |= scorer.scores(motifs, "")
+            scores |= scorer.section_scores(motifs, song_sections(song.samples, beats_s))
+            template = scorer.template("")
     facts = {
         "choreograph": version("choreograph"),
         "repertoire": repertoire.path.name if repertoire else None,
@@ -67,6 +63,6 @@ def evaluate_dance(
         "frechet_against": "the repertoire's takes" if repertoire else "nothing",
         "seen": False,
     }
-    shown = Shown(song.name, beats_s, (ShownDance(GIVEN, motion, None, motifs),), template)
-    measured = MeasuredDance(GIVEN, song.name, 0, scores)
-    return Evaluation(facts, {GIVEN: name}, (measured,), (), tuple(notes), shown)
+    example = ExampleSong(song.name, beats_s, (ExampleDance(SINGLE, motion, None, motifs),), template)
+    measured = MeasuredDance(SINGLE, song.name, 0, scores)
+    return Evaluation(facts, {SINGLE: name}, (measured,), (), tuple(notes), example)

@@ -1,17 +1,16 @@
-"""Features against plain loops of the published formulas, bodies of known motion, and a golden file."""
+"""FID and its features against plain loops of the published formulas, known motions and a golden file."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from golden.regenerate import dance_feature_values, golden
+from golden.regenerate import fid_features, golden
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
 from choreograph.importers import import_takes
-from choreograph.metrics import dance_features as df
-from choreograph.metrics import references, relations
+from choreograph.metrics import fid, geometric_relations, references
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
@@ -51,8 +50,8 @@ def _moved(joint: str, velocity_m_s: tuple[float, float, float]) -> np.ndarray:
     return pos
 
 
-def _geometric(pos: np.ndarray, variant: df.Variant = "corrected") -> dict[str, float]:
-    return dict(zip(NAMES, df.geometric(pos, 60.0, variant=variant).tolist(), strict=True))
+def _geometric(pos: np.ndarray, variant: fid.Variant = "corrected") -> dict[str, float]:
+    return dict(zip(NAMES, fid.geometric(pos, 60.0, variant=variant).tolist(), strict=True))
 
 
 def _kinetic_by_loops(pos: np.ndarray, *, bracket_misplaced: bool) -> np.ndarray:
@@ -77,27 +76,27 @@ def _kinetic_by_loops(pos: np.ndarray, *, bracket_misplaced: bool) -> np.ndarray
 
 
 @pytest.mark.parametrize("n_frames", [3, 4, 5, 6, 40])
-def test_kinetic_features_are_those_of_plain_loops(n_frames):
+def test_kinetic_features_equal_plain_loops(n_frames):
     pos = _dance(1, n_frames).joint_pos_m()
     for variant in VARIANTS:
         wanted = _kinetic_by_loops(pos, bracket_misplaced=variant == "published")
-        assert np.allclose(df.kinetic(pos, 60.0, variant=variant), wanted, rtol=1e-9)
+        assert np.allclose(fid.kinetic(pos, 60.0, variant=variant), wanted, rtol=1e-9)
 
 
 def test_kinetic_features_of_known_motions():
-    """A body drawn along at 3 m/s level and 2 upright; and one that falls at 9.81 m/s²."""
+    """A body that moves at 3 m/s horizontally and 2 m/s vertically, and one that falls at 9.81 m/s²."""
     times_s = np.arange(121)[:, None, None] / 60
-    drawn = df.kinetic(_standing(121) + times_s * [1.8, 2.0, 2.4], 60.0).reshape(24, 3)
-    assert np.allclose(drawn, [9.0, 4.0, 0.0], atol=1e-8)
-    falling = df.kinetic(_standing(121) - 0.5 * 9.81 * times_s**2 * [0.0, 1.0, 0.0], 60.0).reshape(24, 3)
+    moving = fid.kinetic(_standing(121) + times_s * [1.8, 2.0, 2.4], 60.0).reshape(24, 3)
+    assert np.allclose(moving, [9.0, 4.0, 0.0], atol=1e-8)
+    falling = fid.kinetic(_standing(121) - 0.5 * 9.81 * times_s**2 * [0.0, 1.0, 0.0], 60.0).reshape(24, 3)
     assert np.allclose(falling[:, 2], 9.81)
-    still = df.kinetic(_standing(), 60.0, variant="published").reshape(24, 3)
+    still = fid.kinetic(_standing(), 60.0, variant="published").reshape(24, 3)
     reach_m = np.linalg.norm(_standing()[0] - _standing()[0, 0], axis=-1)
     assert np.allclose(still[:, 2], reach_m * 60 * (60 - 1), rtol=1e-9)  # of a body that does not move
 
 
 def _published_relation(pos: np.ndarray, t: int, row: int) -> bool:
-    """Some rows as fairmotion's formulas say, at 1/120 s: an oracle beside the table."""
+    """Some rows by fairmotion's formulas at 1/120 s, as an oracle for the table."""
     now, before = ({name: frame[i] for name, i in INDEX.items()} for frame in (pos[t], pos[t - 1]))
     humerus = 0.2568381092
 
@@ -131,13 +130,13 @@ def _published_relation(pos: np.ndarray, t: int, row: int) -> bool:
 
 
 @pytest.mark.parametrize("row", [0, 1, 4, 9, 10, 11, 14, 15, 27, 29, 31])
-def test_published_relations_are_those_of_the_formulas(row):
+def test_published_relations_equal_the_formulas(row):
     pos = _dance(2).joint_pos_m()
     wanted = np.mean([_published_relation(pos, t, row) for t in range(1, len(pos))])
-    assert df.geometric(pos, 60.0, variant="published")[row] == pytest.approx(wanted)
+    assert fid.geometric(pos, 60.0, variant="published")[row] == pytest.approx(wanted)
 
 
-def test_of_a_body_that_stands_no_relation_holds():
+def test_no_relation_holds_for_a_standing_body():
     assert {name for name, share in _geometric(_standing()).items() if share} == set()
 
 
@@ -154,7 +153,7 @@ def test_of_a_body_that_stands_no_relation_holds():
         ("right_ankle", (0, 0, 1.0), "foot fast R", "foot fast L"),
     ],
 )
-def test_a_joint_that_moves_is_seen_by_its_relation_only(joint, velocity_m_s, name, wrong_way):
+def test_a_moving_joint_triggers_only_its_relation(joint, velocity_m_s, name, wrong_way):
     shares = _geometric(_moved(joint, velocity_m_s))
     assert shares[name] == 1.0
     assert shares[wrong_way] == 0.0
@@ -162,8 +161,8 @@ def test_a_joint_that_moves_is_seen_by_its_relation_only(joint, velocity_m_s, na
     assert backward[name] == (1.0 if name.startswith("foot fast") else 0.0)
 
 
-def test_the_published_errors_are_the_published_ones():
-    """The right hand counts going back, the left going forward; hands that part count as meeting."""
+def test_the_published_variant_keeps_the_published_bugs():
+    """The right hand counts when it moves back, the left one forward; parting hands count as meeting."""
     forward = _geometric(_moved("right_wrist", (0, 0, 1.0)), "published")
     back = _geometric(_moved("right_wrist", (0, 0, -1.0)), "published")
     assert (forward["hand forward R"], back["hand forward R"]) == (0.0, 1.0)
@@ -188,17 +187,17 @@ def test_feet_planes():
 
 @settings(max_examples=20)
 @given(seed=st.integers(0, 99), yaw=st.floats(-3.1, 3.1), x=st.floats(-9, 9), size=st.floats(0.5, 2))
-def test_corrected_features_see_neither_place_nor_heading_and_relations_no_size(seed, yaw, x, size):
+def test_position_and_heading_do_not_matter_when_corrected_nor_size_for_relations(seed, yaw, x, size):
     pos = _dance(seed, 60).joint_pos_m()
     moved = rot.rotate(rot.about_y(yaw), pos) + np.array([x, 0.3, -x])
-    assert np.allclose(df.kinetic(moved, 60.0), df.kinetic(pos, 60.0), rtol=1e-6)
-    assert np.abs(df.geometric(moved, 60.0) - df.geometric(pos, 60.0)).max() <= 1.5 / 59
-    assert np.abs(df.geometric(size * pos, 60.0) - df.geometric(pos, 60.0)).max() <= 1.5 / 59
+    assert np.allclose(fid.kinetic(moved, 60.0), fid.kinetic(pos, 60.0), rtol=1e-6)
+    assert np.abs(fid.geometric(moved, 60.0) - fid.geometric(pos, 60.0)).max() <= 1.5 / 59
+    assert np.abs(fid.geometric(size * pos, 60.0) - fid.geometric(pos, 60.0)).max() <= 1.5 / 59
 
 
 @settings(max_examples=20)
 @given(seed=st.integers(0, 99))
-def test_a_mirror_exchanges_left_and_right_in_corrected_features_only(seed):
+def test_a_mirror_swaps_left_and_right_in_corrected_features(seed):
     pos = _dance(seed, 60).joint_pos_m()
     flip = [
         INDEX[n.replace("left", "#").replace("right", "left").replace("#", "right")] for n in CANONICAL_JOINTS
@@ -208,85 +207,87 @@ def test_a_mirror_exchanges_left_and_right_in_corrected_features_only(seed):
         NAMES.index(n[:-1] + "RL"["LR".index(n[-1])]) if n[-2:] in (" L", " R") else i
         for i, n in enumerate(NAMES)
     ]
-    assert np.abs(df.geometric(mirrored, 60.0) - df.geometric(pos, 60.0)[sides]).max() <= 1.5 / 59
-    assert np.allclose(df.kinetic(mirrored, 60.0).reshape(24, 3), df.kinetic(pos, 60.0).reshape(24, 3)[flip])
+    assert np.abs(fid.geometric(mirrored, 60.0) - fid.geometric(pos, 60.0)[sides]).max() <= 1.5 / 59
+    assert np.allclose(
+        fid.kinetic(mirrored, 60.0).reshape(24, 3), fid.kinetic(pos, 60.0).reshape(24, 3)[flip]
+    )
 
 
 def test_the_rate_hardly_matters():
     fast, slow = _dance(3, 601), _dance(3, 301, 30.0)
-    k = [df.kinetic(m.joint_pos_m(), m.fps) for m in (fast, slow)]
-    g = [df.geometric(m.joint_pos_m(), m.fps) for m in (fast, slow)]
+    k = [fid.kinetic(m.joint_pos_m(), m.fps) for m in (fast, slow)]
+    g = [fid.geometric(m.joint_pos_m(), m.fps) for m in (fast, slow)]
     assert np.allclose(*k, rtol=0.02) and np.abs(g[0] - g[1]).max() < 0.02
 
 
 def test_pieces():
     motion = _dance(4, 500)
-    assert df.features_of([motion], piece_s=2.0).kinetic.shape == (4, 72)
-    assert df.features_of([motion, motion.sliced(0, 60)], piece_s=20.0).geometric.shape == (2, 32)
-    second = df.features_of([motion.sliced(120, 240)], piece_s=2.0)
-    assert np.allclose(df.features_of([motion], piece_s=2.0).kinetic[1], second.kinetic[0])
+    assert fid.features_of([motion], piece_s=2.0).kinetic.shape == (4, 72)
+    assert fid.features_of([motion, motion.sliced(0, 60)], piece_s=20.0).geometric.shape == (2, 32)
+    second = fid.features_of([motion.sliced(120, 240)], piece_s=2.0)
+    assert np.allclose(fid.features_of([motion], piece_s=2.0).kinetic[1], second.kinetic[0])
 
 
 def test_scores_of_known_features():
     real = np.array([[0.0, 0.0], [2.0, 6.0], [0.0, 6.0], [2.0, 0.0]])  # means 1, 3; spreads 1, 3
-    assert df.fid(real, real) == pytest.approx(0, abs=1e-12)
-    assert df.fid(real + np.array([3.0, 0.0]), real) == pytest.approx(9.0)
-    assert df.fid(real + np.array([0.0, 3.0]), real) == pytest.approx(1.0)
-    assert df.fid(real + np.array([0.0, 3.0]), real, normalised=False) == pytest.approx(9.0)
-    assert df.diversity(real, real) == pytest.approx((4 * 2.0 + 2 * 8**0.5) / 6)
-    assert df.diversity(real, real, normalised=False) == pytest.approx((2 * 2 + 2 * 6 + 2 * 40**0.5) / 6)
+    assert fid.fid(real, real) == pytest.approx(0, abs=1e-12)
+    assert fid.fid(real + np.array([3.0, 0.0]), real) == pytest.approx(9.0)
+    assert fid.fid(real + np.array([0.0, 3.0]), real) == pytest.approx(1.0)
+    assert fid.fid(real + np.array([0.0, 3.0]), real, normalised=False) == pytest.approx(9.0)
+    assert fid.diversity(real, real) == pytest.approx((4 * 2.0 + 2 * 8**0.5) / 6)
+    assert fid.diversity(real, real, normalised=False) == pytest.approx((2 * 2 + 2 * 6 + 2 * 40**0.5) / 6)
 
 
-def test_a_constant_feature_does_not_explode_unless_published():
+def test_a_constant_feature_explodes_only_when_published():
     real, ours = np.array([[0.0, 1.0], [0.0, 2.0]]), np.array([[0.1, 1.0], [0.1, 2.0]])
-    assert df.fid(ours, real) == pytest.approx(0.01)
-    assert df.fid(ours, real, variant="published") == pytest.approx(1e18, rel=1e-6)
+    assert fid.fid(ours, real) == pytest.approx(0.01)
+    assert fid.fid(ours, real, variant="published") == pytest.approx(1e18, rel=1e-6)
 
 
-def test_refuses_what_is_no_dance():
+def test_malformed():
     good = _standing()
     broken = good.copy()
     broken[3, 2, 1] = np.nan
     for pos, fps in ((good[:, :21], 60.0), (broken, 60.0), (good[:2], 60.0), (good[:0], 60.0), (good, 0.0)):
         with pytest.raises(ParameterError, match="expected"):
-            df.kinetic(pos, fps)
+            fid.kinetic(pos, fps)
     with pytest.raises(ParameterError, match="got 'old'"):
-        df.geometric(good, 60.0, variant="old")
+        fid.geometric(good, 60.0, variant="old")
     with pytest.raises(ParameterError, match="at least one motion"):
-        df.features_of([])
+        fid.features_of([])
     with pytest.raises(ParameterError, match="2 or more"):
-        df.fid(np.zeros((1, 3)), np.zeros((4, 3)))
-    sets = [df.features_of([_dance(5), _dance(6)], variant=variant) for variant in VARIANTS]
+        fid.fid(np.zeros((1, 3)), np.zeros((4, 3)))
+    sets = [fid.features_of([_dance(5), _dance(6)], variant=variant) for variant in VARIANTS]
     with pytest.raises(ParameterError, match="one variant"):
-        df.evaluate(*sets)
+        fid.evaluate(*sets)
 
 
-def test_joints_in_one_place_hold_no_relation_of_direction():
+def test_no_relation_holds_if_all_joints_coincide():
     shares = _geometric(np.zeros((10, 24, 3)))
     assert not any(shares.values())
 
 
 def test_golden():
-    wanted = golden("dance_features")
-    for key, values in dance_feature_values().items():
+    wanted = golden("fid")
+    for key, values in fid_features().items():
         assert values == pytest.approx(wanted[key], rel=1e-6, abs=1e-9), key
 
 
-def test_tables_have_the_same_relations_but_for_the_corrections():
-    same = [a == b for a, b in zip(relations.PUBLISHED, relations.CORRECTED, strict=True)]
+def test_the_tables_differ_in_the_corrections_only():
+    same = [a == b for a, b in zip(geometric_relations.PUBLISHED, geometric_relations.CORRECTED, strict=True)]
     assert [i for i, equal in enumerate(same) if not equal] == [0, 4, 5, 9, 10, 11, 14, 15, 27]
 
 
 def test_real_dances_score_better_than_chance(shared_data):
     folders = [shared_data / "dance-with-melody" / f"DANCE_{name}" for name in ("C_2", "C_4", "W_12", "W_22")]
     motions = [take.motion for folder in folders for take in import_takes(folder)]
-    real = df.features_of([motions[0], motions[2]], piece_s=5.0)
+    real = fid.features_of([motions[0], motions[2]], piece_s=5.0)
     others = [motions[1], motions[3]]
     rng = np.random.default_rng(0)
-    scores = df.evaluate(df.features_of(others, piece_s=5.0), real)
-    still = df.evaluate(df.features_of([references.still(m, rng) for m in others], piece_s=5.0), real)
-    mixed = df.evaluate(
-        df.features_of([references.shuffled_joints(m, rng) for m in others], piece_s=5.0), real
+    scores = fid.evaluate(fid.features_of(others, piece_s=5.0), real)
+    still = fid.evaluate(fid.features_of([references.still(m, rng) for m in others], piece_s=5.0), real)
+    mixed = fid.evaluate(
+        fid.features_of([references.shuffled_joints(m, rng) for m in others], piece_s=5.0), real
     )
     assert scores["fid_g"] < still["fid_g"] and scores["fid_g"] < mixed["fid_g"]
     assert scores["fid_k"] < mixed["fid_k"]

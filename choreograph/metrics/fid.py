@@ -1,32 +1,34 @@
-"""Kinetic and geometric features of whole dances, and the FID and diversity that dance papers report.
+"""FID_k, FID_g and diversity, as dance papers report them, and the kinetic and geometric features they use.
 
-Kinetic (Onuma, Faloutsos, Hodgins 2008): of each of 24 joints the mean squared horizontal velocity, the
-mean squared vertical velocity and the mean acceleration: 72 numbers. Geometric (Müller, Röder, Clausen
-2005): the shares of frames in which 32 relations hold (see `relations`). FID_k and FID_g are the squared
-Fréchet distances of a set of dances to real ones in these features; Div_k and Div_g (also Dist_k, Dist_g)
-the mean distance between two dances of the set.
+Kinetic features (Onuma, Faloutsos, Hodgins 2008): for each of 24 joints the mean squared horizontal velocity,
+the mean squared vertical velocity and the mean acceleration, 72 numbers. Geometric features (Müller, Röder,
+Clausen 2005): the shares of frames in which 32 relations hold (see `geometric_relations`). FID_k and FID_g
+are squared Fréchet distances between a set of dances and real dances in these features. Div_k and Div_g (also
+Dist_k, Dist_g) are the mean distance between two dances of the set.
 
-Conventions: positions (T, 24, 3) of the canonical joints in metres, Y up, at any rate; both variants first
-resample to 60 fps by cubic splines, the rate of AIST++ and of the tables, since windows are five frames
-wide. The tables take 20 s of a dance as one sample: so does `features_of`, piece by piece.
+Conventions: positions (T, 24, 3) of the canonical joints in metres, Y up, at any rate. Both variants first
+resample to 60 fps by cubic splines, the rate of AIST++ and of the published tables, because windows are five
+frames wide. The tables use 20 s of a dance as one sample, and so does `features_of`.
 
-Two variants, because the code that the field shares (fairmotion, AIST++, Bailando and their copies) errs:
+There are two variants because the code that the field shares (fairmotion, AIST++, Bailando and their copies)
+has bugs:
 
-- "published", for comparison with old tables, computes as they did. Kinetic: a misplaced bracket makes the
-  earlier velocity p_t − p_{t−1}/dt, so that "acceleration" is mostly 3600 times the place, and depends on
-  where the dancer stands; as in Bailando's evaluation the first frame's pelvis is the origin (AIST++'s takes
-  the world's). Bailando's repository has since mended the bracket, so newer tables may have it right.
-  Geometric: dt is 1/120 s on 60 fps, so all speeds count double; relations look at wrong
-  joints and sides (`relations`); lengths are those of one body model. AI Choreographer's own table comes from
-  a still older extractor, as its authors say.
-- "corrected": acceleration is one, dt is the frames' own, relations are the original authors', and lengths
-  are the dancer's. Place and heading change nothing, and a mirror only exchanges left and right.
+- "published" reproduces that code, for comparison with old tables. Kinetic: a misplaced bracket makes the
+  earlier velocity p_t − p_{t−1}/dt, so the "acceleration" is mostly 3600 times the position and depends on
+  where the dancer stands. As in Bailando's evaluation, the origin is the pelvis in the first frame (AIST++
+  uses the world origin). Bailando's repository has since fixed the bracket, so newer tables may be right.
+  Geometric: dt is 1/120 s at 60 fps, so all speeds count double; some relations use the wrong joints or sides
+  (`geometric_relations`); lengths are those of one body model. AI Choreographer's own table comes from a
+  still older feature extractor, as its authors say.
+- "corrected": a true acceleration, the true dt, the relations of the original authors, and the dancer's own
+  lengths. Position and heading change nothing, and a mirror only swaps left and right.
 
-Normalisation: each feature by the mean and standard deviation of the real set, as the code of AI
-Choreographer and of Bailando does, for FID and diversity alike; `normalised=False` leaves features raw.
-A feature that is constant in the real set is only centred ("published" divides by 1e-10, as they do, and
-explodes). Nothing is added to a diagonal (see `frechet`), but 72 dimensions want hundreds of dances, and with
-fewer the distance is biased upwards: give both sides as many, and show real halves beside it.
+Normalisation: each feature by the mean and standard deviation of the real set, for FID and diversity alike,
+as in the code of AI Choreographer and Bailando; `normalised=False` leaves features raw. A feature that is
+constant in the real set is only centred ("published" divides by 1e-10, as that code does, and explodes).
+Covariances are not regularised (see `frechet`), but 72 dimensions need hundreds of dances: with fewer the
+distance is biased upwards. Compare sets of equal size, and report the distance between two halves of the real
+set with it.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.distance import pdist
 
 from choreograph.errors import ParameterError
-from choreograph.metrics import relations
+from choreograph.metrics import geometric_relations
 from choreograph.metrics.frechet import fit_gaussian, frechet_distance
 from choreograph.motion.body import body_indices
 from choreograph.motion.motion import Motion
@@ -53,16 +55,16 @@ Variant = Literal["published", "corrected"]
 
 FEATURE_FPS = 60.0
 PIECE_S = 20.0
-_WINDOW = 2  # frames on either side that velocities and accelerations are averaged over
+_WINDOW = 2  # frames on either side, over which velocities and accelerations are averaged
 _PUBLISHED_RELATION_FPS = 120.0
-_PUBLISHED_LENGTHS_M = relations.Lengths(humerus=0.256838, shoulders=0.390848, hips=0.119247)
+_PUBLISHED_LENGTHS_M = geometric_relations.Lengths(humerus=0.256838, shoulders=0.390848, hips=0.119247)
 _PUBLISHED_TINY = 1e-10
 _CONSTANT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class DanceFeatures:
-    """Features of N dances, or of pieces of them, one row each."""
+    """Features of N dances or pieces of dances, one row each."""
 
     kinetic: Floats  # (N, 72)
     geometric: Floats  # (N, 32)
@@ -70,17 +72,17 @@ class DanceFeatures:
 
 
 def canonical_pos_m(motion: Motion) -> Floats:
-    """World positions (T, 24, 3) of the canonical joints, metres; one the rig lacks is at its parent's place.
+    """World positions (T, 24, 3) of the canonical joints in metres; a joint the rig lacks is at its parent.
 
-    Raises `ParameterError` if the rig's names are unknown.
+    Raises `ParameterError` if the rig's joint names are unknown.
     """
     return motion.joint_pos_m()[:, body_indices(motion.skeleton, CANONICAL_JOINTS)]
 
 
 def validate(pos_m: NDArray[np.floating], fps: float, variant: Variant) -> Floats:
-    """The positions (T, 24, 3) at 60 fps, (T', 24, 3).
+    """Positions (T, 24, 3) resampled to 60 fps, (T', 24, 3).
 
-    Raises `ParameterError` unless they are finite, last three such frames, and rate and variant are valid.
+    Raises `ParameterError` unless positions are finite, T' is at least 3, and rate and variant are valid.
     """
     if variant not in ("published", "corrected"):
         raise ParameterError(f"expected variant 'published' or 'corrected', got {variant!r}")
@@ -101,10 +103,10 @@ def validate(pos_m: NDArray[np.floating], fps: float, variant: Variant) -> Float
 
 
 def kinetic(pos_m: NDArray[np.floating], fps: float, *, variant: Variant = "corrected") -> Floats:
-    """Kinetic features (72,) of positions (T, 24, 3): joint by joint m²/s² level, m²/s² upright, m/s².
+    """Kinetic features (72,) of positions (T, 24, 3): per joint m²/s² horizontal, m²/s² vertical, m/s².
 
-    Velocities and accelerations are means of five frames (fewer at the ends) before their length is taken.
-    Raises `ParameterError` as `validate` does.
+    Velocities and accelerations are averaged over five frames (fewer at the ends) before their length is
+    taken. Raises `ParameterError` as `validate` does.
     """
     pos, dt_s = validate(pos_m, fps, variant), 1.0 / FEATURE_FPS
     pos = pos - pos[:1, :1]
@@ -112,30 +114,34 @@ def kinetic(pos_m: NDArray[np.floating], fps: float, *, variant: Variant = "corr
     acceleration = np.diff(velocity, axis=0) / dt_s  # (T-2, 24, 3), of frames 1 … T - 2
     if variant == "published":
         acceleration = (velocity[1:] - (pos[1:-1] - pos[:-2] / dt_s)) / dt_s
-    mean_velocity = _around(velocity, len(velocity))  # (T-1, 24, 3)
-    level = np.sum(mean_velocity[..., [0, 2]] ** 2, axis=-1)
-    upright = mean_velocity[..., 1] ** 2
-    effort = np.linalg.norm(_around(acceleration, len(velocity)), axis=-1)
-    return np.stack([level, upright, effort], axis=-1).mean(axis=0).reshape(-1)  # (72,)
+    mean_velocity = _windowed_mean(velocity, len(velocity))  # (T-1, 24, 3)
+    horizontal = np.sum(mean_velocity[..., [0, 2]] ** 2, axis=-1)
+    vertical = mean_velocity[..., 1] ** 2
+    effort = np.linalg.norm(_windowed_mean(acceleration, len(velocity)), axis=-1)
+    return np.stack([horizontal, vertical, effort], axis=-1).mean(axis=0).reshape(-1)  # (72,)
 
 
 def geometric(pos_m: NDArray[np.floating], fps: float, *, variant: Variant = "corrected") -> Floats:
-    """Geometric features (32,) of positions (T, 24, 3): shares of frames, 0 … 1.
+    """Geometric features (32,) of positions (T, 24, 3): shares of the frames, 0 … 1.
 
     Raises `ParameterError` as `validate` does.
     """
     pos = validate(pos_m, fps, variant)
     if variant == "published":
-        return relations.shares(relations.PUBLISHED, pos, _PUBLISHED_RELATION_FPS, _PUBLISHED_LENGTHS_M)
-    return relations.shares(relations.CORRECTED, pos, FEATURE_FPS, relations.measure_lengths(pos))
+        return geometric_relations.shares(
+            geometric_relations.PUBLISHED, pos, _PUBLISHED_RELATION_FPS, _PUBLISHED_LENGTHS_M
+        )
+    return geometric_relations.shares(
+        geometric_relations.CORRECTED, pos, FEATURE_FPS, geometric_relations.measure_lengths(pos)
+    )
 
 
 def features_of(
     motions: Sequence[Motion], *, variant: Variant = "corrected", piece_s: float = PIECE_S
 ) -> DanceFeatures:
-    """Features of each whole `piece_s` seconds of each motion; of all of it, if it is shorter.
+    """Features of each full piece of `piece_s` seconds of each motion; a shorter motion is one piece.
 
-    Raises `ParameterError` if there is no motion, or as `canonical_pos_m` and `validate` do.
+    Raises `ParameterError` if there is no motion, and as `canonical_pos_m` and `validate` do.
     """
     if len(motions) == 0:
         raise ParameterError("expected at least one motion, got none")
@@ -152,9 +158,9 @@ def features_of(
 
 
 def fid(features: Floats, real: Floats, *, variant: Variant = "corrected", normalised: bool = True) -> float:
-    """Squared Fréchet distance of features (N, D) to real ones (N', D).
+    """Squared Fréchet distance between features (N, D) and those of real dances (N', D).
 
-    Raises `ParameterError` if either has fewer than two rows, or they differ in D.
+    Raises `ParameterError` if a set has fewer than two rows, or the sets differ in D.
     """
     _check_sets(features, real)
     sides = (_normalised(side, real, variant) if normalised else side for side in (features, real))
@@ -164,7 +170,7 @@ def fid(features: Floats, real: Floats, *, variant: Variant = "corrected", norma
 def diversity(
     features: Floats, real: Floats, *, variant: Variant = "corrected", normalised: bool = True
 ) -> float:
-    """Mean Euclidean distance between two rows of features (N, D), in the spread of the real ones (N', D).
+    """Mean Euclidean distance between two rows of features (N, D), normalised by the real ones (N', D).
 
     Raises `ParameterError` as `fid` does.
     """
@@ -173,7 +179,7 @@ def diversity(
 
 
 def evaluate(dances: DanceFeatures, real: DanceFeatures, *, normalised: bool = True) -> dict[str, float]:
-    """FID and diversity of both kinds by name, and the real set's diversity, which is the one to come near.
+    """FID and diversity for both kinds of features by name, and the diversity of the real set as the target.
 
     Raises `ParameterError` if the variants differ, or a set has fewer than two dances.
     """
@@ -191,8 +197,8 @@ def evaluate(dances: DanceFeatures, real: DanceFeatures, *, normalised: bool = T
     return scores
 
 
-def _around(values: Floats, n_frames: int) -> Floats:
-    """Means of `values` (N, ...) over the `_WINDOW` rows on either side of row 0 … n_frames - 1."""
+def _windowed_mean(values: Floats, n_frames: int) -> Floats:
+    """Means of `values` (N, ...) over up to `_WINDOW` rows on either side of rows 0 … n_frames - 1."""
     sums = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])  # (N + 1, ...)
     rows = np.arange(n_frames)
     low, high = np.maximum(rows - _WINDOW, 0), np.minimum(rows + _WINDOW + 1, len(values))
