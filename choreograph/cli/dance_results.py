@@ -52,7 +52,7 @@ def present(
 
 def _summary(plan: Plan, outputs: Outputs) -> str:
     takes = {block.planned.take for block in plan.blocks}
-    of = f"{len(takes)} takes" if plan.engine != "rollout" else "the rollout network"
+    of = f"{len(takes)} takes" if plan.from_takes else "the rollout network"
     words = f", {len(plan.words)} motion words" if plan.words else ""
     return (
         f"{', '.join(str(path) for path in outputs)}: {plan.duration_s:.1f} s from {of}, "

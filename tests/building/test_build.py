@@ -139,7 +139,7 @@ def test_pretrained_style_records_what_it_was_trained_on(takes_to_clicks, tmp_pa
     assert (begun.provenance["style_from"], afresh.provenance["style_from"]) == ("one.h5", None)
 
 
-@pytest.mark.parametrize(("mirroring", "share"), [(True, 0.5), (False, 0.0)])
+@pytest.mark.parametrize(("augment_mirror", "share"), [(True, 0.5), (False, 0.0)])
 def test_mirror_augmentation_can_be_turned_off(silent_takes, tmp_path, augment_mirror, share):
     options = BuildOptions(preset="tiny", augment_mirror=augment_mirror)
     built, _ = build_repertoire([silent_takes], tmp_path / "a.h5", options)
