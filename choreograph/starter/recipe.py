@@ -37,7 +37,7 @@ def build_starter(
     if not (takes / "manifest.csv").exists():
         write_takes(takes, take_specs(), report=report)
     learned = work / "learned.h5"
-    # Feet of rendered takes are planted exactly: no foot lock needed.
+    # Feet of rendered takes never slide: no foot lock needed.
     given: dict[str, Any] = {"preset": preset, "seed": seed, "resume": True, "lock_feet": False}
     training = BuildOptions(leave_out=tuple(leave_out), words=False, **given)
     _, notes = build_repertoire(

@@ -65,9 +65,9 @@ def main() -> None:
         [take] = import_takes(options.data / name)
         lasts_s = min(options.duration, take.motion.duration_s)
         song = load_song(take.song_path, start_s=take.song_start_s, duration_s=lasts_s)
-        heard = cg.dance(song, rep, engine="mixer", config=config).plan
-        bounds = dance_bounds_s(np.array(heard.music_beats_s), heard.duration_s)
-        real = take.motion.sliced(0, int(heard.duration_s * take.motion.fps))
+        plan = cg.dance(song, rep, engine="mixer", config=config).plan
+        bounds = dance_bounds_s(np.array(plan.music_beats_s), plan.duration_s)
+        real = take.motion.sliced(0, int(plan.duration_s * take.motion.fps))
         motifs = np.maximum(danced_motifs(real, bounds, rep), 0)
         made = cg.dance(song, rep, motifs=motifs.tolist(), config=config)
         shown = danced_motifs(made.motion, bounds, rep)
@@ -80,7 +80,7 @@ def main() -> None:
         print(f"{name:11s} {told.sum():4d} words, as asked {shares[-1]:.3f}", end="; ")
         print(f"slide {slides[0]:.1f} (real {slides[1]:.1f})", end="; ")
         print(f"away {away_m(body):.1f} m (real {away_m(theirs):.1f})", end="; ")
-        print(f"jerk at joins {jerk_ratio_at(body, FPS, transitions):.2f}", flush=True)
+        print(f"jerk at transitions {jerk_ratio_at(body, FPS, transitions):.2f}", flush=True)
         if options.pins:
             held.append([pins_held(song, rep, engine, options.pins, rng) for engine in ("graph", "mixer")])
             print(f"            pins that hold: graph {held[-1][0]:.2f}, mixer {held[-1][1]:.2f}")

@@ -138,7 +138,7 @@ def ablated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, Rollout
 
 
 def recreated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> Table:
-    """Share of a held-out dance's motifs that come out again, asked for in their order."""
+    """Share of a held-out dance's motifs that are danced again in their order."""
     rows = defaultdict(list)
     for piece in pieces:
         if piece.take is None:

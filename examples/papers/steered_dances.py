@@ -91,7 +91,7 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     parser.add_argument("repertoires", type=Path, nargs="+")
     parser.add_argument("--songs", type=Path, default=HELD_OUT)
-    parser.add_argument("--engines", nargs="+", default=["graph"], help="danced with the genre asked for")
+    parser.add_argument("--engines", nargs="+", default=["graph"], help="danced with the genre given")
     parser.add_argument("--planner", default="exact")
     parser.add_argument("--weights", type=json.loads, default={}, help='of the graph\'s, as {"signature": 2}')
     parser.add_argument("--duration", type=float, default=80.0)

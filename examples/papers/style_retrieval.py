@@ -152,15 +152,15 @@ def main() -> None:
         rows = {}
         for names in left_out:
             songs = {by_name[name].song_name for name in names}
-            heard = [take for take in takes if take.song_name not in songs]
+            trained_on = [take for take in takes if take.song_name not in songs]
             pretrained = None
             if built_in:
-                all_takes = [*built_in, *heard]
+                all_takes = [*built_in, *trained_on]
                 longer = style_config(
                     options.preset, n_songs=len({t.song_name for t in all_takes}), **changes
                 )
                 pretrained = train_style(all_takes, longer, seed=seed).to_arrays()[0]
-            nets = train_style(heard, config, seed=seed, pretrained=pretrained)
+            nets = train_style(trained_on, config, seed=seed, pretrained=pretrained)
             for name in names:
                 others = [by_name[n] for n in POOL if n != name]
                 rows[name] = shares(nets, config, by_name[name], others)

@@ -56,7 +56,7 @@ def test_build_resume_reuse_and_dance(takes, tmp_path):
     assert [take.name for take in one.takes] == [TAKES[0]]
 
     kept, _ = build_repertoire(
-        [takes], tmp_path / "c.h5", BuildOptions(init_from=built.path, keep_networks=True, packed=True)
+        [takes], tmp_path / "c.h5", BuildOptions(init_from=built.path, keep_networks=True, compress=True)
     )
     assert kept.provenance["trained_on"] == built.provenance["trained_on"]
     assert not (tmp_path / "c.h5.build").exists()
