@@ -1,4 +1,4 @@
-"""How deep limbs of a motion on the canonical body are in one another, for tests: capsules and a slab."""
+"""Self-intersection of a motion on the canonical body: capsules for limbs, a cylinder for the trunk."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FOREARM_M, HAND_M, THIGH_M, SHIN_M, HEAD_M = 0.032, 0.02, 0.065, 0.042, 0.085
 
 
 def depths_m(motion: Motion) -> dict[str, np.ndarray]:
-    """Depth (T,) in metres, negative when apart, by pair of parts."""
+    """Penetration depth (T,) in metres, negative when apart, for each pair of parts."""
     sk = motion.skeleton
     pos, quat = forward(sk, motion.root_pos_m, motion.local_quat)
     at = {name: pos[:, sk.index(name)] for name in sk.names}
@@ -25,10 +25,10 @@ def depths_m(motion: Motion) -> dict[str, np.ndarray]:
         arm = [*_along(at[f"{side}_elbow"], at[f"{side}_wrist"], FOREARM_M, (0.3, 0.6, 0.9)),
                *_along(at[f"{side}_wrist"], at[f"{side}_hand"], HAND_M, (0.5, 1.0))]  # fmt: skip
         torso = [
-            _in_slab(p, at["spine2"], at["spine3"] + 0.6 * (at["neck"] - at["spine3"]), chest, r)
+            _depth_in_cylinder(p, at["spine2"], at["spine3"] + 0.6 * (at["neck"] - at["spine3"]), chest, r)
             for p, r in arm
         ]
-        belly = [_in_slab(p, at["pelvis"], at["spine2"], hips, r) for p, r in arm]
+        belly = [_depth_in_cylinder(p, at["pelvis"], at["spine2"], hips, r) for p, r in arm]
         found[f"{side} arm in torso"] = np.max(torso + belly, axis=0)
         head = 0.5 * (at["head"] + at["head_tip"])
         found[f"{side} arm in head"] = np.max([r + HEAD_M - _length(p - head) for p, r in arm], axis=0)
@@ -64,7 +64,7 @@ def _to_segment(p, a, b):
     return _length(p - a - s * d)
 
 
-def _in_slab(p, low, high, quat, radius):
+def _depth_in_cylinder(p, low, high, quat, radius):
     """Depth in an upright elliptic cylinder between two joints."""
     d = high - low
     s = np.sum((p - low) * d, axis=-1) / np.sum(d * d, axis=-1)

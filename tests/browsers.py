@@ -1,4 +1,4 @@
-"""Pages in headless Chromium: flags to start it with, what a page complains of, and how to wait."""
+"""Headless Chromium for page tests: start flags, recording of problems, waiting."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ QUIET = [
     "--disable-component-update", "--disable-sync", "--autoplay-policy=no-user-gesture-required",
 ]  # fmt: skip
 SWIFTSHADER = [*QUIET, "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-# Here the processor also puts the picture together with the rest of the page.
+# Software compositing as well as rendering.
 NO_COMPOSITING = [*QUIET, "--disable-gpu-compositing", "--enable-unsafe-swiftshader"]
 
 
 def note_complaints(page, complaints: list[str]) -> None:
-    """Add what the page complains of or wants from outside to `complaints`."""
+    """Add console messages, errors and external requests of the page to `complaints`."""
     page.on("console", lambda message: complaints.append(message.text))
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: None if request.url.startswith(("file://", "blob:", "data:"))
@@ -22,7 +22,7 @@ def note_complaints(page, complaints: list[str]) -> None:
 
 
 def until(page, condition: str, *, timeout_s: float = 8.0) -> None:
-    """Wait for a condition on the page's state; the page's own security policy forbids Playwright's way."""
+    """Wait for a condition on the page; its security policy forbids Playwright's `wait_for_function`."""
     end_s = time.monotonic() + timeout_s
     while not page.evaluate(condition):
         assert time.monotonic() < end_s, condition

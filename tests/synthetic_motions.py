@@ -1,4 +1,4 @@
-"""Motions made by rule, for tests that know what must come out."""
+"""Synthetic motions with known properties."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 
 def swaying(n_frames: int = 60, *, fps: float = 30.0, seed: int = 0) -> Motion:
-    """A body over the floor at Y = 0 whose every joint swings a little, and whose knees and elbows bend."""
+    """A body over the floor at Y = 0 with small swings of all joints, and bending knees and elbows."""
     rng = np.random.default_rng(seed)
     skeleton = canonical_skeleton()
     phase = (
@@ -31,7 +31,7 @@ def swaying(n_frames: int = 60, *, fps: float = 30.0, seed: int = 0) -> Motion:
 
 
 def on_other_axes(motion: Motion, seed: int) -> Motion:
-    """The same joint positions on a rig whose every joint has axes of its own: another rest pose."""
+    """The same joint positions on a rig with random joint axes, and so another rest pose."""
     rng = np.random.default_rng(seed)
     skeleton = motion.skeleton
     axes = rot.normalize(rng.normal(size=(skeleton.n_joints, 4)))
@@ -44,7 +44,7 @@ def on_other_axes(motion: Motion, seed: int) -> Motion:
 
 
 def stepping(n_frames: int, *, fps: float = 30.0, period_s: float = 0.5, seed: int = 0) -> Motion:
-    """A body that comes to rest all over at 0, `period_s`, 2 `period_s`, … and swings between."""
+    """A body whose joints all come to rest at 0, `period_s`, 2 `period_s`, … and swings between."""
     rng = np.random.default_rng(seed)
     skeleton = canonical_skeleton()
     turn = np.cos(np.pi * np.arange(n_frames) / fps / period_s)  # (T,) its speed is 0 at every period

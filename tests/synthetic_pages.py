@@ -1,4 +1,4 @@
-"""Plans for planted motions, and a song with a click at every full second: what a preview page is made of."""
+"""Material for preview pages: plans for synthetic motions, and a song with a click at every full second."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SEGMENT_S = 2
 
 
 def plan_for(motion: Motion, *, takes: tuple[str, ...] = TAKES) -> Plan:
-    """A plan as long as the motion: two seconds of each take in turn, a quarter faster than recorded."""
+    """A plan as long as the motion: two seconds of each take in turn, at 1.25 times the speed."""
     n_seconds = int(np.ceil(motion.duration_s))
     return Plan(
         song="clicks", duration_s=motion.duration_s, start_s=0.0, repertoire="rep.h5", planner="exact",
@@ -35,7 +35,7 @@ def _second(second: int, take: str) -> PlannedSecond:
         source_times_s=tuple(start_s + 1.25 * np.arange(21) / 20),
         start_s=float(second), transition_s=0.4,
         costs={"style": 0.25 + 0.01 * second, "transition": 0.0 if offset else 0.125},
-        credits=Credits(f"genre of {take}", f"dancer of {take}", licence="CC0", source="planted"),
+        credits=Credits(f"genre of {take}", f"dancer of {take}", licence="CC0", source="synthetic"),
     )  # fmt: skip
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from choreograph.features.rhythm import RHYTHM_DIM
 
+from choreograph.features.tempogram import RHYTHM_DIM
 from choreograph.nets.style.data import StyleTake
 
 

@@ -85,9 +85,9 @@ def test_words_are_danced_instead_of_the_seconds_there():
     assert sum(PINNED.takes_s().values()) == pytest.approx(2.5)
     assert [(b.start_s, b.end_s) for b in PLAN.blocks] == [(0, 1), (1, 2), (2, 2.5)]
     first, second, third = PLAN.seconds  # of which the second takes over late and the third early
-    joined = replace(PLAN, seconds=(first, replace(second, start_s=1.4), replace(third, start_s=1.9)))
-    assert [(b.start_s, b.end_s) for b in joined.blocks] == [(0, 1.4), (1.4, 1.9), (1.9, 2.5)]
-    on_time, late = PLAN.blocks[0], joined.blocks[0]
+    moved = replace(PLAN, seconds=(first, replace(second, start_s=1.4), replace(third, start_s=1.9)))
+    assert [(b.start_s, b.end_s) for b in moved.blocks] == [(0, 1.4), (1.4, 1.9), (1.9, 2.5)]
+    on_time, late = PLAN.blocks[0], moved.blocks[0]
     at_the_end = (first.source_times_s[-1] - first.source_times_s[-2]) * 20  # it plays on as fast as it ended
     assert late.source_start_s == on_time.source_start_s
     assert late.source_end_s == pytest.approx(on_time.source_end_s + 0.4 * at_the_end)

@@ -30,9 +30,9 @@ from choreograph.files import atomic_path
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget, share_skeleton
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.preview.assembly import filled, joined_scripts, part, script_safe
-from choreograph.preview.figure import build_figure
-from choreograph.preview.packing import ROTVEC_STEP_RAD, pack_figure, pack_motion
+from choreograph.preview.compression import ROTVEC_STEP_RAD, compress_mesh, compress_motion
+from choreograph.preview.mannequin import build_mannequin
+from choreograph.preview.page_assembly import bundle_scripts, fill_template, page_part, to_script_json
 from choreograph.preview.sound import encode_mp4, song_part
 
 PAGE_NAME = "study.html"
@@ -43,8 +43,8 @@ _KEY_NOTE = "Which dance is of which variant: keep this file from the raters, an
 _FPS = 60.0
 _ORDERS_TRIED = 200
 _PLAYER = (
-    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
-    "renderer.js", "stage.js", "hands.js", "elements.js", "player.js",
+    "math.js", "decompress.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
+    "renderer.js", "stage.js", "orbit.js", "elements.js", "player.js",
 )  # fmt: skip
 _SCRIPTS = ("answers.js", "questions.js", "study.js")
 
@@ -150,7 +150,7 @@ def check_study_folder(folder: str | Path) -> None:
     folder = Path(folder)
     if (folder / KEY_NAME).exists():
         raise ParameterError(
-            f"{folder}: expected a folder without a study, got one with {KEY_NAME}, which its ratings need"
+            f"{folder}: expected a folder without a study, got one already there: its ratings need {KEY_NAME}"
         )
     if not folder.parent.is_dir() or (folder.exists() and not folder.is_dir()):
         raise ParameterError(
@@ -212,10 +212,10 @@ def _page_data(excerpts: Sequence[StudyDance], *, sound: bool) -> tuple[dict[str
     motions = [excerpt.motion for excerpt in excerpts]
     if not share_skeleton(motions):
         motions = [retarget(motion, canonical_skeleton()) for motion in motions]
-    mesh, figure = pack_figure(build_figure(motions[0].skeleton, motions[0]))
+    mesh, mesh_layout = compress_mesh(build_mannequin(motions[0].skeleton, motions[0]))
     skeleton = motions[0].skeleton
     body = {
-        "fps": _FPS, "rotvec_step_rad": ROTVEC_STEP_RAD, "names": skeleton.names, "figure": figure,
+        "fps": _FPS, "rotvec_step_rad": ROTVEC_STEP_RAD, "names": skeleton.names, "mesh": mesh_layout,
         "parents": skeleton.parents.tolist(), "offsets_m": np.round(skeleton.offsets_m, 6).tolist(),
     }  # fmt: skip
     texts = {"mesh": mesh}
@@ -228,13 +228,13 @@ def _page_data(excerpts: Sequence[StudyDance], *, sound: bool) -> tuple[dict[str
         if sound and span not in sounds:
             sounds[span] = len(sounds)
             texts[f"sound-{sounds[span]}"] = _sound(*span)
-        packed = pack_motion(motion, max_bytes=2**62)  # full rate at any length
+        compressed = compress_motion(motion, max_bytes=2**62)  # full rate at any length
         dance = {
-            "id": f"{number:0{width}d}", "duration_s": duration_s, "frames": packed.n_frames,
-            "root_step_m": packed.root_step_m, "root_origin_m": packed.root_origin_m,
+            "id": f"{number:0{width}d}", "duration_s": duration_s, "frames": compressed.n_frames,
+            "root_step_m": compressed.root_step_m, "root_origin_m": compressed.root_origin_m,
             "sound": sounds.get(span),
         }  # fmt: skip
-        texts[f"dance-{dance['id']}"] = packed.text
+        texts[f"dance-{dance['id']}"] = compressed.text
         entries.append(dance)
     return {"body": body, "dances": entries}, texts
 
@@ -245,7 +245,7 @@ def _sound(path: Path, start_s: float, duration_s: float) -> str:
 
 def _page(study: dict[str, Any], texts: dict[str, str]) -> str:
     study_page = {"package": "choreograph.evaluation", "folder": "study_page"}
-    scripts = [part(name) for name in _PLAYER] + [part(name, **study_page) for name in _SCRIPTS]
+    scripts = [page_part(name) for name in _PLAYER] + [page_part(name, **study_page) for name in _SCRIPTS]
 
     def elements(kind: str) -> str:
         return "\n".join(
@@ -254,12 +254,12 @@ def _page(study: dict[str, Any], texts: dict[str, str]) -> str:
             if name.startswith(kind)
         )
 
-    return filled(
-        part("index.html", **study_page),
-        style=part("style.css") + part("study.css", **study_page),
-        study=script_safe(study),
+    return fill_template(
+        page_part("index.html", **study_page),
+        style=page_part("style.css") + page_part("study.css", **study_page),
+        study=to_script_json(study),
         mesh=texts["mesh"],
         dances=elements("dance-"),
         sounds=elements("sound-"),
-        script=joined_scripts(scripts),
+        script=bundle_scripts(scripts),
     )

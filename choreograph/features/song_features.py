@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class SongFeatures:
-    """Features of a song; S is its number of seconds, the last one counted if only begun."""
+    """Features of a song; S is its number of seconds, rounded up."""
 
     name: str
     duration_s: float

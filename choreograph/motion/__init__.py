@@ -17,6 +17,7 @@ Solvers
 inverse_kinematics    two-bone IK
 retargeting           a motion on another skeleton
 marker_fitting        markers or joint positions to joint rotations
+rotation_smoothing    flips bridged, twist angles smoothed
 fit_refinement        Gauss-Newton refinement of fitted rotations
 skeleton_calibration  bone lengths of one or several dancers from markers
 """

@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.fit_refinement import refine
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.rigs import joint_roles
+from choreograph.motion.rotation_smoothing import bridge_flips, smoothed_angle
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 
 Floats = NDArray[np.float64]
@@ -47,7 +47,6 @@ _TWIST_SMOOTH_S = 0.12  # smoothing time of twists where their weight is low
 _FOOT_WEIGHT = 0.3  # for the direction of the foot
 _REST_WEIGHT = 0.05  # for no twist at all, where nothing else is known
 _NECK_WEIGHT = 1.3  # of the neck against the temples, which get swapped: above 1 the head never flips
-_FLIP_RAD = 1.4  # between two frames
 _BRIDGE_S = 0.16
 _PASSES = 3  # after each but the last the root moves by the mean residual
 
@@ -88,7 +87,7 @@ def fit_positions(
     joint_targets = {joints[role]: target for role, target in targets.items() if role in joints}
     refined = [joints[role] for role in _REFINED if role in joints]
     root_pos_m, local_quat = refine(skeleton, root_pos_m, local_quat, joint_targets, refined)
-    return root_pos_m, _without_flips(local_quat, max(1, round(_BRIDGE_S * fps)))
+    return root_pos_m, bridge_flips(local_quat, max(1, round(_BRIDGE_S * fps)))
 
 
 def fit_error_m(
@@ -287,47 +286,13 @@ class _Fit:
         rest_axis = _unit(rest_axis - bone_rest * (rest_axis @ bone_rest))
         untwisted = rot.rotate(swing, rest_axis)
         perpendicular = np.cross(bone, untwisted)
-        twist = _smoothed_angle(
+        twist = smoothed_angle(
             np.sum(axis * untwisted, axis=-1) + _REST_WEIGHT,
             np.sum(axis * perpendicular, axis=-1),
-            self.twist_smoothing,
+            self.twist_smoothing * _REST_WEIGHT,
         )
         self.global_quat[upper] = rot.multiply(rot.from_rotvec(bone * twist[:, None]), swing)
         self.global_quat[middle] = self._swing(middle, end, self.targets[end_role])
-
-
-def _without_flips(local_quat: Floats, half: int) -> Floats:
-    """Rotations (T, J, 4) with impossible jumps replaced by slerp from `half` frames before to after."""
-    n_frames = len(local_quat)
-    dot = np.abs(np.sum(local_quat[1:] * local_quat[:-1], axis=-1))  # (T-1, J)
-    jumps = 2.0 * np.arccos(np.clip(dot, 0.0, 1.0)) > _FLIP_RAD
-    for joint in np.flatnonzero(jumps.any(axis=0)):
-        jumped = np.convolve(jumps[:, joint], np.ones(2 * half), mode="same") > 0
-        edges = np.flatnonzero(
-            np.diff(np.concatenate([[False], jumped[: n_frames - 1], [False]]).astype(int))
-        )
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):  # frames start and stop are valid
-            weight = np.linspace(0.0, 1.0, stop - start + 1)
-            ends = local_quat[[start, stop], joint]
-            local_quat[start : stop + 1, joint] = rot.slerp(ends[:1], ends[1:], weight)
-    return rot.make_continuous(local_quat)
-
-
-def _smoothed_angle(cos: Floats, sin: Floats, smoothing: float) -> Floats:
-    """Smoothed angles (T,) of vectors (cos, sin), each weighted by its length.
-
-    Least squares in the plane: sum of length * |z - unit vector|² + smoothing * |dz/dt|².
-    """
-    weight = np.hypot(cos, sin)
-    n = len(weight)
-    link = np.full(n, smoothing * _REST_WEIGHT)
-    bands = np.zeros((2, n))  # upper form: off-diagonal, diagonal
-    bands[1] = weight + 1e-9
-    bands[1, 1:] += link[1:]
-    bands[1, :-1] += link[1:]
-    bands[0, 1:] = -link[1:]
-    smooth = solveh_banded(bands, np.stack([cos, sin], axis=-1))  # (T, 2)
-    return np.arctan2(smooth[:, 1], smooth[:, 0])
 
 
 def _unit(vector: Floats) -> Floats:

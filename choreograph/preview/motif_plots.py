@@ -1,4 +1,4 @@
-"""What a repertoire's genres are made of, as PNGs: signatures, transitions, distance over time, motifs.
+"""Plots of a repertoire's motifs as PNGs: signatures, transitions, distance over time, pose strips.
 
 After Figures 3 and 12 of Rhythm is a Dancer. Needs the extra `plots` (matplotlib).
 """
@@ -89,7 +89,7 @@ def signature_figure(vocabulary: Vocabulary, genre: str, takes: list[int], names
 
 
 def transitions_figure(vocabulary: Vocabulary, genre: str) -> Figure:
-    """How probably each of the genre's most frequent motifs follows each."""
+    """Transition probabilities between the genre's most frequent motifs."""
     row = vocabulary.genre_index(genre)
     motifs = np.argsort(-vocabulary.signatures[row], kind="stable")[:MOTIFS_SHOWN]
     figure = _figure(7.6, 6.6)
@@ -99,13 +99,13 @@ def transitions_figure(vocabulary: Vocabulary, genre: str) -> Figure:
     axis.set_yticks(range(len(motifs)), [str(m) for m in motifs])
     axis.set_xlabel("next motif")
     axis.set_ylabel("motif")
-    axis.set_title(f"{genre}: what follows what among its {len(motifs)} most frequent motifs", loc="left")
+    axis.set_title(f"{genre}: transitions between its {len(motifs)} most frequent motifs", loc="left")
     figure.colorbar(image, ax=axis, label="probability", fraction=0.046)
     return figure
 
 
 def distance_figure(vocabulary: Vocabulary, dances: dict[str, list[int]]) -> Figure:
-    """χ² distance of every take so far to its genre's template, over the seconds danced; a panel a genre."""
+    """χ² distance of every take to its genre's template, over the seconds so far; a panel per genre."""
     columns = min(_COLUMNS, len(dances))
     rows = -(-len(dances) // columns)
     figure = _figure(1.5 + 3.6 * columns, 0.6 + 2.8 * rows)

@@ -1,4 +1,4 @@
-"""Pose strips of a motif: its medoid and words of other takes, begin, middle and end of each."""
+"""Pose strips of a motif: start, middle and end of its medoid and of words from other takes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from choreograph.preview.strip import write_strip
 
 WORDS_SHOWN = 4
 _POSES = 3  # of a word
-_FPS = 1.0  # of the poses in a row: any rate does
+_FPS = 1.0  # of the row of poses: any rate will do
 
 
 @dataclass(frozen=True, eq=False)
 class ShownWord:
-    """A word in the motion it is danced in."""
+    """A motion word within its motion."""
 
     caption: str
     motion: Motion
@@ -31,9 +31,9 @@ class ShownWord:
 
 
 def words_to_show(vocabulary: Vocabulary, motif: int, n_words: int = WORDS_SHOWN) -> NDArray[np.int64]:
-    """The motif's medoid and, chosen by lot but always the same, words of its cluster, (n,), n ≤ `n_words`.
+    """The motif's medoid and random words of its cluster (fixed seed), (n,), n ≤ `n_words`.
 
-    Each is from another take; there are fewer where fewer takes dance the motif.
+    Each is from another take; there are fewer if fewer takes contain the motif.
     """
     words = np.random.default_rng(motif).permutation(vocabulary.words_of_motif(motif))
     words = np.concatenate([vocabulary.motifs.words[motif : motif + 1], words])
@@ -44,7 +44,7 @@ def words_to_show(vocabulary: Vocabulary, motif: int, n_words: int = WORDS_SHOWN
 def write_motif_strip(
     path: str | Path, words: Sequence[ShownWord], *, tile: tuple[int, int] = (160, 220)
 ) -> None:
-    """Write one row a word as PNG: its first, middle and last pose, moved and turned to its own place.
+    """Write a PNG with one row per word: its first, middle and last pose, centred and facing the front.
 
     Raises as `preview.strip.write_strip`.
     """

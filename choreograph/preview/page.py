@@ -1,13 +1,12 @@
-"""The preview: one HTML file with the dance, its song and the page that plays them, for any browser, offline.
+"""The preview page: one HTML file with the dance, its song and a player, for any browser, offline.
 
-The page draws with a small WebGL renderer of its own (`page/renderer.js` and its shaders, 400 lines). The
-alternative, a renderer taken from an installed Python package when the page is written, was left: users may
-have nothing but Python, the packages that carry one (notebook viewers) are tens of megabytes for one file of
-theirs, and 0.6 MB or more of general engine would go into every preview, for one skinned body, a floor and a
-shadow.
+The page has its own small WebGL renderer (`page/renderer.js` and its shaders, 400 lines). The alternative, a
+general engine from an installed Python package, was rejected: packages that ship one (notebook viewers) have
+tens of megabytes, and every preview would carry 0.6 MB or more of it to draw one skinned body, a floor and
+a shadow.
 
-The page's parts lie in `page/`: ES modules in the order of `_SCRIPTS`, which are put in one script, a
-style sheet and the frame. All that differs from dance to dance is data: JSON, and packed bytes in base64.
+The parts of the page are in `page/`: ES modules, bundled in the order of `_SCRIPTS`, a style sheet and the
+template. Only data differs between dances: JSON, and compressed bytes in base64.
 """
 
 from __future__ import annotations
@@ -25,19 +24,19 @@ from choreograph.errors import ParameterError
 from choreograph.files import atomic_path, check_target
 from choreograph.motion.motion import Motion
 from choreograph.plan import Block, Plan, PlannedSecond
-from choreograph.preview.assembly import filled, joined_scripts, part, script_safe
-from choreograph.preview.figure import build_figure
-from choreograph.preview.packing import ROTVEC_STEP_RAD, pack_figure, pack_motion, to_text
+from choreograph.preview.compression import ROTVEC_STEP_RAD, compress_mesh, compress_motion, deflate_base64
+from choreograph.preview.mannequin import build_mannequin
+from choreograph.preview.page_assembly import bundle_scripts, fill_template, page_part, to_script_json
 from choreograph.preview.sound import Levels, encode_mp4, song_part
 
 _SCRIPTS = (
-    "math.js", "unpack.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
-    "renderer.js", "stage.js", "hands.js", "colours.js", "gestures.js", "timeline.js", "elements.js",
+    "math.js", "decompress.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
+    "renderer.js", "stage.js", "orbit.js", "colours.js", "gestures.js", "timeline.js", "elements.js",
     "card.js", "player.js", "controls.js", "main.js",
 )  # fmt: skip
 _LEVELS_PER_S = 50
-_NETWORK = "rollout network"  # who dances where no take does
-_LENGTH_SLACK_S = 0.1  # a plan's length is the song's, a motion's is whole frames
+_NETWORK = "rollout network"  # shown in place of a take's name
+_LENGTH_SLACK_S = 0.1  # the plan has the song's length, the motion a whole number of frames
 
 
 def write_page(
@@ -55,24 +54,24 @@ def write_page(
 
     Parameters
     ----------
-    path : the file to write, whole or not at all
-    motion, plan : of a dance; the timeline's blocks are the plan's
-    song_path : the song as it came; its danced part goes into the page. None: the page is silent
-    motion_beats_s : (Q,) instants in the dance, increasing
-    start_s : of the dance in the song file; the plan's `start_s` unless given
-    duration_s : seconds to show, from the beginning; the whole motion unless given
-    title : heading of the page; the song's name unless given
+    path : the file to write, atomically
+    motion, plan : of one dance; the timeline shows the plan's blocks
+    song_path : the original song file; its danced part is embedded. None: the page is silent
+    motion_beats_s : (Q,) times in the dance, increasing
+    start_s : start of the dance in the song file; None: the plan's `start_s`
+    duration_s : seconds to show, from the start; None: the whole motion
+    title : heading of the page; None: the song's name
 
-    The page shows its state to scripts as `window.choreograph`, read-only: time, duration and shownFrom,
+    The page exposes its state to scripts as `window.choreograph`, read-only: time, duration and shownFrom,
     shownTo (of the timeline) in seconds; frame, fps, framesDrawn; playing, speed, loop {on, from, to},
-    mirrored, following; audioTime (null without sound); take, the name of the one danced; pixelScale, below
-    1 where the machine is slow; joints, J places [x, y, z] in metres, as `motion.joint_pos_m()` has them.
+    mirrored, following; audioTime (null without sound); take, the name of the current one; pixelScale, below
+    1 on slow machines; joints, J positions [x, y, z] in metres, as `motion.joint_pos_m()` has them.
 
     Raises
     ------
     ParameterError     the folder is missing; motion and plan differ in length; a time is out of range
     FormatError        the song cannot be read
-    ChoreographError   the disk is full, or may not be written to
+    ChoreographError   the disk is full or not writable
     """
     path = check_target(path)
     beats_s = _checked_beats(motion_beats_s)
@@ -80,27 +79,27 @@ def write_page(
     start_s = plan.start_s if start_s is None else start_s
     shown = motion.sliced(0, min(motion.n_frames, int(np.ceil(duration_s * motion.fps)) + 1))
     sound, levels, levels_per_s = _sound(song_path, start_s, duration_s)
-    packed = pack_motion(shown)
-    mesh, figure = pack_figure(build_figure(motion.skeleton, motion))
+    compressed = compress_motion(shown)
+    mesh, mesh_layout = compress_mesh(build_mannequin(motion.skeleton, motion))
     title = title or plan.song or "Dance"
     dance = {
         "title": title,
         "duration_s": round(duration_s, 6),
-        "fps": packed.fps,
-        "frames": packed.n_frames,
-        "root_step_m": packed.root_step_m,
-        "root_origin_m": packed.root_origin_m,
+        "fps": compressed.fps,
+        "frames": compressed.n_frames,
+        "root_step_m": compressed.root_step_m,
+        "root_origin_m": compressed.root_origin_m,
         "rotvec_step_rad": ROTVEC_STEP_RAD,
         "names": motion.skeleton.names,
         "parents": motion.skeleton.parents.tolist(),
         "offsets_m": np.round(motion.skeleton.offsets_m, 6).tolist(),
-        "figure": figure,
+        "mesh": mesh_layout,
         "levels_per_s": levels_per_s,
         "music_beats_s": _rounded(plan.music_beats_s, duration_s),
         "motion_beats_s": _rounded(beats_s, duration_s),
         **_sources(plan, duration_s),
     }
-    text = _filled(title, script_safe(dance), packed.text, mesh, levels, sound)
+    text = _page_text(title, to_script_json(dance), compressed.text, mesh, levels, sound)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
@@ -108,7 +107,7 @@ def write_page(
 def _checked_beats(motion_beats_s: Sequence[float] | NDArray[np.floating]) -> NDArray[np.float64]:
     beats_s = np.asarray(motion_beats_s, np.float64)
     if beats_s.ndim != 1 or not np.isfinite(beats_s).all() or (np.diff(beats_s) < 0).any():
-        raise ParameterError("expected increasing finite motion_beats_s (Q,): instants in seconds")
+        raise ParameterError("expected increasing finite motion_beats_s (Q,) in seconds")
     return beats_s
 
 
@@ -116,7 +115,7 @@ def _checked_duration(motion: Motion, plan: Plan, duration_s: float | None) -> f
     if abs(motion.duration_s - plan.duration_s) > _LENGTH_SLACK_S:
         raise ParameterError(
             f"expected the plan's own motion, got {motion.duration_s:.2f} s of motion and a plan of "
-            f"{plan.duration_s:.2f} s: they may be of two dances"
+            f"{plan.duration_s:.2f} s: they may belong to different dances"
         )
     if duration_s is None:
         return min(motion.duration_s, plan.blocks[-1].end_s)
@@ -128,14 +127,14 @@ def _checked_duration(motion: Motion, plan: Plan, duration_s: float | None) -> f
 
 
 def _sound(song_path: str | Path | None, start_s: float, duration_s: float) -> tuple[str, str, float]:
-    """The sound in base64, the waveform's levels, and how many of them there are in a second."""
+    """The sound in base64, the waveform's levels, and their rate in Hz."""
     if song_path is None:
         return "", "", float(_LEVELS_PER_S)
     levels = Levels(_LEVELS_PER_S)
     sound = encode_mp4(levels.through(song_part(song_path, start_s=start_s, duration_s=duration_s)))
-    # A plane of peaks, then one of RMS: alike numbers side by side deflate better.
+    # A plane of peaks, then one of RMS: similar neighbours deflate better.
     planes = np.ascontiguousarray(levels.to_bytes().T)
-    return base64.b64encode(sound).decode("ascii"), to_text(planes.tobytes()), levels.bins_per_s
+    return base64.b64encode(sound).decode("ascii"), deflate_base64(planes.tobytes()), levels.bins_per_s
 
 
 def _rounded(times_s: Sequence[float] | NDArray[np.floating], duration_s: float) -> list[float]:
@@ -143,7 +142,7 @@ def _rounded(times_s: Sequence[float] | NDArray[np.floating], duration_s: float)
 
 
 def _sources(plan: Plan, duration_s: float) -> dict[str, Any]:
-    """Every block of the timeline: takes by index into a table of names and credits."""
+    """The timeline's blocks, and the table of takes (names and credits) that they refer to by index."""
     shown = [block for block in plan.blocks if block.start_s < duration_s]
     credits = {block.planned.take: block.planned.credits for block in shown}
     names = sorted(credits)
@@ -182,16 +181,16 @@ def _block(block: Block, take: int, duration_s: float) -> dict[str, Any]:
     return shown | {"motif": planned.motif, "pinned": planned.pinned, "costs": {}}
 
 
-def _filled(title: str, dance: str, motion: str, mesh: str, levels: str, sound: str) -> str:
-    """The page's frame with everything in its place."""
-    return filled(
-        part("index.html"),
+def _page_text(title: str, dance: str, motion: str, mesh: str, levels: str, sound: str) -> str:
+    """The page's template, filled."""
+    return fill_template(
+        page_part("index.html"),
         title=html.escape(title),
-        style=part("style.css"),
+        style=page_part("style.css"),
         dance=dance,
         motion=motion,
         mesh=mesh,
         levels=levels,
         sound=sound,
-        script=joined_scripts([part(name) for name in _SCRIPTS]),
+        script=bundle_scripts([page_part(name) for name in _SCRIPTS]),
     )

@@ -1,10 +1,10 @@
-"""The danced part of a song, at its own rate, for files that are played: the page and the video.
+"""The danced part of a song at its native rate, encoded for the page and the video.
 
-AAC in MP4, because of what a click track showed in Chromium 156, milliseconds between a click's place in
-the file and the media clock when it sounded, at the start / after seeking: WAV 0.0 / 0.0, AAC in MP4
-0.0 / 0.0 (the edit list takes the encoder's delay out, the sample table makes seeks exact), FLAC 0.0 / 0.0
-but ten times the size, MP3 0.0 / 25.1 (seeks land on a guess), Opus in Ogg 4.8 / 1.7, in WebM 1.6 / 2.7
-(and Opus has no 44.1 kHz).
+AAC in MP4 was chosen with a click track in Chromium 156. Milliseconds between a click's time in the file and
+the media clock when it sounded, at the start / after seeking: WAV 0.0 / 0.0, AAC in MP4
+0.0 / 0.0 (the edit list removes the encoder delay, the sample table makes seeks exact), FLAC 0.0 / 0.0
+but ten times the size, MP3 0.0 / 25.1 (seek positions are estimated), Opus in Ogg 4.8 / 1.7, in WebM
+1.6 / 2.7 (and Opus has no 44.1 kHz).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SILENT_FRAMES = 1 << 16
 
 @dataclass(frozen=True, eq=False)
 class SongPart:
-    """A span of a song as blocks of samples, exactly `n_frames` long: silent where the song is over."""
+    """A span of a song as blocks of samples, exactly `n_frames` long: silent after the end of the song."""
 
     rate_hz: int
     n_channels: int  # 1 or 2
@@ -41,7 +41,7 @@ class SongPart:
 
 
 def song_part(path: str | Path, *, start_s: float, duration_s: float) -> SongPart:
-    """The `duration_s` seconds of a song file from `start_s`, at its own rate, more than two channels mixed.
+    """The `duration_s` seconds of a song file from `start_s`, at its native rate, in at most two channels.
 
     Raises `FormatError` if the file is missing, empty, not audio or damaged (damage only while the blocks
     are read), and `ParameterError` if the start is negative or the duration not positive.
@@ -52,12 +52,12 @@ def song_part(path: str | Path, *, start_s: float, duration_s: float) -> SongPar
     if not (np.isfinite(duration_s) and duration_s > 0):
         raise ParameterError(f"expected a duration in seconds above 0, got {duration_s:g}")
     if not path.is_file() or path.stat().st_size == 0:
-        raise FormatError(f"expected a song at {path}, got no such file or an empty one")
+        raise FormatError(f"expected a song at {path}, got no file or an empty one")
     rate_hz, blocks = decoded_blocks(path)
     n_frames = max(1, round(duration_s * rate_hz))
     first = next(blocks, None)
     if first is None:
-        raise FormatError(f"expected a song in {path}, got no sound at all: the file may be cut off")
+        raise FormatError(f"expected a song in {path}, got no sound: the file may be truncated")
     n_channels = min(first.shape[1], 2)
     cut = _cut(first, blocks, round(start_s * rate_hz), n_frames, n_channels)
     return SongPart(rate_hz, n_channels, n_frames, cut)
@@ -81,7 +81,7 @@ def _cut(first: NDArray[np.float32], rest: Blocks, start: int, n_frames: int, n_
 
 
 def _mixed(block: NDArray[np.float32], n_channels: int) -> NDArray[np.float32]:
-    """One or two channels of (S_b, C): all beyond the second are heard on both sides."""
+    """One or two channels of (S_b, C): further channels are mixed into both."""
     if block.shape[1] <= 2:
         return block
     rest = block[:, 2:].mean(axis=1, keepdims=True)
@@ -90,14 +90,14 @@ def _mixed(block: NDArray[np.float32], n_channels: int) -> NDArray[np.float32]:
 
 @dataclass
 class Levels:
-    """Peak and RMS of the sound per bin, collected while blocks run through: the timeline's waveform."""
+    """Peak and RMS of the sound per bin, collected while blocks stream through: the waveform."""
 
     bins_per_s: float
     _peaks: list[float] = field(default_factory=list)
     _powers: list[float] = field(default_factory=list)
 
     def through(self, part: SongPart) -> SongPart:
-        """The same part, measured as it is read."""
+        """The same part, whose levels are collected while it is read."""
         return SongPart(part.rate_hz, part.n_channels, part.n_frames, self._measured(part))
 
     def _measured(self, part: SongPart) -> Blocks:
@@ -124,7 +124,7 @@ class Levels:
 
 
 def encode_mp4(part: SongPart) -> bytes:
-    """The part as AAC in MP4, byte for byte the same each time."""
+    """The part as AAC in MP4; the same input gives the same bytes."""
     import av
 
     buffer = io.BytesIO()
@@ -135,7 +135,7 @@ def encode_mp4(part: SongPart) -> bytes:
 
 
 def aac_stream(container: Any, part: SongPart) -> Any:
-    """A new AAC stream for the part, at its own rate where AAC has it."""
+    """A new AAC stream for the part, at its rate if AAC supports it."""
     rate_hz = min(AAC_RATES_HZ, key=lambda r: (r < min(part.rate_hz, 48000), abs(r - part.rate_hz)))
     layout = "mono" if part.n_channels == 1 else "stereo"
     stream = container.add_stream("aac", rate=rate_hz, layout=layout)
@@ -144,15 +144,15 @@ def aac_stream(container: Any, part: SongPart) -> Any:
 
 
 def aac_packets(stream: Any, part: SongPart) -> Iterator[Any]:
-    """The part's encoded packets in order, the last ones flushed."""
+    """The part's encoded packets in order, including the flushed ones."""
     import av
 
     layout = stream.layout.name
     resampler = av.AudioResampler(format="fltp", layout=layout, rate=stream.rate)
     position = 0
     for block in part.blocks:
-        packed = np.ascontiguousarray(block, np.float32).reshape(1, -1)
-        frame = av.AudioFrame.from_ndarray(packed, format="flt", layout=layout)
+        interleaved = np.ascontiguousarray(block, np.float32).reshape(1, -1)
+        frame = av.AudioFrame.from_ndarray(interleaved, format="flt", layout=layout)
         frame.sample_rate, frame.pts, frame.time_base = part.rate_hz, position, Fraction(1, part.rate_hz)
         position += len(block)
         for resampled in resampler.resample(frame):

@@ -1,4 +1,4 @@
-"""A contact sheet: the figure at chosen instants, side by side, each with its label, as a PNG."""
+"""A contact sheet (PNG): labelled poses at chosen times, side by side."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from PIL import Image, ImageDraw, ImageFont
 from choreograph.errors import ParameterError
 from choreograph.files import atomic_path
 from choreograph.motion.motion import Motion
-from choreograph.preview.follow import follow
-from choreograph.preview.scene import Pixels
+from choreograph.preview.camera_path import follow_camera
+from choreograph.preview.renderer import Pixels
 
 _COLUMNS = 8
 _BAR = 0.085  # height of the label's bar over the tile's width
@@ -30,11 +30,10 @@ def write_strip(
     columns: int | None = None,
     tile: tuple[int, int] = (240, 320),
 ) -> None:
-    """Write the poses at `times_s` as one PNG, `columns` a row (8, or as many as there are, if fewer).
+    """Write the poses at `times_s` as one PNG with `columns` per row (8, or fewer if there are fewer poses).
 
-    All are seen from one direction, ahead of where the dancer faces on average and a quarter to the
-    side. `labels`, one a pose, say what instant it is; without, the time. `tile` is the size of one
-    pose in pixels.
+    All are seen from the same direction, 28° to the side of the dancer's mean heading. `labels`, one per
+    pose, default to the times. `tile` is the size of one pose in pixels.
 
     Raises `ParameterError` if there is no time, one lies outside the motion, labels do not match, the
     sheet would be empty or larger than 200 megapixels, or the file's folder is missing;
@@ -68,7 +67,7 @@ def draw_strip(
     step_y, step_x = height + bar + _GAP_PX, width + _GAP_PX
     if rows * step_y * columns * step_x > _MAX_PIXELS:
         raise ParameterError(f"a sheet of {n_poses} poses of {width} x {height} pixels is too large")
-    shots = follow(motion, times_s, aspect=width / height)
+    shots = follow_camera(motion, times_s, aspect=width / height)
     sheet = np.full((rows * step_y - _GAP_PX, columns * step_x - _GAP_PX, 3), 255, np.uint8)
     for index, label in enumerate(labels):
         y, x = index // columns * step_y, index % columns * step_x

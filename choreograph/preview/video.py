@@ -1,4 +1,4 @@
-"""The dance as an MP4: the shaded figure, filmed by a camera that goes along, with the song's sound."""
+"""The dance as an MP4: the shaded mannequin, filmed by a following camera, with the song."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ import numpy as np
 from choreograph.errors import ChoreographError, ParameterError
 from choreograph.files import atomic_path, check_target
 from choreograph.motion.motion import Motion
-from choreograph.preview.follow import Shots, follow
-from choreograph.preview.scene import Pixels
+from choreograph.preview.camera_path import Shots, follow_camera
+from choreograph.preview.renderer import Pixels
 from choreograph.preview.sound import SongPart, aac_packets, aac_stream, song_part
 from choreograph.progress import ProgressReport
 from choreograph.timebase import frame_times_s, seconds_to_frames
 
-# The first one that PyAV brings along is used. H.264 plays everywhere; "mpeg4" is in every build.
+# The first one that the installed PyAV has is used. H.264 plays everywhere; "mpeg4" is in every build.
 _ENCODERS = {
-    # No B-frames: their delay is taken back by an edit list, which some players do not heed.
-    # Two threads, always: the encoder's result depends on their number, not on the machine then.
+    # No B-frames: their delay is compensated by an edit list, which some players ignore.
+    # Always two threads: the result depends on their number, and must not depend on the machine.
     "libx264": {"preset": "veryfast", "crf": "20", "bf": "0", "threads": "2"},
     "libopenh264": {"b": "6000000"},
     "mpeg4": {"b": "8000000", "threads": "1"},
 }
-_CALM_S = 0.7  # the camera leaves out what the dancer does faster than this
+_SMOOTHING_S = 0.7  # the camera does not follow faster movements
 _RENDER_THREADS = min(4, os.cpu_count() or 1)
 _LARGEST_PX = 4096
 _MAX_FPS = 240.0
@@ -51,24 +51,24 @@ def write_video(
 
     Parameters
     ----------
-    path : the file to write, whole or not at all; MP4 whatever its suffix
+    path : the file to write, atomically; MP4 whatever its suffix
     motion : on any skeleton; its floor is at Y = 0
-    song_path : the song as it came, heard at its own rate; None: a silent video
-    start_s : instant of the song at the motion's first frame
-    duration_s : seconds to film from the beginning; all unless given
+    song_path : the original song file, kept at its native rate; None: a silent video
+    start_s : time in the song at the motion's first frame
+    duration_s : seconds to film from the start; None: the whole motion
     size : width and height in pixels, both even
-    fps : pictures a second; picture i shows the motion at i / fps
-    report : called with the stage's name, how much is done, of how much
+    fps : pictures per second; picture i shows the motion at i / fps
+    report : called with the stage's name, the work done and its total
 
     Returns
     -------
-    The encoder's name: "libx264", or what the installed PyAV has in its place.
+    The encoder's name: "libx264", or the installed PyAV's substitute.
 
     Raises
     ------
     ParameterError     size, fps or a time cannot be used, or the folder is missing
     FormatError        the song cannot be read
-    ChoreographError   the disk is full, or may not be written to
+    ChoreographError   the disk is full or not writable
     """
     path = check_target(path)
     duration_s = _checked(motion, duration_s, size, fps)
@@ -77,7 +77,7 @@ def write_video(
     part = None
     if song_path is not None:
         part = song_part(song_path, start_s=start_s, duration_s=n_frames / fps)
-    shots = follow(motion, times_s, aspect=size[0] / size[1], calm_s=_CALM_S)
+    shots = follow_camera(motion, times_s, aspect=size[0] / size[1], smoothing_s=_SMOOTHING_S)
     with atomic_path(path) as temporary:
         return _encode(temporary, shots, part, size, fps, report)
 
@@ -88,7 +88,7 @@ def _checked(motion: Motion, duration_s: float | None, size: tuple[int, int], fp
             f"expected an even width and height of 2 to {_LARGEST_PX} pixels, got {size[0]} x {size[1]}"
         )
     if not 0 < fps <= _MAX_FPS:
-        raise ParameterError(f"expected 0 to {_MAX_FPS:g} pictures a second, got {fps:g}")
+        raise ParameterError(f"expected 0 to {_MAX_FPS:g} pictures per second, got {fps:g}")
     if duration_s is None:
         return motion.duration_s
     if not 0 < duration_s <= motion.duration_s + 1 / fps:
@@ -132,7 +132,7 @@ def _encode(
 
 
 def _rendered(shots: Shots, size: tuple[int, int]) -> Iterator[Pixels]:
-    """The pictures in order; the next ones are drawn by other threads while one is encoded."""
+    """The pictures in order; other threads render the next ones while one is encoded."""
     with ThreadPoolExecutor(max_workers=_RENDER_THREADS) as pool:
         drawn: deque[Future[Pixels]] = deque()
         for index in range(len(shots.pos_m)):
@@ -163,7 +163,7 @@ def _picture(pixels: Pixels, index: int, rate: Fraction) -> Any:
 
 
 def _mux_until(container: Any, packets: Iterator[Any], time_s: float) -> None:
-    """Write the sound's packets up to an instant, so that sound and pictures lie side by side in the file."""
+    """Write the sound's packets up to a time, so that sound and pictures are interleaved in the file."""
     for packet in packets:
         container.mux(packet)
         if packet.pts is not None and packet.pts * packet.time_base > time_s:

@@ -1,4 +1,4 @@
-"""The built-in repertoire and its songs, so that dancing needs no data set."""
+"""Loader of the built-in repertoire and songs, with which dancing needs no data set."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ SONGS_PATH = Path(__file__).with_name("songs")
 
 
 def starter_repertoire() -> Repertoire:
-    """The repertoire that comes with the package; `RepertoireError` if the installation lacks it."""
+    """Open the built-in repertoire; `RepertoireError` if the installation lacks it."""
     return Repertoire.open(STARTER_PATH)
 
 
 def example_songs() -> dict[str, Path]:
-    """Name -> file of the songs that come with the package."""
+    """Names and files of the built-in songs."""
     return {path.stem: path for path in sorted(SONGS_PATH.glob("*.ogg"))}

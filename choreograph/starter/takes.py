@@ -1,8 +1,8 @@
-"""The starter's takes: every genre danced to songs of its own over its tempi, written as any library is.
+"""The takes of the built-in repertoire: every genre over the range of its tempi, written as a library folder.
 
-Each take is a song of the synthesiser and a dance to its true beats. They go to a folder as BVH with
-FLAC and a manifest, plus the truth (beats, bars, sections, moves) as JSON, and from there through the
-ordinary importer: the starter is built as everybody's own library is.
+Each take is a synthesised song and a dance rendered to its true beats. They are written to a folder as BVH
+and FLAC with a manifest, plus the ground truth (beats, bars, sections, moves) as JSON, and imported with the
+folder importer, like any user's library.
 """
 
 from __future__ import annotations
@@ -20,46 +20,46 @@ from choreograph.exporters import save_motion
 from choreograph.files import atomic_path
 from choreograph.progress import ProgressReport
 from choreograph.synthesis.moves.genres import GENRES
-from choreograph.synthesis.moves.sequencer import Rendered, render_take
-from choreograph.synthesis.songs import STYLES, SynthSong, render_song, write_song
+from choreograph.synthesis.moves.sequencer import RenderedTake, render_take
+from choreograph.synthesis.songs import STYLES, SyntheticSong, render_song, write_song
 
-TAKES_PER_GENRE = 16  # many short ones: a dance of three minutes can stay in its genre and still vary
+TAKES_PER_GENRE = 16  # many short ones, so that a dance of three minutes can stay in its genre and still vary
 DURATION_S = 20.0
-FPS = 30.0  # stored; between the frames playing back turns evenly
+FPS = 30.0  # as stored; playback interpolates
 CREDITS = {"performer": "choreograph", "licence": "CC0-1.0", "source": "choreograph starter"}
 _MANIFEST = ("name", "genre", "performer", "licence", "source")
 
 
 @dataclass(frozen=True)
-class TakePlan:
-    """What a take is made from."""
+class TakeSpec:
+    """Parameters of a take."""
 
     name: str
     genre: str
     bpm: float
-    seed: int  # of song and dance; the starter's own are below `synth.testbed.FIRST_SEED`
+    seed: int  # of song and dance; below `benchmark_songs.FIRST_SEED`
     duration_s: float = DURATION_S
 
 
-def take_plans() -> Iterator[TakePlan]:
-    """All takes: the genres in turn, their tempi evenly over the range their songs have."""
+def take_specs() -> Iterator[TakeSpec]:
+    """The specs of all takes: for each genre, tempi spread evenly over the range of its songs."""
     for number, genre in enumerate(sorted(GENRES)):
         low, high = STYLES[genre].bpm
         for i, bpm in enumerate(np.linspace(low, high, TAKES_PER_GENRE)):
-            yield TakePlan(f"{genre}-{i + 1:02d}", genre, round(float(bpm), 1), 100 * number + i)
+            yield TakeSpec(f"{genre}-{i + 1:02d}", genre, round(float(bpm), 1), 100 * number + i)
 
 
-def rendered(plan: TakePlan) -> tuple[SynthSong, Rendered]:
-    """The song of a take and the dance to it, from the song's first sample on."""
-    song = render_song(plan.genre, bpm=plan.bpm, duration_s=plan.duration_s, seed=plan.seed)
+def render_spec(spec: TakeSpec) -> tuple[SyntheticSong, RenderedTake]:
+    """Render a take: its song, and the dance from the song's first sample on."""
+    song = render_song(spec.genre, bpm=spec.bpm, duration_s=spec.duration_s, seed=spec.seed)
     dance = render_take(
-        GENRES[plan.genre], song.beat_times_s, energy=beat_energies(song), seed=plan.seed, fps=FPS
+        GENRES[spec.genre], song.beat_times_s, energy=beat_energies(song), seed=spec.seed, fps=FPS
     )
     return song, dance
 
 
-def beat_energies(song: SynthSong) -> NDArray[np.float64]:
-    """The energy of the section that each beat lies in, (Q,)."""
+def beat_energies(song: SyntheticSong) -> NDArray[np.float64]:
+    """Energy (Q,) of the section of each beat."""
     energy = np.full(len(song.beat_times_s), song.sections[-1].energy)
     for section in song.sections:
         beats = slice(
@@ -69,8 +69,8 @@ def beat_energies(song: SynthSong) -> NDArray[np.float64]:
     return energy
 
 
-def truth(song: SynthSong, dance: Rendered) -> dict:
-    """What is known exactly about a take, ready for JSON."""
+def truth(song: SyntheticSong, dance: RenderedTake) -> dict:
+    """Ground truth of a take, JSON-serialisable."""
     moves = [
         {
             "name": placed.move.name,
@@ -81,22 +81,22 @@ def truth(song: SynthSong, dance: Rendered) -> dict:
     return {**song.truth(), "moves": moves}
 
 
-def write_takes(folder: Path, plans: Iterable[TakePlan], *, report: ProgressReport | None = None) -> None:
-    """Render takes into `folder`, made if missing: BVH, FLAC, truth (JSON) and the manifest."""
+def write_takes(folder: Path, specs: Iterable[TakeSpec], *, report: ProgressReport | None = None) -> None:
+    """Render takes into `folder`, created if missing: BVH, FLAC, ground truth (JSON) and a manifest."""
     folder.mkdir(parents=True, exist_ok=True)
-    plans = list(plans)
-    for done, plan in enumerate(plans):
-        song, dance = rendered(plan)
-        save_motion(folder / f"{plan.name}.bvh", dance.motion)
-        write_song(folder / f"{plan.name}.flac", song)
-        with atomic_path(folder / f"{plan.name}.truth.json") as temporary:
+    specs = list(specs)
+    for done, spec in enumerate(specs):
+        song, dance = render_spec(spec)
+        save_motion(folder / f"{spec.name}.bvh", dance.motion)
+        write_song(folder / f"{spec.name}.flac", song)
+        with atomic_path(folder / f"{spec.name}.truth.json") as temporary:
             temporary.write_text(json.dumps(truth(song, dance), indent=1) + "\n", encoding="utf-8")
         if report is not None:
-            report("rendering takes", done + 1, len(plans))
+            report("rendering takes", done + 1, len(specs))
     with (
         atomic_path(folder / "manifest.csv") as temporary,
         open(temporary, "w", newline="", encoding="utf-8") as file,
     ):
         rows = csv.DictWriter(file, _MANIFEST)
         rows.writeheader()
-        rows.writerows({"name": plan.name, "genre": plan.genre, **CREDITS} for plan in plans)
+        rows.writerows({"name": spec.name, "genre": spec.genre, **CREDITS} for spec in specs)

@@ -1,8 +1,8 @@
-"""Dances and songs made by program, whose beats, bars and counts are known exactly.
+"""Generators of dances and songs whose beats, bars and counts are known exactly.
 
-- `moves` — the language of steps and poses that dances are written in, and the genres
-- `songs` — the synthesiser of their music
+- `moves` — a dance notation (steps and poses on counts), genres written in it, and their rendering as motion
+- `songs` — a composer and synthesiser of songs in these genres
 
-The built-in repertoire is made of them, and tests and benchmarks measure on them. Dancing imports
-nothing from here.
+The built-in repertoire (`choreograph.starter`) is made with them; tests, benchmarks and training use them as
+material with ground truth. Dancing imports nothing from here.
 """

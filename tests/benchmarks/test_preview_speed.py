@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from synthetic_motions import swaying
 
-from choreograph.preview.follow import follow
+from choreograph.preview.camera_path import follow_camera
 
 pytestmark = pytest.mark.slow
 
 
 def test_a_picture_of_720_lines(benchmark):
-    shots = follow(swaying(60), np.array([0.5]), aspect=16 / 9)
+    shots = follow_camera(swaying(60), np.array([0.5]), aspect=16 / 9)
     shots.render(0, (1280, 720))  # compiled before it is timed
     benchmark(shots.render, 0, (1280, 720))

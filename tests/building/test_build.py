@@ -56,7 +56,7 @@ def test_build_resume_reuse_and_dance(takes, tmp_path):
     assert [take.name for take in one.takes] == [TAKES[0]]
 
     kept, _ = build_repertoire(
-        [takes], tmp_path / "c.h5", BuildOptions(init_from=built.path, keep_networks=True, packed=True)
+        [takes], tmp_path / "c.h5", BuildOptions(init_from=built.path, keep_networks=True, compress=True)
     )
     assert kept.provenance["trained_on"] == built.provenance["trained_on"]
     assert not (tmp_path / "c.h5.build").exists()
@@ -139,7 +139,7 @@ def test_pretrained_style_records_what_it_was_trained_on(takes_to_clicks, tmp_pa
     assert (begun.provenance["style_from"], afresh.provenance["style_from"]) == ("one.h5", None)
 
 
-@pytest.mark.parametrize(("mirroring", "share"), [(True, 0.5), (False, 0.0)])
+@pytest.mark.parametrize(("augment_mirror", "share"), [(True, 0.5), (False, 0.0)])
 def test_mirror_augmentation_can_be_turned_off(silent_takes, tmp_path, augment_mirror, share):
     options = BuildOptions(preset="tiny", augment_mirror=augment_mirror)
     built, _ = build_repertoire([silent_takes], tmp_path / "a.h5", options)

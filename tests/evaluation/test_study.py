@@ -33,7 +33,7 @@ def data_of(page: str) -> dict:
 
 
 def code_of(page: str) -> str:
-    """The page without encoded bytes."""
+    """The page without compressed bytes."""
     return re.sub(r'(<script type="text/plain"[^>]*>)[^<]*', r"\1", page)
 
 

@@ -14,7 +14,7 @@ from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import librosa_beats
 from choreograph.features.tempo_path import onset_strength, tempo_path_beats
 from choreograph.metrics.beat import f_score
-from choreograph.synthesis.songs.testbed import SONGS
+from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 
@@ -64,7 +64,7 @@ def test_steady_beats_agree_with_librosa_and_the_truth(bpm):
     assert abs(np.median(beats - nearest)) < 0.02
 
 
-@pytest.mark.parametrize("song", [SONGS[i] for i in (0, 4, 5, 8, 10)], ids=lambda song: song.name)
+@pytest.mark.parametrize("song", [BENCHMARK_SONGS[i] for i in (0, 4, 5, 8, 10)], ids=lambda song: song.name)
 def test_beats_of_mixed_songs_are_on_time(song):
     """In a mix onsets are found later than alone, and 70 ms would be a tolerance for dancers."""
     rendered = song.render()

@@ -13,6 +13,7 @@ from choreograph.motion.floor import estimate_floor_m, track_floor_m
 from choreograph.motion.inverse_kinematics import two_bone
 from choreograph.motion.kinematics import forward
 from choreograph.motion.marker_fitting import REQUIRED_ROLES, fit_error_m, fit_positions
+from choreograph.motion.rotation_smoothing import bridge_flips, smoothed_angle
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
 from choreograph.motion.skeleton_calibration import resized, size_ratio
 
@@ -36,6 +37,22 @@ def test_synthetic_motion_comes_back_without_flips():
     found_root, found = fit_positions(skeleton, pos, CANONICAL_JOINTS, fps=25)
     assert fit_error_m(skeleton, found_root, found, pos, CANONICAL_JOINTS).mean() < 0.01
     assert np.degrees(2 * np.arccos(np.clip(np.sum(found[1:] * found[:-1], -1), -1, 1))).max() < 60
+
+
+def test_a_flip_of_a_few_frames_is_bridged():
+    bend = rot.from_rotvec(np.linspace(0.0, 0.5, 60)[:, None, None] * [[1.0, 0.0, 0.0]])  # (T, 1, 4)
+    flipped = bend.copy()
+    flipped[30:32] = rot.multiply(bend[30:32], rot.from_rotvec(np.array([0.0, 3.0, 0.0])))
+    np.testing.assert_allclose(bridge_flips(flipped, 4), bend, atol=1e-9)
+
+
+def test_an_angle_without_weight_is_interpolated():
+    angle = np.linspace(0.0, 0.4, 50)
+    weight = np.ones(50)
+    weight[20:30] = 0.0
+    noise = np.where(weight > 0, 0.0, 2.0)
+    found = smoothed_angle(weight * np.cos(angle + noise), weight * np.sin(angle + noise), 0.1)
+    np.testing.assert_allclose(found, angle, atol=0.01)
 
 
 def test_missing_role_and_nan_are_refused():

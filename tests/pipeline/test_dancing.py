@@ -219,7 +219,12 @@ def test_outputs_are_whole_or_absent(made, tmp_path):
 def test_progress_is_reported(repertoire, song):
     seen = []
     cg.dance(song, repertoire, report=lambda stage, done, total: seen.append((stage, done, total)))
-    assert list(dict.fromkeys(s for s, _, _ in seen)) == ["hearing", "warping", "planning", "rendering"]
+    assert list(dict.fromkeys(s for s, _, _ in seen)) == [
+        "analysing the song",
+        "warping",
+        "planning",
+        "rendering",
+    ]
     assert ("planning", 13, 13) in seen
 
 

@@ -1,4 +1,4 @@
-"""Plots of a planted vocabulary: every file there, and showing what it says."""
+"""Plots of a synthetic vocabulary: every file is written and shows the right numbers."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_every_plot_is_a_picture_with_something_on_it(repertoire, tmp_path, monk
         assert pixels.std() > 10
 
 
-def test_bars_are_the_templates_most_frequent_motifs(repertoire, dances):
+def test_bars_show_the_most_frequent_motifs_of_the_template(repertoire, dances):
     vocabulary = repertoire.vocabulary
     figure = signature_figure(vocabulary, "a/b", dances["a/b"], [take.name for take in repertoire.takes])
     heights = [bar.get_height() for bar in figure.axes[0].patches]
@@ -59,7 +59,7 @@ def test_bars_are_the_templates_most_frequent_motifs(repertoire, dances):
     assert [axis.get_title(loc="left").split(":")[0] for axis in figure.axes] == ["a/b", "take0", "take2"]
 
 
-def test_the_heat_map_is_the_transitions(repertoire):
+def test_heat_map_shows_the_transitions(repertoire):
     vocabulary = repertoire.vocabulary
     axis = transitions_figure(vocabulary, "c").axes[0]
     labels = [int(text.get_text()) for text in axis.get_xticklabels()]
@@ -67,17 +67,17 @@ def test_the_heat_map_is_the_transitions(repertoire):
     np.testing.assert_array_equal(axis.images[0].get_array(), shown)
 
 
-def test_curves_end_at_the_takes_own_distance(repertoire, dances):
+def test_curves_end_at_the_distance_of_the_take(repertoire, dances):
     figure = distance_figure(repertoire.vocabulary, dances)
     assert [axis.get_title(loc="left") for axis in figure.axes] == ["a/b: 2 takes", "c: 1 take"]
     only, mean = figure.axes[1].lines
-    assert only.get_ydata()[-1] == pytest.approx(0.0, abs=1e-12)  # the template is this take's own
+    assert only.get_ydata()[-1] == pytest.approx(0.0, abs=1e-12)  # the template is this take's signature
     assert mean.get_ydata()[-1] == pytest.approx(0.0, abs=1e-12)
     assert only.get_ydata()[0] > 0.3
     assert only.get_xdata()[-1] == pytest.approx(30.0, abs=2.0)
 
 
-def test_words_shown_of_a_motif_are_its_medoid_and_others_of_other_takes(repertoire):
+def test_words_shown_of_a_motif_are_its_medoid_and_words_of_other_takes(repertoire):
     vocabulary = repertoire.vocabulary
     for motif in range(vocabulary.n_motifs):
         words = words_to_show(vocabulary, motif)
@@ -90,7 +90,7 @@ def test_words_shown_of_a_motif_are_its_medoid_and_others_of_other_takes(reperto
         np.testing.assert_array_equal(words, words_to_show(vocabulary, motif))
 
 
-def test_what_cannot_be_plotted(repertoire, tmp_path, monkeypatch):
+def test_errors_of_plots(repertoire, tmp_path, monkeypatch):
     with pytest.raises(RepertoireError, match="build-db"):
         write_motif_plots(tmp_path / "x", synthetic_repertoire(tmp_path / "old.h5"))
     (tmp_path / "file").write_text("")

@@ -1,4 +1,4 @@
-"""The page's file: alone in the world, small, the same every time, and refused when the input is wrong."""
+"""The page file: self-contained, small, deterministic, and an error for wrong input."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_nothing_is_fetched(tmp_path, song):
     assert "@@" not in code
 
 
-def test_what_the_timeline_knows(tmp_path, song):
+def test_data_of_the_timeline(tmp_path, song):
     dance = json.loads(element(written(tmp_path / "page.html", song_path=song, title="A & B"), "dance"))
     assert dance["title"] == "A & B"
     assert dance["duration_s"] == 5.5
@@ -64,7 +64,7 @@ def test_a_part_of_the_dance(tmp_path, song):
     assert len(element(text, "sound")) < len(element(written(tmp_path / "all.html", song_path=song), "sound"))
 
 
-def test_the_same_dance_gives_the_same_bytes(tmp_path, song):
+def test_same_dance_gives_the_same_bytes(tmp_path, song):
     assert written(tmp_path / "a.html", song_path=song) == written(tmp_path / "b.html", song_path=song)
 
 
@@ -89,7 +89,7 @@ def test_no_song_no_sound(tmp_path):
 
 
 def test_scripts_share_one_scope(tmp_path):
-    """The modules are put in one script: a name on the top level of two of them would stop the page."""
+    """The modules are bundled in one script: a top-level name defined by two of them would break the page."""
     script = written(tmp_path / "page.html").split('<script type="module">')[1]
     names = re.findall(r"^(?:async )?(?:const|let|class|function) (\w+)", script, re.MULTILINE)
     assert len(names) > 50
@@ -110,13 +110,13 @@ def test_scripts_share_one_scope(tmp_path):
         ({"start_s": -1.0, "song_path": "no such song.mp3"}, ParameterError),
     ],
 )
-def test_what_is_refused_is_said_in_a_line_and_leaves_nothing(tmp_path, options, kind):
+def test_wrong_input_is_a_one_line_error_and_leaves_no_file(tmp_path, options, kind):
     with pytest.raises(kind) as refused:
         written(tmp_path / "page.html", **options)
     assert "\n" not in str(refused.value)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_not_there(tmp_path):
+def test_missing_folder(tmp_path):
     with pytest.raises(ChoreographError):
         written(tmp_path / "nowhere" / "page.html")

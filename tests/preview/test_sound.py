@@ -1,4 +1,4 @@
-"""The song's part that goes along: on time to the sample, exactly as long as asked, refused in one line."""
+"""The song part of page and video: exact to the sample in time and length; errors in one line."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from choreograph.errors import FormatError, ParameterError
 from choreograph.preview.sound import Levels, encode_mp4, song_part
 
 
-def heard(data: bytes) -> tuple[np.ndarray, int]:
-    """What a player that heeds the edit list hears: samples (S, C) and their rate."""
+def decoded(data: bytes) -> tuple[np.ndarray, int]:
+    """Samples (S, C) and their rate, as decoded by a player that respects the edit list."""
     with av.open(io.BytesIO(data)) as container:
         stream = container.streams.audio[0]
         frames = [frame for frame in container.decode(stream) if frame.pts is not None and frame.pts >= 0]
@@ -23,9 +23,9 @@ def heard(data: bytes) -> tuple[np.ndarray, int]:
 
 
 @pytest.mark.parametrize("rate_hz", [44100, 48000, 22050, 96000])
-def test_clicks_are_where_they_were(tmp_path, rate_hz):
+def test_clicks_keep_their_times(tmp_path, rate_hz):
     song = write_seconds(tmp_path / "song.wav", duration_s=4.0, rate_hz=rate_hz)
-    samples, rate = heard(encode_mp4(song_part(song, start_s=0.75, duration_s=2.5)))
+    samples, rate = decoded(encode_mp4(song_part(song, start_s=0.75, duration_s=2.5)))
     assert rate == min(rate_hz, 48000)
     assert samples.shape[1] == 2
     assert len(samples) == pytest.approx(2.5 * rate, abs=1024)
@@ -36,7 +36,7 @@ def test_clicks_are_where_they_were(tmp_path, rate_hz):
         assert abs(onset_s) < 0.001
 
 
-def test_a_part_is_exactly_as_long_as_asked(tmp_path):
+def test_part_has_exactly_the_requested_length(tmp_path):
     song = write_seconds(tmp_path / "song.wav", duration_s=1.0)
     for start_s, duration_s in ((0.0, 0.5), (0.5, 2.0), (3.0, 1.0)):
         part = song_part(song, start_s=start_s, duration_s=duration_s)
@@ -54,7 +54,7 @@ def test_channels(tmp_path, channels, kept):
     assert np.allclose(samples, 0.25, atol=1e-3)
 
 
-def test_levels_show_where_it_is_loud(tmp_path):
+def test_levels_follow_the_loudness(tmp_path):
     song = write_seconds(tmp_path / "song.wav", duration_s=3.0)
     levels = Levels(50)
     encode_mp4(levels.through(song_part(song, start_s=0.5, duration_s=2.0)))
@@ -70,7 +70,7 @@ def test_the_same_part_gives_the_same_bytes(tmp_path):
     assert first == second
 
 
-def test_what_is_refused(tmp_path):
+def test_wrong_input(tmp_path):
     song = write_seconds(tmp_path / "song.wav", duration_s=1.0)
     (tmp_path / "empty.mp3").write_bytes(b"")
     (tmp_path / "text.mp3").write_text("no sound in here, only words " * 50)

@@ -1,4 +1,4 @@
-"""The page's sound in Chromium: a click sounds when the media clock says so, at once and after a seek."""
+"""The page's sound in Chromium: clicks sound on the media clock, from the start and after a seek."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def page(chromium):
     opened = chromium(QUIET).new_page()
     empty = "<!doctype html><title>empty</title>"
     opened.route("**/*", lambda route: route.fulfill(body=empty, content_type="text/html"))
-    opened.goto("http://localhost/")  # a place secure enough for a worklet; nothing is asked of it
+    opened.goto("http://localhost/")  # a secure context, which worklets need; nothing is fetched from it
     return opened
 
 
@@ -54,11 +54,11 @@ def page(chromium):
 def test_clicks_sound_on_time(page, tmp_path, from_s):
     song = write_seconds(tmp_path / "song.wav", duration_s=8.0)
     sound = encode_mp4(song_part(song, start_s=0.25, duration_s=7.0))
-    heard = page.evaluate(LISTEN, [base64.b64encode(sound).decode("ascii"), from_s])
-    context_s, media_s = np.array(heard["pairs"]).T
+    recorded = page.evaluate(LISTEN, [base64.b64encode(sound).decode("ascii"), from_s])
+    context_s, media_s = np.array(recorded["pairs"]).T
     running = media_s > from_s + 0.7
     lag_s = np.median((media_s - context_s)[running])
-    late_s = (np.array(heard["clicks"]) + lag_s - 0.75) % 1.0
+    late_s = (np.array(recorded["clicks"]) + lag_s - 0.75) % 1.0
     late_s = np.where(late_s > 0.5, late_s - 1.0, late_s)
     assert len(late_s) >= 2
     assert np.abs(late_s).max() < 0.005

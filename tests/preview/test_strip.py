@@ -14,7 +14,7 @@ MOTION = swaying(60)
 TILE = (48, 64)
 
 
-def test_poses_lie_in_rows_with_a_label_each(tmp_path):
+def test_poses_are_in_rows_with_labels(tmp_path):
     times = np.linspace(0, 1.0, 5)
     write_strip(tmp_path / "strip.png", MOTION, times, columns=2, tile=TILE)
     with Image.open(tmp_path / "strip.png") as image:
@@ -25,7 +25,7 @@ def test_poses_lie_in_rows_with_a_label_each(tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "strip.png"]
 
 
-def test_the_same_instant_gives_the_same_tile_and_another_another():
+def test_same_time_gives_the_same_tile():
     sheet = draw_strip(MOTION, [0.2, 0.2, 0.9], tile=TILE, labels=["", "", ""])
     tiles = [sheet[:64, x : x + 48] for x in (0, 50, 100)]
     assert np.array_equal(tiles[0], tiles[1]) and not np.array_equal(tiles[0], tiles[2])
@@ -48,13 +48,13 @@ def test_labels_are_written():
         ({"times_s": [0.0, 99.0]}, "within the motion"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused_in_a_line(changes, message):
+def test_wrong_input_is_a_one_line_error(changes, message):
     arguments = {"times_s": [0.0, 0.5], "tile": TILE} | changes
     with pytest.raises(ParameterError, match=message) as caught:
         draw_strip(MOTION, arguments.pop("times_s"), **arguments)
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_folder_is_named(tmp_path):
+def test_missing_folder(tmp_path):
     with pytest.raises(ParameterError, match="no folder"):
         write_strip(tmp_path / "none" / "strip.png", MOTION, [0.0], tile=TILE)

@@ -1,4 +1,4 @@
-"""The MP4: its pictures and sound, in number and in time; what is refused."""
+"""The MP4: number and timing of pictures and sound; errors."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def clicks(tmp_path_factory):
     return path
 
 
-def test_silent_video_has_its_pictures_and_no_sound(tmp_path):
+def test_silent_video(tmp_path):
     seen = []
     name = write_video(
         tmp_path / "d.mp4", MOTION, size=SIZE, fps=15, report=lambda *stage: seen.append(stage)
@@ -60,7 +60,7 @@ def test_silent_video_has_its_pictures_and_no_sound(tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "d.mp4"]
 
 
-def test_sound_is_the_danced_part_at_its_own_rate(tmp_path, clicks):
+def test_sound_is_the_danced_part_at_its_native_rate(tmp_path, clicks):
     write_video(tmp_path / "d.mp4", MOTION, song_path=clicks, start_s=2.25, size=SIZE, fps=10)
     pictures, _, sound, start, rate = decoded(tmp_path / "d.mp4")
     assert len(pictures) == 20 and rate == 44100 and sound.shape[1] == 2
@@ -70,7 +70,7 @@ def test_sound_is_the_danced_part_at_its_own_rate(tmp_path, clicks):
     assert loud[loud > 1.0][0] == pytest.approx(1.75, abs=0.01)
 
 
-def test_a_jump_on_a_click_is_seen_when_it_is_heard(tmp_path, clicks):
+def test_pictures_and_sound_are_in_sync(tmp_path, clicks):
     n = 90
     quat = np.tile(MOTION.local_quat[:1] * 0 + rot.IDENTITY, (n, 1, 1))
     raised = rot.from_rotvec(np.array([0.0, 0.0, 1.3]))
@@ -98,19 +98,19 @@ def test_the_same_input_gives_the_same_bytes(tmp_path, clicks):
     [
         ({"size": (95, 64)}, "even width"),
         ({"size": (96, 0)}, "even width"),
-        ({"fps": 0}, "pictures a second"),
-        ({"fps": float("nan")}, "pictures a second"),
+        ({"fps": 0}, "pictures per second"),
+        ({"fps": float("nan")}, "pictures per second"),
         ({"duration_s": 99.0}, "within the motion"),
         ({"duration_s": 0.0}, "within the motion"),
     ],
 )
-def test_what_cannot_be_filmed_is_refused_in_a_line(tmp_path, changes, message):
+def test_wrong_input_is_a_one_line_error(tmp_path, changes, message):
     with pytest.raises(ParameterError, match=message) as caught:
         write_video(tmp_path / "d.mp4", MOTION, **{"size": SIZE} | changes)
     assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
 
 
-def test_a_missing_folder_and_a_song_that_is_none(tmp_path):
+def test_missing_folder_and_a_file_that_is_no_song(tmp_path):
     with pytest.raises(ParameterError, match="no folder"):
         write_video(tmp_path / "none" / "d.mp4", MOTION, size=SIZE)
     (tmp_path / "song.mp3").write_bytes(b"this is no sound" * 100)
@@ -119,7 +119,7 @@ def test_a_missing_folder_and_a_song_that_is_none(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["song.mp3"]
 
 
-def test_a_target_that_cannot_be_written_is_one_line_and_leaves_nothing(tmp_path, monkeypatch):
+def test_unwritable_target_is_a_one_line_error_and_leaves_no_file(tmp_path, monkeypatch):
     def full(*_, **__):
         raise av.error.OSError(28, "No space left on device")
 
@@ -129,7 +129,7 @@ def test_a_target_that_cannot_be_written_is_one_line_and_leaves_nothing(tmp_path
     assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
 
 
-def test_another_encoder_takes_over(tmp_path, monkeypatch):
+def test_fallback_encoder(tmp_path, monkeypatch):
     monkeypatch.setattr(av, "codecs_available", {"mpeg4", "aac"})
     short = replace(MOTION, root_pos_m=MOTION.root_pos_m[:6], local_quat=MOTION.local_quat[:6])
     assert write_video(tmp_path / "d.mp4", short, size=SIZE) == "mpeg4"

@@ -1,4 +1,4 @@
-"""What comes along: small enough, big enough, of every genre, and it dances to its songs at once."""
+"""The built-in repertoire and songs: size, genres, networks, and dances made with them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS
 from choreograph.starter import SONGS_PATH, STARTER_PATH
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.songs import write_song
-from choreograph.synthesis.songs.testbed import SONGS
+from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def starter():
     return cg.starter_repertoire()
 
 
-def test_it_is_small_and_there_is_enough_of_it(starter):
+def test_size_and_content(starter):
     shipped = STARTER_PATH.stat().st_size + sum(path.stat().st_size for path in SONGS_PATH.iterdir())
     assert shipped < 10e6
     assert sum(take.duration_s for take in starter.takes) > 40 * 60
@@ -41,7 +41,7 @@ def test_it_is_small_and_there_is_enough_of_it(starter):
     assert {"style", "motion_density", "music_density", "words"} == set(starter.net_names)
 
 
-def test_its_genres_can_be_told_by_their_motifs(starter):
+def test_genres_are_recognised_by_their_motifs(starter):
     vocabulary = starter.vocabulary
     assert vocabulary.genres == (*sorted(GENRES), "all")
     assert set(vocabulary.word_take.tolist()) == set(range(len(starter.takes)))
@@ -53,7 +53,7 @@ def test_its_genres_can_be_told_by_their_motifs(starter):
     assert np.mean(own) > 0.95
 
 
-def test_its_word_network_gives_words_their_motifs(starter):
+def test_word_network_reproduces_the_motifs(starter):
     vocabulary, net = starter.vocabulary, starter.word_net()
     for take in (0, 60, 127):
         words = vocabulary.words_of_take(take)
@@ -64,17 +64,21 @@ def test_its_word_network_gives_words_their_motifs(starter):
         assert np.mean(given == vocabulary.word_motif[words]) > 0.9
 
 
-def test_what_it_learned_from_is_named(starter):
+def test_training_songs_are_recorded(starter):
     card = STARTER_PATH.with_name("MODEL_CARD.md").read_text(encoding="utf-8")
     assert "Dance with Melody" in card
     assert any(song.startswith("DANCE_") for song in starter.provenance["trained_on"])
-    held_out = (STARTER_PATH.parents[2] / "examples" / "dance_with_melody_held_out.txt").read_text().split()
+    held_out = (
+        (STARTER_PATH.parents[2] / "examples/papers/dance_with_melody_held_out.txt").read_text().split()
+    )
     assert not set(held_out) & set(starter.provenance["trained_on"])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bench", [SONGS[6], SONGS[10], SONGS[16]], ids=lambda song: song.name)
-def test_it_keeps_the_true_beat(starter, tmp_path, bench):
+@pytest.mark.parametrize(
+    "bench", [BENCHMARK_SONGS[6], BENCHMARK_SONGS[10], BENCHMARK_SONGS[16]], ids=lambda song: song.name
+)
+def test_dances_are_on_the_true_beat(starter, tmp_path, bench):
     truth = bench.render()
     write_song(tmp_path / "song.wav", truth)
     made = cg.dance(tmp_path / "song.wav", starter)
@@ -100,7 +104,7 @@ def test_songs_are_listed_found_and_copied(tmp_path):
     assert "polka" in unknown.stderr
 
 
-def test_the_first_command_needs_nothing_but_a_song(tmp_path, monkeypatch):
+def test_first_command_needs_only_a_song(tmp_path, monkeypatch):
     opened = []
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("click.launch", opened.append)
@@ -115,7 +119,7 @@ def test_the_first_command_needs_nothing_but_a_song(tmp_path, monkeypatch):
     assert "<html" in (tmp_path / "house.html").read_text(encoding="utf-8")
 
 
-def test_another_seed_is_another_dance(starter):
+def test_seed_determines_the_dance(starter):
     song = cg.example_songs()["house"]
     dances = [
         cg.dance(song, starter, duration_s=20.0, config=cg.DanceConfig(seed=seed)) for seed in (0, 0, 1)

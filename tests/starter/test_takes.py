@@ -1,4 +1,4 @@
-"""The starter's takes: enough of everything, true to their songs, and read by the ordinary importer."""
+"""Takes of the built-in repertoire: their number, their beats, and import with the folder importer."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from choreograph.importers import import_takes
 from choreograph.metrics.beat import f_score
 from choreograph.motion.body import body_pos_m
 from choreograph.repertoire import Repertoire
-from choreograph.starter import build, takes
+from choreograph.starter import recipe, takes
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.songs import STYLES
-from choreograph.synthesis.songs.testbed import FIRST_SEED, SONGS
+from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS, FIRST_SEED
 
 
-def test_the_takes_are_enough_and_apart_from_the_test_songs():
-    plans = list(takes.take_plans())
-    assert len({plan.name for plan in plans}) == len(plans)
-    assert len({plan.seed for plan in plans}) == len(plans)
-    assert max(plan.seed for plan in plans) < FIRST_SEED <= min(song.seed for song in SONGS)
+def test_there_are_enough_takes_and_none_is_a_benchmark_song():
+    specs = list(takes.take_specs())
+    assert len({spec.name for spec in specs}) == len(specs)
+    assert len({spec.seed for spec in specs}) == len(specs)
+    assert max(spec.seed for spec in specs) < FIRST_SEED <= min(song.seed for song in BENCHMARK_SONGS)
     assert len(GENRES) >= 8 and set(GENRES) <= set(STYLES)
     assert all(len({move.name for move in genre.moves}) >= 8 for genre in GENRES.values())
-    assert len(plans) * takes.DURATION_S >= 40 * 60
-    assert min(plan.bpm for plan in plans) <= 80 and max(plan.bpm for plan in plans) >= 180
+    assert len(specs) * takes.DURATION_S >= 40 * 60
+    assert min(spec.bpm for spec in specs) <= 80 and max(spec.bpm for spec in specs) >= 180
 
 
 @pytest.mark.parametrize("genre", sorted(GENRES))
-def test_a_take_keeps_the_beat_of_its_song(genre):
-    plan = next(plan for plan in takes.take_plans() if plan.genre == genre)
-    song, dance = takes.rendered(plan)
+def test_a_take_is_on_the_beat_of_its_song(genre):
+    spec = next(spec for spec in takes.take_specs() if spec.genre == genre)
+    song, dance = takes.render_spec(spec)
     assert song.beat_times_s[-1] < dance.motion.duration_s <= song.duration_s
     beats_s = motion_beat_times_s(body_pos_m(dance.motion.resampled(60.0)), 60.0)
     counts_s = dance.count_times_s
@@ -42,35 +42,35 @@ def test_a_take_keeps_the_beat_of_its_song(genre):
     assert f_score(beats_s, counts_s) > max(0.75, chance + 0.3)
 
 
-def test_takes_are_written_as_any_library_is(tmp_path, monkeypatch):
+def test_takes_are_written_as_a_library_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(takes, "TAKES_PER_GENRE", 2)
     monkeypatch.setattr(takes, "GENRES", {"disco": GENRES["disco"]})
-    plans = [replace(plan, duration_s=10.0) for plan in takes.take_plans()]
-    takes.write_takes(tmp_path / "takes", plans)
+    specs = [replace(spec, duration_s=10.0) for spec in takes.take_specs()]
+    takes.write_takes(tmp_path / "takes", specs)
     read = list(import_takes(tmp_path / "takes"))
-    assert [take.name for take in read] == [plan.name for plan in plans] == ["disco-01", "disco-02"]
-    for take, plan in zip(read, plans, strict=True):
+    assert [take.name for take in read] == [spec.name for spec in specs] == ["disco-01", "disco-02"]
+    for take, spec in zip(read, specs, strict=True):
         assert take.credits.genre == "disco" and take.credits.licence == "CC0-1.0"
-        assert take.song_path is not None and take.song_name == plan.name
-        _, dance = takes.rendered(plan)
+        assert take.song_path is not None and take.song_name == spec.name
+        _, dance = takes.render_spec(spec)
         order = [dance.motion.skeleton.index(name) for name in take.motion.skeleton.names]
         moved_m = take.motion.joint_pos_m() - dance.motion.joint_pos_m()[:, order]
         np.testing.assert_allclose(moved_m, np.broadcast_to(moved_m[0, 0], moved_m.shape), atol=1e-3)
         assert abs(moved_m[0, 0]).max() < 0.02  # the importer puts the lowest foot joint on the floor
-        truth = json.loads((tmp_path / "takes" / f"{plan.name}.truth.json").read_text(encoding="utf-8"))
+        truth = json.loads((tmp_path / "takes" / f"{spec.name}.truth.json").read_text(encoding="utf-8"))
         assert truth["beat_times_s"] == sorted(truth["beat_times_s"])
         assert {move["name"] for move in truth["moves"]} <= {move.name for move in GENRES["disco"].moves}
 
 
 @pytest.mark.slow
-def test_the_repertoire_is_built_from_the_takes_alone(tmp_path, monkeypatch):
-    """Two genres, three takes each: all networks trained, words of the takes, nothing left over."""
-    plans = [
-        plan for plan in takes.take_plans() if plan.genre in ("waltz", "house") and plan.name[-2:] < "04"
+def test_the_repertoire_contains_the_takes_alone(tmp_path, monkeypatch):
+    """A small recipe run: all networks are trained, words come from the takes, no file is left over."""
+    specs = [
+        spec for spec in takes.take_specs() if spec.genre in ("waltz", "house") and spec.name[-2:] < "04"
     ]
-    monkeypatch.setattr(build, "take_plans", lambda: iter(plans))
+    monkeypatch.setattr(recipe, "take_specs", lambda: iter(specs))
     output = tmp_path / "made.h5"
-    made, _ = build.build_starter(tmp_path / "work", output, preset="tiny")
+    made, _ = recipe.build_starter(tmp_path / "work", output, preset="tiny")
     assert made.path == output
     assert sorted(path.name for path in tmp_path.iterdir()) == ["made.h5", "work"]
     assert set(made.net_names) == {"style", "motion_density", "music_density", "words"}

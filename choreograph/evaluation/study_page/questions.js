@@ -1,6 +1,6 @@
 // The questions as a form with a row of points each. Number keys answer the highlighted question.
 
-import { made } from "./elements.js";
+import { createElement } from "./elements.js";
 
 const POINTS = [0, 1, 2, 3, 4, 5];
 
@@ -19,16 +19,16 @@ export class Questions {
 
   #row({ title, text }, i) {
     const labels = POINTS.map((points) => {
-      const input = made("input");
+      const input = createElement("input");
       Object.assign(input, { type: "radio", name: `${i}`, value: `${points}` });
       const ends = { 0: "0, very poor", 5: "5, excellent" };
       input.setAttribute("aria-label", ends[points] ?? `${points}`);
-      return made("label", "", [input, `${points}`]);
+      return createElement("label", "", [input, `${points}`]);
     });
-    const ends = made("div", "ends", [made("span", "", ["very poor"]), made("span", "", ["excellent"])]);
+    const ends = createElement("div", "ends", [createElement("span", "", ["very poor"]), createElement("span", "", ["excellent"])]);
     ends.setAttribute("aria-hidden", "true");
-    return made("fieldset", "", [
-      made("legend", "", [title]), made("p", "", [text]), made("div", "scale", labels), ends,
+    return createElement("fieldset", "", [
+      createElement("legend", "", [title]), createElement("p", "", [text]), createElement("div", "scale", labels), ends,
     ]);
   }
 

@@ -1,13 +1,13 @@
 // Plays the dances one after another, asks the questions and saves the answers.
 
 import { Answers } from "./answers.js";
-import { made } from "./elements.js";
-import { StageHands } from "./hands.js";
+import { createElement } from "./elements.js";
+import { OrbitControls } from "./orbit.js";
 import { Player } from "./player.js";
 import { Questions } from "./questions.js";
 import { Dancer } from "./skeleton.js";
 import { Stage } from "./stage.js";
-import { takeText, unpackMesh, unpackMotion } from "./unpack.js";
+import { consumeText, decompressMesh, decompressMotion } from "./decompress.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -71,7 +71,7 @@ class Study {
     this.#showProgress();
     this.#showPlayer();
     const { player } = this;
-    const motion = await unpackMotion($(`dance-${dance.id}`).textContent, whole);
+    const motion = await decompressMotion($(`dance-${dance.id}`).textContent, whole);
     if (player === this.player) this.stage.show(new Dancer(whole, motion), player);
   }
 
@@ -108,8 +108,8 @@ class Study {
     const { open } = this.answers;
     this.player.pause();
     $("finish-title").textContent = open.length ? "Not all dances are rated yet" : "All dances are rated. Thank you!";
-    $("open-dances").replaceChildren(...(open.length ? ["Not rated yet:", made("br")] : []), ...open.map((i) => {
-      const button = made("button", "", [`${i + 1}`]);
+    $("open-dances").replaceChildren(...(open.length ? ["Not rated yet:", createElement("br")] : []), ...open.map((i) => {
+      const button = createElement("button", "", [`${i + 1}`]);
       button.type = "button";
       button.addEventListener("click", () => { $("finish").close(); this.go(i); });
       return button;
@@ -122,7 +122,7 @@ class Study {
 
   save() {
     const { name, text } = this.answers.file();
-    const link = made("a");
+    const link = createElement("a");
     link.href = URL.createObjectURL(new Blob([text], { type: "application/json" }));
     link.download = name;
     link.click();
@@ -174,9 +174,9 @@ function notice(text) {
   $("notice").hidden = false;
 }
 
-const study = JSON.parse(takeText("study"));
-const page = new Study(study, await unpackMesh(takeText("mesh"), study.body.figure));
+const study = JSON.parse(consumeText("study"));
+const page = new Study(study, await decompressMesh(consumeText("mesh"), study.body.mesh));
 await page.show();
-new StageHands(page.stage);
+new OrbitControls(page.stage);
 window.choreograph = page.state();
 page.welcome();

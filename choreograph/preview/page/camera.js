@@ -1,6 +1,6 @@
-// A camera that goes round the dancer, or round the middle of the stage.
+// An orbit camera around the dancer, or around the middle of the stage.
 
-import { clamp, lookAt, multiplied, perspective } from "./math.js";
+import { clamp, lookAt, multiplyMatrices, perspective } from "./math.js";
 
 const FOV_Y = 0.5;
 const FIRST_PITCH = 0.14;
@@ -26,7 +26,7 @@ export class Camera {
     this.closeness = 1;
   }
 
-  // Radians; in a mirrored view the hand still pulls the picture along.
+  // Orbit, in radians; in a mirrored view the picture still follows the pointer.
   turn(yaw, pitch) {
     this.yaw += this.mirrored ? -yaw : yaw;
     this.pitch = clamp(this.pitch + pitch, 0.015, 1.5);
@@ -34,7 +34,7 @@ export class Camera {
 
   approach(factor) { this.closeness = clamp(this.closeness * factor, 0.35, 6); }
 
-  // Moves on by real time; true while it is under way.
+  // Advances the blend between dancer and stage by real time; true while it is still moving.
   settle(elapsedS) {
     const goal = this.following ? 1 : 0;
     const step = elapsedS / BLEND_S;
@@ -42,17 +42,17 @@ export class Camera {
     return this.blend !== goal;
   }
 
-  // What the renderer needs: the eye, what it looks at, and the matrix from the world to the screen.
+  // What the renderer needs: eye, target, and the matrix from the world to the screen.
   at(timeS, aspect) {
     const eased = this.blend * this.blend * (3 - 2 * this.blend);
-    const stands = this.dancer.standsAt(timeS);
+    const stands = this.dancer.groundAt(timeS);
     const [x, z] = stands.map((v, k) => v * eased + this.stage.middle[k] * (1 - eased));
     const tall = this.height * 0.62;
     const wide = this.height * 0.52 + this.stage.radius * (1 - eased);
     const tan = Math.tan(FOV_Y / 2);
     const far = Math.max(tall / tan, wide / (tan * aspect)) + this.stage.radius * 0.6 * (1 - eased);
     const distance = far / this.closeness;
-    // From near, the chest and face are looked at.
+    // Close up, the camera looks at the chest and face.
     const target = [x, this.height * (0.5 + 0.26 * clamp((this.closeness - 1) / 1.5, 0, 1)), z];
     const flat = Math.cos(this.pitch) * distance;
     const eye = [
@@ -63,6 +63,6 @@ export class Camera {
     const projection = perspective(FOV_Y, aspect, 0.05, 60);
     if (this.mirrored) projection[0] = -projection[0];
     const floorRadius = FLOOR_RADIUS_M + this.stage.radius * (1 - eased);
-    return { eye, target, matrix: multiplied(projection, lookAt(eye, target)), mirrored: this.mirrored, floorRadius };
+    return { eye, target, matrix: multiplyMatrices(projection, lookAt(eye, target)), mirrored: this.mirrored, floorRadius };
   }
 }

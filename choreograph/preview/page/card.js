@@ -1,6 +1,6 @@
-// What is known of one block: its take, where in it, how it was warped, and what it cost or which motif it is.
+// The tooltip of a timeline block: its take, the source time, the warp, and its costs or its motif.
 
-import { made } from "./elements.js";
+import { createElement } from "./elements.js";
 import { clamp } from "./math.js";
 import { clockText } from "./timeline.js";
 
@@ -10,10 +10,10 @@ export class Card {
     this.element = document.getElementById("card");
     this.block = null;
     const all = dance.blocks.flatMap((block) => Object.values(block.costs).map(Math.abs));
-    this.dearest = all.reduce((a, b) => Math.max(a, b), 1e-9); // bars of all blocks are on one scale
+    this.highestCost = all.reduce((a, b) => Math.max(a, b), 1e-9); // the bars of all blocks share one scale
   }
 
-  // Over the timeline, its middle at x of the window; block null hides it.
+  // Above the timeline, centred at x of the window; block null hides it.
   show(block, x, colours) {
     this.element.hidden = block === null;
     if (block === null) { this.block = null; return; }
@@ -29,7 +29,7 @@ export class Card {
     const block = this.dance.blocks[index], take = this.dance.takes[block.take];
     const isWord = "motif" in block;
     this.element.style.setProperty("--take", colours[block.take].css);
-    const title = made("h2", "", [made("i", "dot"), made("span", "", [take.name])]);
+    const title = createElement("h2", "", [createElement("i", "dot"), createElement("span", "", [take.name])]);
     const sub = [take.genre, take.performer, take.licence && `licence: ${take.licence}`].filter(Boolean).join(" · ");
     const facts = [
       [isWord ? "Word" : "Second", `${clockText(block.start_s, true)} – ${clockText(block.end_s, true)}`],
@@ -37,28 +37,28 @@ export class Card {
         : ["Clip", `${block.clip}, from ${clockText(block.clip_start_s, true)}`],
     ];
     if ("speed" in block) {
-      facts.push(["Danced there", `${block.from_s.toFixed(2)} – ${block.to_s.toFixed(2)} s`]);
+      facts.push(["Source time", `${block.from_s.toFixed(2)} – ${block.to_s.toFixed(2)} s`]);
       facts.push(["Warp", warpText(block.speed)]);
     }
     const costs = Object.entries(block.costs);
     const total = costs.reduce((sum, [, cost]) => sum + cost, 0);
     this.element.replaceChildren(
       title,
-      made("p", "sub", [sub || "no credits given"]),
-      made("dl", "", facts.flatMap(([name, value]) => [made("dt", "", [name]), made("dd", "", [value])])),
-      ...(costs.length === 0 ? [] : [made("dl", "costs", [
+      createElement("p", "sub", [sub || "no credits given"]),
+      createElement("dl", "", facts.flatMap(([name, value]) => [createElement("dt", "", [name]), createElement("dd", "", [value])])),
+      ...(costs.length === 0 ? [] : [createElement("dl", "costs", [
         ...costs.flatMap(([name, cost]) => [
-          made("dt", "", [name]), this.#bar(cost), made("dd", "", [cost.toFixed(3)]),
+          createElement("dt", "", [name]), this.#bar(cost), createElement("dd", "", [cost.toFixed(3)]),
         ]),
-        made("dt", "", ["cost in all"]), made("span"), made("dd", "", [total.toFixed(3)]),
+        createElement("dt", "", ["total cost"]), createElement("span"), createElement("dd", "", [total.toFixed(3)]),
       ])]),
     );
   }
 
   #bar(cost) {
-    const inner = made("i");
-    inner.style.width = `${(100 * Math.abs(cost)) / this.dearest}%`;
-    return made("span", "bar", [inner]);
+    const inner = createElement("i");
+    inner.style.width = `${(100 * Math.abs(cost)) / this.highestCost}%`;
+    return createElement("span", "bar", [inner]);
   }
 }
 

@@ -1,21 +1,21 @@
-// What time it is in the dance. With sound, the sound says so; nothing here counts frames.
+// The time in the dance. With sound it follows the media clock; nothing here counts frames.
 
 import { clamp } from "./math.js";
 
-// A sound's clock is read once a frame and read raggedly: some milliseconds early or late, in some browsers the
-// same for a few frames. The picture moves on evenly and is drawn to the clock, so it never drifts from the sound.
-const DRAWN_S = 0.25; // time in which most of a difference is gone
-const JUMP_S = 0.08; // a difference that is no raggedness: the sound has jumped
-const STALE_S = 0.1; // a clock that says the same for longer has stopped
+// The media clock, read once a frame, jitters: it is some milliseconds early or late, and in some browsers constant
+// for a few frames. The picture advances evenly and is corrected towards that clock, so it never drifts from the sound.
+const CORRECTION_S = 0.25; // time constant of that correction
+const JUMP_S = 0.08; // a larger difference is no jitter: the sound has jumped
+const STALE_S = 0.1; // a clock that is constant for longer has stopped
 
 export class SoundClock {
   constructor(audio, durationS) {
     this.audio = audio;
     this.durationS = durationS;
-    this.wanted = null; // where a seek under way will land
+    this.seekTarget = null; // target of a pending seek
     this.time = 0; // in the dance, at the last frame
-    this.meant = false; // to play
-    this.followed = { at: 0, said: 0, changedAt: -1, playing: false };
+    this.playRequested = false; // play was requested
+    this.lastReading = { at: 0, reported: 0, changedAt: -1, playing: false };
     audio.addEventListener("seeked", () => this.#landed());
   }
 
@@ -23,58 +23,58 @@ export class SoundClock {
   get ended() { return this.audio.ended || this.time >= this.durationS; }
   set speed(speed) { this.audio.playbackRate = speed; }
 
-  // A seek under way lands first: one that passes the end on its way would stop the sound there. A seek in a
-  // sound that is not loaded yet (phones wait for the first play) is under way only once it is.
+  // A pending seek is awaited: one that passes the end would stop the sound there. In a sound that is not loaded
+  // yet (phones wait for the first play) a seek becomes pending only once it is loaded.
   async play() {
-    this.meant = true;
+    this.playRequested = true;
     while (this.audio.seeking) {
       await new Promise((landed) => this.audio.addEventListener("seeked", landed, { once: true }));
     }
-    if (this.meant) await this.audio.play();
+    if (this.playRequested) await this.audio.play();
   }
 
   pause() {
-    this.meant = false;
+    this.playRequested = false;
     this.audio.pause();
   }
 
-  // Bring `time` to the instant `now` of the browser's clock, seconds.
+  // Update `time` to `now`, seconds of the browser's clock.
   follow(now) {
-    const { followed, playing } = this;
-    const said = this.audio.currentTime;
-    const started = playing && !followed.playing;
-    const changedAt = started ? -1 : said !== followed.said ? now : followed.changedAt;
-    if (this.wanted === null) {
-      const elapsed = Math.max(0, now - followed.at);
+    const { lastReading, playing } = this;
+    const reported = this.audio.currentTime;
+    const started = playing && !lastReading.playing;
+    const changedAt = started ? -1 : reported !== lastReading.reported ? now : lastReading.changedAt;
+    if (this.seekTarget === null) {
+      const elapsed = Math.max(0, now - lastReading.at);
       const going = playing && changedAt >= 0;
-      const time = going ? this.#drawn(elapsed, said, now - changedAt) : said;
+      const time = going ? this.#corrected(elapsed, reported, now - changedAt) : reported;
       this.time = clamp(time, 0, this.durationS);
     }
-    this.followed = { at: now, said, changedAt, playing };
+    this.lastReading = { at: now, reported, changedAt, playing };
   }
 
-  // The time to show `elapsed` seconds after the last, drawn towards what the sound says.
-  #drawn(elapsed, said, staleFor) {
+  // The time to show `elapsed` seconds after the last one, corrected towards the reported time.
+  #corrected(elapsed, reported, staleFor) {
     const even = this.time + elapsed * this.audio.playbackRate;
-    const off = said - even;
-    if (Math.abs(off) > JUMP_S) return said;
+    const error = reported - even;
+    if (Math.abs(error) > JUMP_S) return reported;
     if (staleFor > STALE_S) return this.time;
-    return staleFor > 0 ? even : even + off * (1 - Math.exp(-elapsed / DRAWN_S));
+    return staleFor > 0 ? even : even + error * (1 - Math.exp(-elapsed / CORRECTION_S));
   }
 
   seek(timeS) {
-    this.wanted = this.time = clamp(timeS, 0, this.durationS);
-    if (!this.audio.seeking) this.audio.currentTime = this.wanted;
+    this.seekTarget = this.time = clamp(timeS, 0, this.durationS);
+    if (!this.audio.seeking) this.audio.currentTime = this.seekTarget;
   }
 
   #landed() {
-    if (this.wanted === null) return;
-    if (Math.abs(this.audio.currentTime - this.wanted) > 1e-3) {
-      this.audio.currentTime = this.wanted; // dragged on while the last seek was under way
+    if (this.seekTarget === null) return;
+    if (Math.abs(this.audio.currentTime - this.seekTarget) > 1e-3) {
+      this.audio.currentTime = this.seekTarget; // a newer seek was requested meanwhile
       return;
     }
-    this.wanted = null;
-    this.followed.playing = false; // the sound takes a moment to start again
+    this.seekTarget = null;
+    this.lastReading.playing = false; // the sound needs a moment to restart
   }
 }
 
@@ -85,10 +85,10 @@ export class SilentClock {
     this.from = 0; // dance time at `since`
     this.since = null; // null: paused
     this.rate = 1;
-    this.wanted = null; // a seek here is done at once
+    this.seekTarget = null; // a seek takes effect at once
   }
 
-  follow() {} // time is read when it is asked for
+  follow() {} // time is computed on demand
 
   get time() {
     const gone = this.since === null ? 0 : (performance.now() / 1000 - this.since) * this.rate;

@@ -1,15 +1,15 @@
-// A colour for every take: from its name, so that a take looks the same from dance to dance, or nearly.
+// A colour for every take, derived from its name so that a take has nearly the same colour in every dance.
 
-const HUES = 16; // neighbours can just be told apart
-const DARKER = 0.12; // second round of hues, for dances of more takes
+const HUES = 16; // neighbours are just distinguishable
+const DARKER = 0.12; // the second round of hues, for dances with more takes
 
-// CSS colours and light for the rim, by take; evenly bright because they are chosen in OKLCH.
+// CSS colours, and linear ones for the rim light, by take; equally bright because they are chosen in OKLCH.
 export function takeColours(names, lightness, chroma) {
   const taken = new Set();
   return names.map((name, i) => {
     let hue = hash(name) % HUES;
     if (i % HUES === 0) taken.clear();
-    // No two of one round look alike: the later in the alphabet gives way.
+    // No two of one round share a hue: the later one in the alphabet moves on.
     while (taken.has(hue)) hue = (hue + 7) % HUES;
     taken.add(hue);
     const light = fromOklch(lightness - (Math.floor(i / HUES) % 2) * DARKER, chroma, (hue / HUES) * 2 * Math.PI);
@@ -20,7 +20,7 @@ export function takeColours(names, lightness, chroma) {
 
 const encoded = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055); // sRGB
 
-// FNV-1a with a last stir: names that differ in a digit must not come out side by side.
+// FNV-1a with a final mix: names that differ in one digit must not get adjacent hues.
 function hash(text) {
   let h = 0x811c9dc5;
   for (const byte of new TextEncoder().encode(text)) h = Math.imul(h ^ byte, 0x01000193) >>> 0;

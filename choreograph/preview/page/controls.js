@@ -1,6 +1,6 @@
-// Buttons and keys.
+// Buttons and keyboard shortcuts.
 
-import { made } from "./elements.js";
+import { createElement } from "./elements.js";
 
 const SPEEDS = [1, 0.5];
 
@@ -69,7 +69,7 @@ export class Controls {
       "?": () => this.#help(),
     };
     const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    // Space and Enter on a focused button or link press it, as everywhere.
+    // Space and Enter on a focused button or link press it, as usual.
     const pressing = event.key === " " && event.target.closest?.("button, summary");
     if (!act || pressing) return;
     event.preventDefault();
@@ -77,7 +77,7 @@ export class Controls {
   }
 }
 
-// Totals in a line, and whose takes were danced for how long.
+// A line of totals, and a table of the takes with the seconds danced and the credits.
 export function showCredits(dance, colours) {
   const danced = dance.takes.map(() => 0);
   dance.blocks.forEach((block) => (danced[block.take] += block.end_s - block.start_s));
@@ -90,12 +90,12 @@ export function showCredits(dance, colours) {
       clips && count(clips, "clip"), words && count(words, "motion word"),
     ].filter(Boolean).join(", ")}`;
   const rows = dance.takes.map((take, i) => {
-    const dot = made("i", "dot");
+    const dot = createElement("i", "dot");
     dot.style.setProperty("--take", colours[i].css);
     const texts = [take.genre, take.performer, take.licence, take.source];
-    const cells = texts.map((text) => made("td", "", [text || "–"]));
-    const name = made("td", "", [dot, take.name]);
-    return made("tr", "", [name, made("td", "", [`${danced[i].toFixed(0)} s`]), ...cells]);
+    const cells = texts.map((text) => createElement("td", "", [text || "–"]));
+    const name = createElement("td", "", [dot, take.name]);
+    return createElement("tr", "", [name, createElement("td", "", [`${danced[i].toFixed(0)} s`]), ...cells]);
   });
   document.querySelector("#credits tbody").replaceChildren(...rows);
 }

@@ -1,5 +1,5 @@
-// An element with children; text goes in as text, whatever it holds.
-export function made(tag, className = "", children = []) {
+// A new element with children; strings are inserted as text, never as HTML.
+export function createElement(tag, className = "", children = []) {
   const element = document.createElement(tag);
   if (className) element.className = className;
   element.append(...children);

@@ -6,7 +6,7 @@ export class Gestures {
   constructor(timeline) {
     this.timeline = timeline;
     this.touches = new Map();
-    this.drag = null; // (x) => void, while a button or finger is down
+    this.drag = null; // (x) => void while a button or finger is down
     const { element, overview } = timeline;
     element.addEventListener("pointerdown", (event) => this.#down(event));
     element.addEventListener("pointermove", (event) => this.#move(event));

@@ -1,14 +1,14 @@
-// Puts the page together.
+// The preview page: connects player, stage and timeline.
 
 import { Card } from "./card.js";
 import { takeColours } from "./colours.js";
 import { Controls, showCredits } from "./controls.js";
-import { StageHands } from "./hands.js";
+import { OrbitControls } from "./orbit.js";
 import { Player } from "./player.js";
 import { Dancer } from "./skeleton.js";
 import { Stage } from "./stage.js";
 import { Timeline, clockText } from "./timeline.js";
-import { takeText, unpackLevels, unpackMesh, unpackMotion } from "./unpack.js";
+import { consumeText, decompressLevels, decompressMesh, decompressMotion } from "./decompress.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -20,16 +20,16 @@ class Page {
     this.stage.show(new Dancer(dance, motion), this.player);
     this.card = new Card(dance);
     this.timeline = new Timeline(dance, levels, this.player, { onHover: (block, x) => this.#hover(block, x) });
-    this.shown = null; // the take that the heading tells of
+    this.shown = null; // the take named in the heading
     $("time-all").textContent = clockText(dance.duration_s, true);
     $("time-now").style.setProperty("--digits", $("time-all").textContent.length);
     new Controls(this.player, this.stage.camera, this.timeline, () => this.stage.wake());
-    new StageHands(this.stage);
+    new OrbitControls(this.stage);
     if (!this.stage.renderer) {
-      notice("This browser has no WebGL 2 to draw the dancer with; the song and its timeline play.");
+      notice("This browser has no WebGL 2 to draw the dancer with. The song and the timeline still work.");
     }
     this.player.addEventListener("soundlost", () => {
-      notice("This browser cannot play the song: the dance goes on without it.");
+      notice("This browser cannot play the song. The dance continues without sound.");
     });
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.recolour());
     new ResizeObserver(() => this.timeline.redraw()).observe($("stage"));
@@ -74,12 +74,12 @@ class Page {
     if (renderer) renderer.rim = colour.light.map((v) => 0.12 + 0.3 * v);
   }
 
-  // The take danced at an instant.
+  // The take danced at a time.
   source(timeS) {
     return this.dance.takes[this.dance.blocks[this.timeline.blockAt(timeS)].take];
   }
 
-  // What others may read: see the documentation of `write_page`.
+  // The public read-only state: see the documentation of `write_page`.
   state() {
     const page = this, { player, stage, dance } = this, { camera, dancer } = stage;
     return Object.freeze({
@@ -111,11 +111,11 @@ function notice(text) {
   $("notice").hidden = false;
 }
 
-const dance = JSON.parse(takeText("dance"));
+const dance = JSON.parse(consumeText("dance"));
 const [motion, mesh, levels] = await Promise.all([
-  unpackMotion(takeText("motion"), dance),
-  unpackMesh(takeText("mesh"), dance.figure),
-  unpackLevels(takeText("levels")),
+  decompressMotion(consumeText("motion"), dance),
+  decompressMesh(consumeText("mesh"), dance.mesh),
+  decompressLevels(consumeText("levels")),
 ]);
-const page = new Page(dance, motion, mesh, levels, takeText("sound"));
+const page = new Page(dance, motion, mesh, levels, consumeText("sound"));
 window.choreograph = page.state();

@@ -1,4 +1,4 @@
-// Quaternions lie in flat arrays as w, x, y, z; matrices are 4 x 4 by columns, as WebGL takes them.
+// Quaternions are stored in flat arrays as w, x, y, z; matrices are 4 x 4, column-major, as in WebGL.
 
 export function multiplyInto(out, o, a, i, b, j) {
   const aw = a[i], ax = a[i + 1], ay = a[i + 2], az = a[i + 3];
@@ -9,14 +9,14 @@ export function multiplyInto(out, o, a, i, b, j) {
   out[o + 3] = aw * bz + ax * by - ay * bx + az * bw;
 }
 
-// The rotation between a[i] and b[j], a fraction f of the way, on the shorter side.
+// Slerp from a[i] to b[j] by the fraction f, along the shorter arc.
 export function slerpInto(out, o, a, i, b, j, f) {
   let dot = a[i] * b[j] + a[i + 1] * b[j + 1] + a[i + 2] * b[j + 2] + a[i + 3] * b[j + 3];
   const sign = dot < 0 ? -1 : 1;
   dot = Math.min(1, dot * sign);
   const angle = Math.acos(dot);
   const sine = Math.sin(angle);
-  // Below a milliradian the chord is the arc to within rounding.
+  // Below a milliradian chord and arc agree to within rounding.
   const p = sine < 1e-3 ? 1 - f : Math.sin((1 - f) * angle) / sine;
   const q = sign * (sine < 1e-3 ? f : Math.sin(f * angle) / sine);
   for (let k = 0; k < 4; k++) out[o + k] = p * a[i + k] + q * b[j + k];
@@ -53,7 +53,7 @@ export function lookAt(eye, at) {
   return [x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0, dot(x), dot(y), dot(z), 1];
 }
 
-export function multiplied(a, b) {
+export function multiplyMatrices(a, b) {
   const out = new Array(16).fill(0);
   for (let c = 0; c < 4; c++)
     for (let r = 0; r < 4; r++)

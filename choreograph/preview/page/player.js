@@ -1,8 +1,8 @@
-// Playing, seeking, speed and looping, whichever clock there is.
+// Playing, seeking, speed and looping, with either clock.
 
 import { SilentClock, SoundClock } from "./clock.js";
 import { clamp } from "./math.js";
-import { fromBase64 } from "./unpack.js";
+import { fromBase64 } from "./decompress.js";
 
 const SHORTEST_LOOP_S = 0.2;
 
@@ -24,7 +24,7 @@ export class Player extends EventTarget {
     audio.preload = "auto";
     audio.addEventListener("error", () => this.#loseSound());
     audio.addEventListener("timeupdate", () => {
-      if (document.hidden) this.tick(performance.now() / 1000); // no frames then, but loops go on
+      if (document.hidden) this.tick(performance.now() / 1000); // no frames are drawn then, but loops continue
     });
     for (const name of ["play", "pause", "seeked", "ended"]) audio.addEventListener(name, () => this.#changed());
     audio.src = URL.createObjectURL(new Blob([fromBase64(sound)], { type: "audio/mp4" }));
@@ -50,13 +50,13 @@ export class Player extends EventTarget {
   get playing() { return this.clock.playing; }
   get muted() { return this.audio?.muted ?? true; }
 
-  // The time at the instant `now`, seconds, after what the end of the loop or of the dance asks for.
+  // The time at `now`, seconds; jumps back at the end of a loop and pauses at the end of the dance.
   tick(now) {
     const { loop, clock } = this;
     clock.follow(now);
     if (clock.playing || clock.ended) {
       const over = clock.time >= loop.to || (clock.ended && loop.to >= this.durationS - 1e-3);
-      if (loop.on && clock.wanted === null && over) {
+      if (loop.on && clock.seekTarget === null && over) {
         this.seek(loop.from);
         if (!clock.playing) this.play();
       } else if (clock.ended && clock.since != null) {
@@ -81,12 +81,12 @@ export class Player extends EventTarget {
 
   pause() { this.clock.pause(); this.#changed(); }
 
-  // Be silent for good and let the sound go.
+  // Stop for good and release the sound.
   close() {
     this.clock.pause();
     if (!this.audio) return;
     const { src } = this.audio;
-    this.audio.removeAttribute("src"); // before it is gone: one that is still loading would fail
+    this.audio.removeAttribute("src"); // first: revoking the URL of a sound that is still loading raises an error
     this.audio.load();
     URL.revokeObjectURL(src);
   }
@@ -94,7 +94,7 @@ export class Player extends EventTarget {
   toggle() { if (this.playing) this.pause(); else this.play(); }
   seek(timeS) { this.clock.seek(clamp(timeS, 0, this.durationS)); this.#changed(); }
 
-  // To the frame before or after the one shown, and there to stay.
+  // Pause, and go a number of frames back or forward.
   step(frames) {
     if (this.playing) this.pause();
     this.seek((Math.round(this.time * this.fps) + frames) / this.fps);

@@ -9,16 +9,16 @@ import {
 
 const SHADOW_SIZE = 80; // texels
 const SHADOW_HALF_M = 1.5;
-const SHADOW_MARGIN_M = 0.45; // what a shadow is wider than the joints': flesh, and the reach of the blur
+const SHADOW_MARGIN_M = 0.45; // how much wider a shadow is than that of the joints: flesh, and the blur radius
 const RIM_POINTS = 48;
 const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
 const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aCorner"];
 const MAX_PIXEL_RATIO = 2;
-const STILL_PIXEL_RATIO = 2; // where there is no other smoothing of edges
+const STILL_PIXEL_RATIO = 2; // where there is no other antialiasing
 const SMALLEST_SCALE = 0.6;
 const SLOW_FRAME_S = 1 / 48;
-const PATIENCE = 90; // a slow frame counts 3, a good one takes 1 back; then the picture gets coarser
-const CALM_FRAMES = 600; // good ones in a row, then a finer picture is tried; twice as many after each try
+const PATIENCE = 90; // a slow frame adds 3, a good one subtracts 1; at this sum the resolution is lowered
+const STEADY_FRAMES = 600; // good frames in a row before the resolution is raised; doubled after each try
 
 export class Renderer {
   constructor(canvas, mesh) {
@@ -27,11 +27,11 @@ export class Renderer {
     this.skin = new Skin(mesh);
     this.scale = 1;
     this.slow = 0;
-    this.calm = 0;
-    this.calmWanted = CALM_FRAMES;
+    this.steady = 0;
+    this.steadyNeeded = STEADY_FRAMES;
     this.rim = [0.3, 0.3, 0.3];
-    // Where the processor draws, smooth edges are for pictures that stand still.
-    this.slowMachine = drawnInSoftware();
+    // In software rendering only still pictures are antialiased.
+    this.slowMachine = rendersInSoftware();
     this.gl = canvas.getContext("webgl2", { alpha: false, antialias: !this.slowMachine });
     if (!this.gl) throw new Error("no WebGL 2");
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
@@ -39,12 +39,12 @@ export class Renderer {
     this.#build();
   }
 
-  // Who is drawn from now on, in a light that comes from the side of their first heading.
+  // Sets the dancer to draw, and a key light from the side of the first heading.
   show(dancer) {
     this.dancer = dancer;
     const [x, , z] = normalized([Math.sin(dancer.heading() - 0.7), 0, Math.cos(dancer.heading() - 0.7)]);
     this.light = normalized([x, LIGHT_HEIGHT, z]);
-    this.slide = [x / LIGHT_HEIGHT, z / LIGHT_HEIGHT].map((v) => 0.75 * v); // a high, wide lamp: short shadows
+    this.slide = [x / LIGHT_HEIGHT, z / LIGHT_HEIGHT].map((v) => 0.75 * v); // a high, wide light: short shadows
   }
 
   #build() {
@@ -71,7 +71,7 @@ export class Renderer {
     this.readColours();
   }
 
-  // The stage's colours are the style sheet's, so that both follow the scheme.
+  // The stage's colours come from the style sheet, so that they follow the colour scheme.
   readColours() {
     const style = getComputedStyle(document.documentElement);
     const colour = (name) => {
@@ -84,7 +84,7 @@ export class Renderer {
     this.exposure = Number(style.getPropertyValue("--light"));
   }
 
-  // Fit the drawing buffer to the element; `still` for a picture that will stand.
+  // Fit the drawing buffer to the element; `still` for a picture that will not change.
   resize(still) {
     this.still = still;
     const fine = Math.min(devicePixelRatio || 1, MAX_PIXEL_RATIO);
@@ -96,18 +96,18 @@ export class Renderer {
     this.canvas.height = height;
   }
 
-  // Tell how long the last frame took: where frames keep being slow, fewer pixels are drawn, until they are not.
-  paced(elapsedS) {
+  // Report how long the last frame took: the resolution is lowered while frames are slow, then raised again.
+  reportFrameTime(elapsedS) {
     const late = elapsedS > SLOW_FRAME_S;
     this.slow = late ? this.slow + 3 : Math.max(0, this.slow - 1);
-    this.calm = late ? 0 : this.calm + 1;
+    this.steady = late ? 0 : this.steady + 1;
     if (this.slow >= PATIENCE && this.scale > SMALLEST_SCALE) {
       this.scale = Math.max(SMALLEST_SCALE, this.scale * 0.8);
-    } else if (this.calm >= this.calmWanted && this.scale < 1) {
+    } else if (this.steady >= this.steadyNeeded && this.scale < 1) {
       this.scale = Math.min(1, this.scale / 0.8);
-      this.calmWanted *= 2;
+      this.steadyNeeded *= 2;
     } else return;
-    this.slow = this.calm = 0;
+    this.slow = this.steady = 0;
   }
 
   draw(view) {
@@ -124,7 +124,7 @@ export class Renderer {
     this.#drawStage(view, centre);
   }
 
-  // The part of the shadow's square where there can be any, -1 to 1: [x, z, half the width, half the depth].
+  // The part of the shadow's square that can hold a shadow, -1 to 1: [x, z, half width, half depth].
   #shadeBounds([x, z, half]) {
     const { positions: p } = this.dancer;
     const low = [1, 1], high = [-1, -1];
@@ -187,7 +187,7 @@ export class Renderer {
     this.#drawGround(matrix, [at[0], at[2], floorRadius], centre);
   }
 
-  // Without a place in depth: all of it is under the body, and the shade in the floor's own plane.
+  // Without depth writes: the floor is below the body, and the shadow lies in the floor's plane.
   #drawGround(matrix, disc, centre) {
     const { gl, floor, shade, colours } = this;
     gl.disable(gl.CULL_FACE);
@@ -219,8 +219,8 @@ export class Renderer {
 
 }
 
-// Whether there is no graphics card, or none that the browser trusts.
-function drawnInSoftware() {
+// Whether there is no graphics card, or only one that the browser has blocked.
+function rendersInSoftware() {
   const gl = document.createElement("canvas").getContext("webgl2");
   if (!gl) return true;
   let name = gl.getParameter(gl.RENDERER);
@@ -232,7 +232,7 @@ function drawnInSoftware() {
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }
 
-// A linked program and the places of its uniforms by name.
+// A linked program and the locations of its uniforms by name.
 function program(gl, vertex, fragment) {
   const linked = gl.createProgram();
   for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
@@ -272,7 +272,7 @@ function shape(gl, corners) {
   return made;
 }
 
-// A texture to draw into and to read from.
+// A render target: a texture and its framebuffer.
 function target(gl, size) {
   const made = gl.createTexture();
   gl.bindTexture(gl.TEXTURE_2D, made);

@@ -1,6 +1,6 @@
-// The three things that are drawn: the body, its shadow from above, the floor.
+// Shaders of the body, its shadow and the floor.
 
-// Hemisphere and key light, a soft highlight, and a rim that lifts the body off the stage.
+// Hemisphere and key light, a soft highlight, and a rim light that separates the body from the stage.
 const LIGHTING = `
 uniform vec3 uEye;
 uniform vec3 uLight;
@@ -17,7 +17,7 @@ vec3 lit(vec3 place, vec3 normal, vec3 colour) {
   for (int i = 0; i < 5; i++) shine *= shine;
   float near = smoothstep(-0.02, 0.28, place.y); // less light reaches what is close to the floor
   vec3 fill = mix(uGround, vec3(0.40, 0.44, 0.52), up) * (0.55 + 0.45 * near);
-  // To light and back, near enough to the power 2.2.
+  // Conversion to linear light and back, approximating a gamma of 2.2.
   vec3 sum = colour * colour * (fill + key * key * vec3(1.30, 1.22, 1.10)) + 0.10 * shine * key;
   grazing *= grazing;
   sum += uRim * (grazing * grazing * (0.35 + 0.65 * up));
@@ -25,7 +25,7 @@ vec3 lit(vec3 place, vec3 normal, vec3 colour) {
 }
 `;
 
-// The body lit at each pixel, or, for a processor that draws, at each vertex.
+// The body shaded per pixel, or, in software rendering, per vertex.
 export function bodyShaders(atPixels) {
   const vertex = `#version 300 es
 precision highp float;
@@ -50,8 +50,8 @@ void main() {
   return [vertex, fragment];
 }
 
-// From above, slid along the light, a dot a vertex, which the blur makes one: red is what touches the floor,
-// green what is over it.
+// The shadow: one point per vertex, projected along the light and then blurred; red is what touches the floor,
+// green what is above it.
 export const SHADOW_VERTEX = `#version 300 es
 uniform vec3 uCentre; // x, z and half the width
 uniform vec2 uSlide;
@@ -95,7 +95,7 @@ void main() {
   colour = vec4(sum, 0.0, 1.0);
 }`;
 
-// A piece of the ground: a unit shape, or a part of one, put at a place.
+// A piece of the ground: a unit shape or a part of it, placed in the world.
 export const GROUND_VERTEX = `#version 300 es
 uniform mat4 uMatrix;
 uniform vec3 uPlace; // x, z and half the width
@@ -126,7 +126,7 @@ void main() {
   colour = vec4(mix(uStage, mix(uFloor, uLine, line), fade * fade), 1.0);
 }`;
 
-// What is left of the light where the body is in its way; drawn over the floor.
+// The shadow, drawn over the floor.
 export const SHADE_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp sampler2D;

@@ -1,9 +1,9 @@
-// The dancer at an instant: rotations between the stored frames, forward kinematics, matrices for the skin.
+// The dancer at a time: interpolation between frames, forward kinematics, skinning matrices.
 
 import { clamp, matrixInto, multiplyInto, slerpInto } from "./math.js";
 
 const PATH_FPS = 10;
-const CALM_S = 0.35; // standard deviation of the path that the camera follows
+const SMOOTHING_S = 0.35; // standard deviation of the Gaussian that smooths the camera path
 
 export class Dancer {
   constructor(dance, { roots, quats }) {
@@ -12,14 +12,14 @@ export class Dancer {
     this.joints = dance.names.length;
     this.parents = dance.parents;
     this.offsets = dance.offsets_m.flat();
-    this.bindPlaces = dance.figure.bind_pos_m.flat();
-    this.bindTurns = dance.figure.bind_quat.flatMap(([w, x, y, z]) => [w, -x, -y, -z]);
+    this.bindPlaces = dance.mesh.bind_pos_m.flat();
+    this.bindTurns = dance.mesh.bind_quat.flatMap(([w, x, y, z]) => [w, -x, -y, -z]);
     this.roots = roots;
     this.quats = quats;
     this.positions = new Float64Array(3 * this.joints); // world, metres
     this.rotations = new Float64Array(4 * this.joints); // world
     this.skin = new Float32Array(12 * this.joints); // three rows of four a joint
-    this.path = calmPath(roots, this.frames, this.fps);
+    this.path = smoothedPath(roots, this.frames, this.fps);
     this.local = new Float64Array(4);
     this.turn = new Float64Array(4);
     this.matrix = new Float64Array(9);
@@ -64,19 +64,19 @@ export class Dancer {
     }
   }
 
-  // Where the dancer stands, on the ground, without the sway: [x, z].
-  standsAt(timeS) {
+  // The smoothed position on the ground: [x, z].
+  groundAt(timeS) {
     const at = clamp(timeS * PATH_FPS, 0, this.path.length / 2 - 1);
     const low = Math.floor(at), high = Math.min(low + 1, this.path.length / 2 - 1), f = at - low;
     return [0, 1].map((k) => this.path[2 * low + k] * (1 - f) + this.path[2 * high + k] * f);
   }
 
-  // Angle about Y that the body faces now, 0 for +Z: the bind pose faces +Z.
+  // Current heading about Y, 0 for +Z: the bind pose faces +Z.
   heading() {
     return Math.atan2(this.skin[2], this.skin[10]);
   }
 
-  // Middle of all the places stood at, and how far the farthest is from it.
+  // Middle of the path on the ground, and its radius.
   stage() {
     const xs = this.path.filter((_, i) => i % 2 === 0), zs = this.path.filter((_, i) => i % 2 === 1);
     const least = (v) => v.reduce((a, b) => Math.min(a, b)), most = (v) => v.reduce((a, b) => Math.max(a, b));
@@ -96,16 +96,16 @@ export class Dancer {
   }
 }
 
-// (N, 2) places on the ground at PATH_FPS, smoothed by a Gaussian: the camera knows what comes and never lags.
-function calmPath(roots, frames, fps) {
+// Ground positions (N, 2) at PATH_FPS, smoothed by a centred Gaussian, so that the camera does not lag.
+function smoothedPath(roots, frames, fps) {
   const count = Math.max(1, Math.ceil(((frames - 1) / fps) * PATH_FPS) + 1);
-  const reach = Math.ceil(3 * CALM_S * PATH_FPS);
+  const reach = Math.ceil(3 * SMOOTHING_S * PATH_FPS);
   const path = new Float32Array(2 * count);
   const at = (i) => 3 * clamp(Math.round((i / PATH_FPS) * fps), 0, frames - 1);
   for (let i = 0; i < count; i++) {
     let x = 0, z = 0, sum = 0;
     for (let d = -reach; d <= reach; d++) {
-      const weight = Math.exp(-0.5 * (d / (CALM_S * PATH_FPS)) ** 2);
+      const weight = Math.exp(-0.5 * (d / (SMOOTHING_S * PATH_FPS)) ** 2);
       const from = at(clamp(i + d, 0, count - 1));
       x += weight * roots[from];
       z += weight * roots[from + 2];

@@ -1,5 +1,5 @@
-// The body's surface in a pose. Done here and not on the graphics card: a few thousand vertices are a quarter of
-// a millisecond, both the body and its shadow are drawn from them, and where the processor draws it is far less work.
+// Linear blend skinning, on the CPU and not in the shader: a few thousand vertices take a quarter of a millisecond,
+// body and shadow are both drawn from them, and in software rendering it is far less work.
 
 export class Skin {
   constructor(mesh) {

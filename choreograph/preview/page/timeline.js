@@ -1,13 +1,13 @@
-// The song and where each second comes from. Still layers are drawn when the view changes, not every frame.
+// The song, and the take of each second. Static layers are drawn when the view changes, not every frame.
 
 import { Gestures } from "./gestures.js";
 import { clamp } from "./math.js";
 
 const RULER = 15, WAVE = [17, 60], BEATS = [64, 80], BLOCKS = [86, 120]; // rows, in pixels from the top
-const ROOMY_PX_PER_S = 20; // a longer song is shown in part
+const ROOMY_PX_PER_S = 20; // at least this much: longer songs are shown in part
 const MAX_PX_PER_S = 400;
 const LABELS_APART_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600];
-const PAGE_AT = 0.08; // of the width: where the playhead stands after a page is turned
+const PAGE_AT = 0.08; // of the width: position of the playhead after the view has jumped
 
 export class Timeline {
   constructor(dance, levels, player, { onHover }) {
@@ -20,7 +20,7 @@ export class Timeline {
     this.pointer = document.getElementById("pointer");
     this.range = document.getElementById("range");
     this.fromS = 0;
-    this.zoom = null; // pixels a second; null: as first shown
+    this.zoom = null; // pixels a second; null: the default
     this.wasInside = true;
     this.element.setAttribute("aria-valuemax", this.durationS.toFixed(2));
     new Gestures(this);
@@ -34,7 +34,7 @@ export class Timeline {
 
   recolour(colours) { this.colours = colours; this.redraw(); }
 
-  // Closer by a factor, the instant under x staying where it is.
+  // Zoom by a factor; the time at x stays in place.
   zoomBy(factor, x = this.width / 2) {
     const still = this.timeAt(x);
     this.zoom = clamp(this.pxPerS * factor, this.width / this.durationS, MAX_PX_PER_S);
@@ -51,7 +51,7 @@ export class Timeline {
 
   #inside(timeS) { return timeS >= this.fromS && timeS <= this.fromS + this.shownS; }
 
-  // The playhead in its place; turns the page when it walks off it.
+  // Move the playhead; jump to the next part when it leaves the view.
   show(timeS) {
     if (!this.#inside(timeS) && this.wasInside) {
       this.fromS = clamp(timeS - PAGE_AT * this.shownS, 0, Math.max(0, this.durationS - this.shownS));
@@ -140,7 +140,7 @@ export class Timeline {
     context.globalAlpha = 1;
   }
 
-  // Index of the block danced at an instant.
+  // Index of the block at a time.
   blockAt(timeS) {
     const { blocks } = this.dance;
     let low = 0, high = blocks.length - 1;
@@ -151,14 +151,14 @@ export class Timeline {
     return low;
   }
 
-  // A block a second or motion word, with its motif's number; those that follow each other in their take touch.
+  // One block for each second or motion word, with its motif number; blocks that are contiguous in their take touch.
   #drawBlocks(context, fromS, pxPerS, [top, bottom], radius) {
     const { blocks } = this.dance;
     const first = this.blockAt(fromS), last = this.blockAt(fromS + context.canvas.clientWidth / pxPerS);
-    const joined = (a, b) => a && b && a.take === b.take && Math.abs(a.to_s - b.from_s) < 0.02;
+    const contiguous = (a, b) => a && b && a.take === b.take && Math.abs(a.to_s - b.from_s) < 0.02;
     context.font = "600 11px system-ui, sans-serif";
     for (let i = first; i <= last; i++) {
-      const here = blocks[i], before = joined(blocks[i - 1], here), after = joined(here, blocks[i + 1]);
+      const here = blocks[i], before = contiguous(blocks[i - 1], here), after = contiguous(here, blocks[i + 1]);
       const cut = after ? 0.5 : Math.min(2, 0.12 * pxPerS);
       const x = (here.start_s - fromS) * pxPerS;
       const width = Math.max(0.5, (here.end_s - here.start_s) * pxPerS - cut);
@@ -210,8 +210,8 @@ export function clockText(timeS, tenths) {
   return `${Math.floor(rounded / 60)}:${tenths ? rest.toFixed(1).padStart(4, "0") : String(rest).padStart(2, "0")}`;
 }
 
-// A canvas's context for drawing in CSS pixels, cleared. Kept off the graphics card: it is drawn once and then
-// is part of the page's still background, where a layer of its own would be put together anew every frame.
+// A cleared canvas context that draws in CSS pixels. Not accelerated: it is drawn once and then belongs to the
+// page's static background, while an accelerated layer would be composited anew every frame.
 function fitted(canvas, width, height) {
   const ratio = devicePixelRatio || 1;
   canvas.width = Math.round(width * ratio);

@@ -1,15 +1,16 @@
-"""A language of parametric dance moves on the canonical body, and the takes danced in it.
+"""A notation for parametric dance moves on the canonical body, and takes rendered from it.
 
-language    steps, poses, bounce, moves: the words, and how to write with them
-poses       arms by name
-score       moves in a row as keys of feet, weight, and every channel
-tracks      splines on counts, follow-through, tempo
-feet, body  from a score to a motion
-sequencer   genres danced to the beats of a song
-genres      the moves themselves
+notation    steps, poses, bounce, moves, and how to write them
+arm_poses   named arm poses
+keyframes   a sequence of moves as keyframes of feet, weight and every channel
+curves      animation curves through keyframes, follow-through, counts against seconds
+feet, body  from keyframes to a motion
+sequencer   a genre's moves sequenced and rendered to the beats of a song
+genres      the moves of each genre
 """
 
-from choreograph.synthesis.moves.language import (
+from choreograph.synthesis.moves.arm_poses import ARMS, Arm
+from choreograph.synthesis.moves.notation import (
     Bounce,
     Move,
     Pose,
@@ -24,10 +25,9 @@ from choreograph.synthesis.moves.language import (
     step,
     touch,
 )
-from choreograph.synthesis.moves.poses import ARMS, Arm
-from choreograph.synthesis.moves.sequencer import Genre, Rendered, in_a_row, render, render_take
+from choreograph.synthesis.moves.sequencer import Genre, RenderedTake, render, render_take, sequence_moves
 
 __all__ = [
-    "ARMS", "Arm", "Bounce", "Genre", "Move", "Pose", "Rendered", "Step", "ball", "both_sides", "heel",
-    "in_a_row", "kick", "pivot", "pose", "press", "render", "render_take", "step", "touch",
+    "ARMS", "Arm", "Bounce", "Genre", "Move", "Pose", "RenderedTake", "Step", "ball", "both_sides", "heel",
+    "kick", "pivot", "pose", "press", "render", "render_take", "sequence_moves", "step", "touch",
 ]  # fmt: skip

@@ -1,7 +1,7 @@
-"""Footwork as trajectories: a foot is exactly still while planted and flies in smooth arcs between.
+"""Foot trajectories: a foot is exactly still while planted and moves in smooth arcs in between.
 
-The point a foot stands on is its ball, the joint at the root of the toes: heels roll up about it before
-a foot leaves, pivots turn about it. All arrays are in seconds at one frame rate.
+A foot stands on its ball, the joint at the root of the toes: before a step the heel rises about it, and
+pivots turn about it.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from choreograph.motion import rotations as rot
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.synthesis.moves.score import Plant
-from choreograph.synthesis.moves.tracks import Tempo, ease
+from choreograph.synthesis.moves.curves import Tempo, ease
+from choreograph.synthesis.moves.keyframes import FootPlant
 
 Floats = NDArray[np.float64]
 
@@ -26,11 +26,11 @@ BALL_OVER_FLOOR_M = float(_SKELETON.rest_pos_m()[_SKELETON.index("left_foot")][1
 _HEEL_FROM_BALL_M = np.array([0.0, -BALL_OVER_FLOOR_M, -BALL_FROM_ANKLE_M[2] - 0.045])
 
 _SHORTEST_S, _LONGEST_S = 0.14, 0.70  # a step's time in the air, whatever the tempo
-_UP_FIRST, _DOWN_LAST = 0.10, 0.06  # of a swing: up before it goes, there before it is down
-_HEEL_OFF_S = 0.17  # the heel comes up so long before the ball leaves
+_UP_FIRST, _DOWN_LAST = 0.10, 0.06  # of a swing: vertical at its start and end
+_HEEL_OFF_S = 0.17  # the heel starts to rise this long before the ball leaves
 _HEEL_OFF_RAD = np.radians(26.0)  # for a step of _FAR_M or more
 _FAR_M = 0.30
-_PIVOT_RAD = np.radians(5.0)  # the heel is a little off the floor while the foot turns on its ball
+_PIVOT_RAD = np.radians(5.0)  # the heel is slightly raised while the foot turns on its ball
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class FootPath:
     yaw_rad: Floats  # (T,) unwrapped
     pitch_rad: Floats  # (T,) heel up about the ball
     toe_pitch_rad: Floats  # (T,) of the toes in the world
-    planted: NDArray[np.bool_]  # (T,) the ball stands on the floor, still
-    flat: NDArray[np.bool_]  # (T,) and so does the heel
+    planted: NDArray[np.bool_]  # (T,) the ball is on the floor and does not move
+    flat: NDArray[np.bool_]  # (T,) ball and heel are
 
     def foot_quat(self) -> Floats:
         """World rotations (T, 4) of the ankle."""
@@ -62,8 +62,8 @@ def _turned(yaw: Floats, pitch: Floats) -> Floats:
     return rot.multiply(rot.about_y(yaw), rot.from_rotvec(np.stack([pitch, zero, zero], axis=-1)))
 
 
-def foot_path(plants: Sequence[Plant], tempo: Tempo, times_s: Floats) -> FootPath:
-    """The way of one foot through its plants."""
+def foot_path(plants: Sequence[FootPlant], tempo: Tempo, times_s: Floats) -> FootPath:
+    """The path of one foot through its plants."""
     n = len(times_s)
     xz = np.tile(plants[0].ball_m, (n, 1)).astype(np.float64)  # (T, 2)
     height, yaw, pitch = np.zeros(n), np.full(n, plants[0].yaw_rad), np.full(n, plants[0].pitch_rad)
@@ -96,21 +96,21 @@ def foot_path(plants: Sequence[Plant], tempo: Tempo, times_s: Floats) -> FootPat
 
 
 def _arc(u: Floats) -> Floats:
-    """0 where a swing begins and ends, 1 between: quickly up, across, down."""
+    """Height profile of a swing: 0 at its start and end, 1 in the middle, with quick flanks."""
     return ease(u / 0.45) * ease((1.0 - u) / 0.45)
 
 
-def _leaves_at(here: Plant, there: Plant, tempo: Tempo) -> float:
+def _leaves_at(here: FootPlant, there: FootPlant, tempo: Tempo) -> float:
     """When the foot leaves one plant for the next, in seconds."""
     landed, land = float(tempo.times_s(here.count)), float(tempo.times_s(there.count))
-    if here.height_m > 0.0:  # from a kick it comes down straight away
+    if here.height_m > 0.0:  # from a kick it comes down at once
         return max(landed, land - 1.2 * _LONGEST_S)
     swing = land - float(tempo.times_s(there.count - there.swing))
     return max(land - float(np.clip(swing, _SHORTEST_S, _LONGEST_S)), landed + 0.02)
 
 
-def _heel_off(here: Plant, distance_m: float) -> float:
-    """Heel's angle as the ball leaves: the more the further it goes; none from a kick or a heel."""
+def _heel_off(here: FootPlant, distance_m: float) -> float:
+    """Angle of the heel as the ball leaves, growing with the distance; 0 after a kick or a heel touch."""
     if here.height_m > 0.0 or here.pitch_rad < 0.0:
         return 0.0
     return max(here.pitch_rad, _HEEL_OFF_RAD * min(1.0, 0.3 + distance_m / _FAR_M))
@@ -119,7 +119,7 @@ def _heel_off(here: Plant, distance_m: float) -> float:
 def _settled(
     xz: Floats, height: Floats, yaw: Floats, pitch: Floats, in_air: Floats, planted: NDArray[np.bool_]
 ) -> FootPath:
-    """Heel and toes kept off the floor: toes up stands on the heel, heel up on flat toes."""
+    """The path with heel and toes kept above the floor: toes up rests on the heel, heel up on flat toes."""
     toes_up = np.minimum(pitch, 0.0)
     heel_y = -_HEEL_FROM_BALL_M[2] * np.sin(toes_up) + _HEEL_FROM_BALL_M[1] * np.cos(toes_up)
     over_floor = np.maximum(BALL_OVER_FLOOR_M, -heel_y * (toes_up < 0))

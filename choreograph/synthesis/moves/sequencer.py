@@ -1,4 +1,4 @@
-"""Moves put in a row as dancers do, to the beats of a song, and rendered: takes with a known truth."""
+"""Sequencing of a genre's moves to the beats of a song, rendered as takes with ground truth."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
 from choreograph.motion.motion import Motion
-from choreograph.synthesis.moves.body import perform
+from choreograph.synthesis.moves.body import animate
+from choreograph.synthesis.moves.curves import Tempo
 from choreograph.synthesis.moves.feet import FootPath
-from choreograph.synthesis.moves.language import Move, Side
-from choreograph.synthesis.moves.score import Placed, compose
-from choreograph.synthesis.moves.tracks import Tempo
+from choreograph.synthesis.moves.keyframes import PlacedMove, build_keyframes
+from choreograph.synthesis.moves.notation import Move, Side
 
 Floats = NDArray[np.float64]
 
-STAGE_M = 1.2  # how far from the middle a home may be
-_EASY_S = 0.5  # seconds a count lasts at which steps have their written size
-_AFTER_S = 0.6  # a take goes on so long after its last beat
+STAGE_M = 1.2  # soft limit of the distance of a home from the middle
+_EASY_S = 0.5  # duration of a count at which steps have their written size
+_AFTER_S = 0.6  # length of a take after its last beat
 
 
 @dataclass(frozen=True)
 class Genre:
-    """A genre's moves and how they are danced."""
+    """A genre: its moves and how they are danced."""
 
     name: str
     moves: tuple[Move, ...]
@@ -33,18 +33,18 @@ class Genre:
     size: float = 1.0
     sharpness: float = 0.4  # at middle energy
     bounce: float = 1.0
-    # Beats go by so fast (bpm) that moves take two beats a count.
+    # From this tempo on, moves are danced with two beats per count.
     half_time_from_bpm: float = 400.0
 
 
 @dataclass(frozen=True, eq=False)
-class Rendered:
-    """A take and the truth about it."""
+class RenderedTake:
+    """A take with its ground truth."""
 
     motion: Motion
-    placed: tuple[Placed, ...]  # which move, from which count, where
-    count_times_s: Floats  # (C,) instants of the counts; every beat, or every second one in half time
-    feet: dict[Side, FootPath]  # "left", "right": when each was planted
+    placed: tuple[PlacedMove, ...]  # the moves, with their start counts and positions
+    count_times_s: Floats  # (C,) times of the counts: every beat, or every second one in half time
+    feet: dict[Side, FootPath]  # foot paths, with the frames in which each is planted
 
 
 def render_take(
@@ -55,23 +55,23 @@ def render_take(
     seed: int = 0,
     fps: float = 60.0,
     first_downbeat: int = 0,
-) -> Rendered:
+) -> RenderedTake:
     """Dance a genre to a song.
 
-    `beat_times_s` (Q,): the song's beats in seconds from the take's first frame, of which
-    `first_downbeat` begins a bar; `energy` from 0 (small, soft) to 1 (big, sharp), one for all or one a
-    beat (Q,). A move is repeated two to four times, to alternate sides where it ends on the other
-    foot, then another follows whose first foot is free; the dancer stays within `STAGE_M` of the
-    middle where the moves allow it. The same arguments give the same take, to the bit.
+    `beat_times_s` (Q,): the song's beats in seconds from the take's first frame; the beat with index
+    `first_downbeat` starts a bar. `energy`: from 0 (small, soft) to 1 (big, sharp), a scalar or one value
+    per beat (Q,). A move is repeated for two or four bars, on alternate sides if it ends on the other
+    foot; the next move must start with the free foot. The dancer stays within `STAGE_M` of the middle
+    where the moves allow it. The same arguments give the same take.
 
-    Raises `ParameterError` if beats are not increasing, or energies not one a beat.
+    Raises `ParameterError` if beats are not increasing, or the number of energies is not that of beats.
     """
     beats = np.asarray(beat_times_s, np.float64)
     energies = np.asarray(energy, np.float64)
     if energies.ndim == 0:
         energies = np.full(len(beats), float(energies))
     if len(energies) != len(beats):
-        raise ParameterError(f"expected one energy a beat, got {len(energies)} for {len(beats)} beats")
+        raise ParameterError(f"expected one energy per beat, got {len(energies)} for {len(beats)} beats")
     Tempo(beats)  # checks them
     every = 2 if 60.0 / np.median(np.diff(beats)) >= genre.half_time_from_bpm else 1
     counts_s, energies = beats[first_downbeat::every], energies[first_downbeat::every]
@@ -81,36 +81,36 @@ def render_take(
 
 
 def render(
-    placed: Sequence[Placed],
+    placed: Sequence[PlacedMove],
     count_times_s: NDArray[np.floating],
     *,
     rng: np.random.Generator | None,
     fps: float = 60.0,
     duration_s: float | None = None,
-) -> Rendered:
-    """Placed moves (each beginning where and when the one before ended) as motion.
+) -> RenderedTake:
+    """Render placed moves, each starting where and when the previous one ended.
 
-    Without `rng` exactly as written: no breath, no sway, no variation.
+    Without `rng`, exactly as written: no breath, no sway, no variation.
     """
     counts_s = np.asarray(count_times_s, np.float64)
     tempo = Tempo(counts_s)
     until_s = float(counts_s[-1]) + _AFTER_S if duration_s is None else duration_s
-    motion, feet = perform(compose(placed, rng), tempo, until_s, fps, rng)
-    return Rendered(motion, tuple(placed), counts_s, feet)
+    motion, feet = animate(build_keyframes(placed, rng), tempo, until_s, fps, rng)
+    return RenderedTake(motion, tuple(placed), counts_s, feet)
 
 
-def in_a_row(moves: Sequence[Move], **manner: float) -> list[Placed]:
-    """Moves as they stand, one after another from count 0 at the middle; `manner`: size, sharpness, …"""
-    placed: list[Placed] = []
+def sequence_moves(moves: Sequence[Move], **manner: float) -> list[PlacedMove]:
+    """Place moves one after another, from count 0 in the middle; `manner`: size, sharpness, …"""
+    placed: list[PlacedMove] = []
     origin, yaw, count = (0.0, 0.0), 0.0, 0
     for move in moves:
-        placed.append(Placed(move, False, count, origin, yaw, **manner))
+        placed.append(PlacedMove(move, False, count, origin, yaw, **manner))
         (origin, yaw), count = placed[-1].end(), count + move.counts
     return placed
 
 
-def _sequence(genre: Genre, counts_s: Floats, energies: Floats, rng: np.random.Generator) -> list[Placed]:
-    placed: list[Placed] = []
+def _sequence(genre: Genre, counts_s: Floats, energies: Floats, rng: np.random.Generator) -> list[PlacedMove]:
+    placed: list[PlacedMove] = []
     count = 0
     while count < len(counts_s) - 1:
         options = [
@@ -123,23 +123,23 @@ def _sequence(genre: Genre, counts_s: Floats, energies: Floats, rng: np.random.G
         if not options:
             raise ParameterError(f"{genre.name}: no other move can follow {placed[-1].move.name}")
         used = [sum(p.move.name == phrase[0].move.name for p in placed) for phrase in options]
-        likely = np.exp([-_strain(phrase) - 0.25 * n for phrase, n in zip(options, used, strict=True)])
-        chosen = options[rng.choice(len(options), p=likely / likely.sum())]
+        odds = np.exp([-_cost(phrase) - 0.25 * n for phrase, n in zip(options, used, strict=True)])
+        chosen = options[rng.choice(len(options), p=odds / odds.sum())]
         placed += chosen
         count = chosen[-1].start + chosen[-1].move.counts
     return placed
 
 
 def _phrase(
-    genre: Genre, move: Move, placed: list[Placed], count: int, counts_s: Floats, energies: Floats,
+    genre: Genre, move: Move, placed: list[PlacedMove], count: int, counts_s: Floats, energies: Floats,
     rng: np.random.Generator,
-) -> list[Placed]:  # fmt: skip
-    """The move repeated for two or four bars from `count`; empty if the song is too fast for it there."""
+) -> list[PlacedMove]:  # fmt: skip
+    """The move repeated for two or four bars from `count`; empty if the song is too fast for it."""
     first = min(count, len(counts_s) - 2)
     if counts_s[first + 1] - counts_s[first] < 60.0 / move.fastest_bpm:
         return []
     length = genre.bar * int(rng.choice([2, 4], p=[0.6, 0.4]))
-    phrase: list[Placed] = []
+    phrase: list[PlacedMove] = []
     at = count
     while not phrase or at + move.counts <= count + length:
         before = phrase[-1] if phrase else placed[-1] if placed else None
@@ -152,7 +152,7 @@ def _phrase(
         lively = float(np.clip(energies[min(at, len(energies) - 1)], 0.0, 1.0))
         fast = float(np.clip(((counts_s[i + 1] - counts_s[i]) / _EASY_S) ** 0.6, 0.65, 1.2))
         phrase.append(
-            Placed(
+            PlacedMove(
                 move.mirrored() if mirrored else move, mirrored, at, origin, yaw,
                 size=genre.size * fast * (0.7 + 0.5 * lively),
                 sharpness=float(np.clip(genre.sharpness + 0.5 * (lively - 0.5), 0.0, 1.0)),
@@ -163,8 +163,8 @@ def _phrase(
     return phrase
 
 
-def _strain(phrase: list[Placed]) -> float:
-    """How little one wants a phrase here: it leaves the stage, or leaves the dancer turned away."""
+def _cost(phrase: list[PlacedMove]) -> float:
+    """Cost of a phrase: it leaves the stage, or ends with the dancer turned away."""
     ends = [p.end() for p in phrase]
     out = max(float(np.hypot(*origin)) for origin, _ in ends)
     turned = abs((ends[-1][1] + np.pi) % (2 * np.pi) - np.pi)

@@ -1,4 +1,4 @@
-"""A song's form: which sections follow each other, how long, and how full each is."""
+"""A song's form: the order, length and energy of its sections."""
 
 from __future__ import annotations
 
@@ -15,12 +15,19 @@ _FORMS: dict[int, tuple[str, ...]] = {  # by number of phrases
     7: ("intro", "verse", "verse", "chorus", "break", "chorus", "outro"),
     8: ("intro", "verse", "verse", "chorus", "break", "chorus", "chorus", "outro"),
 }
-_CYCLE = ("verse", "verse", "chorus", "chorus", "break", "chorus")  # of longer songs, between their ends
+_CYCLE = (
+    "verse",
+    "verse",
+    "chorus",
+    "chorus",
+    "break",
+    "chorus",
+)  # repeated in longer songs, between intro and outro
 
 
 @dataclass(frozen=True)
 class Section:
-    """A stretch of bars of one character."""
+    """Consecutive bars with one character."""
 
     name: str  # intro, verse, chorus, break, outro
     first_bar: int
@@ -29,10 +36,10 @@ class Section:
 
 
 def form(n_bars: int, phrase_bars: int) -> tuple[Section, ...]:
-    """Sections that fill `n_bars`, of whole phrases but for one that takes what is left over.
+    """Sections that fill `n_bars`: whole phrases, except for one that takes the remainder.
 
-    Bars too many go to the first verse, bars too few come off the break or the intro. Phrases of one
-    name in a row are one section. A first chorus is a little less full than the later ones.
+    Extra bars go to the first verse; missing bars are taken from the break or the intro. Consecutive
+    phrases with the same name are one section. The first chorus has less energy than later ones.
     """
     names = _names(max(1, round(n_bars / phrase_bars)))
     lengths = [phrase_bars] * len(names)

@@ -1,8 +1,7 @@
-"""The drum kit: every sound begins on its first sample, so a hit's instant is exact.
+"""Drum synthesis. Every sound starts on its first sample, so onset times are exact.
 
-Three ingredients: a sine that falls in pitch (skins), filtered noise (wires, shells, breath), and a
-few inharmonic squares (metal). A sound has a handful of variants, so that no two hits in a row are
-the same samples.
+Three ingredients: a sine with falling pitch (skins), filtered noise (wires, shells, breath), and a few
+inharmonic square waves (metal). Every sound has some variants, so that consecutive hits differ.
 """
 
 from __future__ import annotations
@@ -17,14 +16,14 @@ from scipy.signal import butter, sosfilt
 from choreograph.synthesis.songs.voices import RATE_HZ, Wave
 
 VARIANTS = 3
-_FADE_S = 0.004  # of the end, so that no sound is cut off with a click
+_FADE_S = 0.004  # fade-out, so that no sound ends with a click
 
 Rng = np.random.Generator
 
 
 @lru_cache(maxsize=256)
-def hit(name: str, variant: int = 0) -> Wave:
-    """One drum sound, float32 (S,) at 44.1 kHz with unit peak; `name` from `DRUMS`. Do not write to it."""
+def drum_hit(name: str, variant: int = 0) -> Wave:
+    """One drum sound, float32 (S,) at 44.1 kHz with unit peak; `name` from `DRUMS`. Read-only."""
     rng = np.random.default_rng([variant, *name.encode()])
     sound = DRUMS[name](rng)
     fade = min(len(sound), round(_FADE_S * RATE_HZ))
@@ -41,11 +40,11 @@ def _seconds(length_s: float) -> NDArray[np.float64]:
 def _skin(
     rng: Rng, from_hz: float, to_hz: float, sweep_s: float, decay_s: float, length_s: float
 ) -> NDArray[np.float64]:
-    """A struck skin: a sine falling in pitch. It starts at a crest's flank, so at once."""
+    """A struck skin: a sine falling in pitch. Its phase starts near a crest, for an immediate onset."""
     t = _seconds(length_s)
     tune = rng.uniform(0.99, 1.01)
-    turns = tune * (to_hz * t + (from_hz - to_hz) * sweep_s * (1.0 - np.exp(-t / sweep_s)))
-    return np.sin(2.0 * np.pi * turns + 0.5) * np.exp(-t / decay_s)
+    cycles = tune * (to_hz * t + (from_hz - to_hz) * sweep_s * (1.0 - np.exp(-t / sweep_s)))
+    return np.sin(2.0 * np.pi * cycles + 0.5) * np.exp(-t / decay_s)
 
 
 def _noise(rng: Rng, low_hz: float, high_hz: float, decay_s: float, length_s: float) -> NDArray[np.float64]:
@@ -58,7 +57,7 @@ def _noise(rng: Rng, low_hz: float, high_hz: float, decay_s: float, length_s: fl
 def _metal(
     rng: Rng, partials_hz: tuple[float, ...], low_hz: float, decay_s: float, length_s: float
 ) -> NDArray[np.float64]:
-    """Inharmonic squares above `low_hz`: bells and cymbals."""
+    """Inharmonic square waves above `low_hz`: bells and cymbals."""
     t = _seconds(length_s)
     tone = sum(np.sign(np.sin(2.0 * np.pi * (hz * rng.uniform(0.995, 1.005) * t))) for hz in partials_hz)
     sos = butter(3, low_hz, "highpass", fs=RATE_HZ, output="sos")
@@ -67,7 +66,7 @@ def _metal(
 
 
 def _scrape(rng: Rng, length_s: float, teeth_hz: float, swell: float) -> NDArray[np.float64]:
-    """A stick drawn over a gourd's teeth."""
+    """A stick scraped over the notches of a guiro."""
     t = _seconds(length_s)
     speed = teeth_hz * (1.0 + swell * t / length_s)
     tooth = np.exp(-8.0 * ((np.cumsum(speed) / RATE_HZ) % 1.0))

@@ -1,4 +1,4 @@
-"""From tracks to a master: room, width, ducking, loudness and a soft limit."""
+"""Effects and mastering: reverb, stereo width, ducking, loudness, soft limiter."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from scipy.signal import butter, oaconvolve, sosfilt
 from choreograph.synthesis.songs.voices import RATE_HZ, Wave
 
 TARGET_LUFS = -14.0
-_CEILING, _KNEE = 0.86, 0.55  # amplitude: the limit, and where it begins to bend
+_CEILING, _KNEE = 0.86, 0.55  # amplitudes: the limit, and the knee of the limiter
 _WIDTH_DELAY_S = 0.011
 
 
 def _k_weighting() -> NDArray[np.float64]:
-    """The head's shelf and the ear's high-pass of BS.1770 at our rate, as sections (2, 6)."""
+    """K-weighting of BS.1770 (a high shelf and a high-pass) at 44.1 kHz, second-order sections (2, 6)."""
     k, q = np.tan(np.pi * 1681.974450955533 / RATE_HZ), 0.7071752369554196
     high = 10.0 ** (3.999843853973347 / 20.0)
     middle = high**0.4996667741545416
     a0 = 1.0 + k / q + k * k
     zeros = np.array([high + middle * k / q + k * k, 2.0 * (k * k - high), high - middle * k / q + k * k])
-    pool = [*(zeros / a0), 1.0, 2.0 * (k * k - 1.0) / a0, (1.0 - k / q + k * k) / a0]
+    shelf = [*(zeros / a0), 1.0, 2.0 * (k * k - 1.0) / a0, (1.0 - k / q + k * k) / a0]
     k, q = np.tan(np.pi * 38.13547087602444 / RATE_HZ), 0.5003270373238773
     a0 = 1.0 + k / q + k * k
-    return np.array([pool, [1.0, -2.0, 1.0, 1.0, 2.0 * (k * k - 1.0) / a0, (1.0 - k / q + k * k) / a0]])
+    return np.array([shelf, [1.0, -2.0, 1.0, 1.0, 2.0 * (k * k - 1.0) / a0, (1.0 - k / q + k * k) / a0]])
 
 
 @lru_cache(maxsize=8)
 def _room(room_s: float) -> Wave:
-    """Impulse response (S, 2): noise that decays by 60 dB in `room_s`, highs sooner."""
+    """Impulse response (S, 2): noise that decays by 60 dB in `room_s`, faster in the highs."""
     rng = np.random.default_rng(7)
     n = round(room_s * RATE_HZ)
     t = np.arange(n) / RATE_HZ
@@ -42,17 +42,17 @@ def _room(room_s: float) -> Wave:
     return np.asarray(late / np.sqrt((late**2).sum(axis=0)), np.float32)
 
 
-def reverberated(send: Wave, room_s: float) -> Wave:
-    """The room's answer to a mono send (S,): (S, 2)."""
+def reverberate(send: Wave, room_s: float) -> Wave:
+    """Stereo reverb (S, 2) of a mono send (S,)."""
     room = _room(room_s)
     sides = [oaconvolve(send, room[:, side])[: len(send)] for side in (0, 1)]
     return np.asarray(np.stack(sides, axis=1), np.float32)
 
 
-def panned(track: Wave, pan: float, width: float) -> tuple[Wave, Wave]:
-    """Left and right of a mono track at constant power; width is a delayed copy of opposite signs.
+def pan_stereo(track: Wave, pan: float, width: float) -> tuple[Wave, Wave]:
+    """Left and right of a mono track, constant-power; width is a delayed copy with opposite signs.
 
-    The sum of both sides holds no trace of the width, so mono players lose nothing.
+    The width cancels in the mono sum.
     """
     angle = 0.25 * np.pi * (1.0 + pan)
     left, right = np.float32(np.cos(angle)) * track, np.float32(np.sin(angle)) * track
@@ -64,10 +64,10 @@ def panned(track: Wave, pan: float, width: float) -> tuple[Wave, Wave]:
     return left, right
 
 
-def ducking(n: int, kicks: NDArray[np.int64], depth: float) -> Wave:
-    """Gain (S,) that drops by `depth` at each kick and recovers within a beat's half."""
+def ducking_gain(n: int, kicks: NDArray[np.int64], depth: float) -> Wave:
+    """Gain (S,) that drops by `depth` at each kick and recovers within half a beat."""
     shape = depth * np.exp(-np.arange(round(0.3 * RATE_HZ)) / (0.09 * RATE_HZ))
-    shape[:96] *= np.linspace(0.0, 1.0, 96)  # no click where a note is already sounding
+    shape[:96] *= np.linspace(0.0, 1.0, 96)  # avoids a click in sounding notes
     gain = np.ones(n, np.float32)
     for kick in kicks:
         stretch = gain[kick : kick + len(shape)]
@@ -76,28 +76,28 @@ def ducking(n: int, kicks: NDArray[np.int64], depth: float) -> Wave:
 
 
 def loudness_lufs(stereo: NDArray[np.floating]) -> float:
-    """Integrated loudness of (S, 2) at 44.1 kHz, gated as BS.1770 says; -70 for silence."""
+    """Integrated loudness of (S, 2) at 44.1 kHz, gated as in BS.1770; -70 for silence."""
     weighted = sosfilt(_k_weighting(), stereo, axis=0)
     hop = RATE_HZ // 10
     tenths = (weighted[: len(weighted) // hop * hop] ** 2).sum(axis=1).reshape(-1, hop).mean(axis=1)
     blocks = np.convolve(tenths, np.full(4, 0.25), "valid") if len(tenths) >= 4 else tenths
-    heard = blocks[blocks > 10.0 ** ((-70.0 + 0.691) / 10.0)]
-    if len(heard) == 0:
+    gated = blocks[blocks > 10.0 ** ((-70.0 + 0.691) / 10.0)]
+    if len(gated) == 0:
         return -70.0
-    heard = heard[heard > 0.1 * heard.mean()]
-    return float(-0.691 + 10.0 * np.log10(heard.mean()))
+    gated = gated[gated > 0.1 * gated.mean()]
+    return float(-0.691 + 10.0 * np.log10(gated.mean()))
 
 
-def mastered(mix: Wave) -> Wave:
-    """The mix (S, 2) without rumble, at -14 LUFS or a little under, peaks bent to stay below -1.3 dBFS."""
+def master(mix: Wave) -> Wave:
+    """The mix (S, 2), high-passed, at -14 LUFS or slightly below, peaks soft-limited below -1.3 dBFS."""
     mix = np.asarray(sosfilt(butter(2, 28.0, "highpass", fs=RATE_HZ, output="sos"), mix, axis=0), np.float32)
     gain_db = TARGET_LUFS - loudness_lufs(mix)
-    once = _bent(mix * np.float32(10.0 ** (gain_db / 20.0)))
-    gain_db += min(TARGET_LUFS - loudness_lufs(once), 3.0)  # what the limit took, within reason
-    return _bent(mix * np.float32(10.0 ** (gain_db / 20.0)))
+    once = _soft_limited(mix * np.float32(10.0 ** (gain_db / 20.0)))
+    gain_db += min(TARGET_LUFS - loudness_lufs(once), 3.0)  # compensates the limiter, within 3 dB
+    return _soft_limited(mix * np.float32(10.0 ** (gain_db / 20.0)))
 
 
-def _bent(mix: Wave) -> Wave:
+def _soft_limited(mix: Wave) -> Wave:
     size = np.abs(mix)
     over = np.maximum(0.0, size - _KNEE) / np.float32(_CEILING - _KNEE)
     bent = _KNEE + (_CEILING - _KNEE) * np.tanh(over)

@@ -57,12 +57,12 @@ class Chord:
         return tuple((self.root + interval) % 12 for interval in self.intervals)
 
     def tone(self, number: int) -> int:
-        """Semitones above the root of the chord's 1, 3, 5 or 7 (the sixth, or the octave, if it has none)."""
+        """Semitones above the root of the chord's 1, 3, 5 or 7 (sixth or octave if it has no seventh)."""
         return (*self.intervals, 12, 12)[(number - 1) // 2]
 
 
 def chord(symbol: str, tonic: int = 0) -> Chord:
-    """ "Am7", "Bbmaj7" ... as written in C, moved up to the key of `tonic` (a pitch class)."""
+    """ "Am7", "Bbmaj7" ... as written in C, transposed to the key of `tonic` (a pitch class)."""
     match = _SYMBOL.fullmatch(symbol)
     if match is None or match[3] not in _QUALITIES:
         raise ParameterError(f"expected a chord symbol like Am7, got {symbol!r}")
@@ -71,15 +71,17 @@ def chord(symbol: str, tonic: int = 0) -> Chord:
 
 
 def progression(text: str, tonic: int) -> tuple[tuple[Chord, ...], ...]:
-    """Chords of each bar from "Am7 Dm7/G7 Cmaj7 E7": bars apart by spaces, halves by strokes."""
+    """Chords of each bar from "Am7 Dm7/G7 Cmaj7 E7": bars separated by spaces, half bars by slashes."""
     return tuple(tuple(chord(symbol, tonic) for symbol in bar.split("/")) for bar in text.split())
 
 
-def voiced(chords: list[Chord], *, low: int = 52, high: int = 76, voices: int = 4) -> list[tuple[int, ...]]:
-    """MIDI notes, rising, for chords in order: each voicing is the nearest to the one before.
+def voice_chords(
+    chords: list[Chord], *, low: int = 52, high: int = 76, voices: int = 4
+) -> list[tuple[int, ...]]:
+    """Voice leading: ascending MIDI notes of each chord, with the voicing nearest to the previous one.
 
-    Every pitch class sounds once (a ninth displaces the fifth where there are too many); the first
-    chord lies around the middle of `low` ... `high`.
+    Every pitch class sounds once (if there are too many, the fifth is dropped); the first chord lies
+    around the middle of `low` ... `high`.
     """
     out: list[tuple[int, ...]] = []
     before: tuple[int, ...] | None = None
@@ -93,10 +95,10 @@ def voiced(chords: list[Chord], *, low: int = 52, high: int = 76, voices: int = 
 def _nearest_voicing(
     current: Chord, before: tuple[int, ...] | None, low: int, high: int, voices: int
 ) -> tuple[int, ...]:
-    places = _places(current, low, high, voices)
+    places = _note_options(current, low, high, voices)
     options = np.sort(np.array(list(product(*places))), axis=1)  # (M, V)
     cost = 0.3 * np.abs(options.mean(axis=1) - 0.5 * (low + high))
-    cost += 8.0 * (np.diff(options, axis=1).min(axis=1) < 2)  # close semitones grate
+    cost += 8.0 * (np.diff(options, axis=1).min(axis=1) < 2)  # semitones within a chord clash
     cost += 2.0 * np.maximum(0, options[:, -1] - options[:, 0] - 17)  # wide chords sound thin
     if before is not None:
         steps = np.abs(options[:, :, None] - np.array(before))  # (M, V, V')
@@ -104,10 +106,10 @@ def _nearest_voicing(
     return tuple(int(note) for note in options[np.argmin(cost)])
 
 
-def _places(current: Chord, low: int, high: int, voices: int) -> list[list[int]]:
+def _note_options(current: Chord, low: int, high: int, voices: int) -> list[list[int]]:
     classes = list(dict.fromkeys(current.pitch_classes))
     if len(classes) > voices:
-        classes.pop(2)  # the fifth says least
+        classes.pop(2)  # the fifth matters least
     return [[note for note in range(low, high + 1) if note % 12 == c] for c in classes[:voices]]
 
 
@@ -116,23 +118,23 @@ def scale_notes(scale: str, tonic: int, low: int, high: int) -> list[int]:
     return [note for note in range(low, high + 1) if (note - tonic) % 12 in SCALES[scale]]
 
 
-def fitting_scale(chords: Sequence[Chord], names: Sequence[str]) -> tuple[str, int]:
-    """The scale, by name and tonic, that suits chords best.
+def best_scale(chords: Sequence[Chord], names: Sequence[str]) -> tuple[str, int]:
+    """The scale, by name and tonic, that fits the chords best.
 
-    Its notes should sound in the chords (others clash), it should hold the chords' notes, and at equal
-    merit begin where the first chord does.
+    Its notes should sound in the chords (others clash) and it should contain the chords' notes; a tonic on
+    the first chord's root gets a bonus.
     """
     sounding = {c for chord in chords for c in chord.pitch_classes}
 
-    def merit(name: str, tonic: int) -> float:
+    def score(name: str, tonic: int) -> float:
         notes = {(tonic + step) % 12 for step in SCALES[name]}
         common = len(notes & sounding)
         return common / len(notes) + 0.5 * common / len(sounding) + 0.2 * (tonic == chords[0].root)
 
-    return max(product(names, range(12)), key=lambda option: merit(*option))
+    return max(product(names, range(12)), key=lambda option: score(*option))
 
 
-def kinship(first: Sequence[Chord], second: Sequence[Chord]) -> float:
-    """Share of their pitch classes that two progressions have in common, 0 … 1."""
+def shared_tones(first: Sequence[Chord], second: Sequence[Chord]) -> float:
+    """Share of pitch classes that two progressions have in common (Jaccard index), 0 … 1."""
     one, other = ({c for chord in row for c in chord.pitch_classes} for row in (first, second))
     return len(one & other) / len(one | other)

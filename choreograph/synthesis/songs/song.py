@@ -1,4 +1,4 @@
-"""`render_song`: a song whose beats, bars and sections are known exactly, and writing it to a file."""
+"""`render_song`: a song whose beats, bars and sections are known exactly; `write_song` writes it."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from numpy.typing import NDArray
 from choreograph.errors import ChoreographError, ParameterError
 from choreograph.files import atomic_path
 from choreograph.synthesis.songs.arrangement import Section, form
+from choreograph.synthesis.songs.composition import compose
 from choreograph.synthesis.songs.genres import STYLES
-from choreograph.synthesis.songs.mix import mixed
-from choreograph.synthesis.songs.score import compose
+from choreograph.synthesis.songs.mixing import mix_tracks
 from choreograph.synthesis.songs.style import STEPS_PER_BEAT, SongStyle
 from choreograph.synthesis.songs.tempo import (
     TempoMap,
+    apply_swing,
     beats_within,
     checked_swing,
-    steady_or_ramp,
-    swung,
+    tempo_map_from,
 )
 from choreograph.synthesis.songs.voices import RATE_HZ
 
-_FASTEST_LONG_BAR_S = 1.7  # shorter bars group in phrases of 8, longer ones in 4
+_FASTEST_LONG_BAR_S = 1.7  # shorter bars are grouped in phrases of 8, longer ones of 4
 _FORMATS = {".flac": ("FLAC", "PCM_16"), ".wav": ("WAV", "PCM_16"), ".ogg": ("OGG", "VORBIS")}
 
 
 @dataclass(frozen=True, eq=False)
-class SynthSong:
-    """A rendered song and the truth about it.
+class SyntheticSong:
+    """A rendered song with its ground truth.
 
-    The last beat is the downbeat after the last bar: the closing chord, which rings out. So bar i lies
+    The last beat is the downbeat after the last bar: the closing chord, which rings out. So bar i is
     between `bar_times_s[i]` and `bar_times_s[i + 1]`.
     """
 
@@ -44,7 +44,7 @@ class SynthSong:
     beat_times_s: NDArray[np.float64]  # (Q,), each on a sample
     beats_per_bar: int
     sections: tuple[Section, ...]
-    tempo: TempoMap  # in beats from the first one
+    tempo: TempoMap  # in beats from the first beat
     swing: float
     seed: int
 
@@ -55,7 +55,7 @@ class SynthSong:
 
     @property
     def n_bars(self) -> int:
-        """Whole bars, without the closing downbeat."""
+        """Number of bars, without the closing downbeat."""
         return (len(self.beat_times_s) - 1) // self.beats_per_bar
 
     @property
@@ -64,7 +64,7 @@ class SynthSong:
         return self.beat_times_s[:: self.beats_per_bar]
 
     def truth(self) -> dict[str, Any]:
-        """Everything known about the song, ready for JSON."""
+        """The ground truth of the song, JSON-serialisable."""
         bpm = self.tempo.bpm_at(np.arange(len(self.beat_times_s)))
         bars = self.bar_times_s
         return {
@@ -101,24 +101,24 @@ def render_song(
     ramp_to_bpm: float | None = None,
     tempo_map: Sequence[tuple[float, float]] | None = None,
     lead_in_s: float = 0.25,
-) -> SynthSong:
-    """Compose and play a song.
+) -> SyntheticSong:
+    """Compose and render a song.
 
     Parameters
     ----------
     style : a `SongStyle`, or a genre's name in `STYLES`
-    bpm : beats a minute; None for the middle of the genre's range
-    n_bars, duration_s : length of the bars; give one. A duration is met to the nearest even number of
-        bars. The closing chord rings for another bar and 1.5 s
-    seed : key, chords, motifs, sounds and touches follow from it; the same seed gives the same samples
-    swing : 0 (straight) to 1 (triplets); None for the genre's own
-    ramp_to_bpm : tempo at the end, reached by the same BPM every second
+    bpm : beats per minute; None: the middle of the genre's range
+    n_bars, duration_s : length; give one of them. A duration is rounded to an even number of bars. The
+        closing chord rings for another bar and 1.5 s
+    seed : determines key, chords, motifs, sounds and velocities; the same seed gives the same samples
+    swing : 0 (straight) to 1 (triplets); None: the genre's swing
+    ramp_to_bpm : tempo at the end of a ramp that is linear in time
     tempo_map : (beat, BPM) points instead of `bpm` and `ramp_to_bpm`; see `TempoMap`
     lead_in_s : silence before the first beat
 
     Returns
     -------
-    SynthSong   stereo, about -14 LUFS, with beats, bars, sections and tempo
+    SyntheticSong   stereo, about -14 LUFS, with beats, bars, sections and tempo
 
     Raises
     ------
@@ -138,10 +138,10 @@ def render_song(
     sections = form(n_bars, 8 if bar_s < _FASTEST_LONG_BAR_S and n_bars >= 16 else 4)
     tracks = compose(style, sections, np.random.default_rng([seed, *style.name.encode()]))
     steps = np.arange(STEPS_PER_BEAT * (n_beats + style.beats_per_bar) + 1) / STEPS_PER_BEAT
-    step_s = lead_in_s + tempo.seconds(swung(steps, swing, style.swing_unit_beats))
+    step_s = lead_in_s + tempo.seconds(apply_swing(steps, swing, style.swing_unit_beats))
     beats = np.rint(step_s[: STEPS_PER_BEAT * n_beats + 1 : STEPS_PER_BEAT] * RATE_HZ) / RATE_HZ
-    samples = mixed(style, tracks, step_s)
-    return SynthSong(samples, style.name, beats, style.beats_per_bar, sections, tempo, swing, seed)
+    samples = mix_tracks(style, tracks, step_s)
+    return SyntheticSong(samples, style.name, beats, style.beats_per_bar, sections, tempo, swing, seed)
 
 
 def _checked_style(style: SongStyle | str) -> SongStyle:
@@ -160,34 +160,34 @@ def _length(
     ramp_to_bpm: float | None,
     tempo_map: Sequence[tuple[float, float]] | None,
 ) -> tuple[int, TempoMap]:
-    """Whole bars, and the tempo map over them."""
+    """The number of bars and the tempo map."""
     if (n_bars is None) == (duration_s is None):
         raise ParameterError("expected either n_bars or duration_s, got both or neither")
     if duration_s is not None:
         if not (np.isfinite(duration_s) and duration_s > 0.0):
             raise ParameterError(f"expected a duration in seconds above 0, got {duration_s:g}")
         mean_bpm = bpm if ramp_to_bpm is None else 0.5 * (bpm + ramp_to_bpm)
-        beats = duration_s * mean_bpm / 60.0  # a ramp linear in time plays as many beats as its mean
+        beats = duration_s * mean_bpm / 60.0  # a ramp linear in time has as many beats as its mean tempo
         if tempo_map is not None:
-            beats = beats_within(steady_or_ramp(bpm, None, tempo_map, 1.0), duration_s)
+            beats = beats_within(tempo_map_from(bpm, None, tempo_map, 1.0), duration_s)
         n_bars = 2 * round(beats / style.beats_per_bar / 2.0)
     if n_bars is None or n_bars < 2:
         raise ParameterError(f"expected a song of two bars or more, got {n_bars} bars")
-    return n_bars, steady_or_ramp(bpm, ramp_to_bpm, tempo_map, n_bars * style.beats_per_bar)
+    return n_bars, tempo_map_from(bpm, ramp_to_bpm, tempo_map, n_bars * style.beats_per_bar)
 
 
 def write_song(
     path: str | Path,
-    song: SynthSong,
+    song: SyntheticSong,
     *,
     truth_path: str | Path | None = None,
     compression_level: float | None = None,
 ) -> None:
-    """Write the samples as .flac, .wav (16 bit) or .ogg (Vorbis), and the truth as JSON if asked.
+    """Write the samples as .flac, .wav (16 bit) or .ogg (Vorbis), and optionally the ground truth as JSON.
 
-    `compression_level`, 0 (large) to 1 (small), is the codec's own scale; None for its default. An .ogg's
-    bytes differ from one writing to the next by the stream's random number; its sound does not.
-    `ParameterError` for another suffix or a missing folder; `ChoreographError` if the disk refuses.
+    `compression_level`, 0 (large) to 1 (small), is the codec's scale; None: its default. The bytes of an .ogg
+    differ from write to write by the stream's random serial number; its sound does not. Raises
+    `ParameterError` for another suffix or a missing folder; `ChoreographError` if it cannot be written.
     """
     import soundfile
 

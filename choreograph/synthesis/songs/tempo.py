@@ -1,4 +1,4 @@
-"""Where beats lie: tempo maps with steady stretches and ramps, and swing, all in closed form."""
+"""Beat times: tempo maps with steady parts and ramps, and swing, in closed form."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _SLOWEST_BPM, _FASTEST_BPM = 20.0, 400.0
 
 @dataclass(frozen=True)
 class TempoMap:
-    """Tempo at chosen beats; between two of them it changes linearly in time.
+    """Tempo at given beats; between two of them it changes linearly in time.
 
-    Beat 0 is at 0 s. Before the first and after the last point the tempo stays as it is there.
+    Beat 0 is at 0 s. Before the first and after the last point the tempo is constant.
     """
 
     points: tuple[tuple[float, float], ...]  # (beat, BPM), beats increasing
@@ -40,11 +40,11 @@ class TempoMap:
 
     @classmethod
     def ramp(cls, from_bpm: float, to_bpm: float, n_beats: float) -> TempoMap:
-        """From one tempo to another over `n_beats`, by the same BPM each second."""
+        """From one tempo to another over `n_beats`, linearly in time."""
         return cls(((0.0, from_bpm), (float(n_beats), to_bpm)))
 
     def seconds(self, beats: ArrayLike) -> NDArray[np.float64]:
-        """Instants of (fractional) beats in seconds; beats before 0 are before 0 s."""
+        """Times of (fractional) beats in seconds; negative for beats before 0."""
         beats = np.asarray(beats, np.float64)
         return self._from_first_point(beats) - self._from_first_point(np.zeros(1))[0]
 
@@ -67,11 +67,11 @@ class TempoMap:
         return points[:, 0], points[:, 1]
 
 
-def swung(beats: ArrayLike, swing: float, unit_beats: float = 0.5) -> NDArray[np.float64]:
-    """Beats with every second unit played late: 0 straight, 1 triplets (two thirds of the way).
+def apply_swing(beats: ArrayLike, swing: float, unit_beats: float = 0.5) -> NDArray[np.float64]:
+    """Beats with every second unit delayed: 0 straight, 1 triplets (two thirds of the way).
 
-    Each pair of units is stretched piecewise linearly, so beats stay where they are and whatever lies
-    between two units moves along.
+    Each pair of units is warped piecewise linearly, so beats stay in place and times between two units
+    move along.
     """
     beats = np.asarray(beats, np.float64)
     pair = 2.0 * unit_beats
@@ -82,7 +82,7 @@ def swung(beats: ArrayLike, swing: float, unit_beats: float = 0.5) -> NDArray[np
 
 
 def beats_within(tempo: TempoMap, duration_s: float) -> float:
-    """How many beats the map plays in `duration_s` from beat 0."""
+    """Number of beats in the first `duration_s` of the map."""
     low, high = 0.0, duration_s * _FASTEST_BPM / 60.0
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -97,10 +97,10 @@ def checked_swing(swing: float) -> float:
     return float(swing)
 
 
-def steady_or_ramp(
+def tempo_map_from(
     bpm: float, ramp_to_bpm: float | None, tempo_map: Sequence[tuple[float, float]] | None, n_beats: float
 ) -> TempoMap:
-    """The map that a song's tempo arguments describe; points of `tempo_map` win over `bpm`."""
+    """The tempo map of a song's arguments; `tempo_map` takes precedence over `bpm`."""
     if tempo_map is not None:
         return TempoMap(tuple((float(beat), float(value)) for beat, value in tempo_map))
     return TempoMap.steady(bpm) if ramp_to_bpm is None else TempoMap.ramp(bpm, ramp_to_bpm, n_beats)

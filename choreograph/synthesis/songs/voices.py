@@ -1,9 +1,9 @@
-"""Pitched voices: one wavetable engine whose spectrum ages, and FM for struck metal.
+"""Pitched synthesiser voices: wavetable synthesis with a time-varying spectrum, and FM for struck metal.
 
-A note of a `Patch` is a bank of single cycles, each the spectrum at one age of the note (oscillator x
-low-pass with its envelope x damping that grows with the harmonic), read at the note's pitch while
-the reading glides through the bank. Saws through filters, plucked strings, organs and reeds are the
-same few lines, free of aliasing, and cost four table look-ups a sample.
+A note of a `Patch` is a bank of single cycles, each with the spectrum at one age of the note (oscillator x
+low-pass with its envelope x damping that grows with the harmonic). The bank is read at the note's pitch,
+interpolated by age. Filtered saws, plucked strings, organs and reeds are thus the same few lines, free of
+aliasing, at four table look-ups per sample.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class Patch:
 
     wave: str = "saw"  # saw, square, pulse, triangle, reed, sine, or drawbar levels as "8 0 6 ..."
     bright_hz: float = 6000.0  # cutoff when struck
-    dark_hz: float = 1500.0  # cutoff it falls (or rises) to
-    glide_s: float = 0.2  # time constant of that
+    dark_hz: float = 1500.0  # final cutoff, lower or higher
+    glide_s: float = 0.2  # time constant of the cutoff
     resonance: float = 0.0  # dB at the cutoff
-    damping: float = 0.0  # 1/s per harmonic: strings lose their highs first
+    damping: float = 0.0  # 1/s per harmonic: strings lose high harmonics first
     attack_s: float = 0.004
     decay_s: float = 0.3
     sustain: float = 0.7  # level after the decay
@@ -45,12 +45,12 @@ class Patch:
 
 @dataclass(frozen=True)
 class FmPatch:
-    """A sine bent by a sine: electric piano, vibraphone, bells."""
+    """A two-operator FM voice: electric piano, vibraphone, bells."""
 
-    ratio: float = 1.0  # modulator over carrier
-    depth: float = 1.5  # radians when struck
+    ratio: float = 1.0  # modulator over carrier frequency
+    depth: float = 1.5  # modulation depth at the attack, radians
     depth_decay_s: float = 0.4
-    strike_ratio: float = 14.0  # a short second partial: the hammer on the tine
+    strike_ratio: float = 14.0  # frequency ratio of a short partial: the hammer on the tine
     strike: float = 0.1
     decay_s: float = 1.2
     release_s: float = 0.12
@@ -90,10 +90,10 @@ VOICES: dict[str, Patch | FmPatch] = {
 }
 
 
-def play(name: str, midi: int, duration_s: float, velocity: float, *, seed: int = 0) -> Wave:
-    """One note, float32 (S,) at 44.1 kHz, its release included; about unit peak at velocity 1.
+def render_note(name: str, midi: int, duration_s: float, velocity: float, *, seed: int = 0) -> Wave:
+    """One note, float32 (S,) at 44.1 kHz, including its release; about unit peak at velocity 1.
 
-    `velocity` (0 … 1) changes the tone alone: loudness is the mixer's. `seed` sets the phases.
+    `velocity` (0 … 1) changes only the timbre: the mixer sets the loudness. `seed` sets the phases.
     """
     patch = VOICES[name]
     rng = np.random.default_rng(seed)
@@ -130,10 +130,10 @@ def _patch_note(
 
 
 def _bank(patch: Patch, hz: float, velocity: float) -> Wave:
-    """Single cycles by age, (ages, _CYCLE); the first has unit peak."""
+    """Single cycles by age, (ages, _CYCLE); the first one has unit peak."""
     count = int(np.clip(_HIGHEST_HZ / hz, 1, _MOST_HARMONICS))
     n = np.arange(1, count + 1)
-    follow = (hz / 261.6) ** 0.5 * (0.55 + 0.45 * velocity)  # the filter opens with pitch and touch
+    follow = (hz / 261.6) ** 0.5 * (0.55 + 0.45 * velocity)  # key and velocity tracking of the filter
     fall = np.exp(-_AGES_S / patch.glide_s)[:, None]
     cutoff = follow * (patch.dark_hz + (patch.bright_hz - patch.dark_hz) * fall)  # (ages, 1)
     ratio = n * hz / cutoff  # (ages, H)
@@ -166,7 +166,7 @@ def _oscillator(wave: str, n: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def _vibrato(patch: Patch, t: Wave) -> Wave | float:
-    """Samples by which the phase runs ahead; the bending begins after 0.15 s."""
+    """Phase offset in samples; the vibrato starts after 0.15 s."""
     if not patch.vibrato_cents or len(t) < 0.15 * RATE_HZ:
         return 0.0
     depth = (2.0 ** (patch.vibrato_cents / 1200.0) - 1.0) * RATE_HZ / (2.0 * np.pi * patch.vibrato_hz)
@@ -190,7 +190,7 @@ def _envelope(patch: Patch, t: Wave, duration_s: float) -> Wave:
 
 
 def _release(t: Wave, duration_s: float, release_s: float) -> Wave:
-    """1 while the note is held, then down to exactly 0 at its end."""
+    """1 until the release, then down to exactly 0 at the end."""
     left = np.clip(1.0 - (t - np.float32(duration_s)) / np.float32(release_s), 0.0, 1.0)
     return np.asarray(left * left, np.float32)
 
@@ -198,11 +198,11 @@ def _release(t: Wave, duration_s: float, release_s: float) -> Wave:
 def _fm_note(patch: FmPatch, hz: float, duration_s: float, velocity: float) -> Wave:
     n = max(1, round((duration_s + patch.release_s) * RATE_HZ))
     t = np.arange(n, dtype=np.float32) / np.float32(RATE_HZ)
-    turn = (2.0 * np.pi * hz * np.arange(n) / RATE_HZ) % (2.0 * np.pi * 1000)
+    phase = (2.0 * np.pi * hz * np.arange(n) / RATE_HZ) % (2.0 * np.pi * 1000)
     depth = patch.depth * (0.4 + 0.6 * velocity) * np.exp(-t / np.float32(patch.depth_decay_s))
-    out = np.sin((turn + depth * np.sin(patch.ratio * turn)).astype(np.float32))
+    out = np.sin((phase + depth * np.sin(patch.ratio * phase)).astype(np.float32))
     if hz * patch.strike_ratio < _HIGHEST_HZ:
-        out += patch.strike * velocity * np.exp(-t / 0.06) * np.sin(patch.strike_ratio * turn)
+        out += patch.strike * velocity * np.exp(-t / 0.06) * np.sin(patch.strike_ratio * phase)
     level = np.exp(-t / np.float32(patch.decay_s)) * np.minimum(1.0, t / 0.002)
     level *= 1.0 - patch.tremolo * (0.5 - 0.5 * np.cos(2.0 * np.pi * 5.0 * t))
     return np.asarray(out * level * _release(t, duration_s, patch.release_s), np.float32)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from choreograph.features.rhythm import RHYTHM_DIM
 from synthetic_style_takes import genre_take
 
 from choreograph.errors import ParameterError
+from choreograph.features.tempogram import RHYTHM_DIM
 from choreograph.motion.body import mirrored
 from choreograph.nets.style.config import style_config
 from choreograph.nets.style.data import StyleData, augment_mel, augment_rhythm, count_beats

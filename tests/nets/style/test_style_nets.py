@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from choreograph.features.rhythm import RHYTHM_DIM
 from synthetic_style_takes import genre_take
 
 from choreograph.errors import ParameterError
+from choreograph.features.tempogram import RHYTHM_DIM
 from choreograph.nets.style.config import style_config
 from choreograph.nets.style.data import StyleData
 from choreograph.nets.style.model import StyleNets, centred, rotated_about_y

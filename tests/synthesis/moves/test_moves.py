@@ -1,4 +1,4 @@
-"""Every move of every genre obeys floor, feet, body and beat, at its songs' tempi, small and big."""
+"""Constraints on every move of every genre (floor, feet, body, beat) over tempi and sizes."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.kinematics import forward
-from choreograph.synthesis.moves import Move, Rendered, in_a_row, render
+from choreograph.synthesis.moves import Move, RenderedTake, render, sequence_moves
 from choreograph.synthesis.moves.genres import GENRES
-from choreograph.synthesis.moves.language import SIDES, pose, step, touch
+from choreograph.synthesis.moves.notation import SIDES, pose, step, touch
 from choreograph.synthesis.songs.genres import STYLES
 
 MOVES = {f"{genre.name}: {move.name}": move for genre in GENRES.values() for move in genre.moves}
@@ -27,8 +27,8 @@ every_move = pytest.mark.parametrize("name", MOVES)
 
 
 @cache
-def danced(name: str, bpm: float = 120.0, size: float = 1.0) -> tuple[Rendered, np.ndarray]:
-    """The move three times, and the counts; the other side where it ends on the other foot."""
+def danced(name: str, bpm: float = 120.0, size: float = 1.0) -> tuple[RenderedTake, np.ndarray]:
+    """The move three times, on alternate sides if it ends on the other foot, and the times of its counts."""
     row: list[Move] = []
     for _ in range(REPEATS):
         move = MOVES[name]
@@ -36,13 +36,13 @@ def danced(name: str, bpm: float = 120.0, size: float = 1.0) -> tuple[Rendered, 
             move = move.mirrored()
         row.append(move)
     counts_s = START_S + np.arange(REPEATS * MOVES[name].counts) * 60.0 / bpm
-    return render(in_a_row(row, size=size), counts_s, rng=np.random.default_rng(1)), counts_s
+    return render(sequence_moves(row, size=size), counts_s, rng=np.random.default_rng(1)), counts_s
 
 
 @every_move
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_it_moves_to_the_counts(name: str, share: float) -> None:
-    low, high = STYLES[name.partition(":")[0]].bpm  # what its songs have, and takes are danced to
+    low, high = STYLES[name.partition(":")[0]].bpm  # the range of its songs and takes
     bpm = max(90.0, low + share * (high - low))
     rendered, counts_s = danced(name, bpm)
     counts_s, half = counts_s[1:-2], 30.0 / bpm
@@ -53,19 +53,19 @@ def test_it_moves_to_the_counts(name: str, share: float) -> None:
 
 @every_move
 @pytest.mark.parametrize("size", [0.7, 1.25])
-def test_synthetic_feet_stand_still_on_the_floor(name: str, size: float) -> None:
+def test_planted_feet_stand_still_on_the_floor(name: str, size: float) -> None:
     rendered, _ = danced(name, 120.0, size)
     motion = rendered.motion
     pos = motion.joint_pos_m()
     for side in SIDES:
         path = rendered.feet[side]
-        assert path.synthetic.mean() > 0.3
-        assert (path.synthetic | (path.ball_m[:, 1] > 0.02)).mean() > 0.9  # it knows when it stands
-        for joint, still in (("foot", path.synthetic), ("ankle", path.flat)):
+        assert path.planted.mean() > 0.3
+        assert (path.planted | (path.ball_m[:, 1] > 0.02)).mean() > 0.9  # low feet are marked as planted
+        for joint, still in (("foot", path.planted), ("ankle", path.flat)):
             place = pos[:, motion.skeleton.index(f"{side}_{joint}")]
             speed = np.linalg.norm(np.diff(place, axis=0), axis=1) * motion.fps
             assert speed[still[1:] & still[:-1]].max() < 0.02
-        ball_y = pos[path.synthetic, motion.skeleton.index(f"{side}_foot"), 1]
+        ball_y = pos[path.planted, motion.skeleton.index(f"{side}_foot"), 1]
         np.testing.assert_allclose(ball_y, 0.015, atol=0.003)
 
 
@@ -123,12 +123,12 @@ def test_knees_bend_the_right_way(name: str) -> None:
 @pytest.mark.parametrize("tilt", [15.0, -15.0])
 def test_hip_tilt_puts_the_tail_back_under_a_quiet_chest(tilt: float) -> None:
     move = Move("tilt", 2, (step("left", 1), touch("right", 2)), {c: pose(hip_tilt=tilt) for c in (1, 2)})
-    motion = render(in_a_row([move, move.mirrored()]), START_S + 0.5 * np.arange(4), rng=None).motion
+    motion = render(sequence_moves([move, move.mirrored()]), START_S + 0.5 * np.arange(4), rng=None).motion
     frame = round((START_S + 1.0) * motion.fps)
     _, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
     pelvis, chest = (
         rot.rotate(quat[frame, motion.skeleton.index(joint)], np.array([0.0, 1.0, 0.0]))[2]
         for joint in ("pelvis", "spine3")
     )
-    assert np.sign(pelvis) == np.sign(tilt) and abs(pelvis) > 0.2  # its top forward: the tail back
+    assert np.sign(pelvis) == np.sign(tilt) and abs(pelvis) > 0.2  # the top forward, the tail back
     assert abs(chest) < 0.6 * abs(pelvis)

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from choreograph.errors import ParameterError
 from choreograph.synthesis.songs.genres import STYLES
 from choreograph.synthesis.songs.harmony import (
+    best_scale,
     chord,
-    fitting_scale,
-    kinship,
     progression,
     scale_notes,
-    voiced,
+    shared_tones,
+    voice_chords,
 )
-from choreograph.synthesis.songs.melody import Motif, realised
+from choreograph.synthesis.songs.melody import Motif, realise_motif
 
 
 def test_symbols_are_read():
@@ -44,7 +44,7 @@ def test_bars_may_hold_two_chords():
 )
 def test_voices_hold_every_tone_and_move_little(tonic, text):
     chords = [chord for bar in progression(text, tonic) for chord in bar] * 2
-    voicings = voiced(chords)
+    voicings = voice_chords(chords)
     for current, notes in zip(chords, voicings, strict=True):
         assert list(notes) == sorted(notes)
         sounding = {note % 12 for note in notes}
@@ -67,7 +67,7 @@ def test_melodies_rest_on_chord_tones(seed, tonic):
     ]
     home = chord("Cm7", tonic)
     scale = scale_notes("minor", tonic, 0, 127)
-    notes = realised(motif, rows, [home] * len(rows), scale, 72.0, varied=False, cadence=True)
+    notes = realise_motif(motif, rows, [home] * len(rows), scale, 72.0, varied=False, cadence=True)
     assert all(note % 12 in {n % 12 for n in scale} for note in notes)
     assert notes[-1] % 12 in home.pitch_classes[:2]
     strong = [note for note, (step, steps, _) in zip(notes, rows, strict=True) if step % 8 == 0 or steps >= 4]
@@ -79,10 +79,12 @@ def test_the_scale_is_the_chords_own():
     def chords(text):
         return [chord for bar in progression(text, 0) for chord in bar]
 
-    assert fitting_scale(chords("Am Dm7 E7 Am"), ("minor", "harmonic minor", "major")) == (
+    assert best_scale(chords("Am Dm7 E7 Am"), ("minor", "harmonic minor", "major")) == (
         "harmonic minor",
         9,
     )
-    assert fitting_scale(chords("C Am7 Dm7 G7"), ("major", "minor pentatonic")) == ("major", 0)
-    assert fitting_scale(chords("Dm7 Em7 Dm7 Em7"), ("dorian", "mixolydian"))[1] in (2, 9)
-    assert kinship(chords("C Am7"), chords("Am7 C")) == 1.0 > kinship(chords("C"), chords("C#")) == 0.0
+    assert best_scale(chords("C Am7 Dm7 G7"), ("major", "minor pentatonic")) == ("major", 0)
+    assert best_scale(chords("Dm7 Em7 Dm7 Em7"), ("dorian", "mixolydian"))[1] in (2, 9)
+    assert (
+        shared_tones(chords("C Am7"), chords("Am7 C")) == 1.0 > shared_tones(chords("C"), chords("C#")) == 0.0
+    )

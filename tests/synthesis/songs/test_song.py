@@ -1,4 +1,4 @@
-"""Songs: what is said about them is what sounds."""
+"""Songs: the audio agrees with its ground truth."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from scipy.signal import butter, sosfilt
 from choreograph.errors import ParameterError
 from choreograph.synthesis.songs import STYLES, render_song, write_song
 from choreograph.synthesis.songs.arrangement import form
+from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS, FIRST_SEED
 from choreograph.synthesis.songs.effects import loudness_lufs
 from choreograph.synthesis.songs.style import Lane, SongStyle
-from choreograph.synthesis.songs.testbed import FIRST_SEED, SONGS
 from choreograph.synthesis.songs.voices import RATE_HZ
 
 CLICK = SongStyle(  # nothing but a kick on each beat
@@ -36,11 +36,11 @@ def songs():
 
 
 def _onsets(samples, near_s):
-    """First sample near each instant where the level jumps, in seconds."""
+    """Time of the first loud sample near each time, in seconds."""
     mono = np.abs(samples.mean(axis=1))
     found = []
-    for instant in near_s:
-        start = round((instant - 0.03) * RATE_HZ)
+    for time_s in near_s:
+        start = round((time_s - 0.03) * RATE_HZ)
         window = mono[max(0, start) : start + round(0.06 * RATE_HZ)]
         found.append((max(0, start) + np.argmax(window > 0.1 * window.max())) / RATE_HZ)
     return np.array(found)
@@ -54,7 +54,7 @@ def test_a_beat_is_where_its_drum_begins(arguments):
 
 
 @pytest.mark.parametrize("genre", ["house", "disco", "swing", "waltz", "cha-cha"])
-def test_beats_of_real_genres_rise_where_they_are_said(genre, songs):
+def test_beats_of_genres_have_onsets_at_their_times(genre, songs):
     """In the full chorus the attack band rises more on beats than at the same lags around them."""
     song = songs[genre]
     chorus = next(section for section in song.sections if section.name == "chorus")
@@ -74,7 +74,7 @@ def test_beats_of_real_genres_rise_where_they_are_said(genre, songs):
     assert abs(lags[int(np.argmax(rise))]) <= 6  # 14 ms: the waves of a bass need as long to rise
 
 
-def test_songs_are_sound(songs):
+def test_level_and_format_of_songs(songs):
     for genre, song in songs.items():
         assert song.samples.dtype == np.float32 and song.samples.shape[1] == 2, genre
         assert np.isfinite(song.samples).all(), genre
@@ -87,7 +87,7 @@ def test_songs_are_sound(songs):
 
 
 def test_sections_differ_in_fullness(songs):
-    """What the energy promises is heard above 2 kHz, where a mix fills up."""
+    """Energy raises the level above 2 kHz."""
     for genre, song in songs.items():
         high = sosfilt(butter(2, 2000.0, "highpass", fs=RATE_HZ, output="sos"), song.samples, axis=0)
         level = {}
@@ -136,7 +136,7 @@ def test_sections_tile_the_song(n_bars):
         assert any(section.name == "chorus" for section in sections)
 
 
-def test_a_song_and_its_truth_are_written(tmp_path, songs):
+def test_a_song_and_its_ground_truth_are_written(tmp_path, songs):
     song = songs["waltz"]
     for suffix in ("flac", "wav", "ogg"):
         path = tmp_path / f"song.{suffix}"
@@ -178,10 +178,16 @@ def test_patterns_fill_whole_bars():
             assert len(pattern) % style.steps_per_bar == 0, (style.name, pattern)
 
 
-def test_the_test_bed_is_as_wide_as_the_benchmark_asks():
-    groups = {group: [song for song in SONGS if song.group == group] for group in ("steady", "ramp", "swung")}
+def test_benchmark_songs_cover_the_tempi():
+    groups = {
+        group: [song for song in BENCHMARK_SONGS if song.group == group]
+        for group in ("steady", "ramp", "swung")
+    }
     assert len(groups["steady"]) >= 8 and len(groups["ramp"]) >= 3 and len(groups["swung"]) >= 3
     assert min(s.bpm for s in groups["steady"]) == 85 and max(s.bpm for s in groups["steady"]) > 160
-    assert len({song.seed for song in SONGS}) == len(SONGS) and min(s.seed for s in SONGS) >= FIRST_SEED
+    assert (
+        len({song.seed for song in BENCHMARK_SONGS}) == len(BENCHMARK_SONGS)
+        and min(s.seed for s in BENCHMARK_SONGS) >= FIRST_SEED
+    )
     song = groups["ramp"][0].render()
     assert 45.0 < song.duration_s < 60.0

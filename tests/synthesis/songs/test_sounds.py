@@ -1,30 +1,30 @@
-"""Drums begin at once, voices sound at their pitch, and neither clicks."""
+"""Drums have an immediate onset, voices are in tune, and neither clicks."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from choreograph.synthesis.songs.drums import DRUMS, VARIANTS, hit
-from choreograph.synthesis.songs.effects import ducking, loudness_lufs, panned
-from choreograph.synthesis.songs.voices import RATE_HZ, VOICES, play
+from choreograph.synthesis.songs.drums import DRUMS, VARIANTS, drum_hit
+from choreograph.synthesis.songs.effects import ducking_gain, loudness_lufs, pan_stereo
+from choreograph.synthesis.songs.voices import RATE_HZ, VOICES, render_note
 
 
 @pytest.mark.parametrize("name", DRUMS)
 def test_a_hit_begins_on_its_first_samples_and_ends_softly(name):
-    sound = hit(name)
+    sound = drum_hit(name)
     assert np.abs(sound).max() == pytest.approx(1.0)
     assert np.abs(sound[: RATE_HZ // 100]).max() > 0.15, "most of it comes later than 10 ms"
     assert abs(sound[-1]) < 1e-3
     assert abs(sound.mean()) < 0.03
-    assert not np.array_equal(sound, hit(name, 1)[: len(sound)])
+    assert not np.array_equal(sound, drum_hit(name, 1)[: len(sound)])
     assert VARIANTS > 1
 
 
 @pytest.mark.parametrize("name", VOICES)
 @pytest.mark.parametrize("midi", [45, 76])
 def test_a_note_is_in_tune(name, midi):
-    sound = play(name, midi, 0.9, 0.8)
+    sound = render_note(name, midi, 0.9, 0.8)
     size = 1 << 18
     spectrum = np.abs(np.fft.rfft(sound * np.hanning(len(sound)), size)) ** 2
     hz = np.fft.rfftfreq(size, 1 / RATE_HZ)
@@ -38,20 +38,20 @@ def test_a_note_is_in_tune(name, midi):
 
 @pytest.mark.parametrize("name", VOICES)
 def test_a_note_starts_and_ends_at_rest(name):
-    sound = play(name, 60, 0.2, 0.9)
+    sound = render_note(name, 60, 0.2, 0.9)
     assert abs(sound[0]) < 0.05 and abs(sound[-1]) < 1e-3
     assert np.isfinite(sound).all()
     assert 0.2 < np.abs(sound).max() < 3.0
-    assert np.array_equal(sound, play(name, 60, 0.2, 0.9))
+    assert np.array_equal(sound, render_note(name, 60, 0.2, 0.9))
 
 
-def test_touch_brightens():
+def test_velocity_brightens():
     def centroid(sound):
         power = np.abs(np.fft.rfft(sound)) ** 2
         return (np.fft.rfftfreq(len(sound), 1 / RATE_HZ) * power).sum() / power.sum()
 
     for name in ("piano", "stab", "electric piano", "brass"):
-        assert centroid(play(name, 57, 0.5, 1.0)) > 1.05 * centroid(play(name, 57, 0.5, 0.25))
+        assert centroid(render_note(name, 57, 0.5, 1.0)) > 1.05 * centroid(render_note(name, 57, 0.5, 0.25))
 
 
 def test_loudness_of_a_known_tone():
@@ -64,12 +64,12 @@ def test_loudness_of_a_known_tone():
 
 def test_width_leaves_the_mono_sum_alone():
     track = np.random.default_rng(0).standard_normal(5000).astype(np.float32)
-    left, right = panned(track, 0.0, 1.0)
+    left, right = pan_stereo(track, 0.0, 1.0)
     assert left + right == pytest.approx(np.sqrt(2.0) * track, abs=1e-5)
     assert np.abs(left - right).max() > 0.1
 
 
 def test_ducking_dips_at_kicks_and_recovers():
-    gain = ducking(RATE_HZ, np.array([1000, 30000]), 0.5)
+    gain = ducking_gain(RATE_HZ, np.array([1000, 30000]), 0.5)
     assert gain[999] == 1.0 and gain.min() == pytest.approx(0.5, abs=0.02)
     assert gain[25000] > 0.99 and np.abs(np.diff(gain)).max() < 0.02

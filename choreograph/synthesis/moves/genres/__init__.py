@@ -1,4 +1,4 @@
-"""One module a genre: its moves as data, and a `Genre` that says how they are danced."""
+"""One module per genre: its moves as data, and a `Genre` with the manner of dancing."""
 
 from choreograph.synthesis.moves.genres.cha_cha import CHA_CHA
 from choreograph.synthesis.moves.genres.contemporary import CONTEMPORARY

@@ -8,7 +8,7 @@ Moves of four counts drift with their chassé and come back in their mirror.
 from __future__ import annotations
 
 from choreograph.synthesis.moves.genres.cuban import over
-from choreograph.synthesis.moves.language import (
+from choreograph.synthesis.moves.notation import (
     Bounce,
     Move,
     Step,

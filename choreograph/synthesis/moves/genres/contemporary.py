@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from choreograph.synthesis.moves.language import (
+from choreograph.synthesis.moves.arm_poses import Arm
+from choreograph.synthesis.moves.notation import (
     Bounce,
     Move,
     both_sides,
@@ -15,7 +16,6 @@ from choreograph.synthesis.moves.language import (
     step,
     touch,
 )
-from choreograph.synthesis.moves.poses import Arm
 from choreograph.synthesis.moves.sequencer import Genre
 
 # Weight taken on 3.05 sets off just after 2: a stop on 2 that lasts is over before.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from choreograph.synthesis.moves.language import Pose, Side, pose
-from choreograph.synthesis.moves.poses import Arm
+from choreograph.synthesis.moves.arm_poses import Arm
+from choreograph.synthesis.moves.notation import Pose, Side, pose
 
 
 def over(

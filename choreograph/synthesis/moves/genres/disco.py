@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from choreograph.synthesis.moves.language import (
+from choreograph.synthesis.moves.notation import (
     Bounce,
     Move,
     Pose,

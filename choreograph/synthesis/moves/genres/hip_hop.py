@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from choreograph.synthesis.moves.language import (
+from choreograph.synthesis.moves.arm_poses import Arm
+from choreograph.synthesis.moves.notation import (
     Bounce,
     Move,
     Side,
@@ -15,7 +16,6 @@ from choreograph.synthesis.moves.language import (
     step,
     touch,
 )
-from choreograph.synthesis.moves.poses import Arm
 from choreograph.synthesis.moves.sequencer import Genre
 
 _DEEP = Bounce(0.05, "down")

@@ -6,7 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from choreograph.synthesis.moves.language import (
+from choreograph.synthesis.moves.arm_poses import Arm
+from choreograph.synthesis.moves.keyframes import HOME_FWD_M, HOME_SIDE_M
+from choreograph.synthesis.moves.notation import (
     Bounce,
     Move,
     Pose,
@@ -20,8 +22,6 @@ from choreograph.synthesis.moves.language import (
     step,
     touch,
 )
-from choreograph.synthesis.moves.poses import Arm
-from choreograph.synthesis.moves.score import HOME_FWD_M, HOME_SIDE_M
 from choreograph.synthesis.moves.sequencer import Genre
 
 _DOWN = Bounce(0.03, "down")

@@ -7,7 +7,7 @@ The counts are the music's quarter notes, even at 190 of them a minute: that is 
 from __future__ import annotations
 
 from choreograph.synthesis.moves.genres.cuban import over
-from choreograph.synthesis.moves.language import (
+from choreograph.synthesis.moves.notation import (
     Bounce,
     Move,
     kick,

@@ -8,7 +8,8 @@ from __future__ import annotations
 from math import cos, pi, sin
 from typing import Any
 
-from choreograph.synthesis.moves.language import (
+from choreograph.synthesis.moves.arm_poses import Arm
+from choreograph.synthesis.moves.notation import (
     Bounce,
     Move,
     Pose,
@@ -23,7 +24,6 @@ from choreograph.synthesis.moves.language import (
     step,
     touch,
 )
-from choreograph.synthesis.moves.poses import Arm
 from choreograph.synthesis.moves.sequencer import Genre
 
 Place = tuple[float, float]  # (left, forward), m

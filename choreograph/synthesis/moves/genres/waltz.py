@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import cos, pi, sin
 from typing import Any
 
-from choreograph.synthesis.moves.language import (
+from choreograph.synthesis.moves.notation import (
     Bounce,
     Move,
     Pose,

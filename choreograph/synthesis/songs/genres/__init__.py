@@ -1,4 +1,4 @@
-"""The genres as data, by name."""
+"""Song styles of the genres, by name."""
 
 from choreograph.synthesis.songs.genres.ballroom import SWING, TANGO, WALTZ
 from choreograph.synthesis.songs.genres.club import DISCO, FUNK, HOUSE

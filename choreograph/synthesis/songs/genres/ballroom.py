@@ -1,4 +1,4 @@
-"""Waltz, tango and swing. `style` explains the letters."""
+"""Waltz, tango and swing. See `style` for the pattern letters."""
 
 from __future__ import annotations
 

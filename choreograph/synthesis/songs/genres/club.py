@@ -1,4 +1,4 @@
-"""House, disco and funk: a kick that leads, a bass that dances. `style` explains the letters."""
+"""House, disco and funk: a kick that leads, a bass that dances. See `style` for the pattern letters."""
 
 from __future__ import annotations
 
