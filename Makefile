@@ -37,7 +37,7 @@ dance: setup
 # Renders the built-in takes and songs and rebuilds the built-in repertoire; TAKES adds real takes to train on.
 starter: setup
 	$(BIN)/python -m choreograph.starter.song_recipe
-	$(BIN)/choreograph build-starter $(if $(TAKES),--learn-from "$(TAKES)") $(if $(LEAVE_OUT),--leave-out "$(LEAVE_OUT)")
+	$(BIN)/choreograph build-starter $(if $(TAKES),--train-on "$(TAKES)") $(if $(LEAVE_OUT),--leave-out "$(LEAVE_OUT)")
 
 benchmark: setup
 	$(BIN)/pytest --benchmark-only tests/benchmarks

@@ -36,9 +36,7 @@ class DanceConfig:
     selection: str = "style"  # which clips: the nearest in style, or "random" (graph)
     warping: str = "dtw"  # clips to the music's tempo, or "none": as recorded (graph)
     blending: str = "inertial"
-    transitions: str = (
-        "beats"  # where takes change: when the joined motion keeps the beat best, or on "seconds"
-    )
+    transitions: str = "beats"  # where takes change: where it best keeps the beat, or on "seconds" (graph)
     fps: float = 60.0
     seed: int = 0
     beats: str = "tempo-path"  # beat tracker

@@ -1,7 +1,7 @@
-"""Every error a caller can cause, as one small family.
+"""The errors that a caller can cause.
 
-A message is one line: what was expected, what came, the likely cause. The command line prints it
-and exits with status 2; anything outside this family is a defect of ours.
+A message is one line: "expected X, got Y: likely cause". The command line prints it and exits with
+status 2. Any other exception is a bug in this program.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ class ChoreographError(Exception):
 
 
 class ParameterError(ChoreographError, ValueError):
-    """An argument, option or config key has a value that cannot be used."""
+    """An argument, option or config key has an invalid value."""
 
 
 class FormatError(ChoreographError, ValueError):
-    """A file that came in (song, take, plan, manifest) is not what it should be."""
+    """An input file (song, take, plan, manifest) is damaged or in an unexpected format."""
 
 
 class RepertoireError(ChoreographError):
-    """A repertoire file is missing, damaged, of another version, or lacks what is asked of it."""
+    """A repertoire file is missing, damaged, of another version, or lacks the requested content."""
 
 
 class NoPathError(ChoreographError):
-    """No dance exists under the given costs: some second has no allowed node."""
+    """No dance satisfies the given costs: some second has no allowed node."""

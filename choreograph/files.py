@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and their checksums."""
+"""Atomic writing of files, and checksums."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from choreograph.errors import ChoreographError, ParameterError
 
 
 def check_target(path: str | Path) -> Path:
-    """The path, if a file can be made there; `ParameterError` if its folder is missing or it is a folder."""
+    """The path as a `Path`; `ParameterError` if its folder is missing or it is a folder itself."""
     path = Path(path)
     if not path.parent.is_dir():
         raise ParameterError(f"cannot write {path}: there is no folder {path.parent}")
@@ -23,10 +23,10 @@ def check_target(path: str | Path) -> Path:
 
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
-    """A temporary path beside `path`: renamed onto it at the end, removed if anything fails.
+    """A temporary path beside `path`, renamed to it at the end and removed if anything fails.
 
-    Raises `ParameterError` as `check_target` does, and `ChoreographError` in place of an `OSError`
-    from the body or the renaming (a full disk, no permission).
+    Raises `ParameterError` as `check_target` does, and `ChoreographError` for an `OSError` in the body or
+    while renaming (disk full, no permission).
     """
     path = check_target(path)
     temporary = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}{path.suffix}")

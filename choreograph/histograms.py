@@ -1,4 +1,4 @@
-"""Shares of numbered things, and how far two such histograms are apart."""
+"""Distance between normalised histograms."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ Floats = NDArray[np.float64]
 
 
 def chi_square_distance(a: Floats, b: Floats) -> Floats:
-    """Distance of shares (..., K), broadcasting, from 0 (equal) to 1 (nothing shared).
+    """Chi-square distance of histograms (..., K) that sum to 1, from 0 (equal) to 1 (disjoint); broadcasts.
 
-    ½ Σ_k (a_k - b_k)² / (a_k + b_k), as Rhythm is a Dancer's equation 11 is read; what neither has counts 0.
+    ½ Σ_k (a_k - b_k)² / (a_k + b_k), our reading of Rhythm is a Dancer, equation 11. Bins empty in both add
+    nothing.
     """
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     both = a + b

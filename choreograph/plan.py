@@ -96,17 +96,17 @@ class Plan:
             blocks.extend(_unreplaced_blocks(second, span_s, self.words))
         return tuple(sorted(blocks, key=lambda block: block.start_s))
 
+    @property
+    def from_takes(self) -> bool:
+        """Whether every block is a piece of a take; False if a network generates the motion."""
+        return all(block.planned.take for block in self.blocks)
+
     def takes_s(self) -> dict[str, float]:
         """Take -> how many seconds of the dance are from it, in order of first appearance."""
         danced: dict[str, float] = {}
         for block in self.blocks:
             danced[block.planned.take] = danced.get(block.planned.take, 0.0) + block.end_s - block.start_s
         return danced
-
-    @property
-    def from_takes(self) -> bool:
-        """Whether every part of the dance is of a take, so that it can be rendered from a repertoire."""
-        return all(block.planned.take for block in self.blocks)
 
     @property
     def total_cost(self) -> float:

@@ -9,8 +9,8 @@ from choreograph.audio.song import Song
 from choreograph.features.density import music_density
 from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import DEFAULT_TRACKER, get_beat_tracker
-from choreograph.features.rhythm import rhythm_features
 from choreograph.features.song_features import SongFeatures
+from choreograph.features.tempogram import rhythm_features
 from choreograph.repertoire import Repertoire
 
 

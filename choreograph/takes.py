@@ -10,7 +10,7 @@ from choreograph.motion.motion import Motion
 
 @dataclass(frozen=True)
 class Credits:
-    """Whose motion a take is and under what terms; empty where the source does not say."""
+    """Performer, licence and source of a take; empty where the source does not state them."""
 
     genre: str = ""
     performer: str = ""
@@ -20,13 +20,13 @@ class Credits:
 
 @dataclass(frozen=True, eq=False)
 class Take:
-    """One performance: its motion, where its music is, and whose it is."""
+    """One performance: its motion, its song file and its credits."""
 
     name: str  # unique in a repertoire
     motion: Motion
     credits: Credits
     song_path: Path | None = None  # None: motion only
-    song_start_s: float = 0.0  # instant of the song file at the motion's first frame
-    song_name: str = ""  # takes of one song share it: splits never cut between them
-    source_paths: tuple[Path, ...] = ()  # every file the take was read from, for checksums
-    notes: tuple[str, ...] = ()  # what was odd and how it was read, one line each
+    song_start_s: float = 0.0  # time in the song file of the motion's first frame
+    song_name: str = ""  # the same for all takes of a song: splits keep them together
+    source_paths: tuple[Path, ...] = ()  # all files the take was read from, for checksums
+    notes: tuple[str, ...] = ()  # anything unusual in the files and how it was handled, one line each

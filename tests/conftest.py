@@ -17,7 +17,7 @@ if worker := os.environ.get("PYTEST_XDIST_WORKER"):
     cache = Path(__file__).resolve().parents[1] / ".pytest_cache" / "numba" / worker
     os.environ.setdefault("NUMBA_CACHE_DIR", str(cache))
 
-# A loaded machine is no failure: laws are held to what they say, not to how long it takes.
+# Property tests check what a law says, not how long it takes on a loaded machine.
 settings.register_profile("choreograph", deadline=None)
 settings.load_profile("choreograph")
 

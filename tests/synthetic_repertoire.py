@@ -67,7 +67,7 @@ def synthetic_vocabulary(takes: Sequence[MeasuredTake]) -> tuple[Vocabulary, Net
     with torch.random.fork_rng():
         torch.manual_seed(0)
         net = WordNet(word_config("tiny"))
-    net.begin_with(torch.from_numpy(words.astype(np.float32)))
+    net.init_from_pca(torch.from_numpy(words.astype(np.float32)))
     motifs, word_motif = find_motifs(net.embed(words))
     vocabulary = make_vocabulary(
         motifs, word_motif, np.repeat(np.arange(len(takes)), [len(c) for c in cut]),

@@ -1,4 +1,4 @@
-"""Takes with a planted answer for rollouts: a body that swings its arms, left or right, on every beat."""
+"""Synthetic takes for the rollout network: a body swings its left or right arm, or both, on every beat."""
 
 import numpy as np
 
@@ -9,16 +9,17 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.nets.rollout.data import ROLLOUT_FPS, RolloutTake
 from choreograph.nets.words.config import word_config
+from choreograph.nets.words.data import WordTake
 from choreograph.nets.words.model import WordNet
-from choreograph.nets.words.train import WordTake, train_word_net
+from choreograph.nets.words.train import train_word_net
 
 BEAT_S = 0.5
 N_BEATS = 24
-KINDS = 3  # the left arm, the right arm, both
+KINDS = 3  # of beats: left arm, right arm, both
 
 
 def synthetic_motion(kinds: np.ndarray) -> Motion:
-    """Beat by beat (N,) the arms of a kind are raised and lowered."""
+    """The arms of each beat's kind, of `kinds` (N,), are raised and lowered on it."""
     skeleton = canonical_skeleton()
     n_frames = round(len(kinds) * BEAT_S * ROLLOUT_FPS) + 1
     times = np.arange(n_frames) / ROLLOUT_FPS
@@ -33,8 +34,17 @@ def synthetic_motion(kinds: np.ndarray) -> Motion:
     return Motion(skeleton, root, quat, ROLLOUT_FPS)
 
 
+def random_motion(seed: int, n_frames: int = 40) -> Motion:
+    """A random walk of the root and of all rotations."""
+    rng = np.random.default_rng(seed)
+    steps = rng.normal(0, 0.05, (n_frames, 24, 3))
+    quat = rot.from_rotvec(np.cumsum(steps, axis=0))
+    root = np.cumsum(rng.normal(0, 0.02, (n_frames, 3)), axis=0) + np.array([0.0, 0.9, 0.0])
+    return Motion(canonical_skeleton(), root, rot.make_continuous(quat), ROLLOUT_FPS)
+
+
 def synthetic_takes(n_takes: int = 3) -> list[RolloutTake]:
-    """Takes of random kinds, and what `synthetic_words` says of their words; every kind is a motif."""
+    """Takes of random kinds of beats. Embeddings and motifs are empty: `synthetic_words` fills them in."""
     takes = []
     for seed in range(n_takes):
         rng = np.random.default_rng(seed)
@@ -52,7 +62,7 @@ def synthetic_takes(n_takes: int = 3) -> list[RolloutTake]:
 
 
 def synthetic_words(takes: list[RolloutTake]) -> WordNet:
-    """A word network trained on the takes; their embeddings and motifs are filled in."""
+    """A word network trained on the takes; fills in their embeddings and, the same, motifs."""
     bodies = [body_pos_m(take.motion) for take in takes]
     net = train_word_net(
         [WordTake(t.name, b, ROLLOUT_FPS, t.start_s, t.end_s) for t, b in zip(takes, bodies, strict=True)],

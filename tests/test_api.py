@@ -11,7 +11,7 @@ from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 import choreograph as cg
 
-USER_SCRIPT = '''
+USER_SCRIPT = """
 from pathlib import Path
 import choreograph as cg
 
@@ -38,7 +38,7 @@ def wrong() -> None:
     cg.dance(5)
     cg.build("takes/", "rep.h5", preset=3)
     cg.not_there
-'''
+"""
 
 
 @pytest.fixture(scope="module")

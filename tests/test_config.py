@@ -13,7 +13,7 @@ def written(path, text: str):
     return path
 
 
-def test_a_file_goes_over_the_defaults(tmp_path):
+def test_a_file_replaces_defaults(tmp_path):
     path = written(tmp_path / "c.toml", 'planner = "greedy"\nfps = 30\n[weights]\nstyle = 2\n')
     config = load_config(path, DanceConfig(candidates=7))
     assert config == DanceConfig(planner="greedy", fps=30, candidates=7, weights={"style": 2})
@@ -44,13 +44,13 @@ def test_a_file_goes_over_the_defaults(tmp_path):
         ("weights = {style = 1" + 400 * "0" + "}", "style"),
     ],
 )
-def test_what_cannot_be_used_is_named(tmp_path, text, named):
-    with pytest.raises(ParameterError, match=named) as said:
+def test_unusable_settings_are_named(tmp_path, text, named):
+    with pytest.raises(ParameterError, match=named) as raised:
         load_config(written(tmp_path / "c.toml", text))
-    assert "\n" not in str(said.value)
+    assert "\n" not in str(raised.value)
 
 
-def test_what_is_not_toml(tmp_path):
+def test_malformed_toml(tmp_path):
     binary = tmp_path / "b.toml"
     binary.write_bytes(b"\xff\xfe")
     for path in (written(tmp_path / "c.toml", "a = = 1"), tmp_path / "none.toml", tmp_path, binary):

@@ -1,98 +1,148 @@
-"""Every example runs, and every command of the README is one the program knows."""
+"""Every example runs, the README is short, and it names only commands, options and files that exist."""
 
+from __future__ import annotations
+
+import json
 import re
+import runpy
 import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-from synthetic_repertoire import synthetic_repertoire, write_clicks
+from command_line import run
+from synthetic_repertoire import synthetic_repertoire
 
-from choreograph.cli import main
+import choreograph as cg
 
 ROOT = Path(__file__).resolve().parents[1]
-EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
+NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
+PAPERS = sorted((ROOT / "examples" / "papers").glob("*.py"))
+PAGES = [ROOT / "README.md", *sorted((ROOT / "examples" / "results").glob("*.md"))]
+MODEL_CARD = ROOT / "choreograph" / "starter" / "MODEL_CARD.md"
+WRITTEN = {
+    "01_own_library.py": ("rep.h5", "own.bvh"),
+    "02_own_cost.py": ("low.bvh",),
+    "03_edit_a_plan.py": ("plan.json", "edited.json", "edited.bvh"),
+    "04_batch_of_songs.py": ("dances.csv",),
+    "05_controls.py": ("controlled.bvh",),
+    "07_moving_picture.py": ("dance.webp",),
+}
 
 
-def run_example(name: str, *arguments: object) -> str:
-    command = [sys.executable, str(ROOT / "examples" / name), *map(str, arguments)]
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.name)
+def test_an_example_runs_as_it_is(path, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [str(path)])
+    runpy.run_path(str(path), run_name="__main__")
+    assert capsys.readouterr().out
+    for name in WRITTEN[path.name]:
+        assert (tmp_path / name).stat().st_size > 0
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.name)
+def test_a_notebook_runs_and_is_stored_without_outputs(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    cells = [c for c in json.loads(path.read_text(encoding="utf-8"))["cells"] if c["cell_type"] == "code"]
+    assert cells and not any(cell["outputs"] or cell["execution_count"] for cell in cells)
+    names: dict[str, object] = {}
+    for number, cell in enumerate(cells):
+        exec(compile("".join(cell["source"]), f"{path.name}, code cell {number}", "exec"), names)
+    assert (tmp_path / "dance.bvh").exists() and (tmp_path / "dance.html").exists()
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.name)
+def test_an_example_is_short(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) < 40
+
+
+def run_script(name: str, *arguments: object) -> str:
+    command = [sys.executable, str(ROOT / "examples" / "papers" / name), *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
+@pytest.mark.parametrize("path", PAPERS, ids=lambda p: p.name)
+def test_what_reproduces_the_papers_shows_its_usage(path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", [str(path), "--help"])
+    with pytest.raises(SystemExit, match="0"):
+        runpy.run_path(str(path), run_name="__main__")
+    assert "usage" in capsys.readouterr().out
+
+
 @pytest.fixture(scope="module")
-def synthetic(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("examples")
-    synthetic_repertoire(folder / "rep.h5")
-    return write_clicks(folder / "song.wav", duration_s=6.0), folder / "rep.h5"
-
-
-def test_low_poses(synthetic, tmp_path):
-    shown = run_example("10_low_poses.py", *synthetic, tmp_path / "low.bvh")
-    usual, low = (float(height) for height in re.findall(r"([\d.]+) m", shown))
-    assert low <= usual
-    assert (tmp_path / "low.bvh").exists()
-
-
-def test_forbid_a_take(synthetic, tmp_path):
-    shown = run_example("11_forbid_a_take.py", *synthetic, "take0", tmp_path / "out.bvh")
-    assert "take0" not in shown
-    assert "rhythm" in shown
-
-
-def test_controls(synthetic, tmp_path):
-    synthetic_repertoire(tmp_path / "spoken.h5", vocabulary=True)
-    shown = run_example("46_controls.py", synthetic[0], tmp_path / "spoken.h5", tmp_path / "out.bvh")
-    assert "pinned" in shown and "again: motifs" in shown
-    assert (tmp_path / "out.bvh").exists()
-
-
-MEASURING = [p for p in EXAMPLES if p.name > "4" and p.name != "46_controls.py"]
-
-
-@pytest.mark.parametrize("path", MEASURING, ids=lambda p: p.name)
-def test_measuring_examples_say_how_they_are_run(path):
-    assert "usage" in run_example(path.name, "--help")
+def db(tmp_path_factory):
+    return synthetic_repertoire(tmp_path_factory.mktemp("examples") / "rep.h5").path
 
 
 @pytest.mark.slow
-def test_the_table_of_dances(shared_data, synthetic, tmp_path):
+def test_the_table_of_dances(shared_data, db, tmp_path):
     songs = tmp_path / "songs.txt"
     songs.write_text("DANCE_C_8\n")
-    shown = run_example(
-        "42_evaluate_dances.py", shared_data / "dance-with-melody", synthetic[1], "--songs", songs
-    )
+    shown = run_script("held_out_dances.py", shared_data / "dance-with-melody", db, "--songs", songs)
     assert "f_score" in shown
 
 
 @pytest.mark.slow
-def test_the_papers_tables_of_a_repertoire_of_other_takes(shared_data, synthetic, tmp_path):
+def test_the_papers_tables_of_a_repertoire_of_other_takes(shared_data, db, tmp_path):
     data = tmp_path / "data"
     data.mkdir()
     (data / "DANCE_C_8").symlink_to(shared_data / "dance-with-melody" / "DANCE_C_8")
     songs = tmp_path / "songs.txt"
     songs.write_text("DANCE_C_8\n")
     made = tmp_path / "tables.md"
-    run_example("51_paper_tables.py", data, synthetic[1], "-o", made, "--only", songs, "--variants", "ours")
+    run_script("paper_tables.py", data, db, "-o", made, "--only", songs, "--variants", "ours")
     tables = made.read_text()
     assert "| ours |" in tables and "| takes |" in tables and "as-recorded" not in tables
 
 
-def readme_commands() -> list[str]:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```\n(.*?)```", text, flags=re.S)
-    lines = [line for block in blocks for line in block.splitlines()]
+def commands(page: Path) -> list[str]:
+    """The `choreograph …` lines of a page's code blocks; a line that ends in \\ goes on."""
+    blocks = re.findall(r"```\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.S)
+    lines = [line.strip() for block in blocks for line in block.replace("\\\n", " ").splitlines()]
     return [line for line in lines if line.startswith("choreograph ")]
 
 
-@pytest.mark.parametrize("line", readme_commands())
-def test_readme_commands_name_known_commands_and_options(line):
+@pytest.mark.parametrize("line", [line for page in PAGES for line in commands(page)])
+def test_a_command_on_a_page_is_known_and_so_are_its_options(line):
     words = shlex.split(re.sub(r"[\[\]]|\.\.\.", " ", line).split("#")[0])
-    shown = CliRunner().invoke(main, [words[1], "--help"])
-    assert shown.exit_code == 0
-    for word in words[2:]:
+    named = words[1 : 3 if words[1] == "study" else 2]
+    shown = run(*named, "--help")
+    assert shown.exit_code == 0, shown.output
+    for word in words[1 + len(named) :]:
         if word.startswith("-"):
-            assert word in shown.output
+            assert re.search(rf"(^|[\s,/]){re.escape(word)}\b", shown.output), word
+
+
+def test_options_in_the_makefile_are_known():
+    lines = [line for line in (ROOT / "Makefile").read_text().splitlines() if "$(BIN)/choreograph " in line]
+    for line in lines:
+        command = line.split("$(BIN)/choreograph ")[1].split()[0].rstrip(")")
+        shown = run(command, "--help").output
+        for option in re.findall(r"(?<!\w)--[a-z-]+", line):
+            assert option in shown, (command, option)
+
+
+@pytest.mark.parametrize("page", [*PAGES, MODEL_CARD], ids=lambda p: p.name)
+def test_files_that_a_page_names_exist(page):
+    text = page.read_text(encoding="utf-8")
+    links = re.findall(r"\]\(([^)#:]+)\)", text)
+    named = re.findall(r"\b(?:examples|choreograph|data_schema)/[\w./-]*\w", text)
+    for path in [*(page.parent / link for link in links), *(ROOT / name for name in named)]:
+        assert path.exists(), path
+
+
+def test_python_in_the_readme_compiles_and_names_public_names():
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.S)
+    assert blocks
+    for block in blocks:
+        compile(block, "README.md", "exec")
+        for name in re.findall(r"\bcg\.(\w+)", block):
+            assert hasattr(cg, name), name
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 150

@@ -1,4 +1,4 @@
-"""Plans as JSON: nothing lost, the published schema holds, and what is not a plan is said in one line."""
+"""Plans as JSON: nothing lost, the published schema holds, and malformed plans are reported in one line."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ ROLLED = replace(PLAN, engine="rollout", seconds=(), words=(word(0, 1, take=""),
 
 
 @pytest.mark.parametrize("plan", [PINNED, MIXED, ROLLED], ids=lambda plan: plan.engine)
-def test_plans_of_words_survive_their_json(plan):
+def test_plans_of_words_round_trip(plan):
     assert Plan.from_json(plan.to_json()) == plan
     jsonschema.validate(json.loads(plan.to_json()), SCHEMA)
 
@@ -85,9 +85,9 @@ def test_words_are_danced_instead_of_the_seconds_there():
     assert sum(PINNED.takes_s().values()) == pytest.approx(2.5)
     assert [(b.start_s, b.end_s) for b in PLAN.blocks] == [(0, 1), (1, 2), (2, 2.5)]
     first, second, third = PLAN.seconds  # of which the second takes over late and the third early
-    joined = replace(PLAN, seconds=(first, replace(second, start_s=1.4), replace(third, start_s=1.9)))
-    assert [(b.start_s, b.end_s) for b in joined.blocks] == [(0, 1.4), (1.4, 1.9), (1.9, 2.5)]
-    on_time, late = PLAN.blocks[0], joined.blocks[0]
+    moved = replace(PLAN, seconds=(first, replace(second, start_s=1.4), replace(third, start_s=1.9)))
+    assert [(b.start_s, b.end_s) for b in moved.blocks] == [(0, 1.4), (1.4, 1.9), (1.9, 2.5)]
+    on_time, late = PLAN.blocks[0], moved.blocks[0]
     at_the_end = (first.source_times_s[-1] - first.source_times_s[-2]) * 20  # it plays on as fast as it ended
     assert late.source_start_s == on_time.source_start_s
     assert late.source_end_s == pytest.approx(on_time.source_end_s + 0.4 * at_the_end)
@@ -112,20 +112,20 @@ def test_words_are_danced_instead_of_the_seconds_there():
         replace(PLAN, engine="mixer"),
     ],
 )
-def test_words_that_are_no_dance(plan):
-    with pytest.raises(FormatError) as said:
+def test_words_that_do_not_make_a_dance(plan):
+    with pytest.raises(FormatError) as raised:
         Plan.from_json(plan.to_json(), name="p.json")
-    assert str(said.value).startswith("p.json: ") and "\n" not in str(said.value)
+    assert str(raised.value).startswith("p.json: ") and "\n" not in str(raised.value)
 
 
-def test_a_plan_survives_its_json(tmp_path):
+def test_plans_round_trip(tmp_path):
     assert Plan.from_json(PLAN.to_json()) == PLAN
     (tmp_path / "plan.json").write_text(PLAN.to_json(), encoding="utf-8")
     assert Plan.read(tmp_path / "plan.json") == PLAN
     assert PLAN.total_cost == pytest.approx(-1.5)
 
 
-def test_the_schema_is_the_plans():
+def test_the_schema_matches_the_plan():
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
     jsonschema.validate(json.loads(PLAN.to_json()), SCHEMA)
     assert set(SCHEMA["required"]) == {f.name for f in fields(Plan)} | {"format", "version"}
@@ -201,11 +201,11 @@ def edited_second(**changes) -> str:
         edited_second(offset="first"),
     ],
 )
-def test_what_is_not_a_plan_is_said_in_one_line(text):
-    with pytest.raises(FormatError) as said:
+def test_malformed_plans_are_reported_in_one_line(text):
+    with pytest.raises(FormatError) as raised:
         Plan.from_json(text, name="p.json")
-    assert str(said.value).startswith("p.json: ")
-    assert "\n" not in str(said.value)
+    assert str(raised.value).startswith("p.json: ")
+    assert "\n" not in str(raised.value)
 
 
 json_values = st.recursive(
@@ -217,7 +217,7 @@ json_values = st.recursive(
 
 @settings(max_examples=150, deadline=None)
 @given(st.data())
-def test_any_damage_ends_in_a_plan_or_a_format_error(data):
+def test_any_damage_gives_a_plan_or_a_format_error(data):
     plan = json.loads(PINNED.to_json())
     holders = [plan, plan["seconds"][0], plan["seconds"][2]["credits"], plan["words"][0]]
     holder = data.draw(st.sampled_from(holders))
@@ -246,9 +246,9 @@ def test_a_plan_cut_off_anywhere_is_refused(length):
 def test_a_file_that_cannot_be_read(tmp_path):
     (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
     for path in (tmp_path / "none.json", tmp_path, tmp_path / "binary.json"):
-        with pytest.raises(FormatError) as said:
+        with pytest.raises(FormatError) as raised:
             Plan.read(path)
-        assert "\n" not in str(said.value)
+        assert "\n" not in str(raised.value)
 
 
 def test_a_plan_with_other_numbers_is_another_plan():

@@ -1,4 +1,4 @@
-"""Audio files as a rate and an iterator of float blocks: soundfile where it is exact, else PyAV."""
+"""Audio files as a sample rate and an iterator of float blocks: soundfile where it is exact, else PyAV."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from choreograph.errors import FormatError
 
 _BLOCK_FRAMES = 1 << 18
 _SOUNDFILE_MAGIC = (b"RIFF", b"RF64", b"fLaC", b"OggS", b"FORM")
-# A container's own length is a promise only to about a packet (and lossy codecs pad both ends).
+# The length stated by a container is exact only to about a packet (lossy codecs pad both ends).
 _LENGTH_SLACK_S = 0.5
 
 Blocks = Iterator[NDArray[np.float32]]  # each (S_b, channels)
@@ -22,7 +22,7 @@ Blocks = Iterator[NDArray[np.float32]]  # each (S_b, channels)
 def decoded_blocks(path: Path) -> tuple[int, Blocks]:
     """Sample rate in Hz and blocks (S_b, channels) of an existing, non-empty file.
 
-    Raises `FormatError` at once if it is not audio, and while iterating if it is cut off or damaged.
+    Raises `FormatError` immediately if it is not audio, and while iterating if it is cut off or damaged.
     """
     import soundfile
 
@@ -33,11 +33,11 @@ def decoded_blocks(path: Path) -> tuple[int, Blocks]:
         raise FormatError(f"expected a readable song at {path}, got: {error.strerror}") from error
     if magic in _SOUNDFILE_MAGIC:
         if magic in (b"RIFF", b"RF64"):
-            _check_wav_is_whole(path)
+            _check_wav_complete(path)
         try:
             sound = soundfile.SoundFile(path)
         except soundfile.LibsndfileError:
-            pass  # an odd codec in a known container: FFmpeg knows more of them
+            pass  # an unusual codec in a known container: FFmpeg reads more of them
         else:
             return sound.samplerate, _soundfile_blocks(path, sound)
     return _av_blocks(path)
@@ -91,7 +91,7 @@ def _av_frames(path: Path, container, stream) -> Blocks:
                     frames = packet.decode()
                     n_good += len(frames) > 0
                 except av.error.InvalidDataError:
-                    n_bad += 1  # the first frames of a cut mp3 lean on bytes that are gone
+                    n_bad += 1  # the first frames of a cut mp3 refer to missing bytes
                     continue
                 for frame in frames:
                     for converted in to_float.resample(frame):
@@ -114,8 +114,8 @@ def _av_frames(path: Path, container, stream) -> Blocks:
         raise FormatError(_cut_off(path, n_frames / rate_hz, expected_s))
 
 
-def _check_wav_is_whole(path: Path) -> None:
-    """Decoders shorten a cut WAV silently; its data chunk says how long it was."""
+def _check_wav_complete(path: Path) -> None:
+    """Decoders silently shorten a truncated WAV, but its data chunk states the full length."""
     size = os.path.getsize(path)
     with open(path, "rb") as file:
         riff = file.read(12)

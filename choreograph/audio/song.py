@@ -1,8 +1,8 @@
 """`Song`: a piece of music as mono samples at the program's rate, from any audio file.
 
-RIFF, RF64, FLAC, Ogg and AIFF go through soundfile; all else (mp3, m4a, opus, video with sound, and
-whatever soundfile declines) through PyAV, whose FFmpeg stays quiet about bit-reservoir cuts in mp3.
-Both decode in blocks that are mixed down and resampled at once, so a song costs 4 bytes a sample.
+RIFF, RF64, FLAC, Ogg and AIFF are decoded by soundfile; all else (mp3, m4a, opus, video with sound, and
+what soundfile refuses) by PyAV, whose FFmpeg prints no warnings about cut bit reservoirs in mp3. Both
+decode in blocks that are mixed down and resampled immediately, so a song takes 4 bytes a sample.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from choreograph.audio.decode import decoded_blocks
 from choreograph.errors import FormatError, ParameterError
 from choreograph.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 
-_SILENCE = 1e-4  # peak amplitude (-80 dB) under which a song has nothing to dance to
+SILENCE_PEAK = 1e-4  # -80 dB: a song whose peak amplitude is lower counts as silent
 _LONG_S = 3600.0
 
 
 @dataclass(frozen=True, eq=False)
 class Song:
-    """Mono samples in [-1, 1] at 22.05 kHz, where they came from, and what is odd about them."""
+    """Mono samples in [-1, 1] at 22.05 kHz, their source, and notes on anything unusual."""
 
     samples: NDArray[np.float32]  # (S,)
     name: str
@@ -44,12 +44,12 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     Parameters
     ----------
     path : any container, rate and channel count that soundfile or FFmpeg reads
-    start_s : seconds to leave out at the beginning
-    duration_s : seconds to keep from there; None for all. A song that ends sooner is kept to its end
+    start_s : seconds to skip at the beginning
+    duration_s : seconds to keep from there, or as many as there are; None for all
 
     Returns
     -------
-    Song   `notes` say if it is silent, shorter than a segment, or very long
+    Song   with `notes` if it is silent, shorter than a segment, or very long
 
     Raises
     ------
@@ -63,8 +63,8 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
         raise ParameterError(f"expected a duration in seconds above 0, got {duration_s:g}")
     _check_is_file(path)
     rate_hz, blocks = decoded_blocks(path)
-    parts = list(_resampled(_finite(_cut(blocks, rate_hz, start_s, duration_s), path), rate_hz))
-    samples = _joined(parts)
+    parts = list(_resampled(_checked_finite(_mono_span(blocks, rate_hz, start_s, duration_s), path), rate_hz))
+    samples = _concatenated(parts)
     if len(samples) == 0:
         if start_s > 0:
             raise ParameterError(f"expected a start inside {path}, got {start_s:g} s: the song ends before")
@@ -83,10 +83,10 @@ def _check_is_file(path: Path) -> None:
         )
 
 
-def _cut(
+def _mono_span(
     blocks: Iterator[NDArray[np.float32]], rate_hz: int, start_s: float, duration_s: float | None
 ) -> Iterator[NDArray[np.float32]]:
-    """Mono blocks of the wanted span only; decoding stops at its end."""
+    """Mono blocks of the requested span; decoding stops at its end."""
     start = round(start_s * rate_hz)
     stop = None if duration_s is None else start + max(1, round(duration_s * rate_hz))
     position = 0
@@ -101,7 +101,7 @@ def _cut(
             return
 
 
-def _finite(blocks: Iterator[NDArray[np.float32]], path: Path) -> Iterator[NDArray[np.float32]]:
+def _checked_finite(blocks: Iterator[NDArray[np.float32]], path: Path) -> Iterator[NDArray[np.float32]]:
     for block in blocks:
         if not np.isfinite(block).all():
             raise FormatError(
@@ -120,8 +120,8 @@ def _resampled(blocks: Iterator[NDArray[np.float32]], rate_hz: int) -> Iterator[
     yield stream.resample_chunk(np.zeros(0, np.float32), last=True)
 
 
-def _joined(parts: list[NDArray[np.float32]]) -> NDArray[np.float32]:
-    """Concatenate and empty `parts`: the memory at the peak is one song, not two."""
+def _concatenated(parts: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Concatenate and empty `parts`, so that peak memory is one song, not two."""
     samples = np.empty(sum(map(len, parts)), np.float32)
     end = len(samples)
     while parts:
@@ -134,7 +134,7 @@ def _joined(parts: list[NDArray[np.float32]]) -> NDArray[np.float32]:
 def _notes(samples: NDArray[np.float32]) -> tuple[str, ...]:
     notes = []
     duration_s = len(samples) / SAMPLE_RATE_HZ
-    if max(samples.max(), -samples.min()) < _SILENCE:
+    if max(samples.max(), -samples.min()) < SILENCE_PEAK:
         notes.append("the song is silent: the dance follows no beat")
     if duration_s < SEGMENT_S:
         notes.append(f"the song lasts {duration_s:.2f} s, less than the {SEGMENT_S} s of one segment")

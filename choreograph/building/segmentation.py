@@ -19,8 +19,8 @@ from choreograph.repertoire.contents import MeasuredTake
 from choreograph.timebase import WORD_FPS
 
 if TYPE_CHECKING:
+    from choreograph.nets.words.data import WordTake
     from choreograph.nets.words.model import WordNet
-    from choreograph.nets.words.train import WordTake
 
 FEWEST_WORDS = 2 * WORDS_PER_MOTIF  # enough for two motifs
 
@@ -36,7 +36,7 @@ class SegmentedTake:
 
     def to_word_take(self) -> WordTake:
         """The take as the word network is trained on it."""
-        from choreograph.nets.words.train import WordTake
+        from choreograph.nets.words.data import WordTake
 
         return WordTake(self.name, self.body_pos_m, WORD_FPS, self.words.start_s, self.words.end_s)
 

@@ -13,7 +13,7 @@ from choreograph.building.options import BuildOptions
 from choreograph.building.segmentation import FEWEST_WORDS, SegmentedTake
 from choreograph.building.song_cache import SongCache
 from choreograph.errors import FormatError
-from choreograph.features.rhythm import rhythm_features
+from choreograph.features.tempogram import rhythm_features
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import NetArrays, Repertoire
 from choreograph.repertoire.contents import MeasuredTake
@@ -119,8 +119,7 @@ def _trained(
     """
     from choreograph.nets.density.config import density_config
     from choreograph.nets.density.model import MotionDensity
-    from choreograph.nets.density.train import train_motion_density
-    from choreograph.nets.density.train_music import train_music_density
+    from choreograph.nets.density.train import train_motion_density, train_music_density
     from choreograph.nets.style.config import style_config
     from choreograph.nets.style.train import train_style
 
@@ -129,7 +128,7 @@ def _trained(
     if "style" not in nets:
         n_songs = len({take.song_name for take in takes})
         config = style_config(options.preset, n_songs=n_songs, **_changes(options))
-        style = train_style(takes, config, start=pretrained.weights("style"), **given)
+        style = train_style(takes, config, pretrained=pretrained.weights("style"), **given)
         nets["style"] = _stored(style)
     longest_s = max(min(len(t.body_pos_m) / NET_FPS, len(t.log_mel) / MUSIC_FPS) for t in takes)
     if longest_s < CLIP_S:
@@ -138,11 +137,14 @@ def _trained(
     if "motion_density" in nets:
         motion = MotionDensity.from_arrays(nets["motion_density"].weights, nets["motion_density"].config)
     else:
-        motion = train_motion_density(takes, densities, start=pretrained.weights("motion_density"), **given)
+        motion = train_motion_density(
+            takes, densities, pretrained=pretrained.weights("motion_density"), **given
+        )
         nets["motion_density"] = _stored(motion)
     if "music_density" not in nets:
-        start = pretrained.weights("music_density")
-        nets["music_density"] = _stored(train_music_density(takes, motion, densities, start=start, **given))
+        weights = pretrained.weights("music_density")
+        music = train_music_density(takes, motion, densities, pretrained=weights, **given)
+        nets["music_density"] = _stored(music)
     return nets
 
 
@@ -161,7 +163,7 @@ def train_word_network(
         return pretrained.nets.get("words")
     net = train_word_net(
         [take.to_word_take() for take in takes], word_config(options.preset, **_changes(options)),
-        seed=options.seed, context=context, start=pretrained.weights("words"),
+        seed=options.seed, context=context, pretrained=pretrained.weights("words"),
     )  # fmt: skip
     return _stored(net)
 

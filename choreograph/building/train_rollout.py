@@ -39,8 +39,10 @@ def train_rollout_network(
     Raises `ParameterError` if no take dances words to music for as long as a training sequence.
     """
     takes = rollout_takes(measured, segmented, vocabulary, words, songs=songs, report=report)
-    start = None if pretrained is None else pretrained.weights
-    net: RolloutNet = train_rollout(takes, words, config, seed=seed, context=context, start=start)
+    net: RolloutNet = train_rollout(
+        takes, words, config, seed=seed, context=context,
+        pretrained=None if pretrained is None else pretrained.weights,
+    )  # fmt: skip
     weights, stored = net.to_arrays()
     return NetArrays(stored, weights)
 

@@ -1,4 +1,4 @@
-"""`choreograph build-starter`: the built-in repertoire, made again."""
+"""`choreograph build-starter`: make the built-in repertoire again."""
 
 from __future__ import annotations
 
@@ -6,28 +6,27 @@ from pathlib import Path
 
 import click
 
-from choreograph.cli.build_db import names_of
-from choreograph.cli.present import examples, show_notes, stages
+from choreograph.cli.present import examples, names_of, show_notes, stages
 
 
 @click.command(
     "build-starter",
     hidden=True,  # for those who work on choreograph itself
-    epilog=examples("choreograph build-starter --learn-from dance-with-melody --leave-out @held_out.txt"),
+    epilog=examples("choreograph build-starter --train-on dance-with-melody --leave-out @held_out.txt"),
 )
 @click.option(
     "--work", default="build/starter", show_default=True, type=click.Path(path_type=Path),
     help="Folder of rendered takes and checkpoints.",
 )  # fmt: skip
 @click.option(
-    "--learn-from", multiple=True, type=click.Path(path_type=Path), help="Real takes to learn from as well."
+    "--train-on", multiple=True, type=click.Path(path_type=Path), help="Real takes to train on as well."
 )
-@click.option("--leave-out", multiple=True, metavar="TAKE", help="Not to learn from; @FILE names one a line.")
+@click.option("--leave-out", multiple=True, metavar="TAKE", help="Not this take, or @FILE of names.")
 @click.option("--preset", default="small", show_default=True, metavar="tiny|small|paper")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Default: in the package.")
-def command(work, learn_from, leave_out, preset, seed, output) -> None:
-    """Render the built-in takes and songs, learn from them, and write the built-in repertoire."""
+def command(work, train_on, leave_out, preset, seed, output) -> None:
+    """Render the built-in takes and songs, train on them, and write the built-in repertoire."""
     from choreograph.starter import STARTER_PATH
     from choreograph.starter.recipe import build_starter
 
@@ -35,7 +34,7 @@ def command(work, learn_from, leave_out, preset, seed, output) -> None:
     output = output or STARTER_PATH
     with stages(quiet=False) as shown:
         repertoire, notes = build_starter(
-            work, output, learn_from=learn_from, leave_out=names_of(leave_out), preset=preset, seed=seed,
+            work, output, train_on=train_on, leave_out=names_of(leave_out), preset=preset, seed=seed,
             report=shown.report, training_report=shown.training,
         )  # fmt: skip
     show_notes(notes)

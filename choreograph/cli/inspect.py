@@ -1,4 +1,4 @@
-"""`choreograph inspect`: what a repertoire holds."""
+"""`choreograph inspect`: show what a repertoire holds."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ import click
 from choreograph.cli.present import examples
 from choreograph.errors import ParameterError
 
-_COMMON = 5  # motifs named of a genre
+_N_COMMON = 5  # motifs shown of each genre
 
 
 @click.command(
+    short_help="Show what a repertoire holds.",
     epilog=examples(
         "choreograph inspect rep.h5",
         "choreograph inspect                     the built-in repertoire",
         "choreograph inspect rep.h5 --json",
         "choreograph inspect rep.h5 --plots plots/   signatures, transitions and motifs as PNG",
         "choreograph inspect rep.h5 --signature waltz -o mine.json   for `choreograph dance --signature`",
-    )
+    ),
 )
 @click.argument("db", required=False, type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="For machines.")
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
 @click.option(
     "--plots", type=click.Path(path_type=Path), metavar="FOLDER",
-    help="Write what its genres are made of as PNG: signatures, transitions, distances, motifs.",
+    help="Write plots of its genres as PNG: signatures, transitions, distances, motifs.",
 )  # fmt: skip
 @click.option("--signature", metavar="TAKE|GENRE", help="Write the signature of this take or genre to -o.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="File for --signature (.json).")
 def command(db, as_json, plots, signature, output) -> None:
-    """Show takes, clips, networks and motifs of the repertoire DB, by default of the built-in one."""
+    """Show takes, clips, networks and motifs of the repertoire DB (default: the built-in one)."""
     from choreograph.repertoire import Repertoire
     from choreograph.starter import STARTER_PATH
 
@@ -89,7 +90,7 @@ def _vocabulary_facts(repertoire) -> dict[str, Any]:
     genres = {}
     for genre, template in zip(vocabulary.genres, vocabulary.signatures, strict=True):
         takes = dances_of(vocabulary, take_genres, genre)
-        common = sorted(range(len(template)), key=lambda motif: -template[motif])[:_COMMON]
+        common = sorted(range(len(template)), key=lambda motif: -template[motif])[:_N_COMMON]
         distances = chi_square_distance(template, vocabulary.signatures)
         genres[genre] = {
             "takes": len(takes),

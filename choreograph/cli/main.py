@@ -1,4 +1,4 @@
-"""`choreograph`: the group of commands, and how their errors end."""
+"""`choreograph`: the group of commands, and how errors are shown."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from choreograph.errors import ChoreographError
 
 _COMMANDS = {
     "build-db": "build_db", "build-starter": "build_starter", "dance": "dance", "evaluate": "evaluate",
-    "inspect": "inspect", "songs": "songs",
+    "inspect": "inspect", "songs": "songs", "study": "study",
 }  # fmt: skip
 
 
 class _Commands(click.Group):
-    """Commands are imported when used, so that `--help` answers at once."""
+    """Imports a command when it is used, so that the others do not slow it down."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)
@@ -39,11 +39,11 @@ class _Commands(click.Group):
     cls=_Commands,
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog=examples(
-        "choreograph dance song.mp3 --open              a dance with the built-in takes, to watch",
-        "choreograph build-db TAKES -o rep.h5           your own motion library",
-        "choreograph dance song.mp3 --db rep.h5         and a dance with it",
+        "choreograph dance song.mp3 --open         dances with the built-in takes, shows it in the browser",
+        "choreograph build-db TAKES -o rep.h5      makes a repertoire of your own motion library",
+        "choreograph dance song.mp3 --db rep.h5    dances with it",
     ),
 )
 @click.version_option(package_name="choreograph")
 def main() -> None:
-    """Makes dances for music from your own motion library, and explains every second of them."""
+    """Make dances for music from a motion library, and explain every second of them."""

@@ -1,29 +1,61 @@
-"""What commands show: notes on stderr, progress bars where somebody watches."""
+"""What commands share: notes on stderr, progress bars, examples in their help, lists of names."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from click.core import ParameterSource
+
+from choreograph.errors import FormatError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 
 def show_notes(notes: Iterable[str]) -> None:
-    """One line each on stderr."""
+    """Print the notes on stderr, one line each."""
     for note in notes:
         click.echo(f"note: {note}", err=True)
 
 
 def examples(*lines: str) -> str:
-    """Lines of a command's help that click must not wrap."""
+    """Example lines for a command's help, which click must not wrap."""
     return "\b\n" + "\n".join(["Examples:", *(f"  {line}" for line in lines)])
 
 
+def given_options(*, except_for: Collection[str] = ()) -> list[str]:
+    """The flags that the user gave to the running command, in the order of its help; not `except_for`."""
+    context = click.get_current_context()
+    return [
+        max(option.opts, key=len)
+        for option in context.command.params
+        if option.name not in except_for
+        and option.name is not None
+        and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
+    ]
+
+
+def names_of(given: tuple[str, ...]) -> tuple[str, ...]:
+    """The names given, each @FILE replaced by the names in it; `FormatError` if one cannot be read."""
+    names: list[str] = []
+    for name in given:
+        if not name.startswith("@"):
+            names.append(name)
+            continue
+        try:
+            lines = Path(name[1:]).read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            raise FormatError(f"{name[1:]}: expected a list of names, could not read it: {error}") from error
+        names += [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+    return tuple(names)
+
+
 class Stages:
-    """A progress bar a stage; nothing at all where stderr is no terminal or `quiet` is asked for."""
+    """A progress bar for each stage."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
@@ -42,7 +74,10 @@ class Stages:
 
 @contextmanager
 def stages(*, quiet: bool) -> Iterator[Stages]:
-    """Progress on stderr while the block runs."""
+    """Show progress on stderr while the block runs; nothing if `quiet`, or if stderr is no terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
     console = Console(stderr=True)
     columns = (
         TextColumn("{task.description:<24}"), BarColumn(), TextColumn("{task.completed:.0f}/{task.total}"),

@@ -1,4 +1,4 @@
-"""`choreograph songs`: the songs that come along."""
+"""`choreograph songs`: the built-in songs."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from choreograph.files import atomic_path
 
 @click.command(
     epilog=examples(
-        "choreograph songs                       what there is, and where",
-        "choreograph songs --copy .              all of them, here",
+        "choreograph songs                       their names and paths",
+        "choreograph songs --copy .              copies all of them here",
         "choreograph dance $(choreograph songs --path house) --open",
     )
 )
 @click.option(
     "--copy", "folder", type=click.Path(path_type=Path), metavar="FOLDER", help="Copy them to a folder."
 )
-@click.option("--path", "name", metavar="NAME", help="Print the path of one, for use in another command.")
-@click.option("--json", "as_json", is_flag=True, help="For machines.")
+@click.option("--path", "name", metavar="NAME", help="Print the path of this song.")
+@click.option("--json", "as_json", is_flag=True, help="Print names and paths as JSON.")
 def command(folder, name, as_json) -> None:
-    """List a few short songs to begin with; the project made them, use them as you like."""
+    """List the built-in songs. The project made them; use them as you like."""
     from choreograph.starter import example_songs
 
     songs = example_songs()
     if name is not None:
         if name not in songs:
-            raise ParameterError(f"no song {name!r} comes along: expected one of {', '.join(songs)}")
+            raise ParameterError(f"expected a song among {', '.join(songs)}, got {name!r}")
         click.echo(songs[name])
         return
     if folder is not None:

@@ -1,49 +1,86 @@
-"""`choreograph evaluate --study`: a rating page written, and its ratings shown."""
+"""`choreograph study`: a page on which people rate dances, and the table of their ratings."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from choreograph.cli.present import stages
+from choreograph.cli.present import examples, names_of, stages
+
+if TYPE_CHECKING:
+    from choreograph.evaluation.study_results import StudyResults
+
+_FILE = click.Path(path_type=Path)
 
 
+@click.group(
+    short_help="Let people rate dances.",
+    epilog=examples(
+        "choreograph study write --songs heldout/ --variants paper -o study/",
+        "choreograph study show study/",
+    ),
+)
+def command() -> None:
+    """Let people rate dances, blinded: write a page for raters, then show their ratings."""
+
+
+@command.command("write", short_help="Write a page for raters.")
+@click.option("--songs", "folder", required=True, type=_FILE, metavar="DIR", help="Songs to dance to.")
+@click.option("-o", "--output", required=True, type=_FILE, metavar="DIR", help="New folder of the study.")
+@click.option("--db", type=_FILE, help="Repertoire to dance with. Default: the built-in one.")
+@click.option("--only", multiple=True, metavar="SONG", help="Only this song, or @FILE of names.")
+@click.option(
+    "--variants", multiple=True, metavar="NAME",
+    help="What to compare: paper (default), ablations, engines, or one of their variants.",
+)  # fmt: skip
+@click.option("--seen", is_flag=True, help="Also use songs that the repertoire was made with.")
+@click.option("--duration", type=float, help="Seconds of each song to dance. Default: to the end.")
+@click.option(
+    "--excerpt", default=6.0, show_default=True, help="Seconds of each dance to show, from its middle."
+)
+@click.option("--silent", is_flag=True, help="No sound, and no question about music.")
+@click.option("--order-seed", default=0, show_default=True, help="Seed of the order of the dances.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress, no summary.")
 def write(
-    study: Path, songs_folder: Path, db: Path | None, *, only, variants, duration_s, seen, excerpt_s, sound,
-    seed, quiet,
+    folder, output, db, only, variants, seen, duration, excerpt, silent, order_seed, quiet,
 ) -> None:  # fmt: skip
-    """Dance in every variant to every song, write the study, and say what to do with it."""
+    """Dance in every variant to every song of DIR, and write one page that shows them in random order."""
     from choreograph.evaluation import find_songs, variants_named
     from choreograph.evaluation.study import KEY_NAME, PAGE_NAME, check_study_folder, write_study
     from choreograph.evaluation.study_dances import make_study_dances
     from choreograph.repertoire import Repertoire
     from choreograph.starter import starter_repertoire
 
-    check_study_folder(study)
+    check_study_folder(output)
     chosen = variants_named(variants or ("paper",))
     repertoire = starter_repertoire() if db is None else Repertoire.open(db)
     with stages(quiet=quiet) as shown:
-        songs = find_songs(songs_folder, only=only, duration_s=duration_s)
+        songs = find_songs(folder, only=names_of(only), duration_s=duration)
         dances = make_study_dances(repertoire, songs, chosen, seen=seen, report=shown.report)
         shown.report("writing the study", 0, 0)
-        write_study(dances, study, seed=seed, sound=sound, excerpt_s=excerpt_s)
+        write_study(dances, output, seed=order_seed, sound=not silent, excerpt_s=excerpt)
     if not quiet:
         n_dances = sum(len(own) for own in dances.values())
         click.echo(
-            f"{study / PAGE_NAME}: {n_dances} dances of {len(dances)} variants. Give raters this page alone, "
-            f"never {KEY_NAME};\nput the files they send back into {study}, "
-            f"and run choreograph evaluate --study {study}"
+            f"{output / PAGE_NAME}: {n_dances} dances of {len(dances)} variants. Give raters this page only, "
+            f"never {KEY_NAME}.\nPut the files they send back into {output}, "
+            f"then run: choreograph study show {output}"
         )
 
 
-def show(folder: Path, *, json_path: str | None, quiet: bool) -> None:
-    """The ratings of a study as tables, or as JSON."""
+@command.command("show", short_help="Show the ratings.")
+@click.argument("study", type=_FILE)
+@click.option("--json", "json_path", metavar="FILE", help="Write the ratings as JSON; - prints them.")
+@click.option("-q", "--quiet", is_flag=True, help="No table.")
+def show(study, json_path, quiet) -> None:
+    """Show the ratings in the folder STUDY: means with 95 % intervals, and which variants differ."""
     from choreograph.evaluation.study_results import read_study
     from choreograph.files import atomic_path
 
-    results = read_study(folder)
+    results = read_study(study)
     text = json.dumps(results.to_dict(), indent=1, ensure_ascii=False) + "\n"
     if json_path == "-":
         click.echo(text, nl=False)
@@ -55,7 +92,7 @@ def show(folder: Path, *, json_path: str | None, quiet: bool) -> None:
         _show_tables(results)
 
 
-def _show_tables(results) -> None:
+def _show_tables(results: StudyResults) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -76,9 +113,11 @@ def _show_tables(results) -> None:
             table.add_row(score.variant, _with_interval(score), str(score.n_ratings))
         console.print()
         console.print(table)
-        for apart in (d for d in results.differences if d.question == question.id):
-            clear = "" if apart.is_clear else ", not told apart"
-            console.print(f"  {apart.variant} over {apart.other}: {_with_interval(apart, '+')}{clear}")
+        for difference in (d for d in results.differences if d.question == question.id):
+            unclear = "" if difference.is_clear else ", not significant"
+            console.print(
+                f"  {difference.variant} over {difference.other}: {_with_interval(difference, '+')}{unclear}"
+            )
 
 
 def _with_interval(estimate, sign: str = "") -> str:

@@ -81,7 +81,7 @@ def read_motifs(path: str | Path) -> tuple[int, ...] | tuple[MotifPin, ...]:
         plan = Plan.read(path)
         if not plan.words:
             raise FormatError(f"{path}: expected a plan of motifs, got one of seconds alone")
-        if plan.engine != "graph":
+        if not plan.seconds:
             return tuple(word.motif for word in plan.words)
         return tuple(MotifPin((word.start_s + word.end_s) / 2, word.motif) for word in plan.words)
     if isinstance(data, list) and data and all(_is_motif(entry) for entry in data):

@@ -25,7 +25,7 @@ __all__ = ["ENGINES", "DanceRequest", "Engine", "EngineResult", "check_settings"
 
 
 def engine_name(config: DanceConfig, given: str | None, constraints: Constraints) -> str:
-    """The engine asked for; by default `config`'s, or the mixer for a whole sequence of motifs."""
+    """The given engine; by default `config`'s, or the mixer for a whole sequence of motifs."""
     if given is not None:
         return given
     return MixerEngine.name if constraints.motifs and config.engine == GraphEngine.name else config.engine

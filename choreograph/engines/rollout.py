@@ -65,7 +65,7 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
     network.
     """
     from choreograph.nets.rollout.data import ROLLOUT_FPS  # torch takes a second to import
-    from choreograph.rollout.generation import MotifScore, roll_out
+    from choreograph.rollout.generation import MotifSequence, generate_motion
 
     repertoire, features, config = request.repertoire, request.song_features, request.config
     net = repertoire.rollout_net()
@@ -82,7 +82,7 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
         if request.style_song is None
         else _repeated_spectra(request.style_song, len(motifs))
     )
-    score = MotifScore(
+    sequence = MotifSequence(
         start_s=bounds_s[:-1],
         end_s=bounds_s[1:],
         motif=repertoire.vocabulary.motifs.embeddings[motifs],
@@ -90,8 +90,8 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
         spectral=spectral,
     )
     report = request.report
-    motion = roll_out(
-        net, score, _lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
+    motion = generate_motion(
+        net, sequence, _lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
         report=None if report is None else lambda done, total: report("dancing", done, total),
     )  # fmt: skip
     credits = Credits(performer=f"learned from {len(repertoire.takes)} takes")

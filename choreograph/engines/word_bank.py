@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.distances import squared_distances
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.motifs.words import poses_at
 from choreograph.motion.pose import clips_to_root_frame
@@ -58,8 +59,7 @@ class WordBank:
         poses = self._poses_m(words, v.word_start_s[words, None] + length_s[:, None] * share)
         embedded = self._embed(clips_to_root_frame(poses)).astype(np.float64)  # (M, D)
         medoids = v.motifs.embeddings.astype(np.float64)  # (K, D)
-        squares = np.sum(embedded**2, axis=1)[:, None] + np.sum(medoids**2, axis=1)
-        distance = np.sqrt(np.maximum(squares - 2.0 * embedded @ medoids.T, 0.0))  # (M, K)
+        distance = np.sqrt(squared_distances(embedded, medoids))  # (M, K)
         rows, own = np.arange(len(words)), v.word_motif[words]
         to_own = distance[rows, own]
         distance[rows, own] = np.inf

@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.distances import squared_distances
 from choreograph.engines.candidates import Candidates
 from choreograph.errors import NoPathError, ParameterError
 
@@ -68,7 +69,6 @@ def _cheapest(candidates: Sequence[Candidates]) -> list[int]:
 def _transition_costs_m(before: Candidates, here: Candidates) -> Floats:
     """Cost of going from each word (M) to each of the next slot (M'), (M, M')."""
     a, b = before.last_m.reshape(len(before.words), -1), here.first_m.reshape(len(here.words), -1)
-    squares = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2.0 * a @ b.T
     n_points = a.shape[1] // 3
     again = before.words[:, None] == here.words
-    return np.sqrt(np.maximum(squares, 0.0) / n_points) + _REPEAT_COST_M * again
+    return np.sqrt(squared_distances(a, b) / n_points) + _REPEAT_COST_M * again

@@ -1,26 +1,36 @@
-"""Dances measured: by us and by others, on songs held out, beside real dances and chance.
+"""Evaluation of dances to held-out songs, against real dances and chance, by metrics and by human raters.
 
-- `find_songs` — songs of a folder, and real takes to them
-- `VARIANTS`, `GROUPS` — ways to dance that are compared, the paper's Table 1 among them
-- `evaluate` — dances of variants to songs, and everything measured on them: an `Evaluation`
-- `evaluate_dance` — one dance of any system, and its song
+Measuring
+
+- `evaluate`, `EvaluationConfig` — dance to songs in several variants and measure: an `Evaluation`
+- `evaluate_dance` — measure one dance of any system to its song
+- `find_songs` — the songs in a folder, with real takes to them
+- `VARIANTS`, `GROUPS`, `variants_named` — the variants that are compared, the paper's Table 1 among them
+
+Results
+
 - `tables` — mean and spread of every metric by variant
-- `write_report`, `to_json` — an evaluation to look at, and for machines
-- `METRICS` — what is measured: unit, which direction is better, where it is from
+- `write_report`, `to_json` — the evaluation as an HTML page or as JSON
+- `METRICS` — unit, better direction and source of every metric
+
+Rating studies (import from their modules)
+
+- `study.write_study`, `study_dances.make_study_dances` — a blinded page on which people rate dances
+- `study_results.read_study` — means, intervals and differences of the ratings
 """
 
-from choreograph.evaluation.catalogue import METRICS, Metric
-from choreograph.evaluation.measuring import Scores
-from choreograph.evaluation.protocol import Protocol, evaluate
+from choreograph.evaluation.metric_catalogue import METRICS, Metric
 from choreograph.evaluation.report import write_report
 from choreograph.evaluation.results import Evaluation, MeasuredDance
-from choreograph.evaluation.single import evaluate_dance
+from choreograph.evaluation.run import EvaluationConfig, evaluate
+from choreograph.evaluation.scores import Scores
+from choreograph.evaluation.single_dance import evaluate_dance
 from choreograph.evaluation.songs import EvaluatedSong, find_songs
 from choreograph.evaluation.tables import Table, tables, to_json
 from choreograph.evaluation.variants import GROUPS, VARIANTS, Variant, variants_named
 
 __all__ = [
-    "GROUPS", "METRICS", "VARIANTS", "EvaluatedSong", "Evaluation", "MeasuredDance", "Metric", "Protocol",
-    "Scores", "Table", "Variant", "evaluate", "evaluate_dance", "find_songs", "tables", "to_json",
+    "GROUPS", "METRICS", "VARIANTS", "EvaluatedSong", "Evaluation", "EvaluationConfig", "MeasuredDance",
+    "Metric", "Scores", "Table", "Variant", "evaluate", "evaluate_dance", "find_songs", "tables", "to_json",
     "variants_named", "write_report",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What people look at in an evaluation, as SVG and PNG. Needs the extra `plots` (matplotlib)."""
+"""Plots of an evaluation as SVG and PNG. Needs the extra `plots` (matplotlib)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from choreograph.errors import ParameterError
-from choreograph.evaluation.catalogue import METRICS
-from choreograph.evaluation.measuring import time_maps
-from choreograph.evaluation.results import REAL, Evaluation, Shown, ShownDance, dances_of
+from choreograph.evaluation.metric_catalogue import METRICS
+from choreograph.evaluation.plan_scores import time_maps
+from choreograph.evaluation.results import REAL, Evaluation, ExampleDance, ExampleSong, dances_of
 from choreograph.evaluation.tables import column_title, song_table
 from choreograph.features.motion_beats import mean_joint_speed_m_s, motion_beat_times_s
 from choreograph.motifs.signatures import chi_square_distance
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-SPEED_SHOWN_S = 12.0
+_SPEED_PLOT_S = 12.0
 _WIDTH_IN = 7.2
 _INK, _MUSIC, _MOTION = "#33405c", "#d08a2e", "#c1272d"
 _COLOURS = ("#33405c", "#c1272d", "#2e8b6f", "#d08a2e", "#7a55a8", "#4a90c2", "#8a6d3b", "#9aa3b2")
-_MOTIFS_SHOWN = 20
+_MAX_MOTIFS = 20
 _STRIP_POSES, _STRIP_TILE = 8, (150, 200)
 
 
@@ -41,23 +41,23 @@ def expect_matplotlib() -> None:
         import matplotlib  # noqa: F401
     except ImportError as error:
         raise ParameterError(
-            "expected matplotlib to plot a report with, found none: install the extra 'plots', or use --json"
+            "expected matplotlib to plot a report, got none: install the extra 'plots', or use --json"
         ) from error
 
 
-def speed_figure(shown: Shown) -> Figure:
-    """Mean joint speed over the first seconds, a panel a dance, with music and motion beats.
+def speed_figure(example: ExampleSong) -> Figure:
+    """Mean joint speed over the first seconds with music and motion beats, one panel per dance.
 
     ChoreoGraph, Figure 2.
     """
-    figure, panels = _panels(len(shown.dances), 1.35)
-    for axis, dance in zip(panels, shown.dances, strict=True):
-        motion = _first(dance.motion, SPEED_SHOWN_S)
+    figure, panels = _panels(len(example.dances), 1.35)
+    for axis, dance in zip(panels, example.dances, strict=True):
+        motion = _first_seconds(dance.motion, _SPEED_PLOT_S)
         pos_m = body_pos_m(motion)
         speed = mean_joint_speed_m_s(pos_m, STORE_FPS)
         times_s = frame_times_s(len(speed), STORE_FPS)
         beats_s = motion_beat_times_s(pos_m, STORE_FPS)
-        music_s = shown.music_beats_s[shown.music_beats_s <= motion.duration_s]
+        music_s = example.music_beats_s[example.music_beats_s <= motion.duration_s]
         axis.vlines(music_s, 0, 1, transform=axis.get_xaxis_transform(), color=_MUSIC, linewidth=1.1)
         axis.plot(times_s, speed, color=_INK, linewidth=1.2)
         axis.plot(beats_s, np.interp(beats_s, times_s, speed), "o", color=_MOTION, markersize=4)
@@ -68,9 +68,9 @@ def speed_figure(shown: Shown) -> Figure:
     return figure
 
 
-def cost_figure(shown: Shown) -> Figure | None:
-    """Every second's weighted costs, stacked, a panel a plan; None if no dance was planned by costs."""
-    plans = [(d.variant, d.plan) for d in shown.dances if d.plan and any(s.costs for s in d.plan.seconds)]
+def cost_figure(example: ExampleSong) -> Figure | None:
+    """Stacked weighted costs of every second, one panel per plan; None if no plan has costs."""
+    plans = [(d.variant, d.plan) for d in example.dances if d.plan and any(s.costs for s in d.plan.seconds)]
     if not plans:
         return None
     names = list(dict.fromkeys(name for _, plan in plans for s in plan.seconds for name in s.costs))
@@ -95,7 +95,7 @@ def cost_figure(shown: Shown) -> Figure | None:
 
 
 def slope_figure(evaluation: Evaluation) -> Figure | None:
-    """How fast sources are played, over all planned seconds of all dances; None if there are none."""
+    """Histogram of playback speeds over all planned seconds of all dances; None without planned seconds."""
     slopes = {}
     for name in evaluation.variants:
         plans = [d.plan for d in dances_of(evaluation.dances, name) if d.plan and d.plan.seconds]
@@ -103,20 +103,20 @@ def slope_figure(evaluation: Evaluation) -> Figure | None:
             slopes[name] = np.concatenate([np.diff(time_maps(plan), axis=1).ravel() for plan in plans])
     if not slopes:
         return None
-    figure, panels = _panels(len(slopes), 1.25, sharey=False)  # unwarped clips are one bar of 100 %
+    figure, panels = _panels(len(slopes), 1.25, sharey=False)  # unwarped clips are a single bar of 100 %
     for axis, (name, values) in zip(panels, slopes.items(), strict=True):
         share, edges = np.histogram(values, bins=np.linspace(0.45, 2.05, 65))
         axis.stairs(100.0 * share / len(values), edges, fill=True, color=_INK)
         _titled(axis, name)
         axis.axvline(1.0, color=_MUSIC, linewidth=1.0)
         axis.set_xlim(edges[0], edges[-1])
-    panels[-1].set_xlabel("speed of the source, 1 as recorded")
+    panels[-1].set_xlabel("playback speed, 1 as recorded")
     panels[len(panels) // 2].set_ylabel("% of frames")
     return figure
 
 
 def song_figure(evaluation: Evaluation, metric: str = "f_score") -> Figure | None:
-    """A metric song by song, a mark a variant; None of one song."""
+    """A metric by song, one mark per variant; None for a single song."""
     rows = song_table(evaluation, metric)
     if len(rows) < 2:
         return None
@@ -124,8 +124,8 @@ def song_figure(evaluation: Evaluation, metric: str = "f_score") -> Figure | Non
     axis = figure.subplots()
     variants = [name for name in evaluation.variants if any(name in row for row in rows.values())]
     for index, variant in enumerate(variants):
-        beside = 0.5 * (index / max(len(variants) - 1, 1) - 0.5)  # of the song's line: marks hide none
-        points = [(row[variant], y + beside) for y, row in enumerate(rows.values()) if variant in row]
+        offset = 0.5 * (index / max(len(variants) - 1, 1) - 0.5)  # so that marks do not hide each other
+        points = [(row[variant], y + offset) for y, row in enumerate(rows.values()) if variant in row]
         axis.plot(
             *zip(*points, strict=True), "D" if variant == REAL else "o", label=column_title(variant),
             color=_COLOURS[index % len(_COLOURS)], markersize=6,
@@ -138,18 +138,18 @@ def song_figure(evaluation: Evaluation, metric: str = "f_score") -> Figure | Non
     return figure
 
 
-def signature_figure(shown: Shown) -> Figure | None:
-    """Shares of the genre's most frequent motifs, a panel a dance; None without a vocabulary."""
-    dances = [d for d in shown.dances if d.motifs is not None and len(d.motifs)]
-    if shown.template is None or not dances:
+def signature_figure(example: ExampleSong) -> Figure | None:
+    """Shares of the genre's most frequent motifs, one panel per dance; None without a vocabulary."""
+    dances = [d for d in example.dances if d.motifs is not None and len(d.motifs)]
+    if example.template is None or not dances:
         return None
-    order = np.argsort(-shown.template, kind="stable")[:_MOTIFS_SHOWN]
+    order = np.argsort(-example.template, kind="stable")[:_MAX_MOTIFS]
     figure, panels = _panels(1 + len(dances), 1.2)
-    shares = [("the genre's template", shown.template)]
-    shares += [(column_title(d.variant), _shares(d, len(shown.template))) for d in dances]
+    shares = [("the genre's template", example.template)]
+    shares += [(column_title(d.variant), _shares(d, len(example.template))) for d in dances]
     for index, (axis, (name, share)) in enumerate(zip(panels, shares, strict=True)):
         axis.bar(range(len(order)), 100 * share[order], color=_MUSIC if index == 0 else _INK, width=0.8)
-        distance = float(chi_square_distance(share, shown.template))
+        distance = float(chi_square_distance(share, example.template))
         _titled(axis, name if index == 0 else f"{name}: χ² {distance:.2f}")
     panels[-1].set_xticks(range(len(order)), [str(motif) for motif in order])
     panels[-1].set_xlabel("motif")
@@ -157,19 +157,19 @@ def signature_figure(shown: Shown) -> Figure | None:
     return figure
 
 
-def convergence_figure(shown: Shown) -> Figure | None:
-    """χ² distance of every dance so far to its genre's template (Rhythm is a Dancer, Figure 12)."""
-    dances = [d for d in shown.dances if d.motifs is not None and len(d.motifs)]
-    if shown.template is None or not dances:
+def convergence_figure(example: ExampleSong) -> Figure | None:
+    """χ² distance of each dance so far to its genre's template (Rhythm is a Dancer, Figure 12)."""
+    dances = [d for d in example.dances if d.motifs is not None and len(d.motifs)]
+    if example.template is None or not dances:
         return None
     figure = _figure(_WIDTH_IN, 2.8)
     axis = figure.subplots()
     for index, dance in enumerate(dances):
         assert dance.motifs is not None
-        counts = np.cumsum(np.eye(len(shown.template))[dance.motifs.motifs], axis=0)  # (N, K)
+        counts = np.cumsum(np.eye(len(example.template))[dance.motifs.motifs], axis=0)  # (N, K)
         so_far = counts / np.arange(1, len(counts) + 1)[:, None]
         axis.plot(
-            dance.motifs.end_s, chi_square_distance(so_far, shown.template),
+            dance.motifs.end_s, chi_square_distance(so_far, example.template),
             label=column_title(dance.variant), color=_COLOURS[index % len(_COLOURS)], linewidth=1.4,
         )  # fmt: skip
     axis.set(ylim=(0, 1), xlabel="seconds danced", ylabel="χ² to the template")
@@ -178,13 +178,13 @@ def convergence_figure(shown: Shown) -> Figure | None:
     return figure
 
 
-def strips(shown: Shown) -> Mapping[str, bytes]:
-    """Variant -> PNG of its poses on beats of the song."""
+def strips(example: ExampleSong) -> Mapping[str, bytes]:
+    """PNG of the poses on the first beats of the song, by variant."""
     from choreograph.preview.strip import draw_strip
 
     pictures = {}
-    for dance in shown.dances:
-        beats_s = shown.music_beats_s[shown.music_beats_s <= dance.motion.duration_s]
+    for dance in example.dances:
+        beats_s = example.music_beats_s[example.music_beats_s <= dance.motion.duration_s]
         if len(beats_s) < _STRIP_POSES:
             beats_s = np.linspace(0.0, dance.motion.duration_s * 0.95, _STRIP_POSES)
         sheet = draw_strip(
@@ -195,7 +195,7 @@ def strips(shown: Shown) -> Mapping[str, bytes]:
 
 
 def to_svg(figure: Figure) -> str:
-    """The figure as an <svg> element, text as text."""
+    """The figure as an <svg> element; text stays text."""
     import matplotlib
 
     buffer = io.StringIO()
@@ -211,12 +211,12 @@ def _png(sheet: NDArray[np.uint8]) -> bytes:
     return buffer.getvalue()
 
 
-def _first(motion: Motion, seconds: float) -> Motion:
+def _first_seconds(motion: Motion, seconds: float) -> Motion:
     motion = motion.resampled(STORE_FPS)
     return motion.sliced(0, round(seconds * STORE_FPS))
 
 
-def _shares(dance: ShownDance, n_motifs: int) -> Floats:
+def _shares(dance: ExampleDance, n_motifs: int) -> Floats:
     assert dance.motifs is not None
     return np.bincount(dance.motifs.motifs, minlength=n_motifs) / len(dance.motifs)
 

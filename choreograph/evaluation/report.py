@@ -8,22 +8,22 @@ from importlib import resources
 from pathlib import Path
 
 from choreograph.evaluation import plots
-from choreograph.evaluation.catalogue import Metric
+from choreograph.evaluation.metric_catalogue import Metric
 from choreograph.evaluation.results import Evaluation
 from choreograph.evaluation.tables import Cell, Row, Table, column_title, number_text, song_table, tables
 from choreograph.files import atomic_path, check_target
 
 _ARROWS = {"higher": "↑", "lower": "↓", "real": "≈"}
-_ARROW_SAYS = {"higher": "higher is better", "lower": "lower is better", "real": "as real dances have it"}
+_ARROW_TITLES = {"higher": "higher is better", "lower": "lower is better", "real": "closer to real is better"}
 _TITLES = {
-    "beats": "Beats", "realism": "Realism", "sets": "Features of whole dances", "labels": "Labels",
+    "beats": "Beats", "realism": "Realism", "sets": "Sets of dances", "labels": "Labels",
     "physics": "Physics", "motifs": "Motifs", "structure": "Structure", "warping": "Warping",
     "retrieval": "Retrieval",
 }  # fmt: skip
 
 
 def write_report(path: str | Path, evaluation: Evaluation) -> None:
-    """Write the evaluation as one HTML file that needs nothing else.
+    """Write the evaluation as one self-contained HTML file.
 
     Raises `ParameterError` if matplotlib is missing or the folder does not exist, `ChoreographError` if the
     file cannot be written.
@@ -57,20 +57,20 @@ def _facts(evaluation: Evaluation) -> str:
     songs = facts["songs"]
     lines = [
         f"{len(songs)} {'song' if len(songs) == 1 else 'songs'}: {', '.join(songs)}",
-        f"{facts['seeds']} {'seed' if facts['seeds'] == 1 else 'seeds'}; beats by {facts['beats']}",
-        f"Fréchet distances against {facts['frechet_against']}",
+        f"{facts['seeds']} {'seed' if facts['seeds'] == 1 else 'seeds'}; music beats from {facts['beats']}",
+        f"Fréchet distances to {facts['frechet_against']}",
         f"choreograph {facts['choreograph']}",
     ]
     if facts["seen"]:
-        lines.insert(0, "<strong>The repertoire was made with some of these songs.</strong>")
+        lines.insert(0, "<strong>The repertoire may have been built from some of these songs.</strong>")
     return "<ul class=facts>" + "".join(f"<li>{_text(line)}</li>" if line[0] != "<" else f"<li>{line}</li>"
                                         for line in lines) + "</ul>"  # fmt: skip
 
 
 def _variants(evaluation: Evaluation) -> str:
     items = (
-        f"<dt>{_text(column_title(name))}</dt><dd>{_text(says)}</dd>"
-        for name, says in evaluation.variants.items()
+        f"<dt>{_text(column_title(name))}</dt><dd>{_text(description)}</dd>"
+        for name, description in evaluation.variants.items()
     )
     return f"<dl>{''.join(items)}</dl>"
 
@@ -90,7 +90,7 @@ def _row(row: Row) -> str:
     unit = f" <span class=unit>{_text(metric.unit)}</span>" if metric.unit else ""
     head = (
         f'<th scope=row title="{_text(metric.source)}">{_text(metric.label)}{unit} '
-        f'<span class=arrow title="{_ARROW_SAYS[metric.better]}">{_ARROWS[metric.better]}</span></th>'
+        f'<span class=arrow title="{_ARROW_TITLES[metric.better]}">{_ARROWS[metric.better]}</span></th>'
     )
     return f"<tr>{head}{''.join(_cell(cell, metric) for cell in row.cells)}</tr>"
 
@@ -117,7 +117,7 @@ def _songs(evaluation: Evaluation) -> str:
     )
     figure = plots.song_figure(evaluation)
     return (
-        "<section id=songs><h2>F-score song by song</h2><p>The mean over seeds.</p><div class=scroll>"
+        "<section id=songs><h2>F-score by song</h2><p>Mean over seeds.</p><div class=scroll>"
         f"<table><thead><tr><th></th>{head}</tr></thead><tbody>{lines}</tbody></table></div>"
         + (_svg(figure) if figure else "")
         + "</section>"
@@ -125,27 +125,27 @@ def _songs(evaluation: Evaluation) -> str:
 
 
 def _figures(evaluation: Evaluation) -> list[str]:
-    shown = evaluation.shown
-    if shown is None:
+    example = evaluation.example
+    if example is None:
         return []
-    song = f"{shown.song}, seed 0"
+    song = f"{example.song}, first seed"
     strips = "".join(
         f'<h3>{_text(column_title(name))}</h3><img alt="poses of {_text(name)}" '
         f'src="data:image/png;base64,{base64.b64encode(png).decode()}">'
-        for name, png in plots.strips(shown).items()
+        for name, png in plots.strips(example).items()
     )
     parts = [
-        ("speed", "Speed and beats", f"{song}. Orange lines are the music's beats, red dots the dance's: "
-         "moments of rest. They should fall on the lines.", plots.speed_figure(shown)),
-        ("costs", "What the dances cost", f"{song}: weighted costs, by second.", plots.cost_figure(shown)),
-        ("slopes", "How fast takes are played", "All songs and seeds.", plots.slope_figure(evaluation)),
-        ("signatures", "Motif signatures", f"{song}: the genre's most frequent motifs.",
-         plots.signature_figure(shown)),
-        ("convergence", "How signatures converge", song, plots.convergence_figure(shown)),
+        ("speed", "Speed and beats", f"{song}. Orange lines are music beats. Red dots are motion beats, "
+         "where the body slows down; they should lie on the lines.", plots.speed_figure(example)),
+        ("costs", "Costs", f"{song}: weighted costs of every second.", plots.cost_figure(example)),
+        ("slopes", "Playback speed of the takes", "All songs and seeds.", plots.slope_figure(evaluation)),
+        ("signatures", "Motif signatures", f"{song}: the most frequent motifs of the genre.",
+         plots.signature_figure(example)),
+        ("convergence", "Convergence of the signatures", song, plots.convergence_figure(example)),
     ]  # fmt: skip
     sections = [
-        f'<section id="{name}"><h2>{title}</h2><p>{_text(says)}</p>{_svg(figure)}</section>'
-        for name, title, says, figure in parts
+        f'<section id="{name}"><h2>{title}</h2><p>{_text(caption)}</p>{_svg(figure)}</section>'
+        for name, title, caption, figure in parts
         if figure is not None
     ]
     poses = f"<section id=poses><h2>Poses on beats</h2><p>{_text(song)}</p>{strips}</section>"

@@ -1,4 +1,4 @@
-"""What an evaluation found: every measured dance with its numbers, and a few dances to look at."""
+"""The results of an evaluation: the scores of every dance, and all dances to one song for the plots."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.evaluation.measuring import Scores
-from choreograph.evaluation.motif_judge import DancedMotifs
+from choreograph.evaluation.motif_scores import DancedMotifs
+from choreograph.evaluation.scores import Scores
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
 
 Floats = NDArray[np.float64]
 
-REAL, TAKES = "real", "takes"  # the columns beside the variants
-SELECTION = "selection"  # no dance: what is found for a song by style
-GIVEN = "dance"  # the one column where a single dance is measured
+REAL, TAKES = "real", "takes"  # table columns next to the variants
+SELECTION = "selection"  # not a dance: style retrieval for a song
+SINGLE = "dance"  # the only column if a single dance is evaluated
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredDance:
-    """One dance, or a real take, and its numbers."""
+    """The scores of one dance or real take."""
 
     variant: str  # or `REAL`
     song: str
@@ -33,8 +33,8 @@ class MeasuredDance:
 
 
 @dataclass(frozen=True, eq=False)
-class ShownDance:
-    """A dance kept whole, to be looked at."""
+class ExampleDance:
+    """A dance kept whole, for the plots."""
 
     variant: str
     motion: Motion
@@ -43,27 +43,27 @@ class ShownDance:
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
-    """All dances to one song."""
+class ExampleSong:
+    """All dances to one song, for the plots."""
 
     song: str
     music_beats_s: Floats  # (Q,)
-    dances: tuple[ShownDance, ...]
+    dances: tuple[ExampleDance, ...]
     template: Floats | None = None  # (K,) signature of its genre
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """All that was measured; `tables.tables` sums it up."""
+    """Everything that was measured; `tables.tables` summarises it."""
 
-    facts: Mapping[str, Any]  # what was evaluated and how, for people and JSON
-    variants: Mapping[str, str]  # name -> what it is, in the tables' order
+    facts: Mapping[str, Any]  # what was evaluated and how, for the report and JSON
+    variants: Mapping[str, str]  # name -> description, in the order of the tables
     dances: tuple[MeasuredDance, ...]
-    sets: tuple[MeasuredDance, ...]  # of all songs together: song is ""
+    sets: tuple[MeasuredDance, ...]  # all songs together: `song` is ""
     notes: tuple[str, ...] = ()
-    shown: Shown | None = None
+    example: ExampleSong | None = None
 
 
 def dances_of(dances: Iterable[MeasuredDance], variant: str) -> list[MeasuredDance]:
-    """Those of one variant."""
+    """The dances of one variant."""
     return [dance for dance in dances if dance.variant == variant]

@@ -98,7 +98,7 @@ def write_study(
         n-th dance of a variant to a song with the n-th of another
     folder : for the two files; made if its parent is there
     seed : of the order, in which no song follows itself where that can be had
-    sound : whether the songs are heard, and the questions about music asked
+    sound : whether the songs play, and questions about music are asked
     excerpt_s : seconds to show, about the middle of each dance (the paper: 6); all of it unless given
 
     The same dances and seed give the same bytes. Dances on several skeletons are all retargeted to the
@@ -130,13 +130,13 @@ def write_study(
         "questions": [question.id for question in questions],
         "dances": [
             {
-                "dance": packed["id"],
+                "dance": compressed["id"],
                 "variant": variant,
                 "song": cut.song_path.name,
                 "number": number,
                 "start_s": cut.start_s,
             }
-            for packed, (variant, number, _), cut in zip(data["dances"], shown, excerpts, strict=True)
+            for compressed, (variant, number, _), cut in zip(data["dances"], shown, excerpts, strict=True)
         ],
     }
     folder.mkdir(exist_ok=True)
@@ -201,7 +201,7 @@ def _excerpts(dances: Sequence[StudyDance], excerpt_s: float | None) -> list[Stu
 
 
 def _packed(excerpts: Sequence[StudyDance], *, sound: bool) -> tuple[dict[str, Any], dict[str, str]]:
-    """What the page knows of the dances, in their order, and packed bytes by the element that holds them.
+    """What the page knows of the dances, in their order, and compressed bytes by the element that holds them.
 
     A stretch of a song that several dances share is there once.
     """
@@ -215,22 +215,22 @@ def _packed(excerpts: Sequence[StudyDance], *, sound: bool) -> tuple[dict[str, A
         "parents": skeleton.parents.tolist(), "offsets_m": np.round(skeleton.offsets_m, 6).tolist(),
     }  # fmt: skip
     texts = {"mesh": mesh}
-    heard: dict[tuple[Path, float, float], int] = {}
+    sound_ids: dict[tuple[Path, float, float], int] = {}
     shown = []
     width = len(str(len(motions)))
     for number, (motion, excerpt) in enumerate(zip(motions, excerpts, strict=True), start=1):
         duration_s = round(motion.duration_s, 6)
         span = (excerpt.song_path, excerpt.start_s, duration_s)
-        if sound and span not in heard:
-            heard[span] = len(heard)
-            texts[f"sound-{heard[span]}"] = _sound(*span)
-        packed = compress_motion(motion, max_bytes=2**62)  # at its full rate, however long
+        if sound and span not in sound_ids:
+            sound_ids[span] = len(sound_ids)
+            texts[f"sound-{sound_ids[span]}"] = _sound(*span)
+        compressed = compress_motion(motion, max_bytes=2**62)  # at its full rate, however long
         dance = {
-            "id": f"{number:0{width}d}", "duration_s": duration_s, "frames": packed.n_frames,
-            "root_step_m": packed.root_step_m, "root_origin_m": packed.root_origin_m,
-            "sound": heard.get(span),
+            "id": f"{number:0{width}d}", "duration_s": duration_s, "frames": compressed.n_frames,
+            "root_step_m": compressed.root_step_m, "root_origin_m": compressed.root_origin_m,
+            "sound": sound_ids.get(span),
         }  # fmt: skip
-        texts[f"dance-{dance['id']}"] = packed.text
+        texts[f"dance-{dance['id']}"] = compressed.text
         shown.append(dance)
     return {"body": body, "dances": shown}, texts
 

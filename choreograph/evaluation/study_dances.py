@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from choreograph.evaluation.results import REAL
 from choreograph.evaluation.songs import EvaluatedSong, check_unseen
 from choreograph.evaluation.study import StudyDance
-from choreograph.evaluation.variants import Variant, dance_as
+from choreograph.evaluation.variants import Variant, dance_variant
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import Repertoire
 
@@ -33,7 +33,7 @@ def make_study_dances(
         for done, variant in enumerate(variants, start=number * len(variants)):
             if report is not None:
                 report("dancing", done, n_dances)
-            made = dance_as(variant, loaded, repertoire, start_s=song.start_s)
+            made = dance_variant(variant, loaded, repertoire, start_s=song.start_s)
             dances[variant.name].append(StudyDance(made.motion, song.path, song.start_s))
         if song.take is not None:
             motion = song.take.motion

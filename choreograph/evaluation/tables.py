@@ -1,4 +1,4 @@
-"""From all measured dances to tables: a row a metric, a column a variant, mean ± spread; and JSON."""
+"""Summarise an evaluation in tables: one row per metric, one column per variant; and write it as JSON."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from choreograph.evaluation.catalogue import FAMILIES, METRICS, Metric
+from choreograph.evaluation.metric_catalogue import FAMILIES, METRICS, Metric
 from choreograph.evaluation.results import REAL, TAKES, Evaluation, MeasuredDance, dances_of
 
 FORMAT = "choreograph-evaluation"
@@ -18,17 +18,17 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class Cell:
-    """A variant's numbers in one metric, over songs and seeds."""
+    """A variant's values of one metric, over songs and seeds."""
 
     mean: float
-    spread: float  # standard deviation; 0 of one number
+    spread: float  # standard deviation; 0 for a single value
     n: int
     chance: float | None = None  # mean chance level
 
 
 @dataclass(frozen=True)
 class Row:
-    """One metric over the table's columns; None where it does not apply."""
+    """One metric over the columns of a table; None where it does not apply."""
 
     metric: Metric
     cells: tuple[Cell | None, ...]
@@ -45,8 +45,8 @@ class Table:
 
 
 def tables(evaluation: Evaluation) -> tuple[Table, ...]:
-    """A table for each family that was measured, variants first, then real dances and takes."""
-    found = []
+    """One table for each family that was measured; variants first, then real dances and takes."""
+    result = []
     for family, caption in FAMILIES.items():
         dances = evaluation.sets if family == "sets" else evaluation.dances
         metrics = [metric for metric in METRICS.values() if metric.family == family]
@@ -57,12 +57,12 @@ def tables(evaluation: Evaluation) -> tuple[Table, ...]:
         )
         rows = tuple(row for m in metrics if any((row := _row(m, dances, columns)).cells))
         if rows:
-            found.append(Table(family, caption, columns, rows))
-    return tuple(found)
+            result.append(Table(family, caption, columns, rows))
+    return tuple(result)
 
 
 def song_table(evaluation: Evaluation, metric: str) -> dict[str, dict[str, float]]:
-    """Song -> variant -> mean of a metric over seeds."""
+    """Mean of a metric over seeds, by song and variant."""
     rows: dict[str, dict[str, float]] = {}
     for song in evaluation.facts["songs"]:
         for variant in evaluation.variants:
@@ -88,13 +88,13 @@ def _cell(metric: str, dances: Sequence[MeasuredDance]) -> Cell | None:
 
 
 def _values(metric: str, dances: Sequence[MeasuredDance]) -> list[float]:
-    """All finite values: a dance without a motion beat has no distance."""
+    """All finite values; a dance without motion beats, for example, has no beat distance."""
     values = [d.scores.values[metric] for d in dances if metric in d.scores.values]
     return [value for value in values if math.isfinite(value)]
 
 
 def to_json(evaluation: Evaluation) -> str:
-    """The evaluation as JSON text, laid out in `data_schema/evaluation.schema.json`; nan becomes null."""
+    """The evaluation as JSON text after `data_schema/evaluation.schema.json`; nan becomes null."""
     data = {
         "format": FORMAT,
         "version": VERSION,
@@ -112,14 +112,14 @@ def to_json(evaluation: Evaluation) -> str:
             }
             for table in tables(evaluation)
         ],
-        "dances": [_measured(dance) for dance in evaluation.dances],
-        "sets": [_measured(dance) for dance in evaluation.sets],
+        "dances": [_dance_data(dance) for dance in evaluation.dances],
+        "sets": [_dance_data(dance) for dance in evaluation.sets],
         "notes": list(evaluation.notes),
     }
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _measured(dance: MeasuredDance) -> dict:
+def _dance_data(dance: MeasuredDance) -> dict:
     return {
         "variant": dance.variant,
         "song": dance.song,
@@ -134,10 +134,10 @@ def _finite(value: float) -> float | None:
 
 
 def number_text(value: float, digits: int) -> str:
-    """A number as tables show it; what published code makes of broken features has fifteen digits."""
+    """A number as displayed in tables; the published FID explodes to fifteen digits on constant features."""
     return f"{value:.1e}" if abs(value) >= 1e6 else f"{value:.{digits}f}"
 
 
 def column_title(name: str) -> str:
-    """What a column is called over a table."""
-    return {REAL: "real dances", TAKES: "takes danced with"}.get(name, name)
+    """The title of a column."""
+    return {REAL: "real dances", TAKES: "takes used"}.get(name, name)

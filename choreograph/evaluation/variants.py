@@ -1,4 +1,4 @@
-"""Ways to dance that are compared: the paper's Table 1, what each of our own parts does, other engines."""
+"""Variants to compare: the paper's Table 1, ablations of our own parts, and the engines."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from choreograph.plan import Plan, PlannedSecond
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import CLIP_S, NODE_FRAMES, SEGMENT_S
 
-_JOINTS_TO_NORM = float(np.sqrt(21.0))  # our transition is a mean over 21 joints, the paper's their norm
+_JOINTS_TO_NORM = float(np.sqrt(21.0))  # our transition cost is a mean over 21 joints, the paper's a norm
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A way to dance: settings of an engine, or clips at random."""
+    """A way to dance: the settings of an engine, or random clips."""
 
     name: str
-    says: str  # what it is, in a line of a report
+    description: str  # one line in the report
     config: DanceConfig = field(default_factory=DanceConfig)
-    seeded: bool = True  # another seed, another dance; else one seed is enough
+    seeded: bool = True  # whether the dance depends on the seed
     random_clips: bool = False
 
 
-def _graph(name: str, says: str, *, seeded: bool = True, **settings) -> Variant:
-    return Variant(name, says, DanceConfig(**settings), seeded)
+def _variant(name: str, description: str, *, seeded: bool = True, **settings) -> Variant:
+    return Variant(name, description, DanceConfig(**settings), seeded)
 
 
-def _without(cost: str) -> Variant:
-    return _graph(
-        f"no-{cost}", f"ours without the cost {cost}", seeded=cost != "variety", weights={cost: 0.0}
+def _without_cost(cost: str) -> Variant:
+    return _variant(
+        f"no-{cost}", f"ours without the {cost} cost", seeded=cost != "variety", weights={cost: 0.0}
     )
 
 
@@ -49,40 +49,42 @@ VARIANTS: dict[str, Variant] = {
     variant.name: variant
     for variant in (
         Variant(
-            "random", "clips at random, their middle 4 s unwarped, joined linearly", random_clips=True,
+            "random", "random clips: their middle 4 s unwarped, linear blending", random_clips=True,
             config=DanceConfig(blending="linear", transitions="seconds"),
         ),
-        _graph(
+        _variant(
             "motion-graph", "the paper's Motion Graph variant: first warped seconds, transition cost only, "
-            "linear blending, joins on seconds",
-            seeded=False, planner="motion-graph", blending="linear", transitions="seconds", weights=_AS_PUBLISHED,
+            "linear blending, transitions on seconds", seeded=False, planner="motion-graph",
+            blending="linear", transitions="seconds", weights=_AS_PUBLISHED,
         ),
-        _graph(
-            "greedy-published", "ChoreoGraph as published: greedy, costs style + completeness + transition "
-            "unweighted, linear blending, joins on seconds; our selection, warping and locked feet",
+        _variant(
+            "greedy-published", "ChoreoGraph as published: greedy planner, unweighted style, completeness "
+            "and transition costs, linear blending, transitions on seconds; with our selection, warping and "
+            "foot lock",
             seeded=False, planner="greedy", blending="linear", transitions="seconds", weights=_AS_PUBLISHED,
         ),
-        _graph("ours", "the defaults"),
-        _graph("greedy", "ours with the greedy planner", planner="greedy"),
-        _graph("linear", "ours with linear blending", blending="linear"),
-        _graph("no-retempo", "ours without warping: clips as fast as recorded", warping="none"),
-        _graph(
-            "no-selection", "ours with candidates drawn at random, and no style cost", selection="random",
+        _variant("ours", "the defaults"),
+        _variant("greedy", "ours with the greedy planner", planner="greedy"),
+        _variant("linear", "ours with linear blending", blending="linear"),
+        _variant("no-retempo", "ours without warping: clips at recorded speed", warping="none"),
+        _variant(
+            "no-selection", "ours with random candidates and without the style cost", selection="random",
             weights={"style": 0.0},
         ),
-        _graph(
-            "no-graph", "ours without costs between seconds: each the best for itself", weights=_NO_EDGES
+        _variant(
+            "no-graph", "ours without costs between seconds: the best node for each second alone",
+            weights=_NO_EDGES,
         ),
-        _graph("joins-on-seconds", "ours with joins on seconds", transitions="seconds"),
-        *(_without(cost) for cost in DEFAULT_WEIGHTS),
-        _graph("mixer", "the mixer engine: motion words of takes", engine="mixer"),
-        _graph("rollout", "the rollout engine: a network's motion", engine="rollout"),
+        _variant("transitions-on-seconds", "ours with transitions on seconds", transitions="seconds"),
+        *(_without_cost(cost) for cost in DEFAULT_WEIGHTS),
+        _variant("mixer", "the mixer engine: motion words of takes", engine="mixer"),
+        _variant("rollout", "the rollout engine: motion from a network", engine="rollout"),
     )
 }  # fmt: skip
 GROUPS: dict[str, tuple[str, ...]] = {
     "paper": ("ours", "greedy-published", "motion-graph", "random"),
     "ablations": (
-        "ours", "no-selection", "no-retempo", "no-graph", "greedy", "linear", "joins-on-seconds",
+        "ours", "no-selection", "no-retempo", "no-graph", "greedy", "linear", "transitions-on-seconds",
         *(f"no-{cost}" for cost in DEFAULT_WEIGHTS),
     ),
     "engines": ("ours", "mixer", "rollout"),
@@ -90,7 +92,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
 
 
 def variants_named(names: Sequence[str]) -> tuple[Variant, ...]:
-    """Variants by their names and the names of `GROUPS`, each once; `ParameterError` for an unknown one."""
+    """The variants with these names or in these `GROUPS`, each once; `ParameterError` for an unknown name."""
     chosen: dict[str, Variant] = {}
     for name in names:
         if name not in GROUPS and name not in VARIANTS:
@@ -100,7 +102,7 @@ def variants_named(names: Sequence[str]) -> tuple[Variant, ...]:
     return tuple(chosen.values())
 
 
-def dance_as(
+def dance_variant(
     variant: Variant, song: Song, repertoire: Repertoire, *, seed: int = 0, start_s: float = 0.0
 ) -> Dance:
     """The variant's dance to a song that begins at `start_s` of its file. Raises as `dance` does."""
@@ -112,10 +114,10 @@ def dance_as(
 
 
 def _random_plan(song: Song, repertoire: Repertoire, config: DanceConfig, start_s: float) -> Plan:
-    """A clip drawn anew for every 4 s, and its middle 4 s as they are."""
+    """A random clip for every 4 s: its middle 4 s at recorded speed."""
     if repertoire.n_clips == 0:
         raise RepertoireError(
-            f"{repertoire.path}: the repertoire has no clip: its takes are shorter than {CLIP_S} s"
+            f"{repertoire.path}: expected clips, got none: all takes are shorter than {CLIP_S} s"
         )
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     drawn = np.random.default_rng(config.seed).integers(repertoire.n_clips, size=-(-n_seconds // SEGMENT_S))
@@ -129,7 +131,8 @@ def _random_plan(song: Song, repertoire: Repertoire, config: DanceConfig, start_
                 second=second, take=take.name, clip=clip, clip_start_s=repertoire.clip_start_s(clip),
                 segment_second=second - offset, offset=offset,
                 source_times_s=tuple(np.linspace(first_s, first_s + 1.0, NODE_FRAMES + 1).tolist()),
-                start_s=float(second), transition_s=TRANSITION_LENGTHS_S[config.blending][0], costs={}, credits=take.credits,
+                start_s=float(second), transition_s=TRANSITION_LENGTHS_S[config.blending][0],
+                costs={}, credits=take.credits,
             )
         )  # fmt: skip
     return Plan(

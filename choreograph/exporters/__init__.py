@@ -1,4 +1,10 @@
-"""Motions to files: `save_motion` by suffix, `get_writer` by format. A new format is one file here."""
+"""Motions to files: `save_motion` by suffix, `get_writer` by format.
+
+bvh   one skeleton, Euler angles
+npz   plain arrays, exact; SMPL's where the skeleton is the canonical one
+
+A new format is one module here with a `Writer`.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +31,10 @@ def get_writer(format: str) -> Writer:
 
 
 def save_motion(path: str | Path, motion: Motion, *, writer: Writer | None = None) -> None:
-    """Write `motion` whole or not at all, in the format of the path's suffix or with `writer`.
+    """Write `motion` atomically, in the format of the path's suffix or with `writer`.
 
     Raises `ParameterError` for an unknown suffix or a missing folder, `ChoreographError` if the disk
-    is full or may not be written.
+    is full or write-protected.
     """
     writer = writer or get_writer(Path(path).suffix.removeprefix("."))
     with atomic_path(path) as temporary:

@@ -1,4 +1,4 @@
-"""What every writer is: a format's name and a way to put one motion into one file."""
+"""Base class of the writers."""
 
 from __future__ import annotations
 
@@ -16,4 +16,4 @@ class Writer(ABC):
 
     @abstractmethod
     def write(self, motion: Motion, path: Path) -> None:
-        """Write `motion` to the new file `path`; an `OSError` is the caller's to translate."""
+        """Write `motion` to the new file `path`; the caller translates an `OSError`."""

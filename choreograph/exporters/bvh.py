@@ -1,4 +1,4 @@
-"""Motions as BVH: the motion's own skeleton, six channels on the root and three elsewhere."""
+"""BVH writer: the motion's skeleton, six channels on the root and three elsewhere."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ORDERS = tuple("".join(axes) for axes in itertools.permutations("XYZ"))
 
 @dataclass(frozen=True)
 class BvhOptions:
-    """How a BVH file is written. `ParameterError` for an order that is none."""
+    """Options of a BVH file. Raises `ParameterError` for an invalid order or scale."""
 
     units_per_m: float = 100.0  # centimetres, as most programs expect
     order: str = "ZXY"  # of the rotation channels
@@ -34,7 +34,7 @@ class BvhOptions:
 
 
 class BvhWriter(Writer):
-    """Five decimals: far below a tenth of a millimetre at the fingertips."""
+    """Writes five decimals: an error far below a tenth of a millimetre at the fingertips."""
 
     format = "bvh"
 
@@ -42,7 +42,7 @@ class BvhWriter(Writer):
         self.options = options or BvhOptions()
 
     def write(self, motion: Motion, path: Path) -> None:
-        """Write `motion`; angles run on past 180 degrees rather than jump, so that curves can be edited."""
+        """Write `motion`; Euler angles are unwrapped past 180 degrees so that curves can be edited."""
         order = _file_order(motion.skeleton)
         angles = rot.to_euler(self.options.order, motion.local_quat[:, order])  # (T, J, 3)
         degrees = np.degrees(np.unwrap(angles, axis=0)).reshape(motion.n_frames, -1)  # (T, 3 J)
@@ -55,7 +55,7 @@ class BvhWriter(Writer):
             file.writelines(line % tuple(row) + "\n" for row in rows.tolist())
 
     def _hierarchy(self, skeleton: Skeleton, joint: int, indent: str) -> list[str]:
-        # A root offset of zero reads the same whether a program adds the channels to it or not.
+        # With a root offset of zero it does not matter whether a reader adds the position channels to it.
         offset = skeleton.offsets_m[joint] if joint else np.zeros(3)
         position = "Xposition Yposition Zposition " if joint == 0 else ""
         rotation = " ".join(f"{axis}rotation" for axis in self.options.order)
@@ -81,11 +81,11 @@ class BvhWriter(Writer):
 
 
 def _file_order(skeleton: Skeleton) -> list[int]:
-    """Joints depth first, as the file's nesting lists them: not the order of every skeleton."""
+    """Joints depth first, the order in which the file nests them; skeletons may differ."""
     order: list[int] = []
-    waiting = [0]
-    while waiting:
-        joint = waiting.pop()
+    stack = [0]
+    while stack:
+        joint = stack.pop()
         order.append(joint)
-        waiting += np.flatnonzero(skeleton.parents == joint)[::-1].tolist()
+        stack += np.flatnonzero(skeleton.parents == joint)[::-1].tolist()
     return order

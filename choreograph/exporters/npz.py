@@ -1,4 +1,4 @@
-"""Motions as NPZ: plain arrays, nothing pickled, and SMPL's where the skeleton is the canonical one."""
+"""NPZ writer: plain arrays without pickles, also SMPL's if the skeleton is the canonical one."""
 
 from __future__ import annotations
 
@@ -12,15 +12,22 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS
 
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest a zip can say: the same motion gives the same bytes
+_EPOCH = (
+    1980,
+    1,
+    1,
+    0,
+    0,
+    0,
+)  # the earliest date of a zip entry, fixed so that the same motion gives the same bytes
 
 
 class NpzWriter(Writer):
-    """Arrays as `importers.npz.read_npz` reads them back, bit for bit.
+    """Writes arrays that `importers.npz.read_npz` reads back bit for bit.
 
     root_pos_m (T, 3), local_quat (T, J, 4) wxyz, fps, names (J,), parents (J,), offsets_m (J, 3),
     tip_parents (E,), tips_m (E, 3). On the canonical joints also SMPL's `poses` (T, 72), axis-angle,
-    and `trans` (T, 3): the pelvis, which in SMPL's own files lies a constant vector from `trans`.
+    and `trans` (T, 3): the pelvis position, which in SMPL's own files is a constant vector off `trans`.
     """
 
     format = "npz"

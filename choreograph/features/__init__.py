@@ -1,0 +1,21 @@
+"""Features of music and of motion.
+
+Music
+mel            log-mel spectrogram at 60 fps
+tempogram      onset envelopes, tempogram, scale transform: rhythm twice a second
+frame_rhythm   four rhythmic features per frame at 30 fps (Rhythm is a Dancer, Table 2)
+spectral       87 spectral features per beat interval (Rhythm is a Dancer, Table 2)
+word_audio     audio input of the rollout network: rhythm per frame, spectrum per motion word
+loudness       RMS normalisation
+music_beats    beat trackers behind one interface
+tempo_path     beat tracking with a varying tempo, the default tracker
+sections       section boundaries and labels of a song
+song_features  `SongFeatures`: what the engines plan from
+
+Motion
+motion_beats   local minima of mean joint speed
+contacts       foot contact confidence
+
+Both
+density        analytic tempo-density: a bump on every beat
+"""

@@ -1,4 +1,4 @@
-"""When a foot stands on the floor, from where its joints are and how fast they move."""
+"""Foot contacts with the floor, from the height and speed of the foot joints."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 
 CONTACT_JOINTS = ("left_ankle", "left_foot", "right_ankle", "right_foot")
 
-_STANDING_PERCENT = 10.0  # of frames: a joint's height while its foot stands
-_LOW_M, _LOW_WIDTH_M = 0.045, 0.007  # over that height a joint is as likely up as down
-_SLOW_M_S = 0.4  # at that speed it is as likely moving as at rest
-_SMOOTH_S = 0.04  # against noise in the speed, and against contacts that flicker
+_FLOOR_PERCENT = 10.0  # of frames: a joint's height while its foot is on the floor
+_LOW_M, _LOW_WIDTH_M = 0.045, 0.007  # above that height: contact and no contact are equally likely
+_SLOW_M_S = 0.4  # at that speed the confidence is halved
+_SMOOTH_S = 0.04  # against noise in the speed and flickering contacts
 
 
 def foot_contacts(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
-    """How surely each of `CONTACT_JOINTS` is at rest on the floor, (T, 4) from 0 to 1.
+    """Contact confidence of each of `CONTACT_JOINTS`, (T, 4) from 0 to 1; above 0.5 is a contact.
 
     The columns are left ankle (heel), left foot (ball), right ankle, right foot of body positions
-    (T, 21, 3) in metres at any rate `fps`. Low and slow, each by degrees: a hard threshold would
-    make corrections come and go at a frame. Above 0.5 is a contact.
+    (T, 21, 3) in metres at any rate `fps`. Height and speed enter smoothly: with a hard threshold,
+    foot locking would switch on and off within a frame.
 
     Raises `ParameterError` if the shape is wrong or a value is not finite.
     """
     pos = checked_body_pos_m(body_pos_m, fps)
     feet = pos[:, [BODY_JOINTS.index(name) for name in CONTACT_JOINTS]]  # (T, 4, 3)
-    height = feet[..., 1] - np.percentile(feet[..., 1], _STANDING_PERCENT, axis=0)  # (T, 4)
+    height = feet[..., 1] - np.percentile(feet[..., 1], _FLOOR_PERCENT, axis=0)  # (T, 4)
     smooth = gaussian_filter1d(feet, _SMOOTH_S * fps, axis=0, mode="nearest")
     step = np.gradient(smooth, axis=0) if len(feet) > 1 else np.zeros_like(feet)
     speed = np.linalg.norm(step, axis=-1) * fps  # (T, 4)
-    surely = expit((_LOW_M - height) / _LOW_WIDTH_M) / (1.0 + (speed / _SLOW_M_S) ** 4)
-    return gaussian_filter1d(surely, _SMOOTH_S * fps, axis=0, mode="nearest").clip(0.0, 1.0)
+    confidence = expit((_LOW_M - height) / _LOW_WIDTH_M) / (1.0 + (speed / _SLOW_M_S) ** 4)
+    return gaussian_filter1d(confidence, _SMOOTH_S * fps, axis=0, mode="nearest").clip(0.0, 1.0)

@@ -1,7 +1,7 @@
-"""The analytic tempo-density: a bump on every beat, of the motion or of the music.
+"""The analytic tempo-density: a Gaussian bump on every beat of the motion or of the music.
 
-Baseline and fallback of the learned one (`nets.density`), behind the same two functions: a curve per
-take at 20 fps, a curve per second of music for its 4 s.
+Baseline and fallback for the learned one (`nets.density`), with the same two functions: one curve per
+take at 20 fps, and one per second of music for the 4 s from there.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ BUMP_S = 0.08  # standard deviation of a bump
 
 
 def bumps(times_s: NDArray[np.floating], beat_times_s: NDArray[np.floating]) -> NDArray[np.float32]:
-    """1 at every beat, falling to 0 between them, at `times_s` (T,)."""
+    """1 at every beat, falling towards 0 between beats, at `times_s` (T,)."""
     if len(beat_times_s) == 0:
         return np.zeros(len(times_s), np.float32)
     after = np.searchsorted(beat_times_s, times_s)
@@ -30,6 +30,6 @@ def motion_density(n_frames: int, beat_times_s: NDArray[np.floating]) -> NDArray
 
 
 def music_density(n_seconds: int, beat_times_s: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Tempo-density wanted in the 4 s from each second, (S, 80) at 20 fps, from the music's beats."""
+    """Target tempo-density of the 4 s from each second, (S, 80) at 20 fps, from the music's beats."""
     times = np.arange(n_seconds)[:, None] + frame_times_s(SEGMENT_FRAMES, NET_FPS)  # (S, 80)
     return bumps(times.ravel(), beat_times_s).reshape(times.shape)

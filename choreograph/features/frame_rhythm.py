@@ -1,19 +1,20 @@
-"""Rhythm of music frame by frame at 30 fps, as the rollout network hears it: four numbers a frame.
+"""Rhythmic features of music per frame at 30 fps, four numbers each: input of the rollout network.
 
 | the paper's Table 2 | here |
 | --- | --- |
-| a1 tempogram (autocorrelation of onset strength) | the window's onsets against those a beat before, 0 to 1 |
+| a1 tempogram (autocorrelation of onset strength) | that of the window at a lag of one beat, 0 to 1 |
 | a2 spectral flux onset strength | rise of log power into the window's last frame, 0 to about 4 |
 | a3 root mean square value | of the window's samples; 1 is the song's own loudness |
 | a4 beat rate (binary form) | 1 if a beat is nearest to the window's last frame, else 0 |
 
-The window is right-anchored: the 10 frames (1/3 s) that end with the frame itself, so nothing ahead is
-heard but half a spectrum's window (46 ms); who wants a network to know 1/3 s ahead gives it row t + 9 at
-frame t. Where the paper is silent: a tempogram has a value per lag and Table 2 has one number, which we
-read at the lag of the beat (the mean over a 10-frame window's own lags only counts onsets); a2 and a4
-are read at the window's right end, for spread over 1/3 s neither could say where a beat is.
+The window is the 10 frames (1/3 s) that end with the frame itself, so a row depends on nothing later
+than half a spectral window (46 ms). To let a network see 1/3 s ahead, give it row t + 9 at frame t.
 
-Not to be taken for `features.rhythm`, which hears tempo and metre in 12 s of music, twice a second.
+Where the paper leaves details open: a tempogram has one value per lag but Table 2 has one number, which
+we take at the lag of the beat (the mean over the lags of a 10-frame window would only count onsets). a2
+and a4 are taken at the window's last frame: averaged over 1/3 s, neither would locate a beat.
+
+`features.tempogram` is another thing: tempo and metre of 12 s of music, twice a second.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from choreograph.features.loudness import at_unit_loudness
 from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import checked_beat_times_s
-from choreograph.features.rhythm import onset_envelopes
+from choreograph.features.tempogram import onset_envelopes
 from choreograph.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, frame_times_s, seconds_to_frames, times_to_frames
 
 FRAME_RHYTHM_FPS = 30
@@ -41,13 +42,13 @@ def frame_rhythm(samples: NDArray[np.floating], beat_times_s: NDArray[np.floatin
     Parameters
     ----------
     samples : float array (S,)        mono at 22.05 kHz, at any gain
-    beat_times_s : float array (Q,)   increasing instants inside the song; may be empty
+    beat_times_s : float array (Q,)   increasing times inside the song; may be empty
 
     Returns
     -------
-    float32 array (T, 4)   T = round(S / 22050 * 30), at least 1; frame i is the instant i / 30 s and its
-    window the 10 frames that end with it. Outside the song there is silence. Of a silent song only the
-    beats remain; with fewer than two beats there is no lag, and the tempogram is 0.
+    float32 array (T, 4)   T = round(S / 22050 * 30), at least 1; frame i is at i / 30 s and its window is
+    the 10 frames that end with it. Outside the song there is silence. In a silent song only the beat
+    column is not 0. With fewer than two beats there is no lag, and the tempogram is 0.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def frame_rhythm(samples: NDArray[np.floating], beat_times_s: NDArray[np.floatin
     is_beat = np.zeros(n_frames)
     is_beat[np.minimum(np.rint(times_to_frames(beats, FRAME_RHYTHM_FPS)).astype(np.int64), n_frames - 1)] = 1
     columns = (
-        _repetition(onsets, beats, n_frames),
+        _beat_lag_autocorrelation(onsets, beats, n_frames),
         onsets[: _ONSETS_PER_FRAME * n_frames : _ONSETS_PER_FRAME],
         _window_rms(samples, n_frames),
         is_beat,
@@ -73,15 +74,15 @@ def frame_rhythm(samples: NDArray[np.floating], beat_times_s: NDArray[np.floatin
     return np.stack(columns, axis=1).astype(np.float32)  # (T, 4)
 
 
-def _repetition(
+def _beat_lag_autocorrelation(
     onsets: NDArray[np.floating], beats: NDArray[np.float64], n_frames: int
 ) -> NDArray[np.floating]:
-    """Autocorrelation of each frame's window of onsets at the lag of the beat it lies in, (T,)."""
+    """Autocorrelation of each frame's window of onsets, at the beat interval the frame lies in, (T,)."""
     if len(beats) < 2:
         return np.zeros(n_frames)
     intervals = np.maximum(1, np.rint(times_to_frames(np.diff(beats), MUSIC_FPS))).astype(np.int64)  # (Q-1,)
-    here = np.searchsorted(beats, frame_times_s(n_frames, FRAME_RHYTHM_FPS), side="right") - 1
-    lags = intervals[here.clip(0, len(intervals) - 1)]  # (T,)
+    interval = np.searchsorted(beats, frame_times_s(n_frames, FRAME_RHYTHM_FPS), side="right") - 1
+    lags = intervals[interval.clip(0, len(intervals) - 1)]  # (T,)
     width = WINDOW_FRAMES * _ONSETS_PER_FRAME
     silence = np.zeros(width, onsets.dtype)
     windows = np.lib.stride_tricks.sliding_window_view(np.concatenate([silence, onsets]), width)
@@ -92,7 +93,7 @@ def _repetition(
 
 
 def _window_rms(samples: NDArray[np.float32], n_frames: int) -> NDArray[np.float64]:
-    """Root mean square of each frame's window, which ends half a frame after its instant, (T,)."""
+    """Root mean square of each frame's window, which ends half a frame after the frame's time, (T,)."""
     energy = np.concatenate([[0.0], np.cumsum(np.square(samples, dtype=np.float64))])  # (S + 1,)
     ends = np.arange(n_frames) * _FRAME_SAMPLES + _FRAME_SAMPLES // 2 + 1
     width = WINDOW_FRAMES * _FRAME_SAMPLES

@@ -1,7 +1,7 @@
-"""Beats of music behind one small interface: our tempo path by default, librosa, or beat-this (an extra).
+"""Beat trackers behind one interface: the tempo path (default), librosa, or beat-this (an extra).
 
-No tracker is the truth: octave errors (half or double tempo) are common, so everything later takes
-beats as an argument and may be given better ones.
+Every tracker makes mistakes, octave errors (half or double tempo) above all. So all later stages take
+beats as an argument and accept better ones.
 """
 
 from __future__ import annotations
@@ -14,31 +14,31 @@ from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
 from choreograph.errors import ParameterError
-from choreograph.features.rhythm import onset_envelopes
-from choreograph.features.tempo_path import levelled, tempo_path_beats
+from choreograph.features.tempo_path import level_normalized, tempo_path_beats
+from choreograph.features.tempogram import onset_envelopes
 from choreograph.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, frames_to_seconds
 
-_MIN_DURATION_S = 1.0  # less holds no two beats to hear a tempo from
-# Between an octave's two readings the one nearer to a step's pace wins: librosa's own 120 BPM and one
-# octave read half of the slow waltzes (84 to 90 BPM) in eighths.
+_MIN_DURATION_S = 1.0  # anything shorter may hold fewer than two beats, so no tempo
+# The tempo prior decides between octaves. librosa's defaults (120 BPM, one octave) put half of the slow
+# waltzes (84 to 90 BPM) at double tempo.
 _PRIOR_BPM, _PRIOR_OCTAVES = 100.0, 0.7
 _LENGTH_SLACK_S = 0.1
-_ONSET_LEAD_S = 1.0 / MUSIC_FPS  # the log power of a 93 ms window rises this much before the onset itself
+_ONSET_LEAD_S = 1.0 / MUSIC_FPS  # the log power of a 93 ms window rises this long before the onset
 
 
 class BeatTracker(Protocol):
-    """Anything that hears beats in a song."""
+    """Anything that finds the beats of a song."""
 
     def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Increasing instants of the beats in seconds, (Q,); empty if nothing sounds.
+        """Increasing beat times in seconds, (Q,); empty if the song is silent.
 
-        `log_mel` (T, 96) of the song, as `features.mel.log_mel` gives it.
+        `log_mel` (T, 96) of the song, as `features.mel.log_mel` returns it.
         """
         ...
 
 
 class TempoPathBeats:
-    """Beats and a tempo that may change, found together: see `features.tempo_path`."""
+    """Beats and a varying tempo, tracked together: see `features.tempo_path`."""
 
     def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
         """The song's beats, (Q,) seconds; none in a song shorter than a second."""
@@ -49,22 +49,22 @@ class TempoPathBeats:
 
 
 class LibrosaBeats:
-    """Ellis's dynamic programming as librosa has it, made to keep the beat through quiet passages.
+    """librosa's tracker (Ellis's dynamic programming), adapted to keep the beat through quiet passages.
 
-    The onset strength is levelled over 8 s before tracking, and beats missing from an otherwise
-    steady pulse are filled in (`filled`).
+    The level of the onset strength is normalised over 8 s before tracking, and beats missing from an
+    otherwise steady pulse are filled in (`fill_missing_beats`).
     """
 
     def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
         """The song's beats, (Q,) seconds; none in a song shorter than a second."""
         if song.duration_s < _MIN_DURATION_S:
             return np.zeros(0)
-        return beats_of_mel(log_mel, song.duration_s)
+        return librosa_beats(log_mel, song.duration_s)
 
 
-def beats_of_mel(log_mel: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
-    """Beats in seconds, (Q,), of log-mel (T, 96) at 60 fps; empty if nothing sounds. See `LibrosaBeats`."""
-    strength = levelled(onset_envelopes(log_mel).mean(axis=1)).astype(np.float32)  # (T,)
+def librosa_beats(log_mel: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
+    """Beats in seconds, (Q,), of log-mel (T, 96) at 60 fps; empty if silent. See `LibrosaBeats`."""
+    strength = level_normalized(onset_envelopes(log_mel).mean(axis=1)).astype(np.float32)  # (T,)
     if not strength.any():
         return np.zeros(0)
     from librosa.beat import beat_track
@@ -75,7 +75,7 @@ def beats_of_mel(log_mel: NDArray[np.floating], duration_s: float) -> NDArray[np
     )[0]
     _, frames = beat_track(onset_envelope=strength, sr=MUSIC_FPS, hop_length=1, bpm=bpm, trim=False)
     beats = frames_to_seconds(frames, MUSIC_FPS) + _ONSET_LEAD_S
-    return filled(beats[beats < duration_s], duration_s)
+    return fill_missing_beats(beats[beats < duration_s], duration_s)
 
 
 class BeatThisBeats:
@@ -99,7 +99,7 @@ class BeatThisBeats:
             ) from error
 
     def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
-        """The song's beats, (Q,) seconds; the network hears the samples, not the log-mel."""
+        """The song's beats, (Q,) seconds; the network takes the samples, not the log-mel."""
         beats, _ = self._audio_to_beats(song.samples, SAMPLE_RATE_HZ)
         return np.asarray(beats, np.float64)
 
@@ -120,7 +120,7 @@ def get_beat_tracker(name: str = DEFAULT_TRACKER) -> BeatTracker:
 def checked_beat_times_s(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
     """Beats (Q,) of a song as float64; `ParameterError` unless they are increasing, finite and inside it.
 
-    A tenth of a second over the end is let pass: decoders differ on a song's length by a packet.
+    A tenth of a second past the end is tolerated: decoders differ on a song's length by a packet.
     """
     beats = np.asarray(beat_times_s, np.float64)
     if beats.ndim != 1 or not np.isfinite(beats).all() or (np.diff(beats) <= 0).any():
@@ -135,17 +135,17 @@ def checked_beat_times_s(beat_times_s: NDArray[np.floating], duration_s: float) 
     return beats
 
 
-def filled(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
-    """Beats with gaps above 1.5 periods divided evenly, and carried on to both ends of the song.
+def fill_missing_beats(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
+    """Beats with gaps above 1.5 periods divided evenly, extrapolated to both ends of the song.
 
     The period is local: the median of the 8 intervals nearest to a gap. Fewer than three beats are
-    returned as they are: they show no period.
+    returned unchanged: they define no period.
     """
     beats = np.asarray(beat_times_s, np.float64)
     if len(beats) < 3:
         return beats
     intervals = np.diff(beats)
-    parts: list[NDArray[np.float64]] = [_before(beats[0], float(np.median(intervals[:8])))]
+    parts: list[NDArray[np.float64]] = [_beats_before(beats[0], float(np.median(intervals[:8])))]
     for i, gap in enumerate(intervals):
         near = intervals[max(0, i - 4) : i + 5]
         period = float(np.median(near))
@@ -156,6 +156,6 @@ def filled(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.
     return np.asarray(np.concatenate(parts), np.float64)
 
 
-def _before(first_s: float, period_s: float) -> NDArray[np.float64]:
+def _beats_before(first_s: float, period_s: float) -> NDArray[np.float64]:
     steps = np.arange(int(first_s / period_s + 1e-9), 0, -1, dtype=np.float64)
     return np.asarray(first_s - period_s * steps, np.float64)

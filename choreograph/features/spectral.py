@@ -1,4 +1,4 @@
-"""Colour of music from beat to beat: 87 spectral features per beat interval, by librosa.
+"""Timbre and harmony of music: 87 spectral features per beat interval, by librosa.
 
 The paper's Table 2, row by row (a1 to a4 are the rhythmic features, `features.frame_rhythm`):
 
@@ -17,10 +17,10 @@ The paper's Table 2, row by row (a1 to a4 are the rhythmic features, `features.f
 | 85–90 | tonal centroid features | 6 | tonnetz |
 | 91 | zero-crossing rate, of a sample | 1 | zero_crossing_rate |
 
-12 + 12 + 12 + 26 + 13 + 5 + 6 + 1 = 87. Where the table is silent: contrast has one number there and
-seven in librosa, so we take their mean; the mel spectrogram is in decibels, since power spans six orders
-of magnitude; an interval's row is the mean of the frames centred in it. Windows and bands are librosa's
-own (2,048 samples, hop 512; 128 mel bands under the MFCC). The song is brought to one loudness first.
+12 + 12 + 12 + 26 + 13 + 5 + 6 + 1 = 87. Where the table leaves details open: contrast has one number
+there and seven in librosa, so we take their mean; the mel spectrogram is in decibels, since power spans
+six orders of magnitude; an interval's row is the mean of the frames centred in it. Windows and bands are
+librosa's defaults (2,048 samples, hop 512; 128 mel bands under the MFCC). Loudness is normalised first.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ SPECTRAL_DIM = sum(_COLUMNS.values())
 _WINDOW, _HOP = 2048, 512  # samples
 _BLOCK_FRAMES = 4096
 _CQT_BINS_PER_OCTAVE, _CQT_BINS = 36, 252  # seven octaves from C1
-_CQT_SHORTEST = 1 << 16  # samples; the lowest octave's filters are this long
+_CQT_MIN_SAMPLES = 1 << 16  # samples; the lowest octave's filters are this long
 _TUNING_HOP = 8 * _HOP
-# White noise at unit loudness has 768 in every bin of a power spectrum, 16-bit dither some 1e-4: what lies
-# under the floor is not heard, and must not be the colour of a pause.
+# White noise at unit loudness has 768 in every bin of a power spectrum, 16-bit dither some 1e-4: below this
+# floor a bin is inaudible and must not determine the timbre of a pause.
 _POWER_FLOOR = 1e-3
 _MEL_POWER_FLOOR = 1e-5
-_CQT_FLOOR = 1e-3  # of the song's strongest tone
+_CQT_FLOOR = 1e-3  # of the song's strongest bin
 _CROSSING_FLOOR = 1e-3  # amplitude of a sample
 
 
@@ -67,13 +67,13 @@ def spectral_features(
     Parameters
     ----------
     samples : float array (S,)        mono at 22.05 kHz, at any gain
-    beat_times_s : float array (Q,)   increasing instants inside the song: the bounds of the intervals
+    beat_times_s : float array (Q,)   increasing times inside the song: the bounds of the intervals
 
     Returns
     -------
     float32 array (Q - 1, 87)   columns as in `SPECTRAL_COLUMNS`; no row if there are fewer than two beats.
-    An interval too short to hold a frame (23 ms) has the next one's features. In silence the mel bands
-    lie at their floor of -50 dB, flatness is 1 (a spectrum without a peak), and the rest is 0 but mfcc.
+    An interval too short to hold a frame (23 ms) gets those of the next frame. In silence the mel bands
+    are at their floor of -50 dB, flatness is 1 (a spectrum without a peak), and all else but mfcc is 0.
 
     Raises
     ------
@@ -102,12 +102,12 @@ def spectral_features(
 
 
 def _tonal_frames(samples: NDArray[np.float32], tuning: float) -> dict[str, NDArray[np.floating]]:
-    """What hangs on the constant-Q transform, each (T, n) with T = 1 + S // 512."""
+    """Features of the constant-Q transform, each (T, n) with T = 1 + S // 512."""
     from librosa import cqt
     from librosa.feature import chroma_cens, chroma_cqt, tonnetz
 
     n_frames = 1 + len(samples) // _HOP
-    long_enough = np.pad(samples, (0, max(0, _CQT_SHORTEST - len(samples))))
+    long_enough = np.pad(samples, (0, max(0, _CQT_MIN_SAMPLES - len(samples))))
     tones = np.abs(
         cqt(
             long_enough, sr=SAMPLE_RATE_HZ, hop_length=_HOP, n_bins=_CQT_BINS,
@@ -122,23 +122,23 @@ def _tonal_frames(samples: NDArray[np.float32], tuning: float) -> dict[str, NDAr
 
 
 def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArray[np.floating]]:
-    """What hangs on the short-time spectrum, each (T_b, n), of samples that begin half a window early."""
+    """Features of the short-time spectrum, each (T_b, n), of samples that begin half a window early."""
     from librosa import feature, power_to_db, stft
 
     rate: dict[str, Any] = {"sr": SAMPLE_RATE_HZ}
     spectrum = stft(block, n_fft=_WINDOW, hop_length=_HOP, center=False)  # (F, T_b)
     power = spectrum.real**2 + spectrum.imag**2
-    heard = np.where(power < _POWER_FLOOR, np.float32(0.0), power)
-    amplitude = np.sqrt(heard)
-    at_floor = np.sqrt(np.maximum(power, _POWER_FLOOR))  # decibels need something to compare with
+    gated = np.where(power < _POWER_FLOOR, np.float32(0.0), power)
+    amplitude = np.sqrt(gated)
+    at_floor = np.sqrt(np.maximum(power, _POWER_FLOOR))  # decibels of zero are undefined
 
     def mel_db(n_mels: int) -> NDArray[np.floating]:
-        mel = feature.melspectrogram(S=heard, n_mels=n_mels, **rate)
+        mel = feature.melspectrogram(S=gated, n_mels=n_mels, **rate)
         return power_to_db(mel, amin=_MEL_POWER_FLOOR, top_db=None)
 
     centroid = feature.spectral_centroid(S=amplitude, **rate)
     rows = {
-        "chroma": feature.chroma_stft(S=heard, tuning=tuning, **rate),
+        "chroma": feature.chroma_stft(S=gated, tuning=tuning, **rate),
         "mel_db": mel_db(_COLUMNS["mel_db"]),
         "mfcc": feature.mfcc(S=mel_db(128), n_mfcc=_COLUMNS["mfcc"], **rate),
         "centroid_hz": centroid,
@@ -154,17 +154,17 @@ def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArr
 
 
 def _tuning(samples: NDArray[np.float32]) -> float:
-    """How far the song's A lies from 440 Hz, in semitones, -0.5 to 0.5; 0 where no pitch is heard."""
+    """Deviation of the song's A from 440 Hz in semitones, -0.5 to 0.5; 0 where no pitch is found."""
     from librosa import piptrack, pitch_tuning
 
-    longest = np.pad(samples, (0, max(0, _WINDOW - len(samples))))
+    padded = np.pad(samples, (0, max(0, _WINDOW - len(samples))))
     pitches, strengths = piptrack(
-        y=longest, sr=SAMPLE_RATE_HZ, n_fft=_WINDOW, hop_length=_TUNING_HOP, center=False
+        y=padded, sr=SAMPLE_RATE_HZ, n_fft=_WINDOW, hop_length=_TUNING_HOP, center=False
     )
     if not (pitches > 0).any():
         return 0.0
-    clear = (pitches > 0) & (strengths >= np.median(strengths[pitches > 0]))
-    return float(pitch_tuning(pitches[clear]))
+    is_salient = (pitches > 0) & (strengths >= np.median(strengths[pitches > 0]))
+    return float(pitch_tuning(pitches[is_salient]))
 
 
 def _interval_means(frames: NDArray[np.floating], beats: NDArray[np.float64]) -> NDArray[np.floating]:
@@ -172,5 +172,5 @@ def _interval_means(frames: NDArray[np.floating], beats: NDArray[np.float64]) ->
     bounds = np.ceil(times_to_frames(beats, SAMPLE_RATE_HZ / _HOP) - 1e-6).astype(np.int64)
     starts = np.minimum(bounds[:-1], len(frames) - 1)
     stop = max(min(bounds[-1], len(frames)), starts[-1] + 1)
-    sums = np.add.reduceat(frames[:stop], starts, axis=0)  # an empty interval gives its first frame
+    sums = np.add.reduceat(frames[:stop], starts, axis=0)  # reduceat gives an empty interval its first frame
     return sums / np.maximum(1, np.diff(np.append(starts, stop)))[:, None]

@@ -1,4 +1,4 @@
-"""What the rollout network hears: rhythm frame by frame, and the colour of each word's music."""
+"""Audio input of the rollout network: rhythm per frame and spectral features per motion word."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from choreograph.timebase import seconds_to_frames
 
 
 def rhythm_from(song: Song, beat_times_s: NDArray[np.float64], start_s: float) -> NDArray[np.float32]:
-    """The four rhythmic features (T, 4) at 30 fps from an instant of the song on; at least one row.
+    """The four rhythmic features (T, 4) at 30 fps from a time in the song on; at least one row.
 
-    Before the song's first instant they are what they are at it.
+    Before the song's start the first row is repeated.
     """
     rhythm = frame_rhythm(song.samples, beat_times_s)
     first = seconds_to_frames(start_s, FRAME_RHYTHM_FPS)
@@ -24,9 +24,9 @@ def rhythm_from(song: Song, beat_times_s: NDArray[np.float64], start_s: float) -
 
 
 def word_spectra(song: Song, bounds_s: NDArray[np.float64]) -> NDArray[np.float32]:
-    """The 87 spectral features of the music of each word (N, 87), of instants (N + 1,) in the song.
+    """The 87 spectral features of the music of each word, (N, 87), for word boundaries (N + 1,) in seconds.
 
-    A word that lies outside the song has those of the nearest one inside.
+    A word outside the song gets the features of the nearest one inside.
     """
     inside = np.unique(np.clip(bounds_s, 0.0, song.duration_s))
     if len(inside) < 2:

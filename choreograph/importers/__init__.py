@@ -1,7 +1,14 @@
-"""Takes from files: `import_takes` finds out what a folder or file is. A new layout is one module here.
+"""Takes from files: `import_takes` detects the layout of a file or folder and reads it.
+
+dance_with_melody   the dance-with-melody dataset
+aist                AIST++
+amass               AMASS
+npz                 motions written by this program
+bvh                 one BVH file
+folder              a folder of BVH files with songs and a manifest
 
 An importer is a module with `LAYOUT` (one line: what it reads), `detect(path) -> bool` and
-`read(path) -> Iterable[Take]`; `register` adds one from outside.
+`read(path) -> Iterable[Take]`. A new layout is one module here; `register` adds one from outside.
 """
 
 from __future__ import annotations
@@ -25,37 +32,44 @@ __all__ = ["Importer", "import_takes", "register"]
 
 
 class Importer(Protocol):
-    """What a layout's module offers."""
+    """The interface of a layout's module."""
 
     LAYOUT: str
 
     def detect(self, path: Path) -> bool:
-        """Whether `path` has this layout; quick, and never an error."""
+        """Whether `path` has this layout; fast, and never raises."""
 
     def read(self, path: Path) -> Iterable[Take]:
-        """The takes in `path`, one by one, in a fixed order; `FormatError` names the file it is about."""
+        """The takes in `path`, one by one, in a fixed order; a `FormatError` names the file."""
 
 
-_OURS = ("dance_with_melody", "aist", "amass", "npz", "bvh", "folder")  # the first that fits reads
-_WORTH_A_NOTE_M = 0.05
-_PUSH_FPS = 30.0
-_HARD_PUSH_M_S2 = 30.0  # 3 g; takes known to be right have at most 21 m/s²
-_added: list[Importer] = []
+_BUILTIN = (
+    "dance_with_melody",
+    "aist",
+    "amass",
+    "npz",
+    "bvh",
+    "folder",
+)  # the first that detects its layout reads
+_FLOOR_NOTE_M = 0.05
+_ACCELERATION_FPS = 30.0
+_MAX_ACCELERATION_M_S2 = 30.0  # 3 g; takes known to be correct have at most 21 m/s²
+_registered: list[Importer] = []
 
 
 def register(importer: Importer) -> None:
-    """Add an importer; it is asked before those that come with the program."""
-    _added.insert(0, importer)
+    """Add an importer, which takes precedence over the built-in ones."""
+    _registered.insert(0, importer)
 
 
 def import_takes(source: str | Path) -> Iterator[Take]:
-    """The takes in a file or folder, one by one, at 60 fps or their own rate if lower, floor at Y = 0.
+    """The takes in a file or folder, one by one, at 60 fps or their native rate if lower, floor at Y = 0.
 
-    A take that cannot be read is an error that names its file: one dropped in silence would be worse.
+    A take that cannot be read is an error that names its file; none is skipped silently.
 
     Raises
     ------
-    ParameterError   if nothing is at `source`, or no known layout fits it
+    ParameterError   if `source` does not exist or has no known layout
     FormatError      if a file in it is damaged, or its rig's joint names are unknown
     """
     source = Path(source)
@@ -73,27 +87,29 @@ def _as_stored(take: Take) -> Take:
         raise FormatError(f"{take.source_paths[0]}: {error}") from None
     motion = take.motion.moved(shift_m=np.array([0.0, -floor_m, 0.0]))
     notes = take.notes
-    if abs(floor_m) > _WORTH_A_NOTE_M:
-        notes += (f"the floor was found at {floor_m:.2f} m and put at 0",)
-    push_m_s2 = _hard_push_m_s2(motion)
-    if push_m_s2 > _HARD_PUSH_M_S2:
+    if abs(floor_m) > _FLOOR_NOTE_M:
+        notes += (f"the floor was at {floor_m:.2f} m and was moved to 0",)
+    acceleration_m_s2 = _pelvis_acceleration_m_s2(motion)
+    if acceleration_m_s2 > _MAX_ACCELERATION_M_S2:
         notes += (
-            f"one frame in a hundred its pelvis is pushed with {push_m_s2:.0f} m/s² or more, as no dancer's "
-            "is: is its frame rate right?",
+            f"in one frame of a hundred the pelvis accelerates by {acceleration_m_s2:.0f} m/s² or more, "
+            "which no dancer does: is the frame rate right?",
         )
     return replace(take, motion=motion.resampled(min(motion.fps, STORE_FPS)), notes=notes)
 
 
-def _hard_push_m_s2(motion: Motion) -> float:
-    """The 99th percentile of the pelvis' acceleration, at 30 fps."""
-    pos_m = body_pos_m(motion.resampled(_PUSH_FPS))[:, 0]
+def _pelvis_acceleration_m_s2(motion: Motion) -> float:
+    """99th percentile of the pelvis acceleration, at 30 fps."""
+    pos_m = body_pos_m(motion.resampled(_ACCELERATION_FPS))[:, 0]
     if len(pos_m) < 3:
         return 0.0
-    return float(np.percentile(np.linalg.norm(np.diff(pos_m, n=2, axis=0), axis=-1), 99) * _PUSH_FPS**2)
+    return float(
+        np.percentile(np.linalg.norm(np.diff(pos_m, n=2, axis=0), axis=-1), 99) * _ACCELERATION_FPS**2
+    )
 
 
 def _importer_of(source: Path) -> Importer:
-    importers = [*_added, *(import_module(f"{__name__}.{name}") for name in _OURS)]
+    importers = [*_registered, *(import_module(f"{__name__}.{name}") for name in _BUILTIN)]
     for importer in importers:
         if importer.detect(source):
             return importer

@@ -1,4 +1,4 @@
-"""The text of a BVH file as arrays: what the file says, before anyone asks what it means."""
+"""Parser of BVH text: the file's hierarchy and numbers as arrays, in its own units and axes."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "ro
 _COMMENT = re.compile(r"(?:#|//)[^\n]*")
 _MOTION = re.compile(r"^[ \t]*MOTION\b", re.MULTILINE | re.IGNORECASE)
 _TIMING = re.compile(r"\s*Frames\s*:\s*(\S+)\s+Frame\s+Time\s*:\s*(\S+)", re.IGNORECASE)
-_LARGEST = 1e7  # no length and no angle is larger in any unit; keeps later arithmetic finite
+_LARGEST = 1e7  # bound on lengths and angles in any unit; keeps later arithmetic finite
 
 
 @dataclass
 class BvhText:
-    """A parsed file, in the file's own units (degrees, unknown length) and axes."""
+    """A parsed file, in the file's units (degrees, unknown length) and axes."""
 
     names: list[str] = field(default_factory=list)  # J of them
     parents: list[int] = field(default_factory=list)
@@ -33,7 +33,7 @@ class BvhText:
 
 
 def read_text(path: Path) -> str:
-    """The file's text, whatever its encoding and line ends.
+    """The file's text, in any common encoding and with any line ends.
 
     Raises `ParameterError` if there is no such file, `FormatError` if it cannot be read.
     """
@@ -55,7 +55,7 @@ def read_text(path: Path) -> str:
 
 
 def parse_bvh(text: str) -> BvhText:
-    """Parse BVH text; `FormatError` (without the file's name) if it is not whole and sound."""
+    """Parse BVH text; `FormatError` (without the file's name) if it is incomplete or damaged."""
     parts = _MOTION.split(text, maxsplit=1)
     if not re.search(r"^\s*HIERARCHY\b", parts[0], re.MULTILINE | re.IGNORECASE):
         what = "nothing" if not text.strip() else repr(text.strip()[:20])
@@ -63,7 +63,7 @@ def parse_bvh(text: str) -> BvhText:
     bvh = _Hierarchy(_COMMENT.sub("", parts[0])).parse()
     if len(parts) == 1:
         raise FormatError(
-            "expected a MOTION section after the hierarchy, got none: the file is cut or a bare skeleton"
+            "expected a MOTION section after the hierarchy, got none: the file is cut off or a skeleton only"
         )
     body = _COMMENT.sub("", parts[1]) if "#" in parts[1] or "//" in parts[1] else parts[1]
     _parse_motion(body, bvh)
@@ -71,48 +71,48 @@ def parse_bvh(text: str) -> BvhText:
 
 
 class _Hierarchy:
-    """Recursive structure read with a stack: the tokens between HIERARCHY and MOTION."""
+    """Parser, with a stack, of the tokens between HIERARCHY and MOTION."""
 
     def __init__(self, text: str) -> None:
         self.tokens = re.sub(r"([{}])", r" \1 ", text).split()[1:]
-        self.at = 0
+        self.position = 0
         self.bvh = BvhText()
 
     def parse(self) -> BvhText:
-        stack: list[int] = []  # open joints; an end site is the joint it hangs on, as -2 - joint
-        while self.at < len(self.tokens):
-            word = self.take().upper()
+        stack: list[int] = []  # open joints; an end site is stored as -2 - its joint
+        while self.position < len(self.tokens):
+            word = self.next_token().upper()
             if word in ("ROOT", "JOINT"):
                 stack.append(self.open_joint(word, stack))
             elif word == "END":
                 self.name_until_brace()
-                stack.append(-2 - self.inside(stack, word))
+                stack.append(-2 - self.enclosing(stack, word))
             elif word == "OFFSET":
-                self.offset(self.inside(stack, word, tip=True), [self.number(word) for _ in range(3)])
+                self.offset(self.enclosing(stack, word, tip=True), [self.number(word) for _ in range(3)])
             elif word == "CHANNELS":
-                self.channels(self.inside(stack, word))
+                self.channels(self.enclosing(stack, word))
             elif word == "}" and stack:
                 stack.pop()
             else:
                 raise FormatError(f"unexpected {word!r} in the hierarchy")
         if stack:
             raise FormatError(
-                "the hierarchy ends inside a joint: a closing brace is missing or the file is cut"
+                "the hierarchy ends inside a joint: a closing brace is missing or the file is cut off"
             )
         if not self.bvh.names:
-            raise FormatError("the hierarchy holds no joint")
+            raise FormatError("the hierarchy has no joints")
         if not any(self.bvh.channels):
-            raise FormatError("no joint has a channel: there is no motion")
+            raise FormatError("no joint has channels: there is no motion")
         return self.bvh
 
-    def take(self) -> str:
-        if self.at == len(self.tokens):
-            raise FormatError("the hierarchy ends in the middle of a line: the file is cut")
-        self.at += 1
-        return self.tokens[self.at - 1]
+    def next_token(self) -> str:
+        if self.position == len(self.tokens):
+            raise FormatError("the hierarchy ends in the middle of a line: the file is cut off")
+        self.position += 1
+        return self.tokens[self.position - 1]
 
     def number(self, where: str) -> float:
-        token = self.take()
+        token = self.next_token()
         try:
             value = float(token)
         except ValueError:
@@ -123,12 +123,12 @@ class _Hierarchy:
 
     def name_until_brace(self) -> str:
         words = []
-        while (word := self.take()) != "{":
+        while (word := self.next_token()) != "{":
             words.append(word)
         return " ".join(words)  # 3ds Max writes names with spaces
 
     @staticmethod
-    def inside(stack: list[int], word: str, *, tip: bool = False) -> int:
+    def enclosing(stack: list[int], word: str, *, tip: bool = False) -> int:
         if not stack or (stack[-1] < 0 and not tip):
             raise FormatError(f"{word} outside a joint in the hierarchy")
         return stack[-1]
@@ -162,7 +162,7 @@ class _Hierarchy:
         count = self.number("CHANNELS")
         if count not in range(7):
             raise FormatError(f"expected 0 to 6 channels on {self.bvh.names[joint]!r}, got {count:g}")
-        names = [self.take().lower() for _ in range(int(count))]
+        names = [self.next_token().lower() for _ in range(int(count))]
         if not _CHANNELS.issuperset(names) or len(set(names)) != len(names):
             raise FormatError(
                 f"expected different positions and rotations as channels, got {' '.join(names)}"
@@ -183,25 +183,25 @@ def _parse_motion(body: str, bvh: BvhText) -> None:
     try:
         values = np.array(list(map(float, body[timing.end() :].split())))
     except ValueError as error:
-        raise FormatError(f"the motion holds something that is not a number: {error}") from None
+        raise FormatError(f"the motion contains something that is not a number: {error}") from None
     if n_frames <= 0 or len(values) == 0:
         raise FormatError(f"no motion: {n_frames} frames announced, {len(values)} numbers found")
     if len(values) != n_frames * n_channels:
         raise FormatError(
             f"expected {n_frames} frames of {n_channels} numbers, found {len(values) / n_channels:.6g}: "
-            "the frame count lies or the file is cut"
+            "the frame count is wrong or the file is cut off"
         )
     bvh.values = values.reshape(n_frames, n_channels)  # (T, C)
     bad = ~(np.abs(bvh.values) < _LARGEST)
     if bad.any():
         frame, channel = np.argwhere(bad)[0]
         raise FormatError(
-            f"frame {frame} holds {bvh.values[frame, channel]}, which is no length and no angle"
+            f"frame {frame} holds {bvh.values[frame, channel]}, which is not a valid length or angle"
         )
 
 
 def _frame_rate(frame_time: str) -> float:
-    """Frames per second; the whole rate if its frame time, at the digits printed, is the one given."""
+    """Frames per second, rounded to a whole rate if that has the given frame time at the digits printed."""
     try:
         seconds = float(frame_time)
     except ValueError:
@@ -210,5 +210,5 @@ def _frame_rate(frame_time: str) -> float:
         raise FormatError(f"expected a frame time in seconds, got {frame_time!r}")
     whole = round(1.0 / seconds)
     digits = len(frame_time.partition(".")[2])
-    # Below 4 digits the text cannot tell 60 from 59.9, and the whole rate is the likely one.
+    # With fewer than 4 digits 60 and 59.9 print alike; the whole rate is more probable.
     return float(whole) if whole and abs(1.0 / whole - seconds) < 10.0 ** -max(digits, 3) else 1.0 / seconds

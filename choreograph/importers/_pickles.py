@@ -1,4 +1,4 @@
-"""Pickles of arrays, opened so that nothing in them can run."""
+"""Pickles of arrays, loaded with a restricted unpickler that runs no code."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _FROM_BUFFER = np.zeros(1).__reduce_ex__(5)[0]
 
 
 def _encode(text: str, encoding: str = "latin1") -> bytes:
-    """Bytes as older pickles spell them; the real codec registry would open more than text codecs."""
+    """Bytes as older pickles encode them; the full codec registry has more than text codecs."""
     if encoding not in ("latin1", "latin-1", "utf-8"):
         raise pickle.UnpicklingError(f"codec {encoding}")
     return text.encode(encoding)
 
 
-# Before numpy 2 the module was numpy.core; files of either are about.
+# Before numpy 2 the module was numpy.core; both kinds of files exist.
 _ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): np.ndarray,
     ("numpy", "dtype"): np.dtype,
@@ -41,12 +41,12 @@ class _ArraysOnly(pickle.Unpickler):
             return _ALLOWED[module, name]
         except KeyError:
             raise pickle.UnpicklingError(
-                f"it wants {module}.{name}, which is not an array: it may run code"
+                f"it refers to {module}.{name}, which is not an array and may run code"
             ) from None
 
 
 def load_arrays(path: Path) -> dict[str, Any]:
-    """The dictionary of arrays in a pickle; `FormatError` if it holds or wants anything else."""
+    """The dictionary of arrays in a pickle; `FormatError` if it contains anything else."""
     try:
         with open(path, "rb") as file:
             content = _ArraysOnly(file, encoding="latin1").load()

@@ -11,15 +11,15 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
 
-_BODY = 22  # joints that SMPL, SMPL-H and SMPL-X share; what follows are hands, jaw and eyes
+_BODY = 22  # joints shared by SMPL, SMPL-H and SMPL-X; hands, jaw and eyes follow
 
 
 def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
     """Motion of axis-angle `poses` (T, 66 or more) and root positions `trans` (T, 3) in metres.
 
-    Both models' body joints come first and in our order; SMPL's two hand joints (72 values) are kept,
-    fingers are not. The pelvis lies a constant vector from `trans` in SMPL: the floor, which is
-    estimated, absorbs it. Raises `FormatError` if shapes or values are wrong.
+    The body joints come first and in canonical order. SMPL's two hand joints (72 values) are kept, fingers
+    are not. In SMPL the pelvis is a constant vector away from `trans`; estimating the floor corrects its
+    height. Raises `FormatError` if shapes or values are wrong.
     """
     try:
         poses, trans = np.asarray(poses, np.float64), np.asarray(trans, np.float64)
@@ -40,8 +40,9 @@ def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
     return Motion(canonical_skeleton(), trans, rot.make_continuous(rot.from_rotvec(rotvec)), fps)
 
 
-def turned_world(motion: Motion, turn: np.ndarray) -> Motion:
-    """The motion with the world turned by `turn` (4,): root position and root rotation."""
+def rotated_world(motion: Motion, rotation: np.ndarray) -> Motion:
+    """The motion in a world rotated by `rotation` (4,), which changes root position and root rotation."""
     quat = np.array(motion.local_quat)
-    quat[:, 0] = rot.multiply(turn, quat[:, 0])
-    return Motion(motion.skeleton, rot.rotate(turn, motion.root_pos_m), rot.make_continuous(quat), motion.fps)
+    quat[:, 0] = rot.multiply(rotation, quat[:, 0])
+    root_pos_m = rot.rotate(rotation, motion.root_pos_m)
+    return Motion(motion.skeleton, root_pos_m, rot.make_continuous(quat), motion.fps)

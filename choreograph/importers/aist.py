@@ -1,4 +1,4 @@
-"""AIST++: `motions/*.pkl` of SMPL poses, with names that give genre, performer and music."""
+"""AIST++: SMPL poses in `motions/*.pkl`; file names state genre, performer and music."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from choreograph.errors import FormatError
+from choreograph.importers._axes_and_units import rotation_to_y_up
 from choreograph.importers._pickles import load_arrays
-from choreograph.importers._smpl import smpl_motion, turned_world
-from choreograph.importers._upright import turn_upright
+from choreograph.importers._smpl import rotated_world, smpl_motion
 from choreograph.importers.folder import song_beside
 from choreograph.motion.motion import Motion
 from choreograph.takes import Credits, Take
@@ -32,7 +32,7 @@ def detect(path: Path) -> bool:
 
 
 def read(path: Path) -> Iterator[Take]:
-    """The takes by name, those in `ignore_list.txt` (badly reconstructed, says AIST++) left out."""
+    """The takes by name, without those in `ignore_list.txt` (badly reconstructed according to AIST++)."""
     ignored = set()
     if (path / "ignore_list.txt").is_file():
         ignored = set((path / "ignore_list.txt").read_text(encoding="utf-8", errors="replace").split())
@@ -45,7 +45,7 @@ def _take(source: Path, file: Path) -> Take:
     motion, notes = _motion(file)
     named = _NAME.fullmatch(file.stem)
     if named is None:
-        notes += ("the name gives no genre, performer and music",)
+        notes += ("the file name does not state genre, performer and music",)
     parts = named.groupdict() if named else {"genre": "", "performer": "", "song": ""}
     songs = (song_beside(source / folder, parts["song"]) for folder in ("music", "wav", "audio"))
     song = next((song for song in songs if song), None)
@@ -64,7 +64,7 @@ def _motion(file: Path) -> tuple[Motion, tuple[str, ...]]:
     content = load_arrays(file)
     missing = [key for key in _KEYS if key not in content]
     if missing:
-        raise FormatError(f"{file}: expected {', '.join(_KEYS)}, found no {', '.join(missing)}")
+        raise FormatError(f"{file}: expected {', '.join(_KEYS)}, got no {', '.join(missing)}")
     try:
         scaling = np.asarray(content["smpl_scaling"], np.float64)
         if scaling.size != 1 or not (np.isfinite(scaling).all() and scaling.item() > 0):
@@ -73,5 +73,5 @@ def _motion(file: Path) -> tuple[Motion, tuple[str, ...]]:
         motion = smpl_motion(content["smpl_poses"], trans, FPS)
     except (FormatError, TypeError, ValueError) as error:
         raise FormatError(f"{file}: {error}") from None
-    turn, note = turn_upright(motion.skeleton, motion.joint_pos_m())
-    return (turned_world(motion, turn), (note,)) if note else (motion, ())
+    rotation, note = rotation_to_y_up(motion.skeleton, motion.joint_pos_m())
+    return (rotated_world(motion, rotation), (note,)) if note else (motion, ())

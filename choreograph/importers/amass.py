@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from choreograph.errors import FormatError
-from choreograph.importers._smpl import smpl_motion, turned_world
-from choreograph.importers._upright import Z_UP_TO_Y_UP
+from choreograph.importers._axes_and_units import Z_UP_TO_Y_UP
+from choreograph.importers._smpl import rotated_world, smpl_motion
 from choreograph.importers.npz import array_names, load_arrays
 from choreograph.takes import Credits, Take
 
@@ -23,16 +23,16 @@ def detect(path: Path) -> bool:
 
 
 def read(path: Path) -> Iterator[Take]:
-    """Takes without music, by path; files without poses, such as body shapes, are passed over.
+    """Takes without music, by path; files without poses, such as body shapes, are skipped.
 
-    A file's folder is the performer and the one above the data set, which is the source.
+    A file's folder is the performer; the folder above it is the data set, the source.
     """
     files = [path] if path.is_file() else sorted(path.rglob("*.npz"))
     for file in files:
         if _is_motion(file):
             yield _take(file, path)
         elif not array_names(file):
-            raise FormatError(f"{file}: not a sound NPZ file: damaged, cut, or another format")
+            raise FormatError(f"{file}: not a valid NPZ file: damaged, cut off, or another format")
 
 
 def _is_motion(file: Path) -> bool:
@@ -48,7 +48,7 @@ def _take(file: Path, source: Path) -> Take:
         fps = float(arrays[rate_key])
         if not 1.0 <= fps <= 1000.0:
             raise FormatError(f"expected a frame rate in {rate_key}, got {fps}")
-        motion = turned_world(smpl_motion(arrays["poses"], arrays["trans"], fps), Z_UP_TO_Y_UP)
+        motion = rotated_world(smpl_motion(arrays["poses"], arrays["trans"], fps), Z_UP_TO_Y_UP)
     except (FormatError, TypeError) as error:
         raise FormatError(f"{file}: {error}") from None
     name = file.stem if source.is_file() else file.relative_to(source).with_suffix("").as_posix()
@@ -57,5 +57,5 @@ def _take(file: Path, source: Path) -> Take:
         motion=motion,
         credits=Credits(performer=file.parent.name, source=f"AMASS {file.parent.parent.name}".strip()),
         source_paths=(file,),
-        notes=("turned from Z up to Y up, as AMASS is; body shape and fingers are left out",),
+        notes=("rotated from Z up, as AMASS is, to Y up; body shape and fingers are left out",),
     )

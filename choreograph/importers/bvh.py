@@ -1,4 +1,4 @@
-"""BVH files as motions in metres, Y up: six channels a joint, any Euler order, a root above the hips."""
+"""BVH reader: any channels per joint, Euler order, unit, up axis, and roots above the hips."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
+from choreograph.importers._axes_and_units import known_roles, rotation_to_y_up, to_rotated_axes, unit_m
 from choreograph.importers._bvh_text import BvhText, parse_bvh, read_text
-from choreograph.importers._upright import human_roles, turn_upright, turned, unit_m
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 from choreograph.takes import Credits, Take
 
 LAYOUT = "a single NAME.bvh"
-_VARIES_M = 1e-3  # bone offsets that move more than this are worth a note
+_VARIES_M = 1e-3  # bone offsets that vary by more get a note
 
 
 def detect(path: Path) -> bool:
@@ -35,20 +35,20 @@ def read(path: Path) -> Iterator[Take]:
 def read_bvh(path: str | Path) -> tuple[Motion, tuple[str, ...]]:
     """Read a BVH file at its own frame rate.
 
-    Position channels hold a joint's whole translation, as common exporters write and readers take
-    them; if all below the root stay near zero while the offsets do not, they are added to the
-    offsets. The hips become the root: what is above them is applied to them, what hangs beside
-    them is left out. Bone offsets that vary in time become their mean.
+    Position channels are a joint's full translation, as common exporters and readers take them. If all
+    below the root stay near zero while the offsets do not, they are added to the offsets instead. The hips
+    become the root: transforms above them are applied to them, other branches are left out. Bone offsets
+    that vary over time are replaced by their mean.
 
     Returns
     -------
     motion : Motion             metres, Y up
-    notes : tuple of str        what was guessed (the unit) or odd, one line each
+    notes : tuple of str        what was inferred (the unit) or unusual, one line each
 
     Raises
     ------
     ParameterError   if there is no such file
-    FormatError      if it is not a sound BVH; the message names the file
+    FormatError      if it is not a valid BVH; the message names the file
     """
     path = Path(path)
     text = read_text(path)
@@ -60,7 +60,7 @@ def read_bvh(path: str | Path) -> tuple[Motion, tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class _Body:
-    """Joints with their own translation and rotation each frame, in the file's units and axes."""
+    """Joints with translation and rotation in each frame, in the file's units and axes."""
 
     names: tuple[str, ...]
     parents: NDArray[np.int64]  # (J,)
@@ -71,7 +71,7 @@ class _Body:
     tips: NDArray[np.float64]  # (E, 3)
 
     def skeleton(self) -> Skeleton:
-        """With the mean of each joint's translation as its bone offset."""
+        """The skeleton whose bone offsets are the joints' mean translations."""
         offsets = self.local_pos.mean(axis=0)  # (J, 3)
         offsets[0] = self.rest[0]
         return Skeleton(self.names, self.parents, offsets, self.tip_parents, self.tips)
@@ -89,16 +89,16 @@ def _to_motion(text: BvhText) -> tuple[Motion, tuple[str, ...]]:
     varying = spread * metres > _VARIES_M
     if varying.any():
         notes.append(
-            f"{varying.sum()} bones change by up to {spread.max() * metres:.2g} m: their means are used"
+            f"{varying.sum()} bones vary in length by up to {spread.max() * metres:.2g} m: using the means"
         )
-    turn, note = turn_upright(skeleton, pos)
+    rotation, note = rotation_to_y_up(skeleton, pos)
     if note:
         notes.append(note)
-    offsets, quat = turned(turn, skeleton.offsets_m * metres, motion.local_quat)
+    offsets, quat = to_rotated_axes(rotation, skeleton.offsets_m * metres, motion.local_quat)
     upright = Skeleton(
-        body.names, body.parents, offsets, body.tip_parents, rot.rotate(turn, body.tips * metres)
+        body.names, body.parents, offsets, body.tip_parents, rot.rotate(rotation, body.tips * metres)
     )
-    return Motion(upright, rot.rotate(turn, motion.root_pos_m * metres), quat, text.fps), tuple(notes)
+    return Motion(upright, rot.rotate(rotation, motion.root_pos_m * metres), quat, text.fps), tuple(notes)
 
 
 def _body(text: BvhText, notes: list[str]) -> _Body:
@@ -106,25 +106,23 @@ def _body(text: BvhText, notes: list[str]) -> _Body:
     rest = np.array(text.offsets)  # (J, 3)
     local_pos = np.repeat(rest[None], n_frames, axis=0)  # (T, J, 3)
     local_quat = np.tile(rot.IDENTITY, (n_frames, n_joints, 1))  # (T, J, 4)
-    moves = np.zeros(n_joints, bool)
+    has_position = np.zeros(n_joints, bool)
     first = 0
     for joint, channels in enumerate(text.channels):
         columns = text.values[:, first : first + len(channels)]  # (T, C)
         first += len(channels)
-        turns = [i for i, channel in enumerate(channels) if channel.endswith("rotation")]
-        if turns:
-            order = "".join(channels[i][0] for i in turns)
-            local_quat[:, joint] = _from_euler(order, np.radians(columns[:, turns]))
+        angles = [i for i, channel in enumerate(channels) if channel.endswith("rotation")]
+        if angles:
+            order = "".join(channels[i][0] for i in angles)
+            local_quat[:, joint] = _from_euler(order, np.radians(columns[:, angles]))
         for i, channel in enumerate(channels):
             if channel.endswith("position"):
                 local_pos[:, joint, "xyz".index(channel[0])] = columns[:, i]
-                moves[joint] = joint > 0
-    means = local_pos[:, moves].mean(axis=0)  # (J', 3)
-    if np.linalg.norm(means, axis=1).sum() < np.linalg.norm(means - rest[moves], axis=1).sum():
-        local_pos[:, moves] += rest[moves]
-        notes.append(
-            "position channels below the root are taken as added to the bone offsets: they stay near zero"
-        )
+                has_position[joint] = joint > 0
+    means = local_pos[:, has_position].mean(axis=0)  # (J', 3)
+    if np.linalg.norm(means, axis=1).sum() < np.linalg.norm(means - rest[has_position], axis=1).sum():
+        local_pos[:, has_position] += rest[has_position]
+        notes.append("position channels below the root stay near zero: they are added to the bone offsets")
     tip_parents = np.array(text.tip_parents, np.int64)
     names, parents = tuple(text.names), np.array(text.parents)
     return _Body(names, parents, rest, local_pos, local_quat, tip_parents, np.array(text.tips).reshape(-1, 3))
@@ -139,8 +137,8 @@ def _from_euler(order: str, angles: NDArray[np.floating]) -> NDArray[np.float64]
 
 
 def _from_hips(body: _Body, notes: list[str]) -> _Body:
-    """The part of the body from the hips on, with all that is above applied to the hips."""
-    roles = human_roles(body.skeleton())
+    """The body from the hips down the hierarchy, with all transforms above applied to the hips."""
+    roles = known_roles(body.skeleton())
     hips = roles.get("pelvis", 0)
     if hips == 0:
         return body
@@ -158,7 +156,7 @@ def _from_hips(body: _Body, notes: list[str]) -> _Body:
             kept.append(joint)
     dropped = [name for i, name in enumerate(body.names) if i not in kept and i not in chain]
     if dropped:
-        notes.append(f"left out what does not hang on the hips: {', '.join(dropped)}")
+        notes.append(f"left out joints that are not below the hips: {', '.join(dropped)}")
     new = {joint: i for i, joint in enumerate(kept)}
     tips = [i for i, parent in enumerate(body.tip_parents) if parent in new]
     rest, local_pos, local_quat = body.rest[kept], body.local_pos[:, kept], body.local_quat[:, kept]

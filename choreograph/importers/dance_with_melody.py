@@ -1,10 +1,10 @@
-"""The layout of the dance-with-melody dataset: folders `DANCE_<G>_<n>` of audio, config and markers.
+"""The dance-with-melody dataset: folders `DANCE_<G>_<n>` of audio, config and markers.
 
-Tang, Jia, Mao: Dance with Melody (ACM Multimedia 2018). What the files do not say and we found:
-markers of several bodies are joined in most takes (thighs change from 44 to 55 cm within a second),
-and the floor under the feet drifts by up to half a metre within a take. No dancer is named. So frames
-are grouped by bone lengths into three bodies; each body's frames are scaled to the size of one
-skeleton, the average of all frames, and fitted with it; and the floor is followed over time.
+Tang, Jia, Mao: Dance with Melody (ACM Multimedia 2018). Two properties are undocumented: most takes are
+spliced from several bodies (thighs change from 44 to 55 cm within a second), and the floor under the
+feet drifts by up to half a metre within a take. No dancer is named. So we cluster frames by bone lengths
+into three bodies, scale each body's frames to the size of one skeleton, the mean of all frames, fit that
+skeleton, and track the floor over time.
 """
 
 from __future__ import annotations
@@ -22,8 +22,14 @@ from choreograph.errors import FormatError
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m, track_floor_m
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
 from choreograph.motion.motion import Motion
-from choreograph.motion.proportions import Bodies, measure_bodies, measure_skeleton, resized, size_ratio
 from choreograph.motion.skeleton import Skeleton
+from choreograph.motion.skeleton_calibration import (
+    BodyClusters,
+    cluster_bodies,
+    measure_skeleton,
+    resized,
+    size_ratio,
+)
 from choreograph.takes import Credits, Take
 
 Floats = NDArray[np.float64]
@@ -33,30 +39,30 @@ _FOLDER = re.compile(r"DANCE_([A-Z])_(\d+)")
 _GENRES = {"C": "cha-cha", "R": "rumba", "T": "tango", "W": "waltz"}
 _SOURCE = "Tang, Jia, Mao 2018, Dance with Melody"
 _LICENCE = "none stated"
-_CONFIG_FPS = 25.0  # start_position and end_position count frames of this rate
+_CONFIG_FPS = 25.0  # of start_position and end_position
 _POINTS = 23
-BODIES = 3
-_SPIKE_M = 0.1  # off the middle of the frames before and after
-# The points that are joints or landmarks. Points 21 and 22 sit on the wrists, beside 14 and 6.
+N_BODIES = 3
+_SPIKE_M = 0.1  # from the mean of the frames before and after
+# The points that are joints or landmarks. Points 21 and 22 are on the wrists, next to 14 and 6.
 _ROLES = {
     "right_temple": 0, "left_temple": 1, "spine1": 2, "right_shoulder": 3, "right_elbow": 4, "right_wrist": 5,
     "right_hand": 6, "right_hip": 7, "right_knee": 8, "right_ankle": 9, "right_heel": 10, "right_foot": 11,
     "left_shoulder": 12, "left_elbow": 13, "left_wrist": 14, "left_hand": 15, "left_hip": 16, "left_knee": 17,
     "left_ankle": 18, "left_heel": 19, "left_foot": 20,
 }  # fmt: skip
-ROLES = (*_ROLES, "head")  # the head's joint is put between the temples
+ROLES = (*_ROLES, "head")  # the head joint: the mean of the temples
 _FEET = [ROLES.index(f"{side}_foot") for side in ("left", "right")]
 
 
 def detect(path: Path) -> bool:
-    """Whether `path` is such a folder of takes, or one take of it."""
+    """Whether `path` is a folder of such takes, or one take."""
     return bool(_folders(path))
 
 
 def read(path: Path) -> list[Take]:
-    """All takes under `path` (or the one), on one skeleton, feet on y = 0; songs without motion left out.
+    """All takes under `path` (or the one), on one skeleton, feet on y = 0; songs without motion are skipped.
 
-    Raises `FormatError` if a file is not what the dataset's layout says.
+    Raises `FormatError` if a file does not have the dataset's layout.
     """
     folders = [folder for folder in _folders(path) if (folder / "skeletons.json").is_file()]
     if not folders:
@@ -64,14 +70,14 @@ def read(path: Path) -> list[Take]:
             f"{path}: expected a skeletons.json in some DANCE_<G>_<n> folder, got songs without motion"
         )
     points = {folder: without_spikes(read_points_m(folder / "skeletons.json")) for folder in folders}
-    everything = np.concatenate(list(points.values()))  # (sum of T, 22, 3)
-    bodies = measure_bodies(everything, ROLES, min(BODIES, len(everything)))
-    skeleton = measure_skeleton(everything, ROLES)
+    all_points = np.concatenate(list(points.values()))  # (sum of T, 22, 3)
+    bodies = cluster_bodies(all_points, ROLES, min(N_BODIES, len(all_points)))
+    skeleton = measure_skeleton(all_points, ROLES)
     return [_take(folder, pos_m, skeleton, bodies) for folder, pos_m in points.items()]
 
 
 def read_points_m(path: Path) -> Floats:
-    """Positions (T, 22, 3) in metres of `ROLES` from a skeletons.json, the floor wherever it was.
+    """Positions (T, 22, 3) in metres of `ROLES` from a skeletons.json, floor height unchanged.
 
     Raises `FormatError`.
     """
@@ -99,7 +105,7 @@ def read_points_m(path: Path) -> Floats:
 
 
 def without_spikes(pos_m: Floats) -> Floats:
-    """Positions (T, R, 3) with markers that jump away for one frame put back between their neighbours."""
+    """Positions (T, R, 3) with one-frame spikes of markers replaced by the mean of their neighbours."""
     between = 0.5 * (pos_m[:-2] + pos_m[2:])
     far = np.linalg.norm(pos_m[1:-1] - between, axis=-1, keepdims=True) > _SPIKE_M
     return np.concatenate([pos_m[:1], np.where(far, between, pos_m[1:-1]), pos_m[-1:]])
@@ -121,7 +127,7 @@ def _read_json(path: Path) -> dict[str, Any]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise FormatError(f"{path}: expected beside the other files of the take, not found") from error
+        raise FormatError(f"{path}: expected with the other files of the take, got nothing") from error
     except (ValueError, OSError, RecursionError) as error:
         raise FormatError(f"{path}: expected JSON, got something else ({error})") from error
     if not isinstance(data, dict):
@@ -130,7 +136,7 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 
 def _span_s(path: Path) -> tuple[float, float]:
-    """First and last instant of the danced part of the audio."""
+    """Start and end in seconds of the danced part of the audio."""
     data = _read_json(path)
     frames = [data.get("start_position"), data.get("end_position")]
     numbers = [f for f in frames if isinstance(f, int | float) and not isinstance(f, bool)]
@@ -142,16 +148,16 @@ def _span_s(path: Path) -> tuple[float, float]:
     return start / _CONFIG_FPS, end / _CONFIG_FPS
 
 
-def _take(folder: Path, pos_m: Floats, skeleton: Skeleton, bodies: Bodies) -> Take:
+def _take(folder: Path, pos_m: Floats, skeleton: Skeleton, bodies: BodyClusters) -> Take:
     start_s, end_s = _span_s(folder / "config.json")
     fps = len(pos_m) / (end_s - start_s)
     root_pos_m, local_quat, error_m = fit_bodies(skeleton, bodies, pos_m, fps)
     motion, drift_m = _on_floor(Motion(skeleton, root_pos_m, local_quat, fps))
     song = folder / "audio.mp3"
     letter = _FOLDER.fullmatch(folder.name)[1]  # type: ignore[index]  # `_folders` matched it
-    notes = [f"markers, at the skeleton's size, fitted within {100 * error_m.mean():.1f} cm on average"]
+    notes = [f"markers, scaled to the skeleton, are fitted within {100 * error_m.mean():.1f} cm on average"]
     if drift_m > 0.05:
-        notes.append(f"the floor under the feet moved by {100 * drift_m:.0f} cm, levelled")
+        notes.append(f"the floor drifted by {100 * drift_m:.0f} cm, which was removed")
     return Take(
         name=folder.name,
         motion=motion,
@@ -167,14 +173,14 @@ def _take(folder: Path, pos_m: Floats, skeleton: Skeleton, bodies: Bodies) -> Ta
 
 
 def fit_bodies(
-    skeleton: Skeleton, bodies: Bodies, pos_m: Floats, fps: float
+    skeleton: Skeleton, bodies: BodyClusters, pos_m: Floats, fps: float
 ) -> tuple[Floats, Floats, Floats]:
     """Root positions (T, 3), local rotations (T, 24, 4) and joint errors (T, R') in metres, on `skeleton`.
 
-    The markers (T, R, 3) are brought to its size first, each frame by its body's: a dancer a tenth
-    taller would be centimetres off by construction, and slide, for feet that step too far.
+    The markers (T, R, 3) are first scaled to its size, each frame by the size of its body. Otherwise a
+    dancer 10 % taller would be centimetres off, and would slide because the steps are too long.
     """
-    size = bodies.shares(pos_m, ROLES, fps) @ [size_ratio(body, skeleton) for body in bodies.skeletons]
+    size = bodies.membership(pos_m, ROLES, fps) @ [size_ratio(body, skeleton) for body in bodies.skeletons]
     floor_m = estimate_floor_m(pos_m[:, _FEET])
     sized_m = resized(pos_m, size, floor_m)
     root_pos_m, local_quat = fit_positions(skeleton, sized_m, ROLES, fps=fps)
@@ -182,7 +188,7 @@ def fit_bodies(
 
 
 def _on_floor(motion: Motion) -> tuple[Motion, float]:
-    """The motion with its feet on y = 0, and by how much the floor rose and fell in metres."""
+    """The motion with its feet on y = 0, and the range of the floor drift in metres."""
     floor_m = track_floor_m(sole_pos_m(motion), motion.fps)  # (T,)
     root_pos_m = motion.root_pos_m - floor_m[:, None] * [0.0, 1.0, 0.0]
     return replace(motion, root_pos_m=root_pos_m), float(np.ptp(floor_m))

@@ -1,4 +1,4 @@
-"""A folder of NAME.bvh, each with its song beside it if there is one, and an optional manifest.csv."""
+"""A folder of BVH files, optionally with a song of the same name each, and a manifest.csv."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def detect(path: Path) -> bool:
 def read(path: Path) -> Iterator[Take]:
     """The folder's takes by name.
 
-    The manifest's columns, all but `name` optional: genre, performer, licence, source; audio_offset_s,
-    the instant of the song at the motion's first frame; song, a file in the folder that takes may
-    share. `FormatError` for any other column, a name without a BVH file, or a missing song.
+    The manifest's columns, all but `name` optional: genre, performer, licence, source; audio_offset_s, the
+    time in the song of the motion's first frame; song, a file in the folder that takes may share.
+    `FormatError` for any other column, a name without a BVH file, or a missing song.
     """
     files = {file.stem: file for file in _bvh_files(path)}
     rows = _manifest(path / "manifest.csv", set(files))
@@ -51,7 +51,7 @@ def read(path: Path) -> Iterator[Take]:
 
 
 def song_beside(folder: Path, name: str) -> Path | None:
-    """The file NAME with an audio suffix in `folder`, in whatever case; None if there is none."""
+    """The file NAME with an audio suffix (in any case) in `folder`; None if there is none."""
     if not folder.is_dir():
         return None
     found = (p for p in sorted(folder.iterdir()) if p.stem == name and p.suffix.lower() in SONG_SUFFIXES)
@@ -59,7 +59,7 @@ def song_beside(folder: Path, name: str) -> Path | None:
 
 
 def _bvh_files(path: Path) -> list[Path]:
-    # Hidden files are other programs' droppings, such as macOS's "._NAME.bvh".
+    # Hidden files come from other programs, such as macOS's "._NAME.bvh".
     return sorted(p for p in path.iterdir() if p.suffix.lower() == ".bvh" and not p.name.startswith("."))
 
 
@@ -76,7 +76,7 @@ def _song(folder: Path, name: str, given: str) -> Path | None:
 def _manifest(path: Path, names: set[str]) -> dict[str, dict[str, str]]:
     if not path.exists():
         return {}
-    # A NUL is what the csv module trips over, and is in no text.
+    # The csv module fails on NUL, which no text contains.
     reader = csv.DictReader(io.StringIO(read_text(path).replace("\0", "")), skipinitialspace=True)
     columns = reader.fieldnames or []
     unknown = [column for column in columns if column not in _COLUMNS]
@@ -88,9 +88,7 @@ def _manifest(path: Path, names: set[str]) -> dict[str, dict[str, str]]:
     for row in reader:
         where = f"{path}, line {reader.line_num}"
         if None in row or None in row.values():
-            raise FormatError(
-                f"{where}: expected {len(columns)} cells: a comma in a cell needs quotes around the cell"
-            )
+            raise FormatError(f"{where}: expected {len(columns)} cells: a cell with a comma needs quotes")
         name = row["name"].removesuffix(".bvh")
         if name not in names:
             raise FormatError(f"{where}: there is no {name}.bvh in the folder")

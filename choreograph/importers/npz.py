@@ -1,4 +1,4 @@
-"""Motions written as NPZ by this program, read back exactly."""
+"""NPZ motions written by this program, read back exactly."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _KEYS = ("root_pos_m", "local_quat", "fps", "names", "parents", "offsets_m", "ti
 
 
 def detect(path: Path) -> bool:
-    """Whether `path` is one NPZ file with our arrays."""
+    """Whether `path` is one NPZ file written by this program."""
     return path.is_file() and path.suffix.lower() == ".npz" and "root_pos_m" in array_names(path)
 
 
@@ -29,7 +29,7 @@ def read(path: Path) -> Iterator[Take]:
 
 
 def array_names(path: Path) -> set[str]:
-    """Names of the arrays in an NPZ file; none if it is no such file."""
+    """Names of the arrays in an NPZ file; empty if it is not one."""
     try:
         with zipfile.ZipFile(path) as archive:
             return {name.removesuffix(".npy") for name in archive.namelist()}
@@ -38,7 +38,7 @@ def array_names(path: Path) -> set[str]:
 
 
 def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """The named arrays of an NPZ file, nothing unpickled; `FormatError` if it is damaged or lacks one."""
+    """The named arrays of an NPZ file, without unpickling; `FormatError` if damaged or one is missing."""
     if not path.exists():
         raise ParameterError(f"no file {path}")
     try:
@@ -56,12 +56,12 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         zlib.error,
     ) as error:
         raise FormatError(
-            f"{path}: not a sound NPZ file ({error}): damaged, cut, or another format"
+            f"{path}: not a valid NPZ file ({error}): damaged, cut off, or another format"
         ) from None
 
 
 def read_npz(path: str | Path) -> Motion:
-    """The motion in `path`. `ParameterError` if there is none, `FormatError` if it is not ours or damaged."""
+    """The motion in `path`. `ParameterError` if it does not exist, `FormatError` if it is damaged."""
     path = Path(path)
     arrays = load_arrays(path, _KEYS)
     try:

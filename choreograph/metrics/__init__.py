@@ -1,0 +1,28 @@
+"""Metrics of dances: in each module `validate`, one function per metric, and `evaluate` for all by name.
+
+Music and dance
+
+- `beat` — motion beats against music beats: F-score, beat alignment, distances, chance levels
+- `labels` — distances between paired labels of dance and music (openness, intensity, rhythm, asymmetry)
+- `structure` — motif signatures and transitions, repeats, agreement with the sections of the song
+
+Realism
+
+- `fid` — FID_k, FID_g and diversity of kinetic and geometric features
+- `frechet` — Fréchet distance of Gaussians; FPD of poses and FMD of movements
+- `references` — halves of the real data and chance dances, to read distances by
+
+Physics
+
+- `physical` — foot sliding, floor penetration, floating, jerk and speed at transitions, bone lengths
+- `contact_scores` — PFC and foot skating ratio as published, and corrected
+
+Parts of the engine
+
+- `retrieval` — precision and recall at k, mean reciprocal rank
+- `warping` — slopes of time maps, errors of recovered warps
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

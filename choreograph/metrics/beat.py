@@ -1,23 +1,24 @@
-"""Beats: how motion beats and music beats meet.
+"""Beat alignment: how well motion beats and music beats coincide.
 
-Conventions: instants in seconds, increasing. Squared distances are in frames of 1/60 s, as the
-paper's table reports them (ChoreoGraph, section 4.2.2); the F-score's window is ±70 ms, a beat of
-one kind matched with at most one of the other. More motion beats alone raise scores that ask the music's
-beats, and one motion beat well placed is perfect to those that ask the motion's: look at both directions,
-and at `evaluate_chance`, the same with the dance turned round its song.
+Conventions: beat times in seconds, increasing. Squared distances are in frames of 1/60 s, as in the paper's
+table (ChoreoGraph, section 4.2.2). The F-score is MIR's beat tracking F-measure with its window of ±70 ms:
+every beat is matched at most once. A mean over the music's beats rises with the number of motion beats alone,
+and a mean over the motion's beats is perfect for a single beat in the right place. So look at both
+directions, and at `evaluate_chance`: the same scores with the motion beats shifted circularly in the song.
 
-The field's "beat alignment" is the mean of exp(-d²/2σ²), d from each beat to the nearest of the other kind.
-Papers share the name, and differ in all else; `PROTOCOLS` has what the public code of each does:
+The field's "beat alignment" is the mean of exp(-d²/2σ²), with d the distance from each beat to the nearest
+one of the other kind. Papers share the name and differ in everything else. `ALIGNMENT_VARIANTS` holds what
+the public code of each computes:
 
-| | beats asked | σ | frames | motion beats: minima of joint speed |
+| | mean over | σ | rate | motion beats: minima of joint speed |
 | --- | --- | --- | --- | --- |
-| FACT (AI Choreographer, AIST++) | motion's | 3 frames, 50 ms | 60 fps | lower than 10 frames either side |
-| Bailando | music's | 3 frames, 50 ms | 60 fps | all, after a Gaussian of 5 frames (83 ms) |
-| LODGE (and others at 30 fps) | music's | 3 frames, 100 ms | 30 fps | all, after 5 frames (167 ms) |
+| FACT (AI Choreographer, AIST++) | motion beats | 3 frames, 50 ms | 60 fps | lowest within ± 10 frames |
+| Bailando | music beats | 3 frames, 50 ms | 60 fps | all, after a Gaussian of 5 frames (83 ms) |
+| LODGE (and others at 30 fps) | music beats | 3 frames, 100 ms | 30 fps | all, after 5 frames (167 ms) |
 
-Bailando's code run at 30 fps, as LODGE's is, has twice the σ: its numbers are not Bailando's. A metronome of
-random phase scores about 0.25 on a song of 120 BPM with 50 ms, and 0.48 with 100 ms. We do not round beats to
-frames, which those do (half a frame at most).
+Bailando's code run at 30 fps, as in LODGE, has twice the σ, so the two papers' numbers do not compare. A
+metronome of random phase scores about 0.25 on a song of 120 BPM with σ = 50 ms, and 0.48 with 100 ms. The
+published code rounds beats to frames (an error of half a frame at most); we do not.
 """
 
 from __future__ import annotations
@@ -44,15 +45,15 @@ Times = NDArray[np.floating]
 
 
 @dataclass(frozen=True)
-class AlignmentProtocol:
-    """How a paper's public code scores beat alignment."""
+class AlignmentVariant:
+    """How a paper's public code computes beat alignment."""
 
-    asks: Literal["music", "motion"]  # whose beats the mean is over
+    mean_over: Literal["music", "motion"]  # the beats that the mean is taken over
     fps: float
     sigma_frames: float
-    smoothing_frames: float  # Gaussian over the joints' speed; 0 for none
-    order: int  # a motion beat is slower than so many frames to either side
-    starts_still: bool = False  # the first frame counts as speed 0, and a step as its last frame's
+    smoothing_frames: float  # Gaussian over the joint speed; 0 for none
+    order: int  # a motion beat is slower than this many frames on either side
+    starts_at_rest: bool = False  # speed 0 at the first frame, and each step counted at its last frame
 
     @property
     def sigma_s(self) -> float:
@@ -60,10 +61,10 @@ class AlignmentProtocol:
         return self.sigma_frames / self.fps
 
 
-PROTOCOLS = {
-    "fact": AlignmentProtocol("motion", 60.0, 3.0, 0.0, 10, starts_still=True),
-    "bailando": AlignmentProtocol("music", 60.0, 3.0, 5.0, 1),
-    "lodge": AlignmentProtocol("music", 30.0, 3.0, 5.0, 1),
+ALIGNMENT_VARIANTS = {
+    "fact": AlignmentVariant("motion", 60.0, 3.0, 0.0, 10, starts_at_rest=True),
+    "bailando": AlignmentVariant("music", 60.0, 3.0, 5.0, 1),
+    "lodge": AlignmentVariant("music", 30.0, 3.0, 5.0, 1),
 }
 
 
@@ -76,16 +77,17 @@ def validate(motion_beats_s: Times, music_beats_s: Times) -> None:
 
 
 def squared_distance(from_s: Times, to_s: Times) -> float:
-    """Mean squared distance from each beat to the nearest of the other kind, (1/60 s)²; nan if none."""
+    """Mean squared distance from each beat to the nearest of the other kind, (1/60 s)²; nan without beats."""
     if len(from_s) == 0 or len(to_s) == 0:
         return float("nan")
     return float(np.mean((_gaps_s(from_s, to_s) * PAPER_FPS) ** 2))
 
 
 def f_score(motion_beats_s: Times, music_beats_s: Times, *, window_s: float = WINDOW_S) -> float:
-    """Harmonic mean of the shares of motion and of music beats that are matched, 0 … 1.
+    """Harmonic mean of precision and recall, the matched shares of motion and of music beats, 0 … 1.
 
-    Beats in order of time are matched greedily, which is the largest matching for one window.
+    Equals `mir_eval.beat.f_measure`, which does not drop the first 5 s by itself (`mir_eval.beat.evaluate`
+    does, through `trim_beats`). Matching greedily in time order gives the largest matching.
     """
     i = j = hits = 0
     while i < len(motion_beats_s) and j < len(music_beats_s):
@@ -99,10 +101,10 @@ def f_score(motion_beats_s: Times, music_beats_s: Times, *, window_s: float = WI
 
 
 def aligned_share(motion_beats_s: Times, music_beats_s: Times, *, window_s: float = FRAME_S) -> float:
-    """Share of the motion beats that lie within one frame of a music beat, 0 … 1; nan without motion beats.
+    """Share of the motion beats within one frame of a music beat, 0 … 1; nan without motion beats.
 
-    Rhythm is a Dancer, section 5.4.1: 64.7 % of its dances' beats, 72.5 % of real ones (its data). Standing
-    still but for one beat is perfect, so look at `beat_ratio` beside it.
+    Rhythm is a Dancer, section 5.4.1: 64.7 % for its dances, 72.5 % for real ones, on its own data. A single
+    motion beat in the right place scores 1, so read it with `beat_ratio`.
     """
     if len(motion_beats_s) == 0:
         return float("nan")
@@ -116,35 +118,35 @@ def beat_ratio(motion_beats_s: Times, music_beats_s: Times) -> float:
     return len(motion_beats_s) / len(music_beats_s) if len(music_beats_s) else float("nan")
 
 
-def alignment_score(motion_beats_s: Times, music_beats_s: Times, protocol: str = "bailando") -> float:
-    """Mean exp(-d²/2σ²) as a paper's code has it, by the paper's name in `PROTOCOLS`, 0 … 1.
+def alignment_score(motion_beats_s: Times, music_beats_s: Times, variant: str = "bailando") -> float:
+    """Mean exp(-d²/2σ²), 0 … 1, as computed by the paper that `variant` names in `ALIGNMENT_VARIANTS`.
 
-    For that paper's number take its motion beats too (`published_motion_beats_s`). 0 without motion beats;
-    `nan` without music beats. Raises `ParameterError` if no such protocol is known.
+    To reproduce that paper's number, use its motion beats as well (`published_motion_beats_s`). 0 without
+    motion beats, `nan` without music beats. Raises `ParameterError` for an unknown variant.
     """
-    known = _protocol(protocol)
+    known = _variant(variant)
     if len(music_beats_s) == 0:
         return float("nan")
     if len(motion_beats_s) == 0:
         return 0.0
-    pair = (music_beats_s, motion_beats_s) if known.asks == "music" else (motion_beats_s, music_beats_s)
+    pair = (music_beats_s, motion_beats_s) if known.mean_over == "music" else (motion_beats_s, music_beats_s)
     return float(np.mean(np.exp(-0.5 * (_gaps_s(*pair) / known.sigma_s) ** 2)))
 
 
-def published_motion_beats_s(body_pos_m: NDArray[np.floating], fps: float, protocol: str) -> Times:
-    """Motion beats in seconds, (Q,), as a paper's code finds them in body positions (T, 21, 3).
+def published_motion_beats_s(body_pos_m: NDArray[np.floating], fps: float, variant: str) -> Times:
+    """Motion beats in seconds, (Q,), as a paper's code detects them in body positions (T, 21, 3).
 
-    The papers have 24 joints where we have 21, and steps as slow as each other are no minimum. Our own
-    motion beats, of `features.motion_beats`, are kept clear of tremor and independent of the rate.
+    The papers use 24 joints, we use 21. Equal neighbouring speeds are not a minimum. Our own motion beats
+    (`features.motion_beats`) ignore tremor and do not depend on the frame rate.
 
-    Raises `ParameterError` for unknown protocols and positions of another shape.
+    Raises `ParameterError` for an unknown variant or positions of another shape.
     """
-    known = _protocol(protocol)
+    known = _variant(variant)
     pos = body_pos_at(body_pos_m, fps, known.fps)
     if len(pos) < 3:
         return np.zeros(0)
     speed = np.linalg.norm(np.diff(pos, axis=0), axis=-1).mean(axis=1)  # (T'-1,)
-    if known.starts_still:
+    if known.starts_at_rest:
         speed = np.concatenate([[0.0], speed])
     if known.smoothing_frames > 0:
         speed = gaussian_filter1d(speed, known.smoothing_frames)
@@ -160,7 +162,10 @@ def evaluate(motion_beats_s: Times, music_beats_s: Times) -> dict[str, float]:
         "music_to_motion": squared_distance(music_beats_s, motion_beats_s),
         "aligned_share": aligned_share(motion_beats_s, music_beats_s),
         "beat_ratio": beat_ratio(motion_beats_s, music_beats_s),
-    } | {f"alignment_{name}": alignment_score(motion_beats_s, music_beats_s, name) for name in PROTOCOLS}
+    } | {
+        f"alignment_{name}": alignment_score(motion_beats_s, music_beats_s, name)
+        for name in ALIGNMENT_VARIANTS
+    }
 
 
 def evaluate_published(
@@ -171,15 +176,15 @@ def evaluate_published(
     rng: np.random.Generator | None = None,
     rounds: int = 200,
 ) -> dict[str, float]:
-    """The papers' alignment scores by name, each with the motion beats that its own code finds.
+    """The papers' alignment scores by name, each with the motion beats that the paper's code detects.
 
-    With `rng` each has its `chance_level` beside it, over the duration of the dance.
+    With `rng`, each score's `chance_level` over the duration of the dance is added as `…_chance`.
     """
     scores = {}
-    for name in PROTOCOLS:
+    for name in ALIGNMENT_VARIANTS:
         motion_beats_s = published_motion_beats_s(body_pos_m, fps, name)
         validate(motion_beats_s, music_beats_s)
-        score = partial(alignment_score, protocol=name)
+        score = partial(alignment_score, variant=name)
         scores[f"alignment_{name}_published"] = score(motion_beats_s, music_beats_s)
         if rng is not None:
             scores[f"alignment_{name}_published_chance"] = chance_level(
@@ -196,10 +201,10 @@ def evaluate_chance(
     rng: np.random.Generator,
     rounds: int = 200,
 ) -> dict[str, float]:
-    """All beat metrics by name, each the mean of the dance turned round the song: its `chance_level`."""
+    """The `chance_level` of all beat metrics by name."""
     validate(motion_beats_s, music_beats_s)
-    turned = _turned(motion_beats_s, duration_s, rng, rounds)
-    rows = [evaluate(beats, music_beats_s) for beats in turned]
+    shifted = _shifted(motion_beats_s, duration_s, rng, rounds)
+    rows = [evaluate(beats, music_beats_s) for beats in shifted]
     return {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}
 
 
@@ -212,9 +217,9 @@ def chance_level(
     rng: np.random.Generator,
     rounds: int = 200,
 ) -> float:
-    """Mean of a score of motion and music beats with the motion's turned round the song by 1 s or more."""
-    turned = _turned(motion_beats_s, duration_s, rng, rounds)
-    return float(np.mean([score(beats, music_beats_s) for beats in turned]))
+    """Mean score after circular shifts of the motion beats by 1 s or more; a shift wraps round the song."""
+    shifted = _shifted(motion_beats_s, duration_s, rng, rounds)
+    return float(np.mean([score(beats, music_beats_s) for beats in shifted]))
 
 
 def chance_f_score(
@@ -229,8 +234,8 @@ def chance_f_score(
     return chance_level(f_score, motion_beats_s, music_beats_s, duration_s=duration_s, rng=rng, rounds=rounds)
 
 
-def _turned(motion_beats_s: Times, duration_s: float, rng: np.random.Generator, rounds: int) -> list[Times]:
-    """The motion beats turned round the song by random amounts of 1 s or more, `rounds` times."""
+def _shifted(motion_beats_s: Times, duration_s: float, rng: np.random.Generator, rounds: int) -> list[Times]:
+    """The motion beats after `rounds` random circular shifts of 1 s or more."""
     if not (np.isfinite(duration_s) and duration_s > 0) or rounds < 1:
         raise ParameterError(f"expected a duration and rounds above 0, got {duration_s} s and {rounds}")
     shifts_s = rng.uniform(1.0, max(1.0, duration_s - 1.0), rounds)
@@ -238,14 +243,14 @@ def _turned(motion_beats_s: Times, duration_s: float, rng: np.random.Generator, 
 
 
 def _gaps_s(from_s: Times, to_s: Times) -> NDArray[np.float64]:
-    """Seconds from each beat to the nearest of the other kind, (Q,); both have one."""
+    """Seconds from each beat to the nearest of the other kind, (Q,); neither may be empty."""
     to_s = np.asarray(to_s, np.float64)
     after = np.searchsorted(to_s, from_s)
     sides = [to_s[np.clip(after + side, 0, len(to_s) - 1)] for side in (-1, 0)]
     return np.minimum(*(np.abs(np.asarray(from_s) - side) for side in sides))
 
 
-def _protocol(name: str) -> AlignmentProtocol:
-    if name not in PROTOCOLS:
-        raise ParameterError(f"expected a protocol of {', '.join(PROTOCOLS)}, got {name!r}")
-    return PROTOCOLS[name]
+def _variant(name: str) -> AlignmentVariant:
+    if name not in ALIGNMENT_VARIANTS:
+        raise ParameterError(f"expected a variant among {', '.join(ALIGNMENT_VARIANTS)}, got {name!r}")
+    return ALIGNMENT_VARIANTS[name]

@@ -1,34 +1,34 @@
-"""The field's scores of feet on the floor, by the names they are published under: PFC and FSR.
+"""Published foot contact scores: PFC, the physical foot contact score, and FSR, the foot skating ratio.
 
-Conventions: body positions (T, 21, 3) in metres at any rate, brought to the 30 fps that both scores count
-frames at; Y up, the floor at y = 0. Lower is better. Positions of another shape, not finite, or without a
-rate are refused with a `ParameterError`.
+Conventions: body positions (T, 21, 3) in metres at any rate, resampled to the 30 fps at which both scores
+count frames; Y up, the floor at y = 0. Lower is better. `validate` raises `ParameterError` for positions that
+are not finite or have another shape, and for an invalid rate.
 
-**PFC**, physical foot contact score (Tseng et al., EDGE, CVPR 2023; as in its public code): a
-body can only be pushed if a foot stands, so acceleration while both feet slide is penalised. Known
+**PFC**, physical foot contact score (Tseng et al., EDGE, CVPR 2023; as in its public code): a body can only
+accelerate if a foot stands on the floor, so acceleration while both feet slide is penalised. Known
 weaknesses, which `variant="published"` keeps:
 
-- Acceleration is divided by its largest value *in the sequence*. One glitch makes everything else look
-  clean, and longer dances score better than their own pieces. `variant="pieces"` is the mean over
-  pieces of 5 s, by which dances of unlike length compare.
-- The product of the slower points of both feet is 0 as soon as one stands: a dance that slides on one
-  foot at a time is perfect. So is standing still in the air, where nothing accelerates.
-- Height plays no part: leaping, with both feet fast and no floor to slide on, is penalised.
-- The pelvis stands for the centre of mass, and falling is free (downward acceleration is cut off).
-- Displacements are those of a frame, not of a second: at 60 fps the score is a quarter of that at 30.
-  Hence the fixed rate. The last factor of 10,000 is the code's.
+- Acceleration is divided by its maximum *in the sequence*. One glitch makes everything else look clean, and a
+  long dance scores better than its own pieces. `variant="pieces"` is the mean over pieces of 5 s and compares
+  dances of different lengths.
+- The product of the slower points of both feet is 0 as soon as one foot stands: sliding on one foot at a time
+  is perfect. So is standing still in mid-air, where nothing accelerates.
+- Height is ignored: a leap, with both feet fast and no floor contact, is penalised.
+- The pelvis stands in for the centre of mass, and falling costs nothing (downward acceleration is clipped).
+- Displacements are per frame, not per second: at 60 fps the score is a quarter of the one at 30. Hence the
+  fixed rate. The final factor of 10,000 is from the public code.
 
-**FSR**, foot skating ratio (Li et al., LODGE, CVPR 2024; as in its public code): share of the
-frames a foot is in contact in which it slides. In contact is an ankle at most 8 cm and a toe joint at most
-5 cm over the ground; sliding is more than 1 cm from frame to frame, for ankle or toe. Known bugs, which
-`variant="published"` keeps and `"corrected"` does not:
+**FSR**, foot skating ratio (Li et al., LODGE, CVPR 2024; as in its public code): of the frames in which a
+foot is in contact, the share in which it slides. In contact means an ankle at most 8 cm and a toe joint at
+most 5 cm above the ground; sliding means more than 1 cm from frame to frame, for ankle or toe. Known bugs,
+which `variant="published"` keeps and `"corrected"` fixes:
 
-- What is compared with 1 cm is the mean of the displacement's two horizontal components *with their
-  signs*: a foot that slides along x = -z stands still, and the ratio depends on where the dancer faces.
-  Corrected: the length of the displacement.
-- The ground is the lower toe joint (or both toes' mean, if within 2 cm) of the *first frame*, in the air
-  as it may be. Corrected: the height the toes keep on most frames, `motion.floor.estimate_floor_m`.
-- The last frame has no successor, and counts as still. Corrected: it is left out.
+- The value compared with 1 cm is the *signed* mean of the displacement's two horizontal components: a foot
+  that slides along x = -z counts as still, and the ratio depends on the dancer's heading. Corrected: the
+  length of the displacement.
+- The ground is the lower toe joint (or the mean of both if within 2 cm) of the *first frame*, even if that is
+  in mid-air. Corrected: the height of the toes on most frames, `motion.floor.estimate_floor_m`.
+- The last frame has no successor and counts as still. Corrected: it is left out.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
-from choreograph.motion.body import BODY_JOINTS, body_pos_at
+from choreograph.motion.body import BODY_JOINTS, body_pos_at, checked_body_pos_m
 from choreograph.motion.floor import estimate_floor_m
 
 Floats = NDArray[np.float64]
@@ -50,16 +50,23 @@ PIECE_S = 5.0
 ANKLE_LOW_M, TOE_LOW_M = 0.08, 0.05
 SLIDE_M = 0.01  # in 1/30 s
 _SAME_GROUND_M = 0.02
-_ROUNDING_M_S2 = 1e-6  # less is no acceleration, and must not be blown up to 1
+_ROUNDING_M_S2 = 1e-6  # rounding noise below this must not be normalised to 1
 _ANKLES = [BODY_JOINTS.index("left_ankle"), BODY_JOINTS.index("right_ankle")]
 _TOES = [BODY_JOINTS.index("left_foot"), BODY_JOINTS.index("right_foot")]
 
 
-def pfc(body_pos_m: Floats, fps: float, *, variant: Literal["published", "pieces"] = "published") -> float:
-    """EDGE's physical foot contact score, 0 if nothing moves; see the module for what it misses.
+def validate(body_pos_m: Floats, fps: float) -> None:
+    """Raise `ParameterError` unless positions are finite, (T, 21, 3) and not empty, and `fps` is positive."""
+    checked_body_pos_m(body_pos_m, fps)
 
-    A dance without three frames at 30 fps has no acceleration, and scores 0.
+
+def pfc(body_pos_m: Floats, fps: float, *, variant: Literal["published", "pieces"] = "published") -> float:
+    """EDGE's physical foot contact score, 0 if nothing moves; its weaknesses are listed in the module.
+
+    A dance of fewer than three frames at 30 fps has no acceleration and scores 0. Raises `ParameterError` as
+    `validate` does, and for an unknown variant.
     """
+    validate(body_pos_m, fps)
     _check_variant(variant, ("published", "pieces"))
     pos = body_pos_at(body_pos_m, fps, SCORE_FPS)
     if variant == "published":
@@ -73,8 +80,10 @@ def foot_skating_ratio(
 ) -> float:
     """LODGE's foot skating ratio, 0 … 1, the mean over both feet; `nan` if neither is ever in contact.
 
-    A foot without contact is left out (the published code has nan for the whole data set then).
+    A foot without contact is left out (the published code then returns nan for the whole data set). Raises
+    `ParameterError` as `validate` does, and for an unknown variant.
     """
+    validate(body_pos_m, fps)
     _check_variant(variant, ("published", "corrected"))
     pos = body_pos_at(body_pos_m, fps, SCORE_FPS)
     toes = pos[:, _TOES]  # (T, 2, 3)
@@ -95,8 +104,18 @@ def foot_skating_ratio(
     return float(np.mean((slides & contact).sum(axis=0)[frames > 0] / frames[frames > 0]))
 
 
+def evaluate(body_pos_m: Floats, fps: float) -> dict[str, float]:
+    """All metrics of this module by name. Raises `ParameterError` as `validate` does."""
+    return {
+        "foot_skating_ratio": foot_skating_ratio(body_pos_m, fps),
+        "foot_skating_ratio_published": foot_skating_ratio(body_pos_m, fps, variant="published"),
+        "pfc": pfc(body_pos_m, fps),
+        "pfc_pieces": pfc(body_pos_m, fps, variant="pieces"),
+    }
+
+
 def _pfc(pos: Floats) -> float:
-    """The score of positions (T, 21, 3) at 30 fps."""
+    """PFC of positions (T, 21, 3) at 30 fps."""
     if len(pos) < 3:
         return 0.0
     acceleration = np.diff(pos[:, 0], n=2, axis=0) * SCORE_FPS**2  # (T-2, 3) of the pelvis
@@ -111,7 +130,7 @@ def _pfc(pos: Floats) -> float:
 
 
 def _first_ground_m(toes: Floats) -> float:
-    """The ground as LODGE's code has it: under the toes (T, 2, 3) of the first frame."""
+    """Ground height as in LODGE's code: under the toes (T, 2, 3) of the first frame."""
     left, right = toes[0, :, 1]
     return float((left + right) / 2 if abs(left - right) < _SAME_GROUND_M else min(left, right))
 

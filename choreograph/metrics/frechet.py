@@ -1,24 +1,25 @@
-"""Fréchet distances of poses and of movements: FPD and FMD (ChoreoGraph, section 4.2.1, Table 1).
+"""Fréchet distances: FPD of poses and FMD of movements (ChoreoGraph, section 4.2.1, Table 1).
 
-Conventions: a pose is the local rotations of the joints that all motions share by role, as exponential
-maps (rotation vectors, radians, angle at most π), at 20 Hz, unnormalised; a movement is three consecutive
-poses of one motion. All poses of a set are one Gaussian, so long dances weigh more; the distance is
-‖m - m'‖² + tr(C + C' - 2 (C C')^½), rad², lower is closer.
+Conventions: a pose is the local rotations of the joints that all motions share by role, as exponential maps
+(rotation vectors in radians, angle at most π) at 20 Hz, not normalised. A movement is three consecutive poses
+of one motion. All poses of a set form one Gaussian, so long dances weigh more. The distance is
+‖m - m'‖² + tr(C + C' - 2 (C C')^½), in rad²; lower is closer.
 
-Root: its place and its heading (the turn about the vertical) are left out, its lean stays in as the
-pelvis' rotation. So FPD does not see where a dance is, and FMD sees neither travelling nor turning. What
-the paper did with its root it does not say; Transflower's code, which it follows, keeps height and steps.
+Root: its position and heading (the rotation about the vertical) are left out; its lean stays in as the
+rotation of the pelvis. So FPD does not depend on where the dancer is, and FMD sees neither travelling nor
+turning. The paper does not say what it did with the root; Transflower's code, which it follows, keeps height
+and steps.
 
-Skeletons: a joint's rotation is taken against the nearest shared joint above it, so extra joints between
-do no harm; bones do not count. Rest poses must agree, else the same pose has other rotations: rigs with
-other rest poses are refused, retarget one side first.
+Skeletons: a joint's rotation is relative to its nearest shared ancestor, so extra joints in between do no
+harm, and bone lengths do not matter. Rest poses must agree, otherwise the same pose has other rotations: rigs
+with different rest poses are refused, and one side must be retargeted first.
 
-Regularisation: none is needed, and nothing is added to a diagonal. tr (C C')^½ is the sum of the singular
-values of FᵀF' with C = FFᵀ, exact for singular covariances too, where the usual matrix root fails. What
-few samples do remains: the distance is biased upwards, the more the fewer the samples per dimension
-(3 per joint, 9 in FMD), and the frames of one dance are hardly independent. So compare sets of one size
-and show `references.halves` of real dances beside it. The values of the paper's table (9.87 ± 0.01 for all
-systems) depend on its skeleton and are on no scale that we know of.
+Regularisation: none. tr (C C')^½ is the sum of the singular values of FᵀF' with C = FFᵀ, which is exact for
+singular covariances too, where the usual matrix square root fails. Small samples still bias the distance
+upwards, more so with fewer samples per dimension (3 per joint, 9 for FMD), and the frames of one dance are
+hardly independent. So compare sets of equal size, and report the distance between `references.halves` of the
+real dances with it. The paper's values (9.87 ± 0.01 for all systems) depend on its skeleton; we could not
+reproduce their scale.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ class Gaussian:
 
 
 def fit_gaussian(samples: NDArray[np.floating]) -> Gaussian:
-    """The Gaussian of samples (N, D); `ParameterError` unless N is at least 2 and all are finite."""
+    """Fit a Gaussian to samples (N, D); `ParameterError` unless N is at least 2 and all are finite."""
     samples = np.asarray(samples, np.float64)
     if samples.ndim != 2 or samples.shape[0] < 2 or samples.shape[1] == 0:
         raise ParameterError(f"expected samples (N, D) with N of at least 2, got {samples.shape}")
@@ -71,7 +72,7 @@ def fit_gaussian(samples: NDArray[np.floating]) -> Gaussian:
 
 
 def frechet_distance(a: Gaussian, b: Gaussian) -> float:
-    """Squared Fréchet (2-Wasserstein) distance of two Gaussians, in the samples' unit squared; symmetric.
+    """Squared Fréchet (2-Wasserstein) distance between two Gaussians, in the samples' unit squared.
 
     Raises `ParameterError` if they differ in dimension.
     """
@@ -83,15 +84,15 @@ def frechet_distance(a: Gaussian, b: Gaussian) -> float:
 
 
 def _factor(covariance: Floats) -> Floats:
-    """F (D, D) with FFᵀ = C; eigenvalues that rounding made negative count as 0."""
+    """F (D, D) with FFᵀ = C; eigenvalues that are negative through rounding count as 0."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def validate(motions: Sequence[Motion]) -> tuple[str, ...]:
-    """The roles that all motions' joints share, in canonical order.
+    """The joint roles that all motions share, in canonical order.
 
-    Raises `ParameterError` if there is no motion, a rig's names are unknown, or rest poses differ.
+    Raises `ParameterError` if there is no motion, a rig's joint names are unknown, or rest poses differ.
     """
     if len(motions) == 0:
         raise ParameterError("expected at least one motion, got none")
@@ -103,7 +104,7 @@ def validate(motions: Sequence[Motion]) -> tuple[str, ...]:
 
 
 def poses_rad(motion: Motion, roles: Sequence[str]) -> Floats:
-    """Exponential maps (T', 3 R) of the joints that play `roles`, at 20 Hz, heading and place left out."""
+    """Exponential maps (T', 3 R) of the joints with these roles at 20 Hz, without position and heading."""
     motion = motion.resampled(POSE_FPS)
     joints = joint_roles(motion.skeleton)
     world = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)[1]  # (T', J, 4)
@@ -117,13 +118,13 @@ def poses_rad(motion: Motion, roles: Sequence[str]) -> Floats:
 
 
 def movements_of(poses: Floats) -> Floats:
-    """Each pose (T, D) of a motion with the two after it, (T - 2, 3 D); empty if there are no three."""
+    """Each pose (T, D) of a motion with the two after it, (T - 2, 3 D); empty if T is below 3."""
     n = max(len(poses) - MOVEMENT_POSES + 1, 0)
     return np.concatenate([poses[i : i + n] for i in range(MOVEMENT_POSES)], axis=1)
 
 
 def gaussians(motions: Sequence[Motion], roles: Sequence[str]) -> dict[str, Gaussian]:
-    """The Gaussians that "fpd" and "fmd" compare: fit the real ones once, then take each song against them.
+    """The Gaussians that "fpd" and "fmd" compare: fit the real ones once, then compare each song with them.
 
     Raises `ParameterError` if there are fewer than two movements in all.
     """
@@ -133,21 +134,21 @@ def gaussians(motions: Sequence[Motion], roles: Sequence[str]) -> dict[str, Gaus
 
 
 def fpd(dances: Sequence[Motion], real: Sequence[Motion]) -> float:
-    """Fréchet pose distance of two sets of motions, rad². Raises `ParameterError` as `evaluate` does."""
+    """Fréchet pose distance between two sets of motions, rad². Raises as `evaluate` does."""
     return evaluate(dances, real)["fpd"]
 
 
 def fmd(dances: Sequence[Motion], real: Sequence[Motion]) -> float:
-    """Fréchet movement distance of two sets of motions, rad². Raises `ParameterError` as `evaluate` does."""
+    """Fréchet movement distance between two sets of motions, rad². Raises as `evaluate` does."""
     return evaluate(dances, real)["fmd"]
 
 
 def evaluate(dances: Sequence[Motion], real: Sequence[Motion]) -> dict[str, float]:
     """FPD and FMD by name, rad².
 
-    The paper takes the dances of one song against all real ones, then the mean over songs. A single dance is
-    no whole repertoire, so one real dance is far from the others, too: show real dances taken the same way.
-    Raises `ParameterError` as `validate` and `gaussians` do.
+    The paper compares the dances to one song with all real ones and averages over songs. A single dance does
+    not cover the variety of a whole set, so even a real dance is far from the others: report real dances
+    measured the same way. Raises `ParameterError` as `validate` and `gaussians` do.
     """
     roles = validate([*dances, *real]) if dances and real else validate(())
     ours, theirs = gaussians(dances, roles), gaussians(real, roles)
@@ -172,5 +173,5 @@ def _check_rest(one: Skeleton, other: Skeleton) -> None:
         if angle > _REST_TOLERANCE_RAD:
             raise ParameterError(
                 f"expected rigs with the same rest pose, got {joint} {np.degrees(angle):.0f}° apart: "
-                "retarget one side's motions to the other's skeleton first"
+                "retarget one side to the other's skeleton first"
             )

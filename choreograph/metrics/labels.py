@@ -1,33 +1,33 @@
-"""Labels of dance and music that artists would compare, in four pairs, and how far apart they are.
+"""Label distances: four pairs of dance and music labels that artists would compare.
 
-ChoreoGraph, section 4.3.1 and Table 3: four labels of a dance, each with one of its music, all on a scale of
-1 to 10; the label distance of a pair is the mean absolute difference over the data. The paper says in a line
-what each label is, and neither formula nor scale. What we took, per window of 4 s (the engine's segment):
+ChoreoGraph, section 4.3.1 and Table 3: a dance and its music have four labels each, on a scale of 1 to 10.
+The label distance of a pair is the mean absolute difference over the data. The paper describes each label in
+one line and gives neither formula nor scale. Our choice, per window of 4 s (the engine's segment):
 
 | pair | dance (Table 3: our reading) | music (Table 3: our reading) |
 | --- | --- | --- |
 | openness | total distance of head and limbs to the centre: wrists, ankles and head to the pelvis, m | \
-distance between fundamental frequencies and repetitiveness: mean step between notes in semitones, \
-times the share of steps that are new in the window |
-| intensity | mean of the joints' variations: mean joint speed, m/s (the length of the velocity, where the \
-paper has coordinates: those depend on where the dancer faces) | onsets per second |
-| rhythm | accumulated angular acceleration: of the bones' directions, mean over the window, rad/s² | time \
-between onsets and density: geometric mean of onsets per second and of 1 / (median time between them) |
-| asymmetry | independent use of upper or lower part: Σ |u - l| / Σ (u + l), u and l mean speeds of the \
-joints over and under the pelvis, in its place | rough or smooth, aggressive or mild: geometric mean of \
+distance between fundamental frequencies and repetitiveness: mean interval between successive notes in \
+semitones, times the share of distinct steps in the window |
+| intensity | mean of the joints' variations: mean joint speed, m/s (the length of the velocity; the paper's \
+coordinates would depend on the heading) | onsets per second |
+| rhythm | accumulated angular acceleration: of the bone directions, mean over the window, rad/s² | time \
+between onsets and density: geometric mean of onsets per second and 1 / (median inter-onset interval) |
+| asymmetry | independent use of upper or lower part: Σ |u - l| / Σ (u + l), u and l the mean speeds of the \
+joints above and below the pelvis, relative to it | rough or smooth, aggressive or mild: geometric mean of \
 flatness and centroid of the window's mean spectrum (frame by frame, a pause would be rough) |
 
-Each is oriented so that the pair rises together: open with wide, intense with dense, jerky with hurried,
-one-sided with rough. (The paper's text once says left-right asymmetry; its table, upper or lower.)
+The labels of a pair rise together: open with wide, intense with dense, jerky with hurried, one-sided with
+rough. (The paper's text says left-right asymmetry in one place; its table says upper or lower.)
 
-The scale: a value's rank among the reference's windows, from 1 for the lowest to 10 for the highest
-(`fit_scale`; the reference is real data, the training split). Ranks forget what units and what monotone
-formula a label has, which is where the paper is silent; labels that know nothing of each other are then 3
-apart, and `chance_distances` says how far exactly. The paper's own numbers (1.05 to 2.07) are on another
-scale: compare rows of one table only.
+Scale: the rank of a value among the windows of the reference, from 1 for the lowest to 10 for the highest
+(`fit_scale`; the reference is real data, the training split). Ranks do not depend on a label's unit or on a
+monotone change of its formula, which is what the paper leaves open. Unrelated labels are then 3 apart, and
+`chance_distances` gives the exact value. The paper's own numbers (1.05 to 2.07) are on another scale: compare
+only rows of one table.
 
-Conventions: body positions (T, 21, 3) in metres, samples mono at 22.05 kHz from the dance's first instant;
-windows by their start in seconds. What does not fit is refused with a `ParameterError`.
+Conventions: body positions (T, 21, 3) in metres; mono samples at 22.05 kHz that begin with the dance; windows
+by their start in seconds. Input that does not fit raises `ParameterError`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
 from choreograph.features.mel import log_mel, mel_band_hz
-from choreograph.features.rhythm import onset_envelopes
+from choreograph.features.tempogram import onset_envelopes
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, body_pos_at
 from choreograph.timebase import MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_S, frames_to_seconds
 
@@ -49,7 +49,9 @@ PAIRS = ("openness", "intensity", "rhythm", "asymmetry")
 LOW, HIGH = 1.0, 10.0
 
 _PELVIS = BODY_JOINTS.index("pelvis")
-_ENDS = [BODY_JOINTS.index(j) for j in ("head", "left_wrist", "right_wrist", "left_ankle", "right_ankle")]
+_EXTREMITIES = [
+    BODY_JOINTS.index(j) for j in ("head", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
+]
 _LOWER = [i for i, j in enumerate(BODY_JOINTS) if j.endswith(("knee", "ankle", "foot"))]
 _UPPER = [
     i
@@ -57,67 +59,67 @@ _UPPER = [
     if j.endswith(("spine3", "head", "collar", "shoulder", "elbow", "wrist"))
 ]
 _BONES = [i for i, parent in enumerate(BODY_PARENTS) if parent >= 0]
-_SHORT_M = 1e-3  # a bone the rig lacks has no direction
+_SHORT_M = 1e-3  # a bone that the rig lacks has length 0 and no direction
 _MIN_HZ, _MAX_HZ, _PITCH_HOP = 65.4, 1046.5, 512  # two octaves either side of middle C
-_NOTE_FRAMES = 6  # 0.14 s: later the note may be over, and a pause has any pitch
+_NOTE_FRAMES = 6  # 0.14 s: later the note may have ended, and the pitch of a pause is arbitrary
 
 
 @dataclass(frozen=True, eq=False)
 class LabelScale:
-    """The reference's values, each column sorted: what a rank is taken in."""
+    """The values of the reference, each column sorted; labels are ranks among them."""
 
     dance: Floats  # (R, 4)
     music: Floats  # (R', 4)
 
     def dance_labels(self, values: Floats) -> Floats:
-        """Labels 1 … 10, (N, 4), of `dance_values`."""
+        """Labels 1 … 10, (N, 4), for `dance_values`."""
         return _ranked(values, self.dance)
 
     def music_labels(self, values: Floats) -> Floats:
-        """Labels 1 … 10, (N, 4), of `music_values`."""
+        """Labels 1 … 10, (N, 4), for `music_values`."""
         return _ranked(values, self.music)
 
 
 def fit_scale(dance_values: Floats, music_values: Floats) -> LabelScale:
-    """The scale on which these values (R, 4) and (R', 4), of the reference's windows, are spread evenly."""
+    """The scale on which the reference's values (R, 4) and (R', 4) are evenly distributed."""
     return LabelScale(np.sort(_checked(dance_values), axis=0), np.sort(_checked(music_values), axis=0))
 
 
 def window_starts_s(duration_s: float) -> Floats:
-    """The starts, a second apart, of all windows of 4 s that fit: (N,), none if it is shorter."""
+    """Starts, one second apart, of all windows of 4 s that fit, (N,); none if the duration is shorter."""
     return np.arange(max(0, int(duration_s + 1e-6) - SEGMENT_S + 1), dtype=np.float64)
 
 
 def dance_values(body_pos_m: NDArray[np.floating], fps: float, starts_s: Floats) -> Floats:
-    """The four dance labels in their own units, (N, 4), of windows of body positions (T, 21, 3).
+    """The four dance labels in their own units, (N, 4), for windows of body positions (T, 21, 3).
 
-    Raises `ParameterError` if a window does not lie within the dance, or as `checked_body_pos_m` does.
+    Raises `ParameterError` if a window does not lie within the dance, and as `checked_body_pos_m` does.
     """
     duration_s = len(np.asarray(body_pos_m)) / fps
     pos = body_pos_at(body_pos_m, fps, NET_FPS)
-    openness_m = np.linalg.norm(pos[:, _ENDS] - pos[:, [_PELVIS]], axis=-1).sum(axis=1)  # (T',)
+    openness_m = np.linalg.norm(pos[:, _EXTREMITIES] - pos[:, [_PELVIS]], axis=-1).sum(axis=1)  # (T',)
     speed_m_s = np.linalg.norm(np.diff(pos, axis=0), axis=-1).mean(axis=1) * NET_FPS  # (T'-1,)
-    own = np.linalg.norm(np.diff(pos - pos[:, [_PELVIS]], axis=0), axis=-1)  # (T'-1, 21)
-    upper, lower = own[:, _UPPER].mean(axis=1), own[:, _LOWER].mean(axis=1)
-    turning = _angular_acceleration_rad_s2(pos)  # (T'-2,)
+    relative_m = np.linalg.norm(np.diff(pos - pos[:, [_PELVIS]], axis=0), axis=-1)  # (T'-1, 21) per frame
+    upper, lower = relative_m[:, _UPPER].mean(axis=1), relative_m[:, _LOWER].mean(axis=1)
+    acceleration_rad_s2 = _angular_acceleration_rad_s2(pos)  # (T'-2,)
     rows = []
     for window in _windows(starts_s, duration_s, NET_FPS):
-        used = (upper + lower)[window].sum()
+        total = (upper + lower)[window].sum()
         rows.append(
             [
                 openness_m[window].mean(),
                 speed_m_s[window].mean(),
-                turning[window].mean(),
-                np.abs(upper - lower)[window].sum() / used if used > 0 else 0.0,
+                acceleration_rad_s2[window].mean(),
+                np.abs(upper - lower)[window].sum() / total if total > 0 else 0.0,
             ]
         )
     return np.array(rows, np.float64).reshape(-1, len(PAIRS))
 
 
 def music_values(samples: NDArray[np.floating], starts_s: Floats) -> Floats:
-    """The four music labels in their own units, (N, 4), of windows of a song (S,) at 22.05 kHz.
+    """The four music labels in their own units, (N, 4), for windows of a song (S,) at 22.05 kHz.
 
-    A window without two onsets has no step, and no time between them: openness and rhythm are 0.
+    In a window with fewer than two onsets, openness and rhythm are 0.
 
     Raises `ParameterError` if samples are empty or not mono, or a window does not lie within the song.
     """
@@ -127,29 +129,29 @@ def music_values(samples: NDArray[np.floating], starts_s: Floats) -> Floats:
     notes = _notes_semitones(np.asarray(samples, np.float32), onsets_s)
     rows = []
     for start_s, window in zip(starts_s, _windows(starts_s, duration_s, MUSIC_FPS), strict=True):
-        here = slice(*np.searchsorted(onsets_s, [start_s, start_s + SEGMENT_S]))
-        density = (here.stop - here.start) / SEGMENT_S
-        gaps_s = np.diff(onsets_s[here])
-        pace = np.sqrt(density / np.median(gaps_s)) if len(gaps_s) else 0.0
-        rows.append([_novel_steps(notes[here]), density, pace, _roughness(mel[window])])
+        inside = slice(*np.searchsorted(onsets_s, [start_s, start_s + SEGMENT_S]))
+        density_hz = (inside.stop - inside.start) / SEGMENT_S
+        gaps_s = np.diff(onsets_s[inside])
+        pace_hz = np.sqrt(density_hz / np.median(gaps_s)) if len(gaps_s) else 0.0
+        rows.append([_melodic_openness(notes[inside]), density_hz, pace_hz, _roughness(mel[window])])
     return np.array(rows, np.float64).reshape(-1, len(PAIRS))
 
 
 def label_distances(dance_labels: Floats, music_labels: Floats) -> Floats:
-    """Mean absolute difference of paired labels (N, 4), one a pair: (4,), 0 … 9."""
+    """Mean absolute difference between paired labels (N, 4), by pair: (4,), 0 … 9."""
     validate(dance_labels, music_labels)
     return np.abs(np.asarray(dance_labels) - music_labels).mean(axis=0)
 
 
 def chance_distances(dance_labels: Floats, music_labels: Floats) -> Floats:
-    """The distances (4,) if every window danced to every window's music alike: what knowing nothing gives."""
+    """Chance level of the distances, (4,): the mean over all pairings of dance and music windows."""
     validate(dance_labels, music_labels)
     music = np.asarray(music_labels)
     return np.mean([np.abs(music - row).mean(axis=0) for row in np.asarray(dance_labels)], axis=0)
 
 
 def validate(dance_labels: Floats, music_labels: Floats) -> None:
-    """Raise `ParameterError` unless both are labels (N, 4) from 1 to 10, of as many windows."""
+    """Raise `ParameterError` unless both are labels (N, 4) from 1 to 10, for the same number of windows."""
     for labels in (dance_labels, music_labels):
         values = _checked(labels)
         if values.min() < LOW or values.max() > HIGH:
@@ -158,12 +160,12 @@ def validate(dance_labels: Floats, music_labels: Floats) -> None:
             )
     if len(dance_labels) != len(music_labels):
         raise ParameterError(
-            f"expected a music a dance, got {len(music_labels)} and {len(dance_labels)} windows"
+            f"expected as many music as dance windows, got {len(music_labels)} and {len(dance_labels)}"
         )
 
 
 def evaluate(dance_labels: Floats, music_labels: Floats) -> dict[str, float]:
-    """Distance of every pair by name, and what chance gives."""
+    """Distance of every pair by name, and its chance level."""
     distances, chance = (f(dance_labels, music_labels) for f in (label_distances, chance_distances))
     return {f"label_distance_{pair}": float(d) for pair, d in zip(PAIRS, distances, strict=True)} | {
         f"label_distance_{pair}_chance": float(c) for pair, c in zip(PAIRS, chance, strict=True)
@@ -171,20 +173,20 @@ def evaluate(dance_labels: Floats, music_labels: Floats) -> dict[str, float]:
 
 
 def _angular_acceleration_rad_s2(pos: Floats) -> Floats:
-    """Mean size over the bones of the angular acceleration of their directions at 20 fps, (T'-2,)."""
+    """Mean angular acceleration of the bone directions at 20 fps, (T'-2,)."""
     bones = pos[:, _BONES] - pos[:, [BODY_PARENTS[i] for i in _BONES]]  # (T', B, 3)
     lengths = np.linalg.norm(bones, axis=-1, keepdims=True)
-    seen = (lengths > _SHORT_M).all(axis=(0, 2))
-    along = bones[:, seen] / lengths[:, seen]
-    axis = np.cross(along[:-1], along[1:])  # (T'-1, B, 3), as long as the sine of the angle
+    present = (lengths > _SHORT_M).all(axis=(0, 2))
+    direction = bones[:, present] / lengths[:, present]
+    axis = np.cross(direction[:-1], direction[1:])  # (T'-1, B, 3), its length the sine of the angle
     sine = np.linalg.norm(axis, axis=-1, keepdims=True)
-    cosine = (along[:-1] * along[1:]).sum(axis=-1, keepdims=True)
-    turn = axis * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-12)) * NET_FPS  # rad/s
-    return np.linalg.norm(np.diff(turn, axis=0), axis=-1).mean(axis=1) * NET_FPS
+    cosine = (direction[:-1] * direction[1:]).sum(axis=-1, keepdims=True)
+    velocity_rad_s = axis * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-12)) * NET_FPS
+    return np.linalg.norm(np.diff(velocity_rad_s, axis=0), axis=-1).mean(axis=1) * NET_FPS
 
 
 def _onset_times_s(mel: NDArray[np.floating]) -> Floats:
-    """Instants of the onsets, (O,), in log-mel (T, 96) at 60 fps."""
+    """Onset times, (O,), in log-mel (T, 96) at 60 fps."""
     from librosa.onset import onset_detect
 
     strength = onset_envelopes(mel).mean(axis=1)
@@ -195,7 +197,7 @@ def _onset_times_s(mel: NDArray[np.floating]) -> Floats:
 
 
 def _notes_semitones(samples: NDArray[np.float32], onsets_s: Floats) -> Floats:
-    """Median fundamental just after each onset, (O,), in whole semitones over 1 Hz."""
+    """Median fundamental just after each onset, (O,), in whole semitones above 1 Hz."""
     if len(onsets_s) == 0:
         return np.zeros(0)
     from librosa import yin
@@ -206,8 +208,8 @@ def _notes_semitones(samples: NDArray[np.float32], onsets_s: Floats) -> Floats:
     return np.array([np.rint(np.median(pitch[frame : frame + _NOTE_FRAMES])) for frame in first])
 
 
-def _novel_steps(notes: Floats) -> float:
-    """Mean step between successive notes in semitones, times the share of steps that are no repetition."""
+def _melodic_openness(notes: Floats) -> float:
+    """Mean interval between successive notes in semitones, times the share of distinct steps."""
     if len(notes) < 2:
         return 0.0
     steps = np.stack([notes[:-1], notes[1:]], axis=1)
@@ -215,7 +217,7 @@ def _novel_steps(notes: Floats) -> float:
 
 
 def _roughness(mel: NDArray[np.floating]) -> float:
-    """Geometric mean of flatness (0 … 1) and centroid (Hz) of the mean spectrum of log-mel (T, 96)."""
+    """Geometric mean of flatness (0 … 1) and centroid (Hz) of the mean spectrum in log-mel (T, 96)."""
     power = np.exp(np.asarray(mel, np.float64) - mel.max()).mean(axis=0)  # (96,)
     flatness = np.exp(np.log(power).mean()) / power.mean()
     centroid_hz = power @ mel_band_hz() / power.sum()
@@ -223,10 +225,10 @@ def _roughness(mel: NDArray[np.floating]) -> float:
 
 
 def _windows(starts_s: Floats, duration_s: float, fps: int) -> list[slice]:
-    """The frames of windows of 4 s; those of a curve of differences end one or two sooner."""
+    """Frame ranges of windows of 4 s; a curve of differences is one or two frames shorter at the end."""
     starts = np.asarray(starts_s, np.float64)
     if starts.ndim != 1 or not np.isfinite(starts).all():
-        raise ParameterError(f"expected starts of windows (N,) in seconds, got an array of {starts.shape}")
+        raise ParameterError(f"expected finite window starts (N,) in seconds, got an array {starts.shape}")
     if len(starts) and (starts.min() < 0 or starts.max() + SEGMENT_S > duration_s + 0.1):
         raise ParameterError(
             f"expected windows of {SEGMENT_S} s within {duration_s:.2f} s, got {starts.max():g}"
@@ -235,19 +237,17 @@ def _windows(starts_s: Floats, duration_s: float, fps: int) -> list[slice]:
 
 
 def _ranked(values: Floats, reference: Floats) -> Floats:
-    """Mean rank of each column's values among the reference's (R, 4), as 1 … 10."""
+    """Mean rank of each column's values among those of the reference (R, 4), as 1 … 10."""
     values = _checked(values)
     columns = []
     for value, known in zip(values.T, reference.T, strict=True):
-        below, upto = (np.searchsorted(known, value, side) for side in ("left", "right"))
-        columns.append((below + upto) / 2 / len(known))
+        below, up_to = (np.searchsorted(known, value, side) for side in ("left", "right"))
+        columns.append((below + up_to) / 2 / len(known))
     return LOW + (HIGH - LOW) * np.stack(columns, axis=1)
 
 
 def _checked(values: Floats) -> Floats:
     array = np.asarray(values, np.float64)
     if array.ndim != 2 or array.shape[1] != len(PAIRS) or len(array) == 0 or not np.isfinite(array).all():
-        raise ParameterError(
-            f"expected finite values of windows (N, {len(PAIRS)}), got an array {array.shape}"
-        )
+        raise ParameterError(f"expected finite window values (N, {len(PAIRS)}), got an array {array.shape}")
     return array

@@ -1,10 +1,10 @@
-"""Does a dance obey its floor and its body: slide, depth and height of the feet, joins, jerk, bones.
+"""Physical plausibility: foot sliding, floor penetration, floating, jerk, transitions, bone lengths.
 
-Conventions: body positions (T, 21, 3) in metres at `fps`, Y up, the floor at y = 0. A foot is low
-when its ball is at most `LOW_M` over the floor. Speed and jerk are the first and third difference of all
-joints' places at one rate, 20 fps whatever the source's, so that dances and takes compare; m/s and m/s³.
-Positions of another shape, not finite, or without a rate are refused with a `ParameterError`. The field's
-own scores of feet, with their thresholds and their bugs, are in `metrics.contact_scores`.
+Conventions: body positions (T, 21, 3) in metres at `fps`, Y up, the floor at y = 0. A foot is low when its
+ball is at most `LOW_M` above the floor. Speed and jerk are first and third differences of the joint positions
+at 20 fps, whatever the source's rate, so that dances and takes compare; m/s and m/s³. `validate` raises
+`ParameterError` for positions that are not finite or have another shape, and for an invalid rate. The
+published foot scores, with their thresholds and bugs, are in `metrics.contact_scores`.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
-from choreograph.metrics.contact_scores import foot_skating_ratio, pfc
+from choreograph.metrics import contact_scores
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, body_pos_at, checked_body_pos_m
 from choreograph.timebase import NET_FPS, STORE_FPS, frame_times_s
 
 Floats = NDArray[np.float64]
-Instants = Sequence[float] | Floats
+Times = Sequence[float] | Floats
 
 LOW_M = 0.05
 JERK_FPS = NET_FPS
-ANKLE_OVER_SOLE_M = 0.07  # of the canonical body; real ones have 7 to 10 cm
-NEAR_M = 0.08  # the joint of a standing ball is 2 cm over its sole, and captures lift and drop by as much
-JUMP_S = 0.7  # in the air for a rise of 60 cm, which few dancers reach
-JOIN_HALF_WIDTH_S = 0.12
+ANKLE_OVER_SOLE_M = 0.07  # of the canonical body; 7 to 10 cm on real ones
+NEAR_M = 0.08  # a standing ball joint is 2 cm above its sole, and captures are off by several cm either way
+JUMP_S = 0.7  # flight time of a jump of 60 cm, which few dancers reach
+BOUNDARY_HALF_WIDTH_S = 0.12
 _FEET = [BODY_JOINTS.index("left_foot"), BODY_JOINTS.index("right_foot")]
 _ANKLES = [BODY_JOINTS.index("left_ankle"), BODY_JOINTS.index("right_ankle")]
-# The bones that one rigid bone is on every rig: trunks have as many joints as their makers liked.
+# Bones that are a single rigid bone on every rig; the number of trunk joints differs between rigs.
 _LIMB_BONES = [
     BODY_JOINTS.index(f"{side}_{end}")
     for side in ("left", "right")
@@ -38,16 +38,16 @@ _LIMB_BONES = [
 ]
 
 
-def validate(body_pos_m: Floats, fps: float, boundary_times_s: Instants = ()) -> None:
-    """Raise `ParameterError` unless these are body positions at a rate and finite instants (B,)."""
+def validate(body_pos_m: Floats, fps: float, boundary_times_s: Times = ()) -> None:
+    """Raise `ParameterError` unless positions (T, 21, 3), rate and boundaries (B,) are finite and valid."""
     checked_body_pos_m(body_pos_m, fps)
-    _checked_instants(boundary_times_s)
+    _checked_boundaries(boundary_times_s)
 
 
 def foot_slide_cm_s(body_pos_m: Floats, fps: float, *, low_m: float = LOW_M) -> float:
-    """Mean horizontal speed of the balls of the feet while low, cm/s; 0 if they never are.
+    """Mean horizontal speed of the balls of the feet while low, cm/s; 0 if they are never low.
 
-    A step, of 1/60 s at any rate, counts as low if the foot is low at both its ends.
+    Speeds are taken over 1/60 s at any rate; one counts if the foot is low at both ends of it.
     """
     feet = body_pos_at(body_pos_m, fps, STORE_FPS)[:, _FEET]  # (T', 2, 3)
     low = feet[..., 1] <= low_m
@@ -57,12 +57,12 @@ def foot_slide_cm_s(body_pos_m: Floats, fps: float, *, low_m: float = LOW_M) -> 
 
 
 def floor_penetration_cm(body_pos_m: Floats, fps: float, *, sole_pos_m: Floats | None = None) -> float:
-    """Mean depth in cm, over all frames, of the lowest point of the feet under the floor.
+    """Mean depth in cm, over all frames, of the lowest point of the feet below the floor.
 
-    The points are those of the soles (T, F, 3) if given, as `motion.floor.sole_pos_m` knows them of a
-    motion's rig; else the balls, and heels `ANKLE_OVER_SOLE_M` under the ankles.
+    With `sole_pos_m` (T, F, 3), from `motion.floor.sole_pos_m`, the points are those of the rig's soles;
+    otherwise they are the balls of the feet and heels `ANKLE_OVER_SOLE_M` below the ankles.
 
-    Raises `ParameterError`, too, if the soles' frames are not the body's.
+    Raises `ParameterError` as `validate` does, and if the soles have another number of frames than the body.
     """
     lowest_m = _lowest_foot_m(checked_body_pos_m(body_pos_m, fps), sole_pos_m)
     return float(np.maximum(-lowest_m, 0.0).mean() * 100.0)
@@ -78,9 +78,9 @@ def floating_share(
 ) -> float:
     """Share of the frames, 0 … 1, in which no foot is near the floor for longer than a jump lasts.
 
-    Near is `near_m` or less from the lowest point of the feet to the floor, points as in
-    `floor_penetration_cm`. A stretch of more than `jump_s` without counts whole, a shorter one not at
-    all; so who dances on a box floats, and who leaps does not.
+    Near means that the lowest point of the feet (see `floor_penetration_cm`) is at most `near_m` above the
+    floor. A span without contact counts in full if it is longer than `jump_s` and not at all otherwise:
+    dancing on a box is floating, a leap is not.
     """
     up = _lowest_foot_m(checked_body_pos_m(body_pos_m, fps), sole_pos_m) > near_m  # (T,)
     edges = np.flatnonzero(np.diff(up.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
@@ -89,22 +89,22 @@ def floating_share(
 
 
 def joint_speed_m_s(body_pos_m: Floats, fps: float) -> tuple[Floats, Floats]:
-    """Instants in seconds and mean speed of the joints in m/s, both (T' - 1,) at `JERK_FPS`."""
+    """Times in seconds and mean joint speed in m/s, both (T' - 1,) at `JERK_FPS`."""
     return _derivative(body_pos_m, fps, order=1)
 
 
 def joint_jerk_m_s3(body_pos_m: Floats, fps: float) -> tuple[Floats, Floats]:
-    """Instants in seconds and mean jerk over the joints in m/s³, both (T' - 3,) at `JERK_FPS`."""
+    """Times in seconds and mean joint jerk in m/s³, both (T' - 3,) at `JERK_FPS`."""
     return _derivative(body_pos_m, fps, order=3)
 
 
 def speed_ratio_at(
-    body_pos_m: Floats, fps: float, boundary_times_s: Instants, *, half_width_s: float = JOIN_HALF_WIDTH_S
+    body_pos_m: Floats, fps: float, boundary_times_s: Times, *, half_width_s: float = BOUNDARY_HALF_WIDTH_S
 ) -> float:
-    """Mean speed of the joints within `half_width_s` of any boundary, over their mean speed elsewhere.
+    """Mean joint speed within `half_width_s` of any boundary, divided by the mean joint speed elsewhere.
 
-    Above 1 the dance hurries to get from one piece to the next, below it stalls. `nan` if no frame is
-    near a boundary, none is elsewhere, or nothing moves there.
+    Above 1 the dance speeds up at transitions, below 1 it slows down. `nan` if no frame is near a boundary,
+    all are, or nothing moves elsewhere.
     """
     near, elsewhere = _at_and_elsewhere(joint_speed_m_s(body_pos_m, fps), boundary_times_s, half_width_s)
     if len(near) == 0 or len(elsewhere) == 0 or elsewhere.mean() == 0:
@@ -113,11 +113,11 @@ def speed_ratio_at(
 
 
 def jerk_ratio_at(
-    body_pos_m: Floats, fps: float, boundary_times_s: Instants, *, half_width_s: float = JOIN_HALF_WIDTH_S
+    body_pos_m: Floats, fps: float, boundary_times_s: Times, *, half_width_s: float = BOUNDARY_HALF_WIDTH_S
 ) -> float:
-    """95th percentile of jerk within `half_width_s` of any boundary, over the 95th percentile elsewhere.
+    """95th percentile of jerk within `half_width_s` of any boundary, divided by that elsewhere.
 
-    `nan` if no frame is near a boundary or none is elsewhere.
+    `nan` if no frame is near a boundary, or all are.
     """
     near, elsewhere = _at_and_elsewhere(joint_jerk_m_s3(body_pos_m, fps), boundary_times_s, half_width_s)
     if len(near) == 0 or len(elsewhere) == 0:
@@ -126,10 +126,10 @@ def jerk_ratio_at(
 
 
 def limb_length_spread_mm(body_pos_m: Floats, fps: float) -> float:
-    """Standard deviation over time of the length of a bone in mm: of arms and legs, the worst of ten.
+    """Standard deviation over time of a bone's length in mm, the largest of the ten arm and leg bones.
 
-    0 but for rounding where a skeleton moves the joints; some millimetres where they are markers, or
-    what a network of positions made up.
+    0 up to rounding for motion of a skeleton; some millimetres for markers or for positions that a network
+    predicts.
     """
     pos = checked_body_pos_m(body_pos_m, fps)
     parents = [BODY_PARENTS[joint] for joint in _LIMB_BONES]
@@ -138,17 +138,14 @@ def limb_length_spread_mm(body_pos_m: Floats, fps: float) -> float:
 
 
 def evaluate(
-    body_pos_m: Floats, fps: float, boundary_times_s: Instants = (), *, sole_pos_m: Floats | None = None
+    body_pos_m: Floats, fps: float, boundary_times_s: Times = (), *, sole_pos_m: Floats | None = None
 ) -> dict[str, float]:
     """All metrics of this module, and those of `metrics.contact_scores`, by name."""
     validate(body_pos_m, fps, boundary_times_s)
     _, jerk = joint_jerk_m_s3(body_pos_m, fps)
     return {
         "foot_slide_cm_s": foot_slide_cm_s(body_pos_m, fps),
-        "foot_skating_ratio": foot_skating_ratio(body_pos_m, fps),
-        "foot_skating_ratio_published": foot_skating_ratio(body_pos_m, fps, variant="published"),
-        "pfc": pfc(body_pos_m, fps),
-        "pfc_pieces": pfc(body_pos_m, fps, variant="pieces"),
+        **contact_scores.evaluate(body_pos_m, fps),
         "floor_penetration_cm": floor_penetration_cm(body_pos_m, fps, sole_pos_m=sole_pos_m),
         "floating_share": floating_share(body_pos_m, fps, sole_pos_m=sole_pos_m),
         "jerk_p95_m_s3": float(np.percentile(jerk, 95)) if len(jerk) else 0.0,
@@ -159,20 +156,20 @@ def evaluate(
 
 
 def _lowest_foot_m(pos: Floats, sole_pos_m: Floats | None) -> Floats:
-    """Height of the lowest point of the feet over the floor, (T,)."""
+    """Height of the lowest point of the feet above the floor, (T,)."""
     if sole_pos_m is None:
         heels_y_m = pos[:, _ANKLES, 1] - ANKLE_OVER_SOLE_M
         return np.concatenate([pos[:, _FEET, 1], heels_y_m], axis=1).min(axis=1)
     soles = np.asarray(sole_pos_m, np.float64)
     if soles.ndim != 3 or soles.shape[0] != len(pos) or soles.shape[2] != 3 or soles.shape[1] == 0:
-        raise ParameterError(f"expected points of the soles ({len(pos)}, F, 3), got {soles.shape}")
+        raise ParameterError(f"expected points on the soles ({len(pos)}, F, 3), got {soles.shape}")
     if not np.isfinite(soles).all():
-        raise ParameterError("expected finite points of the soles, got nan or infinity")
+        raise ParameterError("expected finite points on the soles, got nan or infinity")
     return soles[..., 1].min(axis=1)
 
 
 def _derivative(body_pos_m: Floats, fps: float, *, order: int) -> tuple[Floats, Floats]:
-    """Instants and mean size over the joints of the difference of that order, (T' - order,)."""
+    """Times and mean length over the joints of the difference of that order, both (T' - order,)."""
     pos = body_pos_at(body_pos_m, fps, JERK_FPS)
     if len(pos) <= order:
         return np.zeros(0), np.zeros(0)
@@ -181,17 +178,19 @@ def _derivative(body_pos_m: Floats, fps: float, *, order: int) -> tuple[Floats, 
 
 
 def _at_and_elsewhere(
-    curve: tuple[Floats, Floats], boundary_times_s: Instants, half_width_s: float
+    curve: tuple[Floats, Floats], boundary_times_s: Times, half_width_s: float
 ) -> tuple[Floats, Floats]:
     """The values of a curve near any boundary, and the others."""
     times_s, values = curve
-    boundaries = _checked_instants(boundary_times_s)
+    boundaries = _checked_boundaries(boundary_times_s)
     near = (np.abs(times_s[:, None] - boundaries) <= half_width_s).any(axis=1)
     return values[near], values[~near]
 
 
-def _checked_instants(times_s: Instants) -> Floats:
-    instants = np.asarray(times_s, np.float64)
-    if instants.ndim != 1 or not np.isfinite(instants).all():
-        raise ParameterError(f"expected finite boundaries (B,) in seconds, got an array of {instants.shape}")
-    return instants
+def _checked_boundaries(times_s: Times) -> Floats:
+    boundaries = np.asarray(times_s, np.float64)
+    if boundaries.ndim != 1 or not np.isfinite(boundaries).all():
+        raise ParameterError(
+            f"expected finite boundaries (B,) in seconds, got an array of {boundaries.shape}"
+        )
+    return boundaries

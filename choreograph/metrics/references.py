@@ -1,8 +1,8 @@
-"""What stands beside a number so that it can be read: halves of the real data, and chance.
+"""References for reading a distance: halves of the real data as the floor, chance dances as the ceiling.
 
-A distance between sets of dances says little alone. The floor is what two halves of the real dances, cut
-by song, are from each other; the ceiling is what a body that stands still, or whose joints or instants
-are exchanged, is from real ones. Motions in, motions out; `rng` settles every choice.
+A distance between sets of dances means little alone. The floor is the distance between two halves of the real
+dances, split by song. The ceiling is the distance of a body that stands still, or whose joints or frames are
+shuffled, from the real dances. Functions take and return motions; `rng` decides all random choices.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Indices = NDArray[np.int64]
 
 
 def halves(groups: Sequence[str], rng: np.random.Generator) -> tuple[Indices, Indices]:
-    """Two halves (N,), (N',) of the items 0 … len(groups) - 1, no group (song, dancer) in both.
+    """Split items 0 … len(groups) - 1 into halves (N,), (N',) so that no group (song, dancer) is in both.
 
-    Groups are drawn in random order, each into the half that has fewer items so far. Raises
-    `ParameterError` if there are fewer than two groups.
+    Groups are drawn in random order and go to the half that has fewer items so far. Raises `ParameterError`
+    if there are fewer than two groups.
     """
     names = np.asarray(groups)
     different = np.unique(names)
@@ -37,19 +37,21 @@ def halves(groups: Sequence[str], rng: np.random.Generator) -> tuple[Indices, In
 
 
 def still(motion: Motion, rng: np.random.Generator) -> Motion:
-    """One frame of the motion, held for as long as it lasts."""
+    """The motion frozen in one random frame."""
     return motion.sampled(np.full(motion.n_frames, float(rng.integers(motion.n_frames))))
 
 
 def shuffled_joints(motion: Motion, rng: np.random.Generator) -> Motion:
-    """The rotations of all joints but the root exchanged among them, one exchange for all frames."""
+    """The motion with the rotations of all joints but the root permuted, the same way in all frames."""
     order = np.concatenate([[0], 1 + rng.permutation(motion.skeleton.n_joints - 1)])
     return replace(motion, local_quat=motion.local_quat[:, order])
 
 
 def shuffled_frames(motion: Motion, rng: np.random.Generator) -> Motion:
-    """The poses in random order; the root's path stays as it was. Sets of poses do not notice, at this rate:
-    resample before, not after."""
+    """The motion with its poses in random order and its root path unchanged.
+
+    The set of poses stays the same at this rate only: resample before shuffling, not after.
+    """
     quat = motion.local_quat[rng.permutation(motion.n_frames)]
     return replace(motion, local_quat=rot.make_continuous(quat))
 

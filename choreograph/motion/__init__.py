@@ -1,1 +1,23 @@
-"""Skeletons, motions and what moves them: rotations, kinematics, fitting, retargeting."""
+"""Skeletons, motions, and everything that computes with them.
+
+Representation
+skeleton              joint hierarchy and rest pose; the canonical 24-joint body
+motion                `Motion`: root positions and local rotations at one rate
+body                  the 21 joints that features, networks and costs use
+rigs                  joint names of common rigs mapped to canonical joints
+
+Computation
+rotations             quaternions
+interpolation         linear interpolation at fractional frames
+kinematics            forward kinematics; global to local rotations
+pose                  heading, ground position, poses in the root frame
+floor                 floor height under a take
+
+Solvers
+inverse_kinematics    two-bone IK
+retargeting           a motion on another skeleton
+marker_fitting        markers or joint positions to joint rotations
+rotation_smoothing    flips bridged, twist angles smoothed
+fit_refinement        Gauss-Newton refinement of fitted rotations
+skeleton_calibration  bone lengths of one or several dancers from markers
+"""

@@ -1,4 +1,4 @@
-"""The 21 joints that features, networks and costs see, whatever skeleton a motion is on."""
+"""The 21 body joints that features, networks and costs use, on any skeleton."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ LEFT_RIGHT = tuple(
 
 
 def body_indices(skeleton: Skeleton, joints: Sequence[str] = BODY_JOINTS) -> list[int]:
-    """The joint of a rig that stands for each of the 21 body joints, or of other canonical `joints`.
+    """Indices in a rig of the 21 body joints, or of other canonical `joints`.
 
-    A joint the rig lacks is taken at its nearest present ancestor in the canonical body. Raises
-    `ParameterError` if the rig's names are unknown.
+    A joint that the rig lacks is replaced by its nearest ancestor (in the canonical body) that the rig
+    has. Raises `ParameterError` if the rig's names are unknown.
     """
     roles = joint_roles(skeleton)
     indices = []
@@ -52,7 +52,7 @@ def body_indices(skeleton: Skeleton, joints: Sequence[str] = BODY_JOINTS) -> lis
 
 
 def body_pos_m(motion: Motion) -> NDArray[np.float64]:
-    """World positions of the 21 body joints, (T, 21, 3) in metres, as `body_indices` finds them."""
+    """World positions of the 21 body joints (see `body_indices`), (T, 21, 3) in metres."""
     return motion.joint_pos_m()[:, body_indices(motion.skeleton)]
 
 
@@ -68,21 +68,21 @@ def checked_body_pos_m(body_pos_m: NDArray[np.floating], fps: float = 1.0) -> ND
     return pos
 
 
-def body_pos_at(body_pos_m: NDArray[np.floating], fps: float, wanted_fps: float) -> NDArray[np.float64]:
-    """Body positions (T, 21, 3) at another rate, (T', 21, 3), by cubic splines; none after the last.
+def body_pos_at(body_pos_m: NDArray[np.floating], fps: float, target_fps: float) -> NDArray[np.float64]:
+    """Body positions (T, 21, 3) resampled by cubic splines, (T', 21, 3), no frame after the last.
 
     Raises `ParameterError` as `checked_body_pos_m` does.
     """
     pos = checked_body_pos_m(body_pos_m, fps)
-    if fps == wanted_fps or len(pos) == 1:
+    if fps == target_fps or len(pos) == 1:
         return pos
     times_s = frame_times_s(len(pos), fps)
-    n_frames = int(times_s[-1] * wanted_fps + 1e-6) + 1
-    return CubicSpline(times_s, pos)(np.minimum(frame_times_s(n_frames, wanted_fps), times_s[-1]))
+    n_frames = int(times_s[-1] * target_fps + 1e-6) + 1
+    return CubicSpline(times_s, pos)(np.minimum(frame_times_s(n_frames, target_fps), times_s[-1]))
 
 
 def mirrored(body_pos_m: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Body positions (..., 21, 3) seen in a mirror: X negated, left and right joints swapped."""
+    """Body positions (..., 21, 3) mirrored: X negated, left and right joints swapped."""
     order = np.arange(len(BODY_JOINTS))
     for left, right in LEFT_RIGHT:
         order[[left, right]] = right, left

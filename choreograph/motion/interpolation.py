@@ -1,4 +1,4 @@
-"""Values between frames: the one home of linear interpolation at fractional frames."""
+"""Linear interpolation at fractional frames."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ Indices = NDArray[np.int64]
 
 
 def frame_weights(frames: Floats, n_frames: int) -> tuple[Indices, Indices, NDArray[np.float64]]:
-    """The frames before and after fractional `frames` (...), and the weight of the one after, each (...).
+    """Indices of the frames before and after fractional `frames` (...), and the weight of the latter.
 
-    Outside 0 … `n_frames` - 1 the end frames hold.
+    Each has the shape of `frames`, which is clamped to 0 … `n_frames` - 1.
     """
     inside: NDArray[np.float64] = np.clip(np.asarray(frames, np.float64), 0.0, n_frames - 1)
     low: Indices = np.minimum(inside.astype(np.int64), max(n_frames - 2, 0))
@@ -21,7 +21,7 @@ def frame_weights(frames: Floats, n_frames: int) -> tuple[Indices, Indices, NDAr
 
 
 def interpolate_frames(values: Floats, frames: Floats) -> NDArray[np.float64]:
-    """`values` (T, ...) at fractional `frames` (F, ...), linear between neighbours: (F, ..., ...)."""
+    """`values` (T, ...) at fractional `frames` (F...), clamped to the first and last: (F..., ...)."""
     low, high, weight = frame_weights(frames, len(values))
-    weight = weight.reshape(*weight.shape, *[1] * (values.ndim - 1))
+    weight = weight.reshape((*weight.shape, *[1] * (values.ndim - 1)))
     return values[low] * (1 - weight) + values[high] * weight

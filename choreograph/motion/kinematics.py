@@ -1,4 +1,4 @@
-"""Forward kinematics: from root positions and local rotations to places in the world."""
+"""Forward kinematics: from root positions and local rotations to world positions and rotations."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def forward(skeleton: Skeleton, root_pos_m: Floats, local_quat: Floats) -> tuple
 
 
 def to_local(skeleton: Skeleton, global_quat: Floats) -> Floats:
-    """Local rotations (..., J, 4) of world rotations (..., J, 4): the inverse of `forward`'s second part."""
+    """Local rotations (..., J, 4) from world rotations (..., J, 4)."""
     local = np.array(global_quat, dtype=np.float64)
     parents = skeleton.parents[1:]
     local[..., 1:, :] = rot.multiply(rot.invert(global_quat[..., parents, :]), global_quat[..., 1:, :])

@@ -1,8 +1,8 @@
-"""Places over time -> rotations of one skeleton: markers, and joints known only by position.
+"""Fitting a skeleton to markers or joint positions: positions over time -> joint rotations.
 
-Top-down and in closed form: the pelvis as a rigid body, the trunk spread over the spine, limbs by
-their directions. What a single direction leaves open, the twist about it, is read from how knees and
-elbows bend and, while a limb is straight, carried over smoothly from the moments when it is not.
+Top-down and in closed form: the pelvis as a rigid body, the bend of the trunk distributed over the
+spine, each limb by swing and twist. The swing points a bone in its direction. The twist about it comes
+from the bend axis of knee or elbow and is interpolated smoothly while the limb is straight.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 from choreograph.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.fit_refinement import refine
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.rigs import joint_roles
+from choreograph.motion.rotation_smoothing import bridge_flips, smoothed_angle
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 
 Floats = NDArray[np.float64]
 
-# Points beside the canonical joints that say more about a pose: the soles' ends, the head's sides.
+# Points beside the canonical joints: they determine the rotations of foot and head.
 LANDMARKS = ("left_heel", "right_heel", "left_temple", "right_temple")
 REQUIRED_ROLES = tuple(
     f"{side}_{part}"
@@ -31,7 +31,7 @@ REQUIRED_ROLES = tuple(
     for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 )
 
-# Joints whose turns are weighed against each other in the end; feet and hands come last in a limb.
+# Joints whose rotations are refined together at the end, in this order.
 _REFINED = (
     "pelvis",
     "spine1",
@@ -42,13 +42,13 @@ _REFINED = (
         for s in ("left", "right")
     ),
 )
-_TWIST_SMOOTH_S = 0.12  # time over which an unsure twist listens to its neighbours
-_FOOT_SURENESS = 0.3  # the foot's word on the leg's twist, against sin(knee bend)
-_NECK_SURENESS = 1.3  # against the temples', which get confused: above 1 the head never turns over
-_REST_SURENESS = 0.05  # an untwisted limb, where nothing else is known
-_FLIP_RAD = 1.4  # between two frames
+_TWIST_SMOOTH_S = 0.12  # smoothing time of twists where their weight is low
+# Weights of a limb's twist, relative to sin(bend) for the bend axis of knee or elbow.
+_FOOT_WEIGHT = 0.3  # for the direction of the foot
+_REST_WEIGHT = 0.05  # for no twist at all, where nothing else is known
+_NECK_WEIGHT = 1.3  # of the neck against the temples, which get swapped: above 1 the head never flips
 _BRIDGE_S = 0.16
-_PASSES = 3  # after the first pass the root moves to spread what bone lengths leave over
+_PASSES = 3  # after each but the last the root moves by the mean residual
 
 
 def fit_positions(
@@ -58,12 +58,12 @@ def fit_positions(
 
     Parameters
     ----------
-    skeleton : whose joints are known by name (`joint_roles`); any rest pose
+    skeleton : any rest pose; joint names that `joint_roles` knows
     pos_m : float array (T, R, 3)   metres, Y up
     roles : R names                 canonical joints and `LANDMARKS`; at least `REQUIRED_ROLES`
     fps : float                     rate of `pos_m`
 
-    A heel counts if the skeleton has it: as an end site of the ankle.
+    Heels are used if the skeleton has them, as end sites of the ankles.
 
     Raises
     ------
@@ -84,26 +84,26 @@ def fit_positions(
     fit = _Fit(skeleton, joint_roles(skeleton), targets, (_TWIST_SMOOTH_S * fps) ** 2)
     root_pos_m, local_quat = fit.solve()
     joints = joint_roles(skeleton)
-    placed = {joints[role]: place for role, place in targets.items() if role in joints}
-    turning = [joints[role] for role in _REFINED if role in joints]
-    root_pos_m, local_quat = refine(skeleton, root_pos_m, local_quat, placed, turning)
-    return root_pos_m, _without_flips(local_quat, max(1, round(_BRIDGE_S * fps)))
+    joint_targets = {joints[role]: target for role, target in targets.items() if role in joints}
+    refined = [joints[role] for role in _REFINED if role in joints]
+    root_pos_m, local_quat = refine(skeleton, root_pos_m, local_quat, joint_targets, refined)
+    return root_pos_m, bridge_flips(local_quat, max(1, round(_BRIDGE_S * fps)))
 
 
 def fit_error_m(
     skeleton: Skeleton, root_pos_m: Floats, local_quat: Floats, pos_m: Floats, roles: Sequence[str]
 ) -> Floats:
-    """Distances (T, R') in metres between the fitted joints and those of `roles` that are joints."""
+    """Distances (T, R') in metres between fitted and given positions, of those `roles` that are joints."""
     indices = joint_roles(skeleton)
-    placed = [(column, indices[role]) for column, role in enumerate(roles) if role in indices]
+    pairs = [(column, indices[role]) for column, role in enumerate(roles) if role in indices]
     joint_pos_m, _ = forward(skeleton, root_pos_m, local_quat)  # (T, J, 3)
-    columns, joints = np.array(placed).T
+    columns, joints = np.array(pairs).T
     return np.linalg.norm(joint_pos_m[:, joints] - pos_m[:, columns], axis=-1)
 
 
 @dataclass
 class _Fit:
-    """The state of one fit: world rotations found so far, by joint."""
+    """The state of one fit: the world rotations solved so far, by joint."""
 
     skeleton: Skeleton
     joints: Mapping[str, int]
@@ -123,8 +123,8 @@ class _Fit:
     def solve(self) -> tuple[Floats, Floats]:
         """Root positions (T, 3) in metres and local rotations (T, J, 4), limb by limb from the pelvis."""
         self._pelvis()
-        placed = [role for role in self.targets if role in self.joints]
-        target = np.stack([self.targets[role] for role in placed], axis=1)  # (T, R', 3)
+        fitted_roles = [role for role in self.targets if role in self.joints]
+        target = np.stack([self.targets[role] for role in fitted_roles], axis=1)  # (T, R', 3)
         for last in range(_PASSES):
             self._trunk()
             for side in ("left", "right"):
@@ -133,9 +133,11 @@ class _Fit:
             self._head()
             if last == _PASSES - 1:
                 break
-            fitted = np.stack([self._pos(self.joints[role]) for role in placed], axis=1)
+            fitted = np.stack([self._pos(self.joints[role]) for role in fitted_roles], axis=1)
             self.root_pos_m = self.root_pos_m + np.mean(target - fitted, axis=1)
-        world = np.stack([self._turn(joint) for joint in range(self.skeleton.n_joints)], axis=1)  # (T, J, 4)
+        world = np.stack(
+            [self._rotation(joint) for joint in range(self.skeleton.n_joints)], axis=1
+        )  # (T, J, 4)
         return self.root_pos_m, rot.make_continuous(to_local(self.skeleton, world))
 
     def _rest_middle(self, part: str) -> Floats:
@@ -144,14 +146,14 @@ class _Fit:
     def _middle(self, part: str) -> Floats:
         return 0.5 * (self.targets[f"left_{part}"] + self.targets[f"right_{part}"])  # (T, 3)
 
-    def _turn(self, joint: int) -> Floats:
-        """World rotation (T, 4); a joint without one of its own follows its parent."""
+    def _rotation(self, joint: int) -> Floats:
+        """World rotation (T, 4); an unsolved joint has that of its parent."""
         while joint not in self.global_quat:
             joint = int(self.skeleton.parents[joint])
         return self.global_quat[joint]
 
     def _pos(self, joint: int) -> Floats:
-        """World position (T, 3) by what is known of the joints above."""
+        """World position (T, 3) by forward kinematics from the rotations solved so far."""
         pos = self.root_pos_m
         chain = []
         while self.skeleton.parents[joint] >= 0:
@@ -159,7 +161,7 @@ class _Fit:
             joint = int(self.skeleton.parents[joint])
         for link in chain:
             pos = pos + rot.rotate(
-                self._turn(int(self.skeleton.parents[link])), self.skeleton.offsets_m[link]
+                self._rotation(int(self.skeleton.parents[link])), self.skeleton.offsets_m[link]
             )
         return pos
 
@@ -167,7 +169,7 @@ class _Fit:
         return self.rest_m[target] - self.rest_m[source]
 
     def _pelvis(self) -> None:
-        """Pelvis from the hips and what stands over them; the root where the hips fit best."""
+        """Pelvis rotation from the hips and the joint above; root position where they fit best."""
         pelvis = self.joints["pelvis"]
         above = next(
             (role for role in ("spine1", "pelvis") if role in self.targets and role in self.joints), None
@@ -181,43 +183,46 @@ class _Fit:
                 self._middle("shoulder") - self._middle("hip"),
             )
         across = self.targets["left_hip"] - self.targets["right_hip"]
-        turn = _frame_to_quat(across, up, _basis(self.left, rest_up))
+        rotation = _frame_to_quat(across, up, _basis(self.left, rest_up))
         for joint in {0, pelvis}:
-            self.global_quat[joint] = turn
+            self.global_quat[joint] = rotation
         fixed = [role for role in ("left_hip", "right_hip", above) if role]
         self.root_pos_m = np.mean(
-            [self.targets[r] - rot.rotate(turn, self.rest_m[self.joints[r]] - self.rest_m[0]) for r in fixed],
+            [
+                self.targets[role] - rot.rotate(rotation, self.rest_m[self.joints[role]] - self.rest_m[0])
+                for role in fixed
+            ],
             axis=0,
         )
 
     def _trunk(self) -> None:
-        """Shoulders' frame over the spine, in equal parts; then its foot aims at the shoulders' middle."""
+        """Bend from pelvis to shoulders, spread evenly over the spine, which then aims at the shoulders."""
         spine = [self.joints[role] for role in ("spine1", "spine2", "spine3") if role in self.joints]
         if not spine:
             return
         pelvis = self.global_quat[self.joints["pelvis"]]
-        foot = self._pos(spine[0])
+        base = self._pos(spine[0])
         rest_up = self._rest_middle("shoulder") - self.rest_m[spine[0]]
         across = self.targets["left_shoulder"] - self.targets["right_shoulder"]
-        chest = _frame_to_quat(self._middle("shoulder") - foot, across, _basis(rest_up, self.left))
+        chest = _frame_to_quat(self._middle("shoulder") - base, across, _basis(rest_up, self.left))
         bend = rot.to_rotvec(rot.multiply(chest, rot.invert(pelvis)))  # (T, 3)
         for step, joint in enumerate(spine, start=1):
             self.global_quat[joint] = rot.multiply(rot.from_rotvec(bend * (step / len(spine))), pelvis)
         shoulders = np.zeros(3)
         for side in ("left", "right"):
-            hang = self.joints.get(f"{side}_collar", self.joints[f"{side}_shoulder"])
-            anchor = int(self.skeleton.parents[hang])
+            first = self.joints.get(f"{side}_collar", self.joints[f"{side}_shoulder"])
+            anchor = int(self.skeleton.parents[first])
             reach = self._rest_vector(anchor, self.joints[f"{side}_shoulder"])
-            shoulders = shoulders + 0.5 * (self._pos(anchor) + rot.rotate(self._turn(anchor), reach))
-        correction = rot.between(shoulders - foot, self._middle("shoulder") - foot)
+            shoulders = shoulders + 0.5 * (self._pos(anchor) + rot.rotate(self._rotation(anchor), reach))
+        correction = rot.between(shoulders - base, self._middle("shoulder") - base)
         for joint in spine:
             self.global_quat[joint] = rot.multiply(correction, self.global_quat[joint])
 
     def _swing(self, joint: int, child: int, target: Floats) -> Floats:
-        """World rotation that takes `joint` with its parent's, then the shortest way to point at target."""
-        parent = self._turn(int(self.skeleton.parents[joint]))
-        now = rot.rotate(parent, self._rest_vector(joint, child))
-        return rot.multiply(rot.between(now, target - self._pos(joint)), parent)
+        """World rotation of `joint`: its parent's, then the shortest rotation that points it at `target`."""
+        parent = self._rotation(int(self.skeleton.parents[joint]))
+        current = rot.rotate(parent, self._rest_vector(joint, child))
+        return rot.multiply(rot.between(current, target - self._pos(joint)), parent)
 
     def _head(self) -> None:
         neck, head = self.joints.get("neck"), self.joints.get("head")
@@ -227,9 +232,9 @@ class _Fit:
         self.global_quat[head] = self.global_quat[neck]
         if "left_temple" in self.targets and "right_temple" in self.targets:
             across = self.targets["left_temple"] - self.targets["right_temple"]
-            ahead = rot.rotate(self.global_quat[neck], self.left)
-            turn = rot.between(ahead, _NECK_SURENESS * ahead + _unit(across))
-            self.global_quat[head] = rot.multiply(turn, self.global_quat[neck])
+            neck_left = rot.rotate(self.global_quat[neck], self.left)
+            swing = rot.between(neck_left, _NECK_WEIGHT * neck_left + _unit(across))
+            self.global_quat[head] = rot.multiply(swing, self.global_quat[neck])
 
     def _arm(self, side: str) -> None:
         shoulder, elbow, wrist = (self.joints[f"{side}_{part}"] for part in ("shoulder", "elbow", "wrist"))
@@ -268,60 +273,26 @@ class _Fit:
         middle_role: str,
         end_role: str,
         rest_axis: Floats,
-        hint: Floats | None,
+        axis_hint: Floats | None,
     ) -> None:
-        """Aim the two bones of a limb; its twist puts the hinge's axis where the limb bends."""
+        """Swing both bones of a limb to their targets; twist the upper so that its hinge is the bend axis."""
         swing = self._swing(upper, middle, self.targets[middle_role])
         bone = _unit(self.targets[middle_role] - self._pos(upper))
         lower = _unit(self.targets[end_role] - self.targets[middle_role])
-        axis = np.cross(bone, lower)  # (T, 3), length sin(bend)
-        if hint is not None:
-            axis = axis + _FOOT_SURENESS * _unit(hint)
+        axis = np.cross(bone, lower)  # (T, 3), its length is sin(bend)
+        if axis_hint is not None:
+            axis = axis + _FOOT_WEIGHT * _unit(axis_hint)
         bone_rest = _unit(self._rest_vector(upper, middle))
         rest_axis = _unit(rest_axis - bone_rest * (rest_axis @ bone_rest))
-        ahead = rot.rotate(swing, rest_axis)
-        aside = np.cross(bone, ahead)
-        twist = _steady_angle(
-            np.sum(axis * ahead, axis=-1) + _REST_SURENESS,
-            np.sum(axis * aside, axis=-1),
-            self.twist_smoothing,
+        untwisted = rot.rotate(swing, rest_axis)
+        perpendicular = np.cross(bone, untwisted)
+        twist = smoothed_angle(
+            np.sum(axis * untwisted, axis=-1) + _REST_WEIGHT,
+            np.sum(axis * perpendicular, axis=-1),
+            self.twist_smoothing * _REST_WEIGHT,
         )
         self.global_quat[upper] = rot.multiply(rot.from_rotvec(bone * twist[:, None]), swing)
         self.global_quat[middle] = self._swing(middle, end, self.targets[end_role])
-
-
-def _without_flips(local_quat: Floats, half: int) -> Floats:
-    """Rotations (T, J, 4) whose jumps, which no body makes, are bridged by `half` frames on either side."""
-    n_frames = len(local_quat)
-    dot = np.abs(np.sum(local_quat[1:] * local_quat[:-1], axis=-1))  # (T-1, J)
-    jumps = 2.0 * np.arccos(np.clip(dot, 0.0, 1.0)) > _FLIP_RAD
-    for joint in np.flatnonzero(jumps.any(axis=0)):
-        jumped = np.convolve(jumps[:, joint], np.ones(2 * half), mode="same") > 0
-        edges = np.flatnonzero(
-            np.diff(np.concatenate([[False], jumped[: n_frames - 1], [False]]).astype(int))
-        )
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):  # frames start and stop are good
-            weight = np.linspace(0.0, 1.0, stop - start + 1)
-            ends = local_quat[[start, stop], joint]
-            local_quat[start : stop + 1, joint] = rot.slerp(ends[:1], ends[1:], weight)
-    return rot.make_continuous(local_quat)
-
-
-def _steady_angle(cos: Floats, sin: Floats, smoothing: float) -> Floats:
-    """Angles (T,) of vectors (cos, sin) whose length says how sure each is; the unsure follow the others.
-
-    Least squares on the unit circle's plane: sum of length * |z - unit vector|² + smoothing * |dz/dt|².
-    """
-    weight = np.hypot(cos, sin)
-    n = len(weight)
-    link = np.full(n, smoothing * _REST_SURENESS)
-    bands = np.zeros((2, n))  # upper form: off-diagonal, diagonal
-    bands[1] = weight + 1e-9
-    bands[1, 1:] += link[1:]
-    bands[1, :-1] += link[1:]
-    bands[0, 1:] = -link[1:]
-    smooth = solveh_banded(bands, np.stack([cos, sin], axis=-1))  # (T, 2)
-    return np.arctan2(smooth[:, 1], smooth[:, 0])
 
 
 def _unit(vector: Floats) -> Floats:

@@ -59,20 +59,20 @@ class Motion:
         return forward(self.skeleton, self.root_pos_m, self.local_quat)[0]
 
     def sliced(self, start: int, stop: int) -> Motion:
-        """Frames start … stop - 1 as a motion of their own."""
+        """Frames start … stop - 1 as a motion."""
         return replace(self, root_pos_m=self.root_pos_m[start:stop], local_quat=self.local_quat[start:stop])
 
     def sampled(self, frames: NDArray[np.float64], *, fps: float | None = None) -> Motion:
-        """The poses at fractional `frames` (T',), rotations by slerp; outside, the end poses hold."""
+        """The poses at fractional `frames` (T',), rotations by slerp; clamped to the first and last frame."""
         low, high, weight = frame_weights(frames, self.n_frames)  # (T',) each
         root = interpolate_frames(self.root_pos_m, frames)
         quat = rot.slerp(self.local_quat[low], self.local_quat[high], weight[:, None])  # (T', J, 4)
         return Motion(self.skeleton, root, rot.make_continuous(quat), fps or self.fps)
 
     def sampled_smooth(self, frames: NDArray[np.float64], *, fps: float | None = None) -> Motion:
-        """The poses at fractional `frames` (T',) by cubic splines; outside, the end poses hold.
+        """The poses at fractional `frames` (T',) by cubic splines; clamped to the first and last frame.
 
-        Slerp's corners at every source frame (`sampled`) are visible jerk when 25 fps is played at 60.
+        Slerp (`sampled`) has corners at the source frames, visible as jerk when 25 fps is played at 60.
         """
         if self.n_frames < 4:
             return self.sampled(frames, fps=fps)
@@ -83,16 +83,16 @@ class Motion:
         return replace(self, root_pos_m=root_pos_m, local_quat=quat, fps=fps or self.fps)
 
     def resampled(self, fps: float) -> Motion:
-        """The same motion at another rate, from the same first instant."""
+        """The same motion at another rate, with the same first frame."""
         if fps == self.fps:
             return self
         n_frames = max(1, seconds_to_frames(self.duration_s, fps))
         return self.sampled(frame_times_s(n_frames, fps) * self.fps, fps=fps)
 
     def moved(self, *, yaw_rad: float = 0.0, shift_m: NDArray[np.floating] | None = None) -> Motion:
-        """Turned about the world's vertical axis, then shifted by (3,) metres."""
-        turn = rot.about_y(yaw_rad)
-        root = rot.rotate(turn, self.root_pos_m) + (0.0 if shift_m is None else shift_m)
+        """Rotated about the world's vertical axis, then shifted by (3,) metres."""
+        rotation = rot.about_y(yaw_rad)
+        root = rot.rotate(rotation, self.root_pos_m) + (0.0 if shift_m is None else shift_m)
         quat = np.array(self.local_quat)
-        quat[:, 0] = rot.multiply(turn, quat[:, 0])
+        quat[:, 0] = rot.multiply(rotation, quat[:, 0])
         return replace(self, root_pos_m=root, local_quat=rot.make_continuous(quat))

@@ -1,4 +1,4 @@
-"""Which joint of a rig plays which part: the usual rigs' names read as the canonical body's."""
+"""Joint names of common rigs mapped to the canonical joints."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from choreograph.errors import ParameterError
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 
-# Names of a limb's joints, best first. The order of the rows matters where rigs disagree about a
-# word: "LeftShoulder" is the collar beside a "LeftArm" (Mixamo) but the shoulder beside a
-# "LeftElbow" (Biovision); a joint already taken by a row above is not taken again.
+# Names of a limb's joints, best first. The order of the rows matters where rigs use a word differently:
+# "LeftShoulder" is the collar beside a "LeftArm" (Mixamo) but the shoulder beside a "LeftElbow"
+# (Biovision). A joint taken by one row is not taken by a later one.
 _LIMB_NAMES = {
     "knee": ("knee", "lowerleg", "lowleg", "loleg", "shin", "calf", "tibia", "leg"),
     "hip": ("upleg", "upperleg", "thigh", "femur", "hip", "leg"),
@@ -33,36 +33,38 @@ _REQUIRED = tuple(
     for side in ("left", "right")
 )
 _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
-_LAST_WORDS = frozenset(("jnt", "joint", "bone", "bind"))  # "hips_JNT"
-_NO_BODY_PART = frozenset(("ik", "pole", "ctrl", "target", "prop", "weapon"))  # "ik_foot_l" is a handle
+_SUFFIX_WORDS = frozenset(("jnt", "joint", "bone", "bind"))  # "hips_JNT"
+_NOT_BODY_PARTS = frozenset(
+    ("ik", "pole", "ctrl", "target", "prop", "weapon")
+)  # "ik_foot_l" is an IK control
 
-_UPRIGHT = 0.9  # cosine of the lean of a standing trunk and legs
+_MIN_UPRIGHT_COS = 0.9  # cosine of the largest lean of an upright body
 
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 
 
 def joint_roles(skeleton: Skeleton) -> dict[str, int]:
-    """The joint of `skeleton` that plays each canonical joint, as name -> index.
+    """The joints of `skeleton` that correspond to the canonical ones, as canonical name -> index.
 
-    Names are read whatever their prefix, case, separators and digits: Mixamo, CMU, MotionBuilder,
-    Bandai-Namco, SMPL, Xsens, Rokoko, Biovision, Unreal and their like. The pelvis is where legs and
-    trunk meet, and the spine the joints from there to where the arms meet, whatever they are called.
-    Joints the rig does not have (a middle spine joint, hands) are left out.
+    Prefix, case, separators and digits of names are ignored: Mixamo, CMU, MotionBuilder, Bandai-Namco,
+    SMPL, Xsens, Rokoko, Biovision, Unreal and similar rigs. Pelvis and spine are found by hierarchy, not
+    by name: the pelvis is where legs and trunk meet, the spine leads from there to where the arms meet.
+    Joints that the rig lacks (a middle spine joint, hands) are left out.
 
     Raises `ParameterError` if hips, knees, ankles, shoulders, elbows or wrists cannot be found.
     """
     return dict(_roles(skeleton.names, tuple(skeleton.parents.tolist())))
 
 
-def rest_stands(skeleton: Skeleton) -> bool:
-    """Whether the rest pose stands upright along +Y, as most do; some lay all bones along one axis.
+def rest_pose_is_upright(skeleton: Skeleton) -> bool:
+    """Whether the rest pose is upright along +Y, as in most rigs; some lay all bones along one axis.
 
     Raises `ParameterError` as `joint_roles` does.
     """
     roles, rest = joint_roles(skeleton), skeleton.rest_pos_m()
     both = [[roles[f"{side}_{part}"] for side in ("left", "right")] for part in ("shoulder", "ankle")]
     upward = rest[both[0]].mean(axis=0) - rest[both[1]].mean(axis=0)
-    return bool(upward[1] > _UPRIGHT * np.linalg.norm(upward))
+    return bool(upward[1] > _MIN_UPRIGHT_COS * np.linalg.norm(upward))
 
 
 @lru_cache(maxsize=256)
@@ -76,8 +78,8 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
         raise ParameterError(
             f"expected the joint names of a known rig, found no {', '.join(missing)} among {', '.join(names)}"
         )
-    chest = _meeting_point(parents, [roles["left_shoulder"], roles["right_shoulder"]])
-    waist = _meeting_point(parents, [roles["left_hip"], roles["right_hip"], chest])
+    chest = _common_ancestor(parents, [roles["left_shoulder"], roles["right_shoulder"]])
+    waist = _common_ancestor(parents, [roles["left_hip"], roles["right_hip"], chest])
     above_waist = _path_from_root(parents, waist)
     named = [parts.get(("", name), -1) for name in _MIDDLE_NAMES["pelvis"]]
     roles["pelvis"] = max((joint for joint in named if joint in above_waist), default=waist)
@@ -90,19 +92,19 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
 
 
 def _side_and_part(name: str) -> tuple[str, str]:
-    """Side ("left", "right" or "") and body part of a joint's name; part "" if it names none we know."""
+    """Side ("left", "right" or "") and body part of a joint name; part "" if unknown."""
     words = [word.lower() for word in _WORDS.findall(name.rsplit(":", 1)[-1])]
     side = next((_SIDES[word] for word in words if word in _SIDES), "")
     words = [word for word in words if word not in _SIDES and not word.isdigit()]
-    while words and words[-1] in _LAST_WORDS:
+    while words and words[-1] in _SUFFIX_WORDS:
         words.pop()
-    if not _NO_BODY_PART.isdisjoint(words):
+    if not _NOT_BODY_PARTS.isdisjoint(words):
         return side, ""
     for start in range(len(words)):  # the longest known ending: "Character1_LeftUpArm" is "uparm"
         part = "".join(words[start:])
         if part in _KNOWN_PARTS:
             return side, part
-        for prefix in () if side else _SIDES:  # written in one: "lfemur", "LEFTARM"
+        for prefix in () if side else _SIDES:  # without a separator: "lfemur", "LEFTARM"
             if part.startswith(prefix) and part.removeprefix(prefix) in _KNOWN_PARTS:
                 return _SIDES[prefix], part.removeprefix(prefix)
     return side, ""
@@ -128,14 +130,14 @@ def _path_from_root(parents: tuple[int, ...], joint: int) -> list[int]:
     return path[::-1]
 
 
-def _meeting_point(parents: tuple[int, ...], joints: list[int]) -> int:
-    """The last joint that is an ancestor of, or is, every one of `joints`."""
+def _common_ancestor(parents: tuple[int, ...], joints: list[int]) -> int:
+    """The lowest common ancestor of `joints`, possibly one of them."""
     paths = [_path_from_root(parents, joint) for joint in joints]
     return max(joint for joint in paths[0] if all(joint in path for path in paths))
 
 
 def _spine_roles(spine: list[int]) -> dict[str, int]:
-    """Spine joints, from the pelvis up, as the canonical three; with fewer, the lowest and the highest."""
+    """Spine joints, from the pelvis up, mapped to the canonical three; of fewer, lowest and highest."""
     if not spine:
         return {}
     if len(spine) == 1:

@@ -1,6 +1,6 @@
-"""Quaternions `wxyz` over any leading dimensions; scipy underneath where a convention is hard.
+"""Quaternions `wxyz` over any leading dimensions, by scipy where conventions are intricate.
 
-Conventions: unit, right-handed, active (`rotate(q, v)` turns v), `multiply(a, b)` turns by b first.
+Conventions: unit, right-handed, active (`rotate(q, v)` rotates v); `multiply(a, b)` applies b first.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ def invert(quat: Floats) -> Floats:
 
 
 def rotate(quat: Floats, vector: Floats) -> Floats:
-    """Turn vectors (..., 3) by unit quaternions (..., 4), broadcasting."""
+    """Rotate vectors (..., 3) by unit quaternions (..., 4), broadcasting."""
     w, xyz = quat[..., :1], quat[..., 1:]
     cross = 2.0 * _cross(xyz, vector)
     return vector + w * cross + _cross(xyz, cross)  # (..., 3)
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
-    """Cross product of (..., 3); numpy's own takes most of the time of a body's few joints to begin."""
+    """Cross product of (..., 3); for a few joints numpy's version is mostly call overhead."""
     ax, ay, az = _components(a)
     bx, by, bz = _components(b)
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
@@ -59,14 +59,14 @@ def normalize(quat: Floats) -> Floats:
 
 
 def make_continuous(quat: Floats) -> Floats:
-    """Flip signs along axis 0 (time) so that successive quaternions (T, ..., 4) lie in one half-space."""
+    """Flip signs along axis 0 (time) so that successive quaternions (T, ..., 4) do not change sign."""
     dots = np.sum(quat[1:] * quat[:-1], axis=-1)  # (T-1, ...)
     flips = np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)  # (T-1, ...)
     return np.concatenate([quat[:1], quat[1:] * flips[..., None]], axis=0)
 
 
 def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:
-    """Spherical interpolation on the shorter arc between (..., 4) by weight (...), 0 gives a."""
+    """Spherical interpolation on the shorter arc from a to b (..., 4) by weight (...); 0 gives a."""
     weight = np.asarray(weight, dtype=np.float64)[..., None]
     dot = np.sum(a * b, axis=-1, keepdims=True)
     b = np.where(dot < 0, -b, b)
@@ -110,13 +110,13 @@ def from_euler(order: str, angles: Floats) -> Floats:
 
 
 def to_euler(order: str, quat: Floats) -> Floats:
-    """Intrinsic Euler angles (..., 3) in radians; at gimbal lock the third angle is zero."""
+    """Intrinsic Euler angles (..., 3) in radians; in gimbal lock the third angle is zero."""
     flat = Rotation.from_quat(np.reshape(quat, (-1, 4)), scalar_first=True)
     return flat.as_euler(order.upper(), suppress_warnings=True).reshape(*quat.shape[:-1], 3)
 
 
 def between(source: Floats, target: Floats) -> Floats:
-    """Shortest turn (..., 4) that takes direction `source` (..., 3) to direction `target` (..., 3)."""
+    """Shortest rotation (..., 4) that takes direction `source` (..., 3) to direction `target` (..., 3)."""
     source = source / np.maximum(np.linalg.norm(source, axis=-1, keepdims=True), 1e-12)
     target = target / np.maximum(np.linalg.norm(target, axis=-1, keepdims=True), 1e-12)
     dot = np.sum(source * target, axis=-1, keepdims=True)
@@ -127,12 +127,12 @@ def between(source: Floats, target: Floats) -> Floats:
 
 
 def about_y(angle: Floats | float) -> Floats:
-    """Turn (..., 4) by `angle` (...) radians about the vertical; positive takes +Z towards +X."""
+    """Rotation (..., 4) by `angle` (...) radians about the vertical; positive takes +Z towards +X."""
     half = 0.5 * np.asarray(angle, dtype=np.float64)
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, np.sin(half), zero], axis=-1)
 
 
 def yaw(quat: Floats) -> Floats:
-    """Heading (...) in radians of quaternions (..., 4): the turn about Y closest to each (its twist)."""
+    """Heading (...) in radians of quaternions (..., 4): their twist about Y."""
     return 2.0 * np.arctan2(quat[..., 2], quat[..., 0])

@@ -20,8 +20,8 @@ CANONICAL_PARENTS = (
     -1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21,
 )  # fmt: skip
 
-# Average adult offsets from the parent joint, metres, rest pose: arms out to the sides, facing +Z,
-# left is +X. Ours, from anthropometric proportions of a 1.70 m body; no licensed model's numbers.
+# Average adult offsets from the parent joint, metres, T-pose facing +Z, left is +X. From anthropometric
+# proportions of a 1.70 m body, not from a licensed body model.
 _CANONICAL_OFFSETS_M = (
     (0.0, 0.93, 0.0), (0.085, -0.075, 0.0), (-0.085, -0.075, 0.0), (0.0, 0.11, -0.02),
     (0.0, -0.39, 0.0), (0.0, -0.39, 0.0), (0.0, 0.13, 0.0), (0.0, -0.395, -0.02),
@@ -42,8 +42,8 @@ class Skeleton:
 
     names: tuple[str, ...]  # (J,)
     parents: NDArray[np.int64]  # (J,) parent's index, -1 for the root, which is joint 0
-    offsets_m: NDArray[np.float64]  # (J, 3) from the parent, rest pose; the root's is its rest place
-    # Bone ends without a channel of their own (BVH "End Site"): the joint they hang on, the offset.
+    offsets_m: NDArray[np.float64]  # (J, 3) from the parent, rest pose; of the root: its rest position
+    # End sites (bone ends without channels, as in BVH): parent joint and offset.
     tip_parents: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # (E,)
     tips_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))  # (E, 3)
 
@@ -59,7 +59,7 @@ class Skeleton:
                 f"{self.parents.shape} and {self.offsets_m.shape}"
             )
         if len(set(self.names)) != n:
-            raise ParameterError("joint names repeat: each joint needs a name of its own")
+            raise ParameterError("joint names repeat: each joint needs a unique name")
         if self.parents[0] != -1 or any(not 0 <= p < i for i, p in enumerate(self.parents) if i):
             raise ParameterError("expected the root first and every parent before its children")
         if not np.isfinite(self.offsets_m).all() or not np.isfinite(self.tips_m).all():
@@ -71,13 +71,13 @@ class Skeleton:
         return len(self.names)
 
     def index(self, name: str) -> int:
-        """Index of a joint; `ParameterError` if there is none of that name."""
+        """Index of a joint; `ParameterError` if the name is unknown."""
         if name not in self.names:
             raise ParameterError(f"no joint {name!r} in the skeleton, which has {', '.join(self.names)}")
         return self.names.index(name)
 
     def same_as(self, other: Skeleton, *, tolerance_m: float = 1e-3) -> bool:
-        """Whether joints, hierarchy and bone offsets agree (the root's rest place does not count)."""
+        """Whether joints, hierarchy and bone offsets agree (the root's rest position may differ)."""
         return (
             self.names == other.names
             and np.array_equal(self.parents, other.parents)
@@ -85,7 +85,7 @@ class Skeleton:
         )
 
     def rest_pos_m(self) -> NDArray[np.float64]:
-        """Joint positions of the rest pose with the root at its rest place, (J, 3)."""
+        """Joint positions of the rest pose with the root at its rest position, (J, 3)."""
         pos = np.array(self.offsets_m)
         for joint in range(1, self.n_joints):
             pos[joint] += pos[self.parents[joint]]
@@ -94,7 +94,7 @@ class Skeleton:
 
 @lru_cache(maxsize=1)
 def canonical_skeleton() -> Skeleton:
-    """The 24-joint body that mixed takes are retargeted to; toes and fingertips are end sites."""
+    """The 24-joint body that takes on different rigs are retargeted to; toes and fingertips are end sites."""
     index = {name: i for i, name in enumerate(CANONICAL_JOINTS)}
     tips = {
         "left_foot": (0.0, 0.0, 0.07), "right_foot": (0.0, 0.0, 0.07), "head": (0.0, 0.18, 0.0),

@@ -1,4 +1,4 @@
-"""Forward kinematics that gradients go through: local rotations of any rig to body positions."""
+"""Differentiable forward kinematics: local rotations of any rig to body positions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from choreograph.motion.skeleton import Skeleton
 
 
 class BodyKinematics:
-    """Places of the 21 body joints of one skeleton, for batches of poses."""
+    """Positions of the 21 body joints of one skeleton, for batches of poses."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         self._offsets = torch.from_numpy(skeleton.offsets_m).float()  # (J, 3)
@@ -22,7 +22,7 @@ class BodyKinematics:
         depth = [0] * skeleton.n_joints
         for joint in range(1, skeleton.n_joints):
             depth[joint] = depth[skeleton.parents[joint]] + 1
-        # Joints as deep as each other are placed at once: a handful of products instead of one a joint.
+        # Joints of one depth are computed together: a handful of matrix products instead of one a joint.
         self._levels = [
             ([int(skeleton.parents[j]) for j in level], level)
             for d in range(1, max(depth) + 1)
@@ -32,21 +32,21 @@ class BodyKinematics:
 
     def body_pos_m(self, root_pos_m: Tensor, local_quat: Tensor) -> Tensor:
         """Positions (..., 21, 3) of roots (..., 3) and unit local rotations (..., J, 4)."""
-        turns = matrices(local_quat)  # (..., J, 3, 3)
-        offsets = self._offsets.to(turns)
-        world: list[Tensor] = [turns[..., 0, :, :]] * self._n_joints
-        place: list[Tensor] = [root_pos_m] * self._n_joints
+        local = rotation_matrices(local_quat)  # (..., J, 3, 3)
+        offsets = self._offsets.to(local)
+        rotation: list[Tensor] = [local[..., 0, :, :]] * self._n_joints
+        position: list[Tensor] = [root_pos_m] * self._n_joints
         for parents, joints in self._levels:
-            above = torch.stack([world[p] for p in parents], dim=-3)  # (..., L, 3, 3)
-            moved = torch.stack([place[p] for p in parents], dim=-2)
-            moved = moved + (above @ offsets[joints][..., None])[..., 0]  # (..., L, 3)
-            turned = above @ turns[..., joints, :, :]
+            parent_rotation = torch.stack([rotation[p] for p in parents], dim=-3)  # (..., L, 3, 3)
+            parent_position = torch.stack([position[p] for p in parents], dim=-2)  # (..., L, 3)
+            level_position = parent_position + (parent_rotation @ offsets[joints][..., None])[..., 0]
+            level_rotation = parent_rotation @ local[..., joints, :, :]
             for i, joint in enumerate(joints):
-                world[joint], place[joint] = turned[..., i, :, :], moved[..., i, :]
-        return torch.stack([place[j] for j in self._body], dim=-2)  # (..., 21, 3)
+                rotation[joint], position[joint] = level_rotation[..., i, :, :], level_position[..., i, :]
+        return torch.stack([position[j] for j in self._body], dim=-2)  # (..., 21, 3)
 
 
-def matrices(quat: Tensor) -> Tensor:
+def rotation_matrices(quat: Tensor) -> Tensor:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4), wxyz."""
     w, x, y, z = quat.unbind(dim=-1)
     rows = [
@@ -58,8 +58,8 @@ def matrices(quat: Tensor) -> Tensor:
 
 
 def geodesic_rad(a: Tensor, b: Tensor) -> Tensor:
-    """Angles (...) of the turns between unit quaternions (..., 4): ‖log(a⁻¹ b)‖, smooth where they agree."""
+    """Angles (...) between unit quaternions (..., 4): ‖log(a⁻¹ b)‖, smooth where they agree."""
     dot = (a * b).sum(dim=-1).abs()
-    # |a b*| has real part |dot|; its imaginary part's length follows without the product.
-    rest = (1.0 - dot.square()).clamp_min(1e-7).sqrt()
-    return 2.0 * torch.atan2(rest, dot)
+    # |a b*| has real part |dot|; the length of its imaginary part follows without the product.
+    imaginary = (1.0 - dot.square()).clamp_min(1e-7).sqrt()
+    return 2.0 * torch.atan2(imaginary, dot)

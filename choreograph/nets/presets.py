@@ -11,7 +11,7 @@ from choreograph.errors import ParameterError
 Config = TypeVar("Config", bound=Any)  # a frozen dataclass
 
 
-def changed_preset(presets: Mapping[str, Config], preset: str, changes: Mapping[str, Any]) -> Config:
+def config_from_preset(presets: Mapping[str, Config], preset: str, changes: Mapping[str, Any]) -> Config:
     """One of `presets` with fields changed; `ParameterError` for an unknown name or field."""
     if preset not in presets:
         raise ParameterError(f"expected a preset among {', '.join(presets)}, got {preset!r}")

@@ -1,4 +1,4 @@
-"""What the networks of a repertoire share: their way into its file and back, and running many segments."""
+"""What the networks of a repertoire share: to arrays and back, and inference in batches."""
 
 from __future__ import annotations
 
@@ -13,39 +13,46 @@ from torch import Tensor, nn
 
 from choreograph.errors import ParameterError
 
-_BATCH = 128  # at inference
+_BATCH_SIZE = 128  # at inference
 
 
 class StoredNet(nn.Module):
-    """A network made from a configuration, kept as arrays and that configuration."""
+    """A network that a file stores as its configuration and its weights."""
 
     config_class: ClassVar[type]
-    config: Any  # of that class
+    renamed_fields: ClassVar[Mapping[str, str]] = {}  # of the configuration, old to new: for older files
+    config: Any  # of `config_class`
 
     def to_arrays(self) -> tuple[dict[str, NDArray], dict[str, Any]]:
-        """Weights by name, and the configuration as a plain dictionary: what a file needs to keep."""
+        """Weights by name, and the configuration as a plain dictionary."""
         return {n: v.detach().cpu().numpy() for n, v in self.state_dict().items()}, asdict(self.config)
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray], config: Mapping[str, Any]) -> Self:
-        """The network that `to_arrays` described; `ParameterError` if weights and config disagree."""
-        name = cls.config_class.__name__
-        unknown = set(config) - {field.name for field in fields(cls.config_class)}
+        """The network of `to_arrays`; `ParameterError` if weights and config disagree.
+
+        Fields of the configuration may have the names that older files store (`renamed_fields`).
+        """
+        values = {cls.renamed_fields.get(key, key): value for key, value in config.items()}
+        unknown = set(values) - {field.name for field in fields(cls.config_class)}
         if unknown:
-            raise ParameterError(f"expected fields of {name}, got {', '.join(sorted(unknown))}")
-        tuples = {key: tuple(v) if isinstance(v, list) else v for key, v in config.items()}
-        net = cls(cls.config_class(**tuples))
+            raise ParameterError(
+                f"expected fields of {cls.config_class.__name__}, got {', '.join(sorted(unknown))}"
+            )
+        # JSON has lists where the configuration has tuples.
+        values = {key: tuple(v) if isinstance(v, list) else v for key, v in values.items()}
+        net = cls(cls.config_class(**values))
         try:
             net.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in arrays.items()})
         except RuntimeError as error:
             raise ParameterError(
-                f"expected weights of the {cls.__name__} described, got others: the file mixes versions"
+                f"expected weights of the {cls.__name__} configured, got others: the file mixes versions"
             ) from error
         return net.eval()
 
-    def _in_batches(self, n: int, computed: Callable[[slice], Tensor], *row: int) -> NDArray[np.float32]:
-        """Rows (n, ...) computed a batch at a time; `row` is the shape of one, for n = 0."""
+    def _in_batches(self, n: int, infer: Callable[[slice], Tensor], *row_shape: int) -> NDArray[np.float32]:
+        """Rows (n, ...) inferred batch by batch; `row_shape` is needed for n = 0."""
         self.eval()
         with torch.no_grad():
-            parts = [computed(slice(i, i + _BATCH)).numpy() for i in range(0, n, _BATCH)]
-        return np.concatenate(parts) if parts else np.zeros((0, *row), np.float32)
+            parts = [infer(slice(i, i + _BATCH_SIZE)).numpy() for i in range(0, n, _BATCH_SIZE)]
+        return np.concatenate(parts) if parts else np.zeros((0, *row_shape), np.float32)

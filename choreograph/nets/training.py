@@ -1,7 +1,7 @@
-"""Training one network: steps, schedule, checkpoints, log and progress, the same for every network.
+"""The training loop of every network: steps, schedule, checkpoints, log and progress.
 
-Every step draws its random numbers from the seed and the step's number alone, so a checkpoint needs no
-generator state and a run that was interrupted ends with the very weights of one that was not.
+The random numbers of a step depend only on the seed and the step's number. So a checkpoint needs no generator
+state, and an interrupted and resumed run ends with exactly the weights of an uninterrupted one.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from choreograph.errors import ChoreographError, FormatError, ParameterError
 
 DEVICES = ("auto", "cpu", "cuda")
 CHECKPOINT_EVERY_S = 30.0
-LOG_LINES = 200  # a run writes about so many, however long it is
-_TURNS = 0x9E3779B9  # spreads seed and step over torch's seeds
+LOG_LINES = 200  # of a run, about, however long it is
+_SEED_STRIDE = 0x9E3779B9  # spreads seed and step over torch's seeds
 
 Loss = Callable[[np.random.Generator, torch.device], Tensor]
 
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """How far the training of one network is."""
+    """How far the training of one network has come."""
 
     name: str
     step: int  # steps done
@@ -46,10 +46,10 @@ class TrainingProgress:
 
 @dataclass(frozen=True)
 class TrainingContext:
-    """Where and how a training runs, whatever is trained."""
+    """Where and how a training runs, whatever the network."""
 
-    folder: Path | None = None  # for NAME.pt, the checkpoint, and NAME.jsonl, the log; None: neither
-    resume: bool = False  # go on from the checkpoint, if there is one
+    folder: Path | None = None  # of the checkpoint NAME.pt and the log NAME.jsonl; None: neither
+    resume: bool = False  # from the checkpoint, if there is one
     device: str = "auto"
     report: Callable[[TrainingProgress], None] = lambda progress: None
 
@@ -66,35 +66,37 @@ def train(
     configuration: Mapping[str, Any],
     context: TrainingContext | None = None,
 ) -> float:
-    """Train `module` in place with AdamW, warmed up and cooled down; leaves it on the CPU, in eval mode.
+    """Train `module` in place with AdamW and a warm-up and cosine schedule.
+
+    The module ends on the CPU, in eval mode.
 
     Parameters
     ----------
-    loss : called with the step's random generator and the device the module is on; a scalar
-    configuration : what must be equal for a checkpoint to be gone on from, JSON values
+    loss : a scalar, given the step's random generator and the module's device
+    configuration : JSON values that a checkpoint must match to be resumed
 
-    Returns the mean loss since the last report (nan if the checkpoint was already complete).
+    Returns the mean loss since the last report, or nan if the checkpoint was already complete.
 
     Raises
     ------
     ChoreographError   the loss is not finite
-    ParameterError     an unknown device, or a checkpoint of another configuration
-    FormatError        a checkpoint that cannot be read
-    KeyboardInterrupt  after the step in progress, with a checkpoint written
+    ParameterError     unknown device, or a checkpoint of another configuration
+    FormatError        the checkpoint cannot be read
+    KeyboardInterrupt  Ctrl-C: the step was completed and a checkpoint written
     """
     context = context or TrainingContext()
-    device = chosen_device(context.device)
+    device = select_device(context.device)
     module.to(device).train()
     optimizer = torch.optim.AdamW(module.parameters(), lr=learning_rate, weight_decay=weight_decay)
-    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: _share_of_rate(step, n_steps))
-    # A round trip through JSON makes tuples lists, as in the checkpoint.
-    wanted = json.loads(json.dumps({**configuration, "seed": seed, "steps": n_steps}))
-    run = _Run(name, n_steps, module, optimizer, schedule, wanted, context)
-    run.restore_or_begin()
-    with torch.random.fork_rng(), _interrupts_after_step() as interrupted:
+    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: _learning_rate_factor(step, n_steps))
+    # The round trip through JSON turns tuples into lists, as the checkpoint has them.
+    expected = json.loads(json.dumps({**configuration, "seed": seed, "steps": n_steps}))
+    run = _Run(name, n_steps, module, optimizer, schedule, expected, context)
+    run.restore_or_start()
+    with torch.random.fork_rng(), _defer_interrupts() as interrupted:
         try:
             while run.step < n_steps:
-                torch.manual_seed((seed * _TURNS + run.step) % 2**63)
+                torch.manual_seed((seed * _SEED_STRIDE + run.step) % 2**63)
                 value = loss(np.random.default_rng([seed, run.step]), device)
                 optimizer.zero_grad()
                 value.backward()
@@ -110,7 +112,7 @@ def train(
     return run.loss
 
 
-def chosen_device(device: str) -> torch.device:
+def select_device(device: str) -> torch.device:
     """The torch device of `auto` (a GPU if there is one), `cpu` or `cuda`."""
     if device not in DEVICES:
         raise ParameterError(f"expected a device among {', '.join(DEVICES)}, got {device!r}")
@@ -122,18 +124,18 @@ def chosen_device(device: str) -> torch.device:
 
 
 def load_pretrained(module: nn.Module, name: str, weights: Mapping[str, NDArray]) -> None:
-    """Begin with another repertoire's weights; `ParameterError` if they are of another shape."""
+    """Load the weights of another repertoire's network; `ParameterError` if they do not fit."""
     try:
         module.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in weights.items()})
     except RuntimeError as error:
         raise ParameterError(
-            f"expected {name} weights of the preset asked for, got others: the repertoire to begin with was "
-            "trained with another preset"
+            f"expected {name} weights of the chosen preset, got others: the repertoire of the pretrained "
+            "weights was built with another preset"
         ) from error
 
 
-def _share_of_rate(step: int, n_steps: int) -> float:
-    """Linear warm-up over a tenth of the steps, then half a cosine down to nothing."""
+def _learning_rate_factor(step: int, n_steps: int) -> float:
+    """Linear warm-up over a tenth of the steps, then half a cosine down to zero."""
     warm = max(1, n_steps // 10)
     if step < warm:
         return (step + 1) / (warm + 1)
@@ -141,15 +143,15 @@ def _share_of_rate(step: int, n_steps: int) -> float:
 
 
 class _Interrupted(Exception):
-    """Ctrl-C was pressed during a step that is now complete."""
+    """Ctrl-C was pressed during the step just completed."""
 
 
 @contextmanager
-def _interrupts_after_step() -> Iterator[Callable[[], bool]]:
-    """Hold Ctrl-C back until the step is complete: half a step's weights would be nobody's."""
+def _defer_interrupts() -> Iterator[Callable[[], bool]]:
+    """Defer Ctrl-C until the step is complete: weights of half a step could not be resumed exactly."""
     pressed: list[int] = []
     if threading.current_thread() is not threading.main_thread():
-        yield lambda: False  # only the main thread hears signals
+        yield lambda: False  # only the main thread receives signals
         return
     before = signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
     try:
@@ -159,7 +161,7 @@ def _interrupts_after_step() -> Iterator[Callable[[], bool]]:
 
 
 class _Run:
-    """State of one training that is written to and read from its folder."""
+    """The state of one training, written to and restored from its folder."""
 
     def __init__(
         self, name, n_steps, module, optimizer, schedule, configuration, context: TrainingContext
@@ -170,14 +172,14 @@ class _Run:
         self.loss = float("nan")
         self._recent: list[float] = []
         self._log_every = max(1, n_steps // LOG_LINES)
-        self._first = 0
+        self._first_step = 0
         folder = context.folder
         self.checkpoint = folder / f"{name}.pt" if folder is not None else None
         self.log = folder / f"{name}.jsonl" if folder is not None else None
-        self._begun = self._saved = time.monotonic()
+        self._start_time = self._saved_time = time.monotonic()
 
-    def restore_or_begin(self) -> None:
-        """Take the checkpoint's state if one is wanted and there; else begin an empty log."""
+    def restore_or_start(self) -> None:
+        """Restore the checkpoint if there is one and it is wanted; otherwise start an empty log."""
         if self.checkpoint is None or self.log is None:
             return
         self.checkpoint.parent.mkdir(parents=True, exist_ok=True)
@@ -186,11 +188,10 @@ class _Run:
             return
         try:
             stored = torch.load(self.checkpoint, weights_only=True, map_location="cpu")
-            theirs = json.loads(stored["configuration"])
-            self._refuse_other(theirs)
+            self._check_configuration(json.loads(stored["configuration"]))
             for key, part in self.parts.items():
                 part.load_state_dict(stored[key])
-            self.step = self._first = int(stored["step"])
+            self.step = self._first_step = int(stored["step"])
         except (RuntimeError, KeyError, TypeError, EOFError, ValueError, pickle.UnpicklingError) as error:
             if isinstance(error, ChoreographError):
                 raise
@@ -199,17 +200,17 @@ class _Run:
                 "unreadable: it is damaged; delete it, or train without --resume"
             ) from error
 
-    def _refuse_other(self, theirs: Mapping[str, Any]) -> None:
-        ours = self.configuration
-        for key in sorted({*theirs, *ours}):
-            if theirs.get(key) != ours.get(key):
+    def _check_configuration(self, stored: Mapping[str, Any]) -> None:
+        expected = self.configuration
+        for key in sorted({*stored, *expected}):
+            if stored.get(key) != expected.get(key):
                 raise ParameterError(
-                    f"{self.checkpoint}: expected a checkpoint with {key} = {_short(ours.get(key))}, got "
-                    f"{_short(theirs.get(key))}: another configuration; train without --resume"
+                    f"{self.checkpoint}: expected a checkpoint with {key} = {_shortened(expected.get(key))}, "
+                    f"got {_shortened(stored.get(key))}: it has another configuration; train without --resume"
                 )
 
     def advance(self, loss: float) -> None:
-        """Count a step; log, report and save when due."""
+        """Count a completed step; log, report and save when due."""
         self.step += 1
         if not np.isfinite(loss):
             raise ChoreographError(
@@ -219,15 +220,15 @@ class _Run:
         self._recent.append(loss)
         last = self.step == self.n_steps
         if last or self.step % self._log_every == 0:
-            self._tell()
-        if last or time.monotonic() - self._saved > CHECKPOINT_EVERY_S:
+            self._log_progress()
+        if last or time.monotonic() - self._saved_time > CHECKPOINT_EVERY_S:
             self.save()
 
-    def _tell(self) -> None:
+    def _log_progress(self) -> None:
         self.loss = float(np.mean(self._recent))
         self._recent.clear()
-        seconds = time.monotonic() - self._begun
-        left = seconds / (self.step - self._first) * (self.n_steps - self.step)
+        seconds = time.monotonic() - self._start_time
+        left = seconds / (self.step - self._first_step) * (self.n_steps - self.step)
         if self.log is not None:
             line = {"name": self.name, "step": self.step, "loss": self.loss, "seconds": round(seconds, 3)}
             with self.log.open("a", encoding="utf-8") as log:
@@ -235,7 +236,7 @@ class _Run:
         self.context.report(TrainingProgress(self.name, self.step, self.n_steps, self.loss, left))
 
     def save(self) -> None:
-        """Write the checkpoint whole or not at all."""
+        """Write the checkpoint atomically."""
         if self.checkpoint is None:
             return
         state = {key: part.state_dict() for key, part in self.parts.items()}
@@ -243,9 +244,9 @@ class _Run:
         part = self.checkpoint.with_suffix(".pt.part")
         torch.save(state, part)
         os.replace(part, self.checkpoint)
-        self._saved = time.monotonic()
+        self._saved_time = time.monotonic()
 
 
-def _short(value: Any) -> str:
+def _shortened(value: Any) -> str:
     text = json.dumps(value)
     return text if len(text) <= 40 else text[:37] + "..."

@@ -12,7 +12,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
-from choreograph.motion.rigs import joint_roles, rest_stands
+from choreograph.motion.rigs import joint_roles, rest_pose_is_upright
 from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS, Skeleton, canonical_skeleton
 
 Floats = NDArray[np.float64]
@@ -36,7 +36,7 @@ def bind_pose(skeleton: Skeleton, motion: Motion | None) -> tuple[Floats, Floats
     without one, from the bones' directions alone, which leaves their twist undetermined. Joint names must
     be those of a known rig.
     """
-    if rest_stands(skeleton):
+    if rest_pose_is_upright(skeleton):
         return skeleton.rest_pos_m(), np.tile(rot.IDENTITY, (skeleton.n_joints, 1))
     turns = _turns_from_bones(skeleton) if motion is None else _turns_from_motion(motion)
     local = to_local(skeleton, turns)

@@ -79,16 +79,16 @@ def write_page(
     start_s = plan.start_s if start_s is None else start_s
     shown = motion.sliced(0, min(motion.n_frames, int(np.ceil(duration_s * motion.fps)) + 1))
     sound, levels, levels_per_s = _sound(song_path, start_s, duration_s)
-    packed = compress_motion(shown)
+    compressed = compress_motion(shown)
     mesh, mesh_layout = compress_mesh(build_mannequin(motion.skeleton, motion))
     title = title or plan.song or "Dance"
     dance = {
         "title": title,
         "duration_s": round(duration_s, 6),
-        "fps": packed.fps,
-        "frames": packed.n_frames,
-        "root_step_m": packed.root_step_m,
-        "root_origin_m": packed.root_origin_m,
+        "fps": compressed.fps,
+        "frames": compressed.n_frames,
+        "root_step_m": compressed.root_step_m,
+        "root_origin_m": compressed.root_origin_m,
         "rotvec_step_rad": ROTVEC_STEP_RAD,
         "names": motion.skeleton.names,
         "parents": motion.skeleton.parents.tolist(),
@@ -99,7 +99,7 @@ def write_page(
         "motion_beats_s": _rounded(beats_s, duration_s),
         **_sources(plan, duration_s),
     }
-    text = _page_text(title, to_script_json(dance), packed.text, mesh, levels, sound)
+    text = _page_text(title, to_script_json(dance), compressed.text, mesh, levels, sound)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 

@@ -1,4 +1,4 @@
-"""The rollout: a network dances from pose to pose what motifs ask for (Rhythm is a Dancer, section 4)."""
+"""Generation with the rollout network: a sequence of motifs to a motion (Rhythm is a Dancer, section 4)."""
 
 from __future__ import annotations
 
@@ -23,106 +23,112 @@ from choreograph.timebase import frame_times_s, seconds_to_frames, times_to_fram
 
 Floats = NDArray[np.float64]
 
-SEED_FRAMES = 15  # real poses that a rollout begins with, as the paper's
-_SMOOTH_S = 0.02  # deviation: where the motif changes the network starts; with that it jerks as people do
+SEED_FRAMES = 15  # recorded poses before the first generated one, as in the paper
+# Gaussian deviations. The network jumps at a new motif; smoothing brings its jerk down to that of people.
+_SMOOTH_S = 0.02
 _SMOOTH_HEADING_S = 0.08
-_LOOK_FRAMES = 2 * ROLLOUT_FPS  # where the way leads is where it has led in two seconds
+_STEER_FRAMES = 2 * ROLLOUT_FPS  # the direction of travel is that of the next two seconds
 
 
 @dataclass(frozen=True, eq=False)
-class MotifScore:
-    """What is to be danced when: words without a gap from the dance's first instant to its last."""
+class MotifSequence:
+    """The motifs to dance, word after word without gaps, and the music's features to dance them by."""
 
-    start_s: Floats  # (N,)
+    start_s: Floats  # (N,) of the words
     end_s: Floats  # (N,)
     motif: NDArray[np.floating]  # (N, 184) embedding of each word's motif
     rhythm: NDArray[np.floating]  # (T', 4) of the song, `features.frame_rhythm`
     spectral: NDArray[np.floating] | None  # (N, 87) of each word's music; None: no style
 
 
-def roll_out(
+def generate_motion(
     net: RolloutNet,
-    score: MotifScore,
-    seed: Motion,
+    sequence: MotifSequence,
+    seed_motion: Motion,
     *,
     fps: float,
     report: Callable[[int, int], None] | None = None,
 ) -> Motion:
-    """The dance of a score, with its feet held, on the skeleton of `seed`.
+    """Dance a sequence of motifs, with locked feet, on the skeleton of `seed_motion`.
 
     Parameters
     ----------
-    seed : real motion at 30 fps, two frames or more, that leads up to the first word; of it the last 15
-        frames are given to the network before it begins, and are not part of the dance
+    seed_motion : two frames or more of recorded motion at 30 fps that leads up to the first word. The last 15
+        frames initialise the network's state and are not part of the dance.
     fps : of the dance
 
-    After the network: poses are smoothed a little and the heading more, the way is steered home where it
-    leads off the stage (ours), and feet that the network says stand, and that do nearly stand, are held
+    Poses from the network are smoothed a little and the heading more. The path is steered back where it
+    leaves the stage (ours). Feet are locked where the network predicts contact and they nearly stand
     (`blending.foot_locking`).
 
-    Raises `ParameterError` if the score is empty or the skeleton is not the network's.
+    Raises `ParameterError` if the sequence is empty or the skeleton is not the network's.
     """
-    poses, contacts = rolled_poses(net, score, seed, report=report)
-    motion = _on_stage(poses, score, seed.skeleton)
-    motion, contacts = _at_rate(motion, contacts, fps, score.end_s[-1])
-    held = contacts.repeat(2, axis=1) * foot_contacts(body_pos_m(motion), motion.fps)
-    return lock_feet(motion, np.sqrt(held))
+    poses, contacts = generate_poses(net, sequence, seed_motion, report=report)
+    motion = _on_stage(poses, sequence, seed_motion.skeleton)
+    motion, contacts = _at_rate(motion, contacts, fps, sequence.end_s[-1])
+    contacts = contacts.repeat(2, axis=1) * foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4)
+    return lock_feet(motion, np.sqrt(contacts))
 
 
 @torch.no_grad()
-def rolled_poses(
-    net: RolloutNet, score: MotifScore, seed: Motion, *, report: Callable[[int, int], None] | None = None
+def generate_poses(
+    net: RolloutNet,
+    sequence: MotifSequence,
+    seed_motion: Motion,
+    *,
+    report: Callable[[int, int], None] | None = None,
 ) -> tuple[NDArray[np.float32], Floats]:
-    """Rows (T, P) at 30 fps as the network makes them, styled, and the contacts (T, 2) it predicts."""
-    if len(score.start_s) == 0:
-        raise ParameterError("expected a score of one motion word or more, got none")
-    if seed.skeleton.n_joints != net.config.n_joints:
+    """Pose rows (T, P) at 30 fps as the network predicts them, with style, and contacts (T, 2)."""
+    if len(sequence.start_s) == 0:
+        raise ParameterError("expected a sequence of one motion word or more, got none")
+    if seed_motion.skeleton.n_joints != net.config.n_joints:
         raise ParameterError(
             f"expected a skeleton of {net.config.n_joints} joints, which the rollout network was trained on, "
-            f"got one of {seed.skeleton.n_joints}"
+            f"got one of {seed_motion.skeleton.n_joints}"
         )
-    n_frames = max(1, seconds_to_frames(float(score.end_s[-1]), ROLLOUT_FPS))
+    n_frames = max(1, seconds_to_frames(float(sequence.end_s[-1]), ROLLOUT_FPS))
     conditions = word_conditions(
-        score.start_s, score.end_s, n_frames, score.rhythm, score.motif, score.spectral
+        sequence.start_s, sequence.end_s, n_frames, sequence.rhythm, sequence.motif, sequence.spectral
     )
-    into, condition = (values[0] for values in net.conditioned(conditions))  # (T, ...)
-    given = torch.from_numpy(to_poses(seed)[-SEED_FRAMES:])
-    state = net.begin(1)
-    for row in given[:-1]:
-        _, state = net.step(row[None], into[:1], condition[:1], state)
-    pose, made = given[-1:], []
+    gate_inputs, condition = (values[0] for values in net.embed_conditions(conditions))  # (T, ...)
+    seed_poses = torch.from_numpy(to_poses(seed_motion)[-SEED_FRAMES:])
+    state = net.initial_state(1)
+    for row in seed_poses[:-1]:
+        _, state = net.step(row[None], gate_inputs[:1], condition[:1], state)
+    pose, generated = seed_poses[-1:], []
     for frame in range(n_frames):
-        pose, state = net.step(pose, into[frame : frame + 1], condition[frame : frame + 1], state)
-        made.append(pose)
-        pose = net.fed(pose)
+        now = slice(frame, frame + 1)
+        pose, state = net.step(pose, gate_inputs[now], condition[now], state)
+        generated.append(pose)
+        pose = net.as_input(pose)
         if report is not None and frame % ROLLOUT_FPS == 0:
             report(frame // ROLLOUT_FPS, n_frames // ROLLOUT_FPS)
-    rows = net.fed(net.styled(torch.stack(made, dim=1), conditions))[0].numpy()
+    rows = net.as_input(net.apply_style(torch.stack(generated, dim=1), conditions))[0].numpy()
     return rows, rows[:, -N_FEET:].astype(np.float64)
 
 
-def _on_stage(poses: NDArray[np.float32], score: MotifScore, skeleton: Skeleton) -> Motion:
-    """The motion of rows (T, P), smoothed, its heading more, and word by word steered home."""
+def _on_stage(poses: NDArray[np.float32], sequence: MotifSequence, skeleton: Skeleton) -> Motion:
+    """The motion of pose rows (T, P), smoothed, and steered back to the stage word by word."""
     rows = gaussian_filter1d(poses.astype(np.float64), _SMOOTH_S * ROLLOUT_FPS, axis=0, mode="nearest")
     rows[:, 3] = gaussian_filter1d(rows[:, 3], _SMOOTH_HEADING_S * ROLLOUT_FPS, mode="nearest")
     rows[0, 3] = 0.0
-    borders = np.rint(times_to_frames([*score.start_s, score.end_s[-1]], ROLLOUT_FPS)).astype(np.int64)
-    place, heading = np.zeros(3), 0.0  # of the frame before the word
-    for first, stop in zip(borders[:-1], borders[1:].clip(max=len(rows)), strict=True):
+    bounds = np.rint(times_to_frames([*sequence.start_s, sequence.end_s[-1]], ROLLOUT_FPS)).astype(np.int64)
+    position, heading = np.zeros(3), 0.0  # of the frame before the word
+    for first, stop in zip(bounds[:-1], bounds[1:].clip(max=len(rows)), strict=True):
         before = max(first - 1, 0)
-        coming = rows[before : max(stop, first + _LOOK_FRAMES)]
-        way = to_motion(coming, skeleton, heading_rad=heading).root_pos_m[-1] * [1.0, 0.0, 1.0]
+        ahead = rows[before : max(stop, first + _STEER_FRAMES)]
+        travel = to_motion(ahead, skeleton, heading_rad=heading).root_pos_m[-1] * [1.0, 0.0, 1.0]
         window = np.hanning(stop - before + 2)[1:-1]
         window[0] = 0.0
-        rows[before:stop, 3] += steer_rad(place, way) * window / max(window.sum(), 1e-9)
+        rows[before:stop, 3] += steer_rad(position, travel) * window / max(window.sum(), 1e-9)
         steered = to_motion(rows[before:stop], skeleton, heading_rad=heading)
-        place = place + steered.root_pos_m[-1] * [1.0, 0.0, 1.0]
+        position = position + steered.root_pos_m[-1] * [1.0, 0.0, 1.0]
         heading += float(rows[before + 1 : stop, 3].sum())
     return to_motion(rows, skeleton)
 
 
 def _at_rate(motion: Motion, contacts: Floats, fps: float, duration_s: float) -> tuple[Motion, Floats]:
-    """Motion and contacts (T, 2) at the dance's rate, by cubic splines."""
+    """Motion and contacts (T, 2) at the dance's rate; the motion by cubic splines."""
     n_frames = max(1, seconds_to_frames(duration_s, fps))
     times = np.minimum(frame_times_s(n_frames, fps), (motion.n_frames - 1) / ROLLOUT_FPS)
     knots = frame_times_s(motion.n_frames, ROLLOUT_FPS)

@@ -19,7 +19,7 @@ def build_starter(
     work: Path,
     output: Path = STARTER_PATH,
     *,
-    learn_from: Sequence[Path] = (),
+    train_on: Sequence[Path] = (),
     leave_out: Sequence[str] = (),
     preset: str = "small",
     seed: int = 0,
@@ -28,7 +28,7 @@ def build_starter(
 ) -> tuple[Repertoire, tuple[str, ...]]:
     """Render the built-in takes, train on them and on real takes, and write the repertoire.
 
-    The repertoire contains only the rendered takes. Real takes (`learn_from`, without those named in
+    The repertoire contains only the rendered takes. Real takes (`train_on`, without those named in
     `leave_out`) only train the style and tempo-density networks; motion words are learned from the
     rendered takes alone. Takes and checkpoints stay in `work`, so that an interrupted run can resume.
     Returns the repertoire and notes; raises as `build_repertoire`.
@@ -37,11 +37,11 @@ def build_starter(
     if not (takes / "manifest.csv").exists():
         write_takes(takes, take_specs(), report=report)
     learned = work / "learned.h5"
-    # Feet of rendered takes are planted exactly: no foot lock needed.
+    # Feet of rendered takes never slide: no foot lock needed.
     given: dict[str, Any] = {"preset": preset, "seed": seed, "resume": True, "lock_feet": False}
     training = BuildOptions(leave_out=tuple(leave_out), words=False, **given)
     _, notes = build_repertoire(
-        [takes, *learn_from], learned, training, report=report, training_report=training_report
+        [takes, *train_on], learned, training, report=report, training_report=training_report
     )
     keeping = BuildOptions(init_from=learned, keep_networks=True, compress=True, **given)
     made, more = build_repertoire(

@@ -1,4 +1,4 @@
-"""Songs in any container come in as one shape; what is no song ends in one line."""
+"""Songs in any container load as mono at one rate; other files are refused in one line."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def one_line_error(path) -> str:
 
 @pytest.mark.parametrize("suffix", ["wav", "flac", "ogg", "mp3"])
 @pytest.mark.parametrize(("rate_hz", "channels"), [(8000, 1), (44100, 2), (48000, 2)])
-def test_common_formats_become_mono_at_our_rate(tmp_path, suffix, rate_hz, channels):
+def test_common_formats_become_mono_at_22050_hz(tmp_path, suffix, rate_hz, channels):
     path = tmp_path / f"song.{suffix}"
     soundfile.write(path, tone(5.0, rate_hz, channels), rate_hz)
     song = load_song(path)
@@ -61,7 +61,7 @@ def test_opposite_channels_cancel_and_the_silence_is_noted(tmp_path):
     assert any("silent" in note for note in load_song(tmp_path / "a.wav").notes)
 
 
-def test_a_span_is_cut_where_asked(tmp_path):
+def test_the_requested_span_is_loaded(tmp_path):
     ramp = np.linspace(0, 0.9, 10 * SAMPLE_RATE_HZ, dtype=np.float32)
     soundfile.write(tmp_path / "a.wav", ramp, SAMPLE_RATE_HZ, subtype="FLOAT")
     song = load_song(tmp_path / "a.wav", start_s=2.0, duration_s=3.0)
@@ -79,7 +79,7 @@ def test_a_short_song_is_loaded_and_noted(tmp_path):
     assert any("less than" in note for note in song.notes)
 
 
-def test_what_is_no_song_says_why_in_one_line(tmp_path):
+def test_files_that_are_no_songs_are_refused_in_one_line(tmp_path):
     (tmp_path / "empty.mp3").write_bytes(b"")
     (tmp_path / "text.mp3").write_text("not a song\n" * 200)
     (tmp_path / "text.wav").write_text("RIFFnot a song\n" * 200)
@@ -103,14 +103,14 @@ def test_a_truncated_song_is_refused(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_samples_that_are_no_numbers_are_refused(tmp_path, bad):
+def test_samples_that_are_not_finite_are_refused(tmp_path, bad):
     sound = tone(5.0, 44100)
     sound[1000] = bad
     soundfile.write(tmp_path / "a.wav", sound, 44100, subtype="FLOAT")
     assert "NaN" in one_line_error(tmp_path / "a.wav")
 
 
-def test_real_mp3s_load_without_a_word_on_stderr(shared_data, capfd):
+def test_real_mp3s_load_without_output_on_stderr(shared_data, capfd):
     song = load_song(shared_data / "dance-with-melody" / "DANCE_C_2" / "audio.mp3")
     assert song.duration_s == pytest.approx(80.0, abs=1.0)
     assert capfd.readouterr().err == ""

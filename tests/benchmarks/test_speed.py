@@ -30,7 +30,7 @@ N_SECONDS, K, N_CLIPS = 180, 512, 2000
 
 @pytest.fixture(scope="module")
 def repertoire(tmp_path_factory):
-    """2,000 clips from 40 takes of 57 s, and the built-in style networks: a song is heard by real ones."""
+    """2,000 clips from 40 takes of 57 s, and the built-in style networks: a song is analysed by real ones."""
     takes = synthetic_takes(periods_s=np.linspace(0.4, 0.9, 40), duration_s=57.0)
     contents = replace(synthetic_contents(takes), nets={"style": starter_repertoire().net("style")})
     path = tmp_path_factory.mktemp("speed") / "rep.h5"
@@ -85,7 +85,7 @@ def test_planning_a_song_exactly(benchmark, repertoire, warping, styles):
         (spread * rng.normal(size=(N_CLIPS, 32))).astype(np.float32),
     )
     music = SongFeatures(
-        "planted", float(N_SECONDS), warping[2], np.zeros((N_SECONDS, 32), np.float32),
+        "synthetic", float(N_SECONDS), warping[2], np.zeros((N_SECONDS, 32), np.float32),
         np.full(N_SECONDS, 8, np.float32), warping[1],
     )  # fmt: skip
     costs = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]

@@ -1,4 +1,4 @@
-"""Assembly of runs: lengths, identity, places, and joins that cannot be seen."""
+"""Assembly of runs: lengths, identity, alignment, and transitions without a jump."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_one_run_is_the_take_itself(blending):
 
 
 @pytest.mark.parametrize("blending", BLENDINGS)
-def test_a_join_of_a_take_with_itself_changes_nothing(blending):
+def test_a_transition_of_a_take_to_itself_changes_nothing(blending):
     # Two runs by force, where the second plays on from the first.
     runs = [
         Run("sway", 0.0, 2.0, np.arange(4.0, 6.001, 0.05)),
@@ -76,7 +76,7 @@ def test_length(fps, duration_s):
 
 @pytest.mark.parametrize("blending", BLENDINGS)
 @pytest.mark.parametrize("second_take", ["other", "slow", "step"])
-def test_a_run_begins_where_the_last_one_stood_and_faces_as_it_faced(blending, second_take):
+def test_a_run_is_aligned_with_the_one_before(blending, second_take):
     made, _ = assembled(["sway", "sway", second_take, second_take], seconds(3, 4, 5, 6), blending=blending)
     body = body_pos_m(made)
     alone = body_pos_m(TAKES["sway"].sliced(180, 301))
@@ -93,13 +93,13 @@ def test_a_run_begins_where_the_last_one_stood_and_faces_as_it_faced(blending, s
 
 @pytest.mark.parametrize("blending", BLENDINGS)
 @pytest.mark.parametrize("transition_s", [0.001, 1.0])
-def test_a_join_takes_as_long_as_it_is_told(blending, transition_s):
+def test_a_transition_has_the_given_length(blending, transition_s):
     """A plan may say any fade, also one that nothing searches for."""
     times = [t for start in (3, 6) for t in (start, start + 1, start + 2)]
     runs = to_runs(["sway"] * 3 + ["other"] * 3, seconds(*times))
     made = [
-        assemble(told, read_motion, fps=60.0, duration_s=6.0, blending=blending)[0]
-        for told in (runs, [runs[0], replace(runs[1], transition_s=transition_s)])
+        assemble(given, read_motion, fps=60.0, duration_s=6.0, blending=blending)[0]
+        for given in (runs, [runs[0], replace(runs[1], transition_s=transition_s)])
     ]
     assert np.isfinite(made[1].root_pos_m).all() and np.isfinite(made[1].local_quat).all()
     changed = np.abs(made[0].local_quat - made[1].local_quat).max(axis=(1, 2)) > 1e-6
@@ -114,7 +114,7 @@ def jerk(motion):
 
 
 @pytest.mark.parametrize("blending", BLENDINGS)
-def test_joins_are_continuous(blending):
+def test_transitions_are_continuous(blending):
     made, transition_times_s = assembled(
         ["sway", "other", "step", "slow"], seconds(3, 7, 2, 9), blending=blending
     )
@@ -125,7 +125,7 @@ def test_joins_are_continuous(blending):
     assert np.allclose(np.linalg.norm(made.local_quat, axis=-1), 1.0)
 
 
-def test_inertial_joins_are_smooth_where_a_hard_cut_is_not():
+def test_inertialization_is_smooth_where_a_hard_cut_is_not():
     made, transition_times_s = assembled(["sway", "other", "step", "slow"], seconds(3, 7, 2, 9))
     cut = [TAKES[take].resampled(60.0) for take in ("sway", "other", "step", "slow")]
     cut_pos = [body_pos_m(m)[60 * s : 60 * s + 60] for m, s in zip(cut, (3, 7, 2, 9), strict=True)]
@@ -168,7 +168,7 @@ def test_a_dance_that_walks_away_is_steered_home():
 
 
 @pytest.mark.parametrize("blending", BLENDINGS)
-def test_short_runs_are_joined_without_a_jump_and_keep_their_middles(blending):
+def test_short_runs_are_blended_smoothly_and_keep_their_middles(blending):
     starts = np.arange(0.0, 6.0, 0.4)
     takes = ["sway", "other", "step"] * 5
     runs = [Run(t, s, s + 0.4, np.linspace(s + 2, s + 2.4, 9)) for t, s in zip(takes, starts, strict=True)]

@@ -1,4 +1,4 @@
-"""A sliding foot is held; a motion without contacts is left alone; contacts and slide agree."""
+"""A sliding foot is locked; a motion without contacts is left alone; contacts and slide agree."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _sliding() -> Motion:
     return Motion(canonical_skeleton(), root, quat, 30.0)
 
 
-def test_held_feet_do_not_slide():
+def test_locked_feet_do_not_slide():
     motion = _sliding()
     contacts = np.ones((90, 4), bool)
     locked = lock_feet(motion, contacts)
@@ -65,15 +65,15 @@ def test_contacts_outside_zero_to_one():
         lock_feet(_sliding(), np.full((90, 4), 2.0))
 
 
-def test_a_foot_that_stops_and_goes_is_held_without_jerk():
-    """Slide noise on a planted foot goes, the jerk of the whole does not grow."""
+def test_a_foot_that_stops_and_goes_is_locked_without_jerk():
+    """Slide noise on a foot in contact goes, the jerk of the whole does not grow."""
     motion = _sliding()
     contacts = np.zeros((90, 4))
     contacts[20:50] = contacts[65:80] = 1.0
     before, after = body_pos_m(motion), body_pos_m(lock_feet(motion, contacts))
     ball = BODY_JOINTS.index("left_foot")
-    slid, held = (np.ptp(pos[25:45, ball, 0]) for pos in (before, after))
-    assert held < 0.3 * slid
+    slid, locked = (np.ptp(pos[25:45, ball, 0]) for pos in (before, after))
+    assert locked < 0.3 * slid
     assert evaluate(after, 30)["jerk_p95_m_s3"] < evaluate(before, 30)["jerk_p95_m_s3"] + 2.0
     head = BODY_JOINTS.index("head")
     assert np.abs(after[:, head] - before[:, head]).max() < 0.03
@@ -85,14 +85,14 @@ def test_the_body_above_the_legs_stays():
     far = motion.moved(shift_m=np.array([0.0, 0.02, 0.0]))
     for upper in ("pelvis", "head", "left_wrist", "right_hip"):
         joint = BODY_JOINTS.index(upper)
-        held = body_pos_m(lock_feet(far, np.ones((90, 4))))
-        assert np.allclose(held[:, joint], body_pos_m(far)[:, joint], atol=1e-9)
+        locked = body_pos_m(lock_feet(far, np.ones((90, 4))))
+        assert np.allclose(locked[:, joint], body_pos_m(far)[:, joint], atol=1e-9)
 
 
 def test_contacts_are_found_if_not_given():
     motion = _sliding()
-    held = lock_feet(motion, foot_contacts(body_pos_m(motion), motion.fps))
-    assert (lock_feet(motion).local_quat == held.local_quat).all()
+    locked = lock_feet(motion, foot_contacts(body_pos_m(motion), motion.fps))
+    assert (lock_feet(motion).local_quat == locked.local_quat).all()
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 3, 4])

@@ -1,4 +1,4 @@
-"""Runs of seconds and of words: what is joined to one, what is cut out of another."""
+"""Runs of seconds and of words: what is one run, what is cut out of another."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_a_cut_run_plays_the_same():
 
 
 @pytest.mark.parametrize("cover", [(0.3, 0.9), (0.0, 0.5), (1.5, 2.6), (2.5, 4.0), (0.5, 3.5), (1.0, 2.0)])
-def test_what_is_danced_instead_leaves_no_gap(cover):
+def test_overlaid_runs_leave_no_gap(cover):
     seconds = [tuple(3.0 + s + np.arange(21) / 20) for s in range(2)]
     runs = to_runs(["a", "a", "b", "b"], seconds + seconds)
     instead = Run("x", *cover, np.linspace(7.0, 8.0, 11))
@@ -62,7 +62,7 @@ def test_what_is_danced_instead_leaves_no_gap(cover):
     assert overlay_runs(runs, []) == runs
 
 
-def test_a_join_is_moved_and_nothing_else_changes():
+def test_moving_a_transition_changes_nothing_else():
     runs = to_runs(
         ["a"] * 3 + ["b"] * 2 + ["c"] * 2, [np.linspace(t, t + 1, 21) for t in (5, 6, 7, 1, 2, 9, 10)]
     )

@@ -1,4 +1,4 @@
-"""Crossfades and fading offsets: ends, derivatives, and the identity where there is nothing to join."""
+"""Crossfades and decaying offsets: ends, derivatives, and the identity where both sides are equal."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_crossfade_of_the_same_is_the_same():
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 2.0))
-def test_fading_starts_with_the_offset_and_ends_at_rest(seed, length_s):
+def test_an_offset_decays_from_itself_to_rest(seed, length_s):
     offset = np.random.default_rng(seed).normal(size=(3, 2))
     h = length_s * 1e-4
     start = decay_offset(offset, np.array([0.0, h, 2 * h]), length_s)
@@ -54,11 +54,11 @@ def test_fading_starts_with_the_offset_and_ends_at_rest(seed, length_s):
     assert np.allclose(decay_offset(offset, np.array([length_s * 1.5, length_s * 9]), length_s), 0, atol=1e-9)
 
 
-def test_fading_of_nothing_is_nothing():
+def test_a_zero_offset_stays_zero():
     assert np.array_equal(decay_offset(np.zeros((3, 4, 3)), np.linspace(0, 1, 9), 0.5), np.zeros((9, 4, 3)))
 
 
-def test_offsets_are_what_b_lacks():
+def test_offsets_lead_from_b_to_a():
     fps, t = 50.0, np.array([-0.02, 0.0, 0.02])[:, None]
     a_root = 1.0 + 2.0 * t + 1.5 * t**2 + np.zeros((3, 3))
     b_root = -3.0 * t + np.zeros((3, 3))
@@ -70,10 +70,10 @@ def test_offsets_are_what_b_lacks():
     assert np.allclose(turn[:, 0], np.array([0.3, 1.5, 0.0])[:, None] * axis, atol=1e-9)
 
 
-def test_b_with_its_offset_is_a_at_the_join():
+def test_b_with_its_offset_is_a_at_the_transition():
     a, b = random_motion(5, 3), random_motion(6, 3)
     root, turn = inertial_offsets(*a, *b, fps=60.0)
     at = np.array([0.0])
-    joined = apply_offset(b[0][1:2], b[1][1:2], decay_offset(root, at, 0.3), decay_offset(turn, at, 0.3))
-    assert np.allclose(joined[0][0], a[0][1])
-    assert np.abs(np.sum(joined[1][0] * a[1][1], axis=-1)) == pytest.approx(1.0)
+    met = apply_offset(b[0][1:2], b[1][1:2], decay_offset(root, at, 0.3), decay_offset(turn, at, 0.3))
+    assert np.allclose(met[0][0], a[0][1])
+    assert np.abs(np.sum(met[1][0] * a[1][1], axis=-1)) == pytest.approx(1.0)

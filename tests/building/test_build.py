@@ -30,7 +30,7 @@ def takes(shared_data, tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_build_resume_take_over_and_dance(takes, tmp_path):
+def test_build_resume_reuse_and_dance(takes, tmp_path):
     progress = []
     built, _ = build_repertoire(
         [takes], tmp_path / "a.h5", BuildOptions(preset="tiny"), training_report=progress.append
@@ -56,7 +56,7 @@ def test_build_resume_take_over_and_dance(takes, tmp_path):
     assert [take.name for take in one.takes] == [TAKES[0]]
 
     kept, _ = build_repertoire(
-        [takes], tmp_path / "c.h5", BuildOptions(init_from=built.path, keep_networks=True, packed=True)
+        [takes], tmp_path / "c.h5", BuildOptions(init_from=built.path, keep_networks=True, compress=True)
     )
     assert kept.provenance["trained_on"] == built.provenance["trained_on"]
     assert not (tmp_path / "c.h5.build").exists()
@@ -74,7 +74,7 @@ def test_two_takes_of_one_name_are_refused(takes, tmp_path):
     assert not (tmp_path / "x.h5").exists()
 
 
-def test_networks_to_keep_must_be_given(takes, tmp_path):
+def test_keep_networks_needs_a_repertoire(takes, tmp_path):
     with pytest.raises(ParameterError, match="init-from"):
         build_repertoire([takes], tmp_path / "x.h5", BuildOptions(keep_networks=True))
 
@@ -124,7 +124,7 @@ def takes_to_clicks(tmp_path_factory):
     return folder
 
 
-def test_style_begins_with_another_repertoires_and_says_what_that_heard(takes_to_clicks, tmp_path):
+def test_pretrained_style_records_what_it_was_trained_on(takes_to_clicks, tmp_path):
     options = BuildOptions(preset="tiny", words=False)
 
     def built(name, **changes):
@@ -139,10 +139,8 @@ def test_style_begins_with_another_repertoires_and_says_what_that_heard(takes_to
     assert (begun.provenance["style_from"], afresh.provenance["style_from"]) == ("one.h5", None)
 
 
-@pytest.mark.parametrize(("mirroring", "share"), [(True, 0.5), (False, 0.0)])
-def test_networks_learn_from_mirrored_motion_unless_told_not_to(
-    silent_takes, tmp_path, augment_mirror, share
-):
+@pytest.mark.parametrize(("augment_mirror", "share"), [(True, 0.5), (False, 0.0)])
+def test_mirror_augmentation_can_be_turned_off(silent_takes, tmp_path, augment_mirror, share):
     options = BuildOptions(preset="tiny", augment_mirror=augment_mirror)
     built, _ = build_repertoire([silent_takes], tmp_path / "a.h5", options)
     assert built.net("words").config["mirrored_share"] == share
@@ -169,7 +167,7 @@ def test_what_a_kept_repertoire_lacks_is_trained(silent_takes, tmp_path):
     assert (tmp_path / "c.h5.build" / "words.pt").exists()
 
 
-def test_words_are_cut_on_the_music_where_it_plays_while_the_take_lasts(tmp_path):
+def test_takes_are_segmented_on_their_part_of_the_song(tmp_path):
     song = write_clicks(tmp_path / "clicks.wav", duration_s=25.0, bpm=TRUE_BPM)
     [synthetic] = synthetic_takes(periods_s=[0.75], duration_s=12.0)
     cases = {
@@ -197,23 +195,23 @@ def waltz(shared_data, tmp_path_factory):
     return folder
 
 
-def test_feet_of_takes_are_held_unless_told_not_to(waltz, tmp_path):
+def test_feet_of_takes_are_locked_by_default(waltz, tmp_path):
     def built(name, **changes):
         options = BuildOptions(preset="tiny", words=False, **changes)
         return build_repertoire([waltz], tmp_path / name, options)[0]
 
-    held, recorded = built("held.h5"), built("recorded.h5", lock_feet=False)
-    assert (held.provenance["feet_locked"], recorded.provenance["feet_locked"]) == (True, False)
-    (still, _), (sliding, _) = held.motion(0), recorded.motion(0)
+    locked, recorded = built("locked.h5"), built("recorded.h5", lock_feet=False)
+    assert (locked.provenance["feet_locked"], recorded.provenance["feet_locked"]) == (True, False)
+    (still, _), (sliding, _) = locked.motion(0), recorded.motion(0)
     slides = [physical.foot_slide_cm_s(body_pos_m(motion), motion.fps) for motion in (still, sliding)]
     assert slides[0] < 0.85 * slides[1]
-    # Only legs are moved; what is measured on the body is measured on the held one.
+    # Only legs are moved; features are measured on the locked motion.
     np.testing.assert_allclose(still.root_pos_m, sliding.root_pos_m, atol=1e-6)
     arms = slice(still.skeleton.index("neck"), None)
     np.testing.assert_allclose(still.local_quat[:, arms], sliding.local_quat[:, arms], atol=1e-6)
     coarse = body_pos_m(still.resampled(NET_FPS))
     np.testing.assert_allclose(
-        held.body_pos_m(0)[: len(coarse)], coarse[: len(held.body_pos_m(0))], atol=2e-3
+        locked.body_pos_m(0)[: len(coarse)], coarse[: len(locked.body_pos_m(0))], atol=2e-3
     )
     again = built("again.h5")
-    assert again.path.read_bytes() == held.path.read_bytes()
+    assert again.path.read_bytes() == locked.path.read_bytes()

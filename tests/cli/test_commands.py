@@ -1,53 +1,19 @@
-"""The command line as a user meets it: what works, and how what cannot ends."""
+"""`choreograph dance`, `build-db` and `inspect` as a user meets them, and how they fail."""
 
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import soundfile
-from click.testing import CliRunner
-from synthetic_repertoire import synthetic_repertoire
+from command_line import assert_one_line, run
+from synthetic_repertoire import write_clicks
 
-from choreograph.cli import main
 from choreograph.errors import ParameterError
 from choreograph.repertoire import Repertoire
-
-RATE = 22050
-
-
-@pytest.fixture(scope="module")
-def db(tmp_path_factory):
-    return synthetic_repertoire(tmp_path_factory.mktemp("db") / "rep.h5").path
-
-
-@pytest.fixture(scope="module")
-def song(tmp_path_factory):
-    return write_clicks(tmp_path_factory.mktemp("song") / "song.wav", seconds=6.0)
-
-
-def write_clicks(path: Path, *, seconds: float, rate: int = RATE) -> Path:
-    samples = np.zeros(int(seconds * rate), np.float32)
-    noise = np.random.default_rng(0).normal(size=rate // 50).astype(np.float32) * 0.3
-    for start in range(0, len(samples) - len(noise), rate // 2):
-        samples[start : start + len(noise)] += noise
-    soundfile.write(path, samples, rate)
-    return path
-
-
-def run(*arguments: object):
-    return CliRunner().invoke(main, [str(a) for a in arguments])
-
-
-def assert_one_line(result, *, says: str) -> None:
-    assert result.exit_code == 2, result.output
-    lines = result.stderr.strip().splitlines()
-    assert len(lines) == 1, result.stderr
-    assert says in lines[0]
-    assert "Traceback" not in result.output
+from choreograph.timebase import SAMPLE_RATE_HZ
 
 
 def test_dance_writes_every_output_and_the_same_bytes_again(tmp_path, song, db):
@@ -67,7 +33,7 @@ def test_a_plan_is_rendered_again(tmp_path, song, db):
     assert again.read_bytes() == bvh.read_bytes()
 
 
-def test_inspect_speaks_to_people_and_machines(db):
+def test_inspect_prints_text_and_json(db):
     assert "clips" in run("inspect", db).output
     facts = json.loads(run("inspect", db, "--json").output)
     assert facts["n_clips"] == sum(take["clips"] for take in facts["takes"])
@@ -75,9 +41,9 @@ def test_inspect_speaks_to_people_and_machines(db):
     assert_one_line(run("inspect", db, "--plots", db.with_name("plots")), says="build-db")
 
 
-def test_inspect_tells_and_plots_what_genres_are_made_of(tmp_path, monkeypatch):
+def test_inspect_prints_and_plots_the_motifs_of_genres(tmp_path, monkeypatch, db_with_motifs):
     monkeypatch.setattr("choreograph.preview.motif_plots.STRIPS", 1)
-    path = synthetic_repertoire(tmp_path / "rep.h5", vocabulary=True).path
+    path = db_with_motifs
     shown = run("inspect", path, "--plots", tmp_path / "plots")
     assert shown.exit_code == 0, shown.output
     assert "motion words of" in shown.output
@@ -99,7 +65,7 @@ def test_inspect_tells_and_plots_what_genres_are_made_of(tmp_path, monkeypatch):
 def test_build_and_dance_with_takes_without_music(tmp_path, song, db):
     bvh = tmp_path / "takes" / "one.bvh"
     bvh.parent.mkdir()
-    long = write_clicks(tmp_path / "long.wav", seconds=12.0)
+    long = write_clicks(tmp_path / "long.wav", duration_s=12.0)
     assert run("dance", long, "--db", db, "-o", bvh).exit_code == 0
     rep = tmp_path / "rep.h5"
     built = run("build-db", bvh.parent, "-o", rep, "--preset", "tiny")
@@ -125,13 +91,13 @@ def test_build_and_dance_with_takes_without_music(tmp_path, song, db):
         (["-o", "x.doc"], "doc"),
     ],
 )
-def test_options_that_cannot_be_used(song, db, tmp_path, monkeypatch, options, says):
+def test_invalid_values_of_options_are_refused(song, db, tmp_path, monkeypatch, options, says):
     monkeypatch.chdir(tmp_path)
     assert_one_line(run("dance", song, "--db", db, *options), says=says)
     assert not list(tmp_path.iterdir())
 
 
-def test_songs_that_are_none(tmp_path, db):
+def test_a_file_that_is_no_song_is_refused(tmp_path, db):
     cases = {
         "missing": tmp_path / "none.wav",
         "folder": tmp_path,
@@ -142,8 +108,10 @@ def test_songs_that_are_none(tmp_path, db):
     }
     cases["empty"].write_bytes(b"")
     cases["text"].write_text("la la la " * 100)
-    soundfile.write(cases["nan"], np.full(RATE, np.nan, np.float32), RATE, subtype="FLOAT")
-    whole = write_clicks(tmp_path / "whole.wav", seconds=2.0).read_bytes()
+    soundfile.write(
+        cases["nan"], np.full(SAMPLE_RATE_HZ, np.nan, np.float32), SAMPLE_RATE_HZ, subtype="FLOAT"
+    )
+    whole = write_clicks(tmp_path / "whole.wav", duration_s=2.0).read_bytes()
     cases["cut"].write_bytes(whole[: len(whole) // 2])
     before = sorted(tmp_path.iterdir())
     for path in cases.values():
@@ -152,7 +120,7 @@ def test_songs_that_are_none(tmp_path, db):
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_repertoires_that_are_none(tmp_path, song, db):
+def test_a_file_that_is_no_repertoire_is_refused(tmp_path, song, db):
     cut, text, other, version = (tmp_path / f"{n}.h5" for n in ("cut", "text", "other", "version"))
     cut.write_bytes(db.read_bytes()[:2000])
     text.write_text("not hdf5")
@@ -184,7 +152,7 @@ def test_config_files(tmp_path, song, db):
     assert_one_line(run("dance", song, "--db", db, "--config", bad, "-o", plan), says="candidate")
 
 
-def test_sources_that_are_none(tmp_path):
+def test_sources_without_takes_are_refused(tmp_path):
     (tmp_path / "empty").mkdir()
     for source in (tmp_path / "none", tmp_path / "empty"):
         assert_one_line(run("build-db", source, "-o", tmp_path / "r.h5"), says=str(source))
@@ -192,27 +160,62 @@ def test_sources_that_are_none(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("given", "style_from", "mirroring"),
+    ("given", "expected"),
     [
-        ([], "starter.h5", True),
-        (["--preset", "tiny"], None, True),
-        (["--style-from", "nothing", "--no-mirroring"], None, False),
-        (["--style-from", "other.h5", "--preset", "tiny"], "other.h5", True),
+        ([], {"pretrained_style": "starter.h5", "augment_mirror": True, "compress": False}),
+        (["--preset", "tiny"], {"pretrained_style": None, "preset": "tiny"}),
+        (["--pretrained-style", "nothing"], {"pretrained_style": None, "lock_feet": True}),
+        (["--no-augment-mirror"], {"augment_mirror": False}),
+        (["--pretrained-style", "other.h5", "--preset", "tiny"], {"pretrained_style": "other.h5"}),
+        (["--no-lock-feet", "--compress"], {"lock_feet": False, "compress": True}),
+        (["--density", "learned", "--leave-out", "a", "--leave-out", "@names.txt"],
+         {"density": "learned", "leave_out": ("a", "b", "c")}),
     ],
-)
-def test_what_training_begins_with(tmp_path, monkeypatch, given, pretrained_style, augment_mirror):
-    def build(sources, output, options, **reports):
-        assert (options.pretrained_style and options.pretrained_style.name) == pretrained_style
-        assert options.augment_mirror == augment_mirror
-        raise ParameterError("asked for as expected")
+)  # fmt: skip
+def test_build_options(tmp_path, monkeypatch, given, expected):
+    def build(sources, output, *, report, training_report, pretrained_style, **options):
+        options["pretrained_style"] = pretrained_style and pretrained_style.name
+        assert {name: options[name] for name in expected} == expected
+        raise ParameterError("built with these options")
 
-    monkeypatch.setattr("choreograph.building.build_repertoire", build)
-    assert_one_line(run("build-db", tmp_path, "-o", tmp_path / "r.h5", *given), says="asked for as expected")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "names.txt").write_text("# takes\nb\n\nc\n")
+    monkeypatch.setattr("choreograph.build", build)
+    assert_one_line(run("build-db", tmp_path, "-o", "r.h5", *given), says="built with these options")
 
 
-def test_networks_to_begin_with_must_be_there(tmp_path):
-    wanted = run("build-db", tmp_path, "-o", tmp_path / "r.h5", "--style-from", tmp_path / "none.h5")
-    assert_one_line(wanted, says="none.h5")
+def test_a_list_of_names_must_be_readable(tmp_path):
+    result = run("build-db", tmp_path, "-o", tmp_path / "r.h5", "--leave-out", f"@{tmp_path / 'none.txt'}")
+    assert_one_line(result, says="none.txt")
+
+
+def test_pretrained_networks_must_be_there(tmp_path):
+    result = run("build-db", tmp_path, "-o", tmp_path / "r.h5", "--pretrained-style", tmp_path / "none.h5")
+    assert_one_line(result, says="none.h5")
+
+
+def test_songs_are_listed_located_and_copied(tmp_path):
+    names = list(json.loads(run("songs", "--json").stdout))
+    assert names and all(name in run("songs").stdout for name in names)
+    assert run("songs", "--path", names[0]).stdout.strip().endswith((".mp3", ".ogg", ".flac", ".wav"))
+    assert run("songs", "--copy", tmp_path, "--json").exit_code == 0
+    assert len(list(tmp_path.iterdir())) == len(names)
+    assert_one_line(run("songs", "--path", "nothing"), says="nothing")
+
+
+def test_help_shows_options_in_groups():
+    shown = run("dance", "--help").output
+    titles = [
+        "Output:",
+        "Song and repertoire:",
+        "What is danced:",
+        "Engine:",
+        "Graph engine:",
+        "Rollout engine:",
+    ]
+    places = [shown.index(f"  {title}") for title in titles]
+    assert places == sorted(places)
+    assert shown.index("Graph engine:") < shown.index("--transitions") < shown.index("Rollout engine:")
 
 
 def test_the_installed_command_answers():

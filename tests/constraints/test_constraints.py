@@ -18,15 +18,15 @@ from choreograph.takes import Credits
 
 
 @pytest.mark.parametrize(
-    "wish",
+    "constraint",
     [MotifPin(12.0, 41), MotifPin(0.25, 0), TakePin(30.0, 38.5, "DANCE_W_3"), TakePin(0.0, 1.0, "a=b:c")],
 )
-def test_pins_say_how_they_are_written(wish):
-    assert parse_pin(str(wish)) == wish
+def test_pins_print_as_they_are_parsed(constraint):
+    assert parse_pin(str(constraint)) == constraint
 
 
 @pytest.mark.parametrize("ban", [Ban(take="a b"), Ban(genre="cha-cha"), Ban(motif=0)])
-def test_bans_say_how_they_are_written(ban):
+def test_bans_print_as_they_are_parsed(ban):
     assert parse_ban(str(ban)) == ban
 
 
@@ -35,18 +35,18 @@ def test_bans_say_how_they_are_written(ban):
     ["", "12", "12=41", "12=motif:", "12=motif:-1", "12=motif:x", "12=take:A", "1-2=motif:3", "-3=motif:1",
      "1.2.3=motif:4", "1-2=take:", "a-b=take:A"],
 )  # fmt: skip
-def test_text_that_is_no_pin(text):
+def test_malformed_pins(text):
     with pytest.raises(ParameterError, match="--pin"):
         parse_pin(text)
 
 
 @pytest.mark.parametrize("text", ["", "take", "take:", "motif:x", "motif:-1", "song:a", "genre:"])
-def test_text_that_is_no_ban(text):
+def test_malformed_bans(text):
     with pytest.raises(ParameterError, match="--ban"):
         parse_ban(text)
 
 
-def test_a_signature_survives_its_file(tmp_path):
+def test_signatures_round_trip(tmp_path):
     shares = np.array([0.1, 0.2, 0.7])
     write_signature(tmp_path / "mine.json", shares, name="waltz", repertoire="rep.h5")
     np.testing.assert_allclose(read_signature(tmp_path / "mine.json"), shares)
@@ -62,12 +62,12 @@ def test_a_signature_survives_its_file(tmp_path):
         {"format": "choreograph-signature", "shares": []},
     ],
 )  # fmt: skip
-def test_what_is_no_signature(tmp_path, data):
+def test_malformed_signatures(tmp_path, data):
     path = tmp_path / "as_given.json"
     path.write_text(data if isinstance(data, str) else json.dumps(data))
-    with pytest.raises(FormatError, match="as_given") as said:
+    with pytest.raises(FormatError, match="as_given") as raised:
         read_signature(path)
-    assert "\n" not in str(said.value)
+    assert "\n" not in str(raised.value)
 
 
 def test_motif_sequences_of_every_kind(tmp_path):
@@ -88,7 +88,7 @@ def test_motif_sequences_of_every_kind(tmp_path):
 @pytest.mark.parametrize(
     "text", ["", "[]", "{}", "[1, -2]", "[1, 2.5]", "[true]", '[{"at_s": 1}]', "[1, [2]]"]
 )
-def test_what_is_no_motif_sequence(tmp_path, text):
+def test_malformed_motif_sequences(tmp_path, text):
     (tmp_path / "of_moves.json").write_text(text)
     with pytest.raises(FormatError, match="of_moves"):
         read_motifs(tmp_path / "of_moves.json")

@@ -1,4 +1,4 @@
-"""The mixer, and what is asked of it and of the graph: pins hold, bans are kept, dances are made again."""
+"""The mixer, and constraints on it and on the graph: pins, bans, genres, signatures, re-creation."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_a_mixed_dance_fills_its_song_with_words_on_the_beats(mixed, with_motifs
     assert cg.Plan.from_json(plan.to_json()) == plan
 
 
-def test_its_words_are_still_their_motifs_once_they_are_joined(mixed, with_motifs):
+def test_its_words_still_show_their_motifs_after_blending(mixed, with_motifs):
     bounds, motifs = shown_motifs(mixed, with_motifs)
     wanted = {round(word.start_s, 4): word.motif for word in mixed.plan.words}
     resolved = [wanted[round(start, 4)] for start in bounds[:-1] if round(start, 4) in wanted]
@@ -88,7 +88,7 @@ def test_its_plan_renders_the_same_dance(mixed, with_motifs):
         cg.render(replace(mixed.plan, words=tuple(words)), with_motifs)
 
 
-def test_the_same_seed_mixes_the_same_and_another_another(mixed, with_motifs, song):
+def test_seeds_decide_the_dance(mixed, with_motifs, song):
     assert cg.dance(song, with_motifs, engine="mixer").plan == mixed.plan
     other = cg.dance(song, with_motifs, engine="mixer", config=cg.DanceConfig(seed=5))
     assert [w.motif for w in other.plan.words] != [w.motif for w in mixed.plan.words]
@@ -96,7 +96,7 @@ def test_the_same_seed_mixes_the_same_and_another_another(mixed, with_motifs, so
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
-def test_pinned_motifs_always_hold(with_motifs, song, engine, seed):
+def test_pinned_motifs_are_danced(with_motifs, song, engine, seed):
     rng = np.random.default_rng(seed)
     times = [1.7, 2.2, 5.1, 9.9]  # two of them next to each other
     pins = [cg.MotifPin(at_s, int(rng.integers(with_motifs.vocabulary.n_motifs))) for at_s in times]
@@ -114,14 +114,14 @@ def test_pinned_motifs_always_hold(with_motifs, song, engine, seed):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_where_a_take_is_pinned_nothing_else_is_danced(with_motifs, song, engine):
+def test_only_a_pinned_take_is_danced_where_it_is_pinned(with_motifs, song, engine):
     pin = cg.TakePin(4.0, 8.0, "take2")
     made = cg.dance(song, with_motifs, engine=engine, pins=[pin], bans=[cg.Ban(take="take1")])
     assert takes_between(made, 4.0, 8.0) == {"take2"}
     assert "take1" not in made.plan.takes_s()
 
 
-def test_joins_that_move_to_beats_stay_out_of_a_pinned_take(with_motifs, song):
+def test_transitions_do_not_reach_into_a_pinned_take(with_motifs, song):
     made = cg.dance(song, with_motifs, pins=[cg.TakePin(4.0, 8.0, "take2")], bans=[cg.Ban(take="take1")])
     runs = plan_runs(made.plan)
     assert {run.take for run in runs if run.start_s < 8.0 - 1e-6 and run.stop_s > 4.0 + 1e-6} == {"take2"}
@@ -165,7 +165,7 @@ def test_a_genre_and_a_signature_are_followed(with_motifs, song):
     np.testing.assert_array_equal(cg.signature_of("b", with_motifs), v.signatures[1])
 
 
-def test_a_dance_is_made_again_to_another_song(with_motifs, song):
+def test_a_dance_is_recreated_to_another_song(with_motifs, song):
     motifs = cg.motifs_of("take2", with_motifs)
     assert list(motifs) == with_motifs.vocabulary.word_motif[with_motifs.vocabulary.words_of_take(2)].tolist()
     made = cg.dance(song, with_motifs, motifs=motifs)  # a sequence asks for the mixer
@@ -179,7 +179,7 @@ def test_a_dance_is_made_again_to_another_song(with_motifs, song):
 
 
 @pytest.mark.slow
-def test_a_motion_file_is_made_again(with_motifs, mixed, song, tmp_path):
+def test_a_motion_file_is_recreated(with_motifs, mixed, song, tmp_path):
     mixed.save(tmp_path / "old.bvh")
     (tmp_path / "old.wav").write_bytes(Path(song).read_bytes())
     motifs = np.array(cg.motifs_of(tmp_path / "old.bvh", with_motifs))
@@ -205,7 +205,7 @@ def test_variations_differ(with_motifs, song, engine):
 
 
 @pytest.mark.parametrize(
-    ("constraints", "says"),
+    ("constraints", "message"),
     [
         ({"pins": [cg.MotifPin(1.0, 99)]}, "motif 99"),
         ({"pins": [cg.MotifPin(13.0, 1)]}, "12.4 s"),
@@ -230,19 +230,19 @@ def test_variations_differ(with_motifs, song, engine):
         ({"motifs": [99]}, "motif 99"),
     ],
 )
-def test_constraints_that_cannot_be_met(with_motifs, constraints, says):
+def test_constraints_that_cannot_be_met(with_motifs, constraints, message):
     def check() -> None:
         wanted = make_constraints(**constraints)
         resolve(wanted, with_motifs, np.arange(0.0, 12.6, 0.5), 12.4)
         target_goal(wanted, with_motifs)
 
-    with pytest.raises(ParameterError, match=says) as said:
+    with pytest.raises(ParameterError, match=message) as raised:
         check()
-    assert "\n" not in str(said.value)
+    assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_every_engine_refuses_them(with_motifs, song, engine):
+def test_every_engine_refuses_constraints_that_cannot_be_met(with_motifs, song, engine):
     for constraints in (
         {"pins": [cg.MotifPin(13.0, 1)]},
         {"signature": [0.5, 0.5]},
@@ -252,7 +252,7 @@ def test_every_engine_refuses_them(with_motifs, song, engine):
             cg.dance(song, with_motifs, engine=engine, **constraints)
 
 
-def test_what_only_one_engine_can_do(with_motifs, song):
+def test_arguments_of_other_engines_are_refused(with_motifs, song):
     with pytest.raises(ParameterError, match="graph engine"):
         cg.dance(song, with_motifs, engine="graph", motifs=[1, 2, 3])
     with pytest.raises(ParameterError, match="expected no weights with the mixer engine"):

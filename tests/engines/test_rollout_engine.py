@@ -1,4 +1,4 @@
-"""The rollout engine: built, danced, asked, refused."""
+"""The rollout engine: built, danced, constrained, refused."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ def rolled(rolling, song):
     return cg.dance(song, rolling, engine="rollout")
 
 
-def test_build_stores_the_network_and_what_shaped_it(rolling):
+def test_a_build_stores_the_network_and_its_configuration(rolling):
     assert set(rolling.net_names) == {"words", "rollout"}
     assert rolling.rollout_net().config.n_joints == rolling.skeleton.n_joints
 
 
 def test_a_network_that_is_kept_is_not_trained_again(rolling, tmp_path):
-    told = []
+    reported = []
     kept, _ = build_repertoire(
         [rolling.path.parent], tmp_path / "b.h5",
         BuildOptions(preset="tiny", rollout=True, init_from=rolling.path, keep_networks=True),
-        training_report=told.append,
+        training_report=reported.append,
     )  # fmt: skip
-    assert not told
+    assert not reported
     for name, weights in rolling.net("rollout").weights.items():
         assert np.array_equal(weights, kept.net("rollout").weights[name])
 
 
-def test_a_rolled_dance_fills_its_song_with_words_of_the_network(rolled):
+def test_a_rollout_fills_its_song_with_words(rolled):
     plan = rolled.plan
     assert (plan.engine, plan.seconds) == ("rollout", ())
     assert abs(rolled.motion.duration_s - plan.duration_s) <= 1 / 60
@@ -63,7 +63,7 @@ def test_one_seed_one_dance(rolling, song, rolled):
     assert np.array_equal(again.motion.local_quat, rolled.motion.local_quat)
 
 
-def test_motifs_are_asked_for_as_given_and_pinned(rolling, song):
+def test_given_and_pinned_motifs_are_planned(rolling, song):
     given = cg.dance(song, rolling, engine="rollout", motifs=[1, 0, 1])
     assert [word.motif for word in given.plan.words[:3]] == [1, 0, 1]
     pinned = cg.dance(song, rolling, engine="rollout", pins=[cg.MotifPin(4.1, 1)])
@@ -73,14 +73,14 @@ def test_motifs_are_asked_for_as_given_and_pinned(rolling, song):
     assert all(word.motif != 0 for word in banned.plan.words)
 
 
-def test_another_songs_style_changes_poses_but_not_what_is_danced(rolling, song, rolled, tmp_path):
+def test_another_songs_style_changes_poses_but_not_motifs(rolling, song, rolled, tmp_path):
     other = write_clicks(tmp_path / "other.wav", duration_s=5.0, bpm=90.0)
     styled = cg.dance(song, rolling, engine="rollout", style_song=other)
     assert [w.motif for w in styled.plan.words] == [w.motif for w in rolled.plan.words]
     assert not np.allclose(styled.motion.local_quat, rolled.motion.local_quat)
 
 
-def test_what_a_network_cannot_do_is_refused_in_one_line(rolling, song, tmp_path):
+def test_constraints_on_takes_are_refused_in_one_line(rolling, song, tmp_path):
     with pytest.raises(ParameterError, match="dances no take"):
         cg.dance(song, rolling, engine="rollout", pins=[cg.TakePin(1.0, 2.0, "steps")])
     with pytest.raises(ParameterError, match="style song"):
@@ -90,7 +90,7 @@ def test_what_a_network_cannot_do_is_refused_in_one_line(rolling, song, tmp_path
         cg.dance(song, without, engine="rollout")
 
 
-def test_music_of_words_outside_the_song_is_that_of_the_nearest():
+def test_words_outside_the_song_have_the_music_of_the_nearest():
     samples = np.random.default_rng(0).normal(0, 0.1, 22050 * 4).astype(np.float32)
     noise = Song(samples, "noise")
     spectra = word_spectra(noise, np.array([-1.0, -0.5, 0.5, 1.0, 3.9, 4.5, 5.0]))

@@ -36,12 +36,12 @@ def test_faster_words_show_poses_farther_apart(bank):
     assert spread[1] > 1.5 * spread[0]
 
 
-def test_doubt_is_distance_to_its_own_motif_less_that_to_the_next(bank):
+def test_the_margin_is_the_distance_to_the_next_motif_less_that_to_its_own(bank):
     v = bank.vocabulary
-    doubt = bank.motif_margin_m(np.arange(len(v.word_motif)))
-    assert np.mean(doubt < 0) > 0.95  # nearest is how words were given their motifs, here at 20 fps
+    margin_m = bank.motif_margin_m(np.arange(len(v.word_motif)))
+    assert np.mean(margin_m > 0) > 0.95  # nearest is how words were given their motifs, here at 20 fps
     medoids = v.motifs.embeddings.astype(np.float64)
     gaps = np.linalg.norm(medoids[:, None] - medoids, axis=-1)
     np.fill_diagonal(gaps, np.inf)
-    # A medoid is its motif: all its doubt is the distance to the next medoid.
-    np.testing.assert_allclose(doubt[v.motifs.words], -gaps.min(axis=1), atol=0.02)
+    # A medoid is its motif: all its margin is the distance to the next medoid.
+    np.testing.assert_allclose(margin_m[v.motifs.words], gaps.min(axis=1), atol=0.02)

@@ -29,7 +29,7 @@ def cost(candidates: list[Candidates], rows: tuple[int, ...]) -> float:
 
 @settings(max_examples=30)
 @given(st.integers(0, 10_000), st.lists(st.integers(1, 4), min_size=1, max_size=5))
-def test_the_exact_search_finds_the_cheapest_of_all_ways(seed, sizes):
+def test_the_exact_search_finds_the_cheapest_sequence(seed, sizes):
     rng = np.random.default_rng(seed)
     candidates = [choices_of(rng, size) for size in sizes]
     ways = {rows: cost(candidates, rows) for rows in itertools.product(*(range(size) for size in sizes))}
@@ -73,7 +73,7 @@ def test_a_preferred_word_is_kept_unless_another_is_much_better():
     assert search_words([here.preferring(0, 0.01)]).tolist() == [1]
 
 
-def test_no_place_and_no_such_search():
+def test_no_slot_and_an_unknown_search():
     assert len(search_words([])) == 0
     with pytest.raises(ParameterError, match="'best'"):
         search_words([], search="best")

@@ -1,4 +1,4 @@
-"""A small evaluation end to end: planted takes, songs of clicks, every table and what stands in it."""
+"""A small evaluation from end to end: synthetic takes, songs of clicks, every table and its contents."""
 
 import json
 import math
@@ -15,7 +15,7 @@ from choreograph.audio.song import load_song
 from choreograph.errors import FormatError, ParameterError
 from choreograph.evaluation import (
     METRICS,
-    Protocol,
+    EvaluationConfig,
     evaluate,
     evaluate_dance,
     find_songs,
@@ -24,13 +24,12 @@ from choreograph.evaluation import (
     variants_named,
     write_report,
 )
-from choreograph.evaluation.catalogue import FAMILIES
-from choreograph.evaluation.measuring import plan_scores
-from choreograph.evaluation.motif_judge import DancedMotifs, SignatureJudge
-from choreograph.evaluation.protocol import transition_times_s
+from choreograph.evaluation.metric_catalogue import FAMILIES
+from choreograph.evaluation.motif_scores import DancedMotifs, MotifScorer
+from choreograph.evaluation.plan_scores import plan_scores, transition_times_s
 from choreograph.evaluation.songs import beats_of
 from choreograph.evaluation.tables import number_text
-from choreograph.evaluation.variants import VARIANTS, dance_as
+from choreograph.evaluation.variants import VARIANTS, dance_variant
 from choreograph.exporters import save_motion
 from choreograph.features.sections import Sections
 from choreograph.repertoire import Repertoire
@@ -64,7 +63,7 @@ def folder(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def evaluation(repertoire, folder):
     songs = find_songs(folder, duration_s=21.0)
-    return evaluate(repertoire, songs, Protocol(variants_named(["ours", "random"]), seeds=2))
+    return evaluate(repertoire, songs, EvaluationConfig(variants_named(["ours", "random"]), seeds=2))
 
 
 def cells(evaluation, metric: str) -> dict:
@@ -73,7 +72,7 @@ def cells(evaluation, metric: str) -> dict:
     return dict(zip(table.columns, row.cells, strict=True))
 
 
-def test_every_dance_is_measured_and_every_number_is_in_the_catalogue(evaluation):
+def test_all_dances_are_measured_by_catalogued_metrics(evaluation):
     kinds = [(d.variant, d.song, d.seed) for d in evaluation.dances if d.variant != "takes"]
     wanted = [(v, s, i) for v in ("ours", "random") for s in ("quick", "slow", "alone") for i in (0, 1)]
     assert sorted(kinds) == sorted([*wanted, ("real", "slow", 0), ("real", "quick", 0)])
@@ -81,10 +80,10 @@ def test_every_dance_is_measured_and_every_number_is_in_the_catalogue(evaluation
         assert set(dance.scores.values) <= set(METRICS)
         assert set(dance.scores.chance) <= set(dance.scores.values)
     families = [table.family for table in tables(evaluation)]
-    assert set(families) == set(FAMILIES) - {"retrieval"}  # which needs style networks
+    assert set(families) == set(FAMILIES) - {"retrieval"}  # needs style networks
 
 
-def test_numbers_that_explode_stay_readable():
+def test_huge_numbers_stay_readable():
     assert [number_text(v, 1) for v in (0.25, -3.0, 12345.6, 4.88e20)] == [
         "0.2",
         "-3.0",
@@ -93,11 +92,11 @@ def test_numbers_that_explode_stay_readable():
     ]
 
 
-def test_synthetic_beats_tell_ours_from_chance(evaluation):
+def test_synthetic_beats_separate_ours_from_chance(evaluation):
     f_score = cells(evaluation, "f_score")
     assert f_score["ours"].n == f_score["random"].n == 6
     assert f_score["ours"].mean > 0.9
-    assert f_score["real"].mean > 0.9  # they rest on every click
+    assert f_score["real"].mean > 0.9  # the takes rest on every click
     assert f_score["ours"].chance < 0.5 < f_score["ours"].mean
     assert f_score["random"].mean < f_score["ours"].mean
 
@@ -109,7 +108,7 @@ def test_cells_are_mean_and_spread_over_songs_and_seeds(evaluation):
     assert cell.spread == pytest.approx(np.std(values))
 
 
-def test_real_dances_are_never_held_against_themselves(evaluation):
+def test_real_dances_are_not_compared_with_themselves(evaluation):
     fpd = cells(evaluation, "fpd")
     assert fpd["real"].mean > 0.01
     assert all(cell.chance is not None for cell in fpd.values() if cell)
@@ -117,11 +116,11 @@ def test_real_dances_are_never_held_against_themselves(evaluation):
 
 def test_deterministic_variants_are_danced_once(repertoire, folder):
     songs = find_songs(folder, only=["alone"])
-    found = evaluate(repertoire, songs, Protocol(variants_named(["greedy-published"]), seeds=3))
+    found = evaluate(repertoire, songs, EvaluationConfig(variants_named(["greedy-published"]), seeds=3))
     assert [d.seed for d in found.dances if d.variant == "greedy-published"] == [0]
 
 
-def test_the_report_holds_every_table_and_every_number(evaluation, tmp_path):
+def test_the_report_contains_all_tables_and_numbers(evaluation, tmp_path):
     pytest.importorskip("matplotlib")
     write_report(tmp_path / "r.html", evaluation)
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
@@ -133,33 +132,33 @@ def test_the_report_holds_every_table_and_every_number(evaluation, tmp_path):
                 assert f"<b>{number_text(cell.mean, row.metric.digits)}</b>" in page
     for section in ("songs", "speed", "costs", "slopes", "signatures", "convergence", "poses"):
         assert f"<section id={section}>" in page or f'<section id="{section}">' in page
-    assert page.count("data:image/png;base64,") == len(evaluation.shown.dances)
+    assert page.count("data:image/png;base64,") == len(evaluation.example.dances)
     assert 'src="http' not in page and "<script" not in page
 
 
-def test_json_holds_the_same_and_keeps_to_its_schema(evaluation):
+def test_json_contains_the_same_and_follows_its_schema(evaluation):
     data = json.loads(to_json(evaluation))
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
     jsonschema.validate(data, SCHEMA)
     assert len(data["dances"]) == len(evaluation.dances)
-    for table, told in zip(tables(evaluation), data["tables"], strict=True):
-        assert told["columns"] == list(table.columns)
+    for table, written in zip(tables(evaluation), data["tables"], strict=True):
+        assert written["columns"] == list(table.columns)
         for row in table.rows:
-            assert [c and c["mean"] for c in told["rows"][row.metric.name]] == [
+            assert [c and c["mean"] for c in written["rows"][row.metric.name]] == [
                 c and c.mean for c in row.cells
             ]
 
 
-def test_songs_the_repertoire_was_made_with_are_refused(repertoire, tmp_path):
+def test_songs_the_repertoire_was_built_from_are_refused(repertoire, tmp_path):
     write_clicks(tmp_path / "song1.wav", duration_s=5.0)
     songs = find_songs(tmp_path)
     with pytest.raises(ParameterError, match=r"song1.*--seen"):
         evaluate(repertoire, songs)
-    found = evaluate(repertoire, songs, Protocol(variants_named(["random"]), seeds=1, seen=True))
+    found = evaluate(repertoire, songs, EvaluationConfig(variants_named(["random"]), seeds=1, seen=True))
     assert found.facts["seen"] is True
 
 
-def test_a_song_is_known_by_its_bytes_whatever_its_name(repertoire, tmp_path, monkeypatch):
+def test_a_renamed_song_is_recognised_by_its_checksum(repertoire, tmp_path, monkeypatch):
     from choreograph.evaluation.songs import check_unseen
     from choreograph.files import sha256_of
 
@@ -170,7 +169,7 @@ def test_a_song_is_known_by_its_bytes_whatever_its_name(repertoire, tmp_path, mo
         check_unseen(find_songs(tmp_path), repertoire)
 
 
-def test_songs_are_found_picked_and_missed(folder, tmp_path):
+def test_find_songs(folder, tmp_path):
     assert [s.name for s in find_songs(folder)] == ["quick", "slow", "alone"]
     (quick,) = find_songs(folder, only=["quick"], duration_s=7.0)
     assert quick.take is not None and quick.duration_s == 7.0 and quick.take.credits.genre == "a"
@@ -182,7 +181,7 @@ def test_songs_are_found_picked_and_missed(folder, tmp_path):
             find_songs(none)
 
 
-def test_a_damaged_take_is_an_error_not_left_out(folder, tmp_path):
+def test_a_damaged_take_is_an_error(folder, tmp_path):
     (tmp_path / "a.bvh").write_text("HIERARCHY\nnot more")
     write_clicks(tmp_path / "a.wav", duration_s=5.0)
     with pytest.raises(FormatError, match=r"a\.bvh"):
@@ -206,9 +205,11 @@ def test_beats_from_files(tmp_path):
         beats_of(song, "ear")
 
 
-def test_random_clips_are_unwarped_and_the_seeds(repertoire, folder):
+def test_random_clips_are_unwarped_and_depend_on_the_seed(repertoire, folder):
     song = find_songs(folder, only=["alone"])[0].load()
-    one, again, other = (dance_as(VARIANTS["random"], song, repertoire, seed=seed).plan for seed in (0, 0, 1))
+    one, again, other = (
+        dance_variant(VARIANTS["random"], song, repertoire, seed=seed).plan for seed in (0, 0, 1)
+    )
     assert one == again != other
     for second in one.seconds:
         assert np.diff(second.source_times_s) == pytest.approx(0.05)
@@ -219,9 +220,9 @@ def test_random_clips_are_unwarped_and_the_seeds(repertoire, folder):
     assert scores["distinct_takes_per_minute"] == len({s.take for s in one.seconds}) * 60 / 9
 
 
-def test_a_plan_that_plays_a_clip_twice_is_found_out(repertoire, folder):
+def test_a_clip_played_twice_is_a_repeat(repertoire, folder):
     song = find_songs(folder, only=["alone"])[0].load()
-    plan = dance_as(VARIANTS["random"], song, repertoire).plan
+    plan = dance_variant(VARIANTS["random"], song, repertoire).plan
     again = tuple(
         replace(second, second=i, start_s=float(i)) for i, second in enumerate(plan.seconds[:4] * 2)
     )
@@ -229,29 +230,27 @@ def test_a_plan_that_plays_a_clip_twice_is_found_out(repertoire, folder):
     assert plan_scores(twice, repertoire).values["longest_repeat_s"] == pytest.approx(4.0, abs=0.5)
 
 
-def test_unknown_variants_and_settings_that_compare_nothing():
+def test_unknown_variants_and_empty_comparisons_are_refused():
     with pytest.raises(ParameterError, match="grace"):
         variants_named(["grace"])
     assert [v.name for v in variants_named(["paper", "ours"])].count("ours") == 1
     with pytest.raises(ParameterError):
-        Protocol(variants_named(["ours"]), seeds=0)
+        EvaluationConfig(variants_named(["ours"]), seeds=0)
     with pytest.raises(ParameterError):
-        Protocol(())
+        EvaluationConfig(())
 
 
 def test_one_dance_of_any_system(repertoire, tmp_path):
     song = load_song(write_clicks(tmp_path / "song.wav", duration_s=12.0))
     on_beat = evaluate_dance(stepping(400, period_s=0.5), song, repertoire=repertoire)
-    unmatched_beat = evaluate_dance(swaying(400), song)
-    assert (
-        cells(on_beat, "f_score")["dance"].mean > 0.9 > 0.6 > cells(unmatched_beat, "f_score")["dance"].mean
-    )
+    off_beat = evaluate_dance(swaying(400), song)
+    assert cells(on_beat, "f_score")["dance"].mean > 0.9 > 0.6 > cells(off_beat, "f_score")["dance"].mean
     assert {"fpd", "signature_chi2"} <= set(on_beat.dances[0].scores.values)
-    assert "fpd" not in unmatched_beat.dances[0].scores.values
-    jsonschema.validate(json.loads(to_json(unmatched_beat)), SCHEMA)
+    assert "fpd" not in off_beat.dances[0].scores.values
+    jsonschema.validate(json.loads(to_json(off_beat)), SCHEMA)
 
 
-def test_a_dance_that_stands_still_has_no_motion_beats_and_ends_no_table(tmp_path):
+def test_a_motion_without_motion_beats_still_has_tables(tmp_path):
     song = load_song(write_clicks(tmp_path / "song.wav", duration_s=6.0))
     still = stepping(180).sampled(np.zeros(180))
     found = evaluate_dance(still, song)
@@ -262,13 +261,13 @@ def test_a_dance_that_stands_still_has_no_motion_beats_and_ends_no_table(tmp_pat
     jsonschema.validate(json.loads(to_json(found)), SCHEMA)
 
 
-def test_sections_danced_alike_when_they_come_again(repertoire):
-    judge = SignatureJudge(repertoire)
+def test_sections_of_the_same_music_danced_alike(repertoire):
+    scorer = MotifScorer(repertoire)
     sections = Sections(np.array([0.0, 4.0, 8.0, 12.0, 16.0]), np.array([0, 1, 0, 1]))
 
     def scores(motifs):
         starts_s = np.arange(16.0)
-        return judge.section_scores(DancedMotifs(np.array(motifs), starts_s, starts_s + 1), sections)
+        return scorer.section_scores(DancedMotifs(np.array(motifs), starts_s, starts_s + 1), sections)
 
     perfect = scores([0, 1, 0, 1, 2, 2, 2, 2] * 2)
     assert set(perfect.values.values()) == {1.0} and set(perfect.chance.values()) == {0.0}
@@ -276,9 +275,9 @@ def test_sections_danced_alike_when_they_come_again(repertoire):
     assert reordered["section_agreement"] == 1.0 and reordered["section_agreement_in_step"] == 0.5
     assert set(scores([0] * 16).values.values()) == {0.0}  # repeats, but not because of the song
     assert (
-        judge.section_scores(DancedMotifs(np.zeros(0, int), np.zeros(0), np.zeros(0)), sections).values == {}
+        scorer.section_scores(DancedMotifs(np.zeros(0, int), np.zeros(0), np.zeros(0)), sections).values == {}
     )
     assert (
-        judge.section_scores(DancedMotifs(np.zeros(1, int), np.zeros(1), np.ones(1)), NO_SECTIONS).values
+        scorer.section_scores(DancedMotifs(np.zeros(1, int), np.zeros(1), np.ones(1)), NO_SECTIONS).values
         == {}
     )

@@ -33,7 +33,7 @@ def data_of(page: str) -> dict:
 
 
 def code_of(page: str) -> str:
-    """The page without packed bytes."""
+    """The page without compressed bytes."""
     return re.sub(r'(<script type="text/plain"[^>]*>)[^<]*', r"\1", page)
 
 
@@ -60,7 +60,7 @@ def test_no_variant_is_known_by_its_body(tmp_path):
     motion = swaying(60, fps=60.0)
     scaled = Skeleton(motion.skeleton.names, motion.skeleton.parents, 1.2 * motion.skeleton.offsets_m)
     taller = Motion(scaled, 1.2 * motion.root_pos_m, motion.local_quat, 60.0)
-    song = Path("never heard.wav")
+    song = Path("never read.wav")
     dances = {"a": [StudyDance(taller, song)], "b": [StudyDance(motion, song)]}
     write_study(dances, tmp_path / "study", seed=0, sound=False)
     body = data_of((tmp_path / "study" / "study.html").read_text(encoding="utf-8"))["body"]
@@ -83,11 +83,11 @@ def test_scripts_share_one_scope(page):
 
 def test_a_song_is_there_once_and_dances_know_theirs(study, page):
     assert len(re.findall(r'id="sound-\d+"', page)) == 3
-    heard = {
+    sounds = {
         (dance["sound"], entry["song"])
         for dance, entry in zip(data_of(page)["dances"], read_key(study)["dances"], strict=True)
     }
-    assert len(heard) == 3
+    assert len(sounds) == 3
 
 
 def test_the_seed_gives_the_order(tmp_path, study):
@@ -120,7 +120,7 @@ def test_an_excerpt_is_the_middle(tmp_path):
 
 
 def test_several_dances_of_a_variant_to_a_song_are_counted_as_given(tmp_path):
-    song = Path("never heard.wav")
+    song = Path("never read.wav")
     starts = {60: 0.0, 66: 10.0, 72: 20.0}
     dances = {v: [StudyDance(swaying(n, fps=60.0), song, s) for n, s in starts.items()] for v in "ab"}
     write_study(dances, tmp_path / "study", seed=5, sound=False)

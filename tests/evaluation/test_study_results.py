@@ -1,4 +1,4 @@
-"""Ratings read back: the planted favourite wins, intervals cover, foreign and damaged files are refused."""
+"""Ratings read back: the synthetic favourite wins, intervals cover, foreign and damaged files are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motions out: what is written reads back, the same each time, whole or not at all."""
+"""Writers: files read back as written, are reproducible, and are written atomically."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def by_name(motion: Motion) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])
-def test_bvh_there_and_back_twice(tmp_path, order):
+def test_bvh_round_trip_twice(tmp_path, order):
     motion = on_other_axes(swaying(40), 3)
     for name in ("a.bvh", "b.bvh"):
         save_motion(tmp_path / name, motion, writer=BvhWriter(BvhOptions(order=order)))
@@ -51,12 +51,12 @@ def test_bvh_of_any_hierarchy(tmp_path_factory, seed, n_joints):
     save_motion(path, motion)
     back, _ = read_bvh(path)
     before, after = by_name(motion), by_name(back)
-    # Names tell nothing here, so the reader guesses the size: compare up to scale.
+    # With unknown joint names the reader infers the size: compare up to scale.
     scale = np.ptp(np.stack(list(after.values()))) / np.ptp(np.stack(list(before.values())))
     assert max(np.abs(scale * before[j] - after[j]).max() for j in before) < 1e-3
 
 
-def test_npz_there_and_back_exactly(tmp_path):
+def test_npz_round_trip_is_exact(tmp_path):
     motion = swaying()
     save_motion(tmp_path / "a.npz", motion)
     back = read_npz(tmp_path / "a.npz")
@@ -104,13 +104,13 @@ def test_unknown_formats_and_options(tmp_path):
     assert isinstance(get_writer("NPZ"), NpzWriter)
 
 
-def test_missing_folder_and_folder_in_the_way(tmp_path):
+def test_a_missing_folder_or_a_folder_as_target_is_refused(tmp_path):
     for path in (tmp_path / "none" / "a.bvh", tmp_path):
         with pytest.raises(ParameterError, match="folder"), atomic_path(path):
             pytest.fail("the body ran")
 
 
-def test_failure_leaves_the_old_file_and_nothing_else(tmp_path):
+def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
     target = tmp_path / "a.bvh"
     target.write_text("old")
 
@@ -128,7 +128,7 @@ def test_failure_leaves_the_old_file_and_nothing_else(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", ["bvh", "npz"])
-def test_a_limit_of_the_disk_is_one_line(tmp_path, suffix):
+def test_a_full_disk_is_one_line(tmp_path, suffix):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (5000, limits[1]))
     try:

@@ -1,4 +1,4 @@
-"""Planted steps are found, whatever the rate; lifted, quick and broken feet are not contacts."""
+"""Contacts of synthetic steps are found at any rate; lifted and fast feet are not contacts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FEET = [BODY_JOINTS.index(name) for name in CONTACT_JOINTS]
 
 
 def _walking(fps: float, *, step_s: float = 0.6, seconds: float = 6.0) -> tuple[np.ndarray, np.ndarray]:
-    """Body positions in which left and right stand in turn, and which (T, 2) stands."""
+    """Body positions that step left and right in turn, and which foot (T, 2) stands."""
     times = np.arange(round(seconds * fps)) / fps
     pos = np.zeros((len(times), len(BODY_JOINTS), 3))
     standing = np.stack([np.floor(times / step_s) % 2 == 0, np.floor(times / step_s) % 2 == 1], axis=1)
@@ -32,21 +32,21 @@ def test_synthetic_steps_are_found(fps):
     pos, standing = _walking(fps)
     contacts = foot_contacts(pos, fps)
     for column in range(4):
-        synthetic = standing[:, column // 2]
-        assert np.mean((contacts[:, column] > 0.5) == synthetic) > 0.75
-        assert contacts[synthetic, column].mean() > 0.7
-        assert contacts[~synthetic, column].mean() < 0.35
+        stands = standing[:, column // 2]
+        assert np.mean((contacts[:, column] > 0.5) == stands) > 0.75
+        assert contacts[stands, column].mean() > 0.7
+        assert contacts[~stands, column].mean() < 0.35
 
 
 @given(st.floats(10, 240), st.integers(1, 60), st.integers(0, 2**32 - 1))
-def test_contacts_are_shares(fps, n_frames, seed):
+def test_contacts_are_between_0_and_1(fps, n_frames, seed):
     pos = np.random.default_rng(seed).normal(0, 0.1, (n_frames, len(BODY_JOINTS), 3))
     contacts = foot_contacts(pos, fps)
     assert contacts.shape == (n_frames, 4)
     assert ((contacts >= 0) & (contacts <= 1)).all()
 
 
-def test_faster_is_less_sure():
+def test_faster_feet_have_lower_confidence():
     means = []
     for speed_m_s in (0.0, 0.1, 0.5, 2.0):
         pos = np.zeros((60, len(BODY_JOINTS), 3))
@@ -57,19 +57,19 @@ def test_faster_is_less_sure():
     assert means[-1] < 0.15
 
 
-def test_turning_and_moving_the_whole_room_changes_nothing():
+def test_rotating_and_moving_the_scene_changes_nothing():
     pos, _ = _walking(60.0)
     turned = pos[..., [2, 1, 0]] * [1.0, 1.0, -1.0] + [3.0, 0.4, -2.0]
     assert np.allclose(foot_contacts(pos, 60), foot_contacts(turned, 60))
 
 
-@pytest.mark.parametrize("broken", [np.zeros((0, 21, 3)), np.zeros((5, 21)), np.full((5, 21, 3), np.nan)])
-def test_broken_positions_are_refused(broken):
+@pytest.mark.parametrize("pos", [np.zeros((0, 21, 3)), np.zeros((5, 21)), np.full((5, 21, 3), np.nan)])
+def test_invalid_positions_are_refused(pos):
     with pytest.raises(ParameterError, match="body positions"):
-        foot_contacts(broken, 60)
+        foot_contacts(pos, 60)
 
 
 @pytest.mark.parametrize("fps", [0.0, -5.0, np.nan])
-def test_broken_rates_are_refused(fps):
+def test_invalid_rates_are_refused(fps):
     with pytest.raises(ParameterError, match="rate"):
         foot_contacts(np.zeros((5, 21, 3)), fps)

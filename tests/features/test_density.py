@@ -1,4 +1,4 @@
-"""The analytic tempo-density: bumps on beats, of takes and of songs."""
+"""The analytic tempo-density of takes and songs: bumps on beats."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ beat_lists = st.lists(st.floats(0.0, 30.0), max_size=20).map(lambda b: np.unique
 
 @settings(max_examples=60, deadline=None)
 @given(beat_lists)
-def test_a_bump_on_every_beat_and_nowhere_else(beats):
+def test_there_is_a_bump_on_every_beat_and_nowhere_else(beats):
     times = np.arange(0, 30, 0.05)
     curve = bumps(times, beats)
     assert curve.dtype == np.float32
@@ -28,7 +28,7 @@ def test_a_bump_on_every_beat_and_nowhere_else(beats):
 
 @settings(max_examples=30, deadline=None)
 @given(beat_lists, st.integers(1, 8))
-def test_a_seconds_density_is_the_songs_from_there(beats, n_seconds):
+def test_the_density_of_a_second_is_part_of_the_songs(beats, n_seconds):
     curves = music_density(n_seconds, beats)
     whole = motion_density(20 * (n_seconds + 3), beats)
     assert curves.shape == (n_seconds, 80)

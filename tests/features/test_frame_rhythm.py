@@ -1,4 +1,4 @@
-"""The four rhythmic features per frame on clicks, pauses and songs too short to have any."""
+"""The four rhythmic features per frame on clicks, pauses and very short songs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def clicks(times_s: np.ndarray, duration_s: float) -> np.ndarray:
 
 
 def song(seed: int = 0, duration_s: float = 6.0) -> tuple[np.ndarray, np.ndarray]:
-    """Clicks on unsteady beats and softly between them, over a tone that swells."""
+    """Clicks on irregular beats and softer between them, over a tone that swells."""
     rng = np.random.default_rng(seed)
     beats = np.cumsum(rng.uniform(0.4, 0.6, int(duration_s)))
     between = beats[:-1] + rng.uniform(0.3, 0.7, len(beats) - 1) * np.diff(beats)
@@ -37,17 +37,17 @@ def song(seed: int = 0, duration_s: float = 6.0) -> tuple[np.ndarray, np.ndarray
     return clicks(beats, duration_s) + 0.4 * clicks(between, duration_s) + swell.astype(np.float32), beats
 
 
-def test_rms_is_librosas_over_the_window_that_ends_with_the_frame():
+def test_rms_agrees_with_librosa_over_the_window_that_ends_with_the_frame():
     samples, beats = song()
     ours = frame_rhythm(samples, beats)[:, RMS]
     window = WINDOW_FRAMES * FRAME
-    half = FRAME // 2 + 1  # the window ends half a frame after the frame's instant
+    half = FRAME // 2 + 1  # the window ends half a frame after the frame's time
     padded = np.pad(at_unit_loudness(samples), (window - half, half))
     theirs = librosa.feature.rms(y=padded, frame_length=window, hop_length=FRAME, center=False)[0]
     np.testing.assert_allclose(ours, theirs[: len(ours)], atol=1e-5)
 
 
-def test_onset_strength_goes_with_librosas():
+def test_onset_strength_correlates_with_librosas():
     samples, beats = song()
     ours = frame_rhythm(samples, beats)[:, ONSET]
     theirs = librosa.onset.onset_strength(y=samples, sr=SAMPLE_RATE_HZ, hop_length=FRAME, center=True)
@@ -56,9 +56,9 @@ def test_onset_strength_goes_with_librosas():
     assert np.corrcoef(ours[3:n], theirs[3 + shift : n + shift])[0, 1] > 0.85
 
 
-def test_the_tempograms_value_is_numpys_correlation_of_two_windows():
+def test_the_tempogram_value_is_the_correlation_of_two_windows():
     from choreograph.features.mel import log_mel
-    from choreograph.features.rhythm import onset_envelopes
+    from choreograph.features.tempogram import onset_envelopes
 
     samples, beats = song(3)
     onsets = onset_envelopes(log_mel(at_unit_loudness(samples))).mean(axis=1)  # 60 fps
@@ -97,7 +97,7 @@ def test_clicks_are_onsets_on_beats(bpm):
         assert rows[frame - 1 : frame + 2, ONSET].max() > 5 * rows[~near, ONSET].max()
 
 
-def test_rms_hears_nothing_ahead():
+def test_rms_has_no_look_ahead():
     """A tone from 2 s on: its root mean square rises from there, through a third of a second, to 1."""
     n = np.arange(4 * SAMPLE_RATE_HZ) / SAMPLE_RATE_HZ
     rms = frame_rhythm(np.where(n >= 2.0, np.sin(2 * np.pi * 500 * n), 0.0), np.zeros(0))[:, RMS]
@@ -115,11 +115,11 @@ def test_gain_changes_nothing(gain, seed):
 
 @given(st.integers(0, 50), st.integers(0, 5))
 @settings(max_examples=15, deadline=None)
-def test_a_song_begun_later_is_the_same_later(n_frames, seed):
+def test_a_delayed_song_gives_delayed_features(n_frames, seed):
     samples, beats = song(seed, 4.0)
     later = np.concatenate([np.zeros(n_frames * FRAME, np.float32), samples])
     shifted = frame_rhythm(later, beats + n_frames / 30)
-    quiet_until = 2 + int(beats[0] * 30)  # a song that begins has no onset there; one after a pause has
+    quiet_until = 2 + int(beats[0] * 30)  # the start of a song is no onset there; after a pause it is
     here = slice(quiet_until + WINDOW_FRAMES + 20, None)
     np.testing.assert_allclose(shifted[n_frames:][here], frame_rhythm(samples, beats)[here], atol=5e-3)
     np.testing.assert_array_equal(shifted[: max(0, n_frames - 2), [TEMPOGRAM, RMS, BEAT]], 0.0)
@@ -157,7 +157,7 @@ def test_without_two_beats_there_is_no_tempogram(beats):
         ([0.5, 7.0], "another song"),
     ],
 )
-def test_beats_that_are_not_this_songs_are_refused_in_one_line(beats, reason):
+def test_beats_of_another_song_are_refused_in_one_line(beats, reason):
     with pytest.raises(ParameterError, match=reason) as error:
         frame_rhythm(song()[0], np.array(beats))
     assert "\n" not in str(error.value)

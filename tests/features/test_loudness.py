@@ -1,4 +1,4 @@
-"""One loudness for every song, whatever its gain and its pauses."""
+"""Loudness is normalised independently of gain and pauses."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NOISE = np.random.default_rng(1).normal(0, 0.1, SAMPLE_RATE_HZ).astype(np.float3
 
 @given(st.floats(1e-2, 1e3))
 @settings(max_examples=20, deadline=None)
-def test_gain_is_forgotten(gain):
+def test_gain_is_removed(gain):
     np.testing.assert_allclose(at_unit_loudness(NOISE * gain), at_unit_loudness(NOISE), rtol=1e-4, atol=1e-6)
     assert np.sqrt(np.mean(at_unit_loudness(NOISE * gain) ** 2)) == pytest.approx(1.0, abs=1e-4)
 
@@ -24,11 +24,11 @@ def test_gain_is_forgotten(gain):
 @given(st.integers(0, 60), st.integers(0, 60), st.sampled_from([0.0, 1e-6]))
 @settings(max_examples=20, deadline=None)
 def test_pauses_do_not_count(before, after, hiss):
-    """Blocks of a thirtieth of a second; hiss lies 100 dB under the song."""
+    """Pauses in blocks of 1/30 s; the hiss is 100 dB below the song."""
     pauses = [np.full(n * 735, hiss, np.float32) for n in (before, after)]
     song = np.concatenate([pauses[0], NOISE, pauses[1]])
-    heard = at_unit_loudness(song)[before * 735 :][: len(NOISE)]
-    np.testing.assert_allclose(heard, at_unit_loudness(NOISE), rtol=1e-4, atol=1e-6)
+    loud = at_unit_loudness(song)[before * 735 :][: len(NOISE)]
+    np.testing.assert_allclose(loud, at_unit_loudness(NOISE), rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("samples", [np.zeros(5000), np.full(1, 1e-5), np.tile([9e-5, -9e-5], 400)])
@@ -39,7 +39,7 @@ def test_silence_stays_silent(samples):
 @pytest.mark.parametrize(
     "samples", [np.zeros(0), np.zeros((100, 2)), np.array([0.1, np.nan]), np.array([0.1, -np.inf])]
 )
-def test_no_song_is_refused_in_one_line(samples):
+def test_invalid_samples_are_refused_in_one_line(samples):
     with pytest.raises(ParameterError) as error:
         at_unit_loudness(samples)
     assert "\n" not in str(error.value)

@@ -1,13 +1,23 @@
-"""Motion beats of planted motions, and the analytic density."""
+"""Motion beats of synthetic motions, agreement with the warper's kernel, and analytic density."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter1d
+from synthetic_motions import stepping
 
 from choreograph.errors import ParameterError
 from choreograph.features.density import bumps, motion_density, music_density
-from choreograph.features.motion_beats import mean_joint_speed_m_s, motion_beat_times_s
+from choreograph.features.motion_beats import (
+    MIN_PROMINENCE,
+    mean_joint_speed_m_s,
+    motion_beat_times_s,
+    speed_minima,
+)
+from choreograph.motion.body import body_pos_at, body_pos_m
+from choreograph.timebase import NET_FPS
+from choreograph.warping._kernels import _played_beats
 
 
 def _swing(fps, period_s, duration_s=10.0):
@@ -33,6 +43,31 @@ def test_steady_travel_and_standing_have_no_beats():
     assert len(motion_beat_times_s(travel, 20)) == 0
     assert len(motion_beat_times_s(np.zeros((100, 21, 3)), 20)) == 0
     assert len(motion_beat_times_s(np.zeros((2, 21, 3)), 20)) == 0
+
+
+def _kernel_minima(speed):
+    """What the warper's kernel finds in a clip played at its recorded tempo."""
+    frames, n_beats = _played_beats(np.arange(len(speed), dtype=np.float64), speed, MIN_PROMINENCE)
+    return frames[:n_beats]
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(0, 2**32 - 1), st.integers(10, 160), st.floats(0.1, 4.0))
+def test_the_warpers_kernel_finds_the_same_beats_on_the_same_speed_curve(seed, n_frames, smoothing):
+    noise = np.random.default_rng(seed).normal(size=n_frames)
+    speed = 0.5 + 0.3 * gaussian_filter1d(noise, smoothing)
+    speed = np.abs(speed).astype(np.float32)  # as the repertoire stores it
+    np.testing.assert_allclose(_kernel_minima(speed), speed_minima(speed, NET_FPS), atol=1e-6)
+
+
+def test_the_warpers_kernel_finds_the_same_beats_of_a_motion():
+    motion = stepping(600, fps=60.0)
+    pos = body_pos_at(body_pos_m(motion), motion.fps, NET_FPS)
+    speed = mean_joint_speed_m_s(pos, NET_FPS)
+    beats = speed_minima(speed, NET_FPS)
+    assert len(beats) > 5
+    np.testing.assert_allclose(_kernel_minima(speed), beats, atol=1e-9)
+    np.testing.assert_allclose(motion_beat_times_s(pos, NET_FPS), beats / NET_FPS)
 
 
 def test_speed_is_in_metres_per_second_and_counts_travel():

@@ -1,4 +1,4 @@
-"""Sections are found where the synthesiser put them."""
+"""Sections of synthesised songs are found."""
 
 import numpy as np
 import pytest
@@ -15,17 +15,17 @@ def true_labels(song, at_s):
     return np.array([names[i] for i in np.searchsorted(starts_s, at_s, side="right") - 1])
 
 
-def together(labels):
+def same_label(labels):
     return (labels[:, None] == labels)[np.triu_indices(len(labels), 1)]
 
 
 def pair_f(found, true):
-    one, other = together(found), together(true)
+    one, other = same_label(found), same_label(true)
     return 2 * (one & other).sum() / (one.sum() + other.sum())
 
 
 @pytest.mark.parametrize(("genre", "bpm", "seed"), [("cha-cha", 118.0, 41), ("waltz", 96.0, 42)])
-def test_sections_of_songs_it_was_not_made_on(genre, bpm, seed):
+def test_sections_of_songs_it_was_not_tuned_on(genre, bpm, seed):
     song = render_song(genre, bpm=bpm, duration_s=110.0, seed=seed)
     mono = song.samples.mean(axis=1)[::2]
     beats_s = song.beat_times_s[song.beat_times_s < len(mono) / SAMPLE_RATE_HZ]

@@ -1,4 +1,4 @@
-"""The 87 spectral features per beat interval: planted tones, librosa as oracle, laws, odd songs."""
+"""The 87 spectral features per beat interval: synthetic tones, librosa as oracle, laws, unusual songs."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def column(rows: np.ndarray, name: str) -> np.ndarray:
     return rows[:, SPECTRAL_COLUMNS[name]]
 
 
-def test_there_are_87_in_the_papers_order():
+def test_there_are_87_features_in_the_papers_order():
     assert SPECTRAL_DIM == 87
     first = {"chroma": 5, "chroma_cqt": 17, "chroma_cens": 29, "mel_db": 41, "mfcc": 67, "centroid_hz": 80}
     first |= {"bandwidth_hz": 81, "contrast_db": 82, "flatness": 83, "rolloff_hz": 84, "tonnetz": 85}
@@ -55,13 +55,13 @@ def test_there_are_87_in_the_papers_order():
     assert {name: columns.start + 5 for name, columns in SPECTRAL_COLUMNS.items()} == first
 
 
-@pytest.mark.parametrize(("name", "planted"), [("A", 9), ("C", 0), ("F sharp", 6)])
-def test_a_tone_is_where_it_was_synthetic(name, synthetic):
-    rows = spectral_features(0.3 * tone(synthetic, 4.0), np.array([1.0, 1.5, 2.2, 3.0]))
+@pytest.mark.parametrize(("name", "pitch"), [("A", 9), ("C", 0), ("F sharp", 6)])
+def test_a_tone_appears_at_its_pitch(name, pitch):
+    rows = spectral_features(0.3 * tone(pitch, 4.0), np.array([1.0, 1.5, 2.2, 3.0]))
     assert rows.shape == (3, 87)
-    hz = A4_HZ * 2 ** ((synthetic - 9) / 12)
+    hz = A4_HZ * 2 ** ((pitch - 9) / 12)
     for chroma in CHROMAS:
-        assert (column(rows, chroma).argmax(axis=1) == synthetic).all(), chroma
+        assert (column(rows, chroma).argmax(axis=1) == pitch).all(), chroma
     np.testing.assert_allclose(column(rows, "centroid_hz"), hz, rtol=0.03)
     np.testing.assert_allclose(column(rows, "rolloff_hz"), hz, atol=22)
     np.testing.assert_allclose(column(rows, "zero_crossing_rate"), 2 * hz / SAMPLE_RATE_HZ, rtol=0.02)
@@ -99,12 +99,12 @@ def test_tonal_centroid_is_hartes_of_the_chord():
     for row, pitches in ((rows[0], C_MAJOR), (rows[2], D_MAJOR)):
         angles = np.outer([7 * np.pi / 6, 3 * np.pi / 2, 2 * np.pi / 3], pitches)  # (3, 3)
         radii = np.array([1.0, 1.0, 0.5])[:, None]
-        synthetic = np.stack([radii * np.sin(angles), radii * np.cos(angles)], axis=1).mean(axis=-1).ravel()
-        np.testing.assert_allclose(row[SPECTRAL_COLUMNS["tonnetz"]], synthetic, atol=0.12)
+        expected = np.stack([radii * np.sin(angles), radii * np.cos(angles)], axis=1).mean(axis=-1).ravel()
+        np.testing.assert_allclose(row[SPECTRAL_COLUMNS["tonnetz"]], expected, atol=0.12)
 
 
-def test_the_means_are_of_librosas_own_features(monkeypatch):
-    """On noise over chords nothing lies under our floors; and blocks of any size give the same."""
+def test_rows_are_means_of_librosas_features(monkeypatch):
+    """On noise over chords nothing is below our floors; the block size does not matter."""
     samples, beats = piece()
     samples = samples + noise(4.0) * 0.2
     monkeypatch.setattr("choreograph.features.spectral._BLOCK_FRAMES", 37)
@@ -139,13 +139,13 @@ def test_the_means_are_of_librosas_own_features(monkeypatch):
 @settings(max_examples=8, deadline=None)
 def test_gain_changes_nothing(gain, seed):
     samples, beats = piece(seed)
-    loud, as_it_is = spectral_features(samples * gain, beats), spectral_features(samples, beats)
-    np.testing.assert_allclose(loud, as_it_is, rtol=1e-3, atol=1e-2)
+    scaled, original = spectral_features(samples * gain, beats), spectral_features(samples, beats)
+    np.testing.assert_allclose(scaled, original, rtol=1e-3, atol=1e-2)
 
 
 @given(st.integers(1, 60), st.integers(0, 4))
 @settings(max_examples=8, deadline=None)
-def test_a_song_begun_later_has_the_same_rows(n_hops, seed):
+def test_a_delayed_song_has_the_same_rows(n_hops, seed):
     samples, beats = piece(seed)
     later = np.concatenate([np.zeros(n_hops * 512), samples])
     shifted, rows = spectral_features(later, beats + n_hops * HOP_S), spectral_features(samples, beats)
@@ -158,16 +158,16 @@ def test_a_song_begun_later_has_the_same_rows(n_hops, seed):
 
 @given(st.integers(1, 4), st.integers(0, 4))
 @settings(max_examples=8, deadline=None)
-def test_a_beat_left_out_joins_two_intervals(left_out, seed):
-    """The row of the joined interval is the mean of the two, each counted by its frames."""
+def test_leaving_out_a_beat_merges_two_intervals(left_out, seed):
+    """The row of the merged interval is the mean of the two, weighted by their frames."""
     samples, beats = piece(seed)
-    rows, joined = spectral_features(samples, beats), spectral_features(samples, np.delete(beats, left_out))
+    rows, merged = spectral_features(samples, beats), spectral_features(samples, np.delete(beats, left_out))
     n_frames = np.diff(np.ceil(beats / HOP_S))
     pair = slice(left_out - 1, left_out + 1)
     expected = np.average(rows[pair], axis=0, weights=n_frames[pair])
-    np.testing.assert_allclose(joined[left_out - 1], expected, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(merged[left_out - 1], expected, rtol=1e-4, atol=1e-3)
     np.testing.assert_array_equal(
-        np.delete(joined, left_out - 1, axis=0), np.delete(rows, [left_out - 1, left_out], axis=0)
+        np.delete(merged, left_out - 1, axis=0), np.delete(rows, [left_out - 1, left_out], axis=0)
     )
 
 
@@ -178,13 +178,13 @@ def test_without_two_beats_there_is_no_interval(beats):
     assert rows.dtype == np.float32
 
 
-@pytest.mark.parametrize("sound", ["silence", "noise", "a click", "a level"])
+@pytest.mark.parametrize("sound", ["silence", "noise", "a click", "an offset"])
 @pytest.mark.parametrize("n_samples", [1, 100, 735, 2048, 30_000])
-def test_songs_shorter_than_a_window_have_their_rows_in_peace(n_samples, sound):
+def test_songs_shorter_than_a_window_give_rows_without_warnings(n_samples, sound):
     samples = np.zeros(n_samples)
     if sound == "noise":
         samples = np.random.default_rng(0).normal(0, 0.1, n_samples)
-    elif sound == "a level":
+    elif sound == "an offset":
         samples += 0.5
     elif sound == "a click":
         samples[n_samples // 2] = 0.9
@@ -195,8 +195,8 @@ def test_songs_shorter_than_a_window_have_their_rows_in_peace(n_samples, sound):
     assert np.isfinite(rows).all()
 
 
-def test_silence_and_hiss_in_a_pause_have_one_colour():
-    """16-bit dither 70 dB under the music is not heard: a pause is not a bright noise."""
+def test_silence_and_hiss_in_a_pause_have_the_same_timbre():
+    """16-bit dither 70 dB below the music is inaudible: a pause is not bright noise."""
     samples = np.concatenate([chord(C_MAJOR, 2.0), np.zeros(2 * SAMPLE_RATE_HZ), chord(C_MAJOR, 2.0)])
     beats = np.array([0.5, 1.5, 2.5, 3.5, 4.5, 5.5])
     hiss = np.random.default_rng(0).normal(0, 1e-4, len(samples))
@@ -211,7 +211,7 @@ def test_silence_and_hiss_in_a_pause_have_one_colour():
     np.testing.assert_allclose(silent[2, timbre], pause[timbre], atol=1e-3)
 
 
-def test_intervals_between_two_frames_have_the_next_ones():
+def test_intervals_between_two_frames_get_the_next_frame():
     samples, _ = piece()
     rows = spectral_features(samples, np.array([1.0, 1.001, 1.002, 1.0 + HOP_S]))
     np.testing.assert_array_equal(rows[0], rows[1])
@@ -222,14 +222,15 @@ def test_intervals_between_two_frames_have_the_next_ones():
 @pytest.mark.parametrize("chroma", ["chroma", "chroma_cqt"])
 def test_a_song_out_of_tune_keeps_its_notes(chroma, cents):
     beats = np.array([1.2, 1.5, 1.9])
-    off = tuple(pitch + cents / 100 for pitch in C_MAJOR)
+    detuned_pitches = tuple(pitch + cents / 100 for pitch in C_MAJOR)
     in_tune, detuned = (
-        column(spectral_features(chord(pitches, 4.0), beats), chroma) for pitches in (C_MAJOR, off)
+        column(spectral_features(chord(pitches, 4.0), beats), chroma)
+        for pitches in (C_MAJOR, detuned_pitches)
     )
     np.testing.assert_allclose(detuned, in_tune, atol=0.1)
 
 
 @pytest.mark.parametrize("beats", [[0.5, 0.5], [0.5, np.inf], [0.5, 9.0], [-1.0, 0.5]])
-def test_beats_that_are_not_this_songs_are_refused(beats):
+def test_beats_of_another_song_are_refused(beats):
     with pytest.raises(ParameterError):
         spectral_features(piece()[0], np.array(beats))

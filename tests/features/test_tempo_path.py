@@ -1,4 +1,4 @@
-"""The tempo path on planted drum loops whose beats are known, against librosa where the tempo is steady."""
+"""The tempo path on synthetic drum loops with known beats, and against librosa where the tempo is steady."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
-from choreograph.features._kernels import beat_chain
+from choreograph.features._kernels import best_beat_sequence
 from choreograph.features.mel import log_mel
-from choreograph.features.music_beats import beats_of_mel
+from choreograph.features.music_beats import librosa_beats
 from choreograph.features.tempo_path import onset_strength, tempo_path_beats
 from choreograph.metrics.beat import f_score
 from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS
@@ -50,23 +50,23 @@ def test_a_ramp_is_followed(first, last, swing):
     times_s = ramp(first, last)
     mel = log_mel(drum_loop(times_s, swing=swing))
     assert f_score(tempo_path_beats(mel), times_s) > 0.95
-    assert f_score(beats_of_mel(mel, len(mel) / 60), times_s) < 0.92  # what one tempo for all makes of it
+    assert f_score(librosa_beats(mel, len(mel) / 60), times_s) < 0.92  # a tracker with one tempo loses it
 
 
 @pytest.mark.parametrize("bpm", [80, 96, 120, 138])
-def test_steady_beats_are_librosas_and_true(bpm):
+def test_steady_beats_agree_with_librosa_and_the_truth(bpm):
     times_s = 0.3 + np.arange(0, 40, 60 / bpm)
     mel = log_mel(drum_loop(times_s))
     beats = tempo_path_beats(mel)
     assert f_score(beats, times_s) > 0.95
-    assert f_score(beats, beats_of_mel(mel, len(mel) / 60)) > 0.9
+    assert f_score(beats, librosa_beats(mel, len(mel) / 60)) > 0.9
     nearest = times_s[np.abs(beats[:, None] - times_s).argmin(axis=1)]
     assert abs(np.median(beats - nearest)) < 0.02
 
 
 @pytest.mark.parametrize("song", [BENCHMARK_SONGS[i] for i in (0, 4, 5, 8, 10)], ids=lambda song: song.name)
 def test_beats_of_mixed_songs_are_on_time(song):
-    """Beside instruments an onset is heard later than alone; 70 ms of tolerance are for dancers."""
+    """In a mix onsets are found later than alone, and 70 ms would be a tolerance for dancers."""
     rendered = song.render()
     mono = soxr.resample(rendered.samples.mean(axis=1), 44100, SAMPLE_RATE_HZ)
     beats, true = tempo_path_beats(log_mel(mono)), rendered.beat_times_s
@@ -83,18 +83,18 @@ def test_the_kick_decides_against_a_loud_off_beat():
 
 @given(st.integers(20, 60), st.integers(0, 19), st.integers(300, 900))
 @settings(deadline=None, max_examples=25)
-def test_a_chain_of_pulses_is_found_whole(period, phase, n_frames):
+def test_a_pulse_train_is_found_completely(period, phase, n_frames):
     strength = np.zeros(n_frames)
     strength[phase::period] = 1.0
     gain = np.zeros((1, 66))
     gain[0, period - 15] = 0.5
-    beats = beat_chain(strength, gain, n_frames, 15, 200.0)
+    beats = best_beat_sequence(strength, gain, n_frames, 15, 200.0)
     inner = beats[(beats > 0) & (beats < n_frames - period)]
     assert set(inner) <= set(range(phase, n_frames, period))
     assert (np.diff(beats) > 0).all()
 
 
-def test_strength_forgets_loudness():
+def test_onset_strength_does_not_depend_on_loudness():
     mel = log_mel(drum_loop(0.3 + np.arange(0, 20, 0.5)))
     quieter = mel - 3.0
     np.testing.assert_allclose(onset_strength(mel), onset_strength(quieter), rtol=1e-3, atol=1e-3)

@@ -1,6 +1,6 @@
-"""Writes what the metrics say of a planted dance into a file a module; the tests hold the metrics to it.
+"""Write the metrics of a synthetic dance to one golden file per module; the tests compare against them.
 
-Run it when a metric is meant to say something else than before, and read what changed:
+Run it when a metric is meant to change, and review the diff:
 
     python tests/golden/regenerate.py [physical beat frechet ...]
 """
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.metrics import beat, dance_features, frechet, labels, physical, retrieval, structure, warping
+from choreograph.metrics import beat, fid, frechet, labels, physical, retrieval, structure, warping
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.rotations import from_rotvec
@@ -50,14 +50,21 @@ def synthetic_motion() -> Motion:
 
 
 def synthetic_dance() -> NDArray[np.float64]:
-    """Body positions (T, 21, 3) of the planted motion."""
+    """Body positions (T, 21, 3) of the synthetic motion."""
     return body_pos_m(synthetic_motion())
 
 
+def accelerating_dance() -> NDArray[np.float64]:
+    """Body positions (T, 21, 3) of the synthetic motion, accelerated from ½ to 1½ times its speed."""
+    motion = synthetic_motion()
+    progress = np.linspace(0.0, 1.0, motion.n_frames)
+    return body_pos_m(motion.sampled((progress + progress**2) / 2 * (motion.n_frames - 1)))
+
+
 def synthetic_song() -> NDArray[np.float32]:
-    """12 s of plucked tones that hurry from two to four a second, over noise that grows."""
+    """12 s of plucked tones that accelerate from two to four per second, over noise that grows."""
     times_s = np.arange(round(DURATION_S * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
-    count = 2 * times_s + times_s**2 / DURATION_S  # notes begun so far
+    count = 2 * times_s + times_s**2 / DURATION_S  # notes started so far
     hz = 220 * 2 ** ((np.floor(count) * 5 % 12) / 12)
     since_s = (count % 1) / (2 + 2 * times_s / DURATION_S)
     pluck = np.exp(-since_s / 0.1) * np.sin(2 * np.pi * hz * since_s)
@@ -82,25 +89,36 @@ def beat_scores() -> dict[str, float]:
 
 
 def frechet_scores() -> dict[str, float]:
-    """The motion's first second against the rest."""
+    """The first second of the motion against the rest."""
     dance = synthetic_motion()
     return frechet.evaluate([dance.sliced(0, 60)], [dance.sliced(60, dance.n_frames)])
 
 
-def dance_feature_values() -> dict[str, list[float]]:
-    """All features of the motion, at a rate that has to be resampled."""
-    pos_m = dance_features.canonical_pos_m(synthetic_motion().resampled(25.0))
+def fid_features() -> dict[str, list[float]]:
+    """All features of the motion, at a rate that needs resampling."""
+    pos_m = fid.canonical_pos_m(synthetic_motion().resampled(25.0))
     return {
         f"{feature.__name__} {variant}": feature(pos_m, 25.0, variant=variant).tolist()
-        for feature in (dance_features.kinetic, dance_features.geometric)
+        for feature in (fid.kinetic, fid.geometric)
         for variant in ("published", "corrected")
     }
 
 
-def label_scores() -> dict[str, float]:
+def label_values() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Dance and music labels of every window in their own units, both (9, 4).
+
+    The dance accelerates, so that no two windows have the same labels. The synthetic motion itself repeats
+    every second: its windows differ by rounding alone, and their ranks would differ between CPUs.
+    """
     starts_s = labels.window_starts_s(DURATION_S)
-    dance = labels.dance_values(synthetic_dance(), FPS, starts_s)
-    music = labels.music_values(synthetic_song(), starts_s)
+    return (
+        labels.dance_values(accelerating_dance(), FPS, starts_s),
+        labels.music_values(synthetic_song(), starts_s),
+    )
+
+
+def label_scores() -> dict[str, float]:
+    dance, music = label_values()
     scale = labels.fit_scale(dance, music)
     means = {
         f"{whose} {pair}": float(mean)
@@ -111,7 +129,7 @@ def label_scores() -> dict[str, float]:
 
 
 def structure_scores() -> dict[str, float]:
-    """A minute of words of half a second: verse, chorus, verse, bridge, chorus."""
+    """A minute of motion words of half a second: verse, chorus, verse, bridge, chorus."""
     rng = np.random.default_rng(0)
     verse, chorus, bridge = rng.integers(0, 8, (3, 24))
     motifs = np.concatenate([verse, chorus, verse[::-1], bridge, chorus])
@@ -126,7 +144,7 @@ def structure_scores() -> dict[str, float]:
 
 
 def warping_scores() -> dict[str, float]:
-    """Maps whose speed swings between the limits, and what a path of whole frames makes of them."""
+    """Maps whose slope swings between the limits, and their recovery by a path of whole frames."""
     frames = np.arange(80)
     true = np.cumsum(2.0 ** np.sin(frames / np.array([[9.0], [15.0], [40.0]])), axis=1)
     errors_ms = warping.recovery_errors_ms(np.rint(true), true, 20.0)
@@ -148,12 +166,12 @@ SCORES: dict[str, Callable[[], dict]] = {
     "warping": warping_scores,
     "retrieval": retrieval_scores,
     "frechet": frechet_scores,
-    "dance_features": dance_feature_values,
+    "fid": fid_features,
 }
 
 
 def golden(module: str) -> dict:
-    """What the file says that a module's metrics say."""
+    """The golden values of a module."""
     return json.loads((FOLDER / f"{module}.json").read_text(encoding="utf-8"))
 
 

@@ -1,4 +1,4 @@
-"""BVH in: planted oddities, a real file against another reader, and everything broken."""
+"""The BVH reader: unusual synthetic files, a real file against another reader, and damaged files."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_every_euler_order(tmp_path, order):
     [(1, "metres"), (100, "centimetres"), (1000, "millimetres"), (10, "decimetres"), (39.3701, "inches"),
      (17.7165, "CMU"), (3.28084, "feet"), (0.02, "no known unit")],
 )  # fmt: skip
-def test_units_come_from_body_height_and_are_said(tmp_path, units_per_m, name):
+def test_units_come_from_body_height_and_are_noted(tmp_path, units_per_m, name):
     motion, notes = read_text(tmp_path, bvh_text(tmp_path, units_per_m=units_per_m))
     assert name in notes[0]
     assert_same_dance(motion, 0.05 if name == "no known unit" else 1e-3)
@@ -78,7 +78,7 @@ def test_units_come_from_body_height_and_are_said(tmp_path, units_per_m, name):
 
 def test_tabs_crlf_comments_byte_order_mark_and_case(tmp_path):
     text = bvh_text(tmp_path).replace("  ", "\t").replace("JOINT neck", "joint neck // a comment")
-    text = text.replace("MOTION", "# said {here}\nMotion").replace("\n", "\r\n")
+    text = text.replace("MOTION", "# a comment {here}\nMotion").replace("\n", "\r\n")
     motion, _ = read_text(tmp_path, b"\xef\xbb\xbf" + text.encode())
     assert_same_dance(motion)
 
@@ -107,12 +107,12 @@ def test_positions_that_stay_zero_are_added_to_the_offsets(tmp_path):
     assert any("added" in note for note in notes)
 
 
-def test_bones_that_change_become_their_mean_and_it_is_said(tmp_path):
+def test_bones_that_vary_become_their_mean_with_a_note(tmp_path):
     head, values = rows(six_channels(bvh_text(tmp_path)))
     values[:, 6] += np.where(np.arange(len(values)) % 2, 1.0, -1.0)  # the first joint after the root, in cm
     motion, notes = read_text(tmp_path, joined(head, values))
     assert_same_dance(motion)
-    assert any("change by up to 0.01 m" in note for note in notes)
+    assert any("vary in length by up to 0.01 m" in note for note in notes)
 
 
 def test_a_root_above_the_hips_becomes_part_of_the_hips(tmp_path):
@@ -135,7 +135,7 @@ def test_a_root_above_the_hips_becomes_part_of_the_hips(tmp_path):
     assert np.abs(body_pos_m(motion) - expected).max() < 1e-4
 
 
-def test_z_up_is_turned_and_said(tmp_path):
+def test_z_up_is_rotated_with_a_note(tmp_path):
     head, values = rows(bvh_text(tmp_path, order="ZXY"))
     to_z_up = rot.from_rotvec(np.array([np.pi / 2, 0, 0]))
     values[:, :3] = rot.rotate(to_z_up, values[:, :3])
@@ -163,7 +163,7 @@ def test_real_file_agrees_with_another_reader(shared_data):
     motion, notes = read_bvh(path)
     assert motion.fps == 30
     assert motion.n_frames == 1901
-    assert notes == ("read as centimetres: the body is then 1.74 m tall",)
+    assert notes == ("read as centimetres, which makes the body 1.74 m tall",)
     hierarchy = bvhio.readAsHierarchy(str(path))
     pos = motion.joint_pos_m()
     for frame in (0, 700, 1900):
@@ -173,16 +173,16 @@ def test_real_file_agrees_with_another_reader(shared_data):
         assert max(np.abs(ours[name] - theirs[name]).max() for name in ours) < 1e-3
 
 
-BROKEN = {
+DAMAGED = {
     "empty": (lambda t: "", "nothing"),
     "not a bvh": (lambda t: "RIFF....WAVE", "HIERARCHY"),
     "garbage": (lambda t: bytes(range(256)) * 20, "HIERARCHY"),
     "no motion section": (lambda t: t.partition("MOTION")[0], "MOTION"),
     "no frames": (lambda t: rows(t)[0].replace("Frames: 20", "Frames: 0"), "no motion"),
     "nan": (lambda t: t.rsplit(" ", 1)[0] + " nan\n", "frame 19 holds nan"),
-    "too many frames told": (lambda t: t.replace("Frames: 20", "Frames: 21"), "lies or the file is cut"),
-    "too few frames told": (lambda t: t.replace("Frames: 20", "Frames: 7"), "lies or the file is cut"),
-    "cut in the motion": (lambda t: t[: len(t) - 700], "lies or the file is cut"),
+    "too many frames announced": (lambda t: t.replace("Frames: 20", "Frames: 21"), "count is wrong"),
+    "too few frames announced": (lambda t: t.replace("Frames: 20", "Frames: 7"), "count is wrong"),
+    "cut in the motion": (lambda t: t[: len(t) - 700], "count is wrong"),
     "cut in the hierarchy": (lambda t: t[:900], "cut"),
     "a word in the motion": (lambda t: t[:-9] + " bla\n", "not a number"),
     "comma decimals": (lambda t: t.replace(".", ","), "number"),
@@ -196,10 +196,10 @@ BROKEN = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", BROKEN)
-def test_broken_files_end_in_one_line_that_names_them(tmp_path, name):
-    damage, said = BROKEN[name]
-    with pytest.raises(FormatError, match=said) as caught:
+@pytest.mark.parametrize("name", DAMAGED)
+def test_damaged_files_end_in_one_line_that_names_them(tmp_path, name):
+    damage, message = DAMAGED[name]
+    with pytest.raises(FormatError, match=message) as caught:
         read_text(tmp_path, damage(bvh_text(tmp_path)))
     assert "in.bvh" in str(caught.value)
     assert "\n" not in str(caught.value)

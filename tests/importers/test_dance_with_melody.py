@@ -1,4 +1,4 @@
-"""The dance-with-melody importer on the real data, where it is, and on broken files."""
+"""The dance-with-melody importer on real data, where there is any, and on damaged files."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from choreograph.importers import dance_with_melody
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
-from choreograph.motion.proportions import measure_bodies, measure_skeleton
 from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.motion.skeleton_calibration import cluster_bodies, measure_skeleton
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "dance-with-melody"
 
@@ -37,7 +37,7 @@ def _write(folder: Path, **changes) -> Path:
         ({"center": [[float("nan"), 0, 0]] * 3}, "finite"),
     ],
 )
-def test_broken_files_end_in_one_line(tmp_path, changes, words):
+def test_damaged_files_end_in_one_line(tmp_path, changes, words):
     with pytest.raises(FormatError, match=words) as caught:
         dance_with_melody.read(_write(tmp_path / "DANCE_C_9", **changes))
     assert "\n" not in str(caught.value)
@@ -50,12 +50,12 @@ def test_not_json(tmp_path):
         dance_with_melody.read(tmp_path)
 
 
-def test_other_folders_are_not_ours(tmp_path):
+def test_other_folders_are_not_detected(tmp_path):
     assert not dance_with_melody.detect(tmp_path)
 
 
 def _dancer(stature: float, thigh: float, n_frames: int, phase: float) -> np.ndarray:
-    """Markers (T, 22, 3) of a planted body that bends, waves and walks, turning."""
+    """Markers (T, 22, 3) of a synthetic body that bends, waves and walks, turning."""
     canonical = canonical_skeleton()
     offsets = stature * canonical.offsets_m
     offsets[[canonical.index(f"{side}_knee") for side in ("left", "right")]] *= thigh
@@ -71,17 +71,17 @@ def _dancer(stature: float, thigh: float, n_frames: int, phase: float) -> np.nda
     root_pos_m = stature * np.stack([wave, np.full(n_frames, 0.85), wave**2], axis=-1)
     pos_m, world = forward(skeleton, root_pos_m, rot.from_rotvec(turns))
 
-    def place(role: str) -> np.ndarray:
+    def marker(role: str) -> np.ndarray:
         side, part = role.split("_") if "_" in role else ("", role)
         if part == "heel":
-            hang, offset = skeleton.index(f"{side}_ankle"), np.array([0.0, -0.05, -0.05])
+            parent, offset = skeleton.index(f"{side}_ankle"), np.array([0.0, -0.05, -0.05])
         elif part == "temple":
-            hang, offset = skeleton.index("head"), np.array([0.07 if side == "left" else -0.07, 0.0, 0.0])
+            parent, offset = skeleton.index("head"), np.array([0.07 if side == "left" else -0.07, 0.0, 0.0])
         else:
             return pos_m[:, skeleton.index(role)]
-        return pos_m[:, hang] + rot.rotate(world[:, hang], stature * offset)
+        return pos_m[:, parent] + rot.rotate(world[:, parent], stature * offset)
 
-    return np.stack([place(role) for role in dance_with_melody.ROLES], axis=1)
+    return np.stack([marker(role) for role in dance_with_melody.ROLES], axis=1)
 
 
 def test_spliced_bodies_of_several_sizes_come_out_on_one_skeleton():
@@ -92,12 +92,12 @@ def test_spliced_bodies_of_several_sizes_come_out_on_one_skeleton():
         _dancer(1.0, 0.94, frames, 2.0),
     ]
     pos_m = np.concatenate(synthetic)
-    bodies = measure_bodies(pos_m, dance_with_melody.ROLES, 3)
+    bodies = cluster_bodies(pos_m, dance_with_melody.ROLES, 3)
     assert len(bodies.skeletons) == 3
     skeleton = measure_skeleton(pos_m, dance_with_melody.ROLES)
     _, quat, error_m = dance_with_melody.fit_bodies(skeleton, bodies, pos_m, 25.0)
     inside = np.ones(3 * frames, bool)
-    for cut in (frames, 2 * frames):  # planted without a fade: a jump no motion has
+    for cut in (frames, 2 * frames):  # spliced without a crossfade: a jump that no motion has
         inside[cut - 15 : cut + 15] = False
     assert error_m[inside].mean() < 0.02
     step = inside[1:] & inside[:-1]
@@ -113,7 +113,7 @@ def test_spliced_bodies_of_several_sizes_come_out_on_one_skeleton():
 def test_a_real_take_fits_and_stands_on_the_floor():
     (take,) = dance_with_melody.read(DATA / "DANCE_W_23")
     pos = dance_with_melody.read_points_m(DATA / "DANCE_W_23" / "skeletons.json")
-    bodies = measure_bodies(pos, dance_with_melody.ROLES, 1)
+    bodies = cluster_bodies(pos, dance_with_melody.ROLES, 1)
     fitted = dance_with_melody.fit_bodies(take.motion.skeleton, bodies, pos, take.motion.fps)
     assert fitted[2].mean() < 0.01  # one body, its own bones
     assert take.credits.genre == "waltz"
@@ -123,12 +123,12 @@ def test_a_real_take_fits_and_stands_on_the_floor():
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"the real data is not at {DATA}")
-def test_real_takes_of_two_bodies_meet_their_markers_on_one_skeleton(tmp_path):
-    for name in ("DANCE_C_2", "DANCE_C_6", "DANCE_W_5"):  # the hardest by body, by jumps, by share
+def test_real_takes_of_two_bodies_fit_their_markers_on_one_skeleton(tmp_path):
+    for name in ("DANCE_C_2", "DANCE_C_6", "DANCE_W_5"):  # the hardest by body, by jumps, by splices
         (tmp_path / name).symlink_to(DATA / name)
     takes = dance_with_melody.read(tmp_path)
     points = [dance_with_melody.read_points_m(DATA / take.name / "skeletons.json") for take in takes]
-    bodies = measure_bodies(np.concatenate(points), dance_with_melody.ROLES, dance_with_melody.BODIES)
+    bodies = cluster_bodies(np.concatenate(points), dance_with_melody.ROLES, dance_with_melody.N_BODIES)
     for take, pos_m in zip(takes, points, strict=True):
         skeleton, quat = take.motion.skeleton, take.motion.local_quat
         error_m = dance_with_melody.fit_bodies(skeleton, bodies, pos_m, take.motion.fps)[2]

@@ -1,4 +1,4 @@
-"""Layouts: what is found, what is read from names and manifests, what is refused."""
+"""Layouts: what is detected, what is read from names and manifests, what is refused."""
 
 from __future__ import annotations
 
@@ -78,25 +78,25 @@ def test_folder_with_songs_and_manifest(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("manifest", "said"),
+    ("manifest", "message"),
     [("name,tempo\na,3\n", "tempo"), ("genre\nx\n", "name"), ("name,genre\nz,x\n", r"z\.bvh"), ("", "name"),
      ("name,audio_offset_s\na,soon\n", "soon"), ("name,song\na,none.mp3\n", "none.mp3"),
      ("name\na\na\n", "twice"),
      ("name,audio_offset_s\na,nan\n", "nan"), ("name,genre\na\n", "cells"), ("name,genre\na,b,c\n", "cells")],
 )  # fmt: skip
-def test_manifests_that_cannot_be_meant(tmp_path, manifest, said):
+def test_invalid_manifests_are_refused(tmp_path, manifest, message):
     (take_folder(tmp_path, "a") / "manifest.csv").write_text(manifest)
-    with pytest.raises(FormatError, match=said):
+    with pytest.raises(FormatError, match=message):
         list(import_takes(tmp_path))
 
 
-def test_a_bad_take_is_named_not_dropped(tmp_path):
+def test_a_damaged_take_is_named_not_skipped(tmp_path):
     (take_folder(tmp_path, "a") / "b.bvh").write_text("HIERARCHY")
     with pytest.raises(FormatError, match=r"b\.bvh"):
         list(import_takes(tmp_path))
 
 
-def test_unknown_joint_names_are_said_with_the_file(tmp_path):
+def test_unknown_joint_names_are_reported_with_the_file(tmp_path):
     path = take_folder(tmp_path, "a") / "a.bvh"
     path.write_text(path.read_text().replace("knee", "bla"))
     with pytest.raises(FormatError, match=r"a\.bvh: .*left_knee"):
@@ -112,19 +112,19 @@ def test_takes_come_at_60_fps_at_most_and_on_the_floor(tmp_path):
     assert -0.2 < take.motion.joint_pos_m()[..., 1].min() < 0.1
 
 
-@pytest.mark.parametrize(("swings_hz", "odd"), [(2.0, False), (4.0, True)])
-def test_a_take_pushed_as_no_body_is_gets_a_note(tmp_path, swings_hz, odd):
-    """0.1 m sin(2πft) is pushed with 0.1 (2πf)² at most: 16 and 63 m/s²; a rate twice too high makes four
+@pytest.mark.parametrize(("swings_hz", "is_noted"), [(2.0, False), (4.0, True)])
+def test_an_impossible_acceleration_gets_a_note(tmp_path, swings_hz, is_noted):
+    """0.1 m sin(2πft) accelerates by 0.1 (2πf)² at most: 16 and 63 m/s². Twice the frame rate makes it four
     times as much."""
     calm = swaying(120, fps=60.0)
     swing_m = 0.1 * np.sin(2 * np.pi * swings_hz * np.arange(120) / 60.0)
     root_pos_m = np.array([0, 0.9, 0]) + np.outer(swing_m, [1, 0, 0])
     save_motion(tmp_path / "a.npz", replace(calm, root_pos_m=root_pos_m))
     (take,) = import_takes(tmp_path / "a.npz")
-    assert any("frame rate" in note for note in take.notes) == odd
+    assert any("frame rate" in note for note in take.notes) == is_noted
 
 
-def test_our_npz_is_a_take(tmp_path):
+def test_an_npz_of_this_program_is_a_take(tmp_path):
     save_motion(tmp_path / "a.npz", MOTION)
     (take,) = import_takes(tmp_path / "a.npz")
     assert_same_poses(take.motion)
@@ -134,18 +134,18 @@ def test_our_npz_is_a_take(tmp_path):
 def test_aist(tmp_path, protocol):
     aist(tmp_path, protocol=protocol)
     aist(tmp_path, "gPO_sBM_cAll_d10_mPO1_ch02")
-    aist(tmp_path, "odd")
+    aist(tmp_path, "unnamed")
     (tmp_path / "ignore_list.txt").write_text("gPO_sBM_cAll_d10_mPO1_ch02\n")
     (tmp_path / "music").mkdir()
     (tmp_path / "music" / "mBR0.mp3").touch()
-    take, odd = import_takes(tmp_path)
+    take, unnamed = import_takes(tmp_path)
     assert (take.credits.genre, take.credits.performer, take.credits.source) == ("break", "d04", "AIST++")
     assert (take.song_name, take.song_path) == ("mBR0", tmp_path / "music" / "mBR0.mp3")
     assert take.motion.fps == 60
     assert_same_poses(take.motion)
     assert np.allclose(np.ptp(take.motion.root_pos_m, axis=0), np.ptp(MOTION.root_pos_m, axis=0))
-    assert odd.credits.genre == ""
-    assert odd.notes
+    assert unnamed.credits.genre == ""
+    assert unnamed.notes
 
 
 def test_aist_pickles_of_older_numpy(tmp_path):
@@ -161,16 +161,16 @@ class _Runs:
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [({"evil": _Runs()}, "system"), ({"smpl_trans": None}, "smpl_trans"),
      ({"smpl_scaling": np.array([0.0])}, "scaling"),
      ({"smpl_scaling": np.ones(3)}, "scaling"), ({"smpl_poses": np.zeros((30, 71))}, r"\(30, 71\)"),
      ({"smpl_poses": np.full((30, 72), np.nan)}, "finite"), ({"smpl_poses": "text"}, "numbers"),
      ({"smpl_poses": np.zeros((0, 72)), "smpl_trans": np.zeros((0, 3))}, "no frame")],
 )  # fmt: skip
-def test_aist_pickles_that_are_refused(tmp_path, monkeypatch, changes, said):
+def test_aist_pickles_that_are_refused(tmp_path, monkeypatch, changes, message):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(FormatError, match=said) as caught:
+    with pytest.raises(FormatError, match=message) as caught:
         list(import_takes(aist(tmp_path, **changes)))
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "ran").exists()
@@ -179,7 +179,7 @@ def test_aist_pickles_that_are_refused(tmp_path, monkeypatch, changes, said):
 @pytest.mark.parametrize(
     "content", [b"", b"garbage", b"\x80\x04", pickle.dumps([1]), pickle.dumps({"a": 1})[:-3]]
 )
-def test_aist_pickles_that_are_none(tmp_path, content):
+def test_aist_files_that_are_no_pickles(tmp_path, content):
     path = next((aist(tmp_path) / "motions").iterdir())
     path.write_bytes(content)
     with pytest.raises(FormatError, match=path.name):
@@ -204,13 +204,13 @@ def test_amass(tmp_path, key):
     assert alone.name == "walk_poses"
 
 
-def test_amass_with_a_senseless_rate(tmp_path):
+def test_amass_with_an_invalid_rate(tmp_path):
     amass(tmp_path / "walk_poses.npz", fps=0.0)
     with pytest.raises(FormatError, match="frame rate"):
         list(import_takes(tmp_path))
 
 
-def test_nothing_that_fits_lists_what_would(tmp_path):
+def test_an_unknown_layout_lists_the_known_ones(tmp_path):
     with pytest.raises(ParameterError, match="empty"):
         list(import_takes(tmp_path))
     (tmp_path / "notes.txt").touch()
@@ -233,7 +233,7 @@ def test_an_importer_can_be_added(tmp_path, monkeypatch):
 
             return [Take("x", MOTION, Credits(), source_paths=(path,))]
 
-    monkeypatch.setattr(importers, "_added", [])
+    monkeypatch.setattr(importers, "_registered", [])
     importers.register(Mine())
     (tmp_path / "a.mine").touch()
     assert [take.name for take in import_takes(tmp_path / "a.mine")] == ["x"]

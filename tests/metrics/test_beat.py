@@ -1,7 +1,8 @@
-"""Beat metrics: the perfect, the empty and the malformed; answers known by hand; shifts do not matter."""
+"""Beat metrics: perfect, empty and malformed input; values computed by hand; mir_eval as an oracle."""
 
 from __future__ import annotations
 
+import mir_eval
 import numpy as np
 import pytest
 from golden.regenerate import beat_scores, golden, synthetic_dance
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
 from choreograph.metrics.beat import (
-    PROTOCOLS,
+    ALIGNMENT_VARIANTS,
     aligned_share,
     alignment_score,
     beat_ratio,
@@ -63,9 +64,9 @@ def test_empty():
 def test_malformed(beats):
     good = np.array([0.5, 1.5])
     for pair in ((beats, good), (good, beats)):
-        with pytest.raises(ParameterError) as said:
+        with pytest.raises(ParameterError) as raised:
             evaluate(*pair)
-        assert "\n" not in str(said.value)
+        assert "\n" not in str(raised.value)
     validate(good, NONE)
 
 
@@ -99,6 +100,29 @@ def test_laws(motion, music, shift):
     assert wide >= score
     moved = evaluate(motion + shift, music + shift)
     assert moved["motion_to_music"] == pytest.approx(squared_distance(motion, music), nan_ok=True, abs=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:(Reference|Estimated) beats are empty")
+@settings(max_examples=200, deadline=None)
+@given(beat_lists(30), beat_lists(30), st.floats(0.02, 0.5))
+def test_f_score_is_mir_evals_f_measure(motion, music, window_s):
+    """The same definition: largest matching within ± the window, 0 without beats.
+
+    `f_measure` itself does not trim; `mir_eval.beat.evaluate` drops the first 5 s before it.
+    """
+    for window in (0.07, window_s):
+        expected = mir_eval.beat.f_measure(music, motion, f_measure_threshold=window)
+        assert f_score(motion, music, window_s=window) == pytest.approx(expected, abs=1e-12)
+
+
+def test_mir_evals_evaluate_drops_the_first_five_seconds_and_we_do_not():
+    music = np.arange(0.5, 20.0, 0.5)
+    motion = music[music >= 5.0]
+    assert mir_eval.beat.evaluate(music, motion)["F-measure"] == 1.0
+    assert f_score(motion, music) == pytest.approx(mir_eval.beat.f_measure(music, motion))
+    assert f_score(motion, music) < 0.9
+    trimmed = mir_eval.beat.trim_beats(music)
+    assert f_score(motion, trimmed) == 1.0
 
 
 @settings(max_examples=60, deadline=None)
@@ -137,7 +161,7 @@ def test_alignment_by_hand():
         alignment_score(motion, music, "edge")
 
 
-def test_more_beats_alone_raise_what_asks_the_music_and_one_beat_satisfies_what_asks_the_motion():
+def test_more_motion_beats_raise_means_over_music_beats_and_one_is_enough_for_means_over_motion_beats():
     music = np.arange(0.5, 30, 0.5)
     rng = np.random.default_rng(0)
     few, many = (np.sort(rng.uniform(0, 30, n)) for n in (30, 600))
@@ -153,22 +177,22 @@ def test_a_metronome_of_random_phase(name, expected):
     assert np.mean(scores) == pytest.approx(expected, abs=0.02)
 
 
-@pytest.mark.parametrize("name", PROTOCOLS)
+@pytest.mark.parametrize("name", ALIGNMENT_VARIANTS)
 @pytest.mark.parametrize("fps", [30.0, 60.0, 100.0])
 def test_published_motion_beats_of_a_body_that_stops_every_second(name, fps):
-    times = np.arange(round(10 * fps) + 1) / fps + 0.003  # no two steps are as slow: they would tie
+    times = np.arange(round(10 * fps) + 1) / fps + 0.003  # the offset avoids ties, which are no minimum
     pos = np.zeros((len(times), 21, 3)) + (times - np.sin(2 * np.pi * times) / (2 * np.pi))[:, None, None]
     found = published_motion_beats_s(pos, fps, name)
     assert len(found) == pytest.approx(9, abs=1)
-    assert np.allclose(found + 0.003, np.rint(found), atol=1.01 / PROTOCOLS[name].fps)
+    assert np.allclose(found + 0.003, np.rint(found), atol=1.01 / ALIGNMENT_VARIANTS[name].fps)
     assert len(published_motion_beats_s(pos[:2], fps, name)) == 0
 
 
-def test_published_scores_depend_on_neither_place_nor_heading_and_little_on_the_rate():
+def test_published_scores_depend_on_neither_position_nor_heading_and_little_on_the_rate():
     dance, music = synthetic_dance(), np.arange(0.3, 12, 0.5)
     wanted = evaluate_published(dance, 60.0, music)
-    turned = dance[..., [2, 1, 0]] * np.array([1.0, 1.0, -1.0]) + np.array([3.0, 0.0, 1.0])
-    assert evaluate_published(turned, 60.0, music) == pytest.approx(wanted)
+    rotated = dance[..., [2, 1, 0]] * np.array([1.0, 1.0, -1.0]) + np.array([3.0, 0.0, 1.0])
+    assert evaluate_published(rotated, 60.0, music) == pytest.approx(wanted)
     assert evaluate_published(body_pos_at(dance, 60.0, 120.0), 120.0, music) == pytest.approx(
         wanted, abs=0.02
     )
@@ -177,10 +201,10 @@ def test_published_scores_depend_on_neither_place_nor_heading_and_little_on_the_
             evaluate_published(broken, 60.0, music)
 
 
-def test_published_scores_beside_their_chance():
+def test_published_scores_with_their_chance_levels():
     dance, music = synthetic_dance(), np.arange(0.3, 12, 0.5)
     scores = evaluate_published(dance, 60.0, music, rng=np.random.default_rng(0), rounds=400)
-    for name in PROTOCOLS:
+    for name in ALIGNMENT_VARIANTS:
         motion = published_motion_beats_s(dance, 60.0, name)
         assert scores[f"alignment_{name}_published"] == alignment_score(motion, music, name)
         other = chance_level(
@@ -190,7 +214,7 @@ def test_published_scores_beside_their_chance():
         assert scores[f"alignment_{name}_published_chance"] == pytest.approx(other, abs=0.03)
 
 
-def test_chance_of_every_metric():
+def test_chance_levels_of_all_metrics():
     music = np.arange(0.25, 30, 0.5)
     motion = music[::2] + 0.01
 

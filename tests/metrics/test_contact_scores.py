@@ -1,4 +1,4 @@
-"""PFC and the foot skating ratio: answers by hand, invariances, and the published bugs by name."""
+"""PFC and the foot skating ratio: values computed by hand, invariances, and the published bugs one by one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
-from choreograph.metrics.contact_scores import foot_skating_ratio, pfc
+from choreograph.metrics.contact_scores import evaluate, foot_skating_ratio, pfc, validate
 from choreograph.motion.body import BODY_JOINTS, body_pos_at
 
 FPS = 30.0
@@ -32,16 +32,18 @@ def sliding(step_m: float, heading: float, n_frames: int = 90) -> np.ndarray:
     return standing(n_frames) + along[:, None]
 
 
-def turned(pos: np.ndarray, angle: float) -> np.ndarray:
+def rotated(pos: np.ndarray, angle: float) -> np.ndarray:
     c, s = np.cos(angle), np.sin(angle)
     return pos @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
 
 
-def test_standing_still_is_perfect():
-    assert pfc(standing(), FPS) == pfc(standing(), FPS, variant="pieces") == 0
-    assert (
-        foot_skating_ratio(standing(), FPS) == foot_skating_ratio(standing(), FPS, variant="published") == 0
-    )
+def test_perfect():
+    assert evaluate(standing(), FPS) == {
+        "foot_skating_ratio": 0.0,
+        "foot_skating_ratio_published": 0.0,
+        "pfc": 0.0,
+        "pfc_pieces": 0.0,
+    }
 
 
 def test_pfc_by_hand():
@@ -54,7 +56,7 @@ def test_pfc_by_hand():
     assert pfc(pos, FPS) == 0
 
 
-def test_falling_is_free_and_rising_is_not():
+def test_falling_costs_nothing_and_rising_does():
     pos = sliding(0.02, 0.3)
     times = np.arange(len(pos)) / FPS
     pos[:, PELVIS, 1] -= times**2
@@ -63,7 +65,7 @@ def test_falling_is_free_and_rising_is_not():
     assert pfc(pos, FPS) == pytest.approx(1e4 * 0.02**2)
 
 
-def test_pfc_hides_slides_behind_a_glitch_and_less_so_in_pieces():
+def test_a_glitch_hides_slides_from_pfc_and_less_so_in_pieces():
     dance = np.concatenate([synthetic_dance()[::2]] * 3)[: 30 * 30]
     glitch = dance.copy()
     glitch[100, PELVIS] += 1.0
@@ -73,12 +75,12 @@ def test_pfc_hides_slides_behind_a_glitch_and_less_so_in_pieces():
 
 @settings(max_examples=30)
 @given(step_m=st.floats(0.011, 0.1), heading=st.floats(-3.1, 3.1))
-def test_all_frames_of_a_slide_are_seen_whatever_its_heading(step_m, heading):
+def test_all_frames_of_a_slide_count_whatever_its_heading(step_m, heading):
     assert foot_skating_ratio(sliding(step_m, heading), FPS) == 1.0
     assert foot_skating_ratio(sliding(step_m * 0.009 / 0.1, heading), FPS) == 0.0
 
 
-def test_the_published_ratio_sees_no_slide_along_the_diagonal_and_a_still_last_frame():
+def test_the_published_ratio_misses_slides_along_the_diagonal_and_the_last_frame():
     diagonal = sliding(0.05, np.pi * 3 / 4)  # x = -z
     assert foot_skating_ratio(diagonal, FPS, variant="published") == 0
     assert foot_skating_ratio(diagonal, FPS) == 1
@@ -108,9 +110,9 @@ def test_one_foot_of_two_and_never_in_contact():
     assert np.isnan(foot_skating_ratio(pos, FPS))
 
 
-def test_place_and_heading_play_no_part():
+def test_position_and_heading_do_not_matter():
     dance = synthetic_dance()
-    moved = turned(dance, 0.7) + np.array([3.0, 0.0, -2.0])
+    moved = rotated(dance, 0.7) + np.array([3.0, 0.0, -2.0])
     assert pfc(moved, 60.0) == pytest.approx(pfc(dance, 60.0))
     assert foot_skating_ratio(moved, 60.0) == foot_skating_ratio(dance, 60.0)
     heights = foot_skating_ratio(dance + np.array([0.0, 0.4, 0.0]), 60.0)
@@ -118,7 +120,7 @@ def test_place_and_heading_play_no_part():
 
 
 @pytest.mark.parametrize("fps", [30.0, 120.0])
-def test_the_rate_plays_no_part(fps):
+def test_the_rate_hardly_matters(fps):
     dance = synthetic_dance()
     other = body_pos_at(dance, 60.0, fps)
     assert pfc(other, fps) == pytest.approx(pfc(dance, 60.0), rel=0.02)
@@ -130,12 +132,21 @@ def test_too_short_to_accelerate(n_frames):
     assert pfc(standing(n_frames), FPS) == 0
 
 
+@pytest.mark.parametrize("check", [validate, evaluate, pfc, foot_skating_ratio])
+def test_empty_and_malformed(check):
+    for broken in (
+        np.zeros((0, 21, 3)), np.zeros((5, 20, 3)), np.zeros((5, 21)), np.full((5, 21, 3), np.nan),
+        np.full((5, 21, 3), np.inf),
+    ):  # fmt: skip
+        with pytest.raises(ParameterError, match="body positions") as raised:
+            check(broken, FPS)
+        assert "\n" not in str(raised.value)
+    for fps in (0.0, -30.0, np.nan, np.inf):
+        with pytest.raises(ParameterError, match="frame rate"):
+            check(standing(), fps)
+
+
 @pytest.mark.parametrize("score", [pfc, foot_skating_ratio])
-def test_malformed(score):
-    for broken in (np.zeros((0, 21, 3)), np.zeros((5, 20, 3)), np.full((5, 21, 3), np.nan)):
-        with pytest.raises(ParameterError, match="body positions"):
-            score(broken, FPS)
-    with pytest.raises(ParameterError, match="frame rate"):
-        score(standing(), 0.0)
+def test_unknown_variants_are_refused(score):
     with pytest.raises(ParameterError, match="variant"):
         score(standing(), FPS, variant="fixed")

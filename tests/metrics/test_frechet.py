@@ -1,4 +1,4 @@
-"""Fréchet distances come out as formulas say; poses are seen without place, heading, rate or extra joints."""
+"""Fréchet distances against formulas; poses do not depend on position, heading, rate or extra joints."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RNG = np.random.default_rng(0)
 
 
 def _dance(seed: int, n_frames: int = 80, fps: float = 20.0, mean: float = 0.0) -> Motion:
-    """Every joint swings smoothly in its own way about a turn of `mean` radians."""
+    """Every joint swings smoothly in its own way about a rotation of `mean` radians."""
     rng = np.random.default_rng(seed)
     times_s = np.arange(n_frames) / fps
     phase, pace, size = (
@@ -45,7 +45,7 @@ def _gaussian(mean, covariance) -> frechet.Gaussian:
     gap=st.lists(st.floats(-5, 5), min_size=3, max_size=3),
 )
 def test_independent_dimensions_add_up(a, b, gap):
-    """Of diagonal Gaussians the distance is Σ (m - m')² + (s - s')², zero spreads included."""
+    """For diagonal Gaussians the distance is Σ (m - m')² + (s - s')², zero standard deviations included."""
     wanted = np.sum(np.square(gap)) + np.sum((np.array(a) - b) ** 2)
     got = frechet.frechet_distance(
         _gaussian(gap, np.diag(np.square(a))), _gaussian([0, 0, 0], np.diag(np.square(b)))
@@ -53,7 +53,7 @@ def test_independent_dimensions_add_up(a, b, gap):
     assert got == pytest.approx(wanted, abs=1e-9)
 
 
-def test_agrees_with_the_matrix_root_where_that_works():
+def test_agrees_with_the_matrix_square_root_where_that_works():
     a, b = (
         frechet.fit_gaussian(RNG.normal(0, 1, (400, 12)) @ RNG.normal(0, 1, (12, 12)) + shift)
         for shift in (0, 1)
@@ -66,17 +66,17 @@ def test_agrees_with_the_matrix_root_where_that_works():
 
 @given(seed=st.integers(0, 50), n_samples=st.integers(2, 30))
 def test_few_samples_in_many_dimensions(seed, n_samples):
-    """Covariances of rank 1 … 29 in 40 dimensions: zero from itself, turning both changes nothing."""
+    """Covariances of rank 1 … 29 in 40 dimensions: zero to itself, and rotating both changes nothing."""
     rng = np.random.default_rng(seed)
     a, b = rng.normal(0, 1, (n_samples, 40)), rng.normal(0.5, 2, (n_samples, 40))
     one, other = frechet.fit_gaussian(a), frechet.fit_gaussian(b)
     assert frechet.frechet_distance(one, one) == pytest.approx(0, abs=1e-9)
-    turn = np.linalg.qr(rng.normal(0, 1, (40, 40)))[0]
-    turned = (frechet.fit_gaussian(side @ turn) for side in (a, b))
-    assert frechet.frechet_distance(*turned) == pytest.approx(frechet.frechet_distance(one, other), rel=1e-8)
+    rotation = np.linalg.qr(rng.normal(0, 1, (40, 40)))[0]
+    rotated = (frechet.fit_gaussian(side @ rotation) for side in (a, b))
+    assert frechet.frechet_distance(*rotated) == pytest.approx(frechet.frechet_distance(one, other), rel=1e-8)
 
 
-def test_refuses_what_is_no_sample():
+def test_malformed_samples_are_refused():
     for samples in (np.zeros((1, 3)), np.zeros(3), np.zeros((4, 0)), np.array([[0.0], [np.nan]])):
         with pytest.raises(ParameterError):
             frechet.fit_gaussian(samples)
@@ -84,7 +84,7 @@ def test_refuses_what_is_no_sample():
         frechet.frechet_distance(_gaussian([0], [[1]]), _gaussian([0, 0], np.eye(2)))
 
 
-def test_a_dance_is_at_zero_from_itself():
+def test_the_distance_of_a_set_to_itself_is_zero():
     scores = frechet.evaluate([_dance(1), _dance(2)], [_dance(2), _dance(1)])
     assert scores["fpd"] == pytest.approx(0, abs=1e-9)
     assert scores["fmd"] == pytest.approx(0, abs=1e-9)
@@ -92,7 +92,7 @@ def test_a_dance_is_at_zero_from_itself():
 
 @given(angle=st.floats(-1.5, 1.5))
 def test_one_bent_elbow_is_its_angle_squared(angle):
-    """All poses of one side turn the elbow by a constant angle: FPD is angle², FMD three times that."""
+    """All poses of one side bend the elbow by a constant angle: FPD is angle², FMD three times that."""
     still = references.still(_dance(3), np.random.default_rng(0))
     straight, bent = np.array(still.local_quat), np.array(still.local_quat)
     elbow = still.skeleton.index("left_elbow")
@@ -104,7 +104,7 @@ def test_one_bent_elbow_is_its_angle_squared(angle):
 
 
 @given(yaw=st.floats(-3.1, 3.1), x=st.floats(-5, 5))
-def test_place_and_heading_are_not_seen_but_lean_is(yaw, x):
+def test_position_and_heading_do_not_matter_but_lean_does(yaw, x):
     dance = _dance(4)
     moved = dance.moved(yaw_rad=yaw, shift_m=np.array([x, 0.0, -x]))
     roles = frechet.validate([dance])
@@ -122,7 +122,7 @@ def test_the_rate_of_a_dance_hardly_matters():
 
 
 def test_extra_joints_between_and_missing_ones_do_no_harm():
-    """A rig without hands, with a twist joint in each forearm that takes half of the wrist's turn."""
+    """A rig without hands, with a twist joint in the forearm that takes half of the wrist's rotation."""
     dance = _dance(6)
     canonical = canonical_skeleton()
     names = [name for name in canonical.names if not name.endswith("hand")]
@@ -150,14 +150,14 @@ def test_extra_joints_between_and_missing_ones_do_no_harm():
     assert frechet.fpd([rig], [dance]) == pytest.approx(0, abs=1e-9)
 
 
-def test_movements_see_order_and_poses_do_not():
+def test_movements_depend_on_order_and_poses_do_not():
     dance = _dance(7, 600)
     mixed = references.shuffled_frames(dance, np.random.default_rng(0))
     assert frechet.fpd([mixed], [dance]) == pytest.approx(0, abs=1e-9)
     assert frechet.fmd([mixed], [dance]) > 0.5
 
 
-def test_movements_do_not_run_from_one_dance_into_the_next():
+def test_movements_do_not_span_two_dances():
     roles = frechet.validate([_dance(8)])
     assert frechet.movements_of(np.arange(8.0).reshape(4, 2)).tolist() == [
         [0, 1, 2, 3, 4, 5],
@@ -185,7 +185,7 @@ def test_golden():
     assert frechet_scores() == pytest.approx(golden("frechet"), rel=1e-6)
 
 
-def test_real_dances_are_nearer_to_each_other_than_chance(shared_data):
+def test_real_dances_are_closer_to_each_other_than_chance(shared_data):
     folders = [shared_data / "dance-with-melody" / f"DANCE_{name}" for name in ("C_2", "C_4", "W_12", "W_22")]
     motions = [take.motion.sliced(0, 700) for folder in folders for take in import_takes(folder)]
     one, other = [motions[0], motions[2]], [motions[1], motions[3]]

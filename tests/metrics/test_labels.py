@@ -1,10 +1,10 @@
-"""Labels: planted openness, speeds, turns, onsets, steps and noise; ranks; distances and their chance."""
+"""Labels: synthetic openness, speeds, rotations, onsets, notes and noise; ranks; distances and chance."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from golden.regenerate import golden, label_scores, synthetic_dance, synthetic_song
+from golden.regenerate import golden, label_scores, label_values, synthetic_dance
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,7 +23,7 @@ def still(duration_s: float = 4.0) -> np.ndarray:
 
 
 def clicks(times_s: np.ndarray, hz: np.ndarray | float = 440.0, duration_s: float = 4.0) -> np.ndarray:
-    """Tones that die away in 0.15 s, one an instant."""
+    """Tones that decay in 0.15 s, one per time."""
     samples = np.zeros(round(duration_s * SAMPLE_RATE_HZ), np.float32)
     length = round(0.15 * SAMPLE_RATE_HZ)
     t = np.arange(length) / SAMPLE_RATE_HZ
@@ -41,7 +41,7 @@ def test_a_body_that_stands_still():
 
 
 @given(raise_m=st.floats(0.0, 0.5))
-def test_openness_grows_by_what_a_wrist_goes_out(raise_m):
+def test_openness_grows_by_the_distance_a_wrist_moves_out(raise_m):
     pos = still()
     wrist, pelvis = BODY_JOINTS.index("left_wrist"), BODY_JOINTS.index("pelvis")
     out = pos[0, wrist] - pos[0, pelvis]
@@ -52,7 +52,7 @@ def test_openness_grows_by_what_a_wrist_goes_out(raise_m):
 
 @given(speed=st.floats(0.01, 3), heading=st.floats(-3.1, 3.1))
 @settings(max_examples=20)
-def test_intensity_is_the_speed_whatever_its_direction(speed, heading):
+def test_intensity_is_the_speed_in_any_direction(speed, heading):
     along = (np.arange(240) / FPS * speed)[:, None] * np.array([np.sin(heading), 0, np.cos(heading)])
     values = labels.dance_values(still() + along[:, None], FPS, START)
     assert values[0, INTENSITY] == pytest.approx(speed)
@@ -65,8 +65,8 @@ def test_rhythm_is_the_angular_acceleration():
     c, s = np.cos(angle), np.sin(angle)
     flat = np.zeros((240, 21, 3))
     flat[:, :, 0] = np.arange(21) ** 2  # all bones lie along x, of unlike lengths
-    turned = flat[..., [0]] * np.stack([c, np.zeros(240), -s], axis=-1)[:, None]
-    assert labels.dance_values(turned, FPS, START)[0, RHYTHM] == pytest.approx(3.0, rel=0.01)
+    rotated = flat[..., [0]] * np.stack([c, np.zeros(240), -s], axis=-1)[:, None]
+    assert labels.dance_values(rotated, FPS, START)[0, RHYTHM] == pytest.approx(3.0, rel=0.01)
 
 
 def test_asymmetry_of_arms_alone_and_of_arms_and_legs():
@@ -79,7 +79,7 @@ def test_asymmetry_of_arms_alone_and_of_arms_and_legs():
     assert labels.dance_values(everything, FPS, START)[0, ASYMMETRY] == pytest.approx(0, abs=1e-6)
 
 
-def test_place_heading_mirror_and_rate_play_no_part():
+def test_position_heading_mirror_and_rate_do_not_matter():
     dance, starts = synthetic_dance(), labels.window_starts_s(12.0)
     wanted = labels.dance_values(dance, FPS, starts)
     c, s = np.cos(2.0), np.sin(2.0)
@@ -91,14 +91,14 @@ def test_place_heading_mirror_and_rate_play_no_part():
 
 
 @pytest.mark.parametrize("per_s", [2, 4, 5])
-def test_onsets_a_second_and_the_time_between(per_s):
+def test_onset_density_and_inter_onset_interval(per_s):
     values = labels.music_values(clicks(np.arange(0.1, 3.9, 1 / per_s)), START)
     assert values[0, INTENSITY] == pytest.approx(per_s, rel=0.1)
     assert values[0, RHYTHM] == pytest.approx(per_s, rel=0.1)
     assert values[0, OPENNESS] == 0  # one pitch
 
 
-def test_wide_and_new_steps_open():
+def test_wide_intervals_and_distinct_steps_raise_openness():
     times = np.arange(0.1, 3.9, 0.25)
     scale = 440 * 2 ** (np.arange(len(times)) / 12)
     octaves = np.where(np.arange(len(times)) % 2, 880.0, 440.0)
@@ -108,11 +108,11 @@ def test_wide_and_new_steps_open():
         return labels.music_values(clicks(times, hz), START)[0, OPENNESS]
 
     assert openness(scale) == pytest.approx(1.0, abs=0.15)  # a semitone, always new
-    assert openness(octaves) == pytest.approx(12 * 2 / (len(times) - 1), rel=0.15)  # wide, two steps for ever
+    assert openness(octaves) == pytest.approx(12 * 2 / (len(times) - 1), rel=0.15)  # wide, but only two steps
     assert openness(fifths) > openness(octaves)
 
 
-def test_noise_is_rougher_than_a_tone_however_loud():
+def test_noise_is_rougher_than_a_tone_at_any_loudness():
     rng = np.random.default_rng(0)
     tone = clicks(np.arange(0.1, 3.9, 0.5))
     noise = 0.1 * rng.standard_normal(len(tone)).astype(np.float32)
@@ -126,7 +126,7 @@ def test_silence_has_no_onsets():
     assert values[0, :ASYMMETRY].tolist() == [0, 0, 0] and np.isfinite(values).all()
 
 
-def test_a_scale_spreads_its_reference_evenly():
+def test_a_scale_distributes_its_reference_evenly():
     rng = np.random.default_rng(0)
     dance, music = rng.lognormal(size=(200, 4)), rng.normal(size=(300, 4)) - 5
     scale = labels.fit_scale(dance, music)
@@ -152,11 +152,11 @@ def test_distances_of_perfect_opposite_and_unrelated_labels():
 
 @settings(max_examples=30)
 @given(st.integers(1, 20), st.integers(0, 100))
-def test_chance_is_the_mean_over_all_orders(n, seed):
+def test_chance_is_the_mean_over_all_pairings(n, seed):
     rng = np.random.default_rng(seed)
     dance, music = rng.uniform(1, 10, (2, n, 4))
-    turns = [labels.label_distances(dance, np.roll(music, k, axis=0)) for k in range(n)]
-    assert labels.chance_distances(dance, music) == pytest.approx(np.mean(turns, axis=0))
+    shifts = [labels.label_distances(dance, np.roll(music, k, axis=0)) for k in range(n)]
+    assert labels.chance_distances(dance, music) == pytest.approx(np.mean(shifts, axis=0))
 
 
 def test_windows_that_fit():
@@ -182,9 +182,18 @@ def test_malformed():
 
 
 def test_golden():
+    """Values within 2 %, and distances between ranks, which no rounding can change.
+
+    Labels are ranks among nine windows, so a golden value is only portable if windows clearly differ: see
+    `test_golden_windows_differ`. With a dance that repeats every second, ranks were decided by rounding, and
+    `label_distance_rhythm` was 4.333 on one CPU and 4.444 on another.
+    """
     assert label_scores() == pytest.approx(golden("labels"), rel=0.02, abs=0.02)
 
 
-def test_the_golden_song_is_heard():
-    values = labels.music_values(synthetic_song(), labels.window_starts_s(12.0))
-    assert (values > 0).all()
+def test_golden_windows_differ():
+    dance, music = label_values()
+    assert (dance > 0).all() and (music > 0).all()
+    for values, may_tie in ((dance, False), (music, True)):  # onsets per second are whole numbers over 4
+        gaps = np.diff(np.sort(values, axis=0), axis=0) / values.max(axis=0)
+        assert ((gaps > 1e-4) | (may_tie & (gaps < 1e-12))).all()

@@ -1,4 +1,4 @@
-"""Planted slides, depths and jumps come out as planted; empty and broken input is refused."""
+"""Synthetic slides, depths and jumps are measured as made; empty and malformed input is refused."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_jerk_of_a_cubic_is_its_third_derivative():
     assert physical.jerk_ratio_at(pos, FPS, [1.0]) == pytest.approx(1.0, rel=1e-6)
 
 
-def test_a_jump_shows_only_where_it_is():
+def test_a_jump_raises_jerk_only_where_it_is():
     pos = body_pos_m(_standing(240)).copy()
     pos += np.random.default_rng(0).normal(0, 1e-4, pos.shape)
     pos[120:, :, 0] += 0.2
@@ -110,7 +110,7 @@ def test_broken_soles_are_refused(soles):
         physical.floor_penetration_cm(np.zeros((5, 21, 3)), FPS, sole_pos_m=soles)
 
 
-def test_a_jump_is_no_floating_but_a_box_is():
+def test_a_leap_is_not_floating_and_dancing_on_a_box_is():
     pos = body_pos_m(_standing(600)).copy()
     pos[100:130, :, 1] += 0.3  # half a second
     assert physical.floating_share(pos, FPS) == 0
@@ -121,7 +121,7 @@ def test_a_jump_is_no_floating_but_a_box_is():
     assert physical.floating_share(body_pos_m(motion), FPS, sole_pos_m=sole_pos_m(motion)) == 1
 
 
-def test_hurrying_at_joins():
+def test_speeding_up_at_transitions():
     times = np.arange(240) / FPS
     speed = np.where(np.abs(times - 2.0) < 0.3, 2.0, 1.0)
     pos = body_pos_m(_standing(240)) + (np.cumsum(speed) / FPS)[:, None, None] * [1.0, 0.0, 0.0]
@@ -146,7 +146,7 @@ def test_golden():
 
 
 @pytest.mark.parametrize("fps", [30.0, 90.0])
-def test_rate_heading_and_place_play_no_part(fps):
+def test_rate_heading_and_position_hardly_matter(fps):
     dance = synthetic_dance()
     c, s = np.cos(1.1), np.sin(1.1)
     other = body_pos_at(dance, 60.0, fps) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) + np.array(

@@ -1,4 +1,4 @@
-"""Halves never cut a group; chance dances keep what they should and lose what they should."""
+"""Halves never split a group; chance dances keep and lose what they should."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _motion(seed: int = 0, n_frames: int = 40) -> Motion:
 
 
 @given(groups=st.lists(st.sampled_from("abcdefg"), min_size=2, max_size=40), seed=st.integers(0, 99))
-def test_halves_part_the_items_and_no_group(groups, seed):
+def test_halves_split_the_items_and_no_group(groups, seed):
     if len(set(groups)) < 2:
         with pytest.raises(ParameterError, match="2 groups"):
             references.halves(groups, np.random.default_rng(seed))
@@ -34,12 +34,12 @@ def test_halves_part_the_items_and_no_group(groups, seed):
     assert abs(len(one) - len(other)) <= largest
 
 
-def test_still_holds_one_of_its_poses():
+def test_still_freezes_one_of_the_poses():
     motion = _motion()
-    held = references.still(motion, np.random.default_rng(1))
-    assert held.n_frames == motion.n_frames
-    assert np.ptp(held.joint_pos_m(), axis=0).max() < 1e-12
-    assert np.abs(motion.joint_pos_m() - held.joint_pos_m()[0]).max(axis=(1, 2)).min() < 1e-9
+    frozen = references.still(motion, np.random.default_rng(1))
+    assert frozen.n_frames == motion.n_frames
+    assert np.ptp(frozen.joint_pos_m(), axis=0).max() < 1e-12
+    assert np.abs(motion.joint_pos_m() - frozen.joint_pos_m()[0]).max(axis=(1, 2)).min() < 1e-9
 
 
 def test_shuffled_joints_keep_the_root_and_the_set_of_rotations():
@@ -60,6 +60,6 @@ def test_shuffled_frames_keep_the_set_of_poses():
     assert not np.allclose(mixed.local_quat, motion.local_quat)
 
 
-def test_chance_names_motions_as_long_as_they_were():
+def test_chance_motions_keep_their_length():
     for chance in references.CHANCE.values():
         assert chance(_motion(), np.random.default_rng(0)).duration_s == _motion().duration_s

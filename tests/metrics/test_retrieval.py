@@ -1,4 +1,4 @@
-"""Retrieval: rankings whose scores are known, and chance as random orders give it."""
+"""Retrieval: rankings with known scores, and chance levels against simulated random rankings."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_by_hand():
     assert retrieval.reciprocal_rank(table).tolist() == [0.5, 1.0]
 
 
-def test_nothing_to_find():
+def test_without_relevant_items():
     nothing = row(0, 0, 0)
     assert np.isnan(retrieval.recall_at_k(nothing, 1)) and retrieval.reciprocal_rank(nothing) == 0
     assert retrieval.chance_reciprocal_rank(0, 3) == 0
@@ -42,7 +42,7 @@ def test_nothing_to_find():
 
 @settings(max_examples=15, deadline=None)
 @given(n_items=st.integers(1, 12), data=st.data())
-def test_chance_is_the_mean_of_random_orders(n_items, data):
+def test_chance_is_the_mean_over_random_rankings(n_items, data):
     n_relevant, k = data.draw(st.integers(1, n_items)), data.draw(st.integers(1, n_items))
     rng = np.random.default_rng(0)
     table = rng.permuted(np.tile(np.arange(n_items) < n_relevant, (20_000, 1)), axis=1)
@@ -74,9 +74,9 @@ def test_broken_tables_are_refused(table):
 
 def test_broken_numbers_are_refused():
     for k in (0, 4):
-        with pytest.raises(ParameterError, match="looked at"):
+        with pytest.raises(ParameterError, match="k from 1 to 3"):
             retrieval.precision_at_k(np.ones((1, 3), bool), k)
-        with pytest.raises(ParameterError, match="looked at"):
+        with pytest.raises(ParameterError, match="k from 1 to 3"):
             retrieval.chance_recall(k, 3)
     for count, items in ((4, 3), (-1, 3), (0, 0)):
         with pytest.raises(ParameterError, match="relevant"):

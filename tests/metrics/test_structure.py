@@ -1,4 +1,4 @@
-"""Structure: planted repeats, sections that are danced alike, and steps whose surprise is known."""
+"""Structure: synthetic repeats, sections that are danced alike, and transitions of known surprisal."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ NONE = np.zeros(0, np.int64)
 
 
 def pieces(*source_starts_s: float, length_s: float = 4.0) -> np.ndarray:
-    """Pieces of that length, one after another in the dance, from these instants of their takes."""
+    """Consecutive pieces of that length in the dance, from these times of their takes."""
     starts = np.arange(len(source_starts_s)) * length_s
     source = np.array(source_starts_s)
     return np.stack([starts, starts + length_s, source, source + length_s], axis=1)
 
 
-def test_signature_distance_of_the_same_and_of_nothing_shared():
+def test_signature_distance_of_equal_and_of_disjoint_motifs():
     motifs = np.array([0, 0, 1, 2])
     assert structure.signature_distance(motifs, np.array([0.5, 0.25, 0.25, 0.0])) == 0
     assert structure.signature_distance(motifs, np.array([0.0, 0.0, 0.0, 1.0])) == pytest.approx(1)
     assert np.isnan(structure.signature_distance(NONE, np.array([1.0])))
 
 
-def test_surprise_of_steps():
+def test_surprisal_of_transitions():
     transitions = np.array([[0.5, 0.5], [1.0, 0.0]])
     assert structure.transition_bits(np.array([0, 1, 0, 0]), transitions) == pytest.approx(2 / 3)
     assert structure.transition_bits(np.array([1, 0]), transitions) == 0
@@ -94,20 +94,20 @@ def test_distinct_takes_a_minute():
     assert structure.distinct_takes_per_minute([], 30.0) == 0.0
 
 
-def test_sections_danced_alike_and_sections_danced_anyhow():
+def test_sections_danced_alike_and_sections_danced_differently():
     bounds, labels = [0.0, 4.0, 8.0, 12.0], ["verse", "chorus", "verse"]
     starts = np.arange(12.0)
     faithful = np.array([0, 1, 2, 3, 4, 5, 4, 5, 0, 1, 2, 3])
-    sections = structure.moves_of_sections(faithful, starts, bounds)
+    sections = structure.motifs_by_section(faithful, starts, bounds)
     assert [s.tolist() for s in sections] == [[0, 1, 2, 3], [4, 5, 4, 5], [0, 1, 2, 3]]
-    for similarity in (structure.shared_moves(sections, 6), structure.moves_in_step(sections)):
+    for similarity in (structure.shared_motifs(sections, 6), structure.motifs_in_step(sections)):
         assert structure.section_agreement(similarity, labels) == 1.0
         assert structure.section_agreement(similarity, ["a", "a", "b"]) == -0.5
-    turned = [sections[0], sections[1], sections[2][::-1]]
-    assert structure.section_agreement(structure.shared_moves(turned, 6), labels) == 1.0
-    assert structure.section_agreement(structure.moves_in_step(turned), labels) == 0.0
+    backwards = [sections[0], sections[1], sections[2][::-1]]
+    assert structure.section_agreement(structure.shared_motifs(backwards, 6), labels) == 1.0
+    assert structure.section_agreement(structure.motifs_in_step(backwards), labels) == 0.0
     same = [np.array([1, 1])] * 3  # repeats whatever the song does
-    assert structure.section_agreement(structure.shared_moves(same, 6), labels) == 0.0
+    assert structure.section_agreement(structure.shared_motifs(same, 6), labels) == 0.0
 
 
 def test_agreement_without_a_pair_to_compare():
@@ -118,19 +118,19 @@ def test_agreement_without_a_pair_to_compare():
 
 @settings(max_examples=10)
 @given(st.integers(0, 99))
-def test_labels_in_any_order_agree_with_nothing_on_average(seed):
+def test_random_orders_of_the_labels_have_no_agreement_on_average(seed):
     rng = np.random.default_rng(seed)
-    similarity = structure.moves_in_step(list(rng.integers(0, 3, (7, 6))))
+    similarity = structure.motifs_in_step(list(rng.integers(0, 3, (7, 6))))
     labels = np.array([0, 0, 0, 1, 1, 2, 2])
     agreements = [structure.section_agreement(similarity, rng.permutation(labels)) for _ in range(2000)]
     assert np.mean(agreements) == pytest.approx(0, abs=5 * np.std(agreements) / np.sqrt(2000) + 1e-9)
 
 
-def test_a_section_in_which_no_move_begins():
-    sections = structure.moves_of_sections(np.array([1]), [0.5], [0.0, 1.0, 2.0])
+def test_a_section_in_which_no_motif_starts():
+    sections = structure.motifs_by_section(np.array([1]), [0.5], [0.0, 1.0, 2.0])
     assert [len(s) for s in sections] == [1, 0]
-    assert structure.moves_in_step(sections)[0, 1] == 0
-    assert np.isfinite(structure.shared_moves(sections, 2)).all()
+    assert structure.motifs_in_step(sections)[0, 1] == 0
+    assert np.isfinite(structure.shared_motifs(sections, 2)).all()
 
 
 @pytest.mark.parametrize("motifs", [np.array([0.5]), np.array([[1]]), np.array([-1]), np.array([2])])
@@ -151,9 +151,9 @@ def test_broken_input_is_refused():
     with pytest.raises(ParameterError, match="duration"):
         structure.distinct_takes_per_minute(["a"], 0.0)
     with pytest.raises(ParameterError, match="bounds"):
-        structure.moves_of_sections(np.array([1]), [0.0], [1.0])
+        structure.motifs_by_section(np.array([1]), [0.0], [1.0])
     with pytest.raises(ParameterError, match="increasing"):
-        structure.moves_of_sections(np.array([1, 2]), [1.0, 0.0], [0.0, 1.0])
+        structure.motifs_by_section(np.array([1, 2]), [1.0, 0.0], [0.0, 1.0])
     with pytest.raises(ParameterError, match="similarities"):
         structure.section_agreement(np.ones((2, 2)), ["a"])
 

@@ -1,4 +1,4 @@
-"""Slopes as planted, limits as they are, and errors of warps in milliseconds."""
+"""Slopes of synthetic time maps, shares at the limits, and errors of recovered warps in milliseconds."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def test_identity_is_perfect():
     }  # fmt: skip
 
 
-def test_a_staircase_lies_at_its_limits_and_beyond():
+def test_a_staircase_runs_along_and_beyond_the_limits():
     maps = np.cumsum([0, 2, 0.5, 2, 1, 3, 0, 1, 1])
     assert warping.share_at_limits(maps) == (2 / 8, 3 / 8)
     shares = warping.slope_histogram(maps)
     assert shares[0] == 2 / 8 and shares[-1] == 3 / 8
 
 
-def test_errors_are_those_of_the_source():
+def test_errors_are_in_milliseconds_of_the_source():
     true = np.arange(10.0)
     errors = warping.recovery_errors_ms(true + np.array([1.0] * 9 + [-4.0]), true, 20.0)
     assert errors.tolist() == [50.0] * 9 + [200.0]
@@ -47,7 +47,7 @@ def test_errors_are_those_of_the_source():
 
 
 @given(fps=st.floats(1, 200), shift=st.floats(-5, 5))
-def test_the_rate_plays_no_part(fps, shift):
+def test_the_rate_does_not_matter(fps, shift):
     true_s = np.linspace(0, 4, 50)
     errors = warping.recovery_errors_ms((true_s + shift) * fps, true_s * fps, fps)
     assert errors == pytest.approx(1000 * abs(shift), abs=1e-6)

@@ -9,7 +9,8 @@ from choreograph.motifs.signatures import chi_square_distance, signature
 from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.nets.words.config import word_config
-from choreograph.nets.words.train import WordTake, train_word_net
+from choreograph.nets.words.data import WordTake
+from choreograph.nets.words.train import train_word_net
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.moves.sequencer import render_take
 

@@ -1,4 +1,4 @@
-"""Two bones keep their lengths, reach what can be reached, and leave alone what is there already."""
+"""Two-bone IK keeps bone lengths, reaches reachable targets, and changes nothing at the target."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def _limb(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     bend = rng.uniform(0.3, 2.2)
     upper = np.array([0.0, -1.0, 0.0]) * lengths[0]
     lower = rot.rotate(rot.from_rotvec(HINGE * bend), np.array([0.0, -1.0, 0.0])) * lengths[1]
-    turn = rot.from_rotvec(rng.normal(0, 1, 3))
+    rotation = rot.from_rotvec(rng.normal(0, 1, 3))
     start = rng.normal(0, 1, 3)
-    middle = start + rot.rotate(turn, upper)
-    return start, middle, middle + rot.rotate(turn, lower), rot.rotate(turn, HINGE), lengths
+    middle = start + rot.rotate(rotation, upper)
+    return start, middle, middle + rot.rotate(rotation, lower), rot.rotate(rotation, HINGE), lengths
 
 
 def _moved(start, middle, end, target, hinge):
@@ -68,7 +68,7 @@ def test_a_target_already_reached_changes_nothing(seed):
 
 
 @given(SEEDS)
-def test_a_small_way_is_a_small_turn(seed):
+def test_a_small_displacement_is_a_small_rotation(seed):
     rng = np.random.default_rng(seed)
     start, middle, end, hinge, (a, b) = _limb(rng)
     if np.linalg.norm(end - start) > 0.95 * (a + b):
@@ -77,7 +77,7 @@ def test_a_small_way_is_a_small_turn(seed):
     assert np.linalg.norm(knee - middle) < 5e-3
 
 
-def test_all_frames_at_once_are_each_frame_alone():
+def test_a_batch_gives_the_same_as_each_frame_alone():
     rng = np.random.default_rng(1)
     limbs = [_limb(rng)[:4] for _ in range(8)]
     start, middle, end, hinge = (np.stack(column) for column in zip(*limbs, strict=True))

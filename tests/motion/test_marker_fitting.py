@@ -1,4 +1,4 @@
-"""Fitting: planted rotations come back, bodies are told apart, floors are found."""
+"""Marker fitting, floor estimation and body size on synthetic motions."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from choreograph.motion.floor import estimate_floor_m, track_floor_m
 from choreograph.motion.inverse_kinematics import two_bone
 from choreograph.motion.kinematics import forward
 from choreograph.motion.marker_fitting import REQUIRED_ROLES, fit_error_m, fit_positions
-from choreograph.motion.proportions import resized, size_ratio
+from choreograph.motion.rotation_smoothing import bridge_flips, smoothed_angle
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
+from choreograph.motion.skeleton_calibration import resized, size_ratio
 
 
 def _synthetic(rng: np.random.Generator, n_frames: int = 60):
     skeleton = canonical_skeleton()
-    turns = np.zeros((n_frames, 24, 3))
+    rotvec = np.zeros((n_frames, 24, 3))
     wave = np.sin(np.linspace(0, 6, n_frames))
     for name in ("left_hip", "right_hip", "left_shoulder", "right_shoulder", "spine1"):
-        turns[:, CANONICAL_JOINTS.index(name)] = wave[:, None] * rng.uniform(-0.4, 0.4, 3)
+        rotvec[:, CANONICAL_JOINTS.index(name)] = wave[:, None] * rng.uniform(-0.4, 0.4, 3)
     for name in ("left_knee", "right_knee"):
-        turns[:, CANONICAL_JOINTS.index(name), 0] = 0.6 + 0.4 * wave
-    turns[:, 0, 1] = np.linspace(0, 5, n_frames)
+        rotvec[:, CANONICAL_JOINTS.index(name), 0] = 0.6 + 0.4 * wave
+    rotvec[:, 0, 1] = np.linspace(0, 5, n_frames)
     root = np.stack([wave, np.full(n_frames, 0.9), wave], axis=-1)
-    return skeleton, root, rot.from_rotvec(turns)
+    return skeleton, root, rot.from_rotvec(rotvec)
 
 
 def test_synthetic_motion_comes_back_without_flips():
@@ -38,7 +39,23 @@ def test_synthetic_motion_comes_back_without_flips():
     assert np.degrees(2 * np.arccos(np.clip(np.sum(found[1:] * found[:-1], -1), -1, 1))).max() < 60
 
 
-def test_missing_role_and_nan_are_told():
+def test_a_flip_of_a_few_frames_is_bridged():
+    bend = rot.from_rotvec(np.linspace(0.0, 0.5, 60)[:, None, None] * [[1.0, 0.0, 0.0]])  # (T, 1, 4)
+    flipped = bend.copy()
+    flipped[30:32] = rot.multiply(bend[30:32], rot.from_rotvec(np.array([0.0, 3.0, 0.0])))
+    np.testing.assert_allclose(bridge_flips(flipped, 4), bend, atol=1e-9)
+
+
+def test_an_angle_without_weight_is_interpolated():
+    angle = np.linspace(0.0, 0.4, 50)
+    weight = np.ones(50)
+    weight[20:30] = 0.0
+    noise = np.where(weight > 0, 0.0, 2.0)
+    found = smoothed_angle(weight * np.cos(angle + noise), weight * np.sin(angle + noise), 0.1)
+    np.testing.assert_allclose(found, angle, atol=0.01)
+
+
+def test_missing_role_and_nan_are_refused():
     skeleton = canonical_skeleton()
     with pytest.raises(ParameterError, match="left_hip"):
         fit_positions(skeleton, np.zeros((5, 1, 3)), ["pelvis"], fps=25)
@@ -72,7 +89,7 @@ def test_two_bone_reaches_and_keeps_still_limbs():
 
 
 @pytest.mark.parametrize("size", [0.8, 1.0, 1.25])
-def test_size_of_a_scaled_body(size):
+def test_the_size_of_a_scaled_body_is_found(size):
     canonical = canonical_skeleton()
     assert size_ratio(replace(canonical, offsets_m=canonical.offsets_m / size), canonical) == pytest.approx(
         size
@@ -82,7 +99,7 @@ def test_size_of_a_scaled_body(size):
 def test_resizing_keeps_the_floor_and_feet_at_rest():
     rng = np.random.default_rng(3)
     pos_m = rng.uniform(0.4, 2.0, (50, 6, 3))
-    pos_m[:, 0] = [2.0, 0.4, -1.0]  # a foot that stands
+    pos_m[:, 0] = [2.0, 0.4, -1.0]  # a foot on the floor
     small = resized(pos_m, np.full(50, 0.8), 0.4)
     assert np.allclose(np.ptp(small[:, 0], axis=0), 0.0)
     assert np.allclose(small[:, 0, 1], 0.4)

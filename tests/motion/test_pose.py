@@ -1,4 +1,4 @@
-"""Heading and place of a body, and its pose seen from there."""
+"""Heading and ground position of a body, and poses in the root frame."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_the_rest_pose_faces_z():
 
 @settings(max_examples=40, deadline=None)
 @given(angles, metres, metres)
-def test_heading_and_place_move_with_the_body_and_the_pose_does_not(angle, x, z):
+def test_heading_and_position_move_with_the_body_and_the_pose_does_not(angle, x, z):
     moved = rot.rotate(rot.about_y(angle), BODY) + np.array([x, 0.0, z])
     assert np.allclose(turned_by(heading_rad(moved), heading_rad(BODY)), angle, atol=1e-9)
     expected = rot.rotate(rot.about_y(angle), ground_pos_m(BODY)) + np.array([x, 0.0, z])
@@ -43,12 +43,12 @@ def test_heading_and_place_move_with_the_body_and_the_pose_does_not(angle, x, z)
     assert np.allclose(to_root_frame(moved, turned), to_root_frame(BODY, velocities))
 
 
-def test_from_its_own_place_a_body_stands_over_the_origin_and_faces_z():
-    own = to_root_frame(BODY)
-    assert np.allclose(heading_rad(own), 0, atol=1e-9)
-    assert np.allclose(ground_pos_m(own), 0, atol=1e-9)
-    assert np.allclose(own[..., 1], BODY[..., 1])  # heights are kept
-    assert np.allclose(to_root_frame(own), own)
+def test_in_the_root_frame_a_body_is_above_the_origin_and_faces_z():
+    in_root = to_root_frame(BODY)
+    assert np.allclose(heading_rad(in_root), 0, atol=1e-9)
+    assert np.allclose(ground_pos_m(in_root), 0, atol=1e-9)
+    assert np.allclose(in_root[..., 1], BODY[..., 1])  # heights are kept
+    assert np.allclose(to_root_frame(in_root), in_root)
 
 
 def test_any_leading_dimensions():
@@ -57,7 +57,7 @@ def test_any_leading_dimensions():
     assert heading_rad(boxed).shape == (4, 5)
 
 
-def test_a_mirror_turns_the_heading_round_and_swaps_sides():
+def test_mirroring_negates_the_heading_and_swaps_sides():
     mirror = mirrored(BODY)
     assert np.allclose(turned_by(heading_rad(mirror), -heading_rad(BODY)), 0, atol=1e-9)
     assert np.allclose(mirrored(mirror), BODY)
@@ -65,11 +65,11 @@ def test_a_mirror_turns_the_heading_round_and_swaps_sides():
     assert np.allclose(mirror[:, left], BODY[:, right] * [-1, 1, 1])
 
 
-def test_a_phrase_from_its_own_place_keeps_its_travel_and_forgets_where_it_was():
-    phrase = clips_to_root_frame(BODY[None])[0]
+def test_a_clip_in_the_root_frame_keeps_its_travel_but_not_its_position():
+    clip = clips_to_root_frame(BODY[None])[0]
     moved = rot.rotate(rot.about_y(1.3), BODY) + np.array([2.0, 0.0, -1.0])
-    assert np.allclose(clips_to_root_frame(moved[None])[0], phrase)
-    assert heading_rad(phrase[len(BODY) // 2]) == pytest.approx(0.0, abs=1e-9)
-    assert np.allclose(ground_pos_m(phrase).mean(axis=0), 0.0)
+    assert np.allclose(clips_to_root_frame(moved[None])[0], clip)
+    assert heading_rad(clip[len(BODY) // 2]) == pytest.approx(0.0, abs=1e-9)
+    assert np.allclose(ground_pos_m(clip).mean(axis=0), 0.0)
     travel = np.linalg.norm(BODY[-1] - BODY[0], axis=-1)
-    assert np.allclose(np.linalg.norm(phrase[-1] - phrase[0], axis=-1), travel)
+    assert np.allclose(np.linalg.norm(clip[-1] - clip[0], axis=-1), travel)

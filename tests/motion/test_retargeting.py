@@ -1,4 +1,4 @@
-"""Retargeting: planted motions on other rigs, and a real one."""
+"""Retargeting of synthetic motions on other rigs, and of a real one."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.retargeting import retarget, share_skeleton
-from choreograph.motion.rigs import joint_roles, rest_stands
+from choreograph.motion.rigs import joint_roles, rest_pose_is_upright
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_another_rest_pose_comes_out_at_the_same_places(seed):
+def test_another_rest_pose_gives_the_same_positions(seed):
     motion = swaying(seed=seed)
     other = on_other_axes(motion, seed)
-    assert np.allclose(other.joint_pos_m(), motion.joint_pos_m())  # the plant itself
+    assert np.allclose(other.joint_pos_m(), motion.joint_pos_m())  # the synthetic rig itself
     back = retarget(other, canonical_skeleton())
     assert np.linalg.norm(back.joint_pos_m() - motion.joint_pos_m(), axis=-1).max() < 0.01
 
 
-def test_back_and_forth_onto_an_odd_rig():
+def test_retargeting_onto_an_unusual_rig():
     motion = swaying()
-    odd = on_other_axes(motion, 5).skeleton
-    there = retarget(motion, odd)
-    assert np.abs(there.joint_pos_m() - motion.joint_pos_m()).max() < 0.01
+    unusual = on_other_axes(motion, 5).skeleton
+    retargeted = retarget(motion, unusual)
+    assert np.abs(retargeted.joint_pos_m() - motion.joint_pos_m()).max() < 0.01
 
 
-def test_twist_of_limbs_comes_back():
+def test_the_twist_of_limbs_is_recovered():
     motion = swaying(240)
     back = retarget(on_other_axes(motion, 1), canonical_skeleton())
     for role in ("left_hip", "right_knee", "left_shoulder", "right_elbow", "pelvis", "spine3"):
@@ -43,12 +43,12 @@ def test_twist_of_limbs_comes_back():
         assert np.degrees(2 * np.arccos(np.clip(dots, 0, 1))).mean() < 12, role
 
 
-def test_a_giant_keeps_directions_and_the_floor_and_walks_a_shorter_path():
+def test_a_larger_body_keeps_directions_and_floor_and_scales_the_path():
     motion = swaying()
     body = motion.skeleton
-    giant = Skeleton(body.names, body.parents, body.offsets_m * 2, body.tip_parents, body.tips_m * 2)
-    big = replace(motion, skeleton=giant, root_pos_m=motion.root_pos_m * 2)
-    assert np.allclose(retarget(big, body).joint_pos_m(), motion.joint_pos_m(), atol=0.01)
+    large = Skeleton(body.names, body.parents, body.offsets_m * 2, body.tip_parents, body.tips_m * 2)
+    scaled = replace(motion, skeleton=large, root_pos_m=motion.root_pos_m * 2)
+    assert np.allclose(retarget(scaled, body).joint_pos_m(), motion.joint_pos_m(), atol=0.01)
 
 
 def test_rate_and_length_stay_and_signs_are_continuous():
@@ -89,12 +89,12 @@ def test_bandai_namco_keeps_every_limb_direction(shared_data):
     assert -0.05 < after[:, [b["left_foot"], b["right_foot"]], 1].min() < 0.05
 
 
-def test_soles_of_a_rig_whose_rest_pose_lies_down_are_found_from_its_motion():
+def test_without_an_upright_rest_pose_soles_are_found_from_the_motion():
     motion = swaying(120)
     body = motion.skeleton
-    turn = rot.from_rotvec(np.array([0.0, 0.0, 1.3]))  # every joint's axes turned alike: the rest pose lies
-    world = rot.multiply(forward(body, motion.root_pos_m, motion.local_quat)[1], turn)
-    back = rot.invert(turn)
+    rotation = rot.from_rotvec(np.array([0.0, 0.0, 1.3]))  # of all joints' axes: the rest pose lies down
+    world = rot.multiply(forward(body, motion.root_pos_m, motion.local_quat)[1], rotation)
+    back = rot.invert(rotation)
     lying = Skeleton(
         body.names,
         body.parents,
@@ -103,7 +103,7 @@ def test_soles_of_a_rig_whose_rest_pose_lies_down_are_found_from_its_motion():
         rot.rotate(back, body.tips_m),
     )
     moved = replace(motion, skeleton=lying, local_quat=to_local(lying, world))
-    assert not rest_stands(lying)
+    assert not rest_pose_is_upright(lying)
     assert estimate_floor_m(sole_pos_m(moved)) == pytest.approx(
         estimate_floor_m(sole_pos_m(motion)), abs=0.06
     )

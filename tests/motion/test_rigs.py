@@ -1,4 +1,4 @@
-"""Joint roles by name, on the rigs people have."""
+"""Joint roles by name, on common rigs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from choreograph.errors import ParameterError
-from choreograph.motion.rigs import joint_roles, rest_stands
+from choreograph.motion.rigs import joint_roles, rest_pose_is_upright
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
 
 # Each rig as "joint<parent" in order; {s} stands for both sides.
@@ -117,7 +117,7 @@ def test_usual_rigs(text, expected):
     skeleton = rig(text)
     found = {role: skeleton.names[joint] for role, joint in joint_roles(skeleton).items()}
     assert {role: found.get(role) for role in expected} == expected
-    assert len(set(found.values())) == len(found)  # no joint plays two parts
+    assert len(set(found.values())) == len(found)  # no joint has two roles
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_prefixes_case_and_suffixes_do_not_matter(decorate):
     assert joint_roles(rig(MIXAMO, decorate)) == joint_roles(rig(MIXAMO))
 
 
-def test_canonical_body_plays_itself():
+def test_the_canonical_body_maps_to_itself():
     assert joint_roles(canonical_skeleton()) == {name: i for i, name in enumerate(CANONICAL_JOINTS)}
 
 
@@ -152,14 +152,14 @@ def test_missing_joints_are_named():
         joint_roles(skeleton)
 
 
-def test_the_answer_is_the_callers_to_change():
+def test_changing_the_result_does_not_change_the_cache():
     skeleton = canonical_skeleton()
     joint_roles(skeleton).clear()
     assert joint_roles(skeleton)
 
 
-def test_whether_the_rest_pose_stands():
+def test_whether_the_rest_pose_is_upright():
     body = canonical_skeleton()
     along_x = np.linalg.norm(body.offsets_m, axis=1)[:, None] * [1.0, 0.0, 0.0]
-    assert rest_stands(body)
-    assert not rest_stands(Skeleton(body.names, body.parents, along_x))
+    assert rest_pose_is_upright(body)
+    assert not rest_pose_is_upright(Skeleton(body.names, body.parents, along_x))

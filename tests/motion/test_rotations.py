@@ -1,4 +1,4 @@
-"""Laws of quaternions, over shapes; scipy's rotations as the other opinion."""
+"""Laws of quaternions over batch shapes, with scipy's rotations as reference."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def same(a, b, atol: float = 1e-9) -> bool:
 
 @laws
 @given(seeds, shapes)
-def test_the_group(seed, shape):
+def test_group_laws(seed, shape):
     a, b, c = (quats(seed + i, shape) for i in range(3))
     assert np.allclose(rot.multiply(a, rot.multiply(b, c)), rot.multiply(rot.multiply(a, b), c))
     assert np.allclose(rot.multiply(a, rot.invert(a)), rot.IDENTITY)
@@ -38,7 +38,7 @@ def test_the_group(seed, shape):
 
 @laws
 @given(seeds)
-def test_rotating_is_scipys(seed):
+def test_rotate_agrees_with_scipy(seed):
     q = quats(seed, (6,))
     v = np.random.default_rng(seed).normal(size=(6, 3))
     assert np.allclose(rot.rotate(q, v), Rotation.from_quat(q, scalar_first=True).apply(v))
@@ -46,7 +46,7 @@ def test_rotating_is_scipys(seed):
 
 @laws
 @given(seeds, shapes)
-def test_there_and_back(seed, shape):
+def test_round_trips(seed, shape):
     q = quats(seed, shape)
     assert same(rot.from_matrix(rot.to_matrix(q)), q)
     assert same(rot.from_rotvec(rot.to_rotvec(q)), q)
@@ -64,7 +64,7 @@ def test_euler_angles_are_intrinsic():
 
 @laws
 @given(seeds, shapes, st.floats(0, 1))
-def test_slerp_turns_evenly_on_the_shorter_arc(seed, shape, weight):
+def test_slerp_has_constant_speed_on_the_shorter_arc(seed, shape, weight):
     a, b = quats(seed, shape), quats(seed + 1, shape)
     between = rot.slerp(a, b, np.full(shape, weight))
     assert np.allclose(np.linalg.norm(between, axis=-1), 1.0)
@@ -118,10 +118,10 @@ def test_between_opposite_directions_is_a_half_turn(direction):
 
 @laws
 @given(st.floats(-3.1, 3.1))
-def test_turning_about_the_vertical(angle):
-    turn = rot.about_y(angle)
-    assert np.allclose(rot.rotate(turn, np.array([0.0, 0.0, 1.0])), [np.sin(angle), 0.0, np.cos(angle)])
-    assert float(rot.yaw(turn)) == pytest.approx(angle)
+def test_rotation_about_the_vertical(angle):
+    rotation = rot.about_y(angle)
+    assert np.allclose(rot.rotate(rotation, np.array([0.0, 0.0, 1.0])), [np.sin(angle), 0.0, np.cos(angle)])
+    assert float(rot.yaw(rotation)) == pytest.approx(angle)
 
 
 def test_a_quaternion_of_zero_is_the_identity():

@@ -1,4 +1,4 @@
-"""The trainer: exact resumption, refusals, interruption, log."""
+"""The training loop: exact resumption, interruption, refusals, log."""
 
 import json
 import os
@@ -10,7 +10,7 @@ import torch
 from torch import nn
 
 from choreograph.errors import ChoreographError, FormatError, ParameterError
-from choreograph.nets.training import TrainingContext, chosen_device, load_pretrained, train
+from choreograph.nets.training import TrainingContext, load_pretrained, select_device, train
 
 
 def _module():
@@ -41,17 +41,17 @@ def _equal(a, b):
 
 
 @pytest.mark.parametrize("stop", [1, 17, 59])
-def test_interrupted_and_resumed_equals_uninterrupted_to_the_bit(tmp_path, stop):
-    whole, parts = _module(), _module()
-    _run(whole)
+def test_interrupted_and_resumed_equals_uninterrupted_bit_for_bit(tmp_path, stop):
+    uninterrupted, interrupted = _module(), _module()
+    _run(uninterrupted)
     with pytest.raises(KeyboardInterrupt):
-        _run(parts, tmp_path, stop=stop)
+        _run(interrupted, tmp_path, stop=stop)
     assert torch.load(tmp_path / "toy.pt", weights_only=True)["step"] == stop
     resumed = _module()
     for value in resumed.parameters():
-        value.data.zero_()  # nothing but the checkpoint can bring it back
+        value.data.zero_()  # only the checkpoint can restore it
     _run(resumed, tmp_path, resume=True)
-    assert _equal(whole, resumed)
+    assert _equal(uninterrupted, resumed)
     assert not list(tmp_path.glob("*.part"))
 
 
@@ -60,13 +60,13 @@ def test_training_lowers_the_loss_and_leaves_other_generators_alone():
     expected = torch.rand(3)
     torch.manual_seed(11)
     seen = []
-    _run_module = _module()
+    module = _module()
     torch.manual_seed(11)
-    _run(_run_module, report=seen.append, steps=300)
+    _run(module, report=seen.append, steps=300)
     assert torch.equal(torch.rand(3), expected)
     assert seen[-1].loss < 0.5 * seen[0].loss
     assert seen[-1].step == seen[-1].n_steps == 300 and seen[-1].seconds_left == 0
-    assert not _run_module.training
+    assert not module.training
 
 
 def test_another_seed_gives_other_weights():
@@ -101,7 +101,7 @@ def test_checkpoint_of_another_configuration_is_refused(tmp_path, change, named)
     with pytest.raises(ParameterError, match=f"{named} = ") as caught:
         _run(_module(), tmp_path, resume=True, **change)
     assert "\n" not in str(caught.value)
-    _run(_module(), tmp_path, **change)  # without resume it begins anew
+    _run(_module(), tmp_path, **change)  # without resume it starts again
 
 
 @pytest.mark.parametrize("content", [b"", b"nonsense", None])
@@ -130,6 +130,6 @@ def test_loss_that_is_not_finite_stops_without_a_checkpoint(tmp_path):
 
 def test_unknown_device_and_weights_of_another_shape_are_refused():
     with pytest.raises(ParameterError, match="auto, cpu, cuda"):
-        chosen_device("gpu0")
+        select_device("gpu0")
     with pytest.raises(ParameterError, match="another preset"):
         load_pretrained(_module(), "toy", {"0.weight": np.zeros((3, 3), np.float32)})

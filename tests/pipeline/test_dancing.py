@@ -1,4 +1,4 @@
-"""From a song to a dance, on planted takes: lengths, bytes, costs of one's own, odd songs, edited plans."""
+"""From a song to a dance, on synthetic takes: lengths, bytes, custom costs, unusual songs, edited plans."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ def test_a_dance_lasts_as_long_as_its_song(made):
 
 @pytest.mark.parametrize("fps", [25, 29.97, 120.0])
 @pytest.mark.parametrize("blending", BLENDINGS)
-def test_at_any_rate(repertoire, song, fps, blending):
+def test_any_frame_rate(repertoire, song, fps, blending):
     config = cg.DanceConfig(fps=fps, blending=blending, candidates=8, planner="greedy")
     made = cg.dance(song, repertoire, config=config)
     assert abs(made.motion.duration_s - 12.4) <= 1 / fps
 
 
-def test_the_same_again_to_the_byte(made, repertoire, song, tmp_path):
+def test_the_same_seed_gives_the_same_bytes(made, repertoire, song, tmp_path):
     again = cg.dance(song, cg.Repertoire.open(repertoire.path))
     for suffix in (".json", ".bvh", ".npz"):
         files = []
@@ -77,7 +77,7 @@ def test_steps_fall_on_the_clicks(made):
     assert f_score(beats, clicks) > 0.7
 
 
-def test_every_second_says_whose_motion_it_is(made, repertoire):
+def test_every_second_has_credits(made, repertoire):
     takes = {take.name: take for take in repertoire.takes}
     for second in made.plan.seconds:
         assert second.credits == takes[second.take].credits
@@ -99,7 +99,7 @@ def test_a_forbidden_take_is_not_danced_and_a_preferred_one_is(repertoire, song)
     assert all(second.costs["prefers"] == 0 for second in made.plan.seconds)
 
 
-def test_nothing_allowed_is_said(repertoire, song):
+def test_a_cost_that_forbids_everything_is_reported(repertoire, song):
     with pytest.raises(NoPathError, match="second 0"):
         cg.dance(song, repertoire, costs=[OnlyTake("nobody's")])
 
@@ -115,7 +115,7 @@ def test_weights_and_costs_that_do_not_exist_or_collide(repertoire, song):
         cg.dance(song, repertoire, costs=[Style()])
 
 
-def test_exact_is_never_costlier_than_greedy(made, repertoire, song):
+def test_the_exact_path_never_costs_more_than_the_greedy_one(made, repertoire, song):
     greedy = cg.dance(song, repertoire, config=cg.DanceConfig(planner="greedy"))
     assert made.plan.total_cost <= greedy.plan.total_cost + 1e-4
     paid = [sum(second.costs.values()) for second in greedy.plan.seconds]
@@ -136,7 +136,7 @@ def test_short_songs(repertoire, tmp_path, duration_s):
         assert any("less than the 4 s" in note for note in made.notes)
 
 
-def test_a_silent_song_is_danced_and_said(repertoire, tmp_path):
+def test_a_silent_song_is_danced_and_noted(repertoire, tmp_path):
     soundfile.write(tmp_path / "silent.wav", np.zeros(6 * SAMPLE_RATE_HZ), SAMPLE_RATE_HZ)
     made = cg.dance(tmp_path / "silent.wav", repertoire)
     assert abs(made.motion.duration_s - 6) <= 1 / 60
@@ -174,7 +174,7 @@ def test_an_untouched_plan_renders_the_same_dance(made, repertoire):
     assert np.array_equal(again.local_quat, made.motion.local_quat)
 
 
-def test_an_edited_plan_renders_what_it_says(made, repertoire):
+def test_an_edited_plan_is_rendered_as_edited(made, repertoire):
     seconds = list(made.plan.seconds)
     other = "take2" if seconds[5].take != "take2" else "take1"
     times = tuple(4.0 + 0.05 * i for i in range(21))
@@ -183,11 +183,11 @@ def test_an_edited_plan_renders_what_it_says(made, repertoire):
     edited = cg.render(replace(made.plan, seconds=tuple(seconds)), repertoire)
     assert edited.n_frames == made.motion.n_frames
     assert np.isfinite(edited.root_pos_m).all()
-    # What lies before the joins' reach is untouched (held feet apart), the edited second is not.
+    # What the transitions cannot reach is untouched (except by foot locking), the edited second is not.
     arms = slice(made.motion.skeleton.index("neck"), None)
     assert np.allclose(edited.local_quat[:200, arms], made.motion.local_quat[:200, arms], atol=1e-3)
     assert not np.allclose(edited.local_quat[320:340, arms], made.motion.local_quat[320:340, arms], atol=1e-2)
-    # Inside the edited second, past its joins, the body moves as the take does there.
+    # Inside the edited second, past its transitions, the body moves as the take does there.
     source, first_s = repertoire.motion(repertoire.take_index(other), 4.4, 4.6)
     at = (np.array([4.5]) - first_s) * source.fps
     assert np.allclose(source.sampled(at).local_quat[0, arms], edited.local_quat[330, arms], atol=1e-3)
@@ -201,14 +201,14 @@ def test_an_edited_plan_renders_what_it_says(made, repertoire):
         {"source_times_s": tuple(-0.2 + 0.05 * i for i in range(21))},
     ],
 )
-def test_a_plan_that_wants_what_is_not_there(made, repertoire, change):
+def test_a_plan_of_missing_takes_or_times(made, repertoire, change):
     seconds = (*made.plan.seconds[:3], replace(made.plan.seconds[3], **change), *made.plan.seconds[4:])
-    with pytest.raises(ChoreographError) as said:
+    with pytest.raises(ChoreographError) as raised:
         cg.render(replace(made.plan, seconds=seconds), repertoire)
-    assert "\n" not in str(said.value)
+    assert "\n" not in str(raised.value)
 
 
-def test_outputs_are_whole_or_not_there(made, tmp_path):
+def test_outputs_are_whole_or_absent(made, tmp_path):
     with pytest.raises(ParameterError):
         made.save(tmp_path / "missing" / "out.bvh")
     with pytest.raises(ParameterError):
@@ -219,7 +219,12 @@ def test_outputs_are_whole_or_not_there(made, tmp_path):
 def test_progress_is_reported(repertoire, song):
     seen = []
     cg.dance(song, repertoire, report=lambda stage, done, total: seen.append((stage, done, total)))
-    assert list(dict.fromkeys(s for s, _, _ in seen)) == ["hearing", "warping", "planning", "rendering"]
+    assert list(dict.fromkeys(s for s, _, _ in seen)) == [
+        "analysing the song",
+        "warping",
+        "planning",
+        "rendering",
+    ]
     assert ("planning", 13, 13) in seen
 
 

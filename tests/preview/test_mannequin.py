@@ -13,7 +13,7 @@ from synthetic_motions import on_other_axes, swaying
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import rest_stands
+from choreograph.motion.rigs import rest_pose_is_upright
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
 from choreograph.preview import _raster_kernels as raster
 from choreograph.preview.mannequin import PARTS, SkinnedMesh, build_mannequin, skin_matrices
@@ -226,7 +226,7 @@ def test_zero_length_bones_give_a_finite_mesh(flat, scale):
 def test_rig_without_a_standing_rest_pose_looks_the_same():
     motion = swaying(120)
     lying = on_other_axes(motion, 0)
-    assert not rest_stands(lying.skeleton)
+    assert not rest_pose_is_upright(lying.skeleton)
     mesh = build_mannequin(lying.skeleton, lying)
     wanted, _ = posed(build_mannequin(motion.skeleton), motion, 60)
     got, _ = posed(mesh, lying, 60)
@@ -244,7 +244,7 @@ def test_soles_of_such_a_rig_are_level_when_it_stands():
     quat = np.array(sway.local_quat)
     quat[:, [0, 1, 2, 4, 5, 7, 8, 10, 11]] = rot.IDENTITY  # the trunk dances, the legs stand
     lying = on_other_axes(Motion(steep, sway.root_pos_m * 0 + [0.0, 1.0, 0.0], quat, sway.fps), 3)
-    assert not rest_stands(lying.skeleton)
+    assert not rest_pose_is_upright(lying.skeleton)
     mesh = build_mannequin(lying.skeleton, lying)
     world, _ = posed(mesh, lying, 50)
     for shoe in ("left_shoe", "right_shoe"):

@@ -70,7 +70,9 @@ def test_training_songs_are_recorded(starter):
     card = STARTER_PATH.with_name("MODEL_CARD.md").read_text(encoding="utf-8")
     assert "Dance with Melody" in card
     assert any(song.startswith("DANCE_") for song in starter.provenance["trained_on"])
-    held_out = (STARTER_PATH.parents[2] / "examples" / "dance_with_melody_held_out.txt").read_text().split()
+    held_out = (
+        (STARTER_PATH.parents[2] / "examples/papers/dance_with_melody_held_out.txt").read_text().split()
+    )
     assert not set(held_out) & set(starter.provenance["trained_on"])
 
 

@@ -96,8 +96,8 @@ class Study {
 
   welcome() {
     const count = this.study.dances.length, asked = this.study.questions.length;
-    const heard = this.study.sound ? "Please turn the sound on." : "There is no sound.";
-    $("task").textContent = `You will see ${count} short dances and be asked ${asked} questions about each. ${heard}`;
+    const soundHint = this.study.sound ? "Please turn the sound on." : "There is no sound.";
+    $("task").textContent = `You will see ${count} short dances and be asked ${asked} questions about each. ${soundHint}`;
     $("rater-name").value = this.answers.name;
     $("begin").textContent = Object.keys(this.answers.state.answers).length ? "Go on" : "Begin";
     this.player.pause();

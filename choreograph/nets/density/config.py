@@ -1,6 +1,6 @@
 """Sizes and training lengths of the tempo-density networks: `paper`, `small` (one CPU core), `tiny` (tests).
 
-The paper gives layer counts, the hidden vector of 4096, the content of 1024; other widths are ours.
+The paper gives layer counts, the hidden vector of 4096 and the content of 1024; other widths are ours.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from choreograph.errors import ParameterError
-from choreograph.nets.presets import changed_preset
+from choreograph.nets.presets import config_from_preset
 
 DENSITY_LOSSES = ("paper", "locatable")
 
@@ -21,13 +21,13 @@ class DensityConfig:
     width: int = 32  # of the transformer layers
     conv_channels: tuple[int, int, int, int, int] = (32, 32, 48, 64, 128)  # hidden vector: 4 x the last
     content_dim: int = 128
-    loss: str = "locatable"  # "paper" is equation 2 alone, which does not determine the density
+    loss: str = "locatable"  # "paper": equation 2 alone, which does not determine the density
     reconstruction_weight: float = 1.0  # of equation 2
     content_weight: float = 0.1  # equation 2's lambda
     equivariance_weight: float = 1.0
     location_weight: float = 1.0
     temperature: float = 0.1  # of the location term: of squared differences of unit-variance curves
-    mirrored_share: float = 0.5  # of the samples of motion; 0 where left must not be taken for right
+    mirrored_share: float = 0.5  # of the motion samples; 0 where left and right must stay distinct
     batch_size: int = 16
     steps: int = 1500
     learning_rate: float = 2e-3
@@ -36,7 +36,7 @@ class DensityConfig:
     music_batch_size: int = 16
     music_steps: int = 1500
     music_learning_rate: float = 1e-3
-    synchronise: bool = True  # targets: takes with their beats warped onto the music's; the paper's: raw
+    synchronise: bool = True  # targets with motion beats warped onto music beats; False: the paper's raw ones
 
     def __post_init__(self) -> None:
         if self.loss not in DENSITY_LOSSES:
@@ -75,11 +75,11 @@ _PRESETS = {
         music_channels=(8, 16, 16, 16, 16),
         music_batch_size=8,
         music_steps=80,
-        synchronise=False,  # spares the beat tracking of every take
+        synchronise=False,  # saves tracking the beats of every take
     ),
 }
 
 
 def density_config(preset: str, **changes: Any) -> DensityConfig:
     """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
-    return changed_preset(_PRESETS, preset, changes)
+    return config_from_preset(_PRESETS, preset, changes)

@@ -1,9 +1,11 @@
 """Learned tempo-densities of motion and music (ChoreoGraph, section 3.2).
 
-Layer counts, the hidden vector and what goes in and out are the paper's. Ours: skip connections from
-each convolution block to the deconvolution block of its rate, because timing does not survive a hidden
-vector of a few frames; no positional encoding, so that what a frame is does not depend on when; and
-every density has zero mean and unit variance over its segment, so that it cannot collapse.
+Layer counts, the hidden vector, inputs and outputs are the paper's. Ours:
+
+- skip connections from each convolution block to the deconvolution block of its rate, because timing does not
+  survive a hidden vector of a few frames
+- no positional encoding, so that the density of a movement does not depend on when it happens
+- zero mean and unit variance of every density over its segment, so that it cannot collapse
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ class MotionDensity(StoredNet):
         self.embed = nn.Linear(2 * BODY_DIM, config.width)
         self.transformer = _transformer(config.width)
         self.convs = nn.ModuleList(_conv(channels[i], channels[i + 1], i == 4) for i in range(5))
-        # A deconvolution block sees what the one before made and what the convolutions saw at its rate.
+        # A deconvolution block takes the output of the one before and of the convolution block of its rate.
         self.deconvs = nn.ModuleList(
             _deconv(channels[i + 1] * (1 if i == 4 else 2), channels[i], i == 4) for i in (4, 3, 2, 1, 0)
         )
@@ -53,22 +55,22 @@ class MotionDensity(StoredNet):
     def forward(self, body: Tensor) -> tuple[Tensor, Tensor]:
         """Centred clips (B, 160, 21, 3) in metres to standardised densities (B, 160) and contents (B, C)."""
         pos = body.flatten(2)  # (B, 160, 63)
-        # Ten frames of velocity are about as large as the positions they lead through.
+        # The factor brings velocities to about the size of positions.
         velocity = 10 * torch.gradient(pos, dim=1)[0]
         x = self.transformer(self.embed(torch.cat([pos, velocity], dim=2))).transpose(1, 2)  # (B, W, 160)
-        seen = [x]
+        skips = [x]
         for conv in self.convs:
-            seen.append(conv(seen[-1]))
-        content = self.content(seen[-1].flatten(1))
-        x = seen.pop()
+            skips.append(conv(skips[-1]))
+        content = self.content(skips[-1].flatten(1))
+        x = skips.pop()
         for deconv in self.deconvs:
-            x = torch.cat([deconv(x), seen.pop()], dim=1)
+            x = torch.cat([deconv(x), skips.pop()], dim=1)
         return standardised(self.to_density(x)[:, 0]), content
 
     def take_density(self, body_pos_m: NDArray[np.floating]) -> NDArray[np.float32]:
         """Tempo-density (T,) of a whole take, body positions (T, 21, 3) in metres at 20 fps.
 
-        The mean of windows of 8 s, one starting every second; a shorter take holds its end poses.
+        The mean of windows of 8 s, one starting every second; the last pose of a shorter take is repeated.
         """
         body = checked_body_pos_m(body_pos_m).astype(np.float32)
         n_frames = len(body)
@@ -77,7 +79,7 @@ class MotionDensity(StoredNet):
         frames = starts[:, None] + np.arange(CLIP_FRAMES)  # (N, 160)
         clips = np.minimum(frames, n_frames - 1)
         curves = self._in_batches(len(starts), lambda p: self(torch.from_numpy(centred(body[clips[p]])))[0])
-        # A window's ends know least of what surrounds them: they weigh least.
+        # The ends of a window have least context, so they weigh least.
         weights = np.broadcast_to(np.hanning(CLIP_FRAMES + 2)[1:-1] + 1e-3, frames.shape)
         total = np.bincount(frames.ravel(), (weights * curves).ravel())
         return (total / np.bincount(frames.ravel(), weights.ravel()))[:n_frames].astype(np.float32)
@@ -106,18 +108,18 @@ class MotionDecoder(nn.Module):
 
     def forward(self, density: Tensor, content: Tensor) -> Tensor:
         """Densities (B, 160) and contents (B, C) to centred clips (B, 160, 21, 3) in metres."""
-        seen = [self.from_density(density[:, None])]
+        skips = [self.from_density(density[:, None])]
         for conv in self.convs:
-            seen.append(conv(seen[-1]))
+            skips.append(conv(skips[-1]))
         x = self.content(content).view(len(content), -1, HIDDEN_FRAMES)
         for deconv in self.deconvs:
-            x = deconv(torch.cat([x, seen.pop()], dim=1))
-        x = self.join(torch.cat([x, seen.pop()], dim=1).transpose(1, 2))
+            x = deconv(torch.cat([x, skips.pop()], dim=1))
+        x = self.join(torch.cat([x, skips.pop()], dim=1).transpose(1, 2))
         return self.to_body(self.transformer(x)).unflatten(2, (len(BODY_JOINTS), 3))
 
 
 class MusicDensity(StoredNet):
-    """Log-mel (B, 240, 96) of 4 s to the tempo-density wanted, (B, 80) at 20 fps."""
+    """Log-mel (B, 240, 96) of 4 s to the tempo-density wanted of the motion, (B, 80) at 20 fps."""
 
     config_class = DensityConfig
 
@@ -131,7 +133,7 @@ class MusicDensity(StoredNet):
         self.register_buffer("mel_std", torch.ones(MEL_BANDS))
         self.embed = nn.Linear(MEL_BANDS, config.width)
         self.transformers = nn.Sequential(_transformer(config.width), _transformer(config.width))
-        # 240 frames of 60 fps become 80 of 20 fps in the first block: 80, 40, 20, 10, 5.
+        # The first block takes 240 frames at 60 fps to 80 at 20 fps; then 40, 20, 10, 5.
         strides = (3, 2, 2, 2, 2)
         self.convs = nn.ModuleList(
             nn.Sequential(
@@ -150,19 +152,20 @@ class MusicDensity(StoredNet):
         """Log-mel (B, 240, 96), raw, to densities (B, 80), not yet standardised."""
         x = (mel - self.mel_mean) / self.mel_std
         x = self.transformers(self.embed(x)).transpose(1, 2)
-        seen = []
+        skips = []
         for conv in self.convs:
             x = conv(x)
-            seen.append(x)
-        seen.pop()
+            skips.append(x)
+        skips.pop()
         for deconv in self.deconvs:
-            x = torch.cat([deconv(x), seen.pop()], dim=1)
+            x = torch.cat([deconv(x), skips.pop()], dim=1)
         return self.last(x)[:, 0]
 
     def song_density(self, log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:
         """Densities (S, 80) wanted in the 4 s from each second, from a song's log-mel (T, 96) at 60 fps.
 
-        Each is stretched to unit variance: a mean-square fit is timid, and a flat query is found anywhere.
+        Each is scaled to unit variance: a mean-square fit underestimates variance, and a flat query matches
+        everywhere.
         """
         mel = np.asarray(log_mel, np.float32)
         if mel.ndim != 2 or mel.shape[1] != MEL_BANDS or len(mel) == 0 or n_seconds < 1:
@@ -188,7 +191,7 @@ def _transformer(width: int) -> nn.Module:
 
 
 def _conv(n_in: int, n_out: int, deepest: bool) -> nn.Sequential:
-    """Half the frames; the deepest block takes 10 to 4, so that the hidden vector is 4 frames of it."""
+    """Half the frames; the deepest block takes 10 frames to the 4 of the hidden vector."""
     conv = nn.Conv1d(n_in, n_out, 4, stride=2, padding=0 if deepest else 1)
     return nn.Sequential(conv, nn.BatchNorm1d(n_out), nn.ReLU())
 

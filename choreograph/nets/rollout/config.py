@@ -6,30 +6,28 @@ from dataclasses import dataclass
 from typing import Any
 
 from choreograph.errors import ParameterError
-from choreograph.nets.presets import changed_preset
+from choreograph.nets.presets import config_from_preset
 
 
 @dataclass(frozen=True)
 class RolloutConfig:
     """Everything that shapes and trains the rollout network; stored beside its weights.
 
-    The paper's network takes raw conditions, is asked for medoids only, feeds itself 5 frames of 10, and has
-    no weights but `perceptual_weight`; what else there is is ours.
+    The paper's network takes conditions without standardisation, is conditioned on medoids only, alternates 5
+    teacher-forced with 5 self-fed frames, and has no loss weight but `perceptual_weight`. The rest is ours.
     """
 
     n_joints: int = 24  # of the takes' skeleton, set by the training
     width: int = 256
     n_layers: int = 2
     condition_width: int = 192
-    use_audio: bool = True  # rhythm and place in the word; False is the ablation without audio
+    use_audio: bool = True  # rhythm and word phase; False is the ablation without audio
     motifs: bool = True  # False is the acLSTM baseline
-    phase: bool = True  # tell how far the word is and how long it lasts; ours
-    own_embedding_share: float = (
-        0.5  # share of sequences asked for their words' own embeddings, not the medoids'
-    )
+    phase: bool = True  # condition on the phase in the word and its duration; ours
+    own_embedding_share: float = 0.5  # of sequences conditioned on their own words, not on medoids
     style_strength: float = 1.5  # β of equation 4
-    style_fade_s: float = 1.0  # in which the styles of words pass into each other; 0: the paper's window
-    style_dropout: float = 0.5  # share of sequences whose style is left out
+    style_fade_s: float = 1.0  # of the transition between styles of words; 0: the paper's window
+    style_dropout: float = 0.5  # share of sequences without style
     perceptual_weight: float = 0.5  # λ of equation 10
     position_weight: float = 2.0
     velocity_weight: float = 0.3
@@ -37,8 +35,8 @@ class RolloutConfig:
     contact_weight: float = 0.05
     slide_weight: float = 0.2
     frames: int = 75  # of a training sequence
-    teacher_frames: int = 5  # fed with what was danced, before
-    self_fed_frames: tuple[int, ...] = (5, 15, 60)  # so many of its own, drawn per batch
+    teacher_frames: int = 5  # with teacher forcing, before each run of self-fed frames
+    self_fed_frames: tuple[int, ...] = (5, 15, 60)  # with the network's own poses as input; drawn per batch
     batch_size: int = 32
     steps: int = 1500
     learning_rate: float = 1e-3
@@ -68,4 +66,4 @@ _PRESETS = {
 
 def rollout_config(preset: str, **changes: Any) -> RolloutConfig:
     """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
-    return changed_preset(_PRESETS, preset, changes)
+    return config_from_preset(_PRESETS, preset, changes)

@@ -1,13 +1,14 @@
-"""The rollout network: from pose to pose, to the motif asked for, in time (Rhythm is a Dancer, section 4).
+"""The rollout network: poses one after another, conditioned on motif and rhythm (Rhythm is a Dancer, 4).
 
-A pose is a row of 4 + 4 J + 2 numbers: how the root goes on, the rotations, the contacts of both feet (see
-`nets.rollout_data`). What is asked for in a frame comes as conditions: the motif's embedding, the four
-rhythmic features and, ours, how far the word is.
+A pose is a row of 4 + 4 J + 2 numbers: root motion, rotations, contacts of both feet (`nets.rollout.data`).
+Each frame is conditioned on the embedding of its motif, the four rhythmic features and (ours) the phase in
+its word.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -19,7 +20,7 @@ from choreograph.nets.rollout.config import RolloutConfig
 from choreograph.nets.stored import StoredNet
 from choreograph.nets.words.config import WORD_DIM
 
-ROOT_DIM = 4
+ROOT_DIM = 4  # shift sideways and forward, height, change of heading
 N_FEET = 2
 RHYTHM_DIM = len(FRAME_RHYTHM_NAMES)
 PHASE_DIM = 3
@@ -29,19 +30,26 @@ State = list[tuple[Tensor, Tensor]]
 
 @dataclass(frozen=True, eq=False)
 class RolloutConditions:
-    """What the frames to come should be; all tensors (B, T, ...)."""
+    """Conditioning of each frame; all tensors (B, T, ...)."""
 
     motif: Tensor  # (B, T, 184) embedding of the frame's motif
-    rhythm: Tensor  # (B, T, 4) as of `features.frame_rhythm`, some frames ahead
-    progress: Tensor  # (B, T) how far the frame's word is, 0 to 1
-    word_s: Tensor  # (B, T) how long it lasts
-    spectral: Tensor | None  # (B, T, 87) of the frame's word; None: no style
+    rhythm: Tensor  # (B, T, 4) `features.frame_rhythm`, some frames ahead
+    progress: Tensor  # (B, T) phase in the frame's word, 0 to 1
+    word_s: Tensor  # (B, T) duration of the word
+    spectral: Tensor | None  # (B, T, 87) of the music of the word; None: no style
 
 
 class RolloutNet(StoredNet):
-    """The auto-conditioned LSTM, its conditions, and the AdaIN layer behind it."""
+    """The auto-conditioned LSTM, the embedding of its conditions, and the AdaIN layer after it."""
 
     config_class = RolloutConfig
+    renamed_fields: ClassVar = {
+        "hears": "use_audio",
+        "plain": "style_dropout",
+        "true_frames": "teacher_frames",
+        "own_frames": "self_fed_frames",
+        "own_words": "own_embedding_share",
+    }
     root_mean: Tensor
     root_std: Tensor
     rhythm_mean: Tensor
@@ -73,61 +81,62 @@ class RolloutNet(StoredNet):
             self.register_buffer(f"{name}_mean", torch.zeros(size))
             self.register_buffer(f"{name}_std", torch.ones(size))
         self.register_buffer("motif_std", torch.ones(1))
-        with torch.no_grad():  # an LSTM that forgets at once learns nothing long
+        with torch.no_grad():  # forget gates start open, or long dependencies are not learned
             for layer in (self.into, *between):
                 layer.bias[width : 2 * width].fill_(1.0)
 
-    def begin(self, n: int) -> State:
-        """The state before the first frame of `n` dances."""
-        zero = self.out.weight.new_zeros(n, self.config.width)
+    def initial_state(self, batch_size: int) -> State:
+        """Hidden and cell states before the first frame."""
+        zero = self.out.weight.new_zeros(batch_size, self.config.width)
         return [(zero, zero)] * self.config.n_layers
 
-    def conditioned(self, conditions: RolloutConditions) -> tuple[Tensor, Tensor]:
-        """What the first and the last layer get of the conditions: (B, T, 4 W) and (B, T, C)."""
+    def embed_conditions(self, conditions: RolloutConditions) -> tuple[Tensor, Tensor]:
+        """Conditions as gate inputs of the first layer (B, T, 4 W), and as input of the last (B, T, C)."""
         config = self.config
         motif = conditions.motif / self.motif_std if config.motifs else torch.zeros_like(conditions.motif)
         rhythm = (conditions.rhythm - self.rhythm_mean) / self.rhythm_std
-        turn = 2 * torch.pi * conditions.progress
-        phase = torch.stack([turn.sin(), turn.cos(), conditions.word_s], dim=-1)  # (B, T, 3)
+        angle = 2 * torch.pi * conditions.progress
+        phase = torch.stack([angle.sin(), angle.cos(), conditions.word_s], dim=-1)  # (B, T, 3)
         rhythm, phase = rhythm * config.use_audio, phase * (config.use_audio and config.phase)
         condition = self.conditions(torch.cat([motif, rhythm, phase], dim=-1))
         return self.into(condition), condition
 
-    def step(self, pose: Tensor, into: Tensor, condition: Tensor, state: State) -> tuple[Tensor, State]:
-        """The next pose (B, P) after `pose` (B, P), of unit rotations, its contacts as logits."""
-        gates = into + self.pose(self._standardised(pose))
-        after: State = []
+    def step(
+        self, pose: Tensor, gate_inputs: Tensor, condition: Tensor, state: State
+    ) -> tuple[Tensor, State]:
+        """The pose (B, P) that follows `pose` (B, P), with unit rotations and contacts as logits."""
+        gates = gate_inputs + self.pose(self._standardised(pose))
+        next_state: State = []
         for index, (hidden, cell) in enumerate(state):
             if index:
-                gates = self.between[index - 1](after[-1][0])
-            input_gate, forget_gate, cell_gate, output_gate = (gates + self.recurrent[index](hidden)).chunk(
-                4, dim=-1
-            )
+                gates = self.between[index - 1](next_state[-1][0])
+            gates = gates + self.recurrent[index](hidden)
+            input_gate, forget_gate, cell_gate, output_gate = gates.chunk(4, dim=-1)
             cell = forget_gate.sigmoid() * cell + input_gate.sigmoid() * cell_gate.tanh()
-            after.append((output_gate.sigmoid() * cell.tanh(), cell))
-        made = self.out(torch.cat([after[-1][0], condition], dim=-1))
-        root = made[..., :ROOT_DIM] * self.root_std + self.root_mean
-        quat = self.rotations(made)
-        return torch.cat([root, quat.flatten(-2), made[..., -N_FEET:]], dim=-1), after
+            next_state.append((output_gate.sigmoid() * cell.tanh(), cell))
+        output = self.out(torch.cat([next_state[-1][0], condition], dim=-1))
+        root = output[..., :ROOT_DIM] * self.root_std + self.root_mean
+        quat = self.rotations(output)
+        return torch.cat([root, quat.flatten(-2), output[..., -N_FEET:]], dim=-1), next_state
 
     def rotations(self, pose: Tensor) -> Tensor:
         """The unit rotations (..., J, 4) of poses (..., P)."""
         return functional.normalize(pose[..., ROOT_DIM:-N_FEET].unflatten(-1, (-1, 4)), dim=-1)
 
-    def styled(self, pose: Tensor, conditions: RolloutConditions) -> Tensor:
-        """Poses (B, T, P) with the style of their songs (equation 4), or as they are without one.
+    def apply_style(self, pose: Tensor, conditions: RolloutConditions) -> Tensor:
+        """Poses (B, T, P) with the style of their songs (equation 4); unchanged without one.
 
         The MLP's vector has length 1, as the paper's is "normalized". The paper fades it in and out in every
-        word by a Hamming window γ, so that words meet (here without its pedestal: the first and the last
-        pose of a word stay as they are). That moves the body on its own account and with it the motion
-        beats; ours lets the vectors of words pass into each other over `style_fade_s` instead.
+        word with a Hamming window γ, so that words meet (here without the window's pedestal: the first and
+        the last pose of a word do not change). The fades move the body and shift its motion beats. Ours
+        smooths the vectors from word to word over `style_fade_s` instead.
         """
         if conditions.spectral is None:
             return pose
         vector = self.style((conditions.spectral - self.spectral_mean) / self.spectral_std)
         vector = functional.normalize(vector, dim=-1)  # (B, T, 2 * 4 J)
         if self.config.style_fade_s > 0:
-            vector = _faded(vector, round(self.config.style_fade_s * FRAME_RHYTHM_FPS))
+            vector = _smoothed(vector, round(self.config.style_fade_s * FRAME_RHYTHM_FPS))
         else:
             vector = vector * (0.5 - 0.5 * torch.cos(2 * torch.pi * conditions.progress[..., None]))
         scale, shift = (self.config.style_strength * vector).chunk(2, dim=-1)  # (B, T, 4 J) each
@@ -135,8 +144,8 @@ class RolloutNet(StoredNet):
         quat = functional.normalize(((1 + scale) * quat + shift).unflatten(-1, (-1, 4)), dim=-1)
         return torch.cat([pose[..., :ROOT_DIM], quat.flatten(-2), pose[..., -N_FEET:]], dim=-1)
 
-    def fed(self, pose: Tensor) -> Tensor:
-        """A pose (..., P) as the network made it, as the network is given it: contacts from 0 to 1."""
+    def as_input(self, pose: Tensor) -> Tensor:
+        """A predicted pose (..., P) as the next input: contacts as probabilities instead of logits."""
         return torch.cat([pose[..., :-N_FEET], pose[..., -N_FEET:].sigmoid()], dim=-1)
 
     def _standardised(self, pose: Tensor) -> Tensor:
@@ -144,11 +153,11 @@ class RolloutNet(StoredNet):
         return torch.cat([root, pose[..., ROOT_DIM:]], dim=-1)
 
 
-def _faded(vectors: Tensor, n_frames: int) -> Tensor:
-    """Vectors (B, T, D) averaged twice over so many frames around each; the ends hold."""
+def _smoothed(vectors: Tensor, n_frames: int) -> Tensor:
+    """Vectors (B, T, D) after two moving averages over about `n_frames`; the end values are repeated."""
     side = n_frames // 2
     rows = vectors.transpose(1, 2)  # (B, D, T)
     for _ in range(2):
-        held = functional.pad(rows, (side, side), mode="replicate")
-        rows = functional.avg_pool1d(held, 2 * side + 1, stride=1)
+        padded = functional.pad(rows, (side, side), mode="replicate")
+        rows = functional.avg_pool1d(padded, 2 * side + 1, stride=1)
     return rows.transpose(1, 2)

@@ -1,6 +1,6 @@
 """Sizes and training lengths of the style networks: `paper`, `small` (two CPU cores), `tiny` (tests).
 
-The paper gives layer counts, input and output shapes; widths it does not give are ours.
+The paper gives layer counts, input and output shapes; the widths it does not give are ours.
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from choreograph.errors import ParameterError
-from choreograph.nets.presets import changed_preset
+from choreograph.nets.presets import config_from_preset
 
-STYLE_DIM = 32
+STYLE_DIM = 32  # of style vectors
 MUSIC_INPUTS = ("mel", "mel+rhythm")
 STYLE_LOSSES = ("paper", "contrastive")
-SONGS = 32  # what the presets' steps are for
+N_SONGS = 32  # that the steps of the presets are meant for
 
 
 @dataclass(frozen=True)
@@ -28,15 +28,15 @@ class StyleConfig:
     head_width: int = 32  # beat-count head, four linear layers
     dropout: float = 0.3
     music_inputs: str = "mel+rhythm"  # "mel" is the paper's
-    loss: str = "contrastive"  # "paper" is equation 1 alone, which constant embeddings minimise
+    loss: str = "contrastive"  # "paper": equation 1 alone, which constant embeddings minimise
     style_weight: float = 0.2  # equation 1's lambda of the style distance
     beat_weight: float = 0.05  # equation 1's lambda of the beat count, per beat
-    contrast_weight: float = 0.3  # own pair against pairs of other takes
-    genre_weight: float = 1.0  # pairs of one genre against the others, where takes name theirs
+    contrast_weight: float = 0.3  # contrast of a pair against pairs of other songs
+    genre_weight: float = 1.0  # contrast of a genre against the others, where takes name theirs
     temperature: float = 0.2  # of squared distances between unit vectors
-    mirrored_share: float = 0.5  # of the samples of motion; 0 where left must not be taken for right
+    mirrored_share: float = 0.5  # of the motion samples; 0 where left and right must stay distinct
     batch_size: int = 32
-    steps: int = 220  # for up to `SONGS` songs; see `style_config`
+    steps: int = 220  # for up to `N_SONGS` songs; see `style_config`
     learning_rate: float = 5e-3
     weight_decay: float = 1e-2
 
@@ -74,8 +74,8 @@ _STYLE_PRESETS = {
 def style_config(preset: str, *, n_songs: int = 0, **changes: Any) -> StyleConfig:
     """The preset's configuration with fields changed; `ParameterError` for an unknown name or field.
 
-    Steps are meant for `SONGS` songs; more songs (`n_songs`) take as many more steps, so that each is heard
-    as often: with 119 songs in 220 steps the genres did not come apart.
+    The steps are meant for `N_SONGS` songs. With more (`n_songs`) there are proportionally more steps, so
+    that each song is seen as often: with 119 songs in 220 steps the genres did not separate.
     """
-    config = changed_preset(_STYLE_PRESETS, preset, changes)
-    return replace(config, steps=round(config.steps * max(1.0, n_songs / SONGS)))
+    config = config_from_preset(_STYLE_PRESETS, preset, changes)
+    return replace(config, steps=round(config.steps * max(1.0, n_songs / N_SONGS)))

@@ -1,4 +1,4 @@
-"""Pairs of music and motion for the style networks: takes as arrays, balanced batches, augmentation."""
+"""Training data of the style networks: takes as arrays, balanced batches, augmentation."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from torch import Tensor
 
 from choreograph.errors import ParameterError
 from choreograph.features.mel import MEL_BANDS
-from choreograph.features.rhythm import LAGS_S, N_BANDS, N_SCALES, RHYTHM_DIM, RHYTHM_FPS
+from choreograph.features.tempogram import LAGS_S, N_BANDS, N_SCALES, RHYTHM_DIM, RHYTHM_FPS
 from choreograph.motion.body import mirrored
-from choreograph.nets.style.model import MEL_FRAMES, centred, turned
+from choreograph.nets.style.model import MEL_FRAMES, centred, rotated_about_y
 from choreograph.timebase import MUSIC_FPS, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
 
 _NEPER_PER_DB = np.log(10.0) / 10.0  # natural logarithm of power in one decibel
@@ -22,7 +22,7 @@ _NEPER_PER_DB = np.log(10.0) / 10.0  # natural logarithm of power in one decibel
 
 @dataclass(frozen=True, eq=False)
 class StyleTake:
-    """One take as the style networks learn from it; all arrays begin at the motion's first frame."""
+    """One take as training data; all arrays begin at the motion's first frame."""
 
     name: str
     song_name: str  # takes of one song are never each other's negatives
@@ -34,14 +34,14 @@ class StyleTake:
 
     @property
     def n_starts(self) -> int:
-        """Segments of 4 s at starts every half second that lie wholly inside music and motion."""
+        """Number of 4 s segments, one starting every half second, that lie inside music and motion."""
         shorter_s = min(len(self.log_mel) / MUSIC_FPS, len(self.body_pos_m) / NET_FPS)
         return int(max(0.0, (shorter_s - SEGMENT_S) * RHYTHM_FPS + 1))
 
 
 @dataclass(frozen=True, eq=False)
 class StyleBatch:
-    """Segments of music with the motion danced to them."""
+    """Segments of music and the motion danced to them."""
 
     mel: Tensor  # (B, 240, 96)
     rhythm: Tensor  # (B, RHYTHM_DIM)
@@ -50,8 +50,8 @@ class StyleBatch:
     song: Tensor  # (B,) integer label
     genre: Tensor  # (B,) integer label, -1 if unknown
 
-    def on(self, device: torch.device) -> StyleBatch:
-        """The same batch on a device."""
+    def to(self, device: torch.device) -> StyleBatch:
+        """The batch on a device."""
         return StyleBatch(*(getattr(self, field.name).to(device) for field in fields(self)))
 
 
@@ -70,10 +70,11 @@ class StyleData:
         self._song = np.array([songs.index(take.song_name) for take in self.takes])
         self._genre = np.array([genres.index(t.genre) if t.genre else -1 for t in self.takes])
         share = np.array([np.sum(self._genre == g) for g in self._genre], np.float64)
-        self._chance = (1.0 / share) / np.sum(1.0 / share)  # each genre equally often, each take within it
+        # Each genre is equally likely, and each take within it.
+        self._probability = (1.0 / share) / np.sum(1.0 / share)
 
     def statistics(self) -> dict[str, NDArray[np.float32]]:
-        """Means and deviations that inputs are standardised by, by the names of `StyleNets`' buffers."""
+        """Means and deviations for standardising inputs, by the names of the buffers of `StyleNets`."""
         mel = np.concatenate([take.log_mel for take in self.takes])
         rhythm = np.concatenate([take.rhythm for take in self.takes])
         counts = np.concatenate([_beat_counts(take, np.arange(take.n_starts)) for take in self.takes])
@@ -88,7 +89,7 @@ class StyleData:
 
     def batch(self, size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5) -> StyleBatch:
         """Random segments, balanced over genres and takes, augmented."""
-        chosen = rng.choice(len(self.takes), size, p=self._chance)
+        chosen = rng.choice(len(self.takes), size, p=self._probability)
         starts = [int(rng.integers(self.takes[i].n_starts)) for i in chosen]
         mel = np.empty((size, MEL_FRAMES, MEL_BANDS), np.float32)
         rhythm = np.empty((size, RHYTHM_DIM), np.float32)
@@ -103,9 +104,9 @@ class StyleData:
             body[row] = take.body_pos_m[frame : frame + SEGMENT_FRAMES]
             n_beats[row] = _beat_counts(take, np.array([start]))[0]
         return StyleBatch(
-            torch.from_numpy(augmented_mel(mel, rng)),
-            torch.from_numpy(augmented_rhythm(rhythm, rng)),
-            torch.from_numpy(augmented_body(body, rng, mirrored_share=mirrored_share)),
+            torch.from_numpy(augment_mel(mel, rng)),
+            torch.from_numpy(augment_rhythm(rhythm, rng)),
+            torch.from_numpy(augment_body(body, rng, mirrored_share=mirrored_share)),
             torch.from_numpy(n_beats),
             torch.from_numpy(self._song[chosen]),
             torch.from_numpy(self._genre[chosen]),
@@ -122,11 +123,11 @@ def _beat_counts(take: StyleTake, starts: NDArray[np.integer]) -> NDArray[np.flo
     return count_beats(take.motion_beat_times_s, starts / RHYTHM_FPS)
 
 
-def augmented_mel(log_mel: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Segments (B, 240, 96) in another key, room and mix; the times of the onsets stay.
+def augment_mel(log_mel: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+    """Segments (B, 240, 96) in another key, room and mix; onset times do not change.
 
-    Gain ±10 dB and a smooth filter of ±8 dB; pitch by up to 6 bands; a floor of noise; half of them
-    mixed with another segment of the batch 6 to 20 dB below; one span of time or bands muted.
+    Gain of ±10 dB and a smooth filter of ±8 dB, pitch shift of up to 6 bands, a noise floor; half of them
+    mixed with another segment of the batch at -6 to -20 dB; one span of time or bands masked.
     """
     size, frames, bands = log_mel.shape
     out = np.empty_like(log_mel)
@@ -152,10 +153,10 @@ def augmented_mel(log_mel: NDArray[np.float32], rng: np.random.Generator) -> NDA
     return out
 
 
-def augmented_rhythm(rhythm: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Rhythm (B, RHYTHM_DIM) up to 4 % faster or slower, heard less clearly, on other instruments.
+def augment_rhythm(rhythm: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+    """Rhythm (B, RHYTHM_DIM) up to 4 % faster or slower, noisier, and with other instruments.
 
-    The lag axis is logarithmic, so a tempo is a shift of the tempogram; the scale transform keeps.
+    The lag axis is logarithmic, so a tempo change shifts the tempogram; the scale transform does not change.
     """
     columns = rhythm.reshape(len(rhythm), N_BANDS, -1)
     n_lags = len(LAGS_S)
@@ -173,11 +174,11 @@ def augmented_rhythm(rhythm: NDArray[np.float32], rng: np.random.Generator) -> N
     return out.reshape(len(rhythm), N_BANDS * (n_lags + N_SCALES)).astype(np.float32)
 
 
-def augmented_body(
+def augment_body(
     body_pos_m: NDArray[np.float32], rng: np.random.Generator, *, mirrored_share: float
 ) -> NDArray[np.float32]:
-    """Segments (B, 80, 21, 3) centred, some mirrored, turned by up to 30°, up to 10 % larger."""
+    """Segments (B, 80, 21, 3) centred, some mirrored, rotated by up to 30° and scaled by up to 10 %."""
     flip = rng.random(len(body_pos_m)) < mirrored_share
     body = np.where(flip[:, None, None, None], mirrored(body_pos_m), body_pos_m)
-    body = turned(centred(body), rng.uniform(-np.pi / 6, np.pi / 6, len(body)))
+    body = rotated_about_y(centred(body), rng.uniform(-np.pi / 6, np.pi / 6, len(body)))
     return (body * rng.uniform(0.9, 1.1, (len(body), 1, 1, 1))).astype(np.float32)

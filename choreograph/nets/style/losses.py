@@ -1,4 +1,4 @@
-"""Losses of the style networks: equation 1, and contrast across the batch."""
+"""Losses of the style networks: equation 1, and a contrastive loss across the batch."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def contrastive_loss(
 ) -> Tensor:
     """How much nearer anchors are to their positives than to their negatives (ours).
 
-    `anchors` (A, 32) and `others` (B, 32) are unit vectors; `positive` and `negative` (A, B) boolean;
-    pairs in neither are left out. Each positive is held against all the anchor's negatives; anchors
-    without a negative count nothing.
+    `anchors` (A, 32) and `others` (B, 32) are unit vectors; `positive` and `negative` are boolean (A, B), and
+    pairs in neither are ignored. Each positive is compared with all negatives of its anchor; anchors without
+    a negative are ignored.
     """
     logits = 2.0 * (anchors @ others.T - 1.0) / temperature  # minus the squared distance, (A, B)
     against = logits.masked_fill(~negative, -1e9).logsumexp(dim=1, keepdim=True)  # (A, 1)
-    counted = positive & negative.any(dim=1, keepdim=True)
+    valid = positive & negative.any(dim=1, keepdim=True)
     losses = functional.softplus(against - logits)  # (A, B)
-    return (losses * counted).sum() / counted.sum().clamp_min(1)
+    return (losses * valid).sum() / valid.sum().clamp_min(1)

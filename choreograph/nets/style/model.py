@@ -1,12 +1,13 @@
 """Music and motion style embeddings and the beat-count head (ChoreoGraph, section 3.1).
 
-As in the paper: four convolutional (music) or spatio-temporal graph convolution (motion) blocks, two
-GRU layers, one linear layer to 32 dimensions; a head of four linear layers that predicts the number
-of motion beats from the music's style vector. Ours: style vectors have unit length, so that
-distances lie in [0, 2] whatever was trained; features are standardised over the batch before the
-linear layer, without which all vectors start out alike and contrast finds no slope; and the music
-network may hear the rhythm (tempogram and scale transform) of the 12 s around the segment beside its
-4 s of log-mel (`music_inputs`).
+As in the paper: four convolutional (music) or spatio-temporal graph convolution (motion) blocks, two GRU
+layers, one linear layer to 32 dimensions, and a head of four linear layers that predicts the number of motion
+beats from the music's style vector.
+
+Ours: style vectors have unit length, so that distances always lie in [0, 2]. Features are batch-normalised
+before the linear layer; without that all vectors start out alike and the contrastive loss has no gradient.
+The music network may also take the rhythm (tempogram and scale transform) of the 12 s around the segment as
+input (`music_inputs`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from torch.nn import functional
 
 from choreograph.errors import ParameterError
 from choreograph.features.mel import MEL_BANDS
-from choreograph.features.rhythm import RHYTHM_DIM, RHYTHM_FPS
+from choreograph.features.tempogram import RHYTHM_DIM, RHYTHM_FPS
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, checked_body_pos_m
 from choreograph.nets.stored import StoredNet
 from choreograph.nets.style.config import STYLE_DIM, StyleConfig
@@ -45,9 +46,9 @@ class MusicStyle(nn.Module):
             dropout=config.dropout,
         )
         self.dropout = nn.Dropout(config.dropout)
-        self.hears_rhythm = config.music_inputs == "mel+rhythm"
+        self.uses_rhythm = config.music_inputs == "mel+rhythm"
         width = config.gru_width
-        if self.hears_rhythm:
+        if self.uses_rhythm:
             self.rhythm = nn.Sequential(
                 nn.Linear(RHYTHM_DIM, config.rhythm_width), nn.ReLU(), nn.Dropout(config.dropout)
             )
@@ -60,7 +61,7 @@ class MusicStyle(nn.Module):
         x = self.blocks(mel[:, None])  # (B, C, 15, 6)
         x, _ = self.gru(x.transpose(1, 2).flatten(2))  # (B, 15, G)
         x = self.dropout(x.mean(dim=1))
-        if self.hears_rhythm:
+        if self.uses_rhythm:
             x = torch.cat([x, self.rhythm(rhythm)], dim=1)
         return functional.normalize(self.linear(self.spread(x)), dim=1)
 
@@ -90,7 +91,7 @@ class MotionStyle(nn.Module):
 
 
 class StyleNets(StoredNet):
-    """Both embeddings, the beat-count head, and the statistics their inputs are standardised by."""
+    """Both embeddings and the beat-count head, with the statistics that standardise their inputs."""
 
     config_class = StyleConfig
     mel_mean: Tensor
@@ -132,8 +133,8 @@ class StyleNets(StoredNet):
     ) -> NDArray[np.float32]:
         """Style vectors (N, 32) of the 4 s segments of a song from whole seconds `starts_s` (N,).
 
-        `log_mel` (T, 96) at 60 fps and `rhythm` (M, RHYTHM_DIM) at 2 fps from one instant on; past
-        the song's end there is silence.
+        `log_mel` (T, 96) at 60 fps and `rhythm` (M, RHYTHM_DIM) at 2 fps from the same time on; the song
+        is padded with silence.
         """
         log_mel, rhythm = np.asarray(log_mel, np.float32), np.asarray(rhythm, np.float32)
         if log_mel.ndim != 2 or log_mel.shape[1] != MEL_BANDS or rhythm.shape[1:] != (RHYTHM_DIM,):
@@ -159,16 +160,16 @@ class StyleNets(StoredNet):
     ) -> NDArray[np.float32]:
         """Style vectors (N, 32) of the 4 s of motion from each of `start_frames` (N,).
 
-        `body_pos_m` (T, 21, 3) at 20 fps; frames outside hold the end poses.
+        `body_pos_m` (T, 21, 3) at 20 fps; the end poses are repeated outside.
         """
         body = checked_body_pos_m(body_pos_m).astype(np.float32)
         starts = np.asarray(start_frames, np.int64)
 
-        def embedded(part: slice) -> Tensor:
+        def embed(part: slice) -> Tensor:
             frames = np.clip(starts[part, None] + np.arange(SEGMENT_FRAMES), 0, len(body) - 1)
             return self.style_of_motion(torch.from_numpy(centred(body[frames])))
 
-        return self._in_batches(len(starts), embedded, STYLE_DIM)
+        return self._in_batches(len(starts), embed, STYLE_DIM)
 
     def predict_beat_count(self, music_style: NDArray[np.floating]) -> NDArray[np.float32]:
         """Motion beats expected in each 4 s segment, (N,), from music styles (N, 32)."""
@@ -177,17 +178,19 @@ class StyleNets(StoredNet):
 
 
 def centred(body_pos_m: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Segments (N, T, 21, 3) moved so that the pelvis is on average above the origin and the hips of
-    the middle frame face +Z: style does not depend on where on the floor it is danced."""
+    """Segments (N, T, 21, 3) moved and rotated to the origin: style does not depend on where one dances.
+
+    The pelvis is on average above the origin, and the hips of the middle frame face +Z.
+    """
     pos = np.array(body_pos_m, np.float32)
     pos[..., [0, 2]] -= pos[:, :, :1, [0, 2]].mean(axis=1, keepdims=True)
     middle = pos[:, pos.shape[1] // 2]
     across = middle[:, _LEFT_HIP] - middle[:, _RIGHT_HIP]  # (N, 3), +X when facing +Z
-    return turned(pos, np.arctan2(across[:, 2], across[:, 0]))
+    return rotated_about_y(pos, np.arctan2(across[:, 2], across[:, 0]))
 
 
-def turned(pos_m: NDArray[np.floating], yaw_rad: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Segments (N, T, J, 3) turned about the vertical axis by angles (N,)."""
+def rotated_about_y(pos_m: NDArray[np.floating], yaw_rad: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Segments (N, T, J, 3) rotated about the vertical axis by angles (N,)."""
     cos, sin = (f(yaw_rad).astype(np.float32)[:, None, None] for f in (np.cos, np.sin))
     x, y, z = np.moveaxis(pos_m, -1, 0)
     return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
@@ -226,7 +229,7 @@ class _GraphBlock(nn.Module):
 
 
 def _adjacency() -> Tensor:
-    """What a joint gathers from itself, its parent and its children, each averaged: (J, 3 J)."""
+    """Normalised adjacency of each joint with itself, its parent and its children: (J, 3 J)."""
     n_joints = len(BODY_PARENTS)
     partitions = np.zeros((3, n_joints, n_joints), np.float32)
     partitions[0] = np.eye(n_joints)

@@ -1,6 +1,6 @@
 """Sizes and training lengths of the motion-word network: `paper`, `small` (two CPU cores), `tiny` (tests).
 
-The paper gives 184 dimensions and takes the rest from a network published before it; widths are ours.
+The paper gives 184 dimensions and uses a network published before it; the architecture is ours.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from choreograph.errors import ParameterError
-from choreograph.nets.presets import changed_preset
+from choreograph.nets.presets import config_from_preset
 
-WORD_DIM = 184
+WORD_DIM = 184  # of embeddings
 
 
 @dataclass(frozen=True)
@@ -20,10 +20,10 @@ class WordConfig:
 
     width: int = 64  # channels of the temporal convolutions
     n_blocks: int = 2
-    same_m: float = 0.04  # words at less than about that distance count as one
+    same_m: float = 0.04  # kernel width: words much nearer than that count as the same
     contrast_weight: float = 0.1
-    distance_weight: float = 1.0  # embedding distance against the words' own
-    mirrored_share: float = 0.5  # of the samples of motion; 0 where left must not be taken for right
+    distance_weight: float = 1.0  # embedding distances against mean joint distances
+    mirrored_share: float = 0.5  # of the motion samples; 0 where left and right must stay distinct
     batch_size: int = 128
     steps: int = 800
     learning_rate: float = 5e-4
@@ -51,4 +51,4 @@ _PRESETS = {
 
 def word_config(preset: str, **changes: Any) -> WordConfig:
     """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
-    return changed_preset(_PRESETS, preset, changes)
+    return config_from_preset(_PRESETS, preset, changes)

@@ -1,8 +1,8 @@
 """The motion-word network P: 13 frames between two beats to 184 dimensions (Rhythm is a Dancer, 3.3).
 
-Distances in the embedding are metres of mean joint distance, as far as training gets there. The network
-looks at a word from its own place, whatever place it is given in, and is differentiable from world
-positions on: the rollout's perceptual loss (equation 9) goes through it.
+Distances between embeddings approximate mean joint distances in metres. The network moves a word to its root
+frame first, so that it does not matter where on the floor it is danced, and is differentiable from world
+positions on: the rollout network's perceptual loss (equation 9) goes through it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _LEFT, _RIGHT = (
 
 
 class WordNet(StoredNet):
-    """Words to embeddings, and the statistics its inputs are standardised by."""
+    """Words to embeddings, with the statistics that standardise its inputs."""
 
     config_class = WordConfig
     mean_m: Tensor
@@ -46,8 +46,8 @@ class WordNet(StoredNet):
         self.register_buffer("std_m", torch.ones(1))
 
     @torch.no_grad()
-    def begin_with(self, words: Tensor) -> None:
-        """Begin as the principal components of words (N, 13, 21, 3): distances are then almost theirs."""
+    def init_from_pca(self, words: Tensor) -> None:
+        """Initialise with the principal components of words (N, 13, 21, 3), which almost keep distances."""
         values = clips_to_root_frame(words).flatten(2)  # (N, 13, 63)
         self.mean_m.copy_(values.mean(dim=0))
         self.std_m.copy_((values - self.mean_m).square().mean().sqrt())
@@ -59,16 +59,16 @@ class WordNet(StoredNet):
     def forward(self, body: Tensor) -> Tensor:
         """Body positions (B, T, 21, 3) in metres, anywhere on the floor, to embeddings (B, 184).
 
-        Words of another length than 13 frames are time-scaled, from the first frame to the last.
+        Words of another length than 13 frames are resampled to 13, from the first frame to the last.
         """
-        x = (clips_to_root_frame(_time_scaled(body)).flatten(2) - self.mean_m) / self.std_m  # (B, 13, 63)
-        bent = self.blocks(self.into(x.transpose(1, 2)))  # (B, C, 13)
-        # From standard deviations summed over joints and frames to metres of joint distance (its root mean).
+        x = (clips_to_root_frame(_resampled_words(body)).flatten(2) - self.mean_m) / self.std_m  # (B, 13, 63)
+        features = self.blocks(self.into(x.transpose(1, 2)))  # (B, C, 13)
+        # From standard deviations summed over joints and frames to root mean joint distances in metres.
         scale_m = self.std_m / (WORD_FRAMES * len(BODY_JOINTS)) ** 0.5
-        return scale_m * (self.linear(x.flatten(1)) + self.out(bent.flatten(1)))
+        return scale_m * (self.linear(x.flatten(1)) + self.out(features.flatten(1)))
 
     def embed(self, words_m: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Embeddings (N, 184) of words (N, 13, 21, 3); `ParameterError` for another shape, or nan."""
+        """Embeddings (N, 184) of words (N, 13, 21, 3); `ParameterError` for another shape or nan."""
         words = np.asarray(words_m, np.float32)
         if words.shape[1:] != (WORD_FRAMES, len(BODY_JOINTS), 3):
             raise ParameterError(
@@ -80,21 +80,21 @@ class WordNet(StoredNet):
 
 
 def clips_to_root_frame(body: Tensor) -> Tensor:
-    """`motion.pose.clips_to_root_frame` of (B, T, 21, 3), for gradients to go through."""
+    """`motion.pose.clips_to_root_frame` of tensors (B, T, 21, 3); differentiable."""
     middle = body[:, body.shape[1] // 2]
     across = (middle[:, _LEFT] - middle[:, _RIGHT]).sum(dim=1)[:, [0, 2]]  # (B, 2)
     cos, sin = functional.normalize(across, dim=1).T[..., None, None]  # (B, 1, 1) each
-    context = body[:, :, :1].mean(dim=1, keepdim=True)  # (B, 1, 1, 3) the pelvis, on average
-    x, z = body[..., 0] - context[..., 0], body[..., 2] - context[..., 2]
+    origin = body[:, :, :1].mean(dim=1, keepdim=True)  # (B, 1, 1, 3) mean position of the pelvis
+    x, z = body[..., 0] - origin[..., 0], body[..., 2] - origin[..., 2]
     return torch.stack([cos * x + sin * z, body[..., 1], cos * z - sin * x], dim=-1)
 
 
-def _time_scaled(body: Tensor) -> Tensor:
+def _resampled_words(body: Tensor) -> Tensor:
     if body.shape[1] == WORD_FRAMES:
         return body
     values = body.flatten(2).transpose(1, 2)  # (B, 63, T)
-    scaled = functional.interpolate(values, WORD_FRAMES, mode="linear", align_corners=True)
-    return scaled.transpose(1, 2).unflatten(2, body.shape[2:])  # (B, 13, 21, 3)
+    resampled = functional.interpolate(values, WORD_FRAMES, mode="linear", align_corners=True)
+    return resampled.transpose(1, 2).unflatten(2, body.shape[2:])  # (B, 13, 21, 3)
 
 
 class _Block(nn.Module):

@@ -1,4 +1,4 @@
-"""The motion-word network: its own place, what it begins as, the loss, training and storage."""
+"""The motion-word network: root frame, initialisation, loss, training and storage."""
 
 import numpy as np
 import pytest
@@ -12,15 +12,9 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, mirrored
 from choreograph.nets.training import TrainingContext
 from choreograph.nets.words.config import WORD_DIM, word_config
+from choreograph.nets.words.data import AugmentedWords, WordTake, augmented_words
 from choreograph.nets.words.model import WordNet, clips_to_root_frame
-from choreograph.nets.words.train import (
-    WordCopies,
-    WordTake,
-    mean_joint_distance_m,
-    train_word_net,
-    word_copies,
-    word_loss,
-)
+from choreograph.nets.words.train import mean_joint_distance_m, train_word_net, word_loss
 
 FPS = 30.0
 
@@ -42,25 +36,25 @@ def trained():
 @pytest.mark.parametrize("preset", ["tiny", "small", "paper"])
 def test_shapes_and_gradients_of_every_size(preset):
     net = WordNet(word_config(preset))
-    copies = word_copies(TAKES, 4, np.random.default_rng(0))
-    assert net(copies.words).shape == (4, WORD_DIM)
-    word_loss(net, copies).backward()
+    batch = augmented_words(TAKES, 4, np.random.default_rng(0))
+    assert net(batch.words).shape == (4, WORD_DIM)
+    word_loss(net, batch).backward()
     for name, parameter in net.named_parameters():
         assert parameter.grad is not None and torch.isfinite(parameter.grad).all(), name
-    body = copies.words.clone().requires_grad_()  # the rollout's loss goes through to the positions
+    body = batch.words.clone().requires_grad_()  # the rollout's loss goes through to the positions
     net(body).square().sum().backward()
     assert body.grad.abs().sum() > 0
 
 
-def test_its_own_place_is_that_of_the_arrays():
-    words = word_copies(TAKES, 5, np.random.default_rng(1)).words
+def test_the_root_frame_is_that_of_the_arrays():
+    words = augmented_words(TAKES, 5, np.random.default_rng(1)).words
     wanted = pose.clips_to_root_frame(words.numpy().astype(np.float64))
     np.testing.assert_allclose(clips_to_root_frame(words).numpy(), wanted, atol=1e-5)
 
 
-def test_words_are_mirrored_as_often_as_asked():
+def test_words_are_mirrored_as_often_as_configured():
     never, always = (
-        word_copies(TAKES, 5, np.random.default_rng(1), mirrored_share=share).words.numpy()
+        augmented_words(TAKES, 5, np.random.default_rng(1), mirrored_share=share).words.numpy()
         for share in (0.0, 1.0)
     )
     np.testing.assert_allclose(always, mirrored(never), atol=1e-6)
@@ -68,14 +62,14 @@ def test_words_are_mirrored_as_often_as_asked():
 
 
 def test_embeddings_do_not_depend_on_where_a_word_is_danced(trained):
-    words = word_copies(TAKES, 6, np.random.default_rng(2)).words.numpy()
+    words = augmented_words(TAKES, 6, np.random.default_rng(2)).words.numpy()
     moved = rot.rotate(rot.about_y(2.1), words.astype(np.float64)) + np.array([3.0, 0.0, -1.0])
     np.testing.assert_allclose(trained.embed(moved), trained.embed(words), atol=1e-4)
     np.testing.assert_allclose(trained.embed(mirrored(mirrored(words))), trained.embed(words), atol=1e-6)
     assert np.linalg.norm(trained.embed(mirrored(words)) - trained.embed(words), axis=1).min() > 0.02
 
 
-def test_a_word_of_any_length_is_time_scaled_as_the_arrays_are(trained):
+def test_words_of_any_length_are_resampled_as_arrays_are(trained):
     body = TAKES[0].body_pos_m[30:48]  # 18 frames: 17 / 30 s
     words = segment_words(TAKES[0].body_pos_m, FPS, np.array([1.0, 47 / FPS])).body_pos_m
     with torch.no_grad():
@@ -83,19 +77,19 @@ def test_a_word_of_any_length_is_time_scaled_as_the_arrays_are(trained):
     np.testing.assert_allclose(found.numpy(), trained.embed(words), atol=1e-4)
 
 
-def test_it_begins_with_the_words_own_distances():
-    copies = word_copies(TAKES, 150, np.random.default_rng(3))
+def test_initialisation_keeps_the_distances_of_words():
+    batch = augmented_words(TAKES, 150, np.random.default_rng(3))
     net = WordNet(word_config("tiny"))
-    net.begin_with(copies.words)
-    e = torch.from_numpy(net.embed(copies.words.numpy()))
-    own = clips_to_root_frame(copies.words).flatten(1)
+    net.init_from_pca(batch.words)
+    e = torch.from_numpy(net.embed(batch.words.numpy()))
+    own = clips_to_root_frame(batch.words).flatten(1)
     root_mean_m = torch.cdist(own, own) / (13 * 21) ** 0.5
     torch.testing.assert_close(torch.cdist(e, e), root_mean_m, atol=2e-3, rtol=0)
 
 
-def test_copies_look_like_their_word_but_are_not_it():
-    copies = word_copies(TAKES, 60, np.random.default_rng(4))
-    own, first, second = (clips_to_root_frame(t) for t in (copies.words, copies.first, copies.second))
+def test_augmented_copies_are_similar_to_their_word_but_differ():
+    batch = augmented_words(TAKES, 60, np.random.default_rng(4))
+    own, first, second = (clips_to_root_frame(t) for t in (batch.words, batch.first, batch.second))
     near = (own - first).norm(dim=-1).mean(dim=(1, 2))
     far = mean_joint_distance_m(own)
     assert 0.005 < near.median() < 0.3 * far[far > 0].median()
@@ -108,8 +102,8 @@ def test_the_distance_of_words_is_the_mean_over_frames_and_joints():
     torch.testing.assert_close(mean_joint_distance_m(words), torch.tensor([[0.0, 0.1], [0.1, 0.0]]))
 
 
-class _Planted(torch.nn.Module):
-    """An embedding that is the right one, or a wrong one."""
+class SyntheticNet(torch.nn.Module):
+    """A known function of the words instead of a trained embedding."""
 
     def __init__(self, embed):
         super().__init__()
@@ -120,29 +114,29 @@ class _Planted(torch.nn.Module):
         return self.embed(clips_to_root_frame(body).flatten(1) / (13 * 21) ** 0.5)
 
 
-def test_the_loss_wants_copies_near_and_distances_true():
-    words = word_copies(TAKES, 16, np.random.default_rng(5)).words
-    same = WordCopies(words, words, words)
-    right = word_loss(_Planted(lambda e: e), same)
-    assert word_loss(_Planted(lambda e: 0 * e), same) > right + 1  # all in one place
-    assert word_loss(_Planted(lambda e: 5 * e), same) > right + 1  # all too far
-    assert word_loss(_Planted(lambda e: e), WordCopies(words, words, words.flip(0))) > right + 1
+def test_the_loss_is_low_only_for_near_copies_and_true_distances():
+    words = augmented_words(TAKES, 16, np.random.default_rng(5)).words
+    same = AugmentedWords(words, words, words)
+    right = word_loss(SyntheticNet(lambda e: e), same)
+    assert word_loss(SyntheticNet(lambda e: 0 * e), same) > right + 1  # all the same
+    assert word_loss(SyntheticNet(lambda e: 5 * e), same) > right + 1  # all too far apart
+    assert word_loss(SyntheticNet(lambda e: e), AugmentedWords(words, words, words.flip(0))) > right + 1
 
 
-def test_training_brings_altered_copies_nearer_than_other_words(trained):
-    begun = WordNet(word_config("tiny"))
-    begun.begin_with(word_copies(TAKES[:3], 200, np.random.default_rng(0)).words)
-    copies = word_copies(TAKES[3:], 100, np.random.default_rng(6))  # a dance it has not seen
+def test_trained_embeddings_of_copies_are_nearest_to_their_words(trained):
+    initial = WordNet(word_config("tiny"))
+    initial.init_from_pca(augmented_words(TAKES[:3], 200, np.random.default_rng(0)).words)
+    batch = augmented_words(TAKES[3:], 100, np.random.default_rng(6))  # a held-out dance
     with torch.no_grad():
-        before, after = word_loss(begun, copies), word_loss(trained, copies)
+        before, after = word_loss(initial, batch), word_loss(trained, batch)
     assert after < before
-    words, found = copies.words.numpy(), trained.embed(copies.first.numpy())
+    words, found = batch.words.numpy(), trained.embed(batch.first.numpy())
     nearest = ((found[:, None] - trained.embed(words)[None]) ** 2).sum(-1).argmin(axis=1)
-    apart = np.linalg.norm(words[nearest] - words, axis=-1).mean(axis=(1, 2))
-    assert np.mean(apart < 0.02) > 0.8  # itself, or what cannot be told from it
+    distance_m = np.linalg.norm(words[nearest] - words, axis=-1).mean(axis=(1, 2))
+    assert np.mean(distance_m < 0.02) > 0.8  # the word itself or one that looks the same
 
 
-def test_training_is_deterministic_and_goes_on_where_it_stopped(tmp_path):
+def test_training_is_deterministic_and_resumes(tmp_path):
     config = word_config("tiny", steps=6)
     whole = train_word_net(TAKES, config, seed=3)
     again = train_word_net(TAKES, config, seed=3, context=TrainingContext(folder=tmp_path))
@@ -154,15 +148,17 @@ def test_training_is_deterministic_and_goes_on_where_it_stopped(tmp_path):
     assert not torch.equal(other.linear.weight, whole.linear.weight)
 
 
-def test_it_is_stored_and_read_back_and_begun_with(trained):
+def test_weights_come_back_and_are_loaded_as_pretrained(trained):
     arrays, config = trained.to_arrays()
     again = WordNet.from_arrays(arrays, config)
-    words = word_copies(TAKES, 3, np.random.default_rng(7)).words.numpy()
+    words = augmented_words(TAKES, 3, np.random.default_rng(7)).words.numpy()
     np.testing.assert_array_equal(again.embed(words), trained.embed(words))
-    on = train_word_net(TAKES, word_config("tiny", steps=1, learning_rate=0.0), seed=9, start=arrays)
-    np.testing.assert_array_equal(on.embed(words), trained.embed(words))
+    continued = train_word_net(
+        TAKES, word_config("tiny", steps=1, learning_rate=0.0), seed=9, pretrained=arrays
+    )
+    np.testing.assert_array_equal(continued.embed(words), trained.embed(words))
     with pytest.raises(ParameterError, match="preset"):
-        train_word_net(TAKES, word_config("small", steps=1), seed=0, start=arrays)
+        train_word_net(TAKES, word_config("small", steps=1), seed=0, pretrained=arrays)
 
 
 def test_malformed_input_is_refused(trained):

@@ -1,0 +1,122 @@
+"""The options of `choreograph dance`, in the groups that its `--help` shows.
+
+Settings have no default here: the pipeline must know which were given, and refuses those that the chosen
+engine does not use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+from click_option_group import optgroup
+
+_FILE = click.Path(path_type=Path)
+
+_OUTPUT = (
+    optgroup.option(
+        "-o", "--output", multiple=True, type=_FILE,
+        help="File to write: .bvh or .npz (motion), .html (page to watch), .mp4 (video), .png (poses on the "
+        "beats) or .json (the plan). Repeat for more. Default: SONG.bvh and SONG.html here.",
+    ),
+    optgroup.option("--open", "opened", is_flag=True, help="Open the page in the browser."),
+    optgroup.option("--fps", type=float, help="Frames per second of the dance (60)."),
+    optgroup.option("--variations", type=int, metavar="N", help="N different dances: NAME-1.bvh, …"),
+    optgroup.option("--json", "as_json", is_flag=True, help="Print what was made as JSON."),
+    optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no summary."),
+)  # fmt: skip
+
+_SOURCES = (
+    optgroup.option("--db", type=_FILE, help="Repertoire to dance with. Default: the built-in one."),
+    optgroup.option("--start", type=float, help="Second of the song to start at (0)."),
+    optgroup.option("--duration", type=float, help="Seconds to dance. Default: to the end of the song."),
+    optgroup.option("--beats", metavar="tempo-path|librosa|beat-this", help="Beat tracker (tempo-path)."),
+)
+
+_CONSTRAINTS = (
+    optgroup.option(
+        "--genre", help="Follow this genre of the repertoire. Default: the one nearest to the song."
+    ),
+    optgroup.option(
+        "--signature", type=_FILE,
+        help="Dance each motif as often as this file says. `choreograph inspect --signature` writes one.",
+    ),
+    optgroup.option(
+        "--motifs", "motif_file", type=_FILE,
+        help="Dance these motifs. A plan, or JSON: a list of numbers or of {\"at_s\": …, \"motif\": …}.",
+    ),
+    optgroup.option(
+        "--recreate", metavar="TAKE",
+        help="Dance the motifs of this take, or of a motion file with its song beside it.",
+    ),
+    optgroup.option(
+        "--pin", multiple=True, metavar="SECOND=motif:N|FROM-TO=take:NAME",
+        help="Dance this motif or take at this time of the dance. Repeat for more.",
+    ),
+    optgroup.option(
+        "--ban", multiple=True, metavar="take:NAME|genre:NAME|motif:N",
+        help="Never dance this. Repeat for more.",
+    ),
+    optgroup.option(
+        "--plan", "plan_path", type=_FILE,
+        help="Render this plan, edited or not. SONG is then only the sound of a page or video.",
+    ),
+)  # fmt: skip
+
+_ENGINE = (
+    optgroup.option(
+        "--engine", metavar="graph|mixer|rollout",
+        help="graph (default): seconds of takes. mixer: motion words of takes. rollout: a network's motion.",
+    ),
+    optgroup.option("--seed", type=int, help="Another seed gives another dance (0)."),
+    optgroup.option("--config", type=_FILE, help="TOML file of settings."),
+)  # fmt: skip
+
+_GRAPH_AND_MIXER = (
+    optgroup.option(
+        "--planner", metavar="exact|greedy|motion-graph",
+        help="exact (default) looks at the whole song, greedy at one second or word at a time. "
+        "motion-graph: graph engine only.",
+    ),
+    optgroup.option("--blending", metavar="inertial|linear", help="Kind of transition (inertial)."),
+)  # fmt: skip
+
+_GRAPH = (
+    optgroup.option(
+        "--transitions", metavar="beats|seconds",
+        help="Transitions where they keep the beat best (beats, the default), or on whole seconds.",
+    ),
+    optgroup.option("--candidates", type=int, help="Clips to warp for each second (512)."),
+    optgroup.option(
+        "--selection", metavar="style|random", help="Which clips: nearest in style (default), or random ones."
+    ),
+    optgroup.option(
+        "--warping", metavar="dtw|none", help="Warp clips to the music's tempo (dtw, the default), or not."
+    ),
+    optgroup.option(
+        "--weight", multiple=True, metavar="COST=NUMBER",
+        help="Weight of a cost: style, completeness, transition, … 0 leaves it out. Repeat for more.",
+    ),
+)  # fmt: skip
+
+_ROLLOUT = (optgroup.option("--style-song", type=_FILE, help="Move in the style of this other song."),)
+
+_GROUPS = (
+    ("Output", _OUTPUT),
+    ("Song and repertoire", _SOURCES),
+    ("What is danced", _CONSTRAINTS),
+    ("Engine", _ENGINE),
+    ("Graph and mixer engines", _GRAPH_AND_MIXER),
+    ("Graph engine", _GRAPH),
+    ("Rollout engine", _ROLLOUT),
+)
+
+
+def dance_options(command: Callable) -> Callable:
+    """Add the options, group by group."""
+    for name, options in reversed(_GROUPS):
+        for option in reversed(options):
+            command = option(command)
+        command = optgroup.group(name)(command)
+    return command

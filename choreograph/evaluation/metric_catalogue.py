@@ -1,0 +1,138 @@
+"""All metrics of an evaluation by family: name, label, unit, better direction and source."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Better = Literal["higher", "lower", "real"]  # "real": the closer to real dances, the better
+
+
+@dataclass(frozen=True)
+class Metric:
+    """How a metric is displayed and read."""
+
+    name: str
+    family: str
+    label: str
+    unit: str
+    better: Better
+    source: str
+    digits: int = 2
+
+
+def _family(family: str, *rows: tuple) -> list[Metric]:
+    return [Metric(name, family, label, unit, *rest) for name, label, unit, *rest in rows]
+
+
+FAMILIES = {
+    "beats": "Motion beats are local minima of mean joint speed. The beat tracker is named above. "
+    "Chance is the same dance shifted in time, with the end wrapped to the start.",
+    "realism": "Fréchet distance of each dance to the real dances to other songs. A single dance never "
+    "covers their variety, so compare with the column of the real dances. Chance is a body frozen in one "
+    "pose of the dance.",
+    "sets": "All dances of a variant and seed together against all real dances, by features of pieces "
+    "of 20 s. The column of the real dances compares two halves of them. With fewer pieces than "
+    "dimensions (72 and 32) distances are biased upwards, most of all for the halves.",
+    "labels": "Distance between the labels of the dance and of its music, both as ranks from 1 to 10 in "
+    "the reference. Chance pairs every window of the dance with every window of the music.",
+    "physics": "Takes used are the takes that the dances of the first variant are made of.",
+    "motifs": "Distance between the dance's motif signature and its genre's template: 0 if equal, 1 if "
+    "they have no motif in common. Chance is words drawn from the whole repertoire; for transitions, the "
+    "same motifs in any order.",
+    "structure": "Whether a dance repeats itself, and whether it does so where its song does: how many "
+    "more motifs two sections of the same music share than two other sections (chance is 0). And how much "
+    "of the repertoire it uses.",
+    "warping": "Playback speed of the takes, 1 as recorded. The limits are ½ and 2.",
+    "retrieval": "Clips ranked by the distance between their style and that of each second of a song. "
+    "Chance is a random ranking.",
+}
+
+_CG = "ChoreoGraph"
+_RD = "Rhythm is a Dancer"
+METRICS: dict[str, Metric] = {
+    metric.name: metric
+    for metric in (
+        *_family(
+            "beats",
+            ("f_score", "F-score at 70 ms", "", "higher", "MIR's beat tracking F-measure"),
+            ("motion_to_music", "motion to music beats", "(1/60 s)²", "lower", f"{_CG}, Table 1", 1),
+            ("music_to_motion", "music to motion beats", "(1/60 s)²", "lower", f"{_CG}, Table 1", 1),
+            ("aligned_share", "aligned motion beats", "share", "higher", f"{_RD}, 5.4.1"),
+            ("beat_ratio", "motion beats per music beat", "", "real", f"{_RD}, 5.4.1"),
+            ("alignment_fact", "beat alignment, FACT's σ", "", "higher", "AI Choreographer"),
+            ("alignment_bailando", "beat alignment, Bailando's σ", "", "higher", "Bailando"),
+            ("alignment_lodge", "beat alignment, LODGE's σ", "", "higher", "LODGE"),
+            ("alignment_fact_published", "BAS by FACT's code", "", "higher", "AI Choreographer"),
+            ("alignment_bailando_published", "BAS by Bailando's code", "", "higher", "Bailando"),
+            ("alignment_lodge_published", "BAS by LODGE's code", "", "higher", "LODGE"),
+        ),
+        *_family(
+            "realism",
+            ("fpd", "FPD (poses)", "rad²", "lower", f"{_CG}, Table 1", 3),
+            ("fmd", "FMD (movements of three poses)", "rad²", "lower", f"{_CG}, Table 1", 3),
+        ),
+        *_family(
+            "sets",
+            ("fpd_all", "FPD, pooled", "rad²", "lower", f"{_CG}, Table 1, pooled", 3),
+            ("fmd_all", "FMD, pooled", "rad²", "lower", f"{_CG}, Table 1, pooled", 3),
+            ("fid_k", "FID_k, corrected", "", "lower", "AI Choreographer, corrected", 1),
+            ("fid_g", "FID_g, corrected", "", "lower", "AI Choreographer, corrected", 1),
+            ("diversity_k", "diversity_k, corrected", "", "real", "AI Choreographer, corrected", 1),
+            ("diversity_g", "diversity_g, corrected", "", "real", "AI Choreographer, corrected", 1),
+            ("fid_k_published", "FID_k as published", "", "lower", "public code with its bugs", 1),
+            ("fid_g_published", "FID_g as published", "", "lower", "public code with its bugs", 1),
+            ("diversity_k_published", "diversity_k as published", "", "real", "public code with its bugs", 1),
+            ("diversity_g_published", "diversity_g as published", "", "real", "public code with its bugs", 1),
+        ),
+        *_family(
+            "labels",
+            ("label_distance_openness", "openness / note intervals", "", "lower", f"{_CG}, Table 2"),
+            ("label_distance_intensity", "intensity / onset density", "", "lower", f"{_CG}, Table 2"),
+            ("label_distance_rhythm", "rhythm / inter-onset interval", "", "lower", f"{_CG}, Table 2"),
+            ("label_distance_asymmetry", "asymmetry / spectrum", "", "lower", f"{_CG}, Table 2"),
+        ),
+        *_family(
+            "physics",
+            ("foot_slide_cm_s", "foot sliding", "cm/s", "lower", "ours"),
+            ("foot_skating_ratio", "foot skating ratio, corrected", "share", "lower", "LODGE, corrected", 3),
+            ("foot_skating_ratio_published", "foot skating ratio as published", "share", "lower", "LODGE", 3),
+            ("pfc", "PFC", "", "lower", "EDGE", 3),
+            ("pfc_pieces", "PFC in pieces of 5 s", "", "lower", "EDGE, corrected", 3),
+            ("floor_penetration_cm", "floor penetration", "cm", "lower", "ours", 3),
+            ("floating_share", "floating", "share", "lower", "ours", 3),
+            ("jerk_p95_m_s3", "jerk, 95th percentile", "m/s³", "real", "ours", 1),
+            ("jerk_ratio_at_boundaries", "jerk at transitions / elsewhere", "", "lower", "ours"),
+            ("speed_ratio_at_boundaries", "speed at transitions / elsewhere", "", "real", "ours"),
+            ("limb_length_spread_mm", "bone length deviation", "mm", "lower", "ours"),
+        ),
+        *_family(
+            "motifs",
+            ("signature_chi2", "signature χ² to the genre's", "", "lower", f"{_RD}, equation 11", 3),
+            ("transition_bits", "surprisal of a motif transition", "bits", "lower", f"{_RD}, 4.3"),
+        ),
+        *_family(
+            "structure",
+            ("section_agreement", "same motifs when the music repeats", "", "higher", "ours"),
+            ("section_agreement_in_step", "same motifs in the same order", "", "higher", "ours"),
+            ("longest_repeat_motifs", "longest repeated motif sequence", "words", "real", "ours", 1),
+            ("longest_repeat_s", "longest repeated piece of a take", "s", "lower", "ours", 1),
+            ("distinct_takes_per_minute", "different takes per minute", "", "higher", "ours", 1),
+            ("own_genre", "danced with takes of the song's genre", "share", "higher", "ours"),
+        ),
+        *_family(
+            "warping",
+            ("slope_p05", "playback speed, 5th percentile", "", "real", f"{_CG}, 3.2"),
+            ("slope_median", "playback speed, median", "", "real", f"{_CG}, 3.2"),
+            ("slope_p95", "playback speed, 95th percentile", "", "real", f"{_CG}, 3.2"),
+            ("share_at_slowest", "frames at the slowest speed", "share", "lower", f"{_CG}, 3.2", 3),
+            ("share_at_fastest", "frames at the fastest speed", "share", "lower", f"{_CG}, 3.2", 3),
+        ),
+        *_family(
+            "retrieval",
+            ("precision", "precision of the genre at 50 clips", "share", "higher", "ours"),
+            ("recall", "recall of the genre at 50 clips", "share", "higher", "ours", 3),
+            ("mean_reciprocal_rank", "mean reciprocal rank of the genre", "", "higher", "ours"),
+        ),
+    )
+}

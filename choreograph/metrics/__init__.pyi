@@ -1,0 +1,10 @@
+from . import beat as beat
+from . import contact_scores as contact_scores
+from . import fid as fid
+from . import frechet as frechet
+from . import labels as labels
+from . import physical as physical
+from . import references as references
+from . import retrieval as retrieval
+from . import structure as structure
+from . import warping as warping

@@ -1,0 +1,286 @@
+"""What the rollout network makes of motifs: ablations, re-created dances, variations, style, feet.
+
+    python examples/papers/rollout.py path/to/dance-with-melody REPERTOIRE… [--ablations FOLDER]
+
+Each REPERTOIRE must have been built with `--rollout`, with
+`--leave-out @examples/papers/dance_with_melody_held_out.txt` and with its own seed: numbers are mean ± spread
+over repertoires. FOLDER was written by `train_rollout_ablations.py`. The songs are the held-out ones and
+those of DATA without motion, up to 80 s of each, danced with their genre given.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+import torch
+
+import choreograph as cg
+from choreograph.audio.song import Song, load_song
+from choreograph.engines import rollout as rolling
+from choreograph.engines.danced_motifs import danced_motifs
+from choreograph.importers.dance_with_melody import read
+from choreograph.metrics import beat
+from choreograph.metrics.physical import foot_slide_cm_s, joint_jerk_m_s3
+from choreograph.motifs.signatures import chi_square_distance, signature
+from choreograph.motifs.words import dance_bounds_s
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.motion.pose import to_root_frame
+from choreograph.nets.rollout.model import RolloutNet
+from choreograph.rollout import generation
+from choreograph.takes import Take
+
+HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
+WITHOUT_MOTION = {"DANCE_C_1": "cha-cha", "DANCE_C_3": "cha-cha", "DANCE_R_6": "rumba", "DANCE_R_10": "rumba"}
+MAX_WORD_S = 80.0
+STILL_M_S = 0.15
+
+Row = dict[str, float]
+Table = dict[str, Row]  # a row by name
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A song to dance to, and what was danced to it if that is known."""
+
+    name: str
+    song: Song
+    genre: str
+    take: Take | None
+
+
+class WithNet(cg.Repertoire):
+    """A repertoire with another rollout network."""
+
+    swapped: RolloutNet | None = None
+
+    def rollout_net(self) -> RolloutNet:
+        return self.swapped or super().rollout_net()
+
+
+def pieces_of(data: Path, takes: Mapping[str, Take]) -> list[Piece]:
+    pieces = []
+    for name in HELD_OUT.read_text(encoding="utf-8").split():
+        take = takes[name]
+        length_s = min(MAX_WORD_S, take.motion.duration_s)
+        song = load_song(take.song_path, start_s=take.song_start_s, duration_s=length_s)
+        pieces.append(Piece(name, song, take.credits.genre, take))
+    for name, genre in WITHOUT_MOTION.items():
+        song = load_song(data / name / "audio.mp3", duration_s=MAX_WORD_S)
+        pieces.append(Piece(name, song, genre, None))
+    return pieces
+
+
+def ablated_nets(folder: Path) -> dict[str, RolloutNet]:
+    """The networks of a folder by what they lack."""
+    nets = {}
+    for path in sorted(folder.glob("*.pt")):
+        stored = torch.load(path, weights_only=True)
+        weights = {key: value.numpy() for key, value in stored.pop("weights").items()}
+        nets[path.stem] = RolloutNet.from_arrays(weights, stored)
+    return nets
+
+
+def bounds_of(dance: cg.Dance) -> np.ndarray:
+    return np.array([*(word.start_s for word in dance.plan.words), dance.plan.words[-1].end_s])
+
+
+def means(rows: Mapping[str, Sequence[Row]]) -> Table:
+    """Each row's mean over songs."""
+    return {
+        name: {key: float(np.mean([r[key] for r in of_name])) for key in of_name[0]}
+        for name, of_name in rows.items()
+    }
+
+
+def ablated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> Table:
+    """Distance to the template, beats, and speeds, for every network, and of what was really danced."""
+    k = repertoire.vocabulary.n_motifs
+    rows = defaultdict(list)
+    for piece in pieces:
+        goal = repertoire.vocabulary.signatures[repertoire.vocabulary.genre_index(piece.genre)]
+        motions: dict[str, Motion] = {}
+        for name, net in {"rollout": None, **nets}.items():
+            repertoire.swapped = net
+            dance = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre)
+            motions[name] = dance.motion
+        repertoire.swapped = None
+        if piece.take is not None:
+            motions["real"] = piece.take.motion
+        beats, bounds = np.array(dance.plan.music_beats_s), bounds_of(dance)
+        asked = np.array([word.motif for word in dance.plan.words])
+        for name, motion in motions.items():
+            inside = bounds[bounds <= motion.duration_s + 0.04]
+            danced = danced_motifs(motion, inside, repertoire)
+            body = body_pos_m(motion)
+            kinematic = cg.Dance(motion, dance.plan).motion_beats_s
+            rows[name].append(
+                {
+                    "chi2": chi_square_distance(signature(danced[danced >= 0], k), goal),
+                    "motifs as asked": np.nan if name == "real" else np.mean(danced == asked[: len(danced)]),
+                    "aligned": beat.aligned_share(kinematic, beats),
+                    "ratio": beat.beat_ratio(kinematic, beats),
+                    "F": beat.f_score(kinematic, beats),
+                    "slide cm/s": foot_slide_cm_s(body, motion.fps),
+                    "speed m/s": np.linalg.norm(np.diff(body, axis=0), axis=-1).mean() * motion.fps,
+                    "jerk p95": np.percentile(joint_jerk_m_s3(body, motion.fps)[1], 95),
+                }
+            )
+    return means(rows)
+
+
+def recreated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> Table:
+    """Share of a held-out dance's motifs that are danced again in their order."""
+    rows = defaultdict(list)
+    for piece in pieces:
+        if piece.take is None:
+            continue
+        beats = np.array(cg.dance(piece.song, repertoire, engine="rollout").plan.music_beats_s)
+        bounds = dance_bounds_s(beats, piece.song.duration_s)
+        asked = danced_motifs(piece.take.motion, bounds, repertoire)
+        motifs = np.where(asked < 0, 0, asked).tolist()
+        runs = {"rollout": ("rollout", None), "mixer": ("mixer", None)}
+        runs |= {name: ("rollout", net) for name, net in nets.items()}
+        for name, (engine, net) in runs.items():
+            repertoire.swapped = net
+            dance = cg.dance(piece.song, repertoire, engine=engine, motifs=motifs)
+            danced = danced_motifs(dance.motion, bounds_of(dance), repertoire)[: len(asked)]
+            rows[name].append({"motifs as asked": np.mean((danced == asked)[asked >= 0])})
+    repertoire.swapped = None
+    return means(rows)
+
+
+def apart_cm(a: Motion, b: Motion) -> float:
+    n = min(a.n_frames, b.n_frames)
+    poses = (to_root_frame(body_pos_m(m)[:n]) for m in (a, b))
+    return float(100 * np.linalg.norm(next(poses) - next(poses), axis=-1).mean())
+
+
+def varied(pieces: list[Piece], repertoire: WithNet) -> Table:
+    """Three runs of a song and template: how far apart, the nearest two, and how near to the template."""
+    rows = []
+    for piece in pieces:
+        goal = repertoire.vocabulary.signatures[repertoire.vocabulary.genre_index(piece.genre)]
+        dances = cg.vary(piece.song, repertoire, 3, engine="rollout", genre=piece.genre)
+        apart = [apart_cm(dances[i].motion, dances[j].motion) for i, j in ((0, 1), (0, 2), (1, 2))]
+        motifs = [danced_motifs(dance.motion, bounds_of(dance), repertoire) for dance in dances]
+        far = [chi_square_distance(signature(m[m >= 0], len(goal)), goal) for m in motifs]
+        rows.append({"apart cm": np.mean(apart), "nearest cm": np.min(apart), "chi2": np.mean(far)})
+    return means({"three runs": rows})
+
+
+def styled(pieces: list[Piece], repertoire: WithNet) -> Table:
+    """The song's style against another's, and noise: with ours and with the paper's window."""
+    net = repertoire.rollout_net()
+    rows = defaultdict(list)
+    for transition_s, window in ((net.config.style_fade_s, "our window"), (0.0, "the paper's window")):
+        repertoire.swapped = RolloutNet(replace(net.config, style_fade_s=transition_s))
+        repertoire.swapped.load_state_dict(net.state_dict())
+        for piece, other in zip(pieces, pieces[1:] + pieces[:1], strict=True):
+            asked = {"genre": piece.genre, "engine": "rollout"}
+            own = cg.dance(piece.song, repertoire, **asked)
+            motifs = danced_motifs(own.motion, bounds_of(own), repertoire)
+            dances = {"another song": cg.dance(piece.song, repertoire, **asked, style_song=other.song)}
+            with patch.object(rolling, "word_spectra", partial(noise, net)):
+                dances["noise"] = cg.dance(piece.song, repertoire, **asked)
+            for name, dance in dances.items():
+                same = danced_motifs(dance.motion, bounds_of(dance), repertoire) == motifs
+                kept = beat.f_score(dance.motion_beats_s, own.motion_beats_s, window_s=beat.FRAME_S)
+                rows[f"{name}, {window}"].append(
+                    {"apart cm": apart_cm(dance.motion, own.motion), "motifs kept": same.mean(),
+                     "beats kept": kept}
+                )  # fmt: skip
+    repertoire.swapped = None
+    return means(rows)
+
+
+def noise(net: RolloutNet, song: Song, bounds_s: np.ndarray) -> np.ndarray:
+    """In the place of spectral features: numbers of the same spread that mean nothing."""
+    mean, std = net.spectral_mean.numpy(), net.spectral_std.numpy()
+    return np.random.default_rng(0).normal(mean, std, (len(bounds_s) - 1, len(mean)))
+
+
+def long_dances(pieces: list[Piece], repertoire: WithNet) -> Table:
+    """Three minutes, the song over and over, by thirds: speed, spread of poses, and how far it goes."""
+    rows = []
+    for piece in (pieces[0], pieces[3], pieces[-1]):
+        times = int(np.ceil(180.0 / piece.song.duration_s))
+        song = replace(piece.song, samples=np.tile(piece.song.samples, times)[: 180 * 22050])
+        motion = cg.dance(song, repertoire, engine="rollout", genre=piece.genre).motion
+        body = body_pos_m(motion)
+        speed = np.linalg.norm(np.diff(body, axis=0), axis=-1).mean(axis=1) * motion.fps
+        row = {f"m/s, third {i}": part.mean() for i, part in enumerate(np.array_split(speed, 3), 1)}
+        for i, part in enumerate(np.array_split(body, 3), 1):
+            row[f"spread cm, third {i}"] = to_root_frame(part).std(axis=0).mean() * 100
+        row["farthest m"] = np.linalg.norm(motion.root_pos_m[:, [0, 2]], axis=1).max()
+        row["still"] = np.mean([part.max() < STILL_M_S for part in np.array_split(speed, 180)])
+        rows.append(row)
+    return means({"three minutes": rows})
+
+
+def feet(pieces: list[Piece], repertoire: WithNet) -> Table:
+    """Slide of low feet with and without holding them, and of real takes, cm/s."""
+    rows = []
+    for piece in pieces:
+        if piece.take is None:
+            continue
+        held = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre).motion
+        with patch.object(generation, "lock_feet", lambda motion, contacts: motion):
+            free = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre).motion
+        motions = {"held": held, "not held": free, "real": piece.take.motion}
+        rows.append({name: foot_slide_cm_s(body_pos_m(m), m.fps) for name, m in motions.items()})
+    return means({"slide cm/s": rows})
+
+
+def show(title: str, tables: Sequence[Table]) -> None:
+    """Mean ± spread over repertoires; a row that one of them lacks is of the others."""
+    print(f"{title}, {len(tables)} repertoires")
+    for name in dict.fromkeys(name for table in tables for name in table):
+        own = [table[name] for table in tables if name in table]
+        values = {key: [row[key] for row in own] for key in own[0]}
+        texts = (f"{key} {np.mean(v):.3f} ± {np.std(v):.3f}" for key, v in values.items())
+        print(f"  {name} ({len(own)}):", ", ".join(texts), flush=True)
+
+
+def measured(path: Path, data: Path, ablations: Path | None) -> dict[str, Table]:
+    """All tables of one repertoire, by title."""
+    torch.set_num_threads(1)
+    pieces = pieces_of(data, {take.name: take for take in read(data)})
+    repertoire = WithNet.open(path)
+    nets = ablated_nets(ablations / path.stem) if ablations else {}
+    found = {
+        "ablations": ablated(pieces, repertoire, nets),
+        "re-created": recreated(pieces, repertoire, nets),
+        "variations": varied(pieces, repertoire),
+        "style": styled(pieces, repertoire),
+        "feet": feet(pieces, repertoire),
+        "long": long_dances(pieces, repertoire),
+    }
+    print(f"{path.name} measured", flush=True)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("repertoires", type=Path, nargs="+")
+    parser.add_argument("--ablations", type=Path, help="folder of the ablations' networks")
+    parser.add_argument("--jobs", type=int, default=1, help="repertoires measured at a time")
+    given = parser.parse_args()
+    measure = partial(measured, data=given.data, ablations=given.ablations)
+    with ProcessPoolExecutor(given.jobs) as pool:
+        found = list(pool.map(measure, given.repertoires))
+    for title in found[0]:
+        show(title, [tables[title] for tables in found])
+
+
+if __name__ == "__main__":
+    main()

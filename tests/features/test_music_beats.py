@@ -1,0 +1,115 @@
+"""Tempogram, rhythm features and beats of synthetic songs whose tempo and metre are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from choreograph.audio.song import Song
+from choreograph.errors import ParameterError
+from choreograph.features.mel import log_mel
+from choreograph.features.music_beats import fill_missing_beats, get_beat_tracker
+from choreograph.features.tempogram import LAGS_S, RHYTHM_DIM, onset_envelopes, rhythm_features, tempogram
+from choreograph.timebase import SAMPLE_RATE_HZ
+
+
+def clicks(bpm: float, duration_s: float = 30.0, loud_every: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    times_s = np.arange(0.5, duration_s - 0.1, 60 / bpm)
+    samples = np.random.default_rng(0).normal(0, 1e-3, round(duration_s * SAMPLE_RATE_HZ)).astype(np.float32)
+    n = np.arange(2000) / SAMPLE_RATE_HZ
+    click = np.exp(-60 * n) * np.sin(2 * np.pi * 1000 * n)
+    for i, time_s in enumerate(times_s):
+        start = round(time_s * SAMPLE_RATE_HZ)
+        samples[start : start + 2000] += (1.0 if i % loud_every == 0 else 0.03) * click[
+            : len(samples) - start
+        ]
+    return samples, times_s
+
+
+@given(st.integers(1, 60_000))
+@settings(max_examples=20, deadline=None)
+def test_every_length_has_its_rhythm_rows(n_samples):
+    rows = rhythm_features(log_mel(np.zeros(n_samples, np.float32)))
+    assert rows.shape == (1 + int(round(n_samples / SAMPLE_RATE_HZ * 60) / 60 * 2), RHYTHM_DIM)
+    assert np.isfinite(rows).all()
+
+
+@pytest.mark.parametrize("bpm", [72, 90, 120])
+def test_tempogram_peaks_at_the_beats_period(bpm):
+    samples, _ = clicks(bpm)
+    columns = tempogram(onset_envelopes(log_mel(samples)), np.array([15.0]))[0]  # (3, lags)
+    strength = columns.mean(axis=0)
+    period = np.argmin(np.abs(LAGS_S - 60 / bpm))
+    between_beats = np.argmin(np.abs(LAGS_S - 90 / bpm))
+    assert strength[period - 1 : period + 2].max() > 0.6
+    assert strength[between_beats] < 0.3
+
+
+def test_rhythm_tells_threes_from_fours_at_one_tempo():
+    waltz, march = (
+        tempogram(onset_envelopes(log_mel(clicks(120, loud_every=n)[0])), np.array([15.0]))[0].mean(axis=0)
+        for n in (3, 4)
+    )
+    three, four = (np.argmin(np.abs(LAGS_S - n * 0.5)) for n in (3, 4))
+    assert waltz[three] > waltz[four]
+    assert march[four] > march[three]
+
+
+def test_rhythm_rows_begin_at_start_s():
+    mel = log_mel(clicks(100)[0])
+    whole, later = rhythm_features(mel), rhythm_features(mel, start_s=3.0)
+    np.testing.assert_array_equal(whole[6:], later)
+
+
+def tracked(samples: np.ndarray, tracker: str) -> np.ndarray:
+    return get_beat_tracker(tracker).beats(Song(samples, "song"), log_mel(samples))
+
+
+@pytest.mark.parametrize("tracker", ["tempo-path", "librosa"])
+@pytest.mark.parametrize("bpm", [60, 72, 84, 100, 120, 128, 140])
+def test_beats_of_clicks_are_found(bpm, tracker):
+    samples, times_s = clicks(bpm, 40.0)
+    beats = tracked(samples, tracker)
+    off_s = np.abs(beats[:, None] - times_s).min(axis=0)
+    assert np.mean(off_s < 0.05) > 0.9
+    assert len(beats) == pytest.approx(len(times_s), abs=3)
+
+
+@pytest.mark.parametrize("tracker", ["tempo-path", "librosa"])
+def test_beats_go_on_through_a_pause(tracker):
+    samples, _times_s = clicks(100, 40.0)
+    samples[15 * SAMPLE_RATE_HZ : 22 * SAMPLE_RATE_HZ] *= 1e-3
+    beats = tracked(samples, tracker)
+    assert np.diff(beats).max() < 0.9
+    assert beats[0] < 0.7
+    assert beats[-1] > 39.0
+
+
+@pytest.mark.parametrize("tracker", ["tempo-path", "librosa"])
+@pytest.mark.parametrize("duration_s", [0.2, 3.0, 20.0])
+def test_silence_has_no_beats(duration_s, tracker):
+    samples = np.zeros(round(duration_s * SAMPLE_RATE_HZ), np.float32)
+    assert tracked(samples, tracker).shape == (0,)
+
+
+@given(st.floats(0.3, 1.2), st.sets(st.integers(4, 25), max_size=3))
+@settings(deadline=None)
+def test_missing_beats_are_filled_in(period_s, missing):
+    beats = 0.2 + period_s * np.arange(30)
+    kept = np.array([b for i, b in enumerate(beats) if i not in missing])
+    whole = fill_missing_beats(kept, beats[-1] + period_s / 2)
+    assert (np.diff(whole) > 0).all()
+    if not any({i, i + 1} <= missing for i in missing):
+        np.testing.assert_allclose(whole, beats, atol=1e-6)
+
+
+def test_unknown_and_absent_trackers_are_refused():
+    with pytest.raises(ParameterError, match="librosa"):
+        get_beat_tracker("madmom")
+    try:
+        import beat_this  # noqa: F401
+    except ImportError:
+        with pytest.raises(ParameterError, match="extra"):
+            get_beat_tracker("beat-this")

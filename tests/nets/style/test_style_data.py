@@ -1,0 +1,49 @@
+"""Training data of the style networks."""
+
+import numpy as np
+import pytest
+from synthetic_style_takes import genre_take
+
+from choreograph.errors import ParameterError
+from choreograph.features.tempogram import RHYTHM_DIM
+from choreograph.motion.body import mirrored
+from choreograph.nets.style.config import style_config
+from choreograph.nets.style.data import StyleData, augment_mel, augment_rhythm, count_beats
+
+RNG = np.random.default_rng(0)
+
+
+def test_augmentation_changes_copies_only():
+    mel, rhythm = RNG.normal(size=(4, 240, 96)).astype("f"), RNG.random((4, RHYTHM_DIM)).astype("f")
+    before = mel.copy(), rhythm.copy()
+    for augmented, original in ((augment_mel(mel, RNG), mel), (augment_rhythm(rhythm, RNG), rhythm)):
+        assert augmented.shape == original.shape
+        assert np.isfinite(augmented).all()
+        assert not np.allclose(augmented, original)
+    np.testing.assert_array_equal(before[0], mel)
+    np.testing.assert_array_equal(before[1], rhythm)
+
+
+def test_beats_are_counted_in_half_open_segments():
+    beats = np.array([0.0, 1.0, 4.0, 4.5, 9.0])
+    np.testing.assert_array_equal(count_beats(beats, np.array([0.0, 0.5, 20.0])), [2, 2, 0])
+
+
+def test_mirroring_twice_is_the_identity():
+    body = RNG.normal(size=(5, 21, 3))
+    np.testing.assert_array_equal(mirrored(mirrored(body)), body)
+
+
+def test_one_song_is_too_few():
+    with pytest.raises(ParameterError, match="two songs"):
+        StyleData([genre_take("a", 0)])
+
+
+@pytest.mark.parametrize("changes", [{"loss": "x"}, {"music_inputs": "x"}, {"steps": 0}, {"batch_size": 1}])
+def test_impossible_configurations_are_refused(changes):
+    with pytest.raises(ParameterError):
+        style_config("tiny", **changes)
+
+
+def test_more_songs_take_more_steps():
+    assert style_config("tiny", n_songs=64).steps == 2 * style_config("tiny", n_songs=10).steps
