@@ -1,4 +1,4 @@
-"""A small rating study, and raters who prefer what they are told to."""
+"""A small rating study, and synthetic raters with given preferences."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ VARIANTS = ("zebra-xvariant", "quagga-xvariant", "okapi-xvariant")
 
 
 def small_study(folder: Path, *, n_songs: int = 3, duration_s: float = 1.5, seed: int = 3, **options) -> Path:
-    """Three variants' dances to a few songs, in a folder of its own."""
+    """Dances of three variants to a few songs, in a folder of its own."""
     songs = [folder / f"tune-{number}.wav" for number in range(n_songs)]
     for number, song in enumerate(songs):
         if not song.exists():
@@ -58,7 +58,7 @@ def write_rating(study: Path, data: object, name: str | None = None) -> Path:
 def rate_all(
     study: Path, means: Mapping[str, float], *, n_raters: int, seed: int = 0, generous: float = 0.5
 ) -> None:
-    """Raters who differ in generosity, songs that differ in how easy they are to dance to, and chance."""
+    """Write ratings with given means: raters differ in generosity, songs in ease, and there is noise."""
     rng = np.random.default_rng(seed)
     key = read_key(study)
     ease = {song: rng.normal(0, 0.3) for song in sorted({dance["song"] for dance in key["dances"]})}

@@ -46,8 +46,8 @@ class RealDances:
         still = np.repeat(poses[rng.integers(len(poses))][None], len(poses), axis=0)
         return Scores(
             *(
-                {name: frechet.frechet_distance(own[name], real[name]) for name in own}
-                for own in (_gaussians([poses]), _gaussians([still]))
+                {name: frechet.frechet_distance(gaussians[name], real[name]) for name in gaussians}
+                for gaussians in (_gaussians([poses]), _gaussians([still]))
             )
         )
 

@@ -1,15 +1,15 @@
-"""A rating study: a page that shows dances of several variants blindly and asks the four questions.
+"""A rating study: a blinded web page on which people rate dances of several variants by four questions.
 
-ChoreoGraph, section 4.4, asked 20 judges to rate 10 dances of 6 s from each of four systems, 0 to 5, by
-variation, naturalness, style match and rhythm alignment. The same here, but that variation is asked of each
-dance: with variants mixed and unnamed, nobody can say how a system's dances differ from one another.
-Without sound only the first two questions are asked, since nobody can hear what the others are about.
+In ChoreoGraph, section 4.4, 20 judges rated 10 dances of 6 s from each of four systems, from 0 to 5, by
+variation, naturalness, style match and rhythm alignment. We differ in one point: variation is rated for each
+dance, because raters who see mixed, unnamed variants cannot compare the dances of one system with each other.
+Without sound, only the first two questions are used; the others are about the music.
 
-`write_study` leaves two files in a folder. `study.html` is all that a rater gets: one page for any browser,
-offline, that plays the dances with the preview's own player and saves the answers as a small file. It
-holds no name of a variant, song or take, and nothing of a plan; all dances have the same body and rate. What
-is what is in `key.json`, which stays with whoever runs the study. `study_results.read_study` reads the
-key and the raters' files.
+`write_study` writes two files to a folder. `study.html` is all that a rater gets: an offline page for any
+browser that plays the dances with the preview's player and saves the answers as a small file. It contains no
+name of a variant, song or take, and nothing of a plan; all dances have the same body and frame rate.
+`key.json` holds the mapping from dances to variants and stays with whoever runs the study.
+`study_results.read_study` reads the key and the raters' files.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ PAGE_NAME = "study.html"
 KEY_NAME = "key.json"
 KEY_FORMAT = "choreograph-study-key"
 VERSION = 1
-_KEY_NOTE = "Which dance is of which variant: keep this file from the raters, who get study.html alone."
+_KEY_NOTE = "Which dance is of which variant: keep this file from the raters, and give them study.html only."
 _FPS = 60.0
 _ORDERS_TRIED = 200
 _PLAYER = (
@@ -51,7 +51,7 @@ _SCRIPTS = ("answers.js", "questions.js", "study.js")
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of every dance, answered from 0 to 5."""
+    """A question about every dance, answered from 0 to 5."""
 
     id: str
     title: str
@@ -63,23 +63,23 @@ QUESTIONS = (
     Question("variation", "Variation", "Is the dance varied, without repeating itself?", False),
     Question(
         "naturalness", "Naturalness",
-        "Is the motion natural and real, as if a person had danced it and not a machine?", False,
+        "Is the motion natural and realistic, as if danced by a person and not a machine?", False,
     ),
     Question(
         "style", "Style match",
-        "Does the style of the dance match the style of the music? Leave the beat aside here.", True,
+        "Does the style of the dance match the style of the music? Ignore the beat here.", True,
     ),
-    Question("rhythm", "Rhythm", "Does the dance move with the beats of the music?", True),
+    Question("rhythm", "Rhythm", "Does the dance follow the beat of the music?", True),
 )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class StudyDance:
-    """One dance to be rated: of any engine, of another system, or a real one."""
+    """One dance to rate: from any engine, from another system, or a real one."""
 
     motion: Motion
     song_path: Path
-    start_s: float = 0.0  # of the motion in the song file
+    start_s: float = 0.0  # start of the motion in the song file
 
 
 def write_study(
@@ -90,37 +90,37 @@ def write_study(
     sound: bool = True,
     excerpt_s: float | None = None,
 ) -> None:
-    """Write a blinded rating page of the dances, `study.html`, and its key, `key.json`.
+    """Write a blinded rating page for the dances, `study.html`, and its key, `key.json`.
 
     Parameters
     ----------
     dances : by variant, at least one each. Ratings are compared pairwise where variants share a song: the
-        n-th dance of a variant to a song with the n-th of another
-    folder : for the two files; made if its parent is there
-    seed : of the order, in which no song follows itself where that can be had
-    sound : whether the songs play, and questions about music are asked
-    excerpt_s : seconds to show, about the middle of each dance (the paper: 6); all of it unless given
+        n-th dance of one variant to the song with the n-th of the other
+    folder : for the two files; created if its parent exists
+    seed : of the order of the dances, in which the same song is not used twice in a row if possible
+    sound : whether to play the songs and to ask the questions about music
+    excerpt_s : seconds from the middle of each dance (6 in the paper); the whole dance if None
 
-    The same dances and seed give the same bytes. Dances on several skeletons are all retargeted to the
-    canonical one, all are shown at 60 fps, and those to one song are cut to the shortest: no variant is
-    known by its body, its rate or its length.
+    The same dances and seed give the same bytes. Raters cannot recognise a variant by its body, frame rate or
+    length: dances on different skeletons are retargeted to the canonical one, all play at 60 fps, and dances
+    to the same song are cut to the shortest.
 
     Raises
     ------
-    ParameterError     no variant or dance, a folder that holds a study already, an excerpt below 1 s, a
+    ParameterError     no variant or dance, a folder that already holds a study, an excerpt below 1 s, a
                        skeleton that cannot be retargeted
     FormatError        a song cannot be read
-    ChoreographError   the disk is full, or may not be written to
+    ChoreographError   the disk is full or not writable
     """
     folder = Path(folder)
-    shown = _in_order(dances, np.random.default_rng(_checked_seed(seed)))
+    ordered = _shuffled(dances, np.random.default_rng(_checked_seed(seed)))
     check_study_folder(folder)
     questions = [question for question in QUESTIONS if sound or not question.needs_sound]
-    excerpts = _excerpts([dance for _, _, dance in shown], excerpt_s)
-    data, texts = _packed(excerpts, sound=sound)
-    asked = [{"id": q.id, "title": q.title, "text": q.text} for q in questions]
-    study = hashlib.sha256(json.dumps([asked, data, texts], sort_keys=True).encode()).hexdigest()[:16]
-    page = _page({"study": study, "questions": asked, "sound": sound, **data}, texts)
+    excerpts = _excerpts([dance for _, _, dance in ordered], excerpt_s)
+    data, texts = _page_data(excerpts, sound=sound)
+    question_data = [{"id": q.id, "title": q.title, "text": q.text} for q in questions]
+    study = hashlib.sha256(json.dumps([question_data, data, texts], sort_keys=True).encode()).hexdigest()[:16]
+    page = _page({"study": study, "questions": question_data, "sound": sound, **data}, texts)
     key = {
         "format": KEY_FORMAT,
         "version": VERSION,
@@ -130,13 +130,13 @@ def write_study(
         "questions": [question.id for question in questions],
         "dances": [
             {
-                "dance": compressed["id"],
+                "dance": entry["id"],
                 "variant": variant,
-                "song": cut.song_path.name,
+                "song": excerpt.song_path.name,
                 "number": number,
-                "start_s": cut.start_s,
+                "start_s": excerpt.start_s,
             }
-            for compressed, (variant, number, _), cut in zip(data["dances"], shown, excerpts, strict=True)
+            for entry, (variant, number, _), excerpt in zip(data["dances"], ordered, excerpts, strict=True)
         ],
     }
     folder.mkdir(exist_ok=True)
@@ -146,14 +146,16 @@ def write_study(
 
 
 def check_study_folder(folder: str | Path) -> None:
-    """Raise `ParameterError` if no study can be written there: one is there, or it cannot be a folder."""
+    """Raise `ParameterError` if the folder already holds a study, or cannot be created."""
     folder = Path(folder)
     if (folder / KEY_NAME).exists():
         raise ParameterError(
-            f"cannot write a study to {folder}: there is one already, and its ratings need its key"
+            f"{folder}: expected a folder without a study, got one with {KEY_NAME}, which its ratings need"
         )
     if not folder.parent.is_dir() or (folder.exists() and not folder.is_dir()):
-        raise ParameterError(f"cannot write a study to {folder}: it is no folder, or its parent is not there")
+        raise ParameterError(
+            f"{folder}: expected a folder to write to: it is a file, or its parent is missing"
+        )
 
 
 def _checked_seed(seed: int) -> int:
@@ -162,17 +164,19 @@ def _checked_seed(seed: int) -> int:
     return seed
 
 
-def _in_order(
+def _shuffled(
     dances: Mapping[str, Sequence[StudyDance]], rng: np.random.Generator
 ) -> list[tuple[str, int, StudyDance]]:
-    """Variant, the how many-th of it to its song, and dance; shuffled: of many orders the one where songs
-    follow themselves the least."""
+    """All dances as (variant, number among its dances to the song, dance), in random order.
+
+    The order is the one of many in which a song follows itself least often.
+    """
     if not dances or not all(dances.values()):
         raise ParameterError("expected variants with at least one dance each, got none or an empty one")
     listed = []
-    for variant, own in dances.items():
+    for variant, of_variant in dances.items():
         count: Counter[str] = Counter()
-        for dance in own:
+        for dance in of_variant:
             listed.append((variant, count[dance.song_path.name], dance))
             count[dance.song_path.name] += 1
     songs = np.unique([str(dance.song_path) for _, _, dance in listed], return_inverse=True)[1]  # (N,)
@@ -182,7 +186,7 @@ def _in_order(
 
 
 def _excerpts(dances: Sequence[StudyDance], excerpt_s: float | None) -> list[StudyDance]:
-    """The middles of all dances at one rate; those to one part of a song with one length, the shortest's."""
+    """The middle of every dance at one rate; dances to the same part of a song are cut to the shortest."""
     if excerpt_s is not None and not (np.isfinite(excerpt_s) and excerpt_s >= 1.0):
         raise ParameterError(f"expected an excerpt of 1 s or more, got {excerpt_s:g} s")
     motions = [dance.motion.resampled(_FPS) for dance in dances]
@@ -200,10 +204,10 @@ def _excerpts(dances: Sequence[StudyDance], excerpt_s: float | None) -> list[Stu
     return excerpts
 
 
-def _packed(excerpts: Sequence[StudyDance], *, sound: bool) -> tuple[dict[str, Any], dict[str, str]]:
-    """What the page knows of the dances, in their order, and compressed bytes by the element that holds them.
+def _page_data(excerpts: Sequence[StudyDance], *, sound: bool) -> tuple[dict[str, Any], dict[str, str]]:
+    """The page's data about the dances in order, and encoded bytes by the id of the element that holds them.
 
-    A stretch of a song that several dances share is there once.
+    A part of a song that several dances share is stored once.
     """
     motions = [excerpt.motion for excerpt in excerpts]
     if not share_skeleton(motions):
@@ -215,24 +219,24 @@ def _packed(excerpts: Sequence[StudyDance], *, sound: bool) -> tuple[dict[str, A
         "parents": skeleton.parents.tolist(), "offsets_m": np.round(skeleton.offsets_m, 6).tolist(),
     }  # fmt: skip
     texts = {"mesh": mesh}
-    sound_ids: dict[tuple[Path, float, float], int] = {}
-    shown = []
+    sounds: dict[tuple[Path, float, float], int] = {}
+    entries = []
     width = len(str(len(motions)))
     for number, (motion, excerpt) in enumerate(zip(motions, excerpts, strict=True), start=1):
         duration_s = round(motion.duration_s, 6)
         span = (excerpt.song_path, excerpt.start_s, duration_s)
-        if sound and span not in sound_ids:
-            sound_ids[span] = len(sound_ids)
-            texts[f"sound-{sound_ids[span]}"] = _sound(*span)
-        compressed = compress_motion(motion, max_bytes=2**62)  # at its full rate, however long
+        if sound and span not in sounds:
+            sounds[span] = len(sounds)
+            texts[f"sound-{sounds[span]}"] = _sound(*span)
+        compressed = compress_motion(motion, max_bytes=2**62)  # full rate at any length
         dance = {
             "id": f"{number:0{width}d}", "duration_s": duration_s, "frames": compressed.n_frames,
             "root_step_m": compressed.root_step_m, "root_origin_m": compressed.root_origin_m,
-            "sound": sound_ids.get(span),
+            "sound": sounds.get(span),
         }  # fmt: skip
         texts[f"dance-{dance['id']}"] = compressed.text
-        shown.append(dance)
-    return {"body": body, "dances": shown}, texts
+        entries.append(dance)
+    return {"body": body, "dances": entries}, texts
 
 
 def _sound(path: Path, start_s: float, duration_s: float) -> str:
@@ -240,8 +244,8 @@ def _sound(path: Path, start_s: float, duration_s: float) -> str:
 
 
 def _page(study: dict[str, Any], texts: dict[str, str]) -> str:
-    own = {"package": "choreograph.evaluation", "folder": "study_page"}
-    scripts = [page_part(name) for name in _PLAYER] + [page_part(name, **own) for name in _SCRIPTS]
+    study_page = {"package": "choreograph.evaluation", "folder": "study_page"}
+    scripts = [page_part(name) for name in _PLAYER] + [page_part(name, **study_page) for name in _SCRIPTS]
 
     def elements(kind: str) -> str:
         return "\n".join(
@@ -251,8 +255,8 @@ def _page(study: dict[str, Any], texts: dict[str, str]) -> str:
         )
 
     return fill_template(
-        page_part("index.html", **own),
-        style=page_part("style.css") + page_part("study.css", **own),
+        page_part("index.html", **study_page),
+        style=page_part("style.css") + page_part("study.css", **study_page),
         study=to_script_json(study),
         mesh=texts["mesh"],
         dances=elements("dance-"),

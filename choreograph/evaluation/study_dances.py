@@ -1,4 +1,4 @@
-"""The dances of a rating study: one of every variant to every held-out song, and the real ones."""
+"""The dances of a rating study: one per variant and held-out song, and the real ones."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def make_study_dances(
     seen: bool = False,
     report: ProgressReport | None = None,
 ) -> dict[str, list[StudyDance]]:
-    """By variant, its dance to every song with seed 0; songs that came with a real dance add `REAL`.
+    """Dances to every song by variant, with seed 0; songs with a real dance add the variant `REAL`.
 
-    Raises as `evaluate` does: `ParameterError` if the repertoire was made with a song, unless `seen`.
+    Raises as `evaluate` does: `ParameterError` if the repertoire was built from a song, unless `seen`.
     """
     if not seen:
         check_unseen(songs, repertoire)
@@ -33,8 +33,8 @@ def make_study_dances(
         for done, variant in enumerate(variants, start=number * len(variants)):
             if report is not None:
                 report("dancing", done, n_dances)
-            made = dance_variant(variant, loaded, repertoire, start_s=song.start_s)
-            dances[variant.name].append(StudyDance(made.motion, song.path, song.start_s))
+            dance = dance_variant(variant, loaded, repertoire, start_s=song.start_s)
+            dances[variant.name].append(StudyDance(dance.motion, song.path, song.start_s))
         if song.take is not None:
             motion = song.take.motion
             motion = motion.sliced(0, max(1, min(motion.n_frames, round(loaded.duration_s * motion.fps))))

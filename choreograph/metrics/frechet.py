@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,12 @@ class Gaussian:
     covariance: Floats  # (D, D), of n - 1 degrees of freedom
     n_samples: int
 
+    @cached_property
+    def factor(self) -> Floats:
+        """F (D, D) with FFᵀ = C; eigenvalues that are negative through rounding count as 0."""
+        values, vectors = np.linalg.eigh(self.covariance)
+        return vectors * np.sqrt(np.maximum(values, 0.0))
+
 
 def fit_gaussian(samples: NDArray[np.floating]) -> Gaussian:
     """Fit a Gaussian to samples (N, D); `ParameterError` unless N is at least 2 and all are finite."""
@@ -78,15 +85,9 @@ def frechet_distance(a: Gaussian, b: Gaussian) -> float:
     """
     if a.mean.shape != b.mean.shape:
         raise ParameterError(f"expected Gaussians of one dimension, got {len(a.mean)} and {len(b.mean)}")
-    common = np.linalg.svd(_factor(a.covariance).T @ _factor(b.covariance), compute_uv=False).sum()
+    common = np.linalg.svd(a.factor.T @ b.factor, compute_uv=False).sum()
     spread = np.trace(a.covariance) + np.trace(b.covariance) - 2.0 * common
     return float(np.sum((a.mean - b.mean) ** 2) + max(spread, 0.0))
-
-
-def _factor(covariance: Floats) -> Floats:
-    """F (D, D) with FFᵀ = C; eigenvalues that are negative through rounding count as 0."""
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def validate(motions: Sequence[Motion]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The rating page's files: blinded, alone in the world, in the seed's order; odd input is refused."""
+"""The files of a rating study: blinded, self-contained, ordered by the seed; malformed input is refused."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def data_of(page: str) -> dict:
 
 
 def code_of(page: str) -> str:
-    """The page without compressed bytes."""
+    """The page without encoded bytes."""
     return re.sub(r'(<script type="text/plain"[^>]*>)[^<]*', r"\1", page)
 
 
@@ -50,13 +50,13 @@ def test_the_page_is_blinded(study, page):
     assert sorted(listed) == sorted((v, f"tune-{n}.wav") for v in VARIANTS for n in range(3))
 
 
-def test_no_variant_is_known_by_its_rate_or_length(page):
+def test_rate_and_length_do_not_reveal_the_variant(page):
     dances = data_of(page)["dances"]
     assert data_of(page)["body"]["fps"] == 60.0
     assert len({dance["frames"] for dance in dances}) == 1  # though recorded at 60 and at 30 fps
 
 
-def test_no_variant_is_known_by_its_body(tmp_path):
+def test_the_body_does_not_reveal_the_variant(tmp_path):
     motion = swaying(60, fps=60.0)
     scaled = Skeleton(motion.skeleton.names, motion.skeleton.parents, 1.2 * motion.skeleton.offsets_m)
     taller = Motion(scaled, 1.2 * motion.root_pos_m, motion.local_quat, 60.0)
@@ -81,7 +81,7 @@ def test_scripts_share_one_scope(page):
     assert sorted(names) == sorted(set(names))
 
 
-def test_a_song_is_there_once_and_dances_know_theirs(study, page):
+def test_a_song_is_stored_once_and_dances_refer_to_it(study, page):
     assert len(re.findall(r'id="sound-\d+"', page)) == 3
     sounds = {
         (dance["sound"], entry["song"])
@@ -90,7 +90,7 @@ def test_a_song_is_there_once_and_dances_know_theirs(study, page):
     assert len(sounds) == 3
 
 
-def test_the_seed_gives_the_order(tmp_path, study):
+def test_the_seed_decides_the_order(tmp_path, study):
     again, other = (small_study(tmp_path, seed=seed) for seed in (3, 4))
     for name in ("study.html", "key.json"):
         assert (again / name).read_bytes() == (study / name).read_bytes()
@@ -100,7 +100,7 @@ def test_the_seed_gives_the_order(tmp_path, study):
         assert all(here[1] != after[1] for here, after in pairwise(order))
 
 
-def test_without_sound_two_questions(tmp_path):
+def test_without_sound_there_are_two_questions(tmp_path):
     study = small_study(tmp_path, sound=False)
     page = (study / "study.html").read_text(encoding="utf-8")
     assert 'id="sound-' not in page
@@ -119,7 +119,7 @@ def test_an_excerpt_is_the_middle(tmp_path):
     assert all(dance["start_s"] == pytest.approx(1.0, abs=0.02) for dance in read_key(study)["dances"])
 
 
-def test_several_dances_of_a_variant_to_a_song_are_counted_as_given(tmp_path):
+def test_several_dances_of_a_variant_to_a_song_are_numbered_as_given(tmp_path):
     song = Path("never read.wav")
     starts = {60: 0.0, 66: 10.0, 72: 20.0}
     dances = {v: [StudyDance(swaying(n, fps=60.0), song, s) for n, s in starts.items()] for v in "ab"}
@@ -147,17 +147,17 @@ DANCE = StudyDance(swaying(60, fps=60.0), Path("no such song.wav"))
         ({"a": [DANCE]}, {}, FormatError),
     ],
 )
-def test_what_is_refused_is_said_in_a_line_and_leaves_nothing(tmp_path, dances, options, kind):
+def test_malformed_input_is_refused_in_a_line_and_writes_nothing(tmp_path, dances, options, kind):
     with pytest.raises(kind) as refused:
         write_study(dances, tmp_path / "study", **{"seed": 0, **options})
     assert "\n" not in str(refused.value)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_study_is_not_written_over(tmp_path):
+def test_a_study_is_not_overwritten(tmp_path):
     study = small_study(tmp_path)
     before = (study / "key.json").read_bytes()
-    with pytest.raises(ParameterError, match="there is one already"):
+    with pytest.raises(ParameterError, match="without a study"):
         small_study(tmp_path)
     assert (study / "key.json").read_bytes() == before
     with pytest.raises(ParameterError, match="parent"):

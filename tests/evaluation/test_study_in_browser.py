@@ -1,4 +1,4 @@
-"""The rating page in headless Chromium: it plays, is answered by key, hand and finger, keeps, and saves."""
+"""The rating page in headless Chromium: playback, answers by key, mouse and touch, reloading and saving."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def study(tmp_path) -> Path:
 
 @pytest.fixture
 def opened(browser, study):
-    """Open the study; whatever the page complains of or wants from outside fails the test."""
+    """Open the study; any error or outside request of the page fails the test."""
     contexts, complaints = [], []
 
     def open_page(context=None, **options):
@@ -71,7 +71,7 @@ def test_rate_by_key_reload_and_save(opened, study):
     page.click("#begin")
     page.keyboard.press("p")
     until(page, "choreograph.dance === '1'")
-    page.keyboard.press("0")  # the question left open is the marked one
+    page.keyboard.press("0")  # the unanswered question is highlighted
     for dance in "23":
         page.keyboard.press("n")
         until(page, f"choreograph.dance === '{dance}'")
@@ -92,7 +92,7 @@ def test_rate_by_key_reload_and_save(opened, study):
     assert page.evaluate("choreograph.answers") == {}
 
 
-def test_dances_play_with_their_song_and_are_different_ones(opened):
+def test_dances_play_in_sync_with_their_song_and_differ(opened):
     page = opened()
     page.click("#begin")
     page.click("#big-play")
@@ -113,7 +113,7 @@ def test_dances_play_with_their_song_and_are_different_ones(opened):
     until(page, "Math.abs(choreograph.time - 0.5) < 0.02")
 
 
-def test_a_study_saved_half_way_tells_what_is_open(opened, study):
+def test_a_study_saved_half_way_lists_unrated_dances(opened, study):
     page = opened()
     page.click("#begin")
     for _ in range(2):

@@ -1,4 +1,4 @@
-"""Ratings read back: the synthetic favourite wins, intervals cover, foreign and damaged files are refused."""
+"""Study results: the synthetic favourite wins, intervals cover, foreign and damaged files are refused."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from synthetic_studies import VARIANTS, rate_all, rating, read_key, small_study,
 
 from choreograph.errors import FormatError
 from choreograph.evaluation.study import QUESTIONS
-from choreograph.evaluation.study_results import _Drawn, read_study
+from choreograph.evaluation.study_results import _Bootstrap, read_study
 
 SCHEMA = json.loads(
     (Path(__file__).resolve().parents[2] / "data_schema" / "rating.schema.json").read_text(encoding="utf-8")
@@ -38,7 +38,7 @@ def answers_for(key: dict, points: dict[str, int], questions=IDS) -> dict:
     return {d["dance"]: dict.fromkeys(questions, points[d["variant"]]) for d in key["dances"]}
 
 
-def test_the_synthetic_favourite_wins_and_intervals_hold_the_truth(study):
+def test_the_synthetic_favourite_wins_and_intervals_contain_the_truth(study):
     rate_all(study, MEANS, n_raters=12)
     for path in study.glob("rating-*.json"):
         jsonschema.validate(json.loads(path.read_text(encoding="utf-8")), SCHEMA)
@@ -49,9 +49,9 @@ def test_the_synthetic_favourite_wins_and_intervals_hold_the_truth(study):
         assert [score.variant for score in scores] == [BEST, MIDDLE, WORST]
         assert all(score.n_ratings == 60 for score in scores)
         assert all(score.low < MEANS[score.variant] < score.high for score in scores)
-        apart = {(d.variant, d.other): d for d in results.differences if d.question == question}
-        assert set(apart) == {(BEST, MIDDLE), (BEST, WORST), (MIDDLE, WORST)}
-        assert all(difference.is_clear and difference.mean > 0 for difference in apart.values())
+        pairs = {(d.variant, d.other): d for d in results.differences if d.question == question}
+        assert set(pairs) == {(BEST, MIDDLE), (BEST, WORST), (MIDDLE, WORST)}
+        assert all(difference.is_clear and difference.mean > 0 for difference in pairs.values())
 
 
 def test_means_and_counts_by_hand(study):
@@ -63,26 +63,26 @@ def test_means_and_counts_by_hand(study):
     score = {(s.variant, s.question): s for s in results.scores}
     assert (score[BEST, "style"].mean, score[BEST, "style"].n_ratings) == (3.5, 10)
     assert (score[BEST, "rhythm"].mean, score[BEST, "rhythm"].n_ratings) == (5.0, 5)
-    apart = next(d for d in results.differences if d.question == "style" and d.other == MIDDLE)
-    assert (apart.mean, apart.n_pairs) == (2.0, 5)  # of the one rater who rated both
+    difference = next(d for d in results.differences if d.question == "style" and d.other == MIDDLE)
+    assert (difference.mean, difference.n_pairs) == (2.0, 5)  # from the one rater who rated both
     assert json.loads(json.dumps(results.to_dict()))["n_raters"] == 2
 
 
 def test_generosity_cancels_out_of_differences(study):
-    """Raters two points apart who all see one point between two variants: a sure difference, unsure means."""
+    """Raters differ, but all see one point between two variants: a clear difference of unclear means."""
     key = read_key(study)
     for rater, base in enumerate((0, 1, 2, 3, 4, 0, 4), start=1):
         write_rating(
             study, rating(key, answers_for(key, {BEST: base + 1, MIDDLE: base, WORST: 0}), rater=rater)
         )
     results = read_study(study)
-    apart = next(d for d in results.differences if (d.variant, d.other) == (BEST, MIDDLE))
-    assert (apart.mean, apart.low, apart.high) == (1.0, 1.0, 1.0)
+    difference = next(d for d in results.differences if (d.variant, d.other) == (BEST, MIDDLE))
+    assert (difference.mean, difference.low, difference.high) == (1.0, 1.0, 1.0)
     score = next(s for s in results.scores if s.variant == BEST)
     assert score.high - score.low > 1.5
 
 
-def test_equal_variants_are_mostly_not_told_apart(study):
+def test_equal_variants_seldom_differ_clearly(study):
     clear = 0
     for seed in range(8):
         rate_all(study, dict.fromkeys(VARIANTS, 2.5), n_raters=8, seed=seed)
@@ -91,17 +91,17 @@ def test_equal_variants_are_mostly_not_told_apart(study):
 
 
 @pytest.mark.parametrize(("n_raters", "n_songs"), [(20, 10), (8, 6)])
-def test_intervals_hold_the_mean_of_all_raters_and_songs_as_often_as_they_say(n_raters, n_songs):
+def test_intervals_have_their_nominal_coverage(n_raters, n_songs):
     rng = np.random.default_rng(0)
-    drawn = _Drawn.from_rng(rng, n_raters, np.arange(n_songs))
-    held = 0
+    bootstrap = _Bootstrap.from_rng(rng, n_raters, np.arange(n_songs))
+    covered = 0
     for _ in range(200):
         noise = rng.normal(0, 0.7, (n_raters, n_songs))
-        given = 3.0 + rng.normal(0, 0.5, (n_raters, 1)) + rng.normal(0, 0.4, n_songs) + noise
-        given[rng.random(given.shape) < 0.2] = np.nan
-        _, low, high = drawn.interval(given)
-        held += low < 3.0 < high
-    assert 0.87 <= held / 200 <= 0.99
+        points = 3.0 + rng.normal(0, 0.5, (n_raters, 1)) + rng.normal(0, 0.4, n_songs) + noise
+        points[rng.random(points.shape) < 0.2] = np.nan
+        _, low, high = bootstrap.interval(points)
+        covered += low < 3.0 < high
+    assert 0.87 <= covered / 200 <= 0.99
 
 
 def test_one_rating_has_no_interval(study):
@@ -112,7 +112,7 @@ def test_one_rating_has_no_interval(study):
     assert read_study(study).differences == ()
 
 
-def test_of_a_rater_the_last_save_counts(study):
+def test_the_last_save_of_a_rater_counts(study):
     key = read_key(study)
     first, last = (answers_for(key, dict.fromkeys(VARIANTS, points)) for points in (1, 4))
     write_rating(study, rating(key, last, save=2), "rating (1).json")
@@ -127,25 +127,25 @@ def test_of_a_rater_the_last_save_counts(study):
 
 
 BROKEN_RATINGS = {
-    "cut off": lambda key: json.dumps(rating(key, {}))[:40],
-    "no JSON": lambda key: "<html>",
+    "truncated": lambda key: json.dumps(rating(key, {}))[:40],
+    "not JSON": lambda key: "<html>",
     "a list": lambda key: [],
     "foreign": lambda key: {"format": "choreograph-plan", "version": 2},
     "of a later version": lambda key: rating(key, {}, version=2),
     "without a key": lambda key: {k: v for k, v in rating(key, {}).items() if k != "save"},
     "with another key": lambda key: rating(key, {}, more=1),
     "of another study": lambda key: rating(key, {}, study="0" * 16),
-    "of nobody": lambda key: rating(key, {}, rater_id="../x"),
-    "of no save": lambda key: rating(key, {}, save=0),
-    "saved truly": lambda key: rating(key, {}, save=True),
-    "with a name that is none": lambda key: rating(key, {}, rater_name=None),
+    "with a malformed rater_id": lambda key: rating(key, {}, rater_id="../x"),
+    "with save 0": lambda key: rating(key, {}, save=0),
+    "with a boolean save": lambda key: rating(key, {}, save=True),
+    "with a name that is no string": lambda key: rating(key, {}, rater_name=None),
     "with a list of answers": lambda key: rating(key, []),
     "of an unknown dance": lambda key: rating(key, {"99": {"style": 3}}),
     "with points for a dance": lambda key: rating(key, {key["dances"][0]["dance"]: 3}),
     "of an unknown question": lambda key: rating(key, {key["dances"][0]["dance"]: {"looks": 3}}),
     "with too many points": lambda key: rating(key, {key["dances"][0]["dance"]: {"style": 6}}),
-    "with broken points": lambda key: rating(key, {key["dances"][0]["dance"]: {"style": 2.5}}),
-    "with no points": lambda key: rating(key, {key["dances"][0]["dance"]: {"style": None}}),
+    "with fractional points": lambda key: rating(key, {key["dances"][0]["dance"]: {"style": 2.5}}),
+    "with null points": lambda key: rating(key, {key["dances"][0]["dance"]: {"style": None}}),
     "without an answer": lambda key: rating(key, {}),
 }
 
@@ -163,13 +163,13 @@ def twice(key: dict) -> dict:
 
 
 BROKEN_KEYS = {
-    "cut off": lambda key: json.dumps(key)[:50],
+    "truncated": lambda key: json.dumps(key)[:50],
     "foreign": lambda key: {"format": "choreograph-rating"},
     "without dances": lambda key: {**key, "dances": []},
-    "of dances that are none": lambda key: {**key, "dances": [3]},
+    "with malformed dances": lambda key: {**key, "dances": [3]},
     "of an unknown question": lambda key: {**key, "questions": ["looks"]},
     "without a study": lambda key: {**key, "study": None},
-    "of one dance twice": twice,
+    "with a dance twice": twice,
 }
 
 

@@ -40,6 +40,7 @@ def test_a_body_that_stands_still():
     assert values[0, INTENSITY:] == pytest.approx(0, abs=1e-9)
 
 
+@settings(max_examples=30)
 @given(raise_m=st.floats(0.0, 0.5))
 def test_openness_grows_by_the_distance_a_wrist_moves_out(raise_m):
     pos = still()

@@ -1,49 +1,49 @@
-// What the rater has answered: kept in the browser where it may keep anything, and saved as a file.
+// The rater's answers: stored in the browser if it allows that, and saved as a file.
 
 export class Answers extends EventTarget {
   constructor(study) {
     super();
     this.study = study;
-    this.place = `choreograph-study-${study.study}`;
-    this.state = this.#kept() ?? fresh();
+    this.storageKey = `choreograph-study-${study.study}`;
+    this.state = this.#load() ?? newState();
   }
 
-  #kept() {
+  #load() {
     try {
-      return JSON.parse(localStorage.getItem(this.place));
+      return JSON.parse(localStorage.getItem(this.storageKey));
     } catch {
-      return null; // a browser that keeps nothing, or something else under our name
+      return null; // no storage, or something else under our key
     }
   }
 
-  #keep() {
+  #store() {
     try {
-      localStorage.setItem(this.place, JSON.stringify(this.state));
+      localStorage.setItem(this.storageKey, JSON.stringify(this.state));
     } catch {
-      // The answers then last as long as the page; they can still be saved.
+      // The answers then last as long as the page, and can still be saved.
     }
     this.dispatchEvent(new Event("change"));
   }
 
   get name() { return this.state.rater_name; }
-  set name(name) { this.state.rater_name = name.trim(); this.#keep(); }
+  set name(name) { this.state.rater_name = name.trim(); this.#store(); }
   get at() { return Math.min(this.state.at, this.study.dances.length - 1); }
-  set at(index) { this.state.at = index; this.#keep(); }
+  set at(index) { this.state.at = index; this.#store(); }
 
   of(id) { return this.state.answers[id] ?? {}; }
 
   give(id, question, points) {
     this.state.answers[id] = { ...this.of(id), [question]: points };
-    this.#keep();
+    this.#store();
   }
 
   isDone(id) { return this.study.questions.every(({ id: question }) => question in this.of(id)); }
   get open() { return this.study.dances.map(({ id }, i) => [id, i]).filter(([id]) => !this.isDone(id)).map(([, i]) => i); }
 
-  // The rating file, `data_schema/rating.schema.json`: its name and its text.
+  // Name and text of the rating file, see `data_schema/rating.schema.json`.
   file() {
     this.state.save += 1;
-    this.#keep();
+    this.#store();
     const { rater_id, rater_name, save, answers } = this.state;
     const rating = {
       format: "choreograph-rating", version: 1, study: this.study.study, rater_id, rater_name, save, answers,
@@ -52,12 +52,12 @@ export class Answers extends EventTarget {
   }
 
   startOver() {
-    this.state = fresh();
-    this.#keep();
+    this.state = newState();
+    this.#store();
   }
 }
 
-function fresh() {
+function newState() {
   const bytes = crypto.getRandomValues(new Uint8Array(8));
   const rater_id = Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
   return { rater_id, rater_name: "", save: 0, at: 0, answers: {} };

@@ -1,4 +1,4 @@
-// The questions as a form: a row of points each; one question is marked and answered by the number keys.
+// The questions as a form with a row of points each. Number keys answer the highlighted question.
 
 import { createElement } from "./elements.js";
 
@@ -32,7 +32,7 @@ export class Questions {
     ]);
   }
 
-  // The answers given for a dance; its first open question is marked.
+  // Shows the answers for a dance and highlights its first unanswered question.
   show(answers) {
     this.form.reset();
     this.questions.forEach(({ id }, i) => {
@@ -49,7 +49,7 @@ export class Questions {
     this.rows[this.marked].scrollIntoView({ block: "nearest" });
   }
 
-  // By key: answers the marked question and marks the next.
+  // Answers the highlighted question and highlights the next.
   answer(points) {
     const index = this.marked;
     this.rows[index].querySelectorAll("input")[points].checked = true;

@@ -1,4 +1,4 @@
-// Shows the dances one after another, asks, and saves.
+// Plays the dances one after another, asks the questions and saves the answers.
 
 import { Answers } from "./answers.js";
 import { createElement } from "./elements.js";
@@ -20,7 +20,7 @@ class Study {
       this.answers.give(this.dance.id, question, points);
     });
     this.player = null;
-    if (!this.stage.renderer) notice("This browser has no WebGL 2 to draw the dancer with: please take another one.");
+    if (!this.stage.renderer) notice("This browser does not support WebGL 2. Please use another one.");
     this.answers.addEventListener("change", () => this.#showProgress());
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => {
       this.stage.renderer?.readColours();
@@ -45,7 +45,7 @@ class Study {
     addEventListener("keydown", (event) => this.#key(event));
   }
 
-  // To a dance, which plays; past the last one to the end of the study.
+  // Goes to a dance and plays it; past the last one, to the end of the study.
   async go(index) {
     if (index < 0) return;
     if (index >= this.study.dances.length) { this.finish(); return; }
@@ -63,7 +63,7 @@ class Study {
     this.player = new Player(whole, sound);
     this.player.addEventListener("change", () => this.#showPlayer());
     this.player.addEventListener("soundlost", () => {
-      notice("This browser cannot play the song: please take another one.");
+      notice("This browser cannot play the song. Please use another one.");
     });
     document.body.classList.remove("started");
     $("seek").max = dance.duration_s;
@@ -96,10 +96,10 @@ class Study {
 
   welcome() {
     const count = this.study.dances.length, asked = this.study.questions.length;
-    const soundHint = this.study.sound ? "Please turn the sound on." : "There is no sound.";
-    $("task").textContent = `You will see ${count} short dances and be asked ${asked} questions about each. ${soundHint}`;
+    const sound = this.study.sound ? "Please turn the sound on." : "There is no sound.";
+    $("task").textContent = `You will see ${count} short dances and answer ${asked} questions about each. ${sound}`;
     $("rater-name").value = this.answers.name;
-    $("begin").textContent = Object.keys(this.answers.state.answers).length ? "Go on" : "Begin";
+    $("begin").textContent = Object.keys(this.answers.state.answers).length ? "Continue" : "Start";
     this.player.pause();
     $("welcome").showModal();
   }
@@ -108,13 +108,13 @@ class Study {
     const { open } = this.answers;
     this.player.pause();
     $("finish-title").textContent = open.length ? "Not all dances are rated yet" : "All dances are rated. Thank you!";
-    $("open-dances").replaceChildren(...(open.length ? ["Still open:", createElement("br")] : []), ...open.map((i) => {
-      const button = createElement("button", "", [`${i + 1}`]);
+    $("open-dances").replaceChildren(...(open.length ? ["Not rated yet:", made("br")] : []), ...open.map((i) => {
+      const button = made("button", "", [`${i + 1}`]);
       button.type = "button";
       button.addEventListener("click", () => { $("finish").close(); this.go(i); });
       return button;
     }));
-    $("saved").textContent = open.length ? "You may also save what you have." : "Now save your answers.";
+    $("saved").textContent = open.length ? "You can also save your answers so far." : "Now save your answers.";
     $("another").hidden = true;
     $("finish").showModal();
     $("save").focus();
@@ -127,14 +127,14 @@ class Study {
     link.download = name;
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
-    $("saved").textContent = `Saved as ${name}: please send this file to whoever gave you this page.`;
+    $("saved").textContent = `Saved as ${name}. Please send this file to the person who gave you this page.`;
     $("another").hidden = false;
   }
 
   #key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
     const { player, questions, answers } = this;
-    const kind = event.target.type; // arrows move within a row of points, or the seek bar; space presses a button
+    const kind = event.target.type; // form controls keep their own keys: arrows, and space on a button
     const acts = {
       " ": () => player.toggle(),
       ArrowLeft: () => player.seek(player.time - 1),
@@ -154,7 +154,7 @@ class Study {
     act();
   }
 
-  // What others may read, for tests and for those who build on the page.
+  // Read-only state for tests and scripts.
   state() {
     const page = this;
     return Object.freeze({
