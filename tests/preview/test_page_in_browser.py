@@ -18,6 +18,8 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 from choreograph.preview.page import write_page
 
+pytestmark = pytest.mark.alone
+
 FPS = 60.0
 MOTION = swaying(480, fps=FPS)  # 8 s
 

@@ -11,6 +11,8 @@ from synthetic_pages import write_seconds
 
 from choreograph.preview.sound import encode_mp4, song_part
 
+pytestmark = pytest.mark.alone
+
 # Plays two and a half seconds; returns when clicks sounded on the audio context's clock, and pairs of
 # that clock and the media element's.
 LISTEN = """async ([sound, from]) => {
