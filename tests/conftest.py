@@ -56,6 +56,19 @@ def made(repertoire, song):
 
 
 @pytest.fixture(scope="module")
+def few_density_steps():
+    """Trains the tempo-density networks of the preset `tiny` for a moment only."""
+    from dataclasses import replace
+
+    from choreograph.nets.density import config
+
+    with pytest.MonkeyPatch.context() as patch:
+        few = replace(config._PRESETS["tiny"], steps=20, music_steps=20)
+        patch.setitem(config._PRESETS, "tiny", few)
+        yield
+
+
+@pytest.fixture(scope="module")
 def chromium():
     """Starts Chromium with the given flags; all are closed at the end. Without one, tests of pages skip."""
     sync_api = pytest.importorskip("playwright.sync_api")

@@ -105,7 +105,7 @@ def test_a_setting_that_the_engine_does_not_use_is_refused(repertoire, song, eng
         ({"song": 5}, "expected a song as a path or a Song, got 5"),
         ({"repertoire": 7}, "expected a repertoire or its path, got 7"),
         ({"config": {"seed": 1}}, "expected a DanceConfig as config"),
-        ({"weights": [1.0]}, "expected weights as cost name: number"),
+        ({"weights": [1.0]}, "expected weights as a mapping of cost name to number"),
         ({"weights": {"style": "much"}}, "expected a finite number as weight of 'style'"),
         ({"costs": cg.Cost}, "expected costs as a list of Cost"),
         ({"costs": [cg.Cost]}, "a class instead of an instance"),
@@ -148,6 +148,7 @@ def test_a_dance_and_a_repertoire_show_what_they_are(repertoire, made):
     assert "<table" in repertoire._repr_html_()
 
 
+@pytest.mark.slow
 def test_the_types_serve_a_users_script(tmp_path):
     """mypy over a script outside the package: right calls pass, wrong ones are found."""
     script = tmp_path / "script.py"

@@ -32,6 +32,7 @@ WRITTEN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.name)
 def test_an_example_runs_as_it_is(path, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -42,6 +43,7 @@ def test_an_example_runs_as_it_is(path, tmp_path, monkeypatch, capsys):
         assert (tmp_path / name).stat().st_size > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.name)
 def test_a_notebook_runs_and_is_stored_without_outputs(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -65,6 +67,7 @@ def run_script(name: str, *arguments: object) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", PAPERS, ids=lambda p: p.name)
 def test_what_reproduces_the_papers_shows_its_usage(path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", [str(path), "--help"])

@@ -18,6 +18,8 @@ from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.metrics import beat
 from choreograph.motion.body import body_pos_m
 
+pytestmark = pytest.mark.slow
+
 FPS = 60.0
 PERIOD_S = 0.6
 TAKES = {name: stepping(24 * 30, period_s=PERIOD_S, seed=seed) for seed, name in enumerate("abc")}

@@ -17,6 +17,8 @@ from choreograph.motion.body import body_pos_m
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import NET_FPS
 
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_density_steps")]
+
 TRUE_BPM = 120.0
 TAKES = ("DANCE_C_8", "DANCE_R_2", "DANCE_W_11")
 
@@ -136,7 +138,7 @@ def test_pretrained_style_records_what_it_was_trained_on(takes_to_clicks, tmp_pa
     assert not np.allclose(begun.clip_style, afresh.clip_style, atol=1e-3)
     assert begun.provenance["trained_on"] == ["even", "quick", "slow"]
     assert afresh.provenance["trained_on"] == ["even", "slow"]
-    assert (begun.provenance["style_from"], afresh.provenance["style_from"]) == ("one.h5", None)
+    assert (begun.provenance["pretrained_style"], afresh.provenance["pretrained_style"]) == ("one.h5", None)
 
 
 @pytest.mark.parametrize(("augment_mirror", "share"), [(True, 0.5), (False, 0.0)])

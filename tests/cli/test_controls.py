@@ -7,6 +7,8 @@ import json
 import pytest
 from command_line import assert_one_line, run
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def here(song, db_with_motifs, tmp_path, monkeypatch):

@@ -8,6 +8,8 @@ from synthetic_motions import stepping
 
 from choreograph.exporters import save_motion
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def bvh(tmp_path_factory):

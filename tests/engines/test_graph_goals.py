@@ -16,6 +16,8 @@ from choreograph.motifs.words import dance_bounds_s
 from choreograph.repertoire import write_repertoire
 from choreograph.starter import starter_repertoire
 
+pytestmark = pytest.mark.slow
+
 UNSTEERED = {"signature": 0.0, "motif_transition": 0.0}
 
 

@@ -19,6 +19,8 @@ from choreograph.errors import NoPathError, ParameterError, RepertoireError
 from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
 
+pytestmark = pytest.mark.slow
+
 SCHEMA = Path(__file__).resolve().parents[2] / "data_schema" / "plan.schema.json"
 ENGINES = ("graph", "mixer")
 

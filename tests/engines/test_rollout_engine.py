@@ -16,6 +16,8 @@ from choreograph.errors import ParameterError, RepertoireError
 from choreograph.exporters import save_motion
 from choreograph.features.word_audio import rhythm_from, word_spectra
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def rolling(tmp_path_factory):

@@ -13,7 +13,7 @@ from choreograph.engines.word_search import SEARCHES, Candidates, search_words
 from choreograph.errors import NoPathError, ParameterError
 
 
-def choices_of(rng: np.random.Generator, n_words: int, first: int = 0) -> Candidates:
+def candidates_of(rng: np.random.Generator, n_words: int, first: int = 0) -> Candidates:
     poses = rng.normal(size=(2, n_words, 3, 21, 3))
     return Candidates(first + np.arange(n_words), rng.random(n_words), *poses)
 
@@ -31,7 +31,7 @@ def cost(candidates: list[Candidates], rows: tuple[int, ...]) -> float:
 @given(st.integers(0, 10_000), st.lists(st.integers(1, 4), min_size=1, max_size=5))
 def test_the_exact_search_finds_the_cheapest_sequence(seed, sizes):
     rng = np.random.default_rng(seed)
-    candidates = [choices_of(rng, size) for size in sizes]
+    candidates = [candidates_of(rng, size) for size in sizes]
     ways = {rows: cost(candidates, rows) for rows in itertools.product(*(range(size) for size in sizes))}
     found = tuple(int(word) for word in search_words(candidates))  # words are rows here
     assert ways[found] == pytest.approx(min(ways.values()))
@@ -42,7 +42,7 @@ def test_the_exact_search_finds_the_cheapest_sequence(seed, sizes):
 @pytest.mark.parametrize("search", SEARCHES)
 def test_the_word_that_really_followed_is_taken(search):
     rng = np.random.default_rng(0)
-    first, second = choices_of(rng, 1), choices_of(rng, 9, first=10)
+    first, second = candidates_of(rng, 1), candidates_of(rng, 9, first=10)
     second.cost_m[:] = 0.0
     second.first_m[6] = first.last_m[0]
     assert search_words([first, second], search=search).tolist() == [0, 16]
@@ -60,9 +60,9 @@ def test_the_same_word_again_only_if_nothing_else_is_near():
 @pytest.mark.parametrize("search", SEARCHES)
 def test_forbidden_words_are_never_chosen(search):
     rng = np.random.default_rng(1)
-    candidates = [choices_of(rng, 3).without(0).without(2) for _ in range(4)]
+    candidates = [candidates_of(rng, 3).without(0).without(2) for _ in range(4)]
     assert search_words(candidates, search=search).tolist() == [1, 1, 1, 1]
-    with pytest.raises(NoPathError, match="place 2"):
+    with pytest.raises(NoPathError, match="slot 2"):
         search_words([*candidates[:2], candidates[2].without(1), candidates[3]], search=search)
 
 

@@ -34,6 +34,8 @@ from choreograph.exporters import save_motion
 from choreograph.features.sections import Sections
 from choreograph.repertoire import Repertoire
 
+pytestmark = pytest.mark.slow
+
 SCHEMA = json.loads(
     (Path(__file__).resolve().parents[2] / "data_schema" / "evaluation.schema.json").read_text(
         encoding="utf-8"

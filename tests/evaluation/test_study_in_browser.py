@@ -11,6 +11,8 @@ from synthetic_studies import read_key, small_study
 
 from choreograph.evaluation.study_results import read_study
 
+pytestmark = pytest.mark.slow
+
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 
 

@@ -14,6 +14,8 @@ from choreograph.features.music_beats import fill_missing_beats, get_beat_tracke
 from choreograph.features.tempogram import LAGS_S, RHYTHM_DIM, onset_envelopes, rhythm_features, tempogram
 from choreograph.timebase import SAMPLE_RATE_HZ
 
+pytestmark = pytest.mark.slow
+
 
 def clicks(bpm: float, duration_s: float = 30.0, loud_every: int = 1) -> tuple[np.ndarray, np.ndarray]:
     times_s = np.arange(0.5, duration_s - 0.1, 60 / bpm)

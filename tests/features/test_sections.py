@@ -7,6 +7,8 @@ from choreograph.features.sections import song_sections
 from choreograph.synthesis.songs import render_song
 from choreograph.timebase import SAMPLE_RATE_HZ
 
+pytestmark = pytest.mark.slow
+
 
 def true_labels(song, at_s):
     bars = song.bar_times_s

@@ -16,6 +16,8 @@ from choreograph.features.loudness import at_unit_loudness
 from choreograph.features.spectral import SPECTRAL_COLUMNS, SPECTRAL_DIM, spectral_features
 from choreograph.timebase import SAMPLE_RATE_HZ
 
+pytestmark = pytest.mark.slow
+
 HOP_S = 512 / SAMPLE_RATE_HZ
 A4_HZ = 440.0
 C_MAJOR, D_MAJOR = (0, 4, 7), (2, 6, 9)  # pitch classes

@@ -17,6 +17,8 @@ from choreograph.metrics.beat import f_score
 from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS
 from choreograph.timebase import SAMPLE_RATE_HZ
 
+pytestmark = pytest.mark.slow
+
 
 def drum_loop(beat_times_s: np.ndarray, *, swing: float = 0.0, off_beat_hat: float = 0.5) -> np.ndarray:
     """Kick and snare on the beats, a hat on every eighth; `swing` 1 puts the off-beats on the triplet."""

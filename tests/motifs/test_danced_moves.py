@@ -14,6 +14,8 @@ from choreograph.nets.words.train import train_word_net
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.moves.sequencer import render_take
 
+pytestmark = pytest.mark.slow
+
 FPS = 30.0
 DANCES = [("salsa", 0, 100.0), ("salsa", 1, 108.0), ("waltz", 2, 90.0), ("waltz", 3, 96.0)]
 

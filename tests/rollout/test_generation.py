@@ -18,6 +18,8 @@ from choreograph.nets.rollout.train import train_rollout
 from choreograph.rollout import generation
 from choreograph.rollout.generation import MotifSequence, generate_motion, generate_poses
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def trained():

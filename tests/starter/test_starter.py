@@ -25,6 +25,8 @@ from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.songs import write_song
 from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS
 
+pytestmark = pytest.mark.slow
+
 DANCE_S = 25.0  # of each benchmark song; `examples/50_starter_dances.py` dances all of them in full
 
 

@@ -12,12 +12,13 @@ from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers import import_takes
 from choreograph.metrics.beat import f_score
 from choreograph.motion.body import body_pos_m
-from choreograph.nets.density import config as density_config
 from choreograph.repertoire import Repertoire
 from choreograph.starter import recipe, takes
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.songs import STYLES
 from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS, FIRST_SEED
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_density_steps")]
 
 
 def test_there_are_enough_takes_and_none_is_a_benchmark_song():
@@ -72,8 +73,6 @@ def test_the_repertoire_contains_the_takes_alone(tmp_path, monkeypatch):
         if spec.genre in ("waltz", "house") and spec.name[-2:] < "04"
     ]
     monkeypatch.setattr(recipe, "take_specs", lambda: iter(specs))
-    few_steps = replace(density_config._PRESETS["tiny"], steps=20, music_steps=20)
-    monkeypatch.setitem(density_config._PRESETS, "tiny", few_steps)
     output = tmp_path / "made.h5"
     made, _ = recipe.build_starter(tmp_path / "work", output, preset="tiny")
     assert made.path == output

@@ -14,6 +14,8 @@ from choreograph.nets.density.model import HIDDEN_FRAMES, MotionDecoder, MotionD
 from choreograph.nets.density.train import train_motion_density, train_music_density
 from choreograph.nets.training import TrainingContext
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def tiny():

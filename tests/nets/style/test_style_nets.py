@@ -14,6 +14,8 @@ from choreograph.nets.style.data import StyleData
 from choreograph.nets.style.model import StyleNets, centred, rotated_about_y
 from choreograph.nets.style.train import pair_loss, train_style
 
+pytestmark = pytest.mark.slow
+
 RNG = np.random.default_rng(0)
 TAKES = [genre_take(genre, number) for genre in "ab" for number in range(4)]
 

@@ -16,6 +16,8 @@ from choreograph.nets.words.data import AugmentedWords, WordTake, augmented_word
 from choreograph.nets.words.model import WordNet, clips_to_root_frame
 from choreograph.nets.words.train import mean_joint_distance_m, train_word_net, word_loss
 
+pytestmark = pytest.mark.slow
+
 FPS = 30.0
 
 

@@ -19,6 +19,8 @@ from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.moves.notation import SIDES, pose, step, touch
 from choreograph.synthesis.songs.genres import STYLES
 
+pytestmark = pytest.mark.slow
+
 MOVES = {f"{genre.name}: {move.name}": move for genre in GENRES.values() for move in genre.moves}
 REPEATS = 3
 START_S = 1.0

@@ -18,6 +18,8 @@ from choreograph.synthesis.moves import render, render_take, sequence_moves
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.moves.sequencer import STAGE_M
 
+pytestmark = pytest.mark.slow
+
 LOW_FPS = 20.0  # enough for positions, mean speeds and sequences of moves
 every_genre = pytest.mark.parametrize("genre", GENRES.values(), ids=lambda genre: genre.name)
 BEATS_S = 1.0 + np.arange(96) * 0.5

@@ -17,6 +17,8 @@ from choreograph.synthesis.songs.effects import loudness_lufs
 from choreograph.synthesis.songs.style import Lane, SongStyle
 from choreograph.synthesis.songs.voices import RATE_HZ
 
+pytestmark = pytest.mark.slow
+
 CLICK = SongStyle(  # nothing but a kick on each beat
     name="click",
     bpm=(100.0, 100.0),

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from choreograph.errors import ParameterError
 from choreograph.synthesis.songs.tempo import TempoMap, apply_swing, beats_within
 
+pytestmark = pytest.mark.slow
+
 bpms = st.floats(40.0, 220.0)
 
 
