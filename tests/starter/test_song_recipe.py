@@ -9,6 +9,8 @@ import soundfile
 from choreograph.starter import example_songs
 from choreograph.starter.song_recipe import render_example_songs
 
+pytestmark = pytest.mark.slow
+
 _MOST_BYTES = 450 * 1024
 
 

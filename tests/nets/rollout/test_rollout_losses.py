@@ -1,6 +1,7 @@
 """Losses of the rollout network for right and wrong poses."""
 
 import numpy as np
+import pytest
 import torch
 from synthetic_rollouts import synthetic_takes, synthetic_words
 
@@ -8,6 +9,8 @@ from choreograph.nets.rollout.config import rollout_config
 from choreograph.nets.rollout.data import RolloutData
 from choreograph.nets.rollout.losses import RolloutLosses
 from choreograph.nets.rollout.model import N_FEET, RolloutNet
+
+pytestmark = pytest.mark.slow
 
 
 def test_the_loss_is_near_zero_only_for_the_right_poses():

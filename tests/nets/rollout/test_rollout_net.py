@@ -12,6 +12,8 @@ from choreograph.nets.rollout.model import N_FEET, ROOT_DIM, RolloutNet
 from choreograph.nets.rollout.train import train_rollout, unroll
 from choreograph.nets.training import TrainingContext
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def synthetic():
