@@ -2,7 +2,7 @@
 
 - `dance` — a song to a `Dance`: motion, plan, notes; `vary` makes several that differ
 - `build` — takes and their songs to a repertoire file
-- `Repertoire` — an opened repertoire file; `starter_repertoire`, `example_songs` — what comes along
+- `Repertoire` — an opened repertoire file; `starter_repertoire`, `example_songs` — the built-in ones
 - `load_song` — a `Song`, decoded once for several dances
 - `render` — the motion of a (perhaps edited) `Plan`
 - `MotifPin`, `TakePin`, `Ban` — constraints: what must be danced, and what must not

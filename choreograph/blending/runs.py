@@ -23,7 +23,7 @@ class Run:
     take: str
     start_s: float  # in the dance
     stop_s: float
-    source_times_s: Floats  # (n + 1,) take instants, evenly spaced from start to stop, both included
+    source_times_s: Floats  # (n + 1,) times of the take, evenly spaced from start to stop, both included
     locked: bool = False  # transitions change its neighbours, not it
     transition_s: float | None = None  # length of the transition into it; None: the blending's default
 

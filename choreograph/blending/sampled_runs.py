@@ -18,7 +18,7 @@ from choreograph.motion.pose import ground_pos_m, heading_rad
 from choreograph.timebase import seconds_to_frames
 
 Floats = NDArray[np.float64]
-# take, first and last instant wanted -> motion around them and the instant of its first frame
+# take, first and last time wanted -> motion around them and the time of its first frame
 MotionReader = Callable[[str, float, float], tuple[Motion, float]]
 
 

@@ -13,7 +13,7 @@ from choreograph.repertoire import Repertoire
 from choreograph.selection import take_losses
 
 _NEAREST = "it follows {}, whose takes are nearest to the song in style"
-_FALLBACK = {ALL_GENRES: "style does not tell one, so it follows all takes together"}
+_FALLBACK = {ALL_GENRES: "style does not decide on one, so it follows all takes together"}
 
 
 def choose_goal(

@@ -44,8 +44,8 @@ def vary(
     loaded = as_song("a song", song, **part)
     made: list[Dance] = []
     for seed in range(config.seed, config.seed + _SEEDS * n):
-        priced = bool(made) and "costs" in ENGINES[made[0].plan.engine].settings
-        unlike = (Unlike([one.plan for one in made]),) if priced else ()
+        has_costs = bool(made) and "costs" in ENGINES[made[0].plan.engine].settings
+        unlike = (Unlike([one.plan for one in made]),) if has_costs else ()
         one = dance(loaded, repertoire, config=replace(config, seed=seed), costs=(*costs, *unlike), **options)
         if all(_content(one.plan) != _content(other.plan) for other in made):
             made.append(one)
