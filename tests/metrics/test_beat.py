@@ -108,8 +108,8 @@ def test_laws(motion, music, shift):
 def test_f_score_is_mir_evals_f_measure(motion, music, window_s):
     """The same definition: largest matching within ± the window, 0 without beats.
 
-    `f_measure` itself does not trim; `mir_eval.beat.evaluate` drops the first 5 s before it. A gap that equals
-    the window up to rounding may count in one and not in the other.
+    `f_measure` itself does not trim; `mir_eval.beat.evaluate` drops the first 5 s before it. A gap that
+    equals the window up to rounding may count in one and not in the other.
     """
     gaps_s = np.abs(motion[:, None] - music)
     for window in (0.07, window_s):
