@@ -73,7 +73,8 @@ def command(sources, output, quiet, pretrained_style, leave_out, density, **opti
 
     if density is not None:
         options["density"] = density
-    options["pretrained_style"] = _pretrained_style(pretrained_style, options["preset"])
+    # Not given: the API's default; "nothing": random weights.
+    options["pretrained_style"] = {None: "auto", "nothing": None}.get(pretrained_style, pretrained_style)
     options["leave_out"] = names_of(leave_out)
     try:
         with stages(quiet=quiet) as shown:
@@ -84,12 +85,3 @@ def command(sources, output, quiet, pretrained_style, leave_out, density, **opti
     if not quiet:
         show_notes(built.notes)
         click.echo(f"{output}: {len(built.repertoire.takes)} takes, {built.repertoire.n_clips} clips")
-
-
-def _pretrained_style(given: str | None, preset: str) -> Path | None:
-    """The repertoire whose style networks training starts from; None: random weights."""
-    from choreograph.starter import STARTER_PATH
-
-    if given is None:
-        return STARTER_PATH if preset == "small" else None
-    return None if given == "nothing" else Path(given)

@@ -11,6 +11,7 @@ import soundfile
 from command_line import assert_one_line, run
 from synthetic_repertoire import write_clicks
 
+from choreograph.building.api import pretrained_path
 from choreograph.errors import ParameterError
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import SAMPLE_RATE_HZ
@@ -176,7 +177,8 @@ def test_sources_without_takes_are_refused(tmp_path):
 )  # fmt: skip
 def test_build_options(tmp_path, monkeypatch, given, expected):
     def build(sources, output, *, report, training_report, pretrained_style, **options):
-        options["pretrained_style"] = pretrained_style and pretrained_style.name
+        path = pretrained_path(pretrained_style, options["preset"])
+        options["pretrained_style"] = path and path.name
         assert {name: options[name] for name in expected} == expected
         raise ParameterError("built with these options")
 

@@ -368,7 +368,7 @@ def test_drawing_four_minutes_does_not_delay_the_sound(opened, tmp_path, record_
     until(page, "choreograph.time > 1")
     counted = "[choreograph.framesDrawn, choreograph.audioTime, performance.now() / 1000]"
     first = np.array(page.evaluate(counted))
-    page.wait_for_timeout(4_000)
+    page.wait_for_timeout(10_000)
     frames, sounded_s, passed_s = np.array(page.evaluate(counted)) - first
     record_property("frames_per_s", frames / passed_s)
     record_property("pixel_scale", state(page, "pixelScale"))
