@@ -18,7 +18,7 @@ from choreograph.takes import Credits
 from choreograph.timebase import NODE_FRAMES, SEGMENT_S
 
 FORMAT = "choreograph-plan"
-VERSION = 4  # every version before it is still read: see `_upgraded`
+VERSION = 5  # every version before it is still read: see `_upgraded`
 _TOUCH_S = 1e-3  # words that meet this closely leave no gap
 
 
@@ -85,6 +85,10 @@ class Plan:
     seconds: tuple[PlannedSecond, ...]
     engine: str = "graph"
     words: tuple[PlannedWord, ...] = ()
+    music_beat_numbers: tuple[int, ...] = ()  # in the bar, 1 on the downbeat; none if bars are not known
+    metre: int = 0  # beats in a bar; 0 if bars are not known
+    opening_s: float = 0.0  # until then the dance holds its first pose
+    closing_s: float | None = None  # from then on it holds its last one; None: it dances to the end
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -133,6 +137,8 @@ class Plan:
         if data["version"] == 1:
             data = {"engine": "graph", "words": [], **data}
         version = data["version"]
+        if version < 5:
+            data = {"music_beat_numbers": [], "metre": 0, "opening_s": 0.0, "closing_s": None, **data}
         data = {key: value for key, value in data.items() if key not in ("format", "version")}
         lists = {key: data.pop(key, None) for key in ("seconds", "words")}
         for key, entries in lists.items():
@@ -170,6 +176,13 @@ class Plan:
             raise FormatError(f"{name}: {error}") from error
         if self.duration_s <= 0:
             raise FormatError(f"{name}: expected a duration_s above 0, got {self.duration_s}")
+        end_s = self.duration_s if self.closing_s is None else self.closing_s
+        if not 0 <= self.opening_s < end_s <= self.duration_s:
+            raise FormatError(
+                f"{name}: expected 0 <= opening_s < closing_s <= duration_s, got {self.opening_s} to {end_s}"
+            )
+        if len(self.music_beat_numbers) not in (0, len(self.music_beats_s)):
+            raise FormatError(f"{name}: expected a music_beat_number for each of the music_beats_s, or none")
         if self.engine == "graph":
             if not self.duration_s <= len(self.seconds):
                 raise FormatError(f"{name}: {len(self.seconds)} seconds cannot fill {self.duration_s} s")
@@ -289,5 +302,7 @@ _IS_A: dict[str, Callable[[Any], bool]] = {
     "float": is_number,
     "bool": lambda v: isinstance(v, bool),
     "dict[str, float]": lambda v: isinstance(v, dict) and all(map(is_number, v.values())),
+    "float | None": lambda v: v is None or is_number(v),
+    "tuple[int, ...]": lambda v: isinstance(v, list) and all(is_number(n) and isinstance(n, int) for n in v),
     "tuple[float, ...]": lambda v: isinstance(v, list) and all(map(is_number, v)),
 }

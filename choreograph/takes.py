@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from choreograph.counts import NO_COUNTS, Counts, Figure
 from choreograph.motion.motion import Motion
 
 
@@ -30,3 +31,5 @@ class Take:
     song_name: str = ""  # the same for all takes of a song: splits keep them together
     source_paths: tuple[Path, ...] = ()  # all files the take was read from, for checksums
     notes: tuple[str, ...] = ()  # anything unusual in the files and how it was handled, one line each
+    counts: Counts = NO_COUNTS
+    figures: tuple[Figure, ...] = ()  # in order, where the data names them

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from choreograph.counts import Counts
+from choreograph.features.sections import Sections
 from choreograph.features.song_features import SongFeatures
 from choreograph.graph import ClipTable, LayerSource, node_motifs, song_words_s
 from choreograph.timebase import CLIP_FRAMES, NODE_FRAMES, SEGMENT_FRAMES
@@ -57,9 +59,10 @@ def random_source(
         style=rng.normal(size=(n_clips, 32)).astype(np.float32),
     )
     song_features = SongFeatures(
-        "random", float(n_seconds), np.arange(0, n_seconds, 0.5),
+        "random", float(n_seconds), Counts(np.arange(0, n_seconds, 0.5), np.arange(2 * n_seconds) % 4 + 1, 4),
         rng.normal(size=(n_seconds, 32)).astype(np.float32), np.full(n_seconds, 8, np.float32),
-        np.zeros((n_seconds, SEGMENT_FRAMES), np.float32),
+        np.zeros((n_seconds, SEGMENT_FRAMES), np.float32), Sections(np.zeros(0), np.zeros(0, np.int64)),
+        np.ones(n_seconds, np.float32),
     )  # fmt: skip
     motifs = None
     if n_motifs:

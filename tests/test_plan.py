@@ -158,7 +158,7 @@ def edited_second(**changes) -> str:
         "[]",
         "null",
         edited(format="something else"),
-        edited(version=5),
+        edited(version=6),
         edited(seconds=[]),
         edited(seconds=None),
         edited(seconds={"0": {}}),

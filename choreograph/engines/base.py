@@ -37,12 +37,14 @@ class DanceRequest:
 
     def new_plan(self, **parts) -> Plan:
         """A plan with what every engine's plan says of the song, the repertoire and the settings."""
-        features, config = self.song_features, self.config
+        features, config, counts = self.song_features, self.config, self.song_features.counts
         common = {
             "song": features.name, "duration_s": features.duration_s, "start_s": self.start_s,
             "repertoire": self.repertoire.path.name, "planner": config.planner, "blending": config.blending,
             "seed": config.seed, "fps": config.fps, "weights": {}, "seconds": (), "words": (),
             "music_beats_s": tuple(float(beat) for beat in features.beat_times_s),
+            "music_beat_numbers": tuple(map(int, counts.numbers)) if counts.has_bars else (),
+            "metre": counts.metre,
         }  # fmt: skip
         return Plan(**{**common, **parts})
 

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.counts import Counts
+from choreograph.features.sections import Sections
+
 
 @dataclass(frozen=True, eq=False)
 class SongFeatures:
@@ -14,10 +17,17 @@ class SongFeatures:
 
     name: str
     duration_s: float
-    beat_times_s: NDArray[np.float64]  # (Q,)
+    counts: Counts  # the beats, numbered in their bars
     style: NDArray[np.float32]  # (S, 32) embedding of the 4 s from each second
     beat_count: NDArray[np.float32]  # (S,) motion beats expected in those 4 s
     density: NDArray[np.float32]  # (S, 80) target tempo-density of those 4 s, 20 fps
+    sections: Sections
+    energy: NDArray[np.float32]  # (S,) loudness, 0 … 1 from the song's softest to its loudest seconds
+
+    @property
+    def beat_times_s(self) -> NDArray[np.float64]:
+        """The beats in seconds, (Q,)."""
+        return self.counts.times_s
 
     @property
     def n_seconds(self) -> int:

@@ -76,7 +76,26 @@ def to_arrays(
         stops = np.cumsum(counts)
         columns[f"takes/{name}_start"] = stops - counts
         columns[f"takes/{name}_stop"] = stops
-    return columns | _clip_arrays(takes, embed_motion)
+    return columns | _count_arrays([m.take for m in takes]) | _clip_arrays(takes, embed_motion)
+
+
+def _count_arrays(takes: Sequence[Take]) -> dict[str, NDArray]:
+    stops = np.cumsum([len(take.counts) for take in takes])
+    figures = [(index, figure) for index, take in enumerate(takes) for figure in take.figures]
+    return {
+        "takes/count_start": stops - [len(take.counts) for take in takes],
+        "takes/count_stop": stops,
+        "takes/metre": np.array([take.counts.metre for take in takes]),
+        "takes/counts_source": np.array([take.counts.source for take in takes]),
+        "takes/counts_confidence": np.array([take.counts.confidence for take in takes]),
+        "counts/time_s": np.concatenate([take.counts.times_s for take in takes]),
+        "counts/number": np.concatenate([take.counts.numbers for take in takes]),
+        "figures/take": np.array([index for index, _ in figures], np.int64),
+        "figures/name": np.array([figure.name for _, figure in figures], np.str_),
+        "figures/start_s": np.array([figure.start_s for _, figure in figures]),
+        "figures/end_s": np.array([figure.end_s for _, figure in figures]),
+        "figures/n_counts": np.array([figure.n_counts for _, figure in figures], np.int64),
+    }
 
 
 def _clip_arrays(takes: Sequence[MeasuredTake], embed_motion) -> dict[str, NDArray]:

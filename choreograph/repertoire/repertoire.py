@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.counts import NO_COUNTS, Counts, Figure
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motifs.vocabulary import Vocabulary
@@ -276,6 +277,41 @@ class Repertoire:
         """A take's motion beats in seconds from its first frame, (Q,)."""
         start, stop = self.takes[take].beats
         return self._beats_s[start:stop]
+
+    @cached_property
+    def _counts(self) -> tuple[Counts, ...]:
+        """Each take's counts; none in a file of version 1."""
+        if not self._file.has_counts:
+            return (NO_COUNTS,) * len(self.takes)
+        columns = ("count_start", "count_stop", "metre", "counts_source", "counts_confidence")
+        times_s, numbers = self._file.read("counts/time_s"), self._file.read("counts/number")
+        return tuple(
+            Counts(times_s[start:stop], numbers[start:stop], int(metre), str(source), float(confidence))
+            for start, stop, metre, source, confidence in zip(
+                *(self._file.read(f"takes/{column}") for column in columns), strict=True
+            )
+        )
+
+    def counts(self, take: int) -> Counts:
+        """A take's counts, in seconds from its first frame; `NO_COUNTS` if they are not known."""
+        return self._counts[take]
+
+    @cached_property
+    def _figures(self) -> dict[int, tuple[Figure, ...]]:
+        if not self._file.has_counts:
+            return {}
+        names = ("take", "name", "start_s", "end_s", "n_counts")
+        figures: dict[int, tuple[Figure, ...]] = {}
+        for take, name, start_s, end_s, n_counts in zip(
+            *(self._file.read(f"figures/{column}") for column in names), strict=True
+        ):
+            figure = Figure(str(name), float(start_s), float(end_s), int(n_counts))
+            figures[int(take)] = (*figures.get(int(take), ()), figure)
+        return figures
+
+    def figures(self, take: int) -> tuple[Figure, ...]:
+        """A take's figures in order; none if they are not known."""
+        return self._figures.get(take, ())
 
     def clip_density(self, clips: NDArray[np.integer]) -> NDArray[np.float32]:
         """Tempo-densities of clips (K,), (K, 160) at 20 fps."""

@@ -1,4 +1,4 @@
-"""The layout of a repertoire file, version 1; `data_schema/repertoire.json` documents it for other programs.
+"""The layout of a repertoire file, version 2; `data_schema/repertoire.json` documents it for other programs.
 
 Takes are concatenated along the first axis of each array; the takes table holds their first rows and ends.
 Clips are (take, start frame), never copies.
@@ -7,10 +7,12 @@ Clips are (take, start frame), never copies.
 from __future__ import annotations
 
 FORMAT = "choreograph-repertoire"
-VERSION = 1
+VERSION = 2
+WITH_COUNTS = 2  # the first version with `COUNTS`; those before it are still read
 
 # path -> (kind, shape): kinds are h5py's s (UTF-8 string), f4, f8, i4, i8; letters are axes.
-# J joint, E end site, X take, M stored motion frame, B 20 fps frame, Q motion beat, N clip, C checksum.
+# J joint, E end site, X take, M stored motion frame, B 20 fps frame, Q motion beat, N clip, C checksum,
+# U count, F figure.
 DATASETS: dict[str, tuple[str, str]] = {
     "skeleton/names": ("s", "J"),
     "skeleton/parents": ("i8", "J"),
@@ -43,6 +45,22 @@ DATASETS: dict[str, tuple[str, str]] = {
     "sources/path": ("s", "C"),
     "sources/sha256": ("s", "C"),
     "sources/take": ("i4", "C"),
+}
+
+# Where the dancers count, and what they dance. A take without counts has `count_start` = `count_stop`.
+COUNTS: dict[str, tuple[str, str]] = {
+    "takes/count_start": ("i8", "X"),
+    "takes/count_stop": ("i8", "X"),
+    "takes/metre": ("i8", "X"),
+    "takes/counts_source": ("s", "X"),
+    "takes/counts_confidence": ("f8", "X"),
+    "counts/time_s": ("f8", "U"),
+    "counts/number": ("i8", "U"),
+    "figures/take": ("i4", "F"),
+    "figures/name": ("s", "F"),
+    "figures/start_s": ("f8", "F"),
+    "figures/end_s": ("f8", "F"),
+    "figures/n_counts": ("i8", "F"),
 }
 
 # Motion words and motifs, all of these or none: K motif, W word, G genre. They need the network `words`.

@@ -17,6 +17,7 @@ from choreograph.errors import RepertoireError
 from choreograph.files import atomic_path
 from choreograph.repertoire.schema import (
     ATTRIBUTES,
+    COUNTS,
     DATASETS,
     DELTA_ORDER,
     DELTA_RESTART,
@@ -26,6 +27,7 @@ from choreograph.repertoire.schema import (
     NETS,
     QUANTISATION_STEPS,
     VERSION,
+    WITH_COUNTS,
 )
 from choreograph.zigzag import zigzag_decode, zigzag_encode
 
@@ -44,7 +46,7 @@ class NetArrays:
 class Contents:
     """Everything in a repertoire file."""
 
-    arrays: Mapping[str, NDArray]  # by path: all of `schema.DATASETS`, all or none of `schema.MOTIFS`
+    arrays: Mapping[str, NDArray]  # by path: all of `schema.DATASETS` and `COUNTS`, all or none of `MOTIFS`
     density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
     provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
@@ -119,9 +121,10 @@ def _read_quantised(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
     return (differences[start - first :] * data.attrs["step"]).astype(np.float32)
 
 
-def _layout(names: Container[str]) -> dict[str, tuple[str, str]]:
+def _layout(names: Container[str], version: int = VERSION) -> dict[str, tuple[str, str]]:
     """The datasets of a file with these names: all of `schema.MOTIFS` if it has any of them."""
-    return DATASETS | MOTIFS if any(name in names for name in MOTIFS) else DATASETS
+    motifs = MOTIFS if any(name in names for name in MOTIFS) else {}
+    return DATASETS | (COUNTS if version >= WITH_COUNTS else {}) | motifs
 
 
 def _check(contents: Contents) -> None:
@@ -137,10 +140,10 @@ def _check(contents: Contents) -> None:
         raise RepertoireError(f"expected networks among {', '.join(NETS)}, got {', '.join(sorted(unknown))}")
 
 
-def _shape_mismatch(shapes: Mapping[str, tuple[int, ...]]) -> str:
+def _shape_mismatch(shapes: Mapping[str, tuple[int, ...]], version: int = VERSION) -> str:
     """A message on the first shape that contradicts the schema or the arrays before it; empty if none."""
     sizes: dict[str, int] = {}
-    for name, (_, axes) in _layout(shapes).items():
+    for name, (_, axes) in _layout(shapes, version).items():
         letters, shape = axes.split(), shapes[name]
         sizes |= {letter: int(letter) for letter in letters if letter.isdigit()}
         if len(shape) != len(letters) or any(
@@ -170,13 +173,14 @@ class RepertoireFile:
                 raise RepertoireError(
                     f"{path}: expected a repertoire, got an HDF5 file of another kind ({kind!r})"
                 )
-            if version != VERSION:
+            if version not in range(1, VERSION + 1):
                 raise RepertoireError(
-                    f"{path}: expected repertoire version {VERSION}, got {version}: made by another "
+                    f"{path}: expected repertoire version 1 to {VERSION}, got {version}: made by another "
                     "version of choreograph, build it again from its takes"
                 )
             self.has_motifs = "motifs" in file
-            layout = DATASETS | MOTIFS if self.has_motifs else DATASETS
+            self.has_counts = version >= WITH_COUNTS
+            layout = _layout(MOTIFS if self.has_motifs else (), version)
             missing = [name for name in layout if not isinstance(file.get(name), h5py.Dataset)]
             missing += [name for name in ATTRIBUTES if name not in file.attrs]
             if missing:
@@ -185,7 +189,7 @@ class RepertoireFile:
             self.provenance = _from_json(file.attrs["provenance"], f"{path}: provenance")
             self.net_names = tuple(file["nets"]) if "nets" in file else ()
             self.shapes: dict[str, tuple[int, ...]] = {name: file[name].shape for name in layout}
-        mismatch = _shape_mismatch(self.shapes)
+        mismatch = _shape_mismatch(self.shapes, version)
         if mismatch:
             raise RepertoireError(f"{path}: {mismatch}: a damaged file")
 
@@ -205,7 +209,7 @@ class RepertoireFile:
         """An array of the schema, or a slice of its first axis; strings as numpy str."""
         with self._opened() as file:
             data = file[name]
-            if (DATASETS | MOTIFS)[name][0] == "s":
+            if (DATASETS | COUNTS | MOTIFS)[name][0] == "s":
                 return np.array(data.asstr()[part], dtype=np.str_)
             return _read_quantised(data, part) if "step" in data.attrs else data[part]
 

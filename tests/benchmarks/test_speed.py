@@ -17,7 +17,9 @@ import pytest
 from synthetic_repertoire import synthetic_contents, synthetic_takes, write_clicks
 
 from choreograph.config import DEFAULT_WEIGHTS
+from choreograph.counts import Counts
 from choreograph.features.density import music_density
+from choreograph.features.sections import Sections
 from choreograph.features.song_features import SongFeatures
 from choreograph.graph import BUILTIN_COSTS, ClipTable, LayerSource, WeightedCost, plan_exact
 from choreograph.repertoire import Repertoire, write_repertoire
@@ -85,8 +87,11 @@ def test_planning_a_song_exactly(benchmark, repertoire, warping, styles):
         (spread * rng.normal(size=(N_CLIPS, 32))).astype(np.float32),
     )
     music = SongFeatures(
-        "synthetic", float(N_SECONDS), warping[2], np.zeros((N_SECONDS, 32), np.float32),
+        "synthetic", float(N_SECONDS), Counts(warping[2], np.zeros(len(warping[2]), np.int64), 0),
+        np.zeros((N_SECONDS, 32), np.float32),
         np.full(N_SECONDS, 8, np.float32), warping[1],
+        Sections(np.zeros(0), np.zeros(0, np.int64)),
+        np.ones(N_SECONDS, np.float32),
     )  # fmt: skip
     costs = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]
 

@@ -19,6 +19,7 @@ from choreograph.nets.words.config import WORD_DIM
 from choreograph.repertoire import NetArrays, Repertoire, write_repertoire
 from choreograph.repertoire.schema import (
     ATTRIBUTES,
+    COUNTS,
     DATASETS,
     FORMAT,
     HALF_PRECISION,
@@ -33,6 +34,7 @@ from choreograph.zigzag import zigzag_decode
 LAYOUT = json.loads(
     (Path(__file__).resolve().parents[2] / "data_schema" / "repertoire.json").read_text(encoding="utf-8")
 )
+WITHOUT_MOTIFS = LAYOUT["datasets"] | LAYOUT["counts"]["datasets"]
 NET = NetArrays({"width": 3}, {"linear.weight": np.arange(6.0).reshape(2, 3), "bias": np.float32(2.0)})
 
 
@@ -48,15 +50,27 @@ def path(contents, tmp_path_factory):
     return path
 
 
+def test_a_file_without_counts_is_read(path, tmp_path):
+    old = tmp_path / "old.h5"
+    old.write_bytes(path.read_bytes())
+    with h5py.File(old, "a") as file:
+        for name in COUNTS:
+            del file[name]
+        file.attrs["version"] = 1
+    repertoire = Repertoire.open(old)
+    assert len(repertoire.counts(0)) == 0 and repertoire.figures(0) == ()
+
+
 def test_the_published_layout_is_the_one_in_the_code():
     assert (LAYOUT["format"], LAYOUT["version"]) == (FORMAT, VERSION)
     assert {name: (d["kind"], " ".join(d["axes"])) for name, d in LAYOUT["datasets"].items()} == DATASETS
     assert tuple(LAYOUT["attributes"]) == ATTRIBUTES
     assert tuple(LAYOUT["nets"]["names"]) == NETS
-    motifs = LAYOUT["motifs"]["datasets"]
+    counts, motifs = LAYOUT["counts"]["datasets"], LAYOUT["motifs"]["datasets"]
+    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in counts.items()} == COUNTS
     assert {name: (d["kind"], " ".join(d["axes"])) for name, d in motifs.items()} == MOTIFS
     assert str(WORD_DIM) in motifs["motifs/embeddings"]["axes"]
-    entries = (*LAYOUT["datasets"].values(), *motifs.values())
+    entries = (*LAYOUT["datasets"].values(), *counts.values(), *motifs.values())
     letters = {axis for d in entries for axis in d["axes"] if axis.isalpha()}
     assert set(LAYOUT["axes"]) == letters
     assert str(len(BODY_JOINTS)) in LAYOUT["datasets"]["body/pos_m"]["axes"]
@@ -66,10 +80,10 @@ def test_a_file_is_laid_out_as_published(path):
     with h5py.File(path) as file:
         found = []
         file.visititems(lambda name, item: found.append(name) if isinstance(item, h5py.Dataset) else None)
-        assert {name for name in found if not name.startswith("nets/")} == set(LAYOUT["datasets"])
+        assert {name for name in found if not name.startswith("nets/")} == set(WITHOUT_MOTIFS)
         assert set(file.attrs) == set(LAYOUT["attributes"])
         sizes: dict[str, int] = {}
-        for name, entry in LAYOUT["datasets"].items():
+        for name, entry in WITHOUT_MOTIFS.items():
             data = file[name]
             is_text = h5py.check_string_dtype(data.dtype) is not None
             assert is_text if entry["kind"] == "s" else data.dtype == np.dtype(entry["kind"]), name
@@ -80,7 +94,7 @@ def test_a_file_is_laid_out_as_published(path):
 
 def test_written_contents_are_read_back(path, contents):
     file = RepertoireFile(path)
-    for name, (kind, _) in DATASETS.items():
+    for name, (kind, _) in (DATASETS | COUNTS).items():
         expected = np.asarray(contents.arrays[name])
         read = file.read(name)
         assert np.array_equal(read, expected if kind == "s" else expected.astype(kind)), name
@@ -160,7 +174,7 @@ def test_other_versions_and_missing_parts_are_named(path, tmp_path):
     assert "clips/style" in refused(copy)
     with h5py.File(copy, "a") as file:
         file.attrs["version"] = VERSION + 1
-    assert f"version {VERSION}, got {VERSION + 1}" in refused(copy)
+    assert f"version 1 to {VERSION}, got {VERSION + 1}" in refused(copy)
 
 
 @pytest.mark.parametrize("damage", ["provenance", "shape", "dataset is a group"])
@@ -210,7 +224,7 @@ def test_a_compressed_file_is_smaller_and_hardly_different(contents, path, tmp_p
     write_repertoire(small, contents, compress=True)
     assert small.stat().st_size < 0.7 * path.stat().st_size
     whole, compressed = RepertoireFile(path), RepertoireFile(small)
-    for name, (_kind, _) in DATASETS.items():
+    for name, (_kind, _) in (DATASETS | COUNTS).items():
         a, b = whole.read(name), compressed.read(name)
         if name in QUANTISATION_STEPS:
             assert b.dtype == a.dtype
