@@ -11,6 +11,7 @@ from choreograph.features.density import music_density
 from choreograph.features.energy import energy_per_second
 from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import DEFAULT_TRACKER, get_beat_tracker
+from choreograph.features.phrasing import dance_span_s
 from choreograph.features.sections import song_sections
 from choreograph.features.song_features import SongFeatures
 from choreograph.features.tempogram import rhythm_features
@@ -38,15 +39,19 @@ def analyse_song(
         style = np.zeros((n_seconds, repertoire.clip_style.shape[1]), np.float32)
         beat_count = np.zeros(n_seconds, np.float32)
     density = _wanted_density(repertoire, mel, beat_times_s, n_seconds)
+    counts = Counts(beat_times_s, np.zeros(len(beat_times_s), np.int64), 0, FROM_MUSIC)
+    opening_s, closing_s = dance_span_s(counts, mel, song.duration_s)
     features = SongFeatures(
         song.name,
         song.duration_s,
-        Counts(beat_times_s, np.zeros(len(beat_times_s), np.int64), 0, FROM_MUSIC),
+        counts,
         style,
         beat_count,
         density,
         song_sections(song.samples, beat_times_s),
         energy_per_second(song.samples, n_seconds),
+        opening_s,
+        closing_s,
     )
     return features, tuple(notes)
 

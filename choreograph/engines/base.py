@@ -44,7 +44,8 @@ class DanceRequest:
             "seed": config.seed, "fps": config.fps, "weights": {}, "seconds": (), "words": (),
             "music_beats_s": tuple(float(beat) for beat in features.beat_times_s),
             "music_beat_numbers": tuple(map(int, counts.numbers)) if counts.has_bars else (),
-            "metre": counts.metre,
+            "metre": counts.metre, "opening_s": features.opening_s,
+            "closing_s": features.closing_s if features.closing_s < features.duration_s else None,
         }  # fmt: skip
         return Plan(**{**common, **parts})
 

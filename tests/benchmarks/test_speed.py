@@ -91,7 +91,7 @@ def test_planning_a_song_exactly(benchmark, repertoire, warping, styles):
         np.zeros((N_SECONDS, 32), np.float32),
         np.full(N_SECONDS, 8, np.float32), warping[1],
         Sections(np.zeros(0), np.zeros(0, np.int64)),
-        np.ones(N_SECONDS, np.float32),
+        np.ones(N_SECONDS, np.float32), 0.0, float(N_SECONDS),
     )  # fmt: skip
     costs = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]
 
