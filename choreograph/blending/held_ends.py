@@ -13,8 +13,8 @@ from choreograph.timebase import frame_times_s
 
 Floats = NDArray[np.float64]
 
-_EASE_IN_S = 0.4  # from rest to full speed, before the first count
-_EASE_OUT_S = 0.3  # from full speed to rest: before the last count,
+EASE_IN_S = 0.4  # from rest to full speed, before the first count
+EASE_OUT_S = 0.3  # from full speed to rest: before the last count,
 _SETTLE_S = 0.08  # and after it
 
 
@@ -27,12 +27,12 @@ def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Moti
     times_s = frame_times_s(motion.n_frames, motion.fps)
     played_s = np.array(times_s)
     if opening_s > 0:
-        ease_s = min(_EASE_IN_S, opening_s)
+        ease_s = min(EASE_IN_S, opening_s)
         since = np.clip((times_s - (opening_s - ease_s)) / ease_s, 0.0, 1.0)
         before = times_s < opening_s
         played_s[before] = (opening_s - ease_s * (0.5 - _eased(since)))[before]
     if closing_s is not None:
-        ease_s = min(_EASE_OUT_S + _SETTLE_S, closing_s + _SETTLE_S - opening_s)
+        ease_s = min(EASE_OUT_S + _SETTLE_S, closing_s + _SETTLE_S - opening_s)
         start_s = closing_s + _SETTLE_S - ease_s
         since = np.clip((times_s - start_s) / ease_s, 0.0, 1.0)
         after = times_s > start_s

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 _MIN_RUN_S = 0.6  # a run is not made shorter
 _SAME_INSTANT_S = 1e-6
-_EASY_M_S2 = 8.0  # a body may be accelerated so much by a transition: about what dancers do
+_EASY_M_S2 = 4.0  # a body may be accelerated so much by a transition: gentle beside what dancers do
 
 
 def time_transitions(
