@@ -41,7 +41,7 @@ def two_bone(
 
 
 def _bend(bone: Floats, lower: Floats) -> Floats:
-    """The bend as a rotation vector (..., 3) at right angles to `bone`; both directions are of unit length."""
+    """The bend as a rotation vector (..., 3) at right angles to `bone`, between two unit directions."""
     axis = np.cross(bone, lower)
     sin = _length(axis)
     angle = np.arctan2(sin, np.sum(bone * lower, axis=-1))

@@ -90,7 +90,7 @@ def test_a_batch_gives_the_same_as_each_frame_alone():
 
 
 def _leg(flexion: float, sideways: float, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """A leg bent by `flexion` about its hinge and by `sideways` across it, in radians; either may be negative."""
+    """A leg bent by `flexion` radians about its hinge and `sideways` across it; either may be negative."""
     a, b = rng.uniform(0.35, 0.5, 2)
     rotation = rot.from_rotvec(rng.normal(0, 1, 3))
     lower = rot.rotate(rot.from_rotvec(np.array([flexion, 0.0, sideways])), np.array([0.0, -1.0, 0.0]))
@@ -135,7 +135,7 @@ def test_a_leg_bent_the_wrong_way_folds_the_right_way(seed, wrong, share):
 
 @given(SEEDS, FLEXIONS, SIDEWAYS, st.floats(-0.1, 0.1))
 def test_neighbouring_legs_and_targets_have_neighbouring_knees(seed, flexion, sideways, shorter):
-    """Near straight a knee moves as the square root of what its ankle does, so 1e-6 m may be 5 mm, no more."""
+    """Near straight a knee moves as the square root of what its ankle does: 5 mm for 1e-6 m."""
     start, middle, end, hinge = _leg(flexion, sideways, np.random.default_rng(seed))
     other = _leg(flexion - 1e-6, sideways + 1e-6, np.random.default_rng(seed))
     out = end / np.linalg.norm(end)
