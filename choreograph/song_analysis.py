@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
-from choreograph.counts import FROM_MUSIC, Counts
+from choreograph.features.bars import track_bars
 from choreograph.features.density import music_density
 from choreograph.features.energy import energy_per_second
 from choreograph.features.mel import log_mel
@@ -39,7 +39,7 @@ def analyse_song(
         style = np.zeros((n_seconds, repertoire.clip_style.shape[1]), np.float32)
         beat_count = np.zeros(n_seconds, np.float32)
     density = _wanted_density(repertoire, mel, beat_times_s, n_seconds)
-    counts = Counts(beat_times_s, np.zeros(len(beat_times_s), np.int64), 0, FROM_MUSIC)
+    counts = track_bars(song.samples, mel, beat_times_s)
     opening_s, closing_s = dance_span_s(counts, mel, song.duration_s)
     features = SongFeatures(
         song.name,
