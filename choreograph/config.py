@@ -41,13 +41,13 @@ class DanceConfig:
     transitions: str = "beats"  # where takes change: on downbeats and beats, or on "seconds" (graph)
     fps: float = 60.0
     seed: int = 0
-    beats: str = "tempo-path"  # beat tracker
+    beats: str | Path = "tempo-path"  # beat tracker, or a file of the song's beats
     weights: Mapping[str, float] = field(
         default_factory=dict
     )  # replace DEFAULT_WEIGHTS; custom costs default to 1 (graph)
 
     def __post_init__(self) -> None:
-        from choreograph.features.music_beats import TRACKERS
+        from choreograph.features.song_counts import check_beats
 
         _choice("engine", self.engine, ENGINES)
         _choice("planner", self.planner, PLANNERS)
@@ -55,7 +55,7 @@ class DanceConfig:
         _choice("warping", self.warping, WARPINGS)
         _choice("blending", self.blending, BLENDINGS)
         _choice("transitions", self.transitions, TRANSITION_PLACEMENTS)
-        _choice("beats", self.beats, tuple(TRACKERS))
+        check_beats(self.beats)
         if isinstance(self.candidates, bool) or not isinstance(self.candidates, int) or self.candidates < 1:
             raise ParameterError(f"expected candidates of at least 1, got {self.candidates!r}")
         if not (is_number(self.fps) and 1 <= self.fps <= 1000):

@@ -18,7 +18,11 @@ Floats = NDArray[np.float64]
 _NEAREST = "no genre given: it follows {}, whose takes are nearest to the song in style"
 _FALLBACK = "no genre given: style does not decide on one, so it follows all takes together"
 _OTHER_METRE = 0.3  # style loss added to a genre none of whose takes has the metre of a second
-_CHANGE_LOSS = 2.0  # summed over seconds: what another genre must gain to be followed
+# What another genre must gain, summed over seconds, to be followed from a second on.
+_CHANGE_OF_TEMPO = 0.3  # where a section begins at another tempo or metre
+_CHANGE_AT_SECTION = 2.0
+_CHANGE_INSIDE = 6.0
+_OTHER_TEMPO_OCTAVES = 0.06  # 4 %
 _SEGMENT_S = 4  # seconds that the style of a second describes
 
 
@@ -54,27 +58,48 @@ def likely_genres(
 ) -> list[tuple[int, str]]:
     """(first second, genre) of each part of the song that is nearest to one genre, as `likely_genre`.
 
-    Genres change only where sections begin, and only if that gains more than a change costs: the least sum
-    of losses over all seconds, by dynamic programming.
+    A change costs least where a section begins at another tempo or metre, and most inside a section: the
+    least sum of losses over all seconds, by dynamic programming.
     """
     genres, losses = _genre_losses(song_features, repertoire, constraints)
     if not genres:
         return [(0, ALL_GENRES)]
-    starts = _section_starts(song_features)
-    total = np.add.reduceat(losses, starts, axis=0)  # (sections, genres)
-    reached, parents = total[0], []
-    for of_section in total[1:]:
-        change = reached.min() + _CHANGE_LOSS
-        parents.append(np.where(reached <= change, np.arange(len(genres)), np.argmin(reached)))
-        reached = np.minimum(reached, change) + of_section
+    change_loss = _change_losses(song_features)
+    reached, parents = losses[0], []
+    for of_second, loss in zip(losses[1:], change_loss[1:], strict=True):
+        changed = reached.min() + loss
+        parents.append(np.where(reached <= changed, np.arange(len(genres)), np.argmin(reached)))
+        reached = np.minimum(reached, changed) + of_second
     chosen = [int(np.argmin(reached))]
     for parent in reversed(parents):
         chosen.append(int(parent[chosen[-1]]))
-    parts: list[tuple[int, str]] = []
-    for start, genre in zip(starts, reversed(chosen), strict=True):
-        if not parts or parts[-1][1] != genres[genre]:
-            parts.append((int(start), genres[genre]))
-    return parts
+    chosen.reverse()
+    firsts = [second for second in range(len(chosen)) if second == 0 or chosen[second] != chosen[second - 1]]
+    return [(second, genres[chosen[second]]) for second in firsts]
+
+
+def _change_losses(song_features: SongFeatures) -> Floats:
+    """What a change of genre costs in each second, (S,), summed over the seconds that gain from it."""
+    change_loss = np.full(song_features.n_seconds, _CHANGE_INSIDE)
+    starts = _section_starts(song_features)
+    change_loss[starts] = _CHANGE_AT_SECTION
+    metre, period_s = song_metre_at(song_features), _period_at_s(song_features)
+    for start in starts[(starts >= 2) & (starts < song_features.n_seconds - 2)]:
+        before, after = start - 2, start + 2
+        other_tempo = abs(np.log2(period_s[after] / period_s[before])) > _OTHER_TEMPO_OCTAVES
+        if other_tempo or metre[after] != metre[before]:
+            change_loss[start] = _CHANGE_OF_TEMPO
+    return change_loss
+
+
+def _period_at_s(song_features: SongFeatures) -> Floats:
+    """Seconds from beat to beat around the middle of each second, (S,): the median of five; 1 without beats."""
+    times_s = song_features.counts.times_s
+    if len(times_s) < 6:
+        return np.ones(song_features.n_seconds)
+    beat = np.searchsorted(times_s, np.arange(song_features.n_seconds) + 0.5)
+    near = np.clip(beat[:, None] + np.arange(-3, 2), 0, len(times_s) - 2)
+    return np.median(np.diff(times_s)[near], axis=1)
 
 
 def _section_starts(song_features: SongFeatures) -> NDArray[np.int64]:
