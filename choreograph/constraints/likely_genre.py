@@ -93,7 +93,7 @@ def _change_losses(song_features: SongFeatures) -> Floats:
 
 
 def _period_at_s(song_features: SongFeatures) -> Floats:
-    """Seconds from beat to beat around the middle of each second, (S,): the median of five; 1 without beats."""
+    """Seconds from beat to beat around the middle of each second, (S,): the median of five, or 1."""
     times_s = song_features.counts.times_s
     if len(times_s) < 6:
         return np.ones(song_features.n_seconds)
