@@ -43,12 +43,16 @@ _FILE = click.Path(path_type=Path)
     "--beats", metavar="tempo-path|librosa|beat-this|FILE",
     help="Beats to measure by: a tracker's (tempo-path), a file of times, or a folder of SONG.txt.",
 )  # fmt: skip
+@optgroup.option(
+    "--judge", type=_FILE, metavar="REPERTOIRE",
+    help="Judge motifs by the word network of this one, built with another seed from the same takes.",
+)  # fmt: skip
 @optgroup.group("Output")
 @optgroup.option("--report", type=_FILE, help="Write tables and plots as one HTML page.")
 @optgroup.option("--json", "json_path", metavar="FILE", help="Write every number as JSON; - prints it.")
 @optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no table.")
 def command(
-    dance, song, db, folder, only, variants, seeds, duration, beats, seen, report, json_path, quiet,
+    dance, song, db, folder, only, variants, seeds, duration, beats, seen, judge, report, json_path, quiet,
 ) -> None:  # fmt: skip
     """Measure dances: made with --db to the songs of DIR, or DANCE (BVH, NPZ, …) against its SONG."""
     from choreograph.evaluation import to_json, write_report
@@ -57,8 +61,8 @@ def command(
 
     if (folder is None) == (dance is None) or (dance is not None and song is None):
         raise ParameterError("expected --songs DIR to dance to, or a DANCE and its SONG")
-    if dance is not None and (only or variants):
-        raise ParameterError("--variants and --only need --songs, got a DANCE: leave them out")
+    if dance is not None and (only or variants or judge):
+        raise ParameterError("--variants, --only and --judge need --songs, got a DANCE: leave them out")
     _check_targets(report, json_path)
     beats = beats or DEFAULT_TRACKER
     with stages(quiet=quiet) as shown:
@@ -66,7 +70,7 @@ def command(
             evaluation = _of_dance(dance, song, db, duration, beats)
         else:
             evaluation = _of_songs(
-                folder, db, names_of(only), variants, seeds, duration, beats, seen, shown.report
+                folder, db, names_of(only), variants, seeds, duration, beats, seen, judge, shown.report
             )
         if report:
             shown.report("writing the report", 0, 0)
@@ -109,7 +113,7 @@ def _of_dance(dance, song, db, duration, beats):
     return evaluate_dance(takes[0].motion, loaded, name=str(dance), beats=beats, repertoire=repertoire)
 
 
-def _of_songs(folder, db, only, variants, seeds, duration, beats, seen, report):
+def _of_songs(folder, db, only, variants, seeds, duration, beats, seen, judge, report):
     from choreograph.evaluation import EvaluationConfig, evaluate, find_songs, variants_named
     from choreograph.repertoire import Repertoire
     from choreograph.starter import starter_repertoire
@@ -118,7 +122,8 @@ def _of_songs(folder, db, only, variants, seeds, duration, beats, seen, report):
     repertoire = starter_repertoire() if db is None else Repertoire.open(db)
     report("finding songs", 0, 0)
     songs = find_songs(folder, only=only, duration_s=duration)
-    return evaluate(repertoire, songs, config, report=report)
+    judging = None if judge is None else Repertoire.open(judge)
+    return evaluate(repertoire, songs, config, judge=judging, report=report)
 
 
 def _show(evaluation) -> None:

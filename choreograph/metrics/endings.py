@@ -61,6 +61,7 @@ def evaluate(body_pos_m: Floats, fps: float, last_strong_s: float | None = None)
     scores = {
         "opening_speed_m_s": opening_speed_m_s(body_pos_m, fps),
         "closing_speed_m_s": closing_speed_m_s(body_pos_m, fps),
+        "closing_held": float(not np.isnan(held_from_s(body_pos_m, fps))),
     }
     if last_strong_s is not None:
         scores["hold_delay_s"] = hold_delay_s(body_pos_m, fps, last_strong_s)

@@ -30,7 +30,7 @@ def validate(transitions_s: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLi
             raise ParameterError(f"expected increasing, finite {name} in seconds, got shape {times.shape}")
     if np.shape(beat_numbers) != np.shape(beats_s):
         raise ParameterError(
-            f"expected numbers in the bar {np.shape(beats_s)}, one for each beat, got {np.shape(beat_numbers)}"
+            f"expected a number in the bar for each beat {np.shape(beats_s)}, got {np.shape(beat_numbers)}"
         )
 
 
@@ -132,8 +132,7 @@ def _near(times_s: ArrayLike, borders_s: Floats, beats_s: ArrayLike) -> Booleans
     if np.size(beats_s) < 2:
         return np.zeros(len(times), bool)
     apart = beat_positions(borders_s, beats_s) - beat_positions(times, beats_s)[:, None]  # (B, F)
-    near: Booleans = (np.abs(apart) <= WITHIN_BEATS + 1e-9).any(axis=1)
-    return near
+    return np.any(np.abs(apart) <= WITHIN_BEATS + 1e-9, axis=1)
 
 
 def _share(flags: Booleans) -> float:

@@ -35,6 +35,7 @@ def test_planted():
     assert evaluate(pos, FPS, 8.95) == {
         "opening_speed_m_s": pytest.approx(0.05),
         "closing_speed_m_s": pytest.approx(0.05),
+        "closing_held": 1.0,
         "hold_delay_s": pytest.approx(0.05),
     }
     assert held_from_s(pos, FPS) == pytest.approx(9.0)
@@ -45,6 +46,7 @@ def test_no_hold():
     pos = held_then_danced_then_held(0.0, 10.0)
     assert [opening_speed_m_s(pos, FPS), closing_speed_m_s(pos, FPS)] == pytest.approx([1.2, 1.2])
     assert np.isnan(held_from_s(pos, FPS)) and np.isnan(hold_delay_s(pos, FPS, 9.0))
+    assert evaluate(pos, FPS)["closing_held"] == 0.0
 
 
 def test_the_last_third_of_a_second_alone_counts_for_the_closing_speed():
@@ -55,7 +57,7 @@ def test_the_last_third_of_a_second_alone_counts_for_the_closing_speed():
 def test_standing_still():
     still = np.repeat(BODY[None], 120, axis=0)
     assert evaluate(still, FPS, 1.0) == {
-        "opening_speed_m_s": 0.0, "closing_speed_m_s": 0.0, "hold_delay_s": -1.0,
+        "opening_speed_m_s": 0.0, "closing_speed_m_s": 0.0, "closing_held": 1.0, "hold_delay_s": -1.0,
     }  # fmt: skip
     assert np.isnan(opening_speed_m_s(BODY[None], FPS)) and held_from_s(BODY[None], FPS) == 0.0
 
