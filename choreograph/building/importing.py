@@ -12,7 +12,7 @@ from choreograph.blending.foot_locking import lock_feet
 from choreograph.building.options import BuildOptions
 from choreograph.errors import ParameterError
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.importers import import_takes
+from choreograph.importers import annotate_takes, import_takes
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import canonical_skeleton
@@ -50,6 +50,7 @@ def _imported(
     sources: Iterable[str | Path], options: BuildOptions, report: ProgressReport | None
 ) -> tuple[list[Take], tuple[str, ...]]:
     """All takes on one skeleton, and notes."""
+    sources = list(sources)
     takes: list[Take] = []
     for source in sources:
         for take in import_takes(source):
@@ -59,6 +60,8 @@ def _imported(
                 report("importing", len(takes), 0)
     if not takes:
         raise ParameterError("no take is left to build from")
+    for source in sources:  # after all are read: any may know about takes of any other
+        takes = annotate_takes(takes, source)
     names = [take.name for take in takes]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

@@ -19,6 +19,7 @@ _FILE = click.Path(path_type=Path)
     epilog=examples(
         "choreograph build-db takes/ -o rep.h5                      NAME.bvh with NAME.wav in one folder",
         "choreograph build-db takes/ -o rep.h5 --resume             continues a build that was stopped",
+        "choreograph build-db dance-with-melody/ choreonet/ -o rep.h5   takes, counted by the other's lists",
         "choreograph build-db aist/motions -o rep.h5 --preset tiny  quick, to try it out",
         "choreograph build-db new/ -o rep.h5 --init-from old.h5     starts from trained networks",
     ),
@@ -66,8 +67,9 @@ _FILE = click.Path(path_type=Path)
 def command(sources, output, quiet, pretrained_style, leave_out, density, **options) -> None:
     """Build a repertoire from SOURCES: folders or files of recorded dances with their music.
 
-    Known layouts: a folder of NAME.bvh with NAME.wav|mp3|flac|ogg|m4a and an optional manifest.csv;
-    dance-with-melody; AIST++; AMASS.
+    Known layouts: a folder of NAME.bvh or NAME.c3d with NAME.wav|mp3|flac|ogg|m4a and an optional
+    manifest.csv; dance-with-melody; ChoreoNet, whose lists also count dance-with-melody's takes; AIST++;
+    AMASS. NAME.counts.csv beside NAME.bvh says where a take is counted: time_s,number,figure.
     """
     import choreograph as cg
 

@@ -1,19 +1,24 @@
 """Takes from files: `import_takes` detects the layout of a file or folder and reads it.
 
 dance_with_melody   the dance-with-melody dataset
+choreonet           ChoreoNet: recordings with figures, and lists that count dance_with_melody's takes
 aist                AIST++
 amass               AMASS
 npz                 motions written by this program
 bvh                 one BVH file
-folder              a folder of BVH files with songs and a manifest
+c3d                 one C3D file
+folder              a folder of BVH or C3D files with songs and a manifest
 
 An importer is a module with `LAYOUT` (one line: what it reads), `detect(path) -> bool` and
-`read(path) -> Iterable[Take]`. A new layout is one module here; `register` adds one from outside.
+`read(path) -> Iterable[Take]`; with `annotate(takes, path) -> list[Take]` if it also knows something about
+takes of other sources. A new layout is one module here; `register` adds one from outside.
+
+Counts beside any take's motion, `NAME.counts.csv` next to NAME.bvh, are read with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -22,13 +27,14 @@ from typing import Protocol
 import numpy as np
 
 from choreograph.errors import FormatError, ParameterError
+from choreograph.importers._count_annotation import with_counts_beside
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.takes import Take
 from choreograph.timebase import STORE_FPS
 
-__all__ = ["Importer", "import_takes", "register"]
+__all__ = ["Importer", "annotate_takes", "import_takes", "register"]
 
 
 class Importer(Protocol):
@@ -45,10 +51,12 @@ class Importer(Protocol):
 
 _BUILTIN = (
     "dance_with_melody",
+    "choreonet",
     "aist",
     "amass",
     "npz",
     "bvh",
+    "c3d",
     "folder",
 )  # the first that detects its layout reads
 _FLOOR_NOTE_M = 0.05
@@ -77,7 +85,17 @@ def import_takes(source: str | Path) -> Iterator[Take]:
         raise ParameterError(f"no takes at {source}: there is no such file or folder")
     importer = _importer_of(source)
     for take in importer.read(source):
-        yield _as_stored(take)
+        yield _as_stored(with_counts_beside(take))
+
+
+def annotate_takes(takes: Sequence[Take], source: str | Path) -> list[Take]:
+    """The takes of all sources, with what `source` knows about them, such as counts of another's takes.
+
+    Raises as `import_takes` does.
+    """
+    source = Path(source)
+    annotate = getattr(_importer_of(source), "annotate", None)
+    return list(takes) if annotate is None else annotate(takes, source)
 
 
 def _as_stored(take: Take) -> Take:

@@ -85,12 +85,19 @@ def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDA
         pos[:, [roles[f"left_{part}"], roles[f"right_{part}"]]].mean(axis=(0, 1))
         for part in ("shoulder", "ankle")
     ]
-    upward = ends[0] - ends[1]  # (3,)
+    rotation, name = rotation_from_upward(ends[0] - ends[1])
+    if not name:
+        return rotation, ""
+    return rotation, f"rotated from {name} up to +Y up: the shoulders are above the feet along {name}"
+
+
+def rotation_from_upward(upward: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+    """The rotation (4,) that makes +Y the axis nearest to `upward` (3,), and that axis; "" if it is +Y."""
     axis = int(np.argmax(np.abs(upward)))
     name = f"{'+' if upward[axis] > 0 else '-'}{'XYZ'[axis]}"
     if name == "+Y" or (axis != 1 and abs(upward[axis]) < _UP_AXIS_MARGIN * abs(upward[1])):
         return rot.IDENTITY, ""
-    return _TO_Y_UP[name], f"rotated from {name} up to +Y up: the shoulders are above the feet along {name}"
+    return _TO_Y_UP[name], name
 
 
 def to_rotated_axes(

@@ -1,44 +1,52 @@
-"""A folder of BVH files, optionally with a song of the same name each, and a manifest.csv."""
+"""A folder of BVH or C3D files, optionally with a song of the same name each, and a manifest.csv."""
 
 from __future__ import annotations
 
 import csv
 import io
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from choreograph.errors import FormatError
+from choreograph.counts import ANNOTATED, make_counts
+from choreograph.errors import FormatError, ParameterError
 from choreograph.importers._bvh_text import read_text
+from choreograph.importers._count_annotation import check_within, with_counts_of
 from choreograph.importers.bvh import read_bvh
+from choreograph.importers.c3d import is_c3d, read_c3d_files
 from choreograph.takes import Credits, Take
 
-LAYOUT = "a folder of NAME.bvh with NAME.wav|mp3|flac|ogg|m4a and an optional manifest.csv"
+LAYOUT = "a folder of NAME.bvh or NAME.c3d with NAME.wav|mp3|flac|ogg|m4a and an optional manifest.csv"
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a")
 _CREDITS = ("genre", "performer", "licence", "source")
-_COLUMNS = ("name", *_CREDITS, "audio_offset_s", "song")
+_COLUMNS = ("name", *_CREDITS, "audio_offset_s", "song", "counts", "beats")
 
 
 def detect(path: Path) -> bool:
-    """Whether `path` is a folder with a BVH file in it."""
-    return path.is_dir() and bool(_bvh_files(path))
+    """Whether `path` is a folder with a BVH or C3D file in it."""
+    return path.is_dir() and bool(_motion_files(path))
 
 
 def read(path: Path) -> Iterator[Take]:
-    """The folder's takes by name.
+    """The folder's takes by name; those of C3D files on one skeleton.
 
     The manifest's columns, all but `name` optional: genre, performer, licence, source; audio_offset_s, the
-    time in the song of the motion's first frame; song, a file in the folder that takes may share.
-    `FormatError` for any other column, a name without a BVH file, or a missing song.
+    time in the song of the motion's first frame; song, a file in the folder that takes may share; counts, a
+    file in the folder as NAME.counts.csv is (see `count_files`), or beats, the instants that are counted, in
+    seconds from the motion's first frame, separated by spaces. `FormatError` for any other column, a name
+    without a motion file, or a missing song.
     """
-    files = {file.stem: file for file in _bvh_files(path)}
+    files = _motion_files(path)
     rows = _manifest(path / "manifest.csv", set(files))
+    captured = [file for file in files.values() if is_c3d(file)]
+    fitted = dict(zip(captured, read_c3d_files(captured), strict=True)) if captured else {}
     for name, file in files.items():
         row = rows.get(name, {})
         song = _song(path, name, row.get("song", ""))
-        motion, notes = read_bvh(file)
-        yield Take(
+        motion, notes = fitted[file] if file in fitted else read_bvh(file)
+        take = Take(
             name=name,
             motion=motion,
             credits=Credits(**{key: row.get(key, "") for key in _CREDITS}),
@@ -48,6 +56,7 @@ def read(path: Path) -> Iterator[Take]:
             source_paths=(file, song) if song else (file,),
             notes=notes,
         )
+        yield _counted(take, path, row)
 
 
 def song_beside(folder: Path, name: str) -> Path | None:
@@ -58,9 +67,43 @@ def song_beside(folder: Path, name: str) -> Path | None:
     return next(found, None)
 
 
-def _bvh_files(path: Path) -> list[Path]:
+def _motion_files(path: Path) -> dict[str, Path]:
+    """The folder's BVH and C3D files by name; `FormatError` if two have the same."""
     # Hidden files come from other programs, such as macOS's "._NAME.bvh".
-    return sorted(p for p in path.iterdir() if p.suffix.lower() == ".bvh" and not p.name.startswith("."))
+    files = sorted(
+        p for p in path.iterdir() if is_c3d(p) or (p.suffix.lower() == ".bvh" and p.name[0] != ".")
+    )
+    by_name: dict[str, Path] = {}
+    for file in files:
+        if file.stem in by_name:
+            raise FormatError(
+                f"{file}: expected one motion of each name, got {by_name[file.stem].name} as well"
+            )
+        by_name[file.stem] = file
+    return by_name
+
+
+def _counted(take: Take, folder: Path, row: dict[str, str]) -> Take:
+    """The take with the counts that its row of the manifest names or lists."""
+    where = f"{folder / 'manifest.csv'}: {take.name!r}"
+    file, beats = row.get("counts", ""), row.get("beats", "")
+    if file and beats:
+        raise FormatError(f"{where}: expected counts or beats, got both")
+    if file:
+        if not (folder / file).is_file():
+            raise FormatError(f"{where} names the counts {file!r}, which are not in the folder")
+        return with_counts_of(take, folder / file)
+    if not beats:
+        return take
+    try:
+        times_s = [float(cell) for cell in beats.split()]
+        counts = make_counts(times_s, np.zeros(len(times_s)), 0, source=ANNOTATED)
+    except (ValueError, ParameterError):
+        raise FormatError(
+            f"{where}: expected increasing seconds in beats, between spaces, got {beats!r}"
+        ) from None
+    check_within(take, counts, where)
+    return replace(take, counts=counts)
 
 
 def _song(folder: Path, name: str, given: str) -> Path | None:
@@ -89,9 +132,9 @@ def _manifest(path: Path, names: set[str]) -> dict[str, dict[str, str]]:
         where = f"{path}, line {reader.line_num}"
         if None in row or None in row.values():
             raise FormatError(f"{where}: expected {len(columns)} cells: a cell with a comma needs quotes")
-        name = row["name"].removesuffix(".bvh")
+        name = row["name"].removesuffix(".bvh").removesuffix(".c3d")
         if name not in names:
-            raise FormatError(f"{where}: there is no {name}.bvh in the folder")
+            raise FormatError(f"{where}: there is no {name}.bvh or {name}.c3d in the folder")
         if name in rows:
             raise FormatError(f"{where}: {name!r} is listed twice")
         _check_offset(where, row.get("audio_offset_s", ""))

@@ -1,0 +1,142 @@
+"""Labelled markers of a C3D file: metres, Y up, gaps filled."""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import c3d
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import median_filter
+
+from choreograph.errors import FormatError
+from choreograph.importers._axes_and_units import rotation_from_upward
+from choreograph.motion import rotations as rot
+
+Floats = NDArray[np.float64]
+
+_UNITS_M = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "": 0.001}  # most files that name none are in mm
+# Names of the same marker in other versions of the marker set.
+_ALIASES = {
+    "LASI": "LFWT", "RASI": "RFWT", "LPSI": "LBWT", "RPSI": "RBWT", "LTIB": "LSHN", "RTIB": "RSHN",
+}  # fmt: skip
+_LONG_GAP_S = 0.25  # longer ones are noted
+_JUMP_FRAMES, _JUMP_M = 5, 0.02  # a sample so far from the median of so many around it is no motion
+_HEAD, _FEET = ("LFHD", "RFHD", "LBHD", "RBHD", "C7"), ("LTOE", "RTOE", "LHEE", "RHEE", "LANK", "RANK")
+# What the library raises on files that are cut off, damaged or something else.
+_DAMAGE = (
+    AssertionError, AttributeError, EOFError, IndexError, KeyError, OverflowError, TypeError, ValueError,
+    ZeroDivisionError, struct.error,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Markers:
+    """Marker positions over time, by label without the subject's prefix."""
+
+    pos_m: Mapping[str, Floats]  # label -> (T, 3), Y up
+    fps: float
+    notes: tuple[str, ...]  # on gaps
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames T."""
+        return len(next(iter(self.pos_m.values())))
+
+
+def read_markers(path: Path) -> Markers:
+    """The markers of a C3D file with any sample at all; gaps are interpolated, long ones noted.
+
+    Samples with a negative residual, exactly at the origin, or far from those before and after are missing.
+    Prefixes of labels, `subject:`,
+    are cut off. Raises `FormatError` if the file is damaged, has no labelled point, or several subjects.
+    """
+    labels, points, fps, unit = _read(path)
+    names = _names(path, labels)
+    missing = (points[..., 3] < 0) | (points[..., :3] == 0).all(axis=-1) | ~np.isfinite(points).all(axis=-1)
+    notes: list[str] = []
+    pos_m: dict[str, Floats] = {}
+    for column, name in names.items():
+        if missing[:, column].all():
+            continue
+        filled = unit * _filled(points[:, column, :3], missing[:, column])
+        pos_m[name] = _filled(filled, _jumps(filled))
+        gap_s = _longest_run(missing[:, column]) / fps
+        if gap_s > _LONG_GAP_S:
+            notes.append(f"marker {name} is missing for {gap_s:.2f} s, which was interpolated")
+    if not pos_m:
+        raise FormatError(f"{path}: expected labelled markers, got none with a valid sample")
+    return Markers(_y_up(pos_m), fps, tuple(notes))
+
+
+def _read(path: Path) -> tuple[list[str], Floats, float, float]:
+    """Labels, points (T, P, 5) in the file's unit with residual and cameras, frame rate, metres per unit."""
+    try:
+        with open(path, "rb") as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # on what we check below
+            reader = c3d.Reader(file)
+            labels = [str(label).strip() for label in reader.point_labels]
+            unit = reader.get("POINT:UNITS")
+            unit_name = "" if unit is None else unit.string_value.strip().lower()
+            fps, expected = float(reader.point_rate), int(reader.frame_count)
+            frames = [points.astype(np.float64) for _, points, _ in reader.read_frames()]
+    except FileNotFoundError:
+        raise FormatError(f"{path}: expected a C3D file, got nothing there") from None
+    except _DAMAGE as error:
+        raise FormatError(
+            f"{path}: expected a C3D file, got something else ({type(error).__name__}: {error}): damaged?"
+        ) from None
+    if len(frames) < 2 or len(frames) != expected:
+        raise FormatError(f"{path}: expected {expected} frames, at least 2, got {len(frames)}: cut short?")
+    if not (np.isfinite(fps) and fps > 0):
+        raise FormatError(f"{path}: expected a frame rate above 0, got {fps}")
+    if unit_name not in _UNITS_M:
+        raise FormatError(
+            f"{path}: expected a unit among {', '.join(filter(None, _UNITS_M))}, got {unit_name!r}"
+        )
+    return labels, np.stack(frames), fps, _UNITS_M[unit_name]
+
+
+def _names(path: Path, labels: list[str]) -> dict[int, str]:
+    """Column -> name of the labelled points; those that the software could not name ("*12") are left out."""
+    subjects = {label.rpartition(":")[0] for label in labels if ":" in label}
+    if len(subjects) > 1:
+        raise FormatError(f"{path}: expected one dancer, got subjects {', '.join(sorted(subjects))}")
+    short = [label.rpartition(":")[2].upper() for label in labels]
+    return {i: _ALIASES.get(name, name) for i, name in enumerate(short) if name and not name.startswith("*")}
+
+
+def _filled(pos: Floats, missing: NDArray[np.bool_]) -> Floats:
+    """Positions (T, 3) with missing samples interpolated, and held before the first and after the last."""
+    known = np.flatnonzero(~missing)
+    if len(known) == len(pos):
+        return pos
+    if len(known) == 1:
+        return np.repeat(pos[known], len(pos), axis=0)
+    frames = np.arange(len(pos)).clip(known[0], known[-1])
+    return PchipInterpolator(known, pos[known])(frames)
+
+
+def _jumps(pos_m: Floats) -> NDArray[np.bool_]:
+    """Samples (T,) where a marker is taken for another, or for a reflection, for a frame or two."""
+    usual = median_filter(pos_m, size=(_JUMP_FRAMES, 1), mode="nearest")
+    return np.linalg.norm(pos_m - usual, axis=-1) > _JUMP_M
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> int:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def _y_up(pos_m: dict[str, Floats]) -> dict[str, Floats]:
+    """The same with Y up: up is where the head is above the feet, over all frames."""
+    ends = [[pos_m[name].mean(axis=0) for name in group if name in pos_m] for group in (_HEAD, _FEET)]
+    if not all(ends):
+        return pos_m
+    rotation, _ = rotation_from_upward(np.mean(ends[0], axis=0) - np.mean(ends[1], axis=0))
+    return {name: rot.rotate(rotation, pos) for name, pos in pos_m.items()}

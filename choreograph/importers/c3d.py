@@ -1,0 +1,76 @@
+"""C3D: plug-in-gait markers of one dancer, fitted with a skeleton measured from them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import FormatError, ParameterError
+from choreograph.importers._c3d_markers import Markers, read_markers
+from choreograph.motion.floor import estimate_floor_m
+from choreograph.motion.joint_centres import joint_centres
+from choreograph.motion.marker_fitting import fit_error_m, fit_positions
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton
+from choreograph.motion.skeleton_calibration import measure_skeleton, resized, size_ratio
+from choreograph.takes import Credits, Take
+
+Floats = NDArray[np.float64]
+
+LAYOUT = "a single NAME.c3d of plug-in-gait markers"
+_FEET = ("left_heel", "right_heel", "left_foot", "right_foot")
+
+
+def detect(path: Path) -> bool:
+    """Whether `path` is one C3D file."""
+    return path.is_file() and is_c3d(path)
+
+
+def is_c3d(path: Path) -> bool:
+    """Whether the name is that of a C3D file."""
+    # Hidden files come from other programs, such as macOS's "._NAME.c3d".
+    return path.suffix.lower() == ".c3d" and not path.name.startswith(".")
+
+
+def read(path: Path) -> Iterator[Take]:
+    """The file as a take without music, named after it."""
+    ((motion, notes),) = read_c3d_files([path])
+    yield Take(path.stem, motion, Credits(source=path.name), source_paths=(path,), notes=notes)
+
+
+def read_c3d_files(paths: Sequence[Path]) -> list[tuple[Motion, tuple[str, ...]]]:
+    """The motions of C3D files and notes on each, all on one skeleton, the mean of all frames.
+
+    Recordings are scaled to its size first: of one dancer that changes little, of several it keeps their
+    feet from sliding. Raises `FormatError` if a file is damaged or lacks a marker.
+    """
+    recordings = [read_markers(path) for path in paths]
+    centres = [_centres(path, markers) for path, markers in zip(paths, recordings, strict=True)]
+    roles = centres[0][1]  # the same for all
+    skeleton = measure_skeleton(np.concatenate([pos_m for pos_m, _ in centres]), roles)
+    return [
+        _fitted(skeleton, pos_m, roles, markers)
+        for (pos_m, _), markers in zip(centres, recordings, strict=True)
+    ]
+
+
+def _centres(path: Path, markers: Markers) -> tuple[Floats, tuple[str, ...]]:
+    try:
+        return joint_centres(markers.pos_m)
+    except ParameterError as error:
+        raise FormatError(f"{path}: {error}") from None
+
+
+def _fitted(
+    skeleton: Skeleton, pos_m: Floats, roles: tuple[str, ...], markers: Markers
+) -> tuple[Motion, tuple[str, ...]]:
+    ratio = size_ratio(measure_skeleton(pos_m, roles), skeleton)
+    floor_m = estimate_floor_m(pos_m[:, [roles.index(role) for role in _FEET]])
+    sized_m = resized(pos_m, np.full(len(pos_m), ratio), floor_m)  # (T, R, 3)
+    root_pos_m, local_quat = fit_positions(skeleton, sized_m, roles, fps=markers.fps)
+    error_m = fit_error_m(skeleton, root_pos_m, local_quat, sized_m, roles)
+    note = f"joints, estimated from markers, are fitted within {100 * error_m.mean():.1f} cm on average"
+    return Motion(skeleton, root_pos_m, local_quat, markers.fps), (*markers.notes, note)

@@ -1,0 +1,194 @@
+"""Joint centres from plug-in-gait markers: where a body turns, from where its skin is marked.
+
+Markers sit on the skin, by hand, centimetres away from where the manual says. So a centre is a first guess
+from anatomy, corrected by the motion: the hip is the centre of the sphere on which the thigh's markers move
+about the pelvis; knee, ankle and elbow are the points that stay in place in both segments beside them.
+
+References
+----------
+Harrington et al., Prediction of the hip joint centre in adults, J. Biomechanics 40 (2007).
+Ehrig et al., A survey of formal methods for determining the centre of rotation, J. Biomechanics 39 (2006):
+the symmetrical centre of rotation (SCoRE).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from choreograph.errors import ParameterError
+
+Floats = NDArray[np.float64]
+Markers = Mapping[str, Floats]  # name -> (T, 3) in metres, Y up
+
+_SIDED = (
+    "FHD",
+    "BHD",
+    "SHO",
+    "UPA",
+    "ELB",
+    "FRM",
+    "WRA",
+    "WRB",
+    "FWT",
+    "BWT",
+    "THI",
+    "KNE",
+    "SHN",
+    "ANK",
+    "HEE",
+    "TOE",
+)
+REQUIRED_MARKERS = ("C7", "T10", "CLAV", "STRN", *(side + name for name in _SIDED for side in "LR"))
+
+# From the marker's centre to the joint's: half the joint's width and the marker's radius.
+_KNEE_M, _ANKLE_M, _ELBOW_M = 0.055, 0.042, 0.042
+_SHOULDER_DROP_M = 0.055  # from the marker on the acromion, along the trunk
+_HEAD_DROP_M = 0.09  # from the head band to the joint at the base of the skull
+_HAND_M = 0.085  # from wrist to hand, where fingers have no marker
+_TOE_MARKER_M = 0.03  # above the sole
+_BALL = 0.8  # of the way from heel to toe marker
+_HIP_PRIOR = 0.3  # weight of anatomy against one sample's distance to the sphere
+_CENTRE_PRIOR = 0.1  # weight of anatomy against one sample's distance between the segments
+_CALIBRATION_FRAMES = 600
+_FLAT_SHARE = 0.1  # of the frames: those where the heel is lowest, the foot flat
+
+
+def joint_centres(markers: Markers) -> tuple[Floats, tuple[str, ...]]:
+    """Positions (T, R, 3) in metres of joints and landmarks, and their R names, for `fit_positions`.
+
+    `markers` are of one take, since they are placed anew for each: `REQUIRED_MARKERS`, and "LMT5", "LFIN",
+    "RMT5", "RFIN" where there are any. Raises `ParameterError` if a required marker is missing.
+    """
+    missing = [name for name in REQUIRED_MARKERS if name not in markers]
+    if missing:
+        raise ParameterError(f"expected plug-in-gait markers, missing {', '.join(missing)}")
+    points: dict[str, Floats] = {}
+    head = np.mean([markers[name] for name in ("LFHD", "RFHD", "LBHD", "RBHD")], axis=0)
+    chest, back = 0.5 * (markers["CLAV"] + markers["C7"]), 0.5 * (markers["STRN"] + markers["T10"])
+    down = _unit(back - chest)  # (T, 3)
+    points["head"] = head + _HEAD_DROP_M * _unit(chest - head)
+    points["spine1"] = np.mean([markers[name] for name in ("LFWT", "RFWT", "LBWT", "RBWT")], axis=0)
+    for side, word in (("L", "left"), ("R", "right")):
+        points[f"{word}_temple"] = 0.5 * (markers[f"{side}FHD"] + markers[f"{side}BHD"])
+        points |= {f"{word}_{part}": pos for part, pos in _leg(markers, side).items()}
+        shoulder = markers[f"{side}SHO"] + _SHOULDER_DROP_M * down
+        points |= {f"{word}_{part}": pos for part, pos in _arm(markers, side, shoulder).items()}
+    return np.stack(list(points.values()), axis=1), tuple(points)
+
+
+def _leg(markers: Markers, side: str) -> dict[str, Floats]:
+    named = {name: markers[side + name] for name in ("THI", "KNE", "SHN", "ANK", "HEE", "TOE")}
+    medial = 1.0 if side == "R" else -1.0  # of the normal of thigh and shank: knees bend backwards
+    hip = _hip(markers, side)
+    thigh = _segment(hip, named["KNE"], named["THI"])
+    shank = _segment(named["KNE"], named["ANK"], named["SHN"])
+    foot = _segment(named["HEE"], named["TOE"], markers.get(f"{side}MT5", named["ANK"]))
+    foot_middle = 0.5 * (named["HEE"] + named["TOE"])
+    side_of_ankle = _beside(named["KNE"], named["ANK"], foot_middle, shank, -medial * _ANKLE_M)
+    ankle = _centre(shank, foot, side_of_ankle)
+    side_of_knee = _beside(hip, named["KNE"], ankle, thigh, medial * _KNEE_M)
+    knee = _centre(thigh, _segment(ankle, named["SHN"], named["ANK"]), side_of_knee)
+    heel, toe = _sole(named["HEE"], named["TOE"], foot)
+    return {"hip": hip, "knee": knee, "ankle": ankle, "heel": heel, "foot": heel + _BALL * (toe - heel)}
+
+
+def _arm(markers: Markers, side: str, shoulder: Floats) -> dict[str, Floats]:
+    elbow, upper, lower = (markers[side + name] for name in ("ELB", "UPA", "FRM"))
+    wrist = 0.5 * (markers[f"{side}WRA"] + markers[f"{side}WRB"])
+    medial = 1.0 if side == "L" else -1.0  # elbows bend forwards
+    upper_arm = _segment(shoulder, elbow, upper)
+    forearm = _segment(wrist, markers[f"{side}WRA"], lower)
+    centre = _centre(upper_arm, forearm, _beside(shoulder, elbow, wrist, upper_arm, medial * _ELBOW_M))
+    hand = markers.get(f"{side}FIN", wrist + _HAND_M * _unit(wrist - centre))
+    return {"shoulder": shoulder, "elbow": centre, "wrist": wrist, "hand": hand}
+
+
+def _hip(markers: Markers, side: str) -> Floats:
+    """The hip's centre (T, 3): by the pelvis's width and depth, then the centre of the thigh's spheres."""
+    front = 0.5 * (markers["LFWT"] + markers["RFWT"])
+    back = 0.5 * (markers["LBWT"] + markers["RBWT"])
+    pelvis = _segment(front, markers["LFWT"], back)
+    width = float(np.mean(np.linalg.norm(markers["LFWT"] - markers["RFWT"], axis=-1)))
+    depth = float(np.mean(np.linalg.norm(front - back, axis=-1)))
+    axes = pelvis[1]  # (T, 3, 3), columns: left, backwards
+    # Waist markers may be higher in front than at the back. Up is where up was on average.
+    up = _unit(np.einsum("tij,i->tj", axes, [0.0, 1.0, 0.0]).mean(axis=0) * [0.0, 1.0, 1.0])
+    left = np.array([1.0, 0.0, 0.0])
+    forward = np.cross(left, up)
+    sign = 1.0 if side == "L" else -1.0
+    guess = (
+        sign * (0.33 * width + 0.0073) * left
+        - (0.24 * depth + 0.0099) * forward
+        - (0.30 * width + 0.0109) * up
+    )
+    kept = _sample(len(front))
+    local = [_into(pelvis, markers[side + name])[kept] for name in ("KNE", "THI")]  # (K, 3) each
+    prior = _HIP_PRIOR * np.sqrt(len(kept))
+
+    def residuals(centre: Floats) -> Floats:
+        radii = [np.linalg.norm(pos - centre, axis=-1) for pos in local]
+        return np.concatenate([*(radius - radius.mean() for radius in radii), prior * (centre - guess)])
+
+    return _out_of(pelvis, least_squares(residuals, guess).x)
+
+
+def _beside(
+    proximal: Floats, marker: Floats, distal: Floats, segment: tuple[Floats, Floats], reach_m: float
+) -> Floats:
+    """A point (T, 3) `reach_m` from the marker along the joint's mean bend axis, fixed in `segment`."""
+    normal = np.cross(marker - proximal, distal - marker)  # (T, 3), longer where the bend is clearer
+    axis = np.einsum("tij,ti->j", segment[1], normal)
+    return marker + reach_m * np.einsum("tij,j->ti", segment[1], _unit(axis))
+
+
+def _centre(first: tuple[Floats, Floats], second: tuple[Floats, Floats], guess: Floats) -> Floats:
+    """The point (T, 3) that moves least in two segments, near `guess` (T, 3) where motion does not tell."""
+    kept = _sample(len(guess))
+    guesses = np.concatenate(
+        [_into(first, guess)[kept].mean(axis=0), _into(second, guess)[kept].mean(axis=0)]
+    )
+    apart = np.concatenate([first[1][kept], -second[1][kept]], axis=2).reshape(-1, 6)  # (3K, 6)
+    offset = (second[0][kept] - first[0][kept]).ravel()  # (3K,)
+    prior = _CENTRE_PRIOR * np.sqrt(len(kept))
+    solved, *_ = np.linalg.lstsq(
+        np.concatenate([apart, prior * np.eye(6)]), np.concatenate([offset, prior * guesses])
+    )
+    return 0.5 * (_out_of(first, solved[:3]) + _out_of(second, solved[3:]))
+
+
+def _sole(heel: Floats, toe: Floats, foot: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    """Heel and toe (T, 3) on the sole, below their markers: down is down where the foot stands flat."""
+    rise = heel[:, 1] - toe[:, 1]  # (T,)
+    flat = np.argsort(rise)[: max(1, round(_FLAT_SHARE * len(rise)))]
+    down = _unit(-foot[1][flat, 1].mean(axis=0))  # world's down in the foot's axes
+    down = np.einsum("tij,j->ti", foot[1], down)
+    heel_m = _TOE_MARKER_M + float(np.median(rise[flat]))
+    return heel + max(heel_m, 0.0) * down, toe + _TOE_MARKER_M * down
+
+
+def _segment(origin: Floats, along: Floats, towards: Floats) -> tuple[Floats, Floats]:
+    """A rigid segment: its origin (T, 3), and axes (T, 3, 3) in columns, from three points (T, 3)."""
+    first = _unit(along - origin)
+    second = towards - origin
+    second = _unit(second - first * np.sum(first * second, axis=-1, keepdims=True))
+    return origin, np.stack([first, second, np.cross(first, second)], axis=-1)
+
+
+def _into(segment: tuple[Floats, Floats], pos: Floats) -> Floats:
+    return np.einsum("tij,ti->tj", segment[1], pos - segment[0])
+
+
+def _out_of(segment: tuple[Floats, Floats], local: Floats) -> Floats:
+    return segment[0] + np.einsum("tij,j->ti", segment[1], local)
+
+
+def _sample(n_frames: int) -> NDArray[np.int64]:
+    return np.unique(np.linspace(0, n_frames - 1, _CALIBRATION_FRAMES).round().astype(np.int64))
+
+
+def _unit(vector: Floats) -> Floats:
+    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
