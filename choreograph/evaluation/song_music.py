@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
-from choreograph.counts import FROM_MUSIC, Counts
+from choreograph.counts import Counts
 from choreograph.evaluation.songs import beats_of
+from choreograph.features.bars import track_bars
 from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import DEFAULT_TRACKER, get_beat_tracker
 from choreograph.features.sections import Sections, song_sections
@@ -43,9 +44,10 @@ def second_tracker(beats: str | Path) -> str:
 def song_music(song: Song, beats: str | Path, *, start_s: float = 0.0) -> SongMusic:
     """Beats by a tracker's name or from a file, as `beats_of` takes them, and the rest. Raises as it does."""
     beats_s = beats_of(song, beats, start_s=start_s)
+    mel = log_mel(song.samples)  # (T, 96)
     return SongMusic(
-        Counts(beats_s, np.zeros(len(beats_s), np.int64), 0, FROM_MUSIC),
-        get_beat_tracker(second_tracker(beats)).beats(song, log_mel(song.samples)),
+        track_bars(song.samples, mel, beats_s),
+        get_beat_tracker(second_tracker(beats)).beats(song, mel),
         song_sections(song.samples, beats_s),
         song.duration_s,
     )

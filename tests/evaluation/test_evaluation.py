@@ -21,6 +21,7 @@ from choreograph.evaluation import (
     evaluate,
     evaluate_dance,
     find_songs,
+    read_experts,
     tables,
     to_json,
     variants_named,
@@ -347,3 +348,16 @@ def test_transitions_of_a_plan(repertoire, folder):
     genres = genre_by_second(plan, repertoire)
     assert len(genres) == 9
     assert genres == [repertoire.takes[repertoire.take_index(s.take)].credits.genre for s in plan.seconds]
+
+
+def test_experts_are_read_from_a_folder(folder, tmp_path):
+    songs = find_songs(folder, only=["alone", "slow"])
+    save_motion(tmp_path / "alone.bvh", stepping(24 * 30, period_s=0.6, seed=1))
+    save_motion(tmp_path / "another.bvh", stepping(60))
+    rows = "\n".join(f"{0.6 * i:.2f},{i % 4 + 1}" for i in range(40))
+    (tmp_path / "alone.counts.csv").write_text(f"time_s,number\n{rows}\n")
+    (expert,) = read_experts(tmp_path, [replace(song, duration_s=9.0) for song in songs])
+    assert (expert.variant, expert.song, expert.motion.n_frames) == ("expert", "alone", 270)
+    assert expert.counts.times_s == pytest.approx(0.6 * np.arange(15))
+    with pytest.raises(ParameterError, match="quick"):
+        read_experts(tmp_path, find_songs(folder, only=["quick"]))
