@@ -15,7 +15,7 @@ from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import TRACKERS
 from choreograph.features.song_counts import song_beats
 from choreograph.files import sha256_of
-from choreograph.importers import import_takes
+from choreograph.importers import annotate_takes, import_takes
 from choreograph.repertoire import Repertoire
 from choreograph.takes import Take
 
@@ -48,20 +48,28 @@ class EvaluatedSong:
 
 
 def find_songs(
-    folder: str | Path, *, only: Collection[str] = (), duration_s: float | None = None
+    folder: str | Path,
+    *,
+    only: Collection[str] = (),
+    duration_s: float | None = None,
+    counted_by: Sequence[str | Path] = (),
 ) -> tuple[EvaluatedSong, ...]:
     """Find the songs in a folder: those of importable takes in any layout, and all other audio files.
 
     `only` names the takes and songs (files without suffix) to keep, all if empty. `duration_s` cuts songs and
-    their real takes. Raises `ParameterError` if there is no song or a name in `only` is missing,
-    `FormatError` if a take is damaged.
+    their real takes. `counted_by` are other sources that know the counts of the takes, such as ChoreoNet's
+    lists of dance-with-melody's figures. Raises `ParameterError` if there is no song or a name in `only` is
+    missing, `FormatError` if a take is damaged.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise ParameterError(f"expected a folder of songs at {folder}, got no such folder")
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in SONG_SUFFIXES and p.name[0] != ".")
     songs, with_take = [], set()
-    for take in _takes(folder, optional=bool(files)):
+    takes = list(_takes(folder, optional=bool(files)))
+    for source in counted_by:
+        takes = annotate_takes(takes, source)
+    for take in takes:
         if take.song_path is None:
             continue
         with_take.add(take.song_path)
