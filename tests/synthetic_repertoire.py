@@ -10,6 +10,7 @@ import numpy as np
 import soundfile
 from synthetic_motions import stepping
 
+from choreograph.counts import Figure, make_counts, numbers_in_bar
 from choreograph.features.density import motion_density
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.motifs.clustering import find_motifs
@@ -40,6 +41,20 @@ def synthetic_takes(
         beats_s = motion_beat_times_s(body_pos_m(motion), motion.fps)
         takes.append(MeasuredTake(take, body_pos_m(motion.resampled(NET_FPS)).astype(np.float32), beats_s))
     return takes
+
+
+def with_counts(takes: Sequence[MeasuredTake], periods_s: Sequence[float] = PERIODS_S) -> list[MeasuredTake]:
+    """The takes counted 1 2 3 4 where they rest, from their first frame, in figures of 8 counts."""
+    counted = []
+    for measured, period_s in zip(takes, periods_s, strict=True):
+        n_counts = int(measured.take.motion.duration_s / period_s) + 1
+        counts = make_counts(
+            period_s * np.arange(n_counts), numbers_in_bar(n_counts, 4), 4, source="data set"
+        )
+        starts = range(0, n_counts - 8, 8)
+        figures = tuple(Figure(f"F-{i}", i * period_s, (i + 8) * period_s, 8) for i in starts)
+        counted.append(replace(measured, take=replace(measured.take, counts=counts, figures=figures)))
+    return counted
 
 
 def synthetic_contents(takes: Sequence[MeasuredTake] | None = None) -> Contents:

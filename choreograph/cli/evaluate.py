@@ -30,6 +30,14 @@ _FILE = click.Path(path_type=Path)
     "--songs", "folder", type=_FILE, metavar="DIR",
     help="Songs to dance to. Real dances in DIR, in any layout of build-db, are measured as well.",
 )  # fmt: skip
+@optgroup.option(
+    "--counted-by", multiple=True, type=_FILE, metavar="SOURCE",
+    help="Knows the counts of the real dances: ChoreoNet's folder for those of dance-with-melody.",
+)  # fmt: skip
+@optgroup.option(
+    "--experts", type=_FILE, metavar="DIR",
+    help="Dances to compare with, named as the songs, with NAME.counts.csv beside them.",
+)  # fmt: skip
 @optgroup.option("--only", multiple=True, metavar="SONG", help="Only this song, or @FILE of names.")
 @optgroup.option(
     "--variants", multiple=True, metavar="NAME",
@@ -43,31 +51,39 @@ _FILE = click.Path(path_type=Path)
     "--beats", metavar="tempo-path|librosa|beat-this|FILE",
     help="Beats to measure by: a tracker's (tempo-path), a file of times, or a folder of SONG.txt.",
 )  # fmt: skip
+@optgroup.option(
+    "--judge", type=_FILE, metavar="REPERTOIRE",
+    help="Judge motifs by the word network of this one, built with another seed from the same takes.",
+)  # fmt: skip
 @optgroup.group("Output")
 @optgroup.option("--report", type=_FILE, help="Write tables and plots as one HTML page.")
 @optgroup.option("--json", "json_path", metavar="FILE", help="Write every number as JSON; - prints it.")
 @optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no table.")
 def command(
-    dance, song, db, folder, only, variants, seeds, duration, beats, seen, report, json_path, quiet,
+    dance, song, db, folder, counted_by, experts, only, variants, seeds, duration, beats, seen, judge, report,
+    json_path, quiet,
 ) -> None:  # fmt: skip
     """Measure dances: made with --db to the songs of DIR, or DANCE (BVH, NPZ, …) against its SONG."""
-    from choreograph.evaluation import to_json, write_report
+    from choreograph.evaluation import EvaluationConfig, find_songs, to_json, variants_named, write_report
     from choreograph.features.music_beats import DEFAULT_TRACKER
     from choreograph.files import atomic_path
 
     if (folder is None) == (dance is None) or (dance is not None and song is None):
         raise ParameterError("expected --songs DIR to dance to, or a DANCE and its SONG")
-    if dance is not None and (only or variants):
-        raise ParameterError("--variants and --only need --songs, got a DANCE: leave them out")
+    if dance is not None and (only or variants or judge or experts or counted_by):
+        raise ParameterError(
+            "--variants, --only, --judge, --experts, --counted-by need --songs, got a DANCE: leave them out"
+        )
     _check_targets(report, json_path)
     beats = beats or DEFAULT_TRACKER
     with stages(quiet=quiet) as shown:
         if dance is not None:
             evaluation = _of_dance(dance, song, db, duration, beats)
         else:
-            evaluation = _of_songs(
-                folder, db, names_of(only), variants, seeds, duration, beats, seen, shown.report
-            )
+            config = EvaluationConfig(variants_named(variants or ("ours",)), seeds, beats, seen)
+            shown.report("finding songs", 0, 0)
+            songs = find_songs(folder, only=names_of(only), duration_s=duration, counted_by=counted_by)
+            evaluation = _of_songs(songs, db, config, judge, experts, shown.report)
         if report:
             shown.report("writing the report", 0, 0)
             write_report(report, evaluation)
@@ -109,16 +125,15 @@ def _of_dance(dance, song, db, duration, beats):
     return evaluate_dance(takes[0].motion, loaded, name=str(dance), beats=beats, repertoire=repertoire)
 
 
-def _of_songs(folder, db, only, variants, seeds, duration, beats, seen, report):
-    from choreograph.evaluation import EvaluationConfig, evaluate, find_songs, variants_named
+def _of_songs(songs, db, config, judge, experts, report):
+    from choreograph.evaluation import evaluate, read_experts
     from choreograph.repertoire import Repertoire
     from choreograph.starter import starter_repertoire
 
-    config = EvaluationConfig(variants_named(variants or ("ours",)), seeds, beats, seen)
     repertoire = starter_repertoire() if db is None else Repertoire.open(db)
-    report("finding songs", 0, 0)
-    songs = find_songs(folder, only=only, duration_s=duration)
-    return evaluate(repertoire, songs, config, report=report)
+    judging = None if judge is None else Repertoire.open(judge)
+    references = () if experts is None else read_experts(experts, songs)
+    return evaluate(repertoire, songs, config, references=references, judge=judging, report=report)
 
 
 def _show(evaluation) -> None:

@@ -4,6 +4,9 @@ Measuring
 
 - `evaluate`, `EvaluationConfig` — dance to songs in several variants and measure: an `Evaluation`
 - `evaluate_dance` — measure one dance of any system to its song
+- `CountedDance` — a dance to measure beside the variants: an expert's, laid on the beats
+- `read_experts` — such dances from files
+- `danced_counts` — the counts of the takes as they lie in a dance
 - `find_songs` — the songs in a folder, with real takes to them
 - `VARIANTS`, `GROUPS`, `variants_named` — the variants that are compared, the paper's Table 1 among them
 
@@ -11,7 +14,7 @@ Results
 
 - `tables` — mean and spread of every metric by variant
 - `write_report`, `to_json` — the evaluation as an HTML page or as JSON
-- `METRICS` — unit, better direction and source of every metric
+- `METRICS` — unit, better direction, source and limits of every metric
 
 Rating studies (import from their modules)
 
@@ -19,6 +22,9 @@ Rating studies (import from their modules)
 - `study_results.read_study` — means, intervals and differences of the ratings
 """
 
+from choreograph.evaluation.counted_dance import CountedDance
+from choreograph.evaluation.danced_counts import danced_counts
+from choreograph.evaluation.experts import read_experts
 from choreograph.evaluation.metric_catalogue import METRICS, Metric
 from choreograph.evaluation.report import write_report
 from choreograph.evaluation.results import Evaluation, MeasuredDance
@@ -30,7 +36,7 @@ from choreograph.evaluation.tables import Table, tables, to_json
 from choreograph.evaluation.variants import GROUPS, VARIANTS, Variant, variants_named
 
 __all__ = [
-    "GROUPS", "METRICS", "VARIANTS", "EvaluatedSong", "Evaluation", "EvaluationConfig", "MeasuredDance",
-    "Metric", "Scores", "Table", "Variant", "evaluate", "evaluate_dance", "find_songs", "tables", "to_json",
-    "variants_named", "write_report",
+    "GROUPS", "METRICS", "VARIANTS", "CountedDance", "EvaluatedSong", "Evaluation", "EvaluationConfig",
+    "MeasuredDance", "Metric", "Scores", "Table", "Variant", "danced_counts", "evaluate", "evaluate_dance",
+    "find_songs", "read_experts", "tables", "to_json", "variants_named", "write_report",
 ]  # fmt: skip

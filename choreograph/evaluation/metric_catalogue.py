@@ -1,9 +1,11 @@
-"""All metrics of an evaluation by family: name, label, unit, better direction and source."""
+"""All metrics of an evaluation by family: name, label, unit, better direction, source and limits."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
+
+from choreograph.evaluation.metric_limits import LIMITS
 
 Better = Literal["higher", "lower", "real"]  # "real": the closer to real dances, the better
 
@@ -20,14 +22,26 @@ class Metric:
     source: str
     digits: int = 2
 
+    @property
+    def limits(self) -> str:
+        """What the number does not tell, in one clause."""
+        return LIMITS[self.name]
+
 
 def _family(family: str, *rows: tuple) -> list[Metric]:
     return [Metric(name, family, label, unit, *rest) for name, label, unit, *rest in rows]
 
 
 FAMILIES = {
-    "beats": "Motion beats are local minima of mean joint speed. The beat tracker is named above. "
+    "counts": "A dance's counts are those of its takes, from data or annotation, not from a detector: where "
+    "they lie against the song's beats, and count 1 against its downbeats. Chance is the same dance to the "
+    "song turned round: 0.30 within 0.15 beat. Takes without counts are left out.",
+    "transitions": "Joins where one take gives way to another. Chance is transitions at random instants.",
+    "beats": "Motion beats are local minima of mean joint speed, by five detectors that smooth it in "
+    "different ways. Experts who are exactly on the count read little more than chance: bodies rest where a "
+    "genre's technique has them rest. So compare with experts, not with 1. The beat tracker is named above. "
     "Chance is the same dance shifted in time, with the end wrapped to the start.",
+    "endings": "Whether the dance begins and closes in a held pose: below 0.15 m/s is held.",
     "realism": "Fréchet distance of each dance to the real dances to other songs. A single dance never "
     "covers their variety, so compare with the column of the real dances. Chance is a body frozen in one "
     "pose of the dance.",
@@ -38,8 +52,9 @@ FAMILIES = {
     "the reference. Chance pairs every window of the dance with every window of the music.",
     "physics": "Takes used are the takes that the dances of the first variant are made of.",
     "motifs": "Distance between the dance's motif signature and its genre's template: 0 if equal, 1 if "
-    "they have no motif in common. Chance is words drawn from the whole repertoire; for transitions, the "
-    "same motifs in any order.",
+    "they have no motif in common. The word network that judges is named above: the own network also priced "
+    "the dances. Chance is words drawn from the whole repertoire; for transitions, the same motifs in any "
+    "order.",
     "structure": "Whether a dance repeats itself, and whether it does so where its song does: how many "
     "more motifs two sections of the same music share than two other sections (chance is 0). And how much "
     "of the repertoire it uses.",
@@ -50,22 +65,61 @@ FAMILIES = {
 
 _CG = "ChoreoGraph"
 _RD = "Rhythm is a Dancer"
+_MIR = "MIR's beat tracking F-measure"
 METRICS: dict[str, Metric] = {
     metric.name: metric
     for metric in (
         *_family(
+            "counts",
+            ("counts_within", "counts within 0.15 beat of a beat", "share", "higher", "ours"),
+            ("counts_within_second", "the same by the second tracker", "share", "higher", "ours"),
+            ("downbeat_share", "count 1 within 0.15 beat of a downbeat", "share", "higher", "ours"),
+            ("downbeat_nearest", "count 1 nearest to a downbeat", "share", "higher", "ours"),
+            ("count_error_beats", "distance from count to beat", "beats", "lower", "ours", 3),
+            ("count_error_s", "distance from count to beat", "s", "lower", "ours", 3),
+            ("count_drift", "drift of the counts", "beats/min", "lower", "ours"),
+            ("counts_per_beat", "counts per beat", "", "real", "ours"),
+            ("counted_share", "danced from takes with counts", "share", "higher", "ours"),
+        ),
+        *_family(
+            "transitions",
+            ("transitions_per_minute", "transitions", "/min", "real", "ours", 1),
+            ("transition_gap_s", "from a transition to the next", "s", "real", "ours", 1),
+            ("transitions_on_counts", "transitions on beats", "share", "higher", "ours"),
+            ("transitions_at_borders", "transitions at bar or figure borders", "share", "higher", "ours"),
+            ("transitions_at_bar_borders", "transitions at bar borders", "share", "higher", "ours"),
+            ("transitions_at_figure_borders", "transitions at figure borders", "share", "higher", "ours"),
+        ),
+        *_family(
             "beats",
-            ("f_score", "F-score at 70 ms", "", "higher", "MIR's beat tracking F-measure"),
-            ("motion_to_music", "motion to music beats", "(1/60 s)²", "lower", f"{_CG}, Table 1", 1),
-            ("music_to_motion", "music to motion beats", "(1/60 s)²", "lower", f"{_CG}, Table 1", 1),
-            ("aligned_share", "aligned motion beats", "share", "higher", f"{_RD}, 5.4.1"),
-            ("beat_ratio", "motion beats per music beat", "", "real", f"{_RD}, 5.4.1"),
-            ("alignment_fact", "beat alignment, FACT's σ", "", "higher", "AI Choreographer"),
-            ("alignment_bailando", "beat alignment, Bailando's σ", "", "higher", "Bailando"),
-            ("alignment_lodge", "beat alignment, LODGE's σ", "", "higher", "LODGE"),
-            ("alignment_fact_published", "BAS by FACT's code", "", "higher", "AI Choreographer"),
-            ("alignment_bailando_published", "BAS by Bailando's code", "", "higher", "Bailando"),
-            ("alignment_lodge_published", "BAS by LODGE's code", "", "higher", "LODGE"),
+            ("f_score_mean", "F-score at 70 ms, mean of five detectors", "", "real", _MIR),
+            ("f_score_mean_second", "the same by the second tracker", "", "real", _MIR),
+            ("f_score", "F-score, our detector", "", "real", _MIR),
+            ("f_score_aist", "F-score, AIST++'s detector", "", "real", _MIR),
+            ("f_score_gaussian_50_ms", "F-score, Gaussian of 0.05 s", "", "real", _MIR),
+            ("f_score_savitzky_golay", "F-score, Savitzky-Golay of 0.35 s", "", "real", _MIR),
+            ("f_score_gaussian_100_ms", "F-score, Gaussian of 0.1 s", "", "real", _MIR),
+            ("phase_distance", "phase in the count, distance to experts", "beats", "lower", "ours", 3),
+            ("phase_nearness", "the same from chance (0) to experts (1)", "", "higher", "ours"),
+            ("motion_to_music", "motion to music beats", "(1/60 s)²", "real", f"{_CG}, Table 1", 1),
+            ("music_to_motion", "music to motion beats", "(1/60 s)²", "real", f"{_CG}, Table 1", 1),
+            ("aligned_share_published", "aligned kinematic beats", "share", "real", f"{_RD}, 5.4.1"),
+            ("beat_ratio_published", "kinematic beats per music beat", "", "real", f"{_RD}, 5.4.1"),
+            ("aligned_share", "aligned motion beats, our detector", "share", "real", f"after {_RD}, 5.4.1"),
+            ("beat_ratio", "motion beats per music beat, our detector", "", "real", f"after {_RD}, 5.4.1"),
+            ("alignment_fact", "beat alignment, FACT's σ", "", "real", "AI Choreographer"),
+            ("alignment_bailando", "beat alignment, Bailando's σ", "", "real", "Bailando"),
+            ("alignment_lodge", "beat alignment, LODGE's σ", "", "real", "LODGE"),
+            ("alignment_fact_published", "BAS by FACT's code", "", "real", "AI Choreographer"),
+            ("alignment_bailando_published", "BAS by Bailando's code", "", "real", "Bailando"),
+            ("alignment_lodge_published", "BAS by LODGE's code", "", "real", "LODGE"),
+        ),
+        *_family(
+            "endings",
+            ("opening_speed_m_s", "joint speed in the first 0.3 s", "m/s", "lower", "ours"),
+            ("closing_speed_m_s", "joint speed in the last 0.3 s", "m/s", "lower", "ours"),
+            ("closing_held", "closes in a held pose", "share", "higher", "ours"),
+            ("hold_delay_s", "from the last downbeat to the held pose", "s", "lower", "ours"),
         ),
         *_family(
             "realism",
@@ -104,6 +158,7 @@ METRICS: dict[str, Metric] = {
             ("jerk_p95_m_s3", "jerk, 95th percentile", "m/s³", "real", "ours", 1),
             ("jerk_ratio_at_boundaries", "jerk at transitions / elsewhere", "", "lower", "ours"),
             ("speed_ratio_at_boundaries", "speed at transitions / elsewhere", "", "real", "ours"),
+            ("jumps_per_minute", "one-frame jumps per minute", "", "lower", "ours", 1),
             ("limb_length_spread_mm", "bone length deviation", "mm", "lower", "ours"),
         ),
         *_family(

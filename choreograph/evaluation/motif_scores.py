@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.building.segmentation import WORD_FPS
+from choreograph.errors import ParameterError
 from choreograph.evaluation.scores import Scores
 from choreograph.features.sections import Sections
 from choreograph.metrics import structure
@@ -19,8 +20,29 @@ from choreograph.repertoire import Repertoire
 
 Floats = NDArray[np.float64]
 
+OWN_NETWORK = "own network"  # the one that priced the dances judges them
 _CHANCE_ROUNDS = 100
 _SMOOTHING = 0.01  # share of the transition probability spread over all motifs
+
+
+def scorer_for(repertoire: Repertoire, judge: Repertoire | None = None) -> MotifScorer | None:
+    """A scorer by the judge's vocabulary, or by the repertoire's own; None if that has no vocabulary.
+
+    A search that prices motifs by a word network may fit the network more than the dance, so a judge was
+    trained with another seed. Raises `RepertoireError` if the judge has no vocabulary, `ParameterError` if
+    its word network is the repertoire's.
+    """
+    if judge is None:
+        return MotifScorer(repertoire) if repertoire.has_vocabulary else None
+    scorer = MotifScorer(judge, network=judge.path.name)
+    if repertoire.has_vocabulary:
+        own, other = repertoire.net("words").weights, judge.net("words").weights
+        if own.keys() == other.keys() and all(np.array_equal(own[name], other[name]) for name in own):
+            raise ParameterError(
+                f"{judge.path.name}: expected a judge with another word network than {repertoire.path.name}, "
+                "got the same: build it with another --seed"
+            )
+    return scorer
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +60,10 @@ class DancedMotifs:
 class MotifScorer:
     """Assigns the motion words of a dance to the motifs of a repertoire, and scores the motifs."""
 
-    def __init__(self, repertoire: Repertoire) -> None:
+    def __init__(self, repertoire: Repertoire, *, network: str = OWN_NETWORK) -> None:
+        """`network` names whose word network and vocabulary these are, for reports."""
         self.vocabulary = repertoire.vocabulary
+        self.network = network
         self._net = repertoire.word_net()
 
     def motifs_of(self, motion: Motion, music_beats_s: Floats) -> DancedMotifs:

@@ -1,4 +1,4 @@
-"""Scores of a plan: repeats, variety and genre of its takes, and how fast it plays them."""
+"""Scores of a plan: its transitions, repeats, variety and genre of its takes, and how fast it plays them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.blending.rendering import plan_runs
+from choreograph.counts import Counts
+from choreograph.evaluation.danced_counts import figure_borders_s
 from choreograph.evaluation.scores import Scores
-from choreograph.metrics import structure, warping
+from choreograph.metrics import structure, transitions, warping
 from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import NET_FPS, NODE_FRAMES
@@ -40,6 +42,35 @@ def plan_scores(plan: Plan, repertoire: Repertoire, genre: str = "") -> Scores:
         lengths_s[[take.credits.genre == genre for take in repertoire.takes]].sum() / lengths_s.sum()
     )
     return Scores(scores | {"own_genre": of_genre_s / plan.duration_s}, {"own_genre": chance})
+
+
+def transition_scores(plan: Plan, repertoire: Repertoire, music: Counts) -> Scores:
+    """How often the takes change and whether at borders of bars and figures; empty unless made from takes.
+
+    Chance is transitions at random instants of the song's beats.
+    """
+    if not plan.from_takes:
+        return Scores({})
+    scores = transitions.evaluate(
+        transition_times_s(plan),
+        plan.duration_s,
+        music.times_s,
+        music.numbers,
+        figure_borders_s(plan, repertoire),
+    )
+    known = {name: value for name, value in scores.items() if np.isfinite(value)}
+    chance = transitions.uniform_chance(max(1, music.metre))
+    return Scores(known, {name: level for name, level in chance.items() if name in known})
+
+
+def genre_by_second(plan: Plan, repertoire: Repertoire) -> list[str]:
+    """Genre of the take danced in the middle of every whole second; empty strings without takes."""
+    genres = {take.name: take.credits.genre for take in repertoire.takes}
+    middles_s = np.arange(int(plan.duration_s)) + 0.5
+    blocks = plan.blocks
+    starts_s = [block.start_s for block in blocks]
+    danced = np.clip(np.searchsorted(starts_s, middles_s, side="right") - 1, 0, None)
+    return [genres.get(blocks[index].planned.take, "") for index in danced]
 
 
 def time_maps(plan: Plan) -> Floats:

@@ -16,7 +16,8 @@ from choreograph.files import atomic_path, check_target
 _ARROWS = {"higher": "↑", "lower": "↓", "real": "≈"}
 _ARROW_TITLES = {"higher": "higher is better", "lower": "lower is better", "real": "closer to real is better"}
 _TITLES = {
-    "beats": "Beats", "realism": "Realism", "sets": "Sets of dances", "labels": "Labels",
+    "counts": "Counts and bars", "transitions": "Transitions", "endings": "First and last pose",
+    "beats": "Motion beats", "realism": "Realism", "sets": "Sets of dances", "labels": "Labels",
     "physics": "Physics", "motifs": "Motifs", "structure": "Structure", "warping": "Warping",
     "retrieval": "Retrieval",
 }  # fmt: skip
@@ -57,7 +58,9 @@ def _facts(evaluation: Evaluation) -> str:
     songs = facts["songs"]
     lines = [
         f"{len(songs)} {'song' if len(songs) == 1 else 'songs'}: {', '.join(songs)}",
-        f"{facts['seeds']} {'seed' if facts['seeds'] == 1 else 'seeds'}; music beats from {facts['beats']}",
+        f"{facts['seeds']} {'seed' if facts['seeds'] == 1 else 'seeds'}; music beats from {facts['beats']}, "
+        f"second opinion from {facts['second_beats']}",
+        f"Motifs and signatures judged by: {facts['motifs_judged_by']}",
         f"Fréchet distances to {facts['frechet_against']}",
         f"choreograph {facts['choreograph']}",
     ]
@@ -88,8 +91,9 @@ def _table(table: Table) -> str:
 def _row(row: Row) -> str:
     metric = row.metric
     unit = f" <span class=unit>{_text(metric.unit)}</span>" if metric.unit else ""
+    title = _text(f"{metric.source}. Limits: {metric.limits}")
     head = (
-        f'<th scope=row title="{_text(metric.source)}">{_text(metric.label)}{unit} '
+        f'<th scope=row title="{title}">{_text(metric.label)}{unit} '
         f'<span class=arrow title="{_ARROW_TITLES[metric.better]}">{_ARROWS[metric.better]}</span></th>'
     )
     return f"<tr>{head}{''.join(_cell(cell, metric) for cell in row.cells)}</tr>"

@@ -16,7 +16,7 @@ from choreograph.plan import Plan
 
 Floats = NDArray[np.float64]
 
-REAL, TAKES = "real", "takes"  # table columns next to the variants
+EXPERT, REAL, TAKES = "expert", "real", "takes"  # table columns next to the variants
 SELECTION = "selection"  # not a dance: style retrieval for a song
 SINGLE = "dance"  # the only column if a single dance is evaluated
 
@@ -25,7 +25,7 @@ SINGLE = "dance"  # the only column if a single dance is evaluated
 class MeasuredDance:
     """The scores of one dance or real take."""
 
-    variant: str  # or `REAL`
+    variant: str  # or `EXPERT`, `REAL`
     song: str
     seed: int
     scores: Scores

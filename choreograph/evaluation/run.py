@@ -12,16 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
-from choreograph.evaluation.motif_scores import MotifScorer
-from choreograph.evaluation.motion_scores import (
-    beat_scores,
-    dance_label_values,
-    label_scores,
-    physical_scores,
-)
-from choreograph.evaluation.plan_scores import plan_scores, transition_times_s
+from choreograph.evaluation.counted_dance import CountedDance
+from choreograph.evaluation.dance_scores import dance_scores
+from choreograph.evaluation.motif_scores import scorer_for
+from choreograph.evaluation.motion_scores import dance_label_values, label_scores, physical_scores
+from choreograph.evaluation.phase_scores import DancedPhases, danced_phases, phase_scores
 from choreograph.evaluation.realism_scores import FeatureRows, RealDances, real_set_scores, set_scores
 from choreograph.evaluation.results import (
+    EXPERT,
     REAL,
     SELECTION,
     TAKES,
@@ -33,12 +31,11 @@ from choreograph.evaluation.results import (
 )
 from choreograph.evaluation.retrieval_scores import retrieval_scores
 from choreograph.evaluation.scores import Scores, weighted_mean
-from choreograph.evaluation.songs import EvaluatedSong, beats_of, check_unseen
+from choreograph.evaluation.song_music import SongMusic, second_tracker, song_music
+from choreograph.evaluation.songs import EvaluatedSong, check_unseen
 from choreograph.evaluation.variants import Variant, dance_variant, variants_named
 from choreograph.features.music_beats import DEFAULT_TRACKER
-from choreograph.features.sections import Sections, song_sections
 from choreograph.metrics import labels
-from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import Repertoire
@@ -68,20 +65,32 @@ def evaluate(
     songs: Sequence[EvaluatedSong],
     config: EvaluationConfig | None = None,
     *,
+    references: Sequence[CountedDance] = (),
+    judge: Repertoire | None = None,
     report: ProgressReport | None = None,
 ) -> Evaluation:
     """Dance to held-out songs in every variant with every seed, and measure all dances and the real ones.
 
+    `references` are measured beside them: experts' dances to the same songs, say. `judge` is a repertoire
+    built with another seed: motifs and signatures are then those of its vocabulary, by its word network,
+    which priced none of the dances.
+
     Raises
     ------
-    ParameterError    the repertoire was built from a song, or beats or settings cannot be used
+    ParameterError    the repertoire or the judge was built from a song, a reference dances to another song,
+                      the judge has the repertoire's own word network, or beats or settings cannot be used
     FormatError       a song cannot be read
     RepertoireError   the repertoire lacks something that a variant needs
     """
     config = config or EvaluationConfig()
-    if not config.seen:
-        check_unseen(songs, repertoire)
-    run = _Run(repertoire, songs, config, report)
+    known = {song.name for song in songs}
+    for reference in references:
+        if reference.song not in known:
+            raise ParameterError(f"expected references to the songs evaluated, got one to {reference.song!r}")
+    for built in (repertoire, judge) if not config.seen else ():
+        if built is not None:
+            check_unseen(songs, built)
+    run = _Run(repertoire, songs, config, references, judge, report)
     for song in songs:
         run.dance_to(song)
     return run.evaluation()
@@ -95,6 +104,8 @@ class _Run:
         repertoire: Repertoire,
         songs: Sequence[EvaluatedSong],
         config: EvaluationConfig,
+        references: Sequence[CountedDance],
+        judge: Repertoire | None,
         report: ProgressReport | None,
     ) -> None:
         self.repertoire, self.songs, self.config = repertoire, songs, config
@@ -105,9 +116,11 @@ class _Run:
         self.features: dict[tuple[str, int], list[FeatureRows]] = {}  # (variant, seed) -> dances
         self.dance_labels: list[Floats] = []  # (W, 4) per dance
         self.music_labels: dict[str, Floats] = {}  # song -> (W, 4)
-        self.sections: dict[str, Sections] = {}  # by song
+        self.references = references
+        self.music: dict[str, SongMusic] = {}  # by song
+        self.phases: list[DancedPhases] = []  # per dance
         self.example: ExampleSong | None = None
-        self.motif_scorer = MotifScorer(repertoire) if repertoire.has_vocabulary else None
+        self.motif_scorer = scorer_for(repertoire, judge)
         self.real, self.real_description = self._real_dances()
         self.n_dances = sum(len(self._seeds(v)) for v in config.variants) * len(songs)
 
@@ -137,62 +150,56 @@ class _Run:
     def dance_to(self, song: EvaluatedSong) -> None:
         """Make and measure all dances to a song."""
         loaded = song.load()
-        beats_s = beats_of(loaded, self.config.beats, start_s=song.start_s)
         starts_s = labels.window_starts_s(loaded.duration_s)
         self.music_labels[song.name] = labels.music_values(loaded.samples, starts_s)
-        self.sections[song.name] = song_sections(loaded.samples, beats_s)
+        self.music[song.name] = song_music(loaded, self.config.beats, start_s=song.start_s)
         examples: list[ExampleDance] = []
         for variant in self.config.variants:
             for seed in self._seeds(variant):
                 self.report("dancing", len(self.dances), self.n_dances)
                 dance = dance_variant(variant, loaded, self.repertoire, seed=seed, start_s=song.start_s)
                 self.notes |= dict.fromkeys(dance.notes)
-                example = self._measure(variant.name, song, seed, dance.motion, dance.plan, beats_s)
+                made = CountedDance.from_plan(
+                    variant.name, song.name, dance.motion, dance.plan, self.repertoire
+                )
+                example = self._measure(song, seed, made)
                 if seed == self.config.first_seed:
                     examples.append(example)
+        examples += [self._measure(song, 0, known) for known in self.references if known.song == song.name]
         if song.take is not None:
             scores = retrieval_scores(loaded, song.genre, self.repertoire)
             self.retrievals.append(MeasuredDance(SELECTION, song.name, 0, scores))
             n_frames = min(song.take.motion.n_frames, round(loaded.duration_s * song.take.motion.fps))
-            examples.append(self._measure(REAL, song, 0, song.take.motion.sliced(0, n_frames), None, beats_s))
+            motion = song.take.motion.sliced(0, n_frames)
+            counts = song.take.counts.within(0.0, motion.duration_s)
+            examples.append(self._measure(song, 0, CountedDance(REAL, song.name, motion, counts)))
         if self.example is None:
             template = self.motif_scorer.template(song.genre) if self.motif_scorer else None
+            beats_s = self.music[song.name].beats_s
             self.example = ExampleSong(song.name, beats_s, tuple(examples), template)
 
-    def _measure(
-        self,
-        variant: str,
-        song: EvaluatedSong,
-        seed: int,
-        motion: Motion,
-        plan: Plan | None,
-        beats_s: Floats,
-    ) -> ExampleDance:
-        rng = np.random.default_rng(seed)
-        boundaries_s = transition_times_s(plan) if plan else ()
-        scores = beat_scores(motion, beats_s, rng) | physical_scores(motion, boundaries_s)
+    def _measure(self, song: EvaluatedSong, seed: int, dance: CountedDance) -> ExampleDance:
+        rng, motion, music = np.random.default_rng(seed), dance.motion, self.music[song.name]
+        scores, motifs = dance_scores(dance, music, rng, genre=song.genre, scorer=self.motif_scorer)
         if self.real is not None:
             scores |= self.real.scores(motion, song.song_name, rng)
-        motifs = None
-        if self.motif_scorer is not None:
-            motifs = self.motif_scorer.motifs_of(motion, beats_s)
-            scores |= self.motif_scorer.scores(motifs, song.genre)
-            scores |= self.motif_scorer.section_scores(motifs, self.sections[song.name])
-        if plan is not None:
-            scores |= plan_scores(plan, self.repertoire, song.genre)
-        self.features.setdefault((variant, seed), []).append(FeatureRows.from_motion(motion, self.real))
+        rows = FeatureRows.from_motion(motion, self.real)
+        self.features.setdefault((dance.variant, seed), []).append(rows)
         self.dance_labels.append(dance_label_values(motion))
-        self.dances.append(MeasuredDance(variant, song.name, seed, scores, plan))
-        return ExampleDance(variant, motion, plan, motifs)
+        self.phases.append(danced_phases(motion, music.beats_s, song.genre, song.song_name))
+        self.dances.append(MeasuredDance(dance.variant, song.name, seed, scores, dance.plan))
+        return ExampleDance(dance.variant, motion, dance.plan, motifs)
 
     def evaluation(self) -> Evaluation:
         """The results, with the scores that need all dances: labels, sets, and the takes danced with."""
-        dances = self._with_label_scores()
+        dances = self._with_phase_scores(self._with_label_scores())
         sets = self._set_scores()
         takes = self._take_scores()
         variants = {v.name: v.description for v in self.config.variants}
+        for reference in self.references:
+            variants.setdefault(reference.variant, "experts' choreography, laid on the beats count by count")
         if any(d.variant == REAL for d in dances):
-            variants[REAL] = "the real takes to these songs"
+            variants[REAL] = "the real takes to these songs as recorded, synchronised with them or not"
         retrievals = [r for r in self.retrievals if r.scores.values]
         if retrievals:
             variants[SELECTION] = "the repertoire's clips ranked by style; the same for every variant"
@@ -206,6 +213,8 @@ class _Run:
             "songs": [song.name for song in self.songs],
             "seeds": self.config.seeds,
             "beats": Path(self.config.beats).name,
+            "second_beats": second_tracker(self.config.beats),
+            "motifs_judged_by": self.motif_scorer.network if self.motif_scorer else "nothing",
             "frechet_against": self.real_description,
             "seen": self.config.seen,
         }
@@ -223,6 +232,17 @@ class _Run:
         return [
             replace(d, scores=d.scores | label_scores(scale, values, self.music_labels[d.song]))
             for d, values in zip(self.dances, self.dance_labels, strict=True)
+        ]
+
+    def _with_phase_scores(self, dances: Sequence[MeasuredDance]) -> list[MeasuredDance]:
+        """Phases of motion beats against the experts', or without experts the real takes', of the genre."""
+        found = {d.variant for d in dances}
+        reference = EXPERT if EXPERT in found else REAL
+        experts = [p for d, p in zip(dances, self.phases, strict=True) if d.variant == reference]
+        rng = np.random.default_rng(0)
+        return [
+            replace(dance, scores=dance.scores | phase_scores(phases, experts, rng))
+            for dance, phases in zip(dances, self.phases, strict=True)
         ]
 
     def _set_scores(self) -> list[MeasuredDance]:

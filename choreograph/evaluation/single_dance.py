@@ -9,13 +9,14 @@ import numpy as np
 
 from choreograph.audio.song import Song
 from choreograph.errors import ParameterError
+from choreograph.evaluation.counted_dance import CountedDance
+from choreograph.evaluation.dance_scores import dance_scores
 from choreograph.evaluation.motif_scores import MotifScorer
-from choreograph.evaluation.motion_scores import beat_scores, check_measurable, physical_scores
+from choreograph.evaluation.motion_scores import check_measurable
 from choreograph.evaluation.realism_scores import RealDances
 from choreograph.evaluation.results import SINGLE, Evaluation, ExampleDance, ExampleSong, MeasuredDance
-from choreograph.evaluation.songs import beats_of
+from choreograph.evaluation.song_music import second_tracker, song_music
 from choreograph.features.music_beats import DEFAULT_TRACKER
-from choreograph.features.sections import song_sections
 from choreograph.motion.motion import Motion
 from choreograph.repertoire import Repertoire
 
@@ -36,10 +37,10 @@ def evaluate_dance(
     check_measurable(motion, name)
     length_s = min(motion.duration_s, song.duration_s)
     motion = motion.sliced(0, max(1, round(length_s * motion.fps)))
-    beats_s = beats_of(song, beats)
+    music = song_music(song, beats)
     rng = np.random.default_rng(0)
-    scores = beat_scores(motion, beats_s, rng) | physical_scores(motion)
-    motifs = template = None
+    scorer = MotifScorer(repertoire) if repertoire is not None and repertoire.has_vocabulary else None
+    scores, motifs = dance_scores(CountedDance(SINGLE, song.name, motion), music, rng, scorer=scorer)
     notes: list[str] = list(song.notes)
     if repertoire is not None:
         takes = [(repertoire.motion(i)[0], take.song_name) for i, take in enumerate(repertoire.takes)]
@@ -48,21 +49,22 @@ def evaluate_dance(
             scores |= real.scores(motion, song.name, rng)
         except ParameterError as error:
             notes.append(f"no Fréchet distances: {error}")
-        if repertoire.has_vocabulary:
-            scorer = MotifScorer(repertoire)
-            motifs = scorer.motifs_of(motion, beats_s)
-            scores |= scorer.scores(motifs, "")
-            scores |= scorer.section_scores(motifs, song_sections(song.samples, beats_s))
-            template = scorer.template("")
     facts = {
         "choreograph": version("choreograph"),
         "repertoire": repertoire.path.name if repertoire else None,
         "songs": [song.name],
         "seeds": 1,
         "beats": Path(beats).name,
+        "second_beats": second_tracker(beats),
+        "motifs_judged_by": scorer.network if scorer else "nothing",
         "frechet_against": "the repertoire's takes" if repertoire else "nothing",
         "seen": False,
     }
-    example = ExampleSong(song.name, beats_s, (ExampleDance(SINGLE, motion, None, motifs),), template)
+    example = ExampleSong(
+        song.name,
+        music.beats_s,
+        (ExampleDance(SINGLE, motion, None, motifs),),
+        scorer.template("") if scorer else None,
+    )
     measured = MeasuredDance(SINGLE, song.name, 0, scores)
     return Evaluation(facts, {SINGLE: name}, (measured,), (), tuple(notes), example)

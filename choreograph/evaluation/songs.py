@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.audio.song import Song, load_song
-from choreograph.errors import FormatError, ParameterError
+from choreograph.errors import ParameterError
 from choreograph.features.mel import log_mel
-from choreograph.features.music_beats import TRACKERS, checked_beat_times_s, get_beat_tracker
+from choreograph.features.music_beats import TRACKERS
+from choreograph.features.song_counts import song_beats
 from choreograph.files import sha256_of
-from choreograph.importers import import_takes
+from choreograph.importers import annotate_takes, import_takes
 from choreograph.repertoire import Repertoire
 from choreograph.takes import Take
 
@@ -47,20 +48,28 @@ class EvaluatedSong:
 
 
 def find_songs(
-    folder: str | Path, *, only: Collection[str] = (), duration_s: float | None = None
+    folder: str | Path,
+    *,
+    only: Collection[str] = (),
+    duration_s: float | None = None,
+    counted_by: Sequence[str | Path] = (),
 ) -> tuple[EvaluatedSong, ...]:
     """Find the songs in a folder: those of importable takes in any layout, and all other audio files.
 
     `only` names the takes and songs (files without suffix) to keep, all if empty. `duration_s` cuts songs and
-    their real takes. Raises `ParameterError` if there is no song or a name in `only` is missing,
-    `FormatError` if a take is damaged.
+    their real takes. `counted_by` are other sources that know the counts of the takes, such as ChoreoNet's
+    lists of dance-with-melody's figures. Raises `ParameterError` if there is no song or a name in `only` is
+    missing, `FormatError` if a take is damaged.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise ParameterError(f"expected a folder of songs at {folder}, got no such folder")
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in SONG_SUFFIXES and p.name[0] != ".")
     songs, with_take = [], set()
-    for take in _takes(folder, optional=bool(files)):
+    takes = list(_takes(folder, optional=bool(files)))
+    for source in counted_by:
+        takes = annotate_takes(takes, source)
+    for take in takes:
         if take.song_path is None:
             continue
         with_take.add(take.song_path)
@@ -111,22 +120,11 @@ def check_unseen(songs: Sequence[EvaluatedSong], repertoire: Repertoire) -> None
 
 
 def beats_of(song: Song, beats: str | Path, *, start_s: float = 0.0) -> NDArray[np.float64]:
-    """Beats (Q,) in seconds, by the name of a tracker or from a text file with one time in the song per line.
+    """Beats (Q,) in seconds, by the name of a tracker, from a file of beats, or from SONG.txt in a folder.
 
-    `song` begins at `start_s` of its audio file. Given a folder, the file is SONG.txt in it. Raises
-    `ParameterError` if `beats` is neither, or beats do not increase; `FormatError` for another kind of file.
+    `song` begins at `start_s` of its audio file. Raises `ParameterError` if `beats` is none of these,
+    `FormatError` for a file that cannot be read.
     """
-    if str(beats) in TRACKERS:
-        return get_beat_tracker(str(beats)).beats(song, log_mel(song.samples))
-    path = Path(beats)
-    if path.is_dir():
-        path = path / f"{(song.path or Path(song.name)).stem}.txt"
-    if not path.is_file():
-        raise ParameterError(f"expected beats by {', '.join(TRACKERS)} or from a file, got {path}")
-    try:
-        lines = path.read_text(encoding="utf-8").split("\n")
-        file_times_s = [float(line.split()[0]) for line in lines if line.strip() and line.strip()[0] != "#"]
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        raise FormatError(f"{path}: expected a time in seconds on every line: {error}") from error
-    times_s = np.array(file_times_s) - start_s
-    return checked_beat_times_s(times_s[(times_s >= 0) & (times_s <= song.duration_s)], song.duration_s)
+    if str(beats) not in TRACKERS and Path(beats).is_dir():
+        beats = Path(beats) / f"{(song.path or Path(song.name)).stem}.txt"
+    return song_beats(song, log_mel(song.samples), beats, start_s=start_s).times_s

@@ -10,10 +10,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from choreograph.evaluation.metric_catalogue import FAMILIES, METRICS, Metric
-from choreograph.evaluation.results import REAL, TAKES, Evaluation, MeasuredDance, dances_of
+from choreograph.evaluation.results import EXPERT, REAL, TAKES, Evaluation, MeasuredDance, dances_of
 
 FORMAT = "choreograph-evaluation"
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def to_json(evaluation: Evaluation) -> str:
         "version": VERSION,
         "facts": dict(evaluation.facts),
         "variants": dict(evaluation.variants),
-        "metrics": {name: asdict(metric) for name, metric in METRICS.items()},
+        "metrics": {name: {**asdict(metric), "limits": metric.limits} for name, metric in METRICS.items()},
         "tables": [
             {
                 "family": table.family,
@@ -140,4 +140,4 @@ def number_text(value: float, digits: int) -> str:
 
 def column_title(name: str) -> str:
     """The title of a column."""
-    return {REAL: "real dances", TAKES: "takes used"}.get(name, name)
+    return {EXPERT: "experts on the beat", REAL: "real dances", TAKES: "takes used"}.get(name, name)

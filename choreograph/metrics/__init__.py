@@ -2,9 +2,14 @@
 
 Music and dance
 
+- `counts` — a dance's counts against the song's beats, count 1 against its downbeats, drift, chance levels
 - `beat` — motion beats against music beats: F-score, beat alignment, distances, chance levels
+- `motion_beat_detectors` — five ways to detect motion beats, and the F-score by each
+- `count_phase` — where in the count motion beats lie, against experts of the genre
+- `style_response` — whether the danced genre changes where the song's does
 - `labels` — distances between paired labels of dance and music (openness, intensity, rhythm, asymmetry)
 - `structure` — motif signatures and transitions, repeats, agreement with the sections of the song
+- `transitions` — how often takes change, and whether at borders of bars and figures
 
 Realism
 
@@ -15,6 +20,7 @@ Realism
 Physics
 
 - `physical` — foot sliding, floor penetration, floating, jerk and speed at transitions, bone lengths
+- `endings` — speed at the first and last pose, and when the last one is held
 - `contact_scores` — PFC and foot skating ratio as published, and corrected
 
 Parts of the engine

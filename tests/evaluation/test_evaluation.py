@@ -9,24 +9,33 @@ import jsonschema
 import numpy as np
 import pytest
 from synthetic_motions import stepping, swaying
-from synthetic_repertoire import synthetic_repertoire, write_clicks
+from synthetic_repertoire import synthetic_repertoire, synthetic_takes, with_counts, write_clicks
 
 from choreograph.audio.song import load_song
+from choreograph.counts import Counts, numbers_in_bar
 from choreograph.errors import FormatError, ParameterError
 from choreograph.evaluation import (
     METRICS,
+    CountedDance,
     EvaluationConfig,
     evaluate,
     evaluate_dance,
     find_songs,
+    read_experts,
     tables,
     to_json,
     variants_named,
     write_report,
 )
 from choreograph.evaluation.metric_catalogue import FAMILIES
+from choreograph.evaluation.metric_limits import LIMITS
 from choreograph.evaluation.motif_scores import DancedMotifs, MotifScorer
-from choreograph.evaluation.plan_scores import plan_scores, transition_times_s
+from choreograph.evaluation.plan_scores import (
+    genre_by_second,
+    plan_scores,
+    transition_scores,
+    transition_times_s,
+)
 from choreograph.evaluation.songs import beats_of
 from choreograph.evaluation.tables import number_text
 from choreograph.evaluation.variants import VARIANTS, dance_variant
@@ -47,7 +56,8 @@ NO_SECTIONS = Sections(np.zeros(0), np.zeros(0, np.int64))
 
 @pytest.fixture(scope="module")
 def repertoire(tmp_path_factory) -> Repertoire:
-    return synthetic_repertoire(tmp_path_factory.mktemp("db") / "rep.h5", vocabulary=True)
+    takes = with_counts(synthetic_takes())
+    return synthetic_repertoire(tmp_path_factory.mktemp("db") / "rep.h5", takes, vocabulary=True)
 
 
 @pytest.fixture(scope="module")
@@ -198,7 +208,7 @@ def test_beats_from_files(tmp_path):
         assert beats_of(song, given).tolist() == [0.5, 1.0, 2.5]
     assert beats_of(song, beats, start_s=0.75).tolist() == [0.25, 1.75]
     beats.write_text("1.0\n0.5\n")
-    with pytest.raises(ParameterError, match="increasing"):
+    with pytest.raises(FormatError, match="increasing"):
         beats_of(song, beats)
     beats.write_text("one\n")
     with pytest.raises(FormatError, match=r"song\.txt"):
@@ -283,3 +293,71 @@ def test_sections_of_the_same_music_danced_alike(repertoire):
         scorer.section_scores(DancedMotifs(np.zeros(1, int), np.zeros(1), np.ones(1)), NO_SECTIONS).values
         == {}
     )
+
+
+def test_every_metric_says_what_it_does_not_tell():
+    assert set(LIMITS) == set(METRICS)
+    assert all(METRICS[name].limits for name in METRICS)
+    assert {metric.family for metric in METRICS.values()} == set(FAMILIES)
+
+
+def test_counts_transitions_and_endings_are_measured(evaluation):
+    within = cells(evaluation, "counts_within")
+    assert within["ours"].mean > within["ours"].chance  # the synthetic takes count where they rest
+    assert within["ours"].chance == pytest.approx(0.3, abs=0.1)
+    assert cells(evaluation, "counted_share")["random"].mean == pytest.approx(1.0)
+    assert cells(evaluation, "transitions_per_minute")["random"].mean > 5.0
+    assert cells(evaluation, "opening_speed_m_s")["real"].n == 2
+    assert cells(evaluation, "f_score_mean")["real"].mean > 0.9
+    assert cells(evaluation, "f_score_mean_second")["real"].n == 2
+
+
+def test_a_reference_stands_beside_the_variants(repertoire, folder):
+    songs = find_songs(folder, only=["alone"])
+    made = dance_variant(VARIANTS["ours"], songs[0].load(), repertoire)
+    expert = CountedDance.from_plan("expert", "alone", made.motion, made.plan, repertoire)
+    config = EvaluationConfig(variants_named(["random"]), seeds=1)
+    found = evaluate(repertoire, songs, config, references=[expert])
+    assert cells(found, "counts_within")["expert"].mean > cells(found, "counts_within")["random"].mean
+    assert "expert" in found.variants
+    with pytest.raises(ParameterError, match="other"):
+        evaluate(repertoire, songs, config, references=[replace(expert, song="other")])
+
+
+def test_motifs_judged_by_another_network(repertoire, folder, tmp_path):
+    judge = synthetic_repertoire(
+        tmp_path / "other.h5", synthetic_takes(periods_s=(0.4, 0.55, 0.8)), vocabulary=True
+    )
+    songs = find_songs(folder, only=["alone"])
+    config = EvaluationConfig(variants_named(["random"]), seeds=1)
+    own, judged = (evaluate(repertoire, songs, config, judge=by) for by in (None, judge))
+    assert (own.facts["motifs_judged_by"], judged.facts["motifs_judged_by"]) == ("own network", "other.h5")
+    assert own.dances[0].scores.values["signature_chi2"] != judged.dances[0].scores.values["signature_chi2"]
+    assert own.dances[0].scores.values["f_score"] == judged.dances[0].scores.values["f_score"]
+    with pytest.raises(ParameterError, match="another --seed"):
+        evaluate(repertoire, songs, config, judge=repertoire)
+
+
+def test_transitions_of_a_plan(repertoire, folder):
+    song = find_songs(folder, only=["alone"])[0].load()
+    plan = dance_variant(VARIANTS["random"], song, repertoire).plan
+    music = Counts(0.6 * np.arange(15), numbers_in_bar(15, 4), 4)
+    scores = transition_scores(plan, repertoire, music)
+    assert scores.values["transitions_per_minute"] == pytest.approx(len(transition_times_s(plan)) * 60 / 9)
+    assert scores.chance["transitions_at_bar_borders"] == pytest.approx(0.075)
+    genres = genre_by_second(plan, repertoire)
+    assert len(genres) == 9
+    assert genres == [repertoire.takes[repertoire.take_index(s.take)].credits.genre for s in plan.seconds]
+
+
+def test_experts_are_read_from_a_folder(folder, tmp_path):
+    songs = find_songs(folder, only=["alone", "slow"])
+    save_motion(tmp_path / "alone.bvh", stepping(24 * 30, period_s=0.6, seed=1))
+    save_motion(tmp_path / "another.bvh", stepping(60))
+    rows = "\n".join(f"{0.6 * i:.2f},{i % 4 + 1}" for i in range(40))
+    (tmp_path / "alone.counts.csv").write_text(f"time_s,number\n{rows}\n")
+    (expert,) = read_experts(tmp_path, [replace(song, duration_s=9.0) for song in songs])
+    assert (expert.variant, expert.song, expert.motion.n_frames) == ("expert", "alone", 270)
+    assert expert.counts.times_s == pytest.approx(0.6 * np.arange(15))
+    with pytest.raises(ParameterError, match="quick"):
+        read_experts(tmp_path, find_songs(folder, only=["quick"]))

@@ -10,6 +10,7 @@ tempo            tempo maps and swing
 drums, voices    synthesis of drum hits and notes
 mixing, effects  from tracks to a mastered stereo song
 benchmark_songs  the songs that tests and benchmarks use
+spliced_songs    songs of two genres, to see whether a dance follows
 """
 
 from choreograph.synthesis.songs.arrangement import Section
