@@ -14,7 +14,7 @@ from choreograph.errors import FormatError, ParameterError
 ENGINES = ("graph", "mixer", "rollout")
 PLANNERS = ("exact", "greedy", "motion-graph")
 SELECTIONS = ("style", "random")
-WARPINGS = ("dtw", "none")
+WARPINGS = ("counts", "dtw", "none")
 BLENDINGS = ("inertial", "linear")
 TRANSITION_PLACEMENTS = ("beats", "seconds")
 # Lengths a transition may have: inertial to each side, linear in all; the first where none is searched for.
@@ -23,6 +23,7 @@ TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
 DEFAULT_WEIGHTS = {
     "style": 1.0, "completeness": 3.0, "transition": 3.0, "velocity": 0.5, "rhythm": 14.0, "pace": 0.3,
     "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,
+    "accents": 2.0, "bars": 6.0, "phrasing": 4.0, "energy": 2.0, "stillness": 2.0,
 }  # fmt: skip
 
 
@@ -34,18 +35,19 @@ class DanceConfig:
     planner: str = "exact"  # graph: exact, greedy or motion-graph; mixer: exact or greedy
     candidates: int = 512  # K clips warped for each second (graph)
     selection: str = "style"  # which clips: the nearest in style, or "random" (graph)
-    warping: str = "dtw"  # clips to the music's tempo, or "none": as recorded (graph)
+    warping: str = "counts"  # counts to beats, "dtw" of tempo-densities where they are not known or for all,
+    # or "none": as recorded (graph)
     blending: str = "inertial"
-    transitions: str = "beats"  # where takes change: where it best keeps the beat, or on "seconds" (graph)
+    transitions: str = "beats"  # where takes change: on downbeats and beats, or on "seconds" (graph)
     fps: float = 60.0
     seed: int = 0
-    beats: str = "tempo-path"  # beat tracker
+    beats: str | Path = "tempo-path"  # beat tracker, or a file of the song's beats
     weights: Mapping[str, float] = field(
         default_factory=dict
     )  # replace DEFAULT_WEIGHTS; custom costs default to 1 (graph)
 
     def __post_init__(self) -> None:
-        from choreograph.features.music_beats import TRACKERS
+        from choreograph.features.song_counts import check_beats
 
         _choice("engine", self.engine, ENGINES)
         _choice("planner", self.planner, PLANNERS)
@@ -53,7 +55,7 @@ class DanceConfig:
         _choice("warping", self.warping, WARPINGS)
         _choice("blending", self.blending, BLENDINGS)
         _choice("transitions", self.transitions, TRANSITION_PLACEMENTS)
-        _choice("beats", self.beats, tuple(TRACKERS))
+        check_beats(self.beats)
         if isinstance(self.candidates, bool) or not isinstance(self.candidates, int) or self.candidates < 1:
             raise ParameterError(f"expected candidates of at least 1, got {self.candidates!r}")
         if not (is_number(self.fps) and 1 <= self.fps <= 1000):

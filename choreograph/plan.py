@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import reprlib
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -92,13 +92,22 @@ class Plan:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """What is danced from when to when, in order: the words, and the seconds where there is no word."""
+        """What is danced from when to when, in order: the words, and the seconds where there is no word.
+
+        The first also holds the first pose, and the last one the last.
+        """
         blocks = [Block(w.start_s, w.end_s, w.source_start_s, w.source_end_s, w) for w in self.words]
         start_s = np.array([second.start_s for second in self.seconds])
         bounds_s = np.minimum(np.maximum.accumulate([*start_s, self.duration_s]), self.duration_s)
         for second, span_s in zip(self.seconds, pairwise(bounds_s.tolist()), strict=True):
             blocks.extend(_unreplaced_blocks(second, span_s, self.words))
-        return tuple(sorted(blocks, key=lambda block: block.start_s))
+        blocks.sort(key=lambda block: block.start_s)
+        end_s = self.duration_s if self.closing_s is None else self.closing_s
+        danced = [b for b in blocks if b.end_s > self.opening_s and b.start_s < end_s]
+        if danced:
+            danced[0] = replace(danced[0], start_s=0.0)
+            danced[-1] = replace(danced[-1], end_s=self.duration_s)
+        return tuple(danced)
 
     @property
     def from_takes(self) -> bool:

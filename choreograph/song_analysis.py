@@ -2,53 +2,102 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from choreograph.audio.song import Song
-from choreograph.counts import FROM_MUSIC, Counts
+from choreograph.counts import Counts
 from choreograph.features.density import music_density
 from choreograph.features.energy import energy_per_second
 from choreograph.features.mel import log_mel
-from choreograph.features.music_beats import DEFAULT_TRACKER, get_beat_tracker
+from choreograph.features.metrical_level import choose_level, metrical_levels, tempo_bpm
+from choreograph.features.music_beats import DEFAULT_TRACKER, TRACKERS
+from choreograph.features.phrasing import dance_span_s
 from choreograph.features.sections import song_sections
+from choreograph.features.song_counts import song_counts
 from choreograph.features.song_features import SongFeatures
 from choreograph.features.tempogram import rhythm_features
 from choreograph.repertoire import Repertoire
 
+_NEAREST_CLIPS = 32  # whose takes say at which tempo a second of the song can be danced
+
 
 def analyse_song(
-    song: Song, repertoire: Repertoire, *, beats: str = DEFAULT_TRACKER
+    song: Song, repertoire: Repertoire, *, beats: str | Path = DEFAULT_TRACKER, start_s: float = 0.0
 ) -> tuple[SongFeatures, tuple[str, ...]]:
     """Features of every second of a song, and notes on what is unusual about it.
 
-    `beats` is the name of a beat tracker. Without style networks all style vectors are zero. Raises
-    `ParameterError` for an unknown tracker.
+    `beats` is the name of a beat tracker or a file of beats (see `features.beat_files`) whose times are those
+    of the song file, which `song` begins at `start_s` of. Half or double of a tracker's tempo is taken where
+    the takes nearest in style are danced clearly nearer to their own tempo so. Without style networks all
+    style vectors are zero. Raises `ParameterError` for an unknown tracker, `FormatError` for a file that
+    cannot be read.
     """
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)
     mel = log_mel(song.samples)  # (T, 96)
-    beat_times_s = get_beat_tracker(beats).beats(song, mel)
-    if len(beat_times_s) == 0:
-        notes.append(f"{song.name}: no beats found: the dance keeps the rhythm of its takes")
     if "style" in repertoire.net_names:
         style, beat_count = _style(repertoire, mel, n_seconds)
     else:
         notes.append(f"{repertoire.path.name}: no style networks: clips are not chosen by style")
         style = np.zeros((n_seconds, repertoire.clip_style.shape[1]), np.float32)
         beat_count = np.zeros(n_seconds, np.float32)
-    density = _wanted_density(repertoire, mel, beat_times_s, n_seconds)
+    counts = song_counts(song, mel, beats, start_s=start_s)
+    if str(beats) in TRACKERS:
+        tracked, counts = counts, _danceable(counts, song, mel, repertoire, style)
+        if counts is not tracked:
+            notes.append(
+                f"{song.name}: counted at {tempo_bpm(counts):.0f} BPM rather than the tracked "
+                f"{tempo_bpm(tracked):.0f}, which the takes nearest in style are danced at"
+            )
+    if len(counts) == 0:
+        notes.append(f"{song.name}: no beats found: the dance keeps the rhythm of its takes")
+    opening_s, closing_s = dance_span_s(counts, mel, song.duration_s)
     features = SongFeatures(
         song.name,
         song.duration_s,
-        Counts(beat_times_s, np.zeros(len(beat_times_s), np.int64), 0, FROM_MUSIC),
+        counts,
         style,
         beat_count,
-        density,
-        song_sections(song.samples, beat_times_s),
+        _wanted_density(repertoire, mel, counts.times_s, n_seconds),
+        song_sections(song.samples, counts.times_s),
         energy_per_second(song.samples, n_seconds),
+        opening_s,
+        closing_s,
     )
     return features, tuple(notes)
+
+
+def _danceable(
+    tracked: Counts, song: Song, mel: NDArray[np.float32], repertoire: Repertoire, style: NDArray[np.float32]
+) -> Counts:
+    """The song's counts at the metrical level that suits the takes; see `features.metrical_level`."""
+    takes = [i for i in range(len(repertoire.takes)) if repertoire.counts(i).has_bars]
+    if not takes or not tracked.has_bars:
+        return tracked
+    near = _nearness(style, repertoire)  # (takes,)
+    tempi_bpm, weights = {}, {}
+    for metre in {repertoire.counts(i).metre for i in takes}:
+        of_metre = [i for i in takes if repertoire.counts(i).metre == metre]
+        tempi_bpm[metre] = np.array([tempo_bpm(repertoire.counts(i)) for i in of_metre])
+        weights[metre] = near[of_metre]
+    return choose_level(metrical_levels(song.samples, mel, tracked), tempi_bpm, weights)
+
+
+def _nearness(style: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.float64]:
+    """Share of each take, (takes,), of the clips nearest in style to the song's seconds (S, 32).
+
+    Without style networks all takes have the same.
+    """
+    if not style.any():
+        return np.ones(len(repertoire.takes))
+    n_nearest = min(_NEAREST_CLIPS, repertoire.n_clips)
+    _, nearest = cKDTree(repertoire.clip_style).query(style, n_nearest)  # (S, K)
+    counted = np.bincount(repertoire.clip_take[np.ravel(nearest)], minlength=len(repertoire.takes))
+    return counted / counted.sum()
 
 
 def _style(

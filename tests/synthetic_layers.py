@@ -10,6 +10,7 @@ from choreograph.features.song_features import SongFeatures
 from choreograph.graph import ClipTable, LayerSource, node_motifs, song_words_s
 from choreograph.timebase import CLIP_FRAMES, NODE_FRAMES, SEGMENT_FRAMES
 from choreograph.warping import Segments
+from choreograph.warping.count_maps import NO_TRACK
 
 
 class RandomPoses:
@@ -20,6 +21,7 @@ class RandomPoses:
         self.pose = rng.normal(size=(n_clips, CLIP_FRAMES, 21, 3)).astype(np.float32)
 
     def poses_m(self, clip, frames):
+        frames = np.clip(frames, 0, CLIP_FRAMES - 1)
         low = np.minimum(np.asarray(frames).astype(int), CLIP_FRAMES - 2)
         weight = (frames - low)[:, None, None].astype(np.float32)
         here, there = self.pose[clip, low], self.pose[clip, low + 1]
@@ -34,10 +36,12 @@ def random_source(
     n_clips: int = 6,
     tie_break_s: np.ndarray | None = None,
     n_motifs: int = 0,
+    tracked: bool = False,
 ) -> tuple[LayerSource, SongFeatures]:
     """A source of `n_seconds` random layers of at most 4·k nodes, and song features for it.
 
-    With `n_motifs`, nodes have random motifs, two words per second.
+    With `n_motifs`, nodes have random motifs, two words per second. With `tracked`, about half of the
+    segments belong to one of three tracks.
     """
     rng = np.random.default_rng(seed)
     beats = np.sort(rng.uniform(0, NODE_FRAMES, (2, n_seconds, k, 4)), axis=0).astype(np.float32)
@@ -50,6 +54,9 @@ def random_source(
         unmatched_beat=rng.random((n_seconds, k, 4), np.float32),
         first_beat=beats[0],
         last_beat=beats[1],
+        track=_tracks(rng, n_seconds, k) if tracked else np.full((n_seconds, k), NO_TRACK),
+        off_bar=rng.random((n_seconds, k, 4), np.float32),
+        phrase_penalty=rng.random((n_seconds, k, 5), np.float32),
     )
     clips = ClipTable(
         take=np.arange(n_clips) % 2,
@@ -57,12 +64,13 @@ def random_source(
         take_names=np.array(["left", "right"]),
         genres=np.array(["waltz", "rumba"]),
         style=rng.normal(size=(n_clips, 32)).astype(np.float32),
+        liveliness=rng.random(n_clips, np.float32),
     )
     song_features = SongFeatures(
         "random", float(n_seconds), Counts(np.arange(0, n_seconds, 0.5), np.arange(2 * n_seconds) % 4 + 1, 4),
         rng.normal(size=(n_seconds, 32)).astype(np.float32), np.full(n_seconds, 8, np.float32),
         np.zeros((n_seconds, SEGMENT_FRAMES), np.float32), Sections(np.zeros(0), np.zeros(0, np.int64)),
-        np.ones(n_seconds, np.float32),
+        np.ones(n_seconds, np.float32), 0.0, float(n_seconds),
     )  # fmt: skip
     motifs = None
     if n_motifs:
@@ -74,3 +82,7 @@ def random_source(
         segments, clips, RandomPoses(n_clips, seed), tie_break_s=tie_break_s, motifs=motifs, n_motifs=n_motifs
     )  # fmt: skip
     return source, song_features
+
+
+def _tracks(rng: np.random.Generator, n_seconds: int, k: int) -> np.ndarray:
+    return np.where(rng.random((n_seconds, k)) < 0.5, rng.integers(0, 3, (n_seconds, k)), NO_TRACK)

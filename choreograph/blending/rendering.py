@@ -6,6 +6,7 @@ import numpy as np
 
 from choreograph.blending.assembly import assemble
 from choreograph.blending.foot_locking import DANCE_SHIFT_S, lock_feet
+from choreograph.blending.held_ends import hold_ends
 from choreograph.blending.runs import (
     Run,
     TransitionTiming,
@@ -46,7 +47,7 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
         duration_s=plan.duration_s,
         blending=plan.blending,
     )
-    return lock_feet(motion, shift_s=DANCE_SHIFT_S)
+    return lock_feet(hold_ends(motion, plan.opening_s, plan.closing_s), shift_s=DANCE_SHIFT_S)
 
 
 def plan_runs(plan: Plan) -> list[Run]:

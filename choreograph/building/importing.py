@@ -1,4 +1,4 @@
-"""Takes for a repertoire: read, brought to one skeleton, their feet locked, and measured."""
+"""Takes for a repertoire: read, rid of jumps, brought to one skeleton, their feet locked, and measured."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from choreograph.errors import ParameterError
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers import annotate_takes, import_takes
 from choreograph.motion.body import body_pos_m
+from choreograph.motion.despiking import without_jumps
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.progress import ProgressReport
@@ -46,6 +47,16 @@ def measure_take(take: Take) -> MeasuredTake:
     return MeasuredTake(take, coarse, motion_beat_times_s(fine, STORE_FPS))
 
 
+def _without_jumps(take: Take) -> Take:
+    """The take without one-frame jumps of its markers, and a note on how many there were."""
+    motion, count, limbs = without_jumps(take.motion)
+    if count == 0:
+        return take
+    jumps = "one-frame jump" if count == 1 else "one-frame jumps"
+    note = f"{count} {jumps} of markers ({', '.join(limbs)}) smoothed"
+    return replace(take, motion=motion, notes=(*take.notes, note))
+
+
 def _imported(
     sources: Iterable[str | Path], options: BuildOptions, report: ProgressReport | None
 ) -> tuple[list[Take], tuple[str, ...]]:
@@ -55,7 +66,7 @@ def _imported(
     for source in sources:
         for take in import_takes(source):
             if take.name not in options.leave_out:
-                takes.append(take)
+                takes.append(_without_jumps(take))
             if report is not None:
                 report("importing", len(takes), 0)
     if not takes:

@@ -31,7 +31,12 @@ _SOURCES = (
     optgroup.option("--db", type=_FILE, help="Repertoire to dance with. Default: the built-in one."),
     optgroup.option("--start", type=float, help="Second of the song to start at (0)."),
     optgroup.option("--duration", type=float, help="Seconds to dance. Default: to the end of the song."),
-    optgroup.option("--beats", metavar="tempo-path|librosa|beat-this", help="Beat tracker (tempo-path)."),
+    optgroup.option(
+        "--beats",
+        metavar="tempo-path|librosa|beat-this|FILE",
+        help="Beat tracker (tempo-path), or a text file of the song's beats: a time in seconds and, if you "
+        "know it, the number in the bar on every line, such as 12.34 1.",
+    ),
 )
 
 _CONSTRAINTS = (

@@ -1,8 +1,9 @@
-"""The genre of the repertoire that a song is nearest to, and the goal of a dance to it."""
+"""The genre of the repertoire that a song is nearest to, section by section, and the goal of its dance."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from choreograph.constraints.resolve import target_goal
 from choreograph.constraints.spec import Constraints
@@ -12,14 +13,23 @@ from choreograph.motifs.vocabulary import ALL_GENRES
 from choreograph.repertoire import Repertoire
 from choreograph.selection import take_losses
 
-_NEAREST = "it follows {}, whose takes are nearest to the song in style"
-_FALLBACK = {ALL_GENRES: "style does not decide on one, so it follows all takes together"}
+Floats = NDArray[np.float64]
+
+_NEAREST = "no genre given: it follows {}, whose takes are nearest to the song in style"
+_FALLBACK = "no genre given: style does not decide on one, so it follows all takes together"
+_OTHER_METRE = 0.3  # style loss added to a genre none of whose takes has the metre of a second
+# What another genre must gain, summed over seconds, to be followed from a second on.
+_CHANGE_OF_TEMPO = 0.3  # where a section begins at another tempo or metre
+_CHANGE_AT_SECTION = 2.0
+_CHANGE_INSIDE = 6.0
+_OTHER_TEMPO_OCTAVES = 0.06  # 4 %
+_SEGMENT_S = 4  # seconds that the style of a second describes
 
 
 def choose_goal(
     song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
 ) -> tuple[MotifGoal, tuple[str, ...]]:
-    """Signature and motif transitions as requested, or of the genre nearest to the song; and notes.
+    """Signature and motif transitions as requested, or of the genre nearest to the whole song; and notes.
 
     Raises `ParameterError` for an unknown genre or a signature of another vocabulary, `RepertoireError` for a
     repertoire without one.
@@ -28,26 +38,136 @@ def choose_goal(
     if genre is not None or constraints.signature is not None or constraints.motifs:
         return target_goal(constraints, repertoire, genre), ()
     genre = likely_genre(song_features, repertoire, constraints)
-    return target_goal(constraints, repertoire, genre), (genre_note(genre),)
+    return target_goal(constraints, repertoire, genre), (genre_note([genre]),)
 
 
-def genre_note(genre: str) -> str:
-    """The note that a dance follows the likely genre."""
-    return f"no genre given: {_FALLBACK.get(genre, _NEAREST.format(genre))}"
+def genre_note(genres: list[str]) -> str:
+    """The note that a dance follows the likely genres, one for each part of the song."""
+    return _FALLBACK if ALL_GENRES in genres else _NEAREST.format(", then ".join(genres))
 
 
 def likely_genre(song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints) -> str:
     """The genre whose best clips have the least style loss over the whole song, of those not banned;
     `ALL_GENRES` without style networks, or if no take has a genre."""
+    genres, losses = _genre_losses(song_features, repertoire, constraints)
+    return genres[int(np.argmin(losses.mean(axis=0)))] if genres else ALL_GENRES
+
+
+def likely_genres(
+    song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
+) -> list[tuple[int, str]]:
+    """(first second, genre) of each part of the song that is nearest to one genre, as `likely_genre`.
+
+    A change costs least where a section begins at another tempo or metre, and most inside a section: the
+    least sum of losses over all seconds, by dynamic programming.
+    """
+    genres, losses = _genre_losses(song_features, repertoire, constraints)
+    if not genres:
+        return [(0, ALL_GENRES)]
+    change_loss = _change_losses(song_features)
+    reached, parents = losses[0], []
+    for of_second, loss in zip(losses[1:], change_loss[1:], strict=True):
+        changed = reached.min() + loss
+        parents.append(np.where(reached <= changed, np.arange(len(genres)), np.argmin(reached)))
+        reached = np.minimum(reached, changed) + of_second
+    chosen = [int(np.argmin(reached))]
+    for parent in reversed(parents):
+        chosen.append(int(parent[chosen[-1]]))
+    chosen.reverse()
+    firsts = [second for second in range(len(chosen)) if second == 0 or chosen[second] != chosen[second - 1]]
+    return [(second, genres[chosen[second]]) for second in firsts]
+
+
+def _change_losses(song_features: SongFeatures) -> Floats:
+    """What a change of genre costs in each second, (S,), summed over the seconds that gain from it."""
+    change_loss = np.full(song_features.n_seconds, _CHANGE_INSIDE)
+    starts = _section_starts(song_features)
+    change_loss[starts] = _CHANGE_AT_SECTION
+    metre, period_s = song_metre_at(song_features), _period_at_s(song_features)
+    for start in starts[(starts >= 2) & (starts < song_features.n_seconds - 2)]:
+        before, after = start - 2, start + 2
+        other_tempo = abs(np.log2(period_s[after] / period_s[before])) > _OTHER_TEMPO_OCTAVES
+        if other_tempo or metre[after] != metre[before]:
+            change_loss[start] = _CHANGE_OF_TEMPO
+    return change_loss
+
+
+def _period_at_s(song_features: SongFeatures) -> Floats:
+    """Seconds from beat to beat around the middle of each second, (S,): the median of five, or 1."""
+    times_s = song_features.counts.times_s
+    if len(times_s) < 6:
+        return np.ones(song_features.n_seconds)
+    beat = np.searchsorted(times_s, np.arange(song_features.n_seconds) + 0.5)
+    near = np.clip(beat[:, None] + np.arange(-3, 2), 0, len(times_s) - 2)
+    return np.median(np.diff(times_s)[near], axis=1)
+
+
+def _section_starts(song_features: SongFeatures) -> NDArray[np.int64]:
+    """The seconds (P,) nearest to where sections begin, from 0 on."""
+    bounds_s = song_features.sections.bounds_s[1:-1]
+    starts = np.unique(np.concatenate([[0], np.round(bounds_s)])).astype(np.int64)
+    return starts[starts < song_features.n_seconds]
+
+
+def _genre_losses(
+    song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
+) -> tuple[list[str], Floats]:
+    """The genres that may be danced, and the loss of each second and genre (S, G); no genre if unknown.
+
+    The loss of the best take of a genre, in the 4 s that lie around the second as far as its section does,
+    and more for genres of another metre than the song has there.
+    """
     banned = {ban.genre for ban in constraints.bans}
     of_take = np.array([take.credits.genre for take in repertoire.takes])
     with_clips = set(of_take[np.unique(repertoire.clip_take)])
     genres = [genre for genre in repertoire.vocabulary.genres if genre in with_clips - banned]
     if not genres or "style" not in repertoire.net_names:
-        return ALL_GENRES
+        return [], np.zeros((song_features.n_seconds, 0))
     losses = take_losses(
         song_features.style, song_features.beat_count, repertoire.clip_style, repertoire.clip_beat_count,
         repertoire.clip_take, n_takes=len(repertoire.takes), beat_weight=repertoire.selection_beat_weight,
     )  # fmt: skip
-    best = [losses[:, of_take == genre].min(axis=1).mean() for genre in genres]
-    return genres[int(np.argmin(best))]
+    of_genre = np.stack([losses[:, of_take == genre].min(axis=1) for genre in genres], axis=1)
+    return genres, _within_sections(of_genre, song_features) + _metre_losses(
+        song_features, repertoire, of_take, genres
+    )
+
+
+def _within_sections(losses: Floats, song_features: SongFeatures) -> Floats:
+    """Losses (S, G) of the 4 s from each second, or from earlier where these reach into another section."""
+    borders = [*_section_starts(song_features)[1:], song_features.n_seconds]
+    seconds = np.arange(len(losses))
+    starts = [0, *borders[:-1]]
+    for start, stop in zip(starts, borders, strict=True):
+        seconds[start:stop] = np.minimum(seconds[start:stop], max(start, stop - _SEGMENT_S))
+    return losses[seconds]
+
+
+def _metre_losses(
+    song_features: SongFeatures, repertoire: Repertoire, of_take: NDArray[np.str_], genres: list[str]
+) -> Floats:
+    """What the song's metre adds to the losses (S, G)."""
+    counts = song_features.counts
+    added = np.zeros((song_features.n_seconds, len(genres)))
+    if not counts.has_bars:
+        return added
+    metres = np.array([repertoire.counts(take).metre for take in range(len(of_take))])
+    metre_at = song_metre_at(song_features)
+    for column, genre in enumerate(genres):
+        known = metres[(of_take == genre) & (metres > 0)]
+        if len(known):
+            other = np.array([np.mean(known != metre) if metre else 0.0 for metre in metre_at])
+            added[:, column] = _OTHER_METRE * counts.confidence * other
+    return added
+
+
+def song_metre_at(song_features: SongFeatures) -> NDArray[np.int64]:
+    """Beats of the bar around the middle of each second (S,); 0 where there is none."""
+    counts = song_features.counts
+    metre = np.zeros(song_features.n_seconds, np.int64)
+    downbeats = np.flatnonzero(counts.numbers == 1)
+    if len(downbeats) < 2:
+        return metre
+    length = np.diff(downbeats)  # (bars,)
+    bar = np.searchsorted(counts.times_s[downbeats], np.arange(song_features.n_seconds) + 0.5, "right") - 1
+    return length[np.clip(bar, 0, len(length) - 1)].astype(np.int64)

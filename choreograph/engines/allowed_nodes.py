@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.blending.transition_search import REACH_S
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.constraints.spec import TakePin
 from choreograph.errors import ParameterError
+from choreograph.features.phrasing import REACH_S
 from choreograph.features.song_features import SongFeatures
 from choreograph.graph import Cost, Layer
 from choreograph.repertoire import Repertoire

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Protocol
 
 from choreograph.audio.song import Song
+from choreograph.blending.held_ends import EASE_OUT_S
 from choreograph.config import DanceConfig
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.constraints.spec import Constraints
@@ -35,16 +36,30 @@ class DanceRequest:
     start_s: float = 0.0  # of the danced part in the song's file
     report: ProgressReport | None = None
 
+    @property
+    def danced_span_s(self) -> tuple[float, float]:
+        """When the first pose is left, and the last one taken: the whole song where motifs ask for more."""
+        features, resolved = self.song_features, self.constraints
+        wanted = sorted(resolved.motifs)
+        early = wanted and resolved.bounds_s[wanted[0]] < features.opening_s
+        late = wanted and resolved.bounds_s[wanted[-1] + 1] > features.closing_s - EASE_OUT_S
+        return (
+            0.0 if early else features.opening_s,
+            features.duration_s if late else features.closing_s,
+        )
+
     def new_plan(self, **parts) -> Plan:
         """A plan with what every engine's plan says of the song, the repertoire and the settings."""
         features, config, counts = self.song_features, self.config, self.song_features.counts
+        opening_s, closing_s = self.danced_span_s
         common = {
             "song": features.name, "duration_s": features.duration_s, "start_s": self.start_s,
             "repertoire": self.repertoire.path.name, "planner": config.planner, "blending": config.blending,
             "seed": config.seed, "fps": config.fps, "weights": {}, "seconds": (), "words": (),
             "music_beats_s": tuple(float(beat) for beat in features.beat_times_s),
             "music_beat_numbers": tuple(map(int, counts.numbers)) if counts.has_bars else (),
-            "metre": counts.metre,
+            "metre": counts.metre, "opening_s": opening_s,
+            "closing_s": closing_s if closing_s < features.duration_s else None,
         }  # fmt: skip
         return Plan(**{**common, **parts})
 

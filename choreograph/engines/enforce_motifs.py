@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.blending.held_ends import EASE_OUT_S
 from choreograph.blending.rendering import render
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.engines.candidates import CandidatePool, Candidates, consecutive_slots
@@ -41,7 +42,8 @@ def enforce_motifs(
     chosen: dict[int, int] = {}
     enforced = plan
     while True:
-        wrong = violated_slots(danced_motifs(motion, constraints.bounds_s, repertoire), constraints)
+        danced = danced_motifs(motion, constraints.bounds_s, repertoire)
+        wrong = [slot for slot in violated_slots(danced, constraints) if _is_danced(slot, plan, constraints)]
         if not wrong:
             return enforced, motion
         for slot in wrong:
@@ -53,6 +55,13 @@ def enforce_motifs(
         words = tuple(pool.planned(slot, word, pinned=True) for slot, word in sorted(chosen.items()))
         enforced = replace(plan, words=words)
         motion = render(enforced, repertoire)
+
+
+def _is_danced(slot: int, plan: Plan, constraints: ResolvedConstraints) -> bool:
+    """Whether a slot is danced throughout, and not in part or all of it a pose that is held."""
+    end_s = plan.duration_s if plan.closing_s is None else plan.closing_s - EASE_OUT_S
+    start_s, stop_s = constraints.bounds_s[slot : slot + 2]
+    return start_s >= plan.opening_s and stop_s <= end_s
 
 
 def violated_slots(danced: Indices, constraints: ResolvedConstraints) -> list[int]:

@@ -10,16 +10,16 @@ import numpy as np
 
 from choreograph.blending.rendering import motion_reader, render, runs_of_seconds
 from choreograph.blending.runs import Run, TransitionTiming
-from choreograph.blending.transition_search import REACH_S, search_transitions
+from choreograph.blending.transition_timing import time_transitions
 from choreograph.config import TRANSITION_LENGTHS_S, DanceConfig, resolve_weights
-from choreograph.constraints.likely_genre import genre_note, likely_genre
-from choreograph.constraints.resolve import target_goal
 from choreograph.constraints.spec import Constraints, TakePin
 from choreograph.engines.allowed_nodes import AllowedNodes
 from choreograph.engines.base import DanceRequest, EngineResult
 from choreograph.engines.enforce_motifs import enforce_motifs
 from choreograph.engines.layer_source import make_layers
+from choreograph.engines.section_goals import SectionGoal, section_goals
 from choreograph.errors import NoPathError, ParameterError, RepertoireError
+from choreograph.features.phrasing import REACH_S, join_times_s
 from choreograph.graph import (
     BUILTIN_COSTS,
     MOTIF_COSTS,
@@ -29,12 +29,11 @@ from choreograph.graph import (
     MotifTransition,
     Path,
     Signature,
+    Stillness,
     WeightedCost,
     plan_exact,
     plan_greedy,
 )
-from choreograph.motifs.goals import MotifGoal
-from choreograph.motifs.vocabulary import ALL_GENRES
 from choreograph.plan import Plan, PlannedSecond
 from choreograph.progress import substage
 from choreograph.repertoire import Repertoire
@@ -80,13 +79,13 @@ class GraphEngine:
         notes: tuple[str, ...] = ()
         if repertoire.n_clips < config.candidates and config.planner != "motion-graph":
             notes = (f"{repertoire.n_clips} clips, fewer than {config.candidates} candidates: all take part",)
-        goal, goal_notes = _goal(request)
-        path, weights = _search_path(request, goal)
+        goals, goal_notes = _goals(request)
+        path, weights = _search_path(request, goals)
         plan = _to_plan(path, weights, request)
         if request.report is not None:
             request.report("rendering", 0, 0)
         if config.transitions == "beats":
-            plan = with_transitions_on_beats(plan, repertoire, constraints.requested.take_pins)
+            plan = with_transitions_on_counts(plan, request)
         motion = None
         if constraints.constrains_motifs:
             plan, motion = enforce_motifs(plan, render(plan, repertoire), constraints, repertoire)
@@ -98,22 +97,29 @@ def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]
 
     Raises `ParameterError` if two costs share a name, or a weight belongs to no cost.
     """
-    names = [*(cost.name for cost in (*BUILTIN_COSTS, *MOTIF_COSTS)), *(cost.name for cost in costs)]
+    known: tuple[type[Cost], ...] = (*BUILTIN_COSTS, Stillness, *MOTIF_COSTS)
+    names = [
+        *(cost.name for cost in known),
+        *(cost.name for cost in costs),
+    ]
     if len(set(names)) != len(names):
         raise ParameterError(f"two costs share a name among {', '.join(names)}: give yours its own `name`")
     return resolve_weights(config.weights, names)
 
 
-def with_transitions_on_beats(plan: Plan, repertoire: Repertoire, take_pins: Sequence[TakePin] = ()) -> Plan:
-    """The plan with every transition at the time, and of the length, that best keeps the beat.
+def with_transitions_on_counts(plan: Plan, request: DanceRequest) -> Plan:
+    """The plan with every transition on the downbeat or beat near its second, as long as it needs to be.
 
     No other take starts earlier, or plays on later, than planned where a take is pinned.
     """
+    repertoire, pins = request.repertoire, request.constraints.requested.take_pins
     runs = runs_of_seconds(plan)
-    fixed = [False, *(any(_borders_pin(pin, *pair) for pin in take_pins) for pair in pairwise(runs))]
-    timings = search_transitions(
-        runs, np.array(plan.music_beats_s), {take.name: take.duration_s for take in repertoire.takes},
-        motion_reader(repertoire), fps=plan.fps, blending=plan.blending, fixed=fixed,
+    joins_s = join_times_s(request.song_features.counts, len(plan.seconds) + 1)
+    fixed = [False, *(any(_borders_pin(pin, *pair) for pin in pins) for pair in pairwise(runs))]
+    timings = time_transitions(
+        runs, [float(joins_s[round(run.start_s)]) for run in runs],
+        {take.name: take.duration_s for take in repertoire.takes}, motion_reader(repertoire),
+        fps=plan.fps, blending=plan.blending, fixed=fixed,
     )  # fmt: skip
     by_second = {round(run.start_s): timing for run, timing in zip(runs, timings, strict=True)}
     seconds = []
@@ -130,37 +136,34 @@ def _borders_pin(pin: TakePin, before: Run, after: Run) -> bool:
     return near and not before.take == after.take == pin.take
 
 
-def _goal(request: DanceRequest) -> tuple[MotifGoal | None, tuple[str, ...]]:
-    """The goal of the motif costs: as requested, or of the likely genre; None if there is none. And notes.
+def _goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, ...]]:
+    """The goals of the motif costs, where they take part, and notes.
 
     Raises `ParameterError` if there is none although the user gave a weight of a motif cost.
     """
-    config, repertoire, constraints = request.config, request.repertoire, request.constraints.requested
+    config = request.config
     weights = cost_weights(config, request.costs)
+    goals: list[SectionGoal] = []
+    notes: tuple[str, ...] = ()
     if any(weights[cost.name] for cost in MOTIF_COSTS) and config.planner != "motion-graph":
-        if constraints.genre is not None or constraints.signature is not None:
-            return target_goal(constraints, repertoire), ()
-        genre = ALL_GENRES
-        if repertoire.has_vocabulary:
-            genre = likely_genre(request.song_features, repertoire, constraints)
-        # A mixture of all genres is no goal: a waltz of a mixed library would hold a share of its tangos.
-        if genre != ALL_GENRES:
-            return target_goal(constraints, repertoire, genre), (genre_note(genre),)
+        goals, notes = section_goals(request)
     given = [cost.name for cost in MOTIF_COSTS if config.weights.get(cost.name)]
-    if given:
+    if given and not goals:
         raise ParameterError(
             f"a weight of {given[0]!r} was given, but there is no genre to follow: give a genre or signature "
             "that the repertoire knows, with the exact or greedy planner"
         )
-    return None, ()
+    return goals, notes
 
 
-def _search_path(request: DanceRequest, goal: MotifGoal | None) -> tuple[Path, dict[str, float]]:
+def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[Path, dict[str, float]]:
     """The path that the planner finds, and the weights of the costs it was searched by."""
     features, config = request.song_features, request.config
     costs: list[Cost] = [*(cost() for cost in BUILTIN_COSTS), *request.costs]
-    if goal is not None:
-        costs += [Signature(goal, features), MotifTransition(goal, features)]
+    costs.append(Stillness(request.repertoire))
+    if goals:
+        parts = [(part.first_second, part.goal) for part in goals]
+        costs += [Signature(parts, features), MotifTransition(parts, features)]
     known = cost_weights(config, request.costs)
     weights = {cost.name: known[cost.name] for cost in costs}
     weighted = [WeightedCost(cost, weights[cost.name]) for cost in costs]
@@ -168,7 +171,7 @@ def _search_path(request: DanceRequest, goal: MotifGoal | None) -> tuple[Path, d
     if allowed is not None:
         weighted.append(WeightedCost(allowed, 1.0))
     try:
-        return _plan_path(make_layers(request, weighted, allowed), weighted, request), weights
+        return _plan_path(make_layers(request, weighted, allowed, goals), weighted, request), weights
     except NoPathError as error:
         if allowed is None:
             raise

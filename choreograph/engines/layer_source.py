@@ -7,8 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.constraints.likely_genre import song_metre_at
 from choreograph.engines.allowed_nodes import AllowedNodes
 from choreograph.engines.base import DanceRequest
+from choreograph.engines.section_goals import SectionGoal
+from choreograph.features.phrasing import join_times_s
 from choreograph.graph import (
     MOTIF_COSTS,
     ClipTable,
@@ -17,20 +20,25 @@ from choreograph.graph import (
     WeightedCost,
     node_motifs,
     song_words_s,
+    words_between,
 )
 from choreograph.motifs.span_motifs import SpanMotifLookup
 from choreograph.progress import substage
 from choreograph.repertoire import Repertoire
 from choreograph.selection import clip_signature_mismatch, select_clips
-from choreograph.timebase import NET_FPS, frames_to_seconds
-from choreograph.warping import ClipBeats, warp_segments
+from choreograph.timebase import NET_FPS, SEGMENT_S, frames_to_seconds
+from choreograph.warping import ClipBeats, CountedClips, SongGrid, TakeGrids, warp_segments
 
 _RANDOM_LOSS = 1e6  # above any style loss: with a random share of it added, style does not count
+_OTHER_METRE = 2.0  # style loss added to clips of another metre than the song's
 _TIE_BREAK_S = 4.0  # takes start with up to so much usage, by the seed: another seed, another dance
 
 
 def make_layers(
-    request: DanceRequest, costs: Sequence[WeightedCost], allowed: AllowedNodes | None
+    request: DanceRequest,
+    costs: Sequence[WeightedCost],
+    allowed: AllowedNodes | None,
+    goals: Sequence[SectionGoal],
 ) -> LayerSource:
     """The layers of every second: clips selected, warped onto the music, and labelled with motifs."""
     features, config, repertoire = request.song_features, request.config, request.repertoire
@@ -40,10 +48,13 @@ def make_layers(
         np.array([take.name for take in repertoire.takes]),
         np.array([take.credits.genre for take in repertoire.takes]),
         repertoire.clip_style,
+        repertoire.clip_liveliness,
     )
+    joins_s = _joins_s(request)
     segments = warp_segments(
-        _select(request, costs, allowed), features.density, features.beat_times_s, repertoire.clip_density,
-        repertoire.clip_speed, _clip_beats(repertoire), as_recorded=config.warping == "none",
+        _select(request, goals, costs, allowed), features.density, features.beat_times_s,
+        repertoire.clip_density, repertoire.clip_speed, _clip_beats(repertoire),
+        counted=_counted_clips(request, joins_s), as_recorded=config.warping == "none",
         report=substage(request.report, "warping"),
     )  # fmt: skip
     motifs, n_motifs = None, 0
@@ -56,16 +67,42 @@ def make_layers(
         n_motifs = vocabulary.n_motifs
     tie_break_s = _TIE_BREAK_S * np.random.default_rng(config.seed).random(len(repertoire.takes))
     return LayerSource(
-        segments, clips, repertoire, tie_break_s=tie_break_s, motifs=motifs, n_motifs=n_motifs
+        segments, clips, repertoire, tie_break_s=tie_break_s, motifs=motifs, n_motifs=n_motifs,
+        goal_starts=[goal.first_second for goal in goals], join_times_s=joins_s,
     )  # fmt: skip
 
 
+def _joins_s(request: DanceRequest) -> NDArray[np.float64]:
+    """Where takes may change around each second, (S + 5,)."""
+    n_borders = request.song_features.n_seconds + SEGMENT_S + 1
+    if request.config.transitions == "seconds":
+        return np.arange(n_borders, dtype=np.float64)
+    return join_times_s(request.song_features.counts, n_borders)
+
+
+def _counted_clips(request: DanceRequest, joins_s: NDArray[np.float64]) -> CountedClips | None:
+    """The clips of takes with counts; None if there are none, or counts are not to be used."""
+    repertoire = request.repertoire
+    takes = range(len(repertoire.takes))
+    grids = TakeGrids(
+        [repertoire.counts(take) for take in takes], [repertoire.figures(take) for take in takes]
+    )
+    song = SongGrid.of(request.song_features.counts, request.song_features.duration_s)
+    if request.config.warping != "counts" or song is None or not grids.counted.any():
+        return None
+    return CountedClips.of(repertoire.clip_take, repertoire.clip_start_frame, grids, song, joins_s)
+
+
 def _select(
-    request: DanceRequest, costs: Sequence[WeightedCost], allowed: AllowedNodes | None
+    request: DanceRequest,
+    goals: Sequence[SectionGoal],
+    costs: Sequence[WeightedCost],
+    allowed: AllowedNodes | None,
 ) -> NDArray[np.int64]:
     """The candidates of each second (S, K)."""
     features, config, repertoire = request.song_features, request.config, request.repertoire
-    mismatch = _signature_mismatch(request, costs)
+    mismatch = _signature_mismatch(request, goals, costs)
+    other_metre = _other_metre(request)
 
     def penalty(second: int) -> NDArray[np.floating]:
         may_dance = True if allowed is None else allowed.takes[second, repertoire.clip_take]
@@ -73,7 +110,7 @@ def _select(
         if config.selection == "random":
             rng = np.random.default_rng([config.seed, second])
             random_loss = _RANDOM_LOSS * rng.random(repertoire.n_clips)
-        return np.where(may_dance, mismatch + random_loss, np.inf)
+        return np.where(may_dance, mismatch[second] + random_loss + other_metre[second], np.inf)
 
     return select_clips(
         features.style, features.beat_count, repertoire.clip_style, repertoire.clip_beat_count,
@@ -81,20 +118,39 @@ def _select(
     )  # fmt: skip
 
 
-def _signature_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> NDArray[np.float64]:
-    """How little of each clip (N,) the requested signature wants; 0 without a signature."""
-    repertoire = request.repertoire
-    mismatch = np.zeros(repertoire.n_clips)
-    for w in costs:
-        if isinstance(w.cost, Signature) and w.weight != 0:
-            mismatch += w.weight * clip_signature_mismatch(
-                repertoire.vocabulary,
-                w.cost.goal.signature,
-                repertoire.clip_take,
-                frames_to_seconds(repertoire.clip_start_frame, NET_FPS),
-                n_words=len(song_words_s(request.song_features)) - 1,
-            )
+def _signature_mismatch(
+    request: DanceRequest, goals: Sequence[SectionGoal], costs: Sequence[WeightedCost]
+) -> list[NDArray[np.float64]]:
+    """How little of each clip (N,) the signature of each second's goal wants; 0 without a signature."""
+    repertoire, n_seconds = request.repertoire, request.song_features.n_seconds
+    weight = sum(w.weight for w in costs if isinstance(w.cost, Signature))
+    mismatch = [np.zeros(repertoire.n_clips)] * n_seconds
+    if weight == 0:
+        return mismatch
+    for goal, stop in zip(goals, [*(g.first_second for g in goals[1:]), n_seconds], strict=True):
+        of_goal = weight * clip_signature_mismatch(
+            repertoire.vocabulary,
+            goal.goal.signature,
+            repertoire.clip_take,
+            frames_to_seconds(repertoire.clip_start_frame, NET_FPS),
+            n_words=max(1, words_between(request.song_features, goal.first_second, stop)),
+        )
+        mismatch[goal.first_second : stop] = [of_goal] * (stop - goal.first_second)
     return mismatch
+
+
+def _other_metre(request: DanceRequest) -> list[NDArray[np.float64]]:
+    """What is added to the loss of clips (N,) whose take has not the metre of each second."""
+    repertoire, features = request.repertoire, request.song_features
+    metre = np.array([repertoire.counts(take).metre for take in range(len(repertoire.takes))])
+    of_clip = metre[repertoire.clip_take]
+    confidence = features.counts.confidence if request.config.warping == "counts" else 0.0
+    metre_at = song_metre_at(features)
+    added = {
+        of_song: _OTHER_METRE * confidence * ((of_clip > 0) & (of_song > 0) & (of_clip != of_song))
+        for of_song in np.unique(metre_at)
+    }
+    return [added[of_song] for of_song in metre_at]
 
 
 def _clip_beats(repertoire: Repertoire) -> ClipBeats:

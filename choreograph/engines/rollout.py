@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
+from choreograph.blending.held_ends import hold_ends
 from choreograph.config import DanceConfig
 from choreograph.constraints.likely_genre import choose_goal
 from choreograph.constraints.resolve import ResolvedConstraints
@@ -96,7 +97,7 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
     )  # fmt: skip
     credits = Credits(performer=f"learned from {len(repertoire.takes)} takes")
     plan = request.new_plan(engine=RolloutEngine.name, words=_planned_words(motifs, constraints, credits))
-    return EngineResult(plan, motion=motion)
+    return EngineResult(plan, motion=hold_ends(motion, plan.opening_s, plan.closing_s))
 
 
 def _refuse_takes(constraints: ResolvedConstraints) -> None:

@@ -158,6 +158,7 @@ METRICS: dict[str, Metric] = {
             ("jerk_p95_m_s3", "jerk, 95th percentile", "m/s³", "real", "ours", 1),
             ("jerk_ratio_at_boundaries", "jerk at transitions / elsewhere", "", "lower", "ours"),
             ("speed_ratio_at_boundaries", "speed at transitions / elsewhere", "", "real", "ours"),
+            ("jumps_per_minute", "one-frame jumps per minute", "", "lower", "ours", 1),
             ("limb_length_spread_mm", "bone length deviation", "mm", "lower", "ours"),
         ),
         *_family(

@@ -93,11 +93,14 @@ def ending_scores(motion: Motion, music: Counts) -> Scores:
 
 
 def physical_scores(motion: Motion, boundary_times_s: Sequence[float] | Floats = ()) -> Scores:
-    """Feet, floor, jerk and bones; speed and jerk at transitions if `boundary_times_s` are given."""
+    """Feet, floor, jerk, jumps, bones; speed and jerk at transitions if `boundary_times_s` are given."""
+    # Jumps at the motion's own rate, since resampling it by slerp makes corners.
+    jumps_per_minute = physical.jumps_per_minute(body_pos_m(motion), motion.fps)
     motion = motion.resampled(STORE_FPS)
-    return Scores(
-        physical.evaluate(body_pos_m(motion), motion.fps, boundary_times_s, sole_pos_m=sole_pos_m(motion))
+    values = physical.evaluate(
+        body_pos_m(motion), motion.fps, boundary_times_s, sole_pos_m=sole_pos_m(motion)
     )
+    return Scores(values | {"jumps_per_minute": jumps_per_minute})
 
 
 def dance_label_values(motion: Motion) -> Floats:

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.audio.song import Song, load_song
-from choreograph.errors import FormatError, ParameterError
+from choreograph.errors import ParameterError
 from choreograph.features.mel import log_mel
-from choreograph.features.music_beats import TRACKERS, checked_beat_times_s, get_beat_tracker
+from choreograph.features.music_beats import TRACKERS
+from choreograph.features.song_counts import song_beats
 from choreograph.files import sha256_of
 from choreograph.importers import annotate_takes, import_takes
 from choreograph.repertoire import Repertoire
@@ -119,22 +120,11 @@ def check_unseen(songs: Sequence[EvaluatedSong], repertoire: Repertoire) -> None
 
 
 def beats_of(song: Song, beats: str | Path, *, start_s: float = 0.0) -> NDArray[np.float64]:
-    """Beats (Q,) in seconds, by the name of a tracker or from a text file with one time in the song per line.
+    """Beats (Q,) in seconds, by the name of a tracker, from a file of beats, or from SONG.txt in a folder.
 
-    `song` begins at `start_s` of its audio file. Given a folder, the file is SONG.txt in it. Raises
-    `ParameterError` if `beats` is neither, or beats do not increase; `FormatError` for another kind of file.
+    `song` begins at `start_s` of its audio file. Raises `ParameterError` if `beats` is none of these,
+    `FormatError` for a file that cannot be read.
     """
-    if str(beats) in TRACKERS:
-        return get_beat_tracker(str(beats)).beats(song, log_mel(song.samples))
-    path = Path(beats)
-    if path.is_dir():
-        path = path / f"{(song.path or Path(song.name)).stem}.txt"
-    if not path.is_file():
-        raise ParameterError(f"expected beats by {', '.join(TRACKERS)} or from a file, got {path}")
-    try:
-        lines = path.read_text(encoding="utf-8").split("\n")
-        file_times_s = [float(line.split()[0]) for line in lines if line.strip() and line.strip()[0] != "#"]
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        raise FormatError(f"{path}: expected a time in seconds on every line: {error}") from error
-    times_s = np.array(file_times_s) - start_s
-    return checked_beat_times_s(times_s[(times_s >= 0) & (times_s <= song.duration_s)], song.duration_s)
+    if str(beats) not in TRACKERS and Path(beats).is_dir():
+        beats = Path(beats) / f"{(song.path or Path(song.name)).stem}.txt"
+    return song_beats(song, log_mel(song.samples), beats, start_s=start_s).times_s

@@ -158,7 +158,7 @@ def _local_mean(rows: Floats) -> Floats:
 def _locally_normal(rows: Floats) -> Floats:
     """Rows (Q, F) with local mean 0 and spread 1, no more than 3 from the mean."""
     centred = rows - _local_mean(rows)
-    spread = np.sqrt(_local_mean(centred**2))
+    spread = np.sqrt(np.maximum(0.0, _local_mean(centred**2)))  # a running mean may round below 0
     floor = 0.1 * np.sqrt((centred**2).mean(axis=0)) + 1e-3
     return np.clip(centred / np.maximum(spread, floor), -_CLIP, _CLIP)
 

@@ -100,11 +100,60 @@ class Rhythm(Cost):
     """Share of unmatched beats plus the mismatch of tempo-densities, of the warped node.
 
     Ours: the paper's costs do not measure the result of the warp, and select clips that cannot be warped
-    to the beat.
+    to the beat. 0 for a node whose take's counts lie on the beats.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
-        return layer.unmatched_beat + layer.density_mismatch
+        return np.where(layer.track >= 0, 0.0, layer.unmatched_beat + layer.density_mismatch)
+
+
+class Accents(Cost):
+    """Share of unmatched beats, motion's and music's, of a node whose take's counts lie on the beats (ours).
+
+    Bodies come to rest where their technique has them rest, rarely on the count itself: a high weight makes
+    dances that stop on every beat, as no dancer does.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return np.where(layer.track >= 0, layer.unmatched_beat, 0.0)
+
+
+class Bars(Cost):
+    """Share of the second's beats whose number in the bar is not the take's (ours).
+
+    It is 0 where bars lie on bars; a take of another metre pays for most beats.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return layer.off_bar
+
+
+class Phrasing(Cost):
+    """How ill-timed a change of takes is for the choreography of both, 0 … 1 (ours).
+
+    0 where one take's figure has ended and the other's begins, 1 inside figures and off count 1.
+    """
+
+    min_jump_cost = 0.0
+
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+        cost = 0.5 * (previous.leave_penalty[:, None] + next.enter_penalty).astype(np.float32)
+        cost[previous.successors_in(next)] = 0.0
+        return cost
+
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+        return 0.5 * (previous.leave_penalty.min() + next.enter_penalty)
+
+
+class Energy(Cost):
+    """Lively motion where the song is softer than its mean, quiet motion where it is louder (ours).
+
+    A song of one loudness asks for nothing.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        louder = float(song_features.energy[layer.second] - song_features.energy.mean())
+        return 2.0 * abs(louder) * (1.0 - layer.liveliness if louder > 0 else layer.liveliness)
 
 
 class Pace(Cost):
@@ -156,6 +205,10 @@ BUILTIN_COSTS: tuple[type[Cost], ...] = (
     Transition,
     Velocity,
     Rhythm,
+    Accents,
+    Bars,
+    Phrasing,
+    Energy,
     Pace,
     Variety,
     Repeat,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Protocol
@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.timebase import NODE_FRAMES, SEGMENT_S
+from choreograph.timebase import NET_FPS, NODE_FRAMES, SEGMENT_S
 from choreograph.warping.segments import Segments
 
 Floats = NDArray[np.floating]
@@ -51,13 +51,19 @@ class Layer:
     unmatched_beat: Floats  # (N,) share of this second's music and motion beats without a partner
     first_beat: Floats  # (N,) frame (20 fps) of the first motion beat in the second, nan if none
     last_beat: Floats  # (N,) frame of the last one
+    track: Ints  # (N,) the same for nodes of one continuous time map of a counted take; -1 for other nodes
+    off_bar: Floats  # (N,) share of this second's beats whose number in the bar is not the take's
+    enter_penalty: Floats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
+    leave_penalty: Floats  # (N,) of leaving it at the second's end
+    liveliness: Floats  # (N,) rank of the clip's mean joint speed in its genre, 0 … 1
     source_frames: Floats  # (N, 21) clip frames at the 20 output frames and the second's end
-    first_pose_m: Floats  # (N, 21, 3)
-    last_pose_m: Floats  # (N, 21, 3)
+    first_pose_m: Floats  # (N, 21, 3) where takes may change at the second's start,
+    last_pose_m: Floats  # (N, 21, 3) and at its end
     first_velocity_m_s: Floats  # (N, 21, 3)
     last_velocity_m_s: Floats  # (N, 21, 3)
     motifs: Ints  # (N, W) of the node's words, in order, padded with -1; W = 0 if no cost uses motifs
     motif_counts: Ints  # (N, M) of each motif along the cheapest path to the node; M = 0 likewise
+    new_goal: bool = False  # motifs are counted anew from this second on
 
     @property
     def n_nodes(self) -> int:
@@ -66,14 +72,17 @@ class Layer:
 
     def subset(self, nodes: Ints | NDArray[np.bool_]) -> Layer:
         """The layer with only these nodes, by index or mask."""
-        arrays = {f.name: getattr(self, f.name)[nodes] for f in fields(self) if f.name != "second"}
+        arrays = {name: getattr(self, name)[nodes] for name in _ARRAYS}
         return replace(self, **arrays)
 
     def with_motif_counts(self, counts_before: Ints) -> Layer:
-        """The layer with `counts_before` (N, M) of the path to each node plus the node's own motifs."""
+        """The layer with `counts_before` (N, M) of the path to each node plus the node's own motifs.
+
+        Where a new goal begins, only its own.
+        """
         if counts_before.shape[1] == 0:
             return self
-        counts = counts_before.copy()
+        counts = np.zeros_like(counts_before) if self.new_goal else counts_before.copy()
         node, slot = np.nonzero(self.motifs >= 0)
         np.add.at(counts, (node, self.motifs[node, slot]), 1)
         return replace(self, motif_counts=counts)
@@ -83,12 +92,19 @@ class Layer:
         return replace(self, recent_usage_s=recent_usage_s[self.take])
 
     def successors_in(self, following: Layer) -> tuple[Ints, Ints]:
-        """Pairs (node here, node of `following`) that are consecutive in one warped segment."""
-        order = np.argsort(self.segment)
-        row = np.searchsorted(self.segment, following.segment, sorter=order)
-        row = order[np.minimum(row, self.n_nodes - 1)]
-        follows = (self.segment[row] == following.segment) & (self.offset[row] + 1 == following.offset)
+        """Pairs (node here, node of `following`) that are consecutive in one warped segment or track."""
+        here = np.where(self.track >= 0, -2 - self.track, self.segment * SEGMENT_S + self.offset + 1)
+        there = np.where(
+            following.track >= 0, -2 - following.track, following.segment * SEGMENT_S + following.offset
+        )
+        there = np.where((following.track < 0) & (following.offset == 0), -1, there)  # a segment's first
+        order = np.argsort(here)
+        row = order[np.minimum(np.searchsorted(here, there, sorter=order), self.n_nodes - 1)]
+        follows = here[row] == there
         return row[follows], np.flatnonzero(follows)
+
+
+_ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in ("second", "new_goal"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +116,7 @@ class ClipTable:
     take_names: NDArray[np.str_]  # (takes,)
     genres: NDArray[np.str_]  # (takes,)
     style: NDArray[np.float32]  # (N, 32)
+    liveliness: NDArray[np.float32]  # (N,) see `Layer`
 
 
 class LayerSource:
@@ -107,7 +124,8 @@ class LayerSource:
 
     `tie_break_s` (takes,) is the recent usage that each take starts with, in seconds; None: usage is not
     counted. `motifs` (S, K, 4, W) are those of each node as `node_motifs` gives them, out of `n_motifs`;
-    None: no cost uses motifs.
+    None: no cost uses motifs. They are counted anew from each of the `goal_starts` (seconds) on.
+    `join_times_s` (S + 5,) are the instants around the seconds at which takes may change; None: the seconds.
     """
 
     def __init__(
@@ -119,6 +137,8 @@ class LayerSource:
         tie_break_s: Floats | None = None,
         motifs: NDArray[np.integer] | None = None,
         n_motifs: int = 0,
+        goal_starts: Collection[int] = (),
+        join_times_s: NDArray[np.float64] | None = None,
     ) -> None:
         self._segments = segments
         self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
@@ -126,6 +146,9 @@ class LayerSource:
         self._tie_break_s = tie_break_s
         self._clips = clips
         self._poses = poses
+        self._goal_starts = frozenset(goal_starts)
+        seconds = np.arange(len(segments.clip) + SEGMENT_S + 1, dtype=np.float64)
+        self._join_times_s = seconds if join_times_s is None else join_times_s
         # A layer looks at the last four insertions, and the planner at two layers.
         self._borders = lru_cache(maxsize=SEGMENT_S + 1)(self._make_borders)
 
@@ -146,13 +169,10 @@ class LayerSource:
     def layer(self, second: int) -> Layer:
         """All nodes active in `second`."""
         inserted = range(max(0, second - SEGMENT_S + 1), second + 1)
-        parts = [self._quarter(start, second - start) for start in inserted]
-        arrays = {
-            f.name: np.concatenate([getattr(p, f.name) for p in parts])
-            for f in fields(Layer)
-            if f.name != "second"
-        }
-        return Layer(second=second, **arrays)
+        parts = [self._quarter(start, second - start) for start in reversed(inserted)]
+        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
+        layer = Layer(second=second, new_goal=second in self._goal_starts, **arrays)
+        return layer.subset(_one_per_track(layer.track)) if (layer.track >= 0).any() else layer
 
     def node(self, key: int) -> Layer:
         """The one node with segment × 4 + offset = `key`, without building its whole layer."""
@@ -165,8 +185,10 @@ class LayerSource:
         """Poses and velocities at the five borders of the segments inserted at `start`, (5, K, 21, 3)."""
         clip = self._segments.clip[start, part]
         maps = self._segments.time_maps[start, part]
-        borders = maps[:, ::NODE_FRAMES]  # (K, 5)
-        speed = np.gradient(maps, axis=1)[:, ::NODE_FRAMES]  # (K, 5) source frames per output frame
+        joins = (self._join_times_s[start : start + SEGMENT_S + 1] - start) * NET_FPS  # (5,) output frames
+        low = np.clip(np.floor(joins).astype(np.int64), 0, maps.shape[1] - 2)
+        speed = maps[:, low + 1] - maps[:, low]  # (K, 5) source frames per output frame
+        borders = maps[:, low] + (joins - low) * speed  # (K, 5)
         pose, velocity = self._poses.poses_m(np.repeat(clip, 5), borders.ravel())
         shape = (len(clip), 5, *pose.shape[1:])
         velocity = velocity.reshape(shape) * speed[:, :, None, None]
@@ -196,6 +218,11 @@ class LayerSource:
             unmatched_beat=segments.unmatched_beat[start, part, offset],
             first_beat=segments.first_beat[start, part, offset],
             last_beat=segments.last_beat[start, part, offset],
+            track=segments.track[start, part],
+            off_bar=segments.off_bar[start, part, offset],
+            enter_penalty=segments.phrase_penalty[start, part, offset],
+            leave_penalty=segments.phrase_penalty[start, part, offset + 1],
+            liveliness=clips.liveliness[clip],
             source_frames=source_frames,
             first_pose_m=pose[offset],
             last_pose_m=pose[offset + 1],
@@ -204,3 +231,9 @@ class LayerSource:
             motifs=self._motifs[start, part, offset],
             motif_counts=np.zeros((len(clip), self._n_motifs), np.int16),
         )
+
+
+def _one_per_track(track: Ints) -> Ints:
+    """Indices of nodes (N,) without those that repeat a track: the first of each stays."""
+    _, first = np.unique(np.where(track >= 0, track, -1 - np.arange(len(track))), return_index=True)
+    return np.sort(first)

@@ -4,7 +4,8 @@ Tang, Jia, Mao: Dance with Melody (ACM Multimedia 2018). Two properties are undo
 spliced from several bodies (thighs change from 44 to 55 cm within a second), and the floor under the
 feet drifts by up to half a metre within a take. No dancer is named. So we cluster frames by bone lengths
 into three bodies, scale each body's frames to the size of one skeleton, the mean of all frames, fit that
-skeleton, and track the floor over time.
+skeleton, and track the floor over time. And figures were joined by moving every marker along a straight
+line for five frames, which makes corners that no body can dance: there we bridge the fitted rotations.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
+from choreograph.motion.bridging import Span, bridged, bridged_rotations
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m, track_floor_m
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
 from choreograph.motion.motion import Motion
@@ -43,6 +45,8 @@ _CONFIG_FPS = 25.0  # of start_position and end_position
 _POINTS = 23
 N_BODIES = 3
 _SPIKE_M = 0.1  # from the mean of the frames before and after
+_STRAIGHT_M = 7e-4  # off a straight line, by rounding alone
+_JOIN_FRAMES = range(3, 11)  # shorter is chance, longer is a dancer who holds still
 # The points that are joints or landmarks. Points 21 and 22 are on the wrists, next to 14 and 6.
 _ROLES = {
     "right_temple": 0, "left_temple": 1, "spine1": 2, "right_shoulder": 3, "right_elbow": 4, "right_wrist": 5,
@@ -69,11 +73,13 @@ def read(path: Path) -> list[Take]:
         raise FormatError(
             f"{path}: expected a skeletons.json in some DANCE_<G>_<n> folder, got songs without motion"
         )
-    points = {folder: without_spikes(read_points_m(folder / "skeletons.json")) for folder in folders}
+    points = {folder: read_points_m(folder / "skeletons.json") for folder in folders}
+    joins = {folder: straight_spans(pos_m) for folder, pos_m in points.items()}
+    points = {folder: without_spikes(pos_m) for folder, pos_m in points.items()}
     all_points = np.concatenate(list(points.values()))  # (sum of T, 22, 3)
     bodies = cluster_bodies(all_points, ROLES, min(N_BODIES, len(all_points)))
     skeleton = measure_skeleton(all_points, ROLES)
-    return [_take(folder, pos_m, skeleton, bodies) for folder, pos_m in points.items()]
+    return [_take(folder, pos_m, joins[folder], skeleton, bodies) for folder, pos_m in points.items()]
 
 
 def read_points_m(path: Path) -> Floats:
@@ -109,6 +115,14 @@ def without_spikes(pos_m: Floats) -> Floats:
     between = 0.5 * (pos_m[:-2] + pos_m[2:])
     far = np.linalg.norm(pos_m[1:-1] - between, axis=-1, keepdims=True) > _SPIKE_M
     return np.concatenate([pos_m[:1], np.where(far, between, pos_m[1:-1]), pos_m[-1:]])
+
+
+def straight_spans(pos_m: Floats) -> list[Span]:
+    """Spans of frames in which all positions (T, R, 3) move along straight lines at constant speed."""
+    off_m = np.linalg.norm(np.diff(pos_m, n=2, axis=0), axis=-1).max(axis=1)  # (T - 2,)
+    straight = np.concatenate([[False], off_m < _STRAIGHT_M, [False]])  # (T,)
+    edges = np.flatnonzero(np.diff(straight.astype(np.int8))).reshape(-1, 2) + 1
+    return [(int(start), int(stop)) for start, stop in edges if stop - start in _JOIN_FRAMES]
 
 
 def _folders(path: Path) -> list[Path]:
@@ -148,16 +162,19 @@ def _span_s(path: Path) -> tuple[float, float]:
     return start / _CONFIG_FPS, end / _CONFIG_FPS
 
 
-def _take(folder: Path, pos_m: Floats, skeleton: Skeleton, bodies: BodyClusters) -> Take:
+def _take(folder: Path, pos_m: Floats, joins: list[Span], skeleton: Skeleton, bodies: BodyClusters) -> Take:
     start_s, end_s = _span_s(folder / "config.json")
     fps = len(pos_m) / (end_s - start_s)
     root_pos_m, local_quat, error_m = fit_bodies(skeleton, bodies, pos_m, fps)
+    root_pos_m, local_quat = bridged(root_pos_m, joins), bridged_rotations(local_quat, joins)
     motion, drift_m = _on_floor(Motion(skeleton, root_pos_m, local_quat, fps))
     song = folder / "audio.mp3"
     letter = _FOLDER.fullmatch(folder.name)[1]  # type: ignore[index]  # `_folders` matched it
     notes = [f"markers, scaled to the skeleton, are fitted within {100 * error_m.mean():.1f} cm on average"]
     if drift_m > 0.05:
         notes.append(f"the floor drifted by {100 * drift_m:.0f} cm, which was removed")
+    if joins:
+        notes.append(f"{len(joins)} joins of figures by straight lines were bridged smoothly")
     return Take(
         name=folder.name,
         motion=motion,

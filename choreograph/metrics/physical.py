@@ -1,4 +1,4 @@
-"""Physical plausibility: foot sliding, floor penetration, floating, jerk, transitions, bone lengths.
+"""Physical plausibility: foot sliding, floor, jerk, transitions, one-frame jumps, bone lengths.
 
 Conventions: body positions (T, 21, 3) in metres at `fps`, Y up, the floor at y = 0. A foot is low when its
 ball is at most `LOW_M` above the floor. Speed and jerk are first and third differences of the joint positions
@@ -28,6 +28,8 @@ ANKLE_OVER_SOLE_M = 0.07  # of the canonical body; 7 to 10 cm on real ones
 NEAR_M = 0.08  # a standing ball joint is 2 cm above its sole, and captures are off by several cm either way
 JUMP_S = 0.7  # flight time of a jump of 60 cm, which few dancers reach
 BOUNDARY_HALF_WIDTH_S = 0.12
+JUMP_M_PER_FRAME2 = 0.05  # at 60 fps: 18 times gravity, which no joint of a dancer reaches
+SAME_JUMP_S = 0.1
 _FEET = [BODY_JOINTS.index("left_foot"), BODY_JOINTS.index("right_foot")]
 _ANKLES = [BODY_JOINTS.index("left_ankle"), BODY_JOINTS.index("right_ankle")]
 # Bones that are a single rigid bone on every rig; the number of trunk joints differs between rigs.
@@ -125,6 +127,23 @@ def jerk_ratio_at(
     return float(np.percentile(near, 95) / max(np.percentile(elsewhere, 95), 1e-9))
 
 
+def jump_times_s(body_pos_m: Floats, fps: float, *, above_m: float = JUMP_M_PER_FRAME2) -> Floats:
+    """Instants (N,) in seconds at which a joint leaves its path for a frame or two, and comes back or not.
+
+    There the second difference of any joint's position at 60 fps is longer than `above_m` (metres a frame²).
+    Frames and joints within `SAME_JUMP_S` of each other are one jump, which is where it begins.
+    """
+    pos = body_pos_at(body_pos_m, fps, STORE_FPS)
+    bend_m = np.linalg.norm(np.diff(pos, n=2, axis=0), axis=-1).max(axis=1, initial=0.0)  # (T' - 2,)
+    times_s = frame_times_s(len(pos), STORE_FPS)[1:-1][bend_m > above_m]
+    return times_s[np.diff(times_s, prepend=-np.inf) > SAME_JUMP_S]
+
+
+def jumps_per_minute(body_pos_m: Floats, fps: float) -> float:
+    """One-frame jumps (see `jump_times_s`) a minute; 0 for fewer than three frames."""
+    return len(jump_times_s(body_pos_m, fps)) * 60.0 * fps / len(body_pos_m)
+
+
 def limb_length_spread_mm(body_pos_m: Floats, fps: float) -> float:
     """Standard deviation over time of a bone's length in mm, the largest of the ten arm and leg bones.
 
@@ -151,6 +170,7 @@ def evaluate(
         "jerk_p95_m_s3": float(np.percentile(jerk, 95)) if len(jerk) else 0.0,
         "jerk_ratio_at_boundaries": jerk_ratio_at(body_pos_m, fps, boundary_times_s),
         "speed_ratio_at_boundaries": speed_ratio_at(body_pos_m, fps, boundary_times_s),
+        "jumps_per_minute": jumps_per_minute(body_pos_m, fps),
         "limb_length_spread_mm": limb_length_spread_mm(body_pos_m, fps),
     }
 

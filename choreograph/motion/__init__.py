@@ -18,6 +18,8 @@ inverse_kinematics    two-bone IK
 retargeting           a motion on another skeleton
 marker_fitting        markers or joint positions to joint rotations
 rotation_smoothing    flips bridged, twist angles smoothed
+bridging              frames on a smooth path between those before and after
+despiking             one-frame jumps of markers smoothed
 fit_refinement        Gauss-Newton refinement of fitted rotations
 skeleton_calibration  bone lengths of one or several dancers from markers
 """

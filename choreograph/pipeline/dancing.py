@@ -96,7 +96,7 @@ def dance(
     transitions: str | None = None,
     fps: float | None = None,
     seed: int | None = None,
-    beats: str | None = None,
+    beats: str | Path | None = None,
     genre: str | None = None,
     signature: Sequence[float] | NDArray[np.floating] | None = None,
     motifs: Sequence[int] | Sequence[MotifPin] = (),
@@ -119,7 +119,8 @@ def dance(
     engine : "graph" (seconds of takes), "mixer" (motion words of takes) or "rollout" (a network); default
         `config`'s, or "mixer" if `motifs` has one for every word
     planner, candidates, selection, warping, blending, transitions, fps, seed, beats : settings, as in
-        `DanceConfig`; those given here replace `config`'s
+        `DanceConfig`; those given here replace `config`'s. `beats` is a tracker's name or the path of a file
+        of beats (`features.beat_files`), with times in the song file
     genre : whose signature and motif transitions the dance follows; by default the genre whose takes are
         nearest to the song in style. With weights 0 of "signature" and "motif_transition" a graph dance
         follows none
@@ -171,7 +172,7 @@ def dance(
     style = None if style_song is None else as_song("a style song", style_song)
     if report is not None:
         report("analysing the song", 0, 0)
-    song_features, notes = analyse_song(loaded, repertoire, beats=config.beats)
+    song_features, notes = analyse_song(loaded, repertoire, beats=config.beats, start_s=start_s)
     bounds_s = dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
     resolved = resolve(requested, repertoire, bounds_s, song_features.duration_s)
     result = chosen.plan(

@@ -16,7 +16,6 @@ from choreograph.errors import ParameterError, RepertoireError
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
-from choreograph.motion.interpolation import frame_weights
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import to_root_frame
 from choreograph.motion.skeleton import Skeleton
@@ -24,7 +23,7 @@ from choreograph.repertoire.html_table import html_table
 from choreograph.repertoire.motif_arrays import vocabulary_from
 from choreograph.repertoire.store import NetArrays, RepertoireFile
 from choreograph.takes import Credits
-from choreograph.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
+from choreograph.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, frames_to_seconds
 
 if TYPE_CHECKING:
     from choreograph.nets.rollout.model import RolloutNet
@@ -341,14 +340,35 @@ class Repertoire:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Poses (N, 21, 3) and joint velocities (N, 21, 3) in m/s, both in the root frame.
 
-        `clip` (N,) and fractional clip frames (N,) at 20 fps, the last frame included.
+        `clip` (N,) and fractional clip frames (N,) at 20 fps; beyond the clip the take goes on, and beyond
+        the take its first or last pose holds.
         """
         poses, velocities = self._root_frame_poses
-        low, _, weights = frame_weights(frames, CLIP_FRAMES)
-        weight = weights.astype(np.float32)[:, None, None]
-        row = self._clip_body_start[clip] + low
+        first, stop = self._take_body_rows[self.clip_take[clip]].T
+        rows = np.clip(self._clip_body_start[clip] + frames, first, stop - 1)
+        row = np.minimum(np.floor(rows).astype(np.int64), stop - 2)
+        weight = (rows - row).astype(np.float32)[:, None, None]
         pose = poses[row] + weight * (poses[row + 1] - poses[row])
         return pose, velocities[row] + weight * (velocities[row + 1] - velocities[row])
+
+    @cached_property
+    def _take_body_rows(self) -> NDArray[np.int64]:
+        """First row and one past the last of each take in the flat 20 fps arrays, (takes, 2)."""
+        return np.array([take.body for take in self.takes], np.int64)
+
+    @cached_property
+    def clip_liveliness(self) -> NDArray[np.float32]:
+        """Rank of each clip's mean joint speed in its middle 4 s among those of its genre, (N,), 0 … 1."""
+        first = self._clip_body_start + (CLIP_FRAMES - SEGMENT_FRAMES) // 2
+        sums = np.concatenate([[0.0], np.cumsum(self._speed, dtype=np.float64)])
+        speed = sums[first + SEGMENT_FRAMES] - sums[first]  # (N,)
+        genre = np.array([take.credits.genre for take in self.takes])[self.clip_take]
+        rank = np.full(self.n_clips, 0.5, np.float32)
+        for name in np.unique(genre):
+            clips = np.flatnonzero(genre == name)
+            if len(clips) > 1:
+                rank[clips[np.argsort(speed[clips], kind="stable")]] = np.linspace(0, 1, len(clips))
+        return rank
 
     @cached_property
     def _root_frame_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -2,15 +2,17 @@
 
 - `dtw` — subsequence DTW of many clips at once, with slopes in [0.5, 2]
 - `time_maps` — a DTW path as a smooth, monotone time map that puts motion beats on music beats
+- `count_maps` — time maps that lay a take's counts on a song's beats
 - `segments` — every second's candidates, warped for the graph
 """
 
 from choreograph.timebase import MAX_SLOPE, MIN_SLOPE
+from choreograph.warping.count_maps import CountedClips, SongGrid, TakeGrids
 from choreograph.warping.dtw import subsequence_dtw
 from choreograph.warping.segments import ClipBeats, Segments, warp_segments
 from choreograph.warping.time_maps import smooth_time_maps
 
 __all__ = [
-    "MAX_SLOPE", "MIN_SLOPE", "ClipBeats", "Segments", "smooth_time_maps", "subsequence_dtw",
-    "warp_segments",
+    "MAX_SLOPE", "MIN_SLOPE", "ClipBeats", "CountedClips", "Segments", "SongGrid", "TakeGrids",
+    "smooth_time_maps", "subsequence_dtw", "warp_segments",
 ]  # fmt: skip

@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from choreograph.features.motion_beats import MIN_PROMINENCE
 from choreograph.motion.interpolation import frame_weights
 from choreograph.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
+from choreograph.warping.count_maps import NO_TRACK, CountedClips, count_time_maps
 from choreograph.warping.dtw import subsequence_dtw
 from choreograph.warping.time_maps import smooth_time_maps
 
 NEAR_FRAMES = 1.0  # 50 ms: beats no further apart match fully
 FAR_FRAMES = 5.0  # 250 ms: beats further apart do not match at all
+_UNKNOWN_OFF_BAR = 0.75  # of a take without counts: what chance gives in four
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,11 @@ class Segments:
     unmatched_beat: NDArray[np.float32]  # (S, K, 4) share of music and motion beats without a partner
     first_beat: NDArray[np.float32]  # (S, K, 4) frame of the quarter's first motion beat, nan if none
     last_beat: NDArray[np.float32]  # (S, K, 4)
+    track: NDArray[
+        np.int64
+    ]  # (S, K) the same for segments that are parts of one time map; `NO_TRACK` if none
+    off_bar: NDArray[np.float32]  # (S, K, 4) share of beats whose number in the bar is not the take's
+    phrase_penalty: NDArray[np.float32]  # (S, K, 5) of changing takes at the quarters' borders, 0 … 1
 
 
 def warp_segments(
@@ -48,51 +55,74 @@ def warp_segments(
     clip_speed: Callable[[NDArray[np.integer]], NDArray[np.float32]],
     beats: ClipBeats,
     *,
+    counted: CountedClips | None = None,
     as_recorded: bool = False,
     report: Callable[[int, int], None] | None = None,
 ) -> Segments:
     """Warp the candidates `clip` (S, K) of every second onto the music's tempo-density (S, 80).
 
     `clip_density` and `clip_speed` give tempo-densities and mean joint speeds (K, 160) of clips;
-    `music_beats_s` (Q,) are times in the song. `as_recorded` skips the warp: segments are the clips' middle
-    4 s at their own speed, with the same measures. ChoreoGraph, section 3.2; smoothing the time maps is
-    ours.
+    `music_beats_s` (Q,) are times in the song. Clips of takes whose counts are known (`counted`) are laid on
+    the beats count by count instead (`count_time_maps`). `as_recorded` skips the warp: segments are the
+    clips' middle 4 s at their own speed, with the same measures. ChoreoGraph, section 3.2; smoothing the time
+    maps, and counts, are ours.
     """
+    from choreograph.warping._kernels import segment_beats
+
     n_seconds, k = clip.shape
     time_maps = np.empty((n_seconds, k, SEGMENT_FRAMES + 1), np.float32)
-    per_quarter = [np.empty((n_seconds, k, SEGMENT_S), np.float32) for _ in range(4)]
+    density_mismatch = np.zeros((n_seconds, k, SEGMENT_S), np.float32)
+    of_beats = [np.empty((n_seconds, k, SEGMENT_S), np.float32) for _ in range(3)]
+    track = np.full((n_seconds, k), NO_TRACK, np.int64)
+    off_bar = np.full((n_seconds, k, SEGMENT_S), _UNKNOWN_OFF_BAR, np.float32)
+    phrase_penalty = np.ones((n_seconds, k, SEGMENT_S + 1), np.float32)
 
     def warp(second: int) -> None:
         chosen = clip[second]
+        searched = np.ones(k, bool)
+        if counted is not None:
+            laid = count_time_maps(second, chosen, counted)
+            searched[laid.candidates] = False
+            time_maps[second, laid.candidates] = laid.time_maps
+            track[second, laid.candidates] = laid.track
+            off_bar[second, laid.candidates] = laid.off_bar
+            phrase_penalty[second, laid.candidates] = laid.phrase_penalty
         here = music_beats_s[slice(*np.searchsorted(music_beats_s, [second - 0.5, second + SEGMENT_S + 0.5]))]
-        maps, *measures = _warp_candidates(
-            music_density[second], clip_density(chosen), clip_speed(chosen), (here - second) * NET_FPS,
-            beats.frames, beats.ranges[chosen], as_recorded=as_recorded,
+        music_frames = (here - second) * NET_FPS
+        if searched.any():
+            others = chosen[searched]
+            time_maps[second, searched], density_mismatch[second, searched] = _warp_by_density(
+                music_density[second], clip_density(others), music_frames, beats.frames, beats.ranges[others],
+                as_recorded=as_recorded,
+            )  # fmt: skip
+        measures = segment_beats(
+            time_maps[second].astype(np.float64), clip_speed(chosen), music_frames, NEAR_FRAMES, FAR_FRAMES,
+            MIN_PROMINENCE,
         )  # fmt: skip
-        time_maps[second] = maps
-        for stored, measure in zip(per_quarter, measures, strict=True):
+        for stored, measure in zip(of_beats, measures, strict=True):
             stored[second] = measure
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for done, _ in enumerate(pool.map(warp, range(n_seconds))):
             if report is not None:
                 report(done + 1, n_seconds)
-    return Segments(np.asarray(clip, np.int64), time_maps, *per_quarter)
+    unmatched_beat, first_beat, last_beat = of_beats
+    return Segments(
+        np.asarray(clip, np.int64), time_maps, density_mismatch, unmatched_beat, first_beat, last_beat, track,
+        off_bar, phrase_penalty,
+    )  # fmt: skip
 
 
-def _warp_candidates(
+def _warp_by_density(
     query: NDArray[np.float32],
     targets: NDArray[np.float32],
-    speeds: NDArray[np.float32],
     music_frames: NDArray[np.floating],
     beat_frames: NDArray[np.float64],
     beat_ranges: NDArray[np.int64],
     *,
     as_recorded: bool,
-) -> tuple[NDArray, ...]:
-    """Time maps (K, 81) of one second's candidates, then the measures (K, 4) in the order of `Segments`."""
-    from choreograph.warping._kernels import segment_beats
-
+) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """Time maps (K, 81) of one second's candidates, and the mismatch of densities along them (K, 4)."""
     if as_recorded:
         middle = (CLIP_FRAMES - SEGMENT_FRAMES) // 2
         maps = np.tile(np.arange(middle, middle + SEGMENT_FRAMES + 1, dtype=np.float64), (len(targets), 1))
@@ -105,8 +135,7 @@ def _warp_candidates(
         # The end of the last frame, with the slope of the frame before it inside the clip.
         end = np.minimum(2 * maps[:, -1] - maps[:, -2], CLIP_FRAMES - 1)
         maps = np.concatenate([maps, end[:, None]], axis=1)  # (K, 81)
-    beats = segment_beats(maps, speeds, music_frames, NEAR_FRAMES, FAR_FRAMES, MIN_PROMINENCE)
-    return maps, _density_mismatch(query, targets, maps), *beats
+    return maps, _density_mismatch(query, targets, maps)
 
 
 def _density_mismatch(

@@ -208,7 +208,7 @@ def test_beats_from_files(tmp_path):
         assert beats_of(song, given).tolist() == [0.5, 1.0, 2.5]
     assert beats_of(song, beats, start_s=0.75).tolist() == [0.25, 1.75]
     beats.write_text("1.0\n0.5\n")
-    with pytest.raises(ParameterError, match="increasing"):
+    with pytest.raises(FormatError, match="increasing"):
         beats_of(song, beats)
     beats.write_text("one\n")
     with pytest.raises(FormatError, match=r"song\.txt"):

@@ -45,7 +45,9 @@ def motifs_of(path) -> np.ndarray:
 def test_the_mean_cost_is_the_distance_of_the_dance(seed, planner):
     source, song_features = random_source(seed, n_seconds=8, k=5, n_motifs=K)
     goal = random_goal(seed)
-    path = planner(source, [*BUILTIN, WeightedCost(Signature(goal, song_features), 3.0)], song_features)
+    path = planner(
+        source, [*BUILTIN, WeightedCost(Signature([(0, goal)], song_features), 3.0)], song_features
+    )
     paid = [costs["signature"] for costs in path.costs]
     distance = chi_square_distance(signature(motifs_of(path), K), goal.signature)
     assert np.mean(paid) / 3.0 == pytest.approx(distance, abs=1e-5)
@@ -57,7 +59,7 @@ def test_the_mean_cost_is_the_distance_of_the_dance(seed, planner):
 @given(st.integers(0, 2**31), st.floats(0.1, 20.0))
 def test_exact_is_never_costlier_than_greedy_with_a_signature(seed, weight):
     source, song_features = random_source(seed, n_seconds=8, k=5, n_motifs=K)
-    costs = [*BUILTIN, WeightedCost(Signature(random_goal(seed), song_features), weight)]
+    costs = [*BUILTIN, WeightedCost(Signature([(0, random_goal(seed))], song_features), weight)]
     assert (
         plan_exact(source, costs, song_features).total
         <= plan_greedy(source, costs, song_features).total + 1e-4
@@ -90,8 +92,8 @@ def test_min_edge_costs_are_lower_bounds(seed):
     previous, following = source.layer(2), source.layer(3)
     previous = previous.with_motif_counts(rng.integers(0, 4, previous.motif_counts.shape).astype(np.int16))
     for cost in (
-        Signature(random_goal(seed), song_features),
-        MotifTransition(random_goal(seed), song_features),
+        Signature([(0, random_goal(seed))], song_features),
+        MotifTransition([(0, random_goal(seed))], song_features),
     ):
         least = cost.edge(previous, following, song_features).min(axis=0)
         assert (least >= cost.min_edge_costs(previous, following, song_features) - 1e-6).all()
@@ -112,7 +114,9 @@ def test_a_feasible_signature_is_reached(planner):
     wandering = [WeightedCost(Wanders(), 1.0)]
     without = planner(source, wandering, song_features)
     assert chi_square_distance(signature(motifs_of(without), 4), goal.signature) > 0.5
-    steered = planner(source, [*wandering, WeightedCost(Signature(goal, song_features), 20.0)], song_features)
+    steered = planner(
+        source, [*wandering, WeightedCost(Signature([(0, goal)], song_features), 20.0)], song_features
+    )
     assert chi_square_distance(signature(motifs_of(steered), 4), goal.signature) < 0.005
 
 
@@ -120,7 +124,7 @@ def test_the_beam_comes_near_the_best_of_all_paths():
     regrets = []
     for seed in range(12):
         source, song_features = random_source(seed, n_seconds=6, k=1, n_clips=2, n_motifs=3)
-        cost = Signature(random_goal(seed, 3), song_features)
+        cost = Signature([(0, random_goal(seed, 3))], song_features)
         goal = random_goal(seed, 3)
         layers = [source.layer(second).motifs for second in range(6)]
         distances = [
@@ -138,7 +142,7 @@ def test_the_beam_comes_near_the_best_of_all_paths():
 def test_likely_transitions_are_chosen(planner):
     source, song_features = random_source(3, n_seconds=12, k=40, n_clips=40, n_motifs=3)
     cycle = MotifGoal(np.full(3, 1 / 3), np.roll(np.eye(3), 1, axis=1))
-    path = planner(source, [WeightedCost(MotifTransition(cycle, song_features), 1.0)], song_features)
+    path = planner(source, [WeightedCost(MotifTransition([(0, cycle)], song_features), 1.0)], song_features)
     words = motifs_of(path)
     assert np.array_equal((words[:-1] + 1) % 3, words[1:])
     assert path.total == pytest.approx(0.0, abs=1e-6)
@@ -148,7 +152,9 @@ def test_likely_transitions_are_chosen(planner):
 def test_every_transition_between_words_is_counted_once(planner):
     source, song_features = random_source(4, n_seconds=8, n_motifs=K)
     goal = random_goal(4)
-    path = planner(source, [*BUILTIN, WeightedCost(MotifTransition(goal, song_features), 2.0)], song_features)
+    path = planner(
+        source, [*BUILTIN, WeightedCost(MotifTransition([(0, goal)], song_features), 2.0)], song_features
+    )
     words = motifs_of(path)
     by_hand = np.minimum(-np.log(goal.transitions[words[:-1], words[1:]]) / np.log(1000), 1.0)
     paid = sum(costs["motif_transition"] for costs in path.costs)
@@ -160,7 +166,7 @@ def test_weights_of_zero_leave_the_dance_as_it_was(planner):
     plain, song_features = random_source(5, n_seconds=8)
     source, _ = random_source(5, n_seconds=8, n_motifs=K)
     goal = random_goal(5)
-    off = [WeightedCost(cost(goal, song_features), 0.0) for cost in (Signature, MotifTransition)]
+    off = [WeightedCost(cost([(0, goal)], song_features), 0.0) for cost in (Signature, MotifTransition)]
     with_them, without = (
         planner(source, [*BUILTIN, *off], song_features),
         planner(plain, BUILTIN, song_features),

@@ -54,6 +54,16 @@ def test_other_folders_are_not_detected(tmp_path):
     assert not dance_with_melody.detect(tmp_path)
 
 
+def test_joins_by_straight_lines_are_found_and_stillness_is_not():
+    rng = np.random.default_rng(2)
+    pos_m = np.cumsum(rng.normal(0, 0.01, (120, 22, 3)), axis=0)
+    for start in (20, 70):
+        weight = np.linspace(0, 1, 7)[:, None, None]
+        pos_m[start - 1 : start + 6] = pos_m[start - 1] * (1 - weight) + pos_m[start + 5] * weight
+    pos_m[90:110] = pos_m[90]
+    assert dance_with_melody.straight_spans(np.round(pos_m, 4)) == [(20, 25), (70, 75)]
+
+
 def _dancer(stature: float, thigh: float, n_frames: int, phase: float) -> np.ndarray:
     """Markers (T, 22, 3) of a synthetic body that bends, waves and walks, turning."""
     canonical = canonical_skeleton()

@@ -162,3 +162,33 @@ def test_rate_heading_and_position_hardly_matter(fps):
 def test_broken_boundaries_are_refused(boundaries):
     with pytest.raises(ParameterError, match="boundaries"):
         physical.evaluate(body_pos_m(_standing()), FPS, boundaries)
+
+
+@given(first=st.integers(5, 250), size_m=st.floats(0.06, 1.0))
+def test_a_jump_of_any_joints_counts_once(first, size_m):
+    pos = body_pos_m(_standing(300)).copy()
+    pos[first, BALLS[0], 1] += size_m
+    pos[first + 1 : first + 3, 0, 2] += size_m
+    assert physical.jump_times_s(pos, FPS) == pytest.approx([(first - 1) / FPS], abs=1.01 / FPS)
+    assert physical.jumps_per_minute(pos, FPS) == pytest.approx(12.0)
+
+
+def test_jumps_apart_are_counted_and_smooth_motion_has_none():
+    pos = body_pos_m(_standing(600)).copy()
+    assert physical.jumps_per_minute(pos, FPS) == 0
+    pos[:, :, 0] += np.sin(np.arange(600) / FPS * 2 * np.pi)[:, None]
+    assert physical.jumps_per_minute(pos, FPS) == 0
+    pos[[100, 200, 212], BALLS[0], 1] += 0.1
+    assert len(physical.jump_times_s(pos, FPS)) == 3
+    assert physical.jumps_per_minute(body_pos_at(pos, FPS, 50), 50) > 0
+    pos[300:] += 0.2  # a jump that does not come back
+    assert len(physical.jump_times_s(pos, FPS)) == 4
+
+
+def test_too_short_to_jump():
+    for n_frames in (1, 2):
+        assert physical.jumps_per_minute(body_pos_m(_standing(n_frames)), FPS) == 0
+    with pytest.raises(ParameterError, match="finite"):
+        physical.jumps_per_minute(np.full((5, 21, 3), np.nan), FPS)
+    with pytest.raises(ParameterError, match="frame rate"):
+        physical.jump_times_s(np.zeros((5, 21, 3)), 0)

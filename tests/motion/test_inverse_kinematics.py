@@ -87,3 +87,70 @@ def test_a_batch_gives_the_same_as_each_frame_alone():
         alone = two_bone(start[row], middle[row], end[row], target[row], hinge[row])
         assert np.allclose(together[0][row], alone[0])
         assert np.allclose(together[1][row], alone[1])
+
+
+def _leg(flexion: float, sideways: float, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """A leg bent by `flexion` radians about its hinge and `sideways` across it; either may be negative."""
+    a, b = rng.uniform(0.35, 0.5, 2)
+    rotation = rot.from_rotvec(rng.normal(0, 1, 3))
+    lower = rot.rotate(rot.from_rotvec(np.array([flexion, 0.0, sideways])), np.array([0.0, -1.0, 0.0]))
+    middle = rot.rotate(rotation, np.array([0.0, -a, 0.0]))
+    return np.zeros(3), middle, middle + rot.rotate(rotation, b * lower), rot.rotate(rotation, HINGE)
+
+
+FLEXIONS = st.floats(-0.3, 2.5)
+SIDEWAYS = st.floats(-0.2, 0.2)
+
+
+@given(SEEDS, FLEXIONS, SIDEWAYS)
+def test_any_leg_at_its_target_stays(seed, flexion, sideways):
+    start, middle, end, hinge = _leg(flexion, sideways, np.random.default_rng(seed))
+    knee, ankle = _moved(start, middle, end, end, hinge)
+    assert np.allclose(knee, middle, atol=1e-5)
+    assert np.allclose(ankle, end, atol=1e-5)
+
+
+@given(SEEDS, FLEXIONS, SIDEWAYS, st.floats(0.05, 0.98))
+def test_any_leg_keeps_its_lengths_and_reaches_what_is_well_within_reach(seed, flexion, sideways, share):
+    rng = np.random.default_rng(seed)
+    start, middle, end, hinge = _leg(flexion, sideways, rng)
+    a, b = np.linalg.norm(middle), np.linalg.norm(end - middle)
+    away = rng.normal(size=3)
+    target = away / np.linalg.norm(away) * (abs(a - b) + share * (0.97 * (a + b) - abs(a - b)))
+    knee, ankle = _moved(start, middle, end, target, hinge)
+    assert np.isclose(np.linalg.norm(knee), a)
+    assert np.isclose(np.linalg.norm(ankle - knee), b)
+    missed_m = np.linalg.norm(ankle - target)
+    assert missed_m < (1e-5 if flexion > 0 else 0.3 * (flexion**2 + sideways**2) + 1e-5)
+
+
+@given(SEEDS, st.floats(0.0, 0.3), st.floats(0.85, 0.97))
+def test_a_leg_bent_the_wrong_way_folds_the_right_way(seed, wrong, share):
+    rng = np.random.default_rng(seed)
+    start, middle, end, hinge = _leg(-wrong, 0.0, rng)
+    target = share * end / np.linalg.norm(end) * (np.linalg.norm(middle) + np.linalg.norm(end - middle))
+    knee, ankle = _moved(start, middle, end, target, hinge)
+    assert np.cross(knee, ankle - knee) @ hinge > 0 or np.linalg.norm(target) > np.linalg.norm(end) - 0.02
+
+
+@given(SEEDS, FLEXIONS, SIDEWAYS, st.floats(-0.1, 0.1))
+def test_neighbouring_legs_and_targets_have_neighbouring_knees(seed, flexion, sideways, shorter):
+    """Near straight a knee moves as the square root of what its ankle does: 5 mm for 1e-6 m."""
+    start, middle, end, hinge = _leg(flexion, sideways, np.random.default_rng(seed))
+    other = _leg(flexion - 1e-6, sideways + 1e-6, np.random.default_rng(seed))
+    out = end / np.linalg.norm(end)
+    knee, _ = _moved(start, middle, end, end - shorter * out, hinge)
+    near, _ = _moved(start, middle, end, end - (shorter + 1e-6) * out, hinge)
+    assert np.linalg.norm(near - knee) < 5e-3
+    near, _ = _moved(*other[:3], other[2] - shorter * out, other[3])
+    assert np.linalg.norm(near - knee) < 5e-3
+
+
+def test_a_leg_that_swings_through_straight_keeps_its_knee_on_its_path():
+    for shorter in (0.0, 0.001, 0.01, 0.03):
+        knees = []
+        for flexion in np.linspace(0.25, -0.12, 60):
+            start, middle, end, hinge = _leg(flexion, 0.02, np.random.default_rng(4))
+            knees.append(_moved(start, middle, end, end * (1 - shorter / np.linalg.norm(end)), hinge)[0])
+        bend_m = np.linalg.norm(np.diff(knees, n=2, axis=0), axis=-1)
+        assert bend_m.max() < 0.01

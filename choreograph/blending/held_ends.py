@@ -1,0 +1,52 @@
+"""The first and the last pose of a dance, held until its first count and from its last one on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.motion import rotations as rot
+from choreograph.motion.motion import Motion
+from choreograph.timebase import frame_times_s
+
+Floats = NDArray[np.float64]
+
+EASE_IN_S = 0.4  # from rest to full speed, before the first count
+EASE_OUT_S = 0.3  # from full speed to rest: before the last count,
+_SETTLE_S = 0.08  # and after it
+
+
+def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:
+    """The motion with a pose held before the first count, and one after the last count.
+
+    It starts to move within 0.4 s before `opening_s`, and comes to rest from 0.3 s before `closing_s` to
+    0.08 s after it; None: it dances to its end.
+    """
+    times_s = frame_times_s(motion.n_frames, motion.fps)
+    played_s = np.array(times_s)
+    if opening_s > 0:
+        ease_s = min(EASE_IN_S, opening_s)
+        since = np.clip((times_s - (opening_s - ease_s)) / ease_s, 0.0, 1.0)
+        before = times_s < opening_s
+        played_s[before] = (opening_s - ease_s * (0.5 - _eased(since)))[before]
+    if closing_s is not None:
+        ease_s = min(EASE_OUT_S + _SETTLE_S, closing_s + _SETTLE_S - opening_s)
+        start_s = closing_s + _SETTLE_S - ease_s
+        since = np.clip((times_s - start_s) / ease_s, 0.0, 1.0)
+        after = times_s > start_s
+        played_s[after] = (start_s + ease_s * (since - _eased(since)))[after]
+    moved = np.flatnonzero(played_s != times_s)
+    if len(moved) == 0:
+        return motion
+    frames = np.clip(played_s[moved] * motion.fps, 0.0, motion.n_frames - 1)
+    held = motion.sampled_smooth(frames)
+    root_pos_m, local_quat = motion.root_pos_m.copy(), motion.local_quat.copy()
+    root_pos_m[moved], local_quat[moved] = held.root_pos_m, held.local_quat
+    return replace(motion, root_pos_m=root_pos_m, local_quat=rot.make_continuous(local_quat))
+
+
+def _eased(since: Floats) -> Floats:
+    """The way gone at a speed that rises smoothly from 0 to 1 as `since` does; 0.5 at the end."""
+    return since**3 - 0.5 * since**4

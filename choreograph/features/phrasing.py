@@ -1,0 +1,69 @@
+"""Phrasing: from when to when a song is danced, and where one take may give way to another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.counts import Counts
+from choreograph.features.tempo_path import onset_strength
+from choreograph.timebase import MUSIC_FPS
+
+Floats = NDArray[np.float64]
+
+REACH_S = 0.5  # a change of takes is no further from its second
+HOLD_S = 0.7  # the least that the first and the last pose are held
+_STRONG = 0.3  # of the song's median strength at beats: weaker ones do not start or end a dance
+_BAR_OF = 4  # beats that have to be strong, on average, where the dance starts
+_NEAR_FRAMES = 3  # 50 ms: an onset this close to a beat is on it
+_LONGEST_WAIT_S = 3.0  # for a downbeat, where beats are strong before it
+
+
+def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: float) -> tuple[float, float]:
+    """When the first count of a song is danced, and its last: strong beats, on downbeats if bars are known.
+
+    An introduction or an ending without beats is not danced, and at least 0.7 s at the beginning and 0.3 s
+    at the end are left to the poses that are held there. Without beats, the song is danced from 0 to its end.
+    """
+    beats = np.flatnonzero((counts.times_s >= HOLD_S) & (counts.times_s <= duration_s - 0.3))
+    if len(beats) < 2 * _BAR_OF:
+        return 0.0, duration_s
+    strength = _strength_at(counts.times_s[beats], log_mel)
+    enough = _STRONG * float(np.median(strength))
+    ahead = np.convolve(strength, np.ones(_BAR_OF) / _BAR_OF)  # mean of a beat and the three before it
+    starts = np.flatnonzero((ahead[_BAR_OF - 1 : len(beats)] >= enough) & (strength[: 1 - _BAR_OF] >= enough))
+    ends = np.flatnonzero(strength >= enough)
+    first, last = (starts[0] if len(starts) else 0), ends[-1]
+    on_downbeat = counts.numbers[beats] == 1
+    waited = [i for i in range(first, len(beats)) if on_downbeat[i]]
+    if waited and counts.times_s[beats[waited[0]]] - counts.times_s[beats[first]] <= _LONGEST_WAIT_S:
+        first = waited[0]
+    closing = [i for i in ends if on_downbeat[i]]
+    last = closing[-1] if closing else last
+    if last - first < _BAR_OF:
+        return 0.0, duration_s
+    return float(counts.times_s[beats[first]]), float(counts.times_s[beats[last]])
+
+
+def _strength_at(times_s: Floats, log_mel: NDArray[np.floating]) -> Floats:
+    """Greatest onset strength within 50 ms of each time, (Q,)."""
+    strength = onset_strength(log_mel)
+    frames = np.round(times_s * MUSIC_FPS).astype(np.int64)[:, None]
+    near = frames + np.arange(-_NEAR_FRAMES, _NEAR_FRAMES + 1)
+    return strength[np.clip(near, 0, len(strength) - 1)].max(axis=1)
+
+
+def join_times_s(counts: Counts, n_borders: int) -> Floats:
+    """The instants (B,) near seconds 0 … B - 1 at which takes may change.
+
+    The downbeat within half a second, else the nearest beat, else the second itself. No two seconds share
+    an instant.
+    """
+    seconds = np.arange(n_borders, dtype=np.float64)
+    joins = seconds.copy()
+    for instants in (counts.times_s, counts.downbeat_times_s):  # downbeats last: they come first
+        border = np.round(instants).astype(np.int64)
+        for second in np.unique(border[(border >= 0) & (border < n_borders)]):
+            near = instants[border == second]
+            joins[second] = near[np.argmin(np.abs(near - second))]
+    return joins
