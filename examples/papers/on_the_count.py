@@ -162,7 +162,7 @@ def phase_lines(engine: str, dances: Sequence[MeasuredDance]) -> list[Line]:
     found = phases_by_genre(of[engine], list(once.values()), np.random.default_rng(0))
     return [
         Line(
-            f"phase in the count, {genre}: distance to {reference}, in beats; way from chance to their halves",
+            f"phase in the count, {genre}: distance to {reference}, beats; way from chance to halves",
             "way > 0.5",
             f"{row['phase_distance']:.3f}; {row['phase_nearness']:.2f}",
             f"{row['phase_distance_chance']:.3f}",
