@@ -1,4 +1,4 @@
-"""Experts' dances to songs, NPZ with counts beside them: `choreograph evaluate --experts FOLDER` reads them.
+"""Experts' dances to songs, BVH with counts beside them: `choreograph evaluate --experts FOLDER` reads them.
 
 For dance-with-melody: every take laid on its own song's beats count by count. For songs of ChoreoNet's
 lists without a take: the listed figures, as far as they are recorded.
@@ -49,7 +49,7 @@ def main() -> None:
 
 def save(folder: Path, name: str, expert: ExpertDance) -> None:
     """Write one dance and its counts."""
-    save_motion(folder / f"{name}.npz", expert.motion)
+    save_motion(folder / f"{name}.bvh", expert.motion)
     write_counts(folder / f"{name}.counts.csv", expert.counts)
     print(f"{name}: {expert.motion.duration_s:.0f} s, {expert.listed_share:.0%} of the counts as listed")
 

@@ -5,7 +5,7 @@
 
 Each repertoire was built by `build-db --seed N --leave-out @examples/papers/dance_with_melody_held_out.txt`;
 its number is also the seed of its dances, and its motif signatures are judged by the next one's network.
-FOLDER holds experts' dances to the held-out songs (SONG.npz with SONG.counts.csv beside it), laid on the
+FOLDER holds experts' dances to the held-out songs (SONG.bvh with SONG.counts.csv beside it), laid on the
 tracked beats as their choreographies say. "Real" are the takes as recorded: never synchronised with their
 songs. Built-in takes dance to the benchmark songs, whose beats and bars are known exactly, and to the spliced
 songs. Nothing here was trained or tuned on any of these songs.
@@ -264,7 +264,7 @@ def main() -> None:
     parser.add_argument("repertoires", type=Path, nargs="*")
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--counted-by", type=Path, nargs="*", default=[])
-    parser.add_argument("--experts", type=Path, help="folder of SONG.npz with SONG.counts.csv")
+    parser.add_argument("--experts", type=Path, help="folder of SONG.bvh with SONG.counts.csv")
     parser.add_argument("--songs", type=Path, default=HELD_OUT)
     parser.add_argument("--duration", type=float, help="seconds of each real song; default: all")
     parser.add_argument("--engines", nargs="+", default=["graph"])
