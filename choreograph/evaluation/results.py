@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.evaluation.motif_scores import DancedMotifs
+from choreograph.evaluation.phase_scores import DancedPhases
 from choreograph.evaluation.scores import Scores
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
@@ -30,6 +31,7 @@ class MeasuredDance:
     seed: int
     scores: Scores
     plan: Plan | None = None
+    phases: DancedPhases | None = None  # of its motion beats in the counts
 
 
 @dataclass(frozen=True, eq=False)

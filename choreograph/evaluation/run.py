@@ -16,7 +16,7 @@ from choreograph.evaluation.counted_dance import CountedDance
 from choreograph.evaluation.dance_scores import dance_scores
 from choreograph.evaluation.motif_scores import scorer_for
 from choreograph.evaluation.motion_scores import dance_label_values, label_scores, physical_scores
-from choreograph.evaluation.phase_scores import DancedPhases, danced_phases, phase_scores
+from choreograph.evaluation.phase_scores import danced_phases, phase_scores
 from choreograph.evaluation.realism_scores import FeatureRows, RealDances, real_set_scores, set_scores
 from choreograph.evaluation.results import (
     EXPERT,
@@ -118,7 +118,6 @@ class _Run:
         self.music_labels: dict[str, Floats] = {}  # song -> (W, 4)
         self.references = references
         self.music: dict[str, SongMusic] = {}  # by song
-        self.phases: list[DancedPhases] = []  # per dance
         self.example: ExampleSong | None = None
         self.motif_scorer = scorer_for(repertoire, judge)
         self.real, self.real_description = self._real_dances()
@@ -186,8 +185,8 @@ class _Run:
         rows = FeatureRows.from_motion(motion, self.real)
         self.features.setdefault((dance.variant, seed), []).append(rows)
         self.dance_labels.append(dance_label_values(motion))
-        self.phases.append(danced_phases(motion, music.beats_s, song.genre, song.song_name))
-        self.dances.append(MeasuredDance(dance.variant, song.name, seed, scores, dance.plan))
+        phases = danced_phases(motion, music.beats_s, song.genre, song.song_name)
+        self.dances.append(MeasuredDance(dance.variant, song.name, seed, scores, dance.plan, phases))
         return ExampleDance(dance.variant, motion, dance.plan, motifs)
 
     def evaluation(self) -> Evaluation:
@@ -238,11 +237,13 @@ class _Run:
         """Phases of motion beats against the experts', or without experts the real takes', of the genre."""
         found = {d.variant for d in dances}
         reference = EXPERT if EXPERT in found else REAL
-        experts = [p for d, p in zip(dances, self.phases, strict=True) if d.variant == reference]
+        experts = [d.phases for d in dances_of(dances, reference) if d.phases is not None]
         rng = np.random.default_rng(0)
         return [
-            replace(dance, scores=dance.scores | phase_scores(phases, experts, rng))
-            for dance, phases in zip(dances, self.phases, strict=True)
+            dance
+            if dance.phases is None
+            else replace(dance, scores=dance.scores | phase_scores(dance.phases, experts, rng))
+            for dance in dances
         ]
 
     def _set_scores(self) -> list[MeasuredDance]:

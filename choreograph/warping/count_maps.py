@@ -78,6 +78,10 @@ class SongGrid:
         """The fractional beat index at each time."""
         return np.interp(times_s, self.times_s, np.arange(len(self.times_s)))
 
+    def time_at(self, index: float) -> float:
+        """The time of a fractional beat index."""
+        return float(np.interp(index, np.arange(len(self.times_s)), self.times_s))
+
 
 def _padded(counts: Counts, n_before: int, n_after: int) -> tuple[Floats, NDArray[np.int64]]:
     """Steady times and numbers, continued beyond both ends at the period and in the bars there."""

@@ -4,8 +4,10 @@
 
 Each REPERTOIRE must have been built with `--rollout`, with
 `--leave-out @examples/papers/dance_with_melody_held_out.txt` and with its own seed: numbers are mean ± spread
-over repertoires. FOLDER was written by `train_rollout_ablations.py`. The songs are the held-out ones and
-those of DATA without motion, up to 80 s of each, danced with their genre given.
+over repertoires. A repertoire's χ² is also judged by the word network of the next one ("chi2 judged"), which
+neither asked for its motifs nor taught its network. FOLDER was written by `train_rollout_ablations.py`. The
+songs are the held-out ones and those of DATA without motion, up to 80 s of each, danced with their genre
+given.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from choreograph.engines import rollout as rolling
 from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.importers.dance_with_melody import read
 from choreograph.metrics import beat
+from choreograph.metrics.motion_beat_detectors import savitzky_golay_beats_s
 from choreograph.metrics.physical import foot_slide_cm_s, joint_jerk_m_s3
 from choreograph.motifs.signatures import chi_square_distance, signature
 from choreograph.motifs.words import dance_bounds_s
@@ -101,7 +104,9 @@ def means(rows: Mapping[str, Sequence[Row]]) -> Table:
     }
 
 
-def ablated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> Table:
+def ablated(
+    pieces: list[Piece], repertoire: WithNet, judge: cg.Repertoire, nets: Mapping[str, RolloutNet]
+) -> Table:
     """Distance to the template, beats, and speeds, for every network, and of what was really danced."""
     k = repertoire.vocabulary.n_motifs
     rows = defaultdict(list)
@@ -121,20 +126,29 @@ def ablated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, Rollout
             inside = bounds[bounds <= motion.duration_s + 0.04]
             danced = danced_motifs(motion, inside, repertoire)
             body = body_pos_m(motion)
-            kinematic = cg.Dance(motion, dance.plan).motion_beats_s
+            made = cg.Dance(motion, dance.plan).motion_beats_s
+            kinematic = savitzky_golay_beats_s(body, motion.fps)
             rows[name].append(
                 {
                     "chi2": chi_square_distance(signature(danced[danced >= 0], k), goal),
+                    "chi2 judged": judged_chi2(motion, inside, piece.genre, judge),
                     "motifs as asked": np.nan if name == "real" else np.mean(danced == asked[: len(danced)]),
                     "aligned": beat.aligned_share(kinematic, beats),
                     "ratio": beat.beat_ratio(kinematic, beats),
-                    "F": beat.f_score(kinematic, beats),
+                    "F": beat.f_score(made, beats),
                     "slide cm/s": foot_slide_cm_s(body, motion.fps),
                     "speed m/s": np.linalg.norm(np.diff(body, axis=0), axis=-1).mean() * motion.fps,
                     "jerk p95": np.percentile(joint_jerk_m_s3(body, motion.fps)[1], 95),
                 }
             )
     return means(rows)
+
+
+def judged_chi2(motion: Motion, bounds_s: np.ndarray, genre: str, judge: cg.Repertoire) -> float:
+    """Distance to the genre's template in the vocabulary of another repertoire."""
+    danced = danced_motifs(motion, bounds_s, judge)
+    goal = judge.vocabulary.signatures[judge.vocabulary.genre_index(genre)]
+    return float(chi_square_distance(signature(danced[danced >= 0], len(goal)), goal))
 
 
 def recreated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> Table:
@@ -250,14 +264,14 @@ def show(title: str, tables: Sequence[Table]) -> None:
         print(f"  {name} ({len(own)}):", ", ".join(texts), flush=True)
 
 
-def measured(path: Path, data: Path, ablations: Path | None) -> dict[str, Table]:
+def measured(path: Path, judge: Path, data: Path, ablations: Path | None) -> dict[str, Table]:
     """All tables of one repertoire, by title."""
     torch.set_num_threads(1)
     pieces = pieces_of(data, {take.name: take for take in read(data)})
     repertoire = WithNet.open(path)
     nets = ablated_nets(ablations / path.stem) if ablations else {}
     found = {
-        "ablations": ablated(pieces, repertoire, nets),
+        "ablations": ablated(pieces, repertoire, cg.Repertoire.open(judge), nets),
         "re-created": recreated(pieces, repertoire, nets),
         "variations": varied(pieces, repertoire),
         "style": styled(pieces, repertoire),
@@ -277,7 +291,7 @@ def main() -> None:
     given = parser.parse_args()
     measure = partial(measured, data=given.data, ablations=given.ablations)
     with ProcessPoolExecutor(given.jobs) as pool:
-        found = list(pool.map(measure, given.repertoires))
+        found = list(pool.map(measure, given.repertoires, given.repertoires[1:] + given.repertoires[:1]))
     for title in found[0]:
         show(title, [tables[title] for tables in found])
 

@@ -6,7 +6,9 @@ Each REPERTOIRE must have been built with `--leave-out @examples/papers/dance_wi
 its own seed, and hold a vocabulary: numbers are mean ± spread over repertoires. The songs are the held-out
 ones and those of DATA without motion, each danced with its genre given, without, and with no weight on
 motifs; "real" is the held-out take itself. Words are segmented on the song's beats, as the takes' own are.
-The distance is χ² (Rhythm is a Dancer, equation 11) to the genre's template, after so many seconds.
+The distance is χ² (Rhythm is a Dancer, equation 11) to the genre's template, after so many seconds. Dances
+of each repertoire are judged by the word network of the next one, which priced none of them; those of a
+single repertoire by their own.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from choreograph.errors import ParameterError
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers.dance_with_melody import read
 from choreograph.metrics import beat
+from choreograph.metrics.motion_beat_detectors import savitzky_golay_beats_s
 from choreograph.motifs.signatures import chi_square_distance, signature
 from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
@@ -58,7 +61,8 @@ class Judge:
         row["-log T"] = float(-np.log(np.maximum(steps[motifs[:-1], motifs[1:]], 1e-3)).mean())
         made = motion_beat_times_s(body_pos_m(motion.resampled(BEAT_FPS)), BEAT_FPS)
         inside = beats_s[beats_s <= motion.duration_s]
-        return {**row, "F": beat.f_score(made, inside), "aligned": beat.aligned_share(made, inside)}
+        kinematic = savitzky_golay_beats_s(body_pos_m(motion), motion.fps)
+        return {**row, "F": beat.f_score(made, inside), "aligned": beat.aligned_share(kinematic, inside)}
 
     def distance(self, motifs: np.ndarray, goal: np.ndarray) -> float:
         return float(chi_square_distance(signature(motifs, len(goal)), goal))
@@ -100,9 +104,10 @@ def main() -> None:
     held_out = given.songs.read_text(encoding="utf-8").split()
     takes = {take.name: take for take in read(given.data) if take.name in held_out}
     rows: dict[str, list[list[Row]]] = defaultdict(list)  # by kind, repertoire and song
-    for path in given.repertoires:
-        print(path.name)
-        for kind, of_kind in measured_dances(path, takes, given).items():
+    judges = given.repertoires[1:] + given.repertoires[:1]
+    for path, judge in zip(given.repertoires, judges, strict=True):
+        print(path.name, "judged by", "its own network" if judge == path else judge.name)
+        for kind, of_kind in measured_dances(path, judge, takes, given).items():
             rows[kind].append(of_kind)
     for kind, by_repertoire in rows.items():
         keys = dict.fromkeys(key for of_kind in by_repertoire for row in of_kind for key in row)
@@ -116,7 +121,7 @@ def main() -> None:
         )
 
 
-def measured_dances(path: Path, takes: dict[str, cg.Take], given) -> dict[str, list[Row]]:
+def measured_dances(path: Path, judge_path: Path, takes: dict[str, cg.Take], given) -> dict[str, list[Row]]:
     """Rows of the dances of one repertoire, by kind."""
     repertoire = cg.Repertoire.open(path)
     seen = {take.song_name for take in repertoire.takes} & set(takes)
@@ -126,7 +131,7 @@ def measured_dances(path: Path, takes: dict[str, cg.Take], given) -> dict[str, l
     for name, genre in WITHOUT_MOTION.items():
         if (given.data / name / "audio.mp3").exists():
             songs[name] = (given.data / name / "audio.mp3", genre)
-    judge = Judge(repertoire)
+    judge = Judge(cg.Repertoire.open(judge_path))
     rows: dict[str, list[Row]] = defaultdict(list)
     for name, (song_path, genre) in songs.items():
         beats_s, dances = dances_to(name, song_path, genre, takes.get(name), repertoire, given)

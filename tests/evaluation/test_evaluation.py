@@ -358,6 +358,6 @@ def test_experts_are_read_from_a_folder(folder, tmp_path):
     (tmp_path / "alone.counts.csv").write_text(f"time_s,number\n{rows}\n")
     (expert,) = read_experts(tmp_path, [replace(song, duration_s=9.0) for song in songs])
     assert (expert.variant, expert.song, expert.motion.n_frames) == ("expert", "alone", 270)
-    assert expert.counts.times_s == pytest.approx(0.6 * np.arange(15))
+    assert expert.counts.times_s == pytest.approx(0.6 * np.arange(16))
     with pytest.raises(ParameterError, match="quick"):
         read_experts(tmp_path, find_songs(folder, only=["quick"]))

@@ -1,0 +1,135 @@
+"""Experts' dances to a song: a real take, or a listed choreography, laid on the song's beats count by count.
+
+These are the first real dances in phase with their music that such data allows: the row `expert` of the
+tables, and pairs to learn from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.audio.song import Song
+from choreograph.blending.foot_locking import lock_feet
+from choreograph.blending.laid_pieces import Piece, lay_pieces
+from choreograph.counts import Counts
+from choreograph.errors import ParameterError
+from choreograph.features.mel import log_mel
+from choreograph.features.metrical_level import choose_level, metrical_levels, tempo_bpm
+from choreograph.features.music_beats import DEFAULT_TRACKER
+from choreograph.features.song_counts import song_counts
+from choreograph.motion.motion import Motion
+from choreograph.motion.retargeting import retarget
+from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.takes import Take
+
+FPS = 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class ExpertDance:
+    """An expert's dance to a song."""
+
+    motion: Motion  # from the song's first sample on
+    counts: Counts  # of the song's beats that are danced
+    listed_share: float  # of the counts: danced by the figures that the choreography lists, not by others
+
+
+def expert_from_take(take: Take, song: Song, *, tracker: str = DEFAULT_TRACKER) -> ExpertDance:
+    """A real take laid on a song's tracked beats, its first count 1 on the first downbeat.
+
+    Raises `ParameterError` if the take has no counts, or the song no beats.
+    """
+    if not take.counts.has_bars:
+        raise ParameterError(f"{take.name}: expected a take whose counts are known, got none")
+    counts = take.counts
+    first = int(np.flatnonzero(counts.numbers == 1)[0])
+    piece = Piece(take.name, float(counts.times_s[first]), float(counts.times_s[-1]), len(counts) - 1 - first)
+    return _laid([piece], {take.name: _prepared(take)}, song, tempo_bpm(counts), counts.metre, tracker)
+
+
+def expert_from_figures(
+    listed: Sequence[tuple[str, int]],
+    recordings: Sequence[Take],
+    song: Song,
+    *,
+    rng: np.random.Generator,
+    tracker: str = DEFAULT_TRACKER,
+) -> ExpertDance:
+    """A choreography, (figure, counts) in order, danced by recorded figures on a song's tracked beats.
+
+    A figure that is not recorded is replaced by a variant of it, or else by a random one, of as many counts
+    of the same genre. Figures' names begin with their genre's letter; names that are empty are time that
+    passes.
+
+    Raises `ParameterError` if no figure of the genre is recorded, or the song has no beats.
+    """
+    letter = next((name[0] for name, _ in listed if name), "")
+    recorded = [
+        (figure.name, Piece(take.name, figure.start_s, figure.end_s, figure.n_counts), take.counts)
+        for take in recordings
+        for figure in take.figures
+        if figure.name.startswith(letter)
+    ]
+    if not recorded:
+        raise ParameterError(f"expected recorded figures of the genre {letter!r}, got none")
+    pieces, n_listed = _chosen(listed, [(name, piece) for name, piece, _ in recorded], rng)
+    used = {piece.take for piece in pieces}
+    motions = {take.name: _prepared(take) for take in recordings if take.name in used}
+    bpm = float(np.median([60.0 * p.n_counts / (p.end_s - p.start_s) for p in pieces]))
+    expert = _laid(pieces, motions, song, bpm, recorded[0][2].metre, tracker)
+    return replace(expert, listed_share=n_listed / sum(piece.n_counts for piece in pieces))
+
+
+def _chosen(
+    listed: Sequence[tuple[str, int]], recorded: Sequence[tuple[str, Piece]], rng: np.random.Generator
+) -> tuple[list[Piece], int]:
+    """The recorded piece for each listed figure, and how many counts are danced as listed."""
+    pieces: list[Piece] = []
+    n_listed = 0
+    for name, n_counts in listed:
+        fitting = [(n, piece) for n, piece in recorded if piece.n_counts == n_counts]
+        same = [piece for n, piece in fitting if n == name]
+        variants = [piece for n, piece in fitting if n.rsplit("-", 1)[0] == name.rsplit("-", 1)[0]]
+        options = same or variants or [piece for _, piece in fitting]
+        if options:
+            pieces.append(options[int(rng.integers(len(options)))])
+            n_listed += n_counts if same else 0
+        else:  # a length that nothing recorded has: shorter figures of half the counts, twice
+            halves = [piece for _, piece in recorded if 2 * piece.n_counts == n_counts]
+            pieces += [halves[int(rng.integers(len(halves)))]] * 2 if halves else []
+    return pieces, n_listed
+
+
+def _laid(
+    pieces: Sequence[Piece],
+    motions: Mapping[str, Motion],
+    song: Song,
+    bpm: float,
+    metre: int,
+    tracker: str,
+) -> ExpertDance:
+    """Pieces laid on a song's beats, counted at the level nearest to their own tempo."""
+    mel = log_mel(song.samples)
+    levels = metrical_levels(song.samples, mel, song_counts(song, mel, tracker))
+    counts = choose_level(levels, {metre: np.array([bpm])}, {metre: np.ones(1)})
+    downbeats = np.flatnonzero(counts.numbers == 1)
+    first = int(downbeats[0]) if len(downbeats) else 0
+    motion = lay_pieces(
+        pieces, counts, first, lambda take, start_s, stop_s: (motions[take], 0.0),
+        duration_s=song.duration_s, fps=FPS,
+    )  # fmt: skip
+    danced = slice(first, first + 1 + sum(piece.n_counts for piece in pieces))
+    numbers: NDArray[np.int64] = np.arange(len(counts.times_s[danced])) % metre + 1
+    return ExpertDance(motion, Counts(counts.times_s[danced], numbers, metre, "expert", 1.0), 1.0)
+
+
+def _prepared(take: Take) -> Motion:
+    """The take's motion as a repertoire has it: on the canonical skeleton, with its feet locked."""
+    motion = take.motion
+    if not motion.skeleton.same_as(canonical_skeleton()):
+        motion = retarget(motion, canonical_skeleton())
+    return lock_feet(motion)
