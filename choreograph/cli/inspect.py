@@ -151,7 +151,7 @@ def _counts_text(counts: dict[str, Any]) -> str:
     if not counts["n"]:
         return "no counts"
     metre = f" in {counts['metre']}" if counts["metre"] else ", no bars"
-    figures = f", {counts['figures']} figures" if counts["figures"] else ""
+    figures = {0: "", 1: ", 1 figure"}.get(counts["figures"], f", {counts['figures']} figures")
     return f"{counts['n']} counts{metre} ({counts['source']} {counts['confidence']:.2f}){figures}"
 
 
