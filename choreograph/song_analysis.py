@@ -84,8 +84,10 @@ def _danceable(
 
 
 def _nearness(style: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.float64]:
-    """Share of each take, (takes,), of the clips nearest in style to the song's seconds (S, 32); without style
-    networks all count the same."""
+    """Share of each take, (takes,), of the clips nearest in style to the song's seconds (S, 32).
+
+    Without style networks all takes count the same.
+    """
     if not style.any():
         return np.ones(len(repertoire.takes))
     n_nearest = min(_NEAREST_CLIPS, repertoire.n_clips)
