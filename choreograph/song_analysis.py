@@ -61,7 +61,7 @@ def analyse_song(
         style,
         beat_count,
         _wanted_density(repertoire, mel, counts.times_s, n_seconds),
-        song_sections(song.samples, counts.times_s),
+        song_sections(song.samples, counts.times_s, downbeat_times_s=counts.downbeat_times_s),
         energy_per_second(song.samples, n_seconds),
     )
     return features, tuple(notes)
