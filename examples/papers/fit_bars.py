@@ -7,8 +7,9 @@ a ramp; and the ten genres of four with one beat cut out of every bar, so that a
 by its instruments. Excerpts of 8 to 48 beats, tracked and true, are told among seven hypotheses (three
 phases of three, four of four) by a softmax whose scores are sums over beats of weights times evidence:
 convex, by L-BFGS with a penalty on the squares; both metres weigh the same. Then confidence: logistic in the
-margin over the root of the number of beats, on excerpts of 4 to 35 s of those songs (right: downbeat F of 0.8 or more), clean and with
-noise 10 dB below to 10 dB above the music, and on noise alone (always wrong), one excerpt of four.
+margin over the root of the number of beats, on excerpts of 4 to 35 s of those songs (right: downbeat F of 0.8
+or more), clean and with noise 10 dB below to 10 dB above the music, and on noise alone (always wrong), one
+excerpt of four.
 
 Printed with it: how many excerpts of a genre are told right by weights fitted without the genre.
 """
@@ -234,7 +235,7 @@ def source(weights: Floats, metre: Floats, confidence: tuple[float, float]) -> s
             "ACCENT_WEIGHTS = np.array(\n    [", *rows, "    ]\n)  # (20, 7)",
             "# Log evidence of a repeat for three rather than four; the last is added at every beat.",
             "METRE_WEIGHTS = np.array(\n    [", *repeats, "    ]\n)  # (31,)",
-            "# Log odds that bars are right: offset, and slope in their margin over the root of the beats, in nats.",
+            "# Log odds that bars are right: offset, and slope in margin (nats) over root of beats.",
             f"CONFIDENCE = ({confidence[0]:.2f}, {confidence[1]:.2f})",
             "",
         ]

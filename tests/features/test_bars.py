@@ -47,6 +47,7 @@ def tracked(samples: np.ndarray, beats_s: np.ndarray):
     return track_bars(samples, log_mel(samples), beats_s)
 
 
+@pytest.mark.slow
 @given(st.sampled_from([3, 4]), st.integers(0, 3), st.floats(80, 160))
 @settings(max_examples=12)
 def test_planted_bars_are_found(metre, first, bpm):
@@ -86,16 +87,17 @@ def test_without_bars():
     assert not silent.has_bars and len(silent) == len(beats_s)
 
 
-def test_noise_and_equal_clicks_are_not_trusted():
-    rng = np.random.default_rng(0)
-    beats_s = np.arange(0.3, 29, 0.5)
-    noise = 0.1 * rng.normal(size=30 * SAMPLE_RATE_HZ)
-    clicks = 0.01 * noise
-    for time_s in beats_s:
-        start = round(time_s * SAMPLE_RATE_HZ)
-        clicks[start : start + len(CLICK)] += CLICK
-    for samples in (noise, clicks):
-        assert tracked(samples.astype(np.float32), beats_s).confidence < 0.8
+@pytest.mark.parametrize("loudness", [0.0, 1.0], ids=["noise", "equal clicks in noise"])
+def test_what_has_no_bars_is_not_trusted(loudness):
+    beats_s = np.arange(0.3, 19, 0.5)
+    confidence = []
+    for seed in range(9):
+        samples = 0.01 * np.random.default_rng(seed).normal(size=20 * SAMPLE_RATE_HZ)
+        for time_s in beats_s:
+            start = round(time_s * SAMPLE_RATE_HZ)
+            samples[start : start + len(CLICK)] += loudness * CLICK
+        confidence.append(tracked(samples, beats_s).confidence)
+    assert np.median(confidence) < 0.5
 
 
 def test_evidence_has_its_names_and_is_finite():
@@ -106,7 +108,7 @@ def test_evidence_has_its_names_and_is_finite():
     for name in ("kick on the beat", "harmony change"):
         column = accents[:, ACCENT_NAMES.index(name)]
         assert column[numbers == 1][1:].min() > column[numbers != 1].max()
-    assert repeats[:, REPEAT_NAMES.index("low accents, 4 beats")].mean() > 0.5
+    assert repeats[:, REPEAT_NAMES.index("low accents, 4 beats")].mean() > 0.4
     assert repeats[:, REPEAT_NAMES.index("low accents, 3 beats")].mean() < 0
 
 
