@@ -16,11 +16,12 @@ class CountedDance:
     """A dance from the song's first second on: a variant's, a real take, or an expert's choreography."""
 
     variant: str  # column of the tables
-    song: str  # name of the `EvaluatedSong`
+    song: str  # name of the `EvaluatedSong`, or of another song
     motion: Motion
     counts: Counts = NO_COUNTS  # its own, in seconds of the dance
     plan: Plan | None = None
     repertoire: Repertoire | None = None  # that the plan's takes are in
+    genre: str = ""  # where it is known
 
     @classmethod
     def from_plan(

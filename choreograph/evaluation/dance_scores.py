@@ -32,17 +32,18 @@ def dance_scores(
     `genre` is that of the song, where it is known.
     """
     motion, plan = dance.motion, dance.plan
+    counts = music.counted_as(dance.counts)
     scores = beat_scores(motion, music.beats_s, rng)
     scores |= physical_scores(motion, transition_times_s(plan) if plan else ())
     scores |= second_opinion_scores(motion, dance.counts, music.second_beats_s)
-    scores |= count_scores(dance.counts, music.counts, music.duration_s, rng)
-    scores |= ending_scores(motion, music.counts)
+    scores |= count_scores(dance.counts, counts, music.duration_s, rng)
+    scores |= ending_scores(motion, counts)
     motifs = None
     if scorer is not None:
         motifs = scorer.motifs_of(motion, music.beats_s)
         scores |= scorer.scores(motifs, genre) | scorer.section_scores(motifs, music.sections)
     if plan is not None and dance.repertoire is not None:
         scores |= plan_scores(plan, dance.repertoire, genre)
-        scores |= transition_scores(plan, dance.repertoire, music.counts)
+        scores |= transition_scores(plan, dance.repertoire, counts)
         scores |= Scores({"counted_share": counted_share(plan, dance.repertoire)})
     return scores, motifs

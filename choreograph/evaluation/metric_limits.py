@@ -77,6 +77,7 @@ LIMITS: Mapping[str, str] = {
     "jerk_p95_m_s3": "at 20 fps: misses pops of a frame or two",
     "jerk_ratio_at_boundaries": "low as well where the rest is jerky",
     "speed_ratio_at_boundaries": "1 for a still body at transitions between still poses",
+    "jumps_per_minute": "an accent of a hand that is faster than 5 cm a frame² would count as well",
     "limb_length_spread_mm": "0 for any motion of a skeleton",
     "signature_chi2": "by one word network, named above: what it does not see does not count",
     "transition_bits": "low for a dance that repeats its genre's commonest step",

@@ -71,22 +71,19 @@ def evaluate(
 ) -> Evaluation:
     """Dance to held-out songs in every variant with every seed, and measure all dances and the real ones.
 
-    `references` are measured beside them: experts' dances to the same songs, say. `judge` is a repertoire
+    `references` are measured beside them: experts' dances to the same songs, say. Those to other songs only
+    show where in the counts dancers of their genre come to rest. `judge` is a repertoire
     built with another seed: motifs and signatures are then those of its vocabulary, by its word network,
     which priced none of the dances.
 
     Raises
     ------
-    ParameterError    the repertoire or the judge was built from a song, a reference dances to another song,
-                      the judge has the repertoire's own word network, or beats or settings cannot be used
+    ParameterError    the repertoire or the judge was built from a song, the judge has the repertoire's own
+                      word network, or beats or settings cannot be used
     FormatError       a song cannot be read
     RepertoireError   the repertoire lacks something that a variant needs
     """
     config = config or EvaluationConfig()
-    known = {song.name for song in songs}
-    for reference in references:
-        if reference.song not in known:
-            raise ParameterError(f"expected references to the songs evaluated, got one to {reference.song!r}")
     for built in (repertoire, judge) if not config.seen else ():
         if built is not None:
             check_unseen(songs, built)
@@ -185,7 +182,8 @@ class _Run:
         rows = FeatureRows.from_motion(motion, self.real)
         self.features.setdefault((dance.variant, seed), []).append(rows)
         self.dance_labels.append(dance_label_values(motion))
-        phases = danced_phases(motion, music.beats_s, song.genre, song.song_name)
+        counts = music.counted_as(dance.counts)
+        phases = danced_phases(motion, counts.times_s, song.genre, song.song_name)
         self.dances.append(MeasuredDance(dance.variant, song.name, seed, scores, dance.plan, phases))
         return ExampleDance(dance.variant, motion, dance.plan, motifs)
 
@@ -235,9 +233,14 @@ class _Run:
 
     def _with_phase_scores(self, dances: Sequence[MeasuredDance]) -> list[MeasuredDance]:
         """Phases of motion beats against the experts', or without experts the real takes', of the genre."""
-        found = {d.variant for d in dances}
-        reference = EXPERT if EXPERT in found else REAL
+        reference = EXPERT if any(r.variant == EXPERT for r in self.references) else REAL
         experts = [d.phases for d in dances_of(dances, reference) if d.phases is not None]
+        evaluated = {song.name for song in self.songs}
+        experts += [
+            danced_phases(r.motion, r.counts.times_s, r.genre, r.song)
+            for r in self.references
+            if r.variant == EXPERT and r.song not in evaluated
+        ]
         rng = np.random.default_rng(0)
         return [
             dance

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from choreograph.audio.song import Song
 from choreograph.counts import Counts
 from choreograph.evaluation.songs import beats_of
-from choreograph.features.bars import track_bars
 from choreograph.features.mel import log_mel
-from choreograph.features.music_beats import DEFAULT_TRACKER, get_beat_tracker
+from choreograph.features.metrical_level import choose_level, metrical_levels, tempo_bpm
+from choreograph.features.music_beats import DEFAULT_TRACKER, TRACKERS, get_beat_tracker
 from choreograph.features.sections import Sections, song_sections
 
 Floats = NDArray[np.float64]
@@ -25,15 +25,25 @@ SECOND_TRACKER = "librosa"
 class SongMusic:
     """The music of a song as dances are measured against it."""
 
-    counts: Counts  # its beats, numbered where bars are known
+    levels: tuple[Counts, ...]  # its beats in bars: as tracked, then at half and double tempo where that fits
     second_beats_s: Floats  # (Q',) by another tracker
     sections: Sections
     duration_s: float
 
     @property
     def beats_s(self) -> Floats:
-        """The beats in seconds, (Q,)."""
-        return self.counts.times_s
+        """The beats as tracked, in seconds, (Q,)."""
+        return self.levels[0].times_s
+
+    def counted_as(self, danced: Counts) -> Counts:
+        """The beats at the level that a dance counts at; as tracked if its counts are not known.
+
+        Both levels are in the music, and dancing at the other one is no error.
+        """
+        if len(danced) < 2 or len(self.levels) == 1:
+            return self.levels[0]
+        bpm = {level.metre: np.array([tempo_bpm(danced)]) for level in self.levels}
+        return choose_level(self.levels, bpm, {metre: np.ones(1) for metre in bpm})
 
 
 def second_tracker(beats: str | Path) -> str:
@@ -42,12 +52,15 @@ def second_tracker(beats: str | Path) -> str:
 
 
 def song_music(song: Song, beats: str | Path, *, start_s: float = 0.0) -> SongMusic:
-    """Beats by a tracker's name or from a file, as `beats_of` takes them, and the rest. Raises as it does."""
-    beats_s = beats_of(song, beats, start_s=start_s)
+    """Beats by a tracker's name or from a file, as `beats_of` takes them, and the rest. Raises as it does.
+
+    The beats of a file are danced to at their own level.
+    """
+    counts = beats_of(song, beats, start_s=start_s)
     mel = log_mel(song.samples)  # (T, 96)
     return SongMusic(
-        track_bars(song.samples, mel, beats_s),
+        metrical_levels(song.samples, mel, counts) if str(beats) in TRACKERS else (counts,),
         get_beat_tracker(second_tracker(beats)).beats(song, mel),
-        song_sections(song.samples, beats_s),
+        song_sections(song.samples, counts.times_s),
         song.duration_s,
     )

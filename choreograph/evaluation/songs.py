@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.audio.song import Song, load_song
+from choreograph.counts import Counts
 from choreograph.errors import ParameterError
 from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import TRACKERS
-from choreograph.features.song_counts import song_beats
+from choreograph.features.song_counts import song_counts
 from choreograph.files import sha256_of
 from choreograph.importers import annotate_takes, import_takes
 from choreograph.repertoire import Repertoire
@@ -119,12 +119,12 @@ def check_unseen(songs: Sequence[EvaluatedSong], repertoire: Repertoire) -> None
         )
 
 
-def beats_of(song: Song, beats: str | Path, *, start_s: float = 0.0) -> NDArray[np.float64]:
-    """Beats (Q,) in seconds, by the name of a tracker, from a file of beats, or from SONG.txt in a folder.
+def beats_of(song: Song, beats: str | Path, *, start_s: float = 0.0) -> Counts:
+    """Beats and bars by the name of a tracker, from a file of beats, or from SONG.txt in a folder.
 
-    `song` begins at `start_s` of its audio file. Raises `ParameterError` if `beats` is none of these,
-    `FormatError` for a file that cannot be read.
+    Bars are tracked where a file has none. `song` begins at `start_s` of its audio file. Raises
+    `ParameterError` if `beats` is none of these, `FormatError` for a file that cannot be read.
     """
     if str(beats) not in TRACKERS and Path(beats).is_dir():
         beats = Path(beats) / f"{(song.path or Path(song.name)).stem}.txt"
-    return song_beats(song, log_mel(song.samples), beats, start_s=start_s).times_s
+    return song_counts(song, log_mel(song.samples), beats, start_s=start_s)

@@ -16,6 +16,7 @@ import numpy as np
 from choreograph.audio.song import load_song
 from choreograph.count_files import write_counts
 from choreograph.evaluation.expert_dances import ExpertDance, expert_from_figures, expert_from_take
+from choreograph.evaluation.experts import GENRES_FILE
 from choreograph.exporters import save_motion
 from choreograph.importers import choreonet, import_takes
 
@@ -35,7 +36,7 @@ def main() -> None:
     for take in takes:
         if (names is None or take.name in names) and take.counts.has_bars and take.song_path is not None:
             song = load_song(take.song_path, start_s=take.song_start_s, duration_s=take.motion.duration_s)
-            save(arguments.output, take.name, expert_from_take(take, song))
+            save(arguments.output, take.name, take.credits.genre, expert_from_take(take, song))
     recordings = list(import_takes(arguments.lists))
     for dance in choreonet.read_choreographies(arguments.lists / "choreographies.json"):
         audio = arguments.dances / dance.name / "audio.mp3"
@@ -44,11 +45,15 @@ def main() -> None:
         if audio.is_file() and recorded and not taken:
             song = load_song(audio, start_s=dance.start_s, duration_s=dance.end_s - dance.start_s)
             listed, rng = choreonet.figure_counts(dance), np.random.default_rng(arguments.seed)
-            save(arguments.output, dance.name, expert_from_figures(listed, recordings, song, rng=rng))
+            expert = expert_from_figures(listed, recordings, song, rng=rng)
+            save(arguments.output, dance.name, dance.genre, expert)
 
 
-def save(folder: Path, name: str, expert: ExpertDance) -> None:
-    """Write one dance and its counts."""
+def save(folder: Path, name: str, genre: str, expert: ExpertDance) -> None:
+    """Write one dance, its counts and its genre."""
+    genres = folder / GENRES_FILE
+    known = genres.read_text(encoding="utf-8") if genres.is_file() else "name,genre\n"
+    genres.write_text(f"{known}{name},{genre}\n", encoding="utf-8")
     save_motion(folder / f"{name}.bvh", expert.motion)
     write_counts(folder / f"{name}.counts.csv", expert.counts)
     print(f"{name}: {expert.motion.duration_s:.0f} s, {expert.listed_share:.0%} of the counts as listed")

