@@ -63,5 +63,5 @@ METRE_WEIGHTS = np.array(
         -0.0046,  # always
     ]
 )  # (31,)
-# Log odds that bars are right: offset, and slope in the root of their margin in nats.
-CONFIDENCE = (-1.99, 5.71)
+# Log odds that bars are right: offset, and slope in their margin over the root of the beats, in nats.
+CONFIDENCE = (-2.53, 7.53)
