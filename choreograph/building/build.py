@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
+from choreograph.building.counting import counted_takes
 from choreograph.building.importing import measured_takes
 from choreograph.building.options import BuildOptions
 from choreograph.building.result import BuildResult
@@ -63,6 +64,7 @@ def build_repertoire(
     measured, notes = measured_takes(sources, options, report)
     context = training_context(output.with_name(output.name + ".build"), options, training_report)
     songs = SongCache(keep_samples=options.rollout)
+    measured, count_notes = counted_takes(measured, songs)
     nets, trained_on, training_notes = train_music_networks(
         measured, songs, pretrained, options=options, context=context, report=report
     )
@@ -83,7 +85,9 @@ def build_repertoire(
         nets | words.nets,
     )
     write_repertoire(output, contents, compress=options.compress)
-    return BuildResult(Repertoire.open(output), (*notes, *training_notes, *density_notes, *word_notes))
+    return BuildResult(
+        Repertoire.open(output), (*notes, *count_notes, *training_notes, *density_notes, *word_notes)
+    )
 
 
 def _provenance(

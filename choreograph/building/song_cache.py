@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.audio.song import Song, load_song
+from choreograph.counts import Counts
 from choreograph.features.mel import log_mel
-from choreograph.features.music_beats import get_beat_tracker
+from choreograph.features.music_beats import DEFAULT_TRACKER
+from choreograph.features.song_counts import song_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,8 +21,13 @@ class AnalysedSong:
 
     duration_s: float
     log_mel: NDArray[np.float32]  # (T, 96) at 60 fps
-    beat_times_s: NDArray[np.float64]  # (Q,) by the default tracker
+    counts: Counts  # beats and bars by the default tracker
     song: Song | None  # with its samples, if the cache keeps them
+
+    @property
+    def beat_times_s(self) -> NDArray[np.float64]:
+        """The beats, (Q,) seconds."""
+        return self.counts.times_s
 
 
 class SongCache:
@@ -38,7 +45,7 @@ class SongCache:
         if path not in self._analysed:
             song = load_song(path)
             mel = log_mel(song.samples)
-            beat_times_s = get_beat_tracker().beats(song, mel)
+            counts = song_counts(song, mel, DEFAULT_TRACKER)
             kept = song if self._keep_samples else None
-            self._analysed[path] = AnalysedSong(song.duration_s, mel, beat_times_s, kept)
+            self._analysed[path] = AnalysedSong(song.duration_s, mel, counts, kept)
         return self._analysed[path]

@@ -12,7 +12,7 @@ from choreograph.cli.dance_results import numbered, outputs_for, present
 from choreograph.cli.present import examples, given_options, stages
 from choreograph.errors import ParameterError
 
-_BESIDE_A_PLAN = {"song", "db", "output", "opened", "plan_path", "as_json", "quiet"}
+_BESIDE_A_PLAN = {"song", "db", "output", "with_clicks", "opened", "plan_path", "as_json", "quiet"}
 
 
 @click.command(
@@ -20,6 +20,7 @@ _BESIDE_A_PLAN = {"song", "db", "output", "opened", "plan_path", "as_json", "qui
         "choreograph dance song.mp3                          song.bvh and song.html, with the built-in takes",
         "choreograph dance song.mp3 --open                   the same, and shows it in the browser",
         "choreograph dance song.mp3 --db rep.h5 -o a.mp4     your own takes, as a video",
+        "choreograph dance song.mp3 -o a.mp4 --click         a video to count along with",
         "choreograph dance song.mp3 --start 30 --duration 20 --weight transition=8",
         "choreograph dance song.mp3 --plan plan.json -o a.bvh   renders an edited plan",
         "choreograph dance song.mp3 --engine mixer --genre waltz",
@@ -30,8 +31,8 @@ _BESIDE_A_PLAN = {"song", "db", "output", "opened", "plan_path", "as_json", "qui
 @click.argument("song", required=False, type=click.Path(path_type=Path))
 @dance_options
 def command(
-    song, db, output, opened, as_json, quiet, plan_path, variations, start, duration, weight, config,
-    genre, signature, motif_file, recreate, pin, ban, **settings,
+    song, db, output, with_clicks, opened, as_json, quiet, plan_path, variations, start, duration, weight,
+    config, genre, signature, motif_file, recreate, pin, ban, **settings,
 ) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file)."""
     import choreograph as cg
@@ -43,7 +44,7 @@ def command(
     if plan_path is not None:
         _refuse_beside_a_plan()
     outputs = numbered(outputs_for(output, (song or plan_path).stem, opened), variations)
-    check_outputs([path for paths in outputs for path in paths])
+    check_outputs([path for paths in outputs for path in paths], with_clicks=with_clicks)
     chosen = load_config(config) if config else None
     weights = _weights(weight)
     repertoire = cg.starter_repertoire() if db is None else cg.Repertoire.open(db)
@@ -62,7 +63,7 @@ def command(
                 dances = cg.vary(song, repertoire, variations, **options)
         for made, paths in zip(dances, outputs, strict=True):
             for path in paths:
-                made.save(path, report=shown.report)
+                made.save(path, click=with_clicks and path.suffix.lower() == ".mp4", report=shown.report)
     present(dances, outputs, as_json=as_json, quiet=quiet, many=variations is not None)
     if opened:
         page = next(path for path in outputs[0] if path.suffix.lower() == ".html")

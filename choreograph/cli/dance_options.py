@@ -20,6 +20,9 @@ _OUTPUT = (
         help="File to write: .bvh or .npz (motion), .html (page to watch), .mp4 (video), .png (poses on the "
         "beats) or .json (the plan). Repeat for more. Default: SONG.bvh and SONG.html here.",
     ),
+    optgroup.option(
+        "--click", "with_clicks", is_flag=True, help="Click on the counts in the video, higher on count 1."
+    ),
     optgroup.option("--open", "opened", is_flag=True, help="Open the page in the browser."),
     optgroup.option("--fps", type=float, help="Frames per second of the dance (60)."),
     optgroup.option("--variations", type=int, metavar="N", help="N different dances: NAME-1.bvh, …"),

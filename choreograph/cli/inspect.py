@@ -23,6 +23,7 @@ _N_COMMON = 5  # motifs shown of each genre
         "choreograph inspect rep.h5 --json",
         "choreograph inspect rep.h5 --plots plots/   signatures, transitions and motifs as PNG",
         "choreograph inspect rep.h5 --signature waltz -o mine.json   for `choreograph dance --signature`",
+        "choreograph inspect rep.h5 --counts W_1 -o W_1.counts.csv      to be put beside W_1.bvh",
     ),
 )
 @click.argument("db", required=False, type=click.Path(path_type=Path))
@@ -32,14 +33,17 @@ _N_COMMON = 5  # motifs shown of each genre
     help="Write plots of its genres as PNG: signatures, transitions, distances, motifs.",
 )  # fmt: skip
 @click.option("--signature", metavar="TAKE|GENRE", help="Write the signature of this take or genre to -o.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="File for --signature (.json).")
-def command(db, as_json, plots, signature, output) -> None:
+@click.option("--counts", metavar="TAKE", help="Write the counts and figures of this take to -o.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="File for --signature (.json) or --counts (.csv)."
+)
+def command(db, as_json, plots, signature, counts, output) -> None:
     """Show takes, clips, networks and motifs of the repertoire DB (default: the built-in one)."""
     from choreograph.repertoire import Repertoire
     from choreograph.starter import STARTER_PATH
 
-    if (signature is None) != (output is None):
-        raise ParameterError("expected --signature TAKE|GENRE together with -o FILE, got one of the two")
+    if sum(option is not None for option in (signature, counts)) != (output is not None):
+        raise ParameterError("expected either --signature TAKE|GENRE or --counts TAKE together with -o FILE")
     repertoire = Repertoire.open(db or STARTER_PATH)
     if signature is not None:
         from choreograph.constraints.parse import write_signature
@@ -48,6 +52,13 @@ def command(db, as_json, plots, signature, output) -> None:
         shares = signature_of(signature, repertoire)
         write_signature(output, shares, name=signature, repertoire=repertoire.path.name)
         click.echo(f"{output}: signature of {signature}, {int((shares > 0).sum())} of {len(shares)} motifs")
+        return
+    if counts is not None:
+        from choreograph.count_files import write_counts
+
+        take = repertoire.take_index(counts)
+        write_counts(output, repertoire.counts(take), repertoire.figures(take))
+        click.echo(f"{output}: {_counts_text(_counts_facts(repertoire, take))}")
         return
     facts = _facts(repertoire)
     if plots is not None:
@@ -64,7 +75,7 @@ def _facts(repertoire) -> dict[str, Any]:
             "name": take.name, "song": take.song_name, "genre": take.credits.genre,
             "performer": take.credits.performer, "licence": take.credits.licence,
             "source": take.credits.source, "duration_s": round(take.duration_s, 3), "fps": take.fps,
-            "clips": clips[index], "notes": take.notes,
+            "clips": clips[index], "counts": _counts_facts(repertoire, index), "notes": take.notes,
         }
         for index, take in enumerate(repertoire.takes)
     ]  # fmt: skip
@@ -78,6 +89,17 @@ def _facts(repertoire) -> dict[str, Any]:
         "nets": list(repertoire.net_names),
         "provenance": repertoire.provenance,
         "vocabulary": _vocabulary_facts(repertoire) if repertoire.has_vocabulary else None,
+    }
+
+
+def _counts_facts(repertoire, take: int) -> dict[str, Any]:
+    counts = repertoire.counts(take)
+    return {
+        "n": len(counts),
+        "metre": counts.metre,
+        "source": counts.source,
+        "confidence": round(counts.confidence, 2),
+        "figures": len(repertoire.figures(take)),
     }
 
 
@@ -117,12 +139,20 @@ def _text(facts: dict[str, Any]) -> str:
         owner = " · ".join(text for text in (take["performer"], take["source"], take["licence"]) if text)
         lines.append(
             f"  {take['name']:<{width}}  {take['genre'] or '-':<10} {take['duration_s']:7.1f} s  "
-            f"{take['clips']:4d} clips  {owner}"
+            f"{take['clips']:4d} clips  {_counts_text(take['counts'])}  {owner}"
         )
     lines += _vocabulary_text(facts["vocabulary"]) if facts["vocabulary"] else ["no motion words"]
     if "plots" in facts:
         lines.append(f"{len(facts['plots'])} plots in {Path(facts['plots'][0]).parent}")
     return "\n".join(lines)
+
+
+def _counts_text(counts: dict[str, Any]) -> str:
+    if not counts["n"]:
+        return "no counts"
+    metre = f" in {counts['metre']}" if counts["metre"] else ", no bars"
+    figures = {0: "", 1: ", 1 figure"}.get(counts["figures"], f", {counts['figures']} figures")
+    return f"{counts['n']} counts{metre} ({counts['source']} {counts['confidence']:.2f}){figures}"
 
 
 def _vocabulary_text(vocabulary: dict[str, Any]) -> list[str]:

@@ -30,8 +30,8 @@ _JUMP_FRAMES, _JUMP_M = 5, 0.02  # a sample so far from the median of so many ar
 _HEAD, _FEET = ("LFHD", "RFHD", "LBHD", "RBHD", "C7"), ("LTOE", "RTOE", "LHEE", "RHEE", "LANK", "RANK")
 # What the library raises on files that are cut off, damaged or something else.
 _DAMAGE = (
-    AssertionError, AttributeError, EOFError, IndexError, KeyError, OverflowError, TypeError, ValueError,
-    ZeroDivisionError, struct.error,
+    AssertionError, AttributeError, EOFError, IndexError, KeyError, MemoryError, NameError, OverflowError,
+    TypeError, ValueError, ZeroDivisionError, struct.error,
 )  # fmt: skip
 
 

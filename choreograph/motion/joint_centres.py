@@ -13,16 +13,18 @@ the symmetrical centre of rotation (SCoRE).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 
 from choreograph.errors import ParameterError
 
 Floats = NDArray[np.float64]
 Markers = Mapping[str, Floats]  # name -> (T, 3) in metres, Y up
+Segment = tuple[Floats, Floats]  # origin (T, 3) and axes (T, 3, 3) in columns
 
 _SIDED = (
     "FHD",
@@ -52,7 +54,9 @@ _HAND_M = 0.085  # from wrist to hand, where fingers have no marker
 _TOE_MARKER_M = 0.03  # above the sole
 _BALL = 0.8  # of the way from heel to toe marker
 _HIP_PRIOR = 0.3  # weight of anatomy against one sample's distance to the sphere
-_CENTRE_PRIOR = 0.1  # weight of anatomy against one sample's distance between the segments
+_CENTRE_PRIOR, _AXIS_PRIOR = 0.1, 2.0  # the same across a hinge's axis, and more along it
+_HINGE_PASSES = 4
+_STRETCHED_PERCENT = 5.0  # of the frames: those in which a knee is straight, if ever
 _CALIBRATION_FRAMES = 600
 _FLAT_SHARE = 0.1  # of the frames: those where the heel is lowest, the foot flat
 
@@ -88,10 +92,12 @@ def _leg(markers: Markers, side: str) -> dict[str, Floats]:
     shank = _segment(named["KNE"], named["ANK"], named["SHN"])
     foot = _segment(named["HEE"], named["TOE"], markers.get(f"{side}MT5", named["ANK"]))
     foot_middle = 0.5 * (named["HEE"] + named["TOE"])
-    side_of_ankle = _beside(named["KNE"], named["ANK"], foot_middle, shank, -medial * _ANKLE_M)
-    ankle = _centre(shank, foot, side_of_ankle)
-    side_of_knee = _beside(hip, named["KNE"], ankle, thigh, medial * _KNEE_M)
-    knee = _centre(thigh, _segment(ankle, named["SHN"], named["ANK"]), side_of_knee)
+    ankle = _hinge(named["ANK"], -medial * _ANKLE_M, (named["KNE"], foot_middle), (shank, foot))
+    shank = _segment(
+        ankle, named["SHN"], named["ANK"]
+    )  # without the knee's marker, which moves with the skin
+    knee = _hinge(named["KNE"], medial * _KNEE_M, (hip, ankle), (thigh, shank))
+    knee = _unstretched(knee, (hip, ankle), thigh)
     heel, toe = _sole(named["HEE"], named["TOE"], foot)
     return {"hip": hip, "knee": knee, "ankle": ankle, "heel": heel, "foot": heel + _BALL * (toe - heel)}
 
@@ -102,7 +108,8 @@ def _arm(markers: Markers, side: str, shoulder: Floats) -> dict[str, Floats]:
     medial = 1.0 if side == "L" else -1.0  # elbows bend forwards
     upper_arm = _segment(shoulder, elbow, upper)
     forearm = _segment(wrist, markers[f"{side}WRA"], lower)
-    centre = _centre(upper_arm, forearm, _beside(shoulder, elbow, wrist, upper_arm, medial * _ELBOW_M))
+    centre = _hinge(elbow, medial * _ELBOW_M, (shoulder, wrist), (upper_arm, forearm))
+    centre = _unstretched(centre, (shoulder, wrist), upper_arm)
     hand = markers.get(f"{side}FIN", wrist + _HAND_M * _unit(wrist - centre))
     return {"shoulder": shoulder, "elbow": centre, "wrist": wrist, "hand": hand}
 
@@ -136,31 +143,59 @@ def _hip(markers: Markers, side: str) -> Floats:
     return _out_of(pelvis, least_squares(residuals, guess).x)
 
 
-def _beside(
-    proximal: Floats, marker: Floats, distal: Floats, segment: tuple[Floats, Floats], reach_m: float
+def _hinge(
+    marker: Floats, reach_m: float, ends: tuple[Floats, Floats], segments: tuple[Segment, Segment]
 ) -> Floats:
-    """A point (T, 3) `reach_m` from the marker along the joint's mean bend axis, fixed in `segment`."""
-    normal = np.cross(marker - proximal, distal - marker)  # (T, 3), longer where the bend is clearer
-    axis = np.einsum("tij,ti->j", segment[1], normal)
-    return marker + reach_m * np.einsum("tij,j->ti", segment[1], _unit(axis))
+    """The centre (T, 3) of a joint `reach_m` beside its marker, along the axis about which it bends.
+
+    `ends` are the joints before and after, `segments` those that it joins. The axis is the mean normal of the
+    limb, where it is bent most; the first centre, on the skin, tilts it, so it is found again from the next.
+    """
+    centre = marker
+    for _ in range(_HINGE_PASSES):
+        normal = np.cross(centre - ends[0], ends[1] - centre)  # (T, 3), longer where the bend is clearer
+        normal = normal * np.linalg.norm(normal, axis=-1, keepdims=True)
+        axes = [_unit(np.einsum("tij,ti->j", axes, normal)) for _, axes in segments]
+        beside = marker + reach_m * np.einsum("tij,j->ti", segments[0][1], axes[0])
+        centre = _centre(segments, beside, axes)
+    return centre
 
 
-def _centre(first: tuple[Floats, Floats], second: tuple[Floats, Floats], guess: Floats) -> Floats:
-    """The point (T, 3) that moves least in two segments, near `guess` (T, 3) where motion does not tell."""
+def _unstretched(centre: Floats, ends: tuple[Floats, Floats], segment: Segment) -> Floats:
+    """A knee or elbow (T, 3) moved forwards until it is straight, not bent backwards, where it is stretched.
+
+    Skin that slides over a bending joint leaves its centre behind, so that straight legs seem bent back.
+    """
+    normal = np.cross(centre - ends[0], ends[1] - centre)
+    normal = normal * np.linalg.norm(normal, axis=-1, keepdims=True)
+    axis = np.einsum("tij,j->ti", segment[1], _unit(np.einsum("tij,ti->j", segment[1], normal)))
+    for _ in range(_HINGE_PASSES):
+        upper, lower = centre - ends[0], ends[1] - centre
+        lengths = [np.linalg.norm(bone, axis=-1) for bone in (upper, lower)]  # (T,) each
+        sine = np.sum(np.cross(upper, lower) * axis, axis=-1) / (lengths[0] * lengths[1])
+        bent_back = -float(np.percentile(sine, _STRETCHED_PERCENT))  # radians, since small
+        if bent_back <= 0.0:
+            break
+        forward = _unit(np.cross(ends[1] - ends[0], axis))
+        centre = centre + bent_back / np.mean(1.0 / lengths[0] + 1.0 / lengths[1]) * forward
+    return centre
+
+
+def _centre(segments: tuple[Segment, Segment], guess: Floats, axes: Sequence[Floats]) -> Floats:
+    """The point (T, 3) that moves least in both segments; along the axis, which no motion tells, `guess`."""
     kept = _sample(len(guess))
-    guesses = np.concatenate(
-        [_into(first, guess)[kept].mean(axis=0), _into(second, guess)[kept].mean(axis=0)]
+    guesses = np.concatenate([_into(segment, guess)[kept].mean(axis=0) for segment in segments])  # (6,)
+    (origin, basis), (other_origin, other_basis) = segments
+    apart = np.concatenate([basis[kept], -other_basis[kept]], axis=2).reshape(-1, 6)  # (3K, 6)
+    offset = (other_origin - origin)[kept].ravel()  # (3K,)
+    prior = np.sqrt(len(kept)) * block_diag(
+        *(_CENTRE_PRIOR * np.eye(3) + _AXIS_PRIOR * np.outer(axis, axis) for axis in axes)
     )
-    apart = np.concatenate([first[1][kept], -second[1][kept]], axis=2).reshape(-1, 6)  # (3K, 6)
-    offset = (second[0][kept] - first[0][kept]).ravel()  # (3K,)
-    prior = _CENTRE_PRIOR * np.sqrt(len(kept))
-    solved, *_ = np.linalg.lstsq(
-        np.concatenate([apart, prior * np.eye(6)]), np.concatenate([offset, prior * guesses])
-    )
-    return 0.5 * (_out_of(first, solved[:3]) + _out_of(second, solved[3:]))
+    solved, *_ = np.linalg.lstsq(np.concatenate([apart, prior]), np.concatenate([offset, prior @ guesses]))
+    return 0.5 * (_out_of(segments[0], solved[:3]) + _out_of(segments[1], solved[3:]))
 
 
-def _sole(heel: Floats, toe: Floats, foot: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+def _sole(heel: Floats, toe: Floats, foot: Segment) -> tuple[Floats, Floats]:
     """Heel and toe (T, 3) on the sole, below their markers: down is down where the foot stands flat."""
     rise = heel[:, 1] - toe[:, 1]  # (T,)
     flat = np.argsort(rise)[: max(1, round(_FLAT_SHARE * len(rise)))]
@@ -170,7 +205,7 @@ def _sole(heel: Floats, toe: Floats, foot: tuple[Floats, Floats]) -> tuple[Float
     return heel + max(heel_m, 0.0) * down, toe + _TOE_MARKER_M * down
 
 
-def _segment(origin: Floats, along: Floats, towards: Floats) -> tuple[Floats, Floats]:
+def _segment(origin: Floats, along: Floats, towards: Floats) -> Segment:
     """A rigid segment: its origin (T, 3), and axes (T, 3, 3) in columns, from three points (T, 3)."""
     first = _unit(along - origin)
     second = towards - origin
@@ -178,11 +213,11 @@ def _segment(origin: Floats, along: Floats, towards: Floats) -> tuple[Floats, Fl
     return origin, np.stack([first, second, np.cross(first, second)], axis=-1)
 
 
-def _into(segment: tuple[Floats, Floats], pos: Floats) -> Floats:
+def _into(segment: Segment, pos: Floats) -> Floats:
     return np.einsum("tij,ti->tj", segment[1], pos - segment[0])
 
 
-def _out_of(segment: tuple[Floats, Floats], local: Floats) -> Floats:
+def _out_of(segment: Segment, local: Floats) -> Floats:
     return segment[0] + np.einsum("tij,j->ti", segment[1], local)
 
 

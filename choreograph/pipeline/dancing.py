@@ -54,14 +54,15 @@ class Dance:
         """Motion beats of the finished dance in seconds, (Q,)."""
         return motion_beat_times_s(body_pos_m(self.motion.resampled(STORE_FPS)), STORE_FPS)
 
-    def save(self, path: str | Path, *, report: ProgressReport | None = None) -> None:
+    def save(self, path: str | Path, *, click: bool = False, report: ProgressReport | None = None) -> None:
         """Write the dance; the suffix says what: see `pipeline.saving.OUTPUT_FORMATS`.
 
         bvh and npz hold the motion, json the plan, html the page that plays it with its song, mp4 a
-        video, png a strip of poses on the beats. Raises `ParameterError` for another suffix or a
-        folder that does not exist, `FormatError` if the song can no longer be read.
+        video, png a strip of poses on the beats. `click` mixes a click on every count into the sound
+        of a video, higher on count 1. Raises `ParameterError` for another suffix, clicks in anything but
+        a video or a folder that does not exist, `FormatError` if the song can no longer be read.
         """
-        parts = SavedParts(self.motion, self.plan, lambda: self.motion_beats_s, self.song_path)
+        parts = SavedParts(self.motion, self.plan, lambda: self.motion_beats_s, self.song_path, click)
         save_dance(path, parts, report)
 
     def __repr__(self) -> str:

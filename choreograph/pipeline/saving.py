@@ -27,15 +27,16 @@ class SavedParts:
     plan: Plan
     motion_beats_s: Callable[[], NDArray[np.float64]]
     song_path: Path | None
+    with_clicks: bool = False  # on the counts, in a video
 
 
 def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | None = None) -> None:
     """Write a dance to `path`: a motion format, the plan, or something to look at, by the suffix.
 
-    Raises `ParameterError` for an unknown suffix or a missing folder, `ChoreographError` if the file
-    cannot be written, `FormatError` if the song can no longer be read.
+    Raises `ParameterError` for an unknown suffix, a missing folder, or clicks in anything but a video,
+    `ChoreographError` if the file cannot be written, `FormatError` if the song can no longer be read.
     """
-    check_outputs([path])
+    check_outputs([path], with_clicks=parts.with_clicks)
     suffix = _suffix(path)
     if suffix in FORMATS:
         save_motion(path, parts.motion)
@@ -43,8 +44,11 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
         _SAVERS[suffix](parts, Path(path), report)
 
 
-def check_outputs(paths: Sequence[str | Path]) -> None:
-    """Raise `ParameterError` before any work if a format is unknown or a folder does not exist."""
+def check_outputs(paths: Sequence[str | Path], *, with_clicks: bool = False) -> None:
+    """Raise `ParameterError` before any work if a format is unknown or a folder does not exist.
+
+    And if clicks are wanted, but none of the files is a video.
+    """
     for path in paths:
         if not isinstance(path, str | Path):
             raise ParameterError(f"expected the path of a file to write, got {path!r}")
@@ -53,6 +57,10 @@ def check_outputs(paths: Sequence[str | Path]) -> None:
                 f"{path}: unknown format {_suffix(path)!r}: expected one of {', '.join(OUTPUT_FORMATS)}"
             )
         check_target(path)
+    if with_clicks and not any(_suffix(path) == "mp4" for path in paths):
+        raise ParameterError(
+            f"expected an .mp4 for the clicks to sound in, got {', '.join(str(path) for path in paths)}"
+        )
 
 
 def _suffix(path: str | Path) -> str:
@@ -77,9 +85,14 @@ def _save_page(parts: SavedParts, path: Path, report: ProgressReport | None) -> 
 
 
 def _save_video(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
+    from choreograph.preview.clicks import Clicks
     from choreograph.preview.video import write_video
 
-    write_video(path, parts.motion, song_path=parts.song_path, start_s=parts.plan.start_s, report=report)
+    plan = parts.plan
+    clicks = Clicks(plan.music_beats_s, plan.music_beat_numbers) if parts.with_clicks else None
+    write_video(
+        path, parts.motion, song_path=parts.song_path, start_s=plan.start_s, clicks=clicks, report=report
+    )
 
 
 def _save_strip(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:

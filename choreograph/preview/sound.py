@@ -28,6 +28,7 @@ Blocks = Iterator[NDArray[np.float32]]  # each (S_b, C)
 AAC_RATES_HZ = (8000, 11025, 12000, 16000, 22050, 24000, 32000, 44100, 48000)
 _BIT_RATE_PER_CHANNEL = 80_000
 _SILENT_FRAMES = 1 << 16
+_SILENT_RATE_HZ = 44100
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +62,14 @@ def song_part(path: str | Path, *, start_s: float, duration_s: float) -> SongPar
     n_channels = min(first.shape[1], 2)
     cut = _cut(first, blocks, round(start_s * rate_hz), n_frames, n_channels)
     return SongPart(rate_hz, n_channels, n_frames, cut)
+
+
+def silent_part(duration_s: float) -> SongPart:
+    """Silence as long as that, in one channel, for a dance without a song."""
+    n_frames = max(1, round(duration_s * _SILENT_RATE_HZ))
+    return SongPart(
+        _SILENT_RATE_HZ, 1, n_frames, _cut(np.zeros((0, 1), np.float32), iter(()), 0, n_frames, 1)
+    )
 
 
 def _cut(first: NDArray[np.float32], rest: Blocks, start: int, n_frames: int, n_channels: int) -> Blocks:

@@ -16,8 +16,9 @@ from choreograph.errors import ChoreographError, ParameterError
 from choreograph.files import atomic_path, check_target
 from choreograph.motion.motion import Motion
 from choreograph.preview.camera_path import Shots, follow_camera
+from choreograph.preview.clicks import Clicks
 from choreograph.preview.renderer import Pixels
-from choreograph.preview.sound import SongPart, aac_packets, aac_stream, song_part
+from choreograph.preview.sound import SongPart, aac_packets, aac_stream, silent_part, song_part
 from choreograph.progress import ProgressReport
 from choreograph.timebase import frame_times_s, seconds_to_frames
 
@@ -42,6 +43,7 @@ def write_video(
     *,
     song_path: str | Path | None = None,
     start_s: float = 0.0,
+    clicks: Clicks | None = None,
     duration_s: float | None = None,
     size: tuple[int, int] = (1280, 720),
     fps: float = 30.0,
@@ -55,6 +57,7 @@ def write_video(
     motion : on any skeleton; its floor is at Y = 0
     song_path : the original song file, kept at its native rate; None: a silent video
     start_s : time in the song at the motion's first frame
+    clicks : mixed into the song, or into silence; None: none
     duration_s : seconds to film from the start; None: the whole motion
     size : width and height in pixels, both even
     fps : pictures per second; picture i shows the motion at i / fps
@@ -77,6 +80,8 @@ def write_video(
     part = None
     if song_path is not None:
         part = song_part(song_path, start_s=start_s, duration_s=n_frames / fps)
+    if clicks is not None:
+        part = clicks.over(part or silent_part(n_frames / fps))
     shots = follow_camera(motion, times_s, aspect=size[0] / size[1], smoothing_s=_SMOOTHING_S)
     with atomic_path(path) as temporary:
         return _encode(temporary, shots, part, size, fps, report)

@@ -1,8 +1,8 @@
 """The takes of the built-in repertoire: every genre over the range of its tempi, written as a library folder.
 
 Each take is a synthesised song and a dance rendered to its true beats. They are written to a folder as BVH
-and FLAC with a manifest, plus the ground truth (beats, bars, sections, moves) as JSON, and imported with the
-folder importer, like any user's library.
+and FLAC with a manifest, their counts and figures as NAME.counts.csv, and the ground truth (beats, bars,
+sections, moves) as JSON, and imported with the folder importer, like any user's library.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.count_files import SUFFIX, write_counts
+from choreograph.counts import ANNOTATED, Counts, Figure, make_counts, numbers_in_bar
 from choreograph.exporters import save_motion
 from choreograph.files import atomic_path
 from choreograph.progress import ProgressReport
@@ -81,14 +83,28 @@ def truth(song: SyntheticSong, dance: RenderedTake) -> dict:
     return {**song.truth(), "moves": moves}
 
 
+def true_counts(song: SyntheticSong, dance: RenderedTake) -> tuple[Counts, tuple[Figure, ...]]:
+    """The song's beats as counts, in half time as well, and the moves that are danced to their end."""
+    beats_s, counts_s = song.beat_times_s, dance.count_times_s
+    spans = [(placed.move.name, placed.start, placed.start + placed.move.counts) for placed in dance.placed]
+    figures = []
+    for name, start, end in spans:
+        if end < len(counts_s):
+            first, last = np.searchsorted(beats_s, counts_s[[start, end]])
+            figures.append(Figure(name, float(beats_s[first]), float(beats_s[last]), int(last - first)))
+    numbers = numbers_in_bar(len(beats_s), song.beats_per_bar)
+    return make_counts(beats_s, numbers, song.beats_per_bar, source=ANNOTATED), tuple(figures)
+
+
 def write_takes(folder: Path, specs: Iterable[TakeSpec], *, report: ProgressReport | None = None) -> None:
-    """Render takes into `folder`, created if missing: BVH, FLAC, ground truth (JSON) and a manifest."""
+    """Render takes into `folder`, created if missing: BVH, FLAC, counts, ground truth (JSON), a manifest."""
     folder.mkdir(parents=True, exist_ok=True)
     specs = list(specs)
     for done, spec in enumerate(specs):
         song, dance = render_spec(spec)
         save_motion(folder / f"{spec.name}.bvh", dance.motion)
         write_song(folder / f"{spec.name}.flac", song)
+        write_counts(folder / f"{spec.name}{SUFFIX}", *true_counts(song, dance))
         with atomic_path(folder / f"{spec.name}.truth.json") as temporary:
             temporary.write_text(json.dumps(truth(song, dance), indent=1) + "\n", encoding="utf-8")
         if report is not None:

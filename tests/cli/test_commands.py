@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 import soundfile
 from command_line import assert_one_line, run
+from synthetic_motions import swaying
 from synthetic_repertoire import write_clicks
 
+import choreograph as cg
 from choreograph.building.api import pretrained_path
 from choreograph.errors import ParameterError
+from choreograph.exporters import save_motion
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import SAMPLE_RATE_HZ
 
@@ -227,3 +230,31 @@ def test_the_installed_command_answers():
         [sys.executable, "-m", "choreograph", "--help"], capture_output=True, text=True, check=True
     )
     assert "build-db" in shown.stdout
+
+
+def test_counts_are_shown_written_and_imported_again(tmp_path):
+    """From a table beside the take to the repertoire, out of it, and in again: the same counts."""
+    folder = tmp_path / "takes"
+    folder.mkdir()
+    save_motion(folder / "a.bvh", swaying(300))
+    save_motion(folder / "b.bvh", swaying(300, seed=1))
+    rows = [f"{0.5 * k:.6f},{k % 3 + 1},{'turn' if k == 3 else '-' if k == 9 else ''}" for k in range(18)]
+    (folder / "a.counts.csv").write_text("\n".join(["time_s,number,figure", *rows, ""]))
+    built = cg.build(folder, tmp_path / "rep.h5", preset="tiny", words=False)
+    assert any("1 take is without counts and danced by motion beats: b" in note for note in built.notes)
+    shown = run("inspect", built.path).output
+    assert "18 counts in 3 (annotation 1.00), 1 figure " in shown and "no counts" in shown
+    facts = json.loads(run("inspect", built.path, "--json").output)["takes"][0]["counts"]
+    assert facts == {"n": 18, "metre": 3, "source": "annotation", "confidence": 1.0, "figures": 1}
+
+    written = run("inspect", built.path, "--counts", "a", "-o", tmp_path / "out.csv")
+    assert written.exit_code == 0, written.output
+    assert (tmp_path / "out.csv").read_text() == (folder / "a.counts.csv").read_text()
+    assert_one_line(run("inspect", built.path, "--counts", "b", "-o", tmp_path / "b.csv"), says="not counted")
+    assert_one_line(run("inspect", built.path, "--counts", "c", "-o", tmp_path / "b.csv"), says="'c'")
+    assert_one_line(run("inspect", built.path, "--counts", "a"), says="together with -o")
+    assert not (tmp_path / "b.csv").exists()
+
+
+def test_help_names_both_sources_of_counted_takes():
+    assert "dance-with-melody/ choreonet/" in run("build-db", "--help").output

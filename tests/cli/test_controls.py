@@ -131,3 +131,17 @@ def test_a_setting_that_the_plan_decides_is_refused(here, options):
 def test_a_signature_needs_a_file_and_a_name(here):
     for options in (["--signature", "b"], ["-o", "x.json"], ["--signature", "nobody", "-o", "x.json"]):
         assert run("inspect", "rep.h5", *options).exit_code == 2
+
+
+def test_clicks_are_for_videos(here):
+    refused = run("dance", "song.wav", "--db", "rep.h5", "-o", "x.bvh", "--click")
+    assert_one_line(refused, says="expected an .mp4")
+    assert run("dance", "song.wav", "--db", "rep.h5", "--duration", "1", "-o", "p.json").exit_code == 0
+    refused = run("dance", "song.wav", "--db", "rep.h5", "--plan", "p.json", "-o", "x.html", "--click")
+    assert_one_line(refused, says="expected an .mp4")
+    assert not (here / "x.html").exists()
+    again = run(
+        "dance", "song.wav", "--db", "rep.h5", "--plan", "p.json", "-o", "x.mp4", "-o", "x.bvh", "--click"
+    )
+    assert again.exit_code == 0, again.output
+    assert (here / "x.mp4").exists() and (here / "x.bvh").exists()

@@ -11,6 +11,7 @@ import pytest
 from synthetic_motions import swaying
 
 from choreograph import importers
+from choreograph.counts import ANNOTATED, Figure
 from choreograph.errors import FormatError, ParameterError
 from choreograph.exporters import save_motion
 from choreograph.importers import import_takes
@@ -88,6 +89,53 @@ def test_invalid_manifests_are_refused(tmp_path, manifest, message):
     (take_folder(tmp_path, "a") / "manifest.csv").write_text(manifest)
     with pytest.raises(FormatError, match=message):
         list(import_takes(tmp_path))
+
+
+def test_counts_beside_a_take_in_the_manifest_and_as_beats(tmp_path):
+    take_folder(tmp_path, "a", "b", "c", "d")
+    table = "time_s,number,figure\n0.1,2,turn\n0.4,3,\n0.8,1,\n"
+    (tmp_path / "a.counts.csv").write_text(table)
+    (tmp_path / "b.counts.csv").write_text(table)
+    (tmp_path / "other.csv").write_text("time_s,number\n0.2,0\n0.9,0\n")
+    (tmp_path / "manifest.csv").write_text("name,counts,beats\nb,other.csv,\nc,,0.25 0.5 0.75\n")
+    a, b, c, d = import_takes(tmp_path)
+    assert (a.counts.numbers.tolist(), a.counts.metre, a.counts.source) == ([2, 3, 1], 3, ANNOTATED)
+    assert a.figures == (Figure("turn", 0.1, 0.8, 2),)
+    assert a.source_paths == (tmp_path / "a.bvh", tmp_path / "a.counts.csv")
+    assert b.counts.times_s.tolist() == [0.2, 0.9]  # the manifest's file, not the one beside
+    assert (c.counts.times_s.tolist(), c.counts.metre) == ([0.25, 0.5, 0.75], 0)
+    assert not len(d.counts) and d.figures == ()
+
+
+def test_counts_beside_a_single_file(tmp_path):
+    save_motion(tmp_path / "a.npz", MOTION)
+    (tmp_path / "a.counts.csv").write_text("time_s,number\n0.2,1\n")
+    (take,) = import_takes(tmp_path / "a.npz")
+    assert take.counts.times_s.tolist() == [0.2]
+
+
+@pytest.mark.parametrize(
+    ("manifest", "beside", "message"),
+    [
+        ("name,counts\na,none.csv\n", "", "none.csv"),
+        ("name,counts,beats\na,a.counts.csv,1\n", "time_s,number\n0.2,1\n", "got both"),
+        ("name,beats\na,0.1 soon\n", "", "between spaces, got '0.1 soon'"),
+        ("name,beats\na,0.5 0.4\n", "", "increasing"),
+        ("name,beats\na,0.5;0.6\n", "", "between spaces"),
+        ("name,beats\na,nan\n", "", "increasing"),
+        ("name,beats\na,0.5 1.6\n", "", r"within the 1\.00 s of a, got 0\.50 to 1\.60 s"),
+        ("name,beats\na,-0.5 0.6\n", "", "got -0.50"),
+        ("name\na\n", "time_s,number\n0.2,1\n1.7,2\n", "not of the song"),
+        ("name\na\n", "time_s\n0.2\n", r"a\.counts\.csv"),
+    ],
+)
+def test_invalid_counts_are_refused(tmp_path, manifest, beside, message):
+    (take_folder(tmp_path, "a") / "manifest.csv").write_text(manifest)
+    if beside:
+        (tmp_path / "a.counts.csv").write_text(beside)
+    with pytest.raises(FormatError, match=message) as caught:
+        list(import_takes(tmp_path))
+    assert "\n" not in str(caught.value)
 
 
 def test_a_damaged_take_is_named_not_skipped(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -59,6 +60,13 @@ def test_takes_are_written_as_a_library_folder(tmp_path, monkeypatch):
         moved_m = take.motion.joint_pos_m() - dance.motion.joint_pos_m()[:, order]
         np.testing.assert_allclose(moved_m, np.broadcast_to(moved_m[0, 0], moved_m.shape), atol=1e-3)
         assert abs(moved_m[0, 0]).max() < 0.02  # the importer puts the lowest foot joint on the floor
+        song, _ = takes.render_spec(spec)
+        np.testing.assert_allclose(take.counts.times_s, song.beat_times_s, atol=1e-6)
+        np.testing.assert_array_equal(take.counts.downbeat_times_s, take.counts.times_s[::4])
+        assert take.counts.metre == 4 and take.counts.confidence == 1.0
+        assert take.figures and {figure.name for figure in take.figures} <= {
+            m.name for m in GENRES["disco"].moves
+        }
         truth = json.loads((tmp_path / "takes" / f"{spec.name}.truth.json").read_text(encoding="utf-8"))
         assert truth["beat_times_s"] == sorted(truth["beat_times_s"])
         assert {move["name"] for move in truth["moves"]} <= {move.name for move in GENRES["disco"].moves}
@@ -79,3 +87,16 @@ def test_the_repertoire_contains_the_takes_alone(tmp_path, monkeypatch):
     assert made.vocabulary.genres == ("house", "waltz", "all")
     assert set(made.vocabulary.word_take.tolist()) == set(range(6))
     assert not Repertoire.open(tmp_path / "work" / "learned.h5").has_vocabulary
+
+
+def test_counts_are_the_beats_in_half_time_as_well():
+    """Cha-cha at 172 BPM is danced with two beats a count; its moves last whole numbers of beats."""
+    spec = takes.TakeSpec("fast", "cha-cha", 172.0, seed=3, duration_s=12.0)
+    song, dance = takes.render_spec(spec)
+    assert len(dance.count_times_s) < 0.6 * len(song.beat_times_s)
+    counts, figures = takes.true_counts(song, dance)
+    np.testing.assert_array_equal(counts.times_s, song.beat_times_s)
+    for figure in figures:
+        inside = (counts.times_s >= figure.start_s) & (counts.times_s < figure.end_s)
+        assert inside.sum() == figure.n_counts and figure.n_counts % 2 == 0
+    assert all(a.end_s == b.start_s for a, b in pairwise(figures))

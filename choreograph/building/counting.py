@@ -1,0 +1,118 @@
+"""Counts of takes that come without any: their own song's, where the motion keeps to its beats.
+
+That a take was danced to a song does not say that recording and sound file begin together: those of
+dance-with-melody do not. So the song's beats are a take's counts only if the motion is slow where they are,
+throughout the take.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from choreograph.building.song_cache import SongCache
+from choreograph.counts import NO_COUNTS, Counts
+from choreograph.features.motion_beats import mean_joint_speed_m_s
+from choreograph.motion.body import body_pos_m
+from choreograph.repertoire.contents import MeasuredTake
+from choreograph.timebase import STORE_FPS, frame_times_s
+
+Floats = NDArray[np.float64]
+
+# Built-in takes and their songs' beats have 0.83 to 1, takes of dance-with-melody, of any phase, up to 0.28.
+MIN_PHASE_LOCK = 0.6
+_WINDOW_BEATS = 4
+_FEWEST_WINDOWS = 5  # of fewer, random phases agree too often
+_STILL_M_S = 0.02  # slower is no clearer rest
+_NAMED = 8  # takes in a note; the others are counted
+
+
+def counted_takes(
+    measured: Sequence[MeasuredTake], songs: SongCache
+) -> tuple[list[MeasuredTake], tuple[str, ...]]:
+    """The takes, those without counts with their song's where these are sure enough, and notes.
+
+    Raises `FormatError` if a song cannot be read.
+    """
+    counted = [_counted(m, songs) for m in measured]
+    pairs = list(zip(measured, counted, strict=True))
+    by_song = [new.take.name for old, new in pairs if len(new.take.counts) and not len(old.take.counts)]
+    without = [m.take.name for m in counted if not len(m.take.counts)]
+    notes = []
+    if by_song:
+        notes.append(
+            f"{_number(by_song)} counted by the song's beats, which the motion keeps to: {_some(by_song)}"
+        )
+    if without:
+        notes.append(f"{_number(without)} without counts and danced by motion beats: {_some(without)}")
+    return counted, tuple(notes)
+
+
+def counts_from_song(
+    song: Counts, motion_pos_m: NDArray[np.floating], fps: float, *, song_start_s: float = 0.0
+) -> Counts:
+    """A take's counts from those of its song, or none where the motion does not keep to the song's beats.
+
+    Parameters
+    ----------
+    song : counts of the song, in seconds from its beginning
+    motion_pos_m : float array (T, J, 3)   joint positions of the take
+    fps : rate of the positions
+    song_start_s : time in the song of the take's first frame
+
+    Returns
+    -------
+    Counts   those within the take; confidence: the phase lock, times the song's where bars are known.
+    `NO_COUNTS` if the phase lock is below `MIN_PHASE_LOCK`
+    """
+    here = song.within(song_start_s, song_start_s + len(motion_pos_m) / fps)
+    lock = phase_lock(mean_joint_speed_m_s(motion_pos_m, fps), fps, here.times_s)
+    if lock < MIN_PHASE_LOCK:
+        return NO_COUNTS
+    return replace(here, confidence=lock * (song.confidence if here.has_bars else 1.0))
+
+
+def phase_lock(speed_m_s: Floats, fps: float, beat_times_s: Floats) -> float:
+    """How steadily a motion is slow on beats and fast between them, 0 to 1.
+
+    In every four beats, the first Fourier coefficient over the beat of the log speed (T,) says where in the
+    beat it is slow. The result is the sum of their parts in phase with the beats over the sum of their sizes:
+    1 if every window is slowest on the beat, around 0 (below it: 0) if beats and motion drift against each
+    other, and for any other constant phase the cosine of it. 0 for fewer than 20 beats.
+    """
+    n_windows = (len(beat_times_s) - 1) // _WINDOW_BEATS
+    if n_windows < _FEWEST_WINDOWS:
+        return 0.0
+    log_speed = np.log(np.asarray(speed_m_s, np.float64) + _STILL_M_S)
+    # Without what changes more slowly than beats: a loud bar, a turn.
+    log_speed = log_speed - gaussian_filter1d(log_speed, fps * float(np.median(np.diff(beat_times_s))))
+    times_s = frame_times_s(len(log_speed), fps)
+    phase = np.interp(times_s, beat_times_s, np.arange(len(beat_times_s)), left=-1.0)  # (T,) in beats
+    window = np.floor(phase / _WINDOW_BEATS).astype(np.int64)
+    is_inside = (window >= 0) & (window < n_windows)
+    slow = -log_speed * np.exp(2j * np.pi * phase)
+    sums = [np.bincount(window[is_inside], part[is_inside], n_windows) for part in (slow.real, slow.imag)]
+    size = float(np.hypot(*sums).sum())
+    return max(0.0, float(sums[0].sum()) / size) if size > 0.0 else 0.0
+
+
+def _counted(measured: MeasuredTake, songs: SongCache) -> MeasuredTake:
+    take = measured.take
+    if len(take.counts) or take.song_path is None:
+        return measured
+    song = songs.analysed(take.song_path).counts
+    pos_m = body_pos_m(take.motion.resampled(STORE_FPS))
+    counts = counts_from_song(song, pos_m, STORE_FPS, song_start_s=take.song_start_s)
+    return replace(measured, take=replace(take, counts=counts))
+
+
+def _number(names: Sequence[str]) -> str:
+    return "1 take is" if len(names) == 1 else f"{len(names)} takes are"
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
