@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from choreograph.evaluation.scores import Scores
 from choreograph.metrics import fid, frechet, references
 from choreograph.motion.motion import Motion
+from choreograph.motion.retargeting import retarget
 
 Floats = NDArray[np.float64]
 
@@ -21,14 +22,21 @@ class RealDances:
     """Real dances to compare with. Each belongs to a song; a dance is never compared with its own song's."""
 
     def __init__(self, motions: Sequence[Motion], songs: Sequence[str], *, like: Motion) -> None:
-        """`like` has the rig of the dances to compare. Raises `ParameterError` if rigs do not match."""
+        """`like` has the rig of the dances to compare. Raises `ParameterError` if rigs do not match.
+
+        Rotations on bodies of other proportions, or of other rest poses, differ where poses do not: all
+        motions are brought to that rig first.
+        """
         self.songs = tuple(songs)
+        self._skeleton = like.skeleton
         self._roles = frechet.validate([*motions, like])
         self.poses = [self.poses_of(motion) for motion in motions]
         self._gaussians: dict[str, dict[str, frechet.Gaussian]] = {}
 
     def poses_of(self, motion: Motion) -> Floats:
         """A dance's poses (T', D) in radians, at the joints that all dances share."""
+        if not motion.skeleton.same_as(self._skeleton):
+            motion = retarget(motion, self._skeleton)
         return frechet.poses_rad(motion, self._roles)
 
     def scores(self, motion: Motion, song: str, rng: np.random.Generator) -> Scores:

@@ -64,6 +64,7 @@ class Evaluation:
     sets: tuple[MeasuredDance, ...]  # all songs together: `song` is ""
     notes: tuple[str, ...] = ()
     example: ExampleSong | None = None
+    expert_phases: tuple[DancedPhases, ...] = ()  # that the phases of dances are compared with
 
 
 def dances_of(dances: Iterable[MeasuredDance], variant: str) -> list[MeasuredDance]:

@@ -16,7 +16,7 @@ from choreograph.evaluation.counted_dance import CountedDance
 from choreograph.evaluation.dance_scores import dance_scores
 from choreograph.evaluation.motif_scores import scorer_for
 from choreograph.evaluation.motion_scores import dance_label_values, label_scores, physical_scores
-from choreograph.evaluation.phase_scores import danced_phases, phase_scores
+from choreograph.evaluation.phase_scores import DancedPhases, danced_phases, phase_scores
 from choreograph.evaluation.realism_scores import FeatureRows, RealDances, real_set_scores, set_scores
 from choreograph.evaluation.results import (
     EXPERT,
@@ -189,7 +189,12 @@ class _Run:
 
     def evaluation(self) -> Evaluation:
         """The results, with the scores that need all dances: labels, sets, and the takes danced with."""
-        dances = self._with_phase_scores(self._with_label_scores())
+        experts = self._expert_phases()
+        rng = np.random.default_rng(0)
+        dances = [
+            d if d.phases is None else replace(d, scores=d.scores | phase_scores(d.phases, experts, rng))
+            for d in self._with_label_scores()
+        ]
         sets = self._set_scores()
         takes = self._take_scores()
         variants = {v.name: v.description for v in self.config.variants}
@@ -216,7 +221,9 @@ class _Run:
             "seen": self.config.seen,
         }
         measured = (*dances, *retrievals, *takes)
-        return Evaluation(facts, variants, measured, tuple(sets), tuple(self.notes), self.example)
+        return Evaluation(
+            facts, variants, measured, tuple(sets), tuple(self.notes), self.example, tuple(experts)
+        )
 
     def _with_label_scores(self) -> list[MeasuredDance]:
         real = [v for d, v in zip(self.dances, self.dance_labels, strict=True) if d.variant == REAL]
@@ -231,22 +238,15 @@ class _Run:
             for d, values in zip(self.dances, self.dance_labels, strict=True)
         ]
 
-    def _with_phase_scores(self, dances: Sequence[MeasuredDance]) -> list[MeasuredDance]:
-        """Phases of motion beats against the experts', or without experts the real takes', of the genre."""
+    def _expert_phases(self) -> list[DancedPhases]:
+        """Phases of the experts' motion beats, or without experts of the real takes'."""
         reference = EXPERT if any(r.variant == EXPERT for r in self.references) else REAL
-        experts = [d.phases for d in dances_of(dances, reference) if d.phases is not None]
+        experts = [d.phases for d in dances_of(self.dances, reference) if d.phases is not None]
         evaluated = {song.name for song in self.songs}
-        experts += [
+        return experts + [
             danced_phases(r.motion, r.counts.times_s, r.genre, r.song)
             for r in self.references
             if r.variant == EXPERT and r.song not in evaluated
-        ]
-        rng = np.random.default_rng(0)
-        return [
-            dance
-            if dance.phases is None
-            else replace(dance, scores=dance.scores | phase_scores(dance.phases, experts, rng))
-            for dance in dances
         ]
 
     def _set_scores(self) -> list[MeasuredDance]:

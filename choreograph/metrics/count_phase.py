@@ -9,8 +9,9 @@ compared with experts of its genre, not with the beat. The distance is the earth
 beats: how far motion beats would have to be moved on average, at most ½ beat, ¼ from all in one place to
 uniform. χ² would call a shift by one bin as far as one by half a beat, and would depend on where bins end.
 
-A distance between finite samples is never 0. So its chance level is of as many uniformly random phases, and
-its floor the distance between halves of the experts' dances. Both depend on few dances where there are few.
+A distance between finite samples is never 0. So a dance is compared with one half of the experts' dances,
+split by song, and so are its chance level, uniformly random phases, and its floor, the other half of the
+experts: as many phases of each, over many splits. All three are large where there are few dances.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from choreograph.metrics.references import halves
 
 Floats = NDArray[np.float64]
 
+ROUNDS = 50  # splits of the experts
+_NAMES = ("phase_distance", "phase_distance_chance", "phase_distance_halves", "phase_nearness")
 N_BINS = 8  # of 60 to 90 ms at a dance's tempo, no finer than motion beats are detected
 
 
@@ -72,51 +75,41 @@ def phase_distance(a: ArrayLike, b: ArrayLike) -> float:
     return float(np.abs(flow - np.median(flow)).mean())
 
 
-def chance_distance(
-    n_phases: int, reference: ArrayLike, rng: np.random.Generator, *, rounds: int = 200
-) -> float:
-    """Mean distance of `n_phases` uniformly random phases to a reference histogram (K,); nan for none."""
-    if n_phases < 1:
-        return float("nan")
-    n_bins = np.size(reference)
-    drawn = rng.multinomial(n_phases, np.full(n_bins, 1.0 / n_bins), size=rounds) / n_phases  # (rounds, K)
-    return float(np.mean([phase_distance(shares, reference) for shares in drawn]))
-
-
-def halves_distance(
-    dances: Sequence[ArrayLike], songs: Sequence[str], rng: np.random.Generator, *, rounds: int = 50
-) -> float:
-    """Mean distance between random halves of dances' phases, split by song; nan with fewer than 2 songs."""
-    known = [(np.asarray(d), song) for d, song in zip(dances, songs, strict=True) if np.size(d)]
-    if len({song for _, song in known}) < 2:
-        return float("nan")
-    distances = []
-    for _ in range(rounds):
-        parts = halves([song for _, song in known], rng)
-        sides = [phase_histogram(np.concatenate([known[i][0] for i in part])) for part in parts]
-        distances.append(phase_distance(*sides))
-    return float(np.mean(distances))
-
-
 def evaluate(
     danced_phases: ArrayLike,
     expert_dances: Sequence[ArrayLike],
     expert_songs: Sequence[str],
     rng: np.random.Generator,
+    *,
+    rounds: int = ROUNDS,
 ) -> dict[str, float]:
-    """Distance of danced phases (Q,) to the experts', given by dance, with chance and the experts' halves.
+    """Mean distances to a random half of the experts' phases, which are given by dance with its song.
 
+    Of the danced phases (Q,), of uniformly random ones (`_chance`), and of the other half (`_halves`).
     `phase_nearness` is how far the dance is on the way from chance (0) to the halves (1); nan where the
-    experts' halves are no nearer to each other than chance is to them: they have no common phase then.
+    halves are no nearer to each other than chance: those experts share no phase. All nan without danced
+    phases, or with experts' dances to fewer than two songs.
     """
-    together = np.concatenate([np.zeros(0), *(np.asarray(dance) for dance in expert_dances)])
-    reference, n_danced = phase_histogram(together), np.size(danced_phases)
-    distance = phase_distance(phase_histogram(danced_phases), reference)
-    chance = chance_distance(n_danced, reference, rng) if len(together) else float("nan")
-    halved = halves_distance(expert_dances, expert_songs, rng)
-    return {
-        "phase_distance": distance,
-        "phase_distance_chance": chance,
-        "phase_distance_halves": halved,
-        "phase_nearness": (chance - distance) / (chance - halved) if chance > halved else float("nan"),
-    }
+    validate(danced_phases)
+    danced = np.asarray(danced_phases, np.float64)
+    known = [
+        (np.asarray(d, np.float64), s) for d, s in zip(expert_dances, expert_songs, strict=True) if np.size(d)
+    ]
+    if len(danced) == 0 or len({song for _, song in known}) < 2:
+        return dict.fromkeys(_NAMES, float("nan"))
+    found = []
+    for _ in range(rounds):
+        one, other = (
+            np.concatenate([known[i][0] for i in half]) for half in halves([song for _, song in known], rng)
+        )
+        n = min(len(danced), len(one))
+        samples = (
+            rng.choice(danced, n, replace=False),
+            rng.uniform(0, 1, n),
+            rng.choice(one, n, replace=False),
+        )
+        reference = phase_histogram(other)
+        found.append([phase_distance(phase_histogram(sample), reference) for sample in samples])
+    distance, chance, halved = np.mean(found, axis=0)  # (3,) from (rounds, 3)
+    nearness = (chance - distance) / (chance - halved) if chance > halved else float("nan")
+    return dict(zip(_NAMES, map(float, (distance, chance, halved, nearness)), strict=True))

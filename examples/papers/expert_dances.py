@@ -16,7 +16,6 @@ import numpy as np
 from choreograph.audio.song import load_song
 from choreograph.count_files import write_counts
 from choreograph.evaluation.expert_dances import ExpertDance, expert_from_figures, expert_from_take
-from choreograph.evaluation.experts import GENRES_FILE
 from choreograph.exporters import save_motion
 from choreograph.importers import choreonet, import_takes
 
@@ -50,10 +49,11 @@ def main() -> None:
 
 
 def save(folder: Path, name: str, genre: str, expert: ExpertDance) -> None:
-    """Write one dance, its counts and its genre."""
-    genres = folder / GENRES_FILE
-    known = genres.read_text(encoding="utf-8") if genres.is_file() else "name,genre\n"
-    genres.write_text(f"{known}{name},{genre}\n", encoding="utf-8")
+    """Write one dance and its counts, and its genre in the manifest."""
+    manifest = folder / "manifest.csv"
+    rows = manifest.read_text(encoding="utf-8") if manifest.is_file() else "name,genre\n"
+    if f"\n{name}," not in rows:
+        manifest.write_text(f"{rows}{name},{genre}\n", encoding="utf-8")
     save_motion(folder / f"{name}.bvh", expert.motion)
     write_counts(folder / f"{name}.counts.csv", expert.counts)
     print(f"{name}: {expert.motion.duration_s:.0f} s, {expert.listed_share:.0%} of the counts as listed")

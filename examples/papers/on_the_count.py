@@ -36,7 +36,7 @@ from choreograph.evaluation import (
     find_songs,
     read_experts,
 )
-from choreograph.evaluation.phase_scores import phases_by_genre
+from choreograph.evaluation.phase_scores import DancedPhases, phases_by_genre
 from choreograph.evaluation.results import EXPERT, REAL
 from choreograph.evaluation.songs import beats_of
 from choreograph.features.bars import track_bars
@@ -93,8 +93,10 @@ class Line:
     real: str = ""
 
 
-def dances_of(path: Path, judge: Path, seed: int, given: argparse.Namespace) -> list[MeasuredDance]:
-    """All dances of a repertoire to the held-out songs, the experts' and the real ones."""
+def dances_of(
+    path: Path, judge: Path, seed: int, given: argparse.Namespace
+) -> tuple[list[MeasuredDance], list[DancedPhases]]:
+    """All dances of a repertoire to the held-out songs, the experts' and the real ones; experts' phases."""
     only = given.songs.read_text(encoding="utf-8").split()
     songs = find_songs(given.data, only=only, duration_s=given.duration, counted_by=given.counted_by)
     variants = tuple(
@@ -113,7 +115,7 @@ def dances_of(path: Path, judge: Path, seed: int, given: argparse.Namespace) -> 
         judge=None if judge == path else cg.Repertoire.open(judge),
     )
     print(f"{path.name}: measured, motifs judged by {found.facts['motifs_judged_by']}", flush=True)
-    return [*found.dances, *found.sets]
+    return [*found.dances, *found.sets], list(found.expert_phases)
 
 
 def mean_by_seed(
@@ -151,18 +153,13 @@ def dance_lines(engine: str, dances: Sequence[MeasuredDance]) -> list[Line]:
     return lines
 
 
-def phase_lines(engine: str, dances: Sequence[MeasuredDance]) -> list[Line]:
+def phase_lines(engine: str, dances: Sequence[MeasuredDance], experts: Sequence[DancedPhases]) -> list[Line]:
     """Phase of motion beats within the count against the experts', a row a genre: distances in beats."""
-    reference = EXPERT if any(d.variant == EXPERT for d in dances) else REAL
-    of = {
-        name: [d.phases for d in dances if d.variant == name and d.phases is not None]
-        for name in (engine, reference)
-    }
-    once = {(p.genre, p.song): p for p in of[reference]}  # measured with every repertoire, the same each time
-    found = phases_by_genre(of[engine], list(once.values()), np.random.default_rng(0))
+    danced = [d.phases for d in dances if d.variant == engine and d.phases is not None]
+    found = phases_by_genre(danced, experts, np.random.default_rng(0))
     return [
         Line(
-            f"phase in the count, {genre}: distance to {reference}, beats; way from chance to halves",
+            f"phase in the count, {genre}: distance to experts, beats; way from chance to their halves",
             "way > 0.5",
             f"{row['phase_distance']:.3f}; {row['phase_nearness']:.2f}",
             f"{row['phase_distance_chance']:.3f}",
@@ -282,9 +279,11 @@ def main() -> None:
             pool.submit(dances_of, path, judge, seed, given)
             for seed, (path, judge) in enumerate(zip(given.repertoires, judges, strict=True))
         ]
-        dances = [dance for done in made for dance in done.result()]
+        found = [done.result() for done in made]
+    dances = [dance for of_repertoire, _ in found for dance in of_repertoire]
+    experts = found[0][1] if found else []  # the same with every repertoire
     for engine in given.engines if dances else ():
-        lines = [*dance_lines(engine, dances), *phase_lines(engine, dances)]
+        lines = [*dance_lines(engine, dances), *phase_lines(engine, dances, experts)]
         parts.append(markdown(f"Real takes, {engine} engine, {len(given.repertoires)} seeds", lines))
     built_in = cg.Repertoire.open(given.built_in) if given.built_in else cg.starter_repertoire()
     for engine in given.engines:

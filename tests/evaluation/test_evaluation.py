@@ -358,23 +358,13 @@ def test_experts_are_read_from_a_folder(folder, tmp_path):
     save_motion(tmp_path / "another.bvh", stepping(60))
     rows = "\n".join(f"{0.6 * i:.2f},{i % 4 + 1}" for i in range(40))
     (tmp_path / "alone.counts.csv").write_text(f"time_s,number\n{rows}\n")
-    (tmp_path / "genres.csv").write_text("name,genre\nanother,b\n")
+    (tmp_path / "manifest.csv").write_text("name,genre\nanother,b\n")
     expert, another = read_experts(tmp_path, [replace(song, duration_s=9.0) for song in songs])
     assert (another.song, another.genre, another.motion.n_frames) == ("another", "b", 60)
     assert (expert.variant, expert.song, expert.motion.n_frames) == ("expert", "alone", 270)
     assert expert.counts.times_s == pytest.approx(0.6 * np.arange(16))
     with pytest.raises(ParameterError, match="quick"):
         read_experts(tmp_path, find_songs(folder, only=["quick"]))
-    (tmp_path / "genres.csv").write_text("name,style\nanother,b\n")
-    with pytest.raises(FormatError, match=r"genres\.csv"):
-        read_experts(tmp_path, songs)
-
-
-def test_experts_as_npz(folder, tmp_path):
-    save_motion(tmp_path / "alone.npz", stepping(9 * 30, period_s=0.6, seed=1))
-    save_motion(tmp_path / "another.npz", stepping(60))
-    dances = read_experts(tmp_path, find_songs(folder, only=["alone"]))
-    assert [dance.song for dance in dances] == ["alone", "another"]
 
 
 def test_a_dance_is_measured_at_the_level_it_counts_at(folder):

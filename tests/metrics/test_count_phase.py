@@ -10,9 +10,7 @@ from scipy.optimize import linprog
 
 from choreograph.errors import ParameterError
 from choreograph.metrics.count_phase import (
-    chance_distance,
     evaluate,
-    halves_distance,
     phase_distance,
     phase_histogram,
     phases,
@@ -86,13 +84,6 @@ def test_malformed_phases(given_):
         phase_histogram(given_)
 
 
-def test_chance_of_many_phases_is_the_distance_to_uniform():
-    rng = np.random.default_rng(0)
-    assert chance_distance(100_000, at_bin(2), rng) == pytest.approx(0.25, abs=0.002)
-    assert chance_distance(20, UNIFORM, rng) > chance_distance(2000, UNIFORM, rng) > 0
-    assert np.isnan(chance_distance(0, UNIFORM, rng))
-
-
 def test_nearness_from_chance_to_the_experts_themselves():
     rng = np.random.default_rng(1)
     experts, songs = dances(rng, 0.8), ["a", "b", "c", "d", "e", "e"]
@@ -106,8 +97,32 @@ def test_nearness_from_chance_to_the_experts_themselves():
 
 def test_what_cannot_be_known_is_nan():
     rng = np.random.default_rng(0)
-    assert np.isnan(halves_distance(dances(rng, 0.5, 2), ["a", "a"], rng))
-    nothing = evaluate([], [], [], rng)
-    assert all(np.isnan(value) for value in nothing.values())
-    aimless = evaluate(rng.uniform(0, 1, 30), [rng.uniform(0, 1, 5) for _ in range(4)], list("abcd"), rng)
-    assert np.isnan(aimless["phase_nearness"])
+    one_song = evaluate([0.5], dances(rng, 0.5, 2), ["a", "a"], rng)
+    for nothing in (evaluate([], [], [], rng), evaluate([], dances(rng, 0.5), list("abcdef"), rng), one_song):
+        assert all(np.isnan(value) for value in nothing.values())
+    apart = [*dances(rng, 0.0, 1), *dances(rng, 0.5, 1)]  # halves are farther apart than chance is
+    assert np.isnan(evaluate(rng.uniform(0, 1, 300), apart, ["a", "b"], rng)["phase_nearness"])
+
+
+def test_all_three_distances_are_of_as_many_phases():
+    """Experts of no phase at all: their halves are as far apart as chance, however long the dance is."""
+    rng = np.random.default_rng(4)
+    experts = [rng.uniform(0, 1, 50) for _ in range(8)]
+    for n_danced in (20, 200, 2000):
+        made = [
+            evaluate(rng.uniform(0, 1, n_danced), experts, list("abcdefgh"), rng, rounds=10)
+            for _ in range(30)
+        ]
+        distance, chance, halved = (
+            np.mean([found[f"phase_distance{name}"] for found in made]) for name in ("", "_chance", "_halves")
+        )
+        assert halved == pytest.approx(chance, rel=0.25)
+        assert distance == pytest.approx(chance, rel=0.25)
+
+
+def test_far_from_chance_the_distance_is_that_of_the_histograms():
+    rng = np.random.default_rng(5)
+    on_beat, off_beat = np.zeros(100), np.full(100, 0.5)
+    found = evaluate(off_beat, [on_beat] * 4, list("abcd"), rng)
+    assert (found["phase_distance"], found["phase_distance_halves"]) == (0.5, 0.0)
+    assert found["phase_distance_chance"] == pytest.approx(0.25, abs=0.01)
