@@ -78,7 +78,7 @@ def test_pruning_predecessors_changes_nothing_with_a_signature(seed):
             return -np.inf
 
     paths = [
-        plan_exact(source, [*BUILTIN, WeightedCost(cost(goal, song_features), 4.0)], song_features)
+        plan_exact(source, [*BUILTIN, WeightedCost(cost([(0, goal)], song_features), 4.0)], song_features)
         for cost in (Signature, Unbounded)
     ]
     assert paths[0].total == pytest.approx(paths[1].total, abs=1e-4)

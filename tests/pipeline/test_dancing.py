@@ -16,7 +16,7 @@ import choreograph as cg
 from choreograph.blending.assembly import BLENDINGS
 from choreograph.errors import ChoreographError, NoPathError, ParameterError, RepertoireError
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.graph import BUILTIN_COSTS
+from choreograph.graph import BUILTIN_COSTS, Stillness
 from choreograph.metrics.beat import f_score
 from choreograph.motion.body import body_pos_m
 from choreograph.timebase import SAMPLE_RATE_HZ
@@ -85,7 +85,7 @@ def test_every_second_has_credits(made, repertoire):
         assert repertoire.takes[repertoire.clip_take[second.clip]].name == second.take
         assert second.clip_start_s <= second.source_times_s[0] < second.source_times_s[-1]
         assert second.source_times_s[-1] <= second.clip_start_s + 8
-        assert set(second.costs) == {cost.name for cost in BUILTIN_COSTS}
+        assert set(second.costs) == {cost.name for cost in (*BUILTIN_COSTS, Stillness)}
     schema = Path(__file__).resolve().parents[2] / "data_schema" / "plan.schema.json"
     jsonschema.validate(json.loads(made.plan.to_json()), json.loads(schema.read_text(encoding="utf-8")))
 
