@@ -92,6 +92,11 @@ def make_counts(
     return Counts(times, given.astype(np.int64), int(metre), source, float(confidence))
 
 
+def bars_of(numbers: ArrayLike) -> NDArray[np.int64]:
+    """The bar (Q,) of each count by its number in the bar (Q,): 1 from the first count 1 on, 0 before it."""
+    return np.cumsum(np.asarray(numbers, np.int64) == 1)
+
+
 def numbers_in_bar(n_counts: int, metre: int, *, first: int = 1) -> NDArray[np.int64]:
     """Numbers in the bar (Q,) of consecutive counts, the first of which is `first`."""
     return (np.arange(n_counts) + first - 1) % metre + 1

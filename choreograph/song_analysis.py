@@ -63,7 +63,7 @@ def analyse_song(
         style,
         beat_count,
         _wanted_density(repertoire, mel, counts.times_s, n_seconds),
-        song_sections(song.samples, counts.times_s),
+        song_sections(song.samples, counts.times_s, downbeat_times_s=counts.downbeat_times_s),
         energy_per_second(song.samples, n_seconds),
         opening_s,
         closing_s,
@@ -90,7 +90,7 @@ def _danceable(
 def _nearness(style: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.float64]:
     """Share of each take, (takes,), of the clips nearest in style to the song's seconds (S, 32).
 
-    Without style networks all takes have the same.
+    Without style networks all takes count the same.
     """
     if not style.any():
         return np.ones(len(repertoire.takes))

@@ -14,7 +14,7 @@ from choreograph.features.contacts import foot_contacts
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import foot_sole_pos_m
-from choreograph.motion.inverse_kinematics import two_bone
+from choreograph.motion.inverse_kinematics import flexion_rad, two_bone
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
@@ -27,6 +27,7 @@ _RETURN_S = 1.0  # a shifted foot returns to its own path within it; longer cont
 TAKE_SHIFT_S = 0.2  # a shift comes and goes within it: shorter adds motion beats that nobody danced
 DANCE_SHIFT_S = 0.3  # for a dance of takes whose feet are locked already, where less is left to do
 _ORDER = 3  # the derivative of the shift that is kept small: jerk
+_STRAIGHT_RAD, _WRONG_RAD = 0.12, 0.25  # bent the wrong way: as recorded legs are, and as none is
 _LIFT_S = 0.15  # to each side, for a foot that would go through the floor
 
 
@@ -69,7 +70,8 @@ def lock_feet(
         points_m = pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]]  # (T, 2, 3)
         shift = _locking_shift(points_m, confidence[:, 2 * index : 2 * index + 2], motion.fps, shift_s)
         shift[:, 1] = _lift(foot_sole_pos_m(skeleton, pos_m, global_quat, side), floor_m, ease)
-        targets[side] = pos_m[:, ankle] + shift
+        wrong = _wrong_knee(skeleton, roles, side, pos_m, global_quat)
+        targets[side] = pos_m[:, ankle] + shift * (1.0 - _smooth_cover(wrong, ease))[:, None]
     for side, target in targets.items():
         _move_leg(skeleton, roles, side, pos_m, global_quat, target)
     return replace(motion, local_quat=rot.make_continuous(to_local(skeleton, global_quat)))
@@ -110,6 +112,27 @@ def _lift(sole_m: Floats, floor_m: float, ease: int) -> Floats:
     return _smooth_cover(np.maximum(floor_m - sole_m[..., 1].min(axis=1), 0.0), ease)
 
 
+def _wrong_knee(
+    skeleton: Skeleton, roles: dict[str, int], side: str, pos_m: Floats, global_quat: Floats
+) -> Floats:
+    """How wrong the knee is bent, (T,) from 0 to 1: there the foot stays on its path, whatever it touches.
+
+    A leg that swings through straight far to the wrong side, as quick ones do in transitions, would have
+    to be thrown to the right side and back for a shifted foot.
+    """
+    hip, knee, ankle = (roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
+    hinge = _hinge_axis(skeleton, roles, global_quat[:, knee])
+    backwards = -flexion_rad(pos_m[:, hip], pos_m[:, knee], pos_m[:, ankle], hinge)
+    return np.clip((backwards - _STRAIGHT_RAD) / (_WRONG_RAD - _STRAIGHT_RAD), 0.0, 1.0)
+
+
+def _hinge_axis(skeleton: Skeleton, roles: dict[str, int], knee_quat: Floats) -> Floats:
+    """World axis (T, 3) of a positive bend of a knee with world rotation `knee_quat` (T, 4)."""
+    rest_m = skeleton.rest_pos_m()
+    left = rest_m[roles["left_hip"]] - rest_m[roles["right_hip"]]
+    return rot.rotate(knee_quat, left / np.linalg.norm(left))
+
+
 def _smooth_cover(amount: Floats, ease: int) -> Floats:
     """A smooth curve (T,) that is nowhere below `amount`, up to the tails of its smoothing."""
     if not amount.any():
@@ -122,9 +145,7 @@ def _move_leg(
 ) -> None:
     """Rotate thigh and shin in `global_quat` (T, J, 4) to bring the ankle to `target`, but not the foot."""
     hip, knee, ankle = (roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
-    rest_m = skeleton.rest_pos_m()
-    left = rest_m[roles["left_hip"]] - rest_m[roles["right_hip"]]
-    hinge = rot.rotate(global_quat[:, knee], left / np.linalg.norm(left))
+    hinge = _hinge_axis(skeleton, roles, global_quat[:, knee])
     upper, lower = two_bone(pos_m[:, hip], pos_m[:, knee], pos_m[:, ankle], target, hinge)
     for joint in range(hip, skeleton.n_joints):
         path = _ancestors(skeleton, joint)

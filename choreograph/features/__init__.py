@@ -9,6 +9,12 @@ word_audio     audio input of the rollout network: rhythm per frame, spectrum pe
 loudness       RMS normalisation
 music_beats    beat trackers behind one interface
 tempo_path     beat tracking with a varying tempo, the default tracker
+beat_evidence  accents, changes and repeats at every beat
+bars           numbers in the bar and metre of beats
+metrical_level half or double of the tracked tempo, by what takes are danced at
+beat_files     beats and their numbers from a text file
+song_counts    beats and bars of a song, by a tracker or from a file
+energy         how loud each second is among the song's seconds
 sections       section boundaries and labels of a song
 song_features  `SongFeatures`: what the engines plan from
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from choreograph.counts import FROM_MUSIC, Counts
 from choreograph.errors import ParameterError
-from choreograph.features._bar_weights import ACCENT_WEIGHTS, METRE_WEIGHTS
+from choreograph.features._bar_weights import ACCENT_WEIGHTS, CONFIDENCE, METRE_WEIGHTS
 from choreograph.features.beat_evidence import beat_evidence
 from choreograph.features.mel import MEL_BANDS
 from choreograph.features.music_beats import checked_beat_times_s
@@ -25,13 +25,10 @@ from choreograph.timebase import SAMPLE_RATE_HZ
 Floats = NDArray[np.float64]
 
 _MIN_BEATS = 4  # one bar
-_STATE_METRE = np.array([3, 3, 3, 4, 4, 4, 4])
-_STATE_NUMBER = np.array([1, 2, 3, 1, 2, 3, 4])
+STATE_METRE = np.array([3, 3, 3, 4, 4, 4, 4])
+STATE_NUMBER = np.array([1, 2, 3, 1, 2, 3, 4])
 _P_IRREGULAR = 1e-3  # a bar is cut short or goes on
 _P_CHANGE = 1e-5  # the other metre follows a whole bar
-# Probability that the bars are right, by the margin (nats) over the best bars that differ at every beat:
-# logistic in its square root, fitted with the weights.
-_CONFIDENCE = (-2.0, 1.0)
 
 
 def track_bars(
@@ -64,14 +61,14 @@ def track_bars(
     accents, repeats = beat_evidence(samples, log_mel, beats_s)
     if not accents.any():
         return _without_bars(beats_s)
-    states, margin = _best_bars(_evidence_of_states(accents, repeats))
-    metres = _STATE_METRE[states]
+    states, margin = best_bars(state_evidence(accents, repeats, ACCENT_WEIGHTS, METRE_WEIGHTS))
+    metres = STATE_METRE[states]
     return Counts(
         beats_s,
-        _STATE_NUMBER[states],
+        STATE_NUMBER[states],
         3 if (metres == 3).sum() > (metres == 4).sum() else 4,
         FROM_MUSIC,
-        _confidence(margin),
+        _confidence(margin, len(beats_s)),
     )
 
 
@@ -79,13 +76,13 @@ def _without_bars(beats_s: Floats) -> Counts:
     return Counts(beats_s, np.zeros(len(beats_s), np.int64), 0, FROM_MUSIC)
 
 
-def _evidence_of_states(accents: Floats, repeats: Floats) -> Floats:
-    """Log evidence of each state at each beat, (Q, 7)."""
-    for_three = repeats @ METRE_WEIGHTS[:-1] + METRE_WEIGHTS[-1]  # (Q,)
-    return accents @ ACCENT_WEIGHTS + np.where(_STATE_METRE == 3, for_three[:, None], -for_three[:, None])
+def state_evidence(accents: Floats, repeats: Floats, accent_weights: Floats, metre_weights: Floats) -> Floats:
+    """Log evidence of each state at each beat, (Q, 7): beats 1, 2, 3 of three and 1, 2, 3, 4 of four."""
+    for_three = repeats @ metre_weights[:-1] + metre_weights[-1]  # (Q,)
+    return accents @ accent_weights + np.where(STATE_METRE == 3, for_three[:, None], -for_three[:, None])
 
 
-def _best_bars(evidence: Floats) -> tuple[NDArray[np.int64], float]:
+def best_bars(evidence: Floats) -> tuple[NDArray[np.int64], float]:
     """The best path of states (Q,), and its log margin over the best that differs from it at every beat."""
     from librosa.sequence import viterbi  # a second to import
     from scipy.special import softmax
@@ -100,16 +97,17 @@ def _best_bars(evidence: Floats) -> tuple[NDArray[np.int64], float]:
 
 def _transition() -> Floats:
     """Probabilities (7, 7) of going from state to state between two beats."""
-    same_metre = _STATE_METRE[:, None] == _STATE_METRE
-    last = _STATE_NUMBER == _STATE_METRE
+    same_metre = STATE_METRE[:, None] == STATE_METRE
+    last = STATE_NUMBER == STATE_METRE
     out = np.where(same_metre, _P_IRREGULAR, 0.0)
-    out += np.where(~same_metre & last[:, None] & (_STATE_NUMBER == 1), _P_CHANGE, 0.0)
-    follows = same_metre & ((_STATE_NUMBER % _STATE_METRE + 1)[:, None] == _STATE_NUMBER)
+    out += np.where(~same_metre & last[:, None] & (STATE_NUMBER == 1), _P_CHANGE, 0.0)
+    follows = same_metre & ((STATE_NUMBER % STATE_METRE + 1)[:, None] == STATE_NUMBER)
     out[follows] = 0.0
     out[follows] = 1.0 - out.sum(axis=1)
     return out
 
 
-def _confidence(margin: float) -> float:
-    offset, slope = _CONFIDENCE
-    return float(1.0 / (1.0 + np.exp(-(offset + slope * np.sqrt(max(0.0, margin))))))
+def _confidence(margin: float, n_beats: int) -> float:
+    """Probability that bars are right: of noise the margin grows with the root of the number of beats."""
+    offset, slope = CONFIDENCE
+    return float(1.0 / (1.0 + np.exp(-(offset + slope * margin / np.sqrt(n_beats)))))

@@ -13,8 +13,9 @@ from choreograph.features.spectral import SPECTRAL_COLUMNS, spectral_features
 Floats = NDArray[np.float64]
 
 SECTION_S = 12.0  # average length of a section
+_MIN_SECTION_S = 6.0  # anything shorter is a fill or a break, not a section
 _MIN_BEATS = 8
-_SAME_SECTION_DISTANCE = 0.6  # of the features' deviation: closer sections, on average, are repeats
+_SAME_SECTION_DISTANCE = 0.35  # of the features' deviation: closer sections, on average, are repeats
 # Weights of standardised groups. Timbre separates sections better than harmony; both together do best.
 _GROUP_WEIGHTS = {"chroma_cens": 0.5, "mel_db": 1.0, "mfcc": 1.0}
 
@@ -30,29 +31,61 @@ class Sections:
         return len(self.labels)
 
 
-def song_sections(samples: NDArray[np.floating], beat_times_s: NDArray[np.floating]) -> Sections:
-    """The sections of a song, mono at 22.05 kHz, bounded by beats (Q,).
+def song_sections(
+    samples: NDArray[np.floating],
+    beat_times_s: NDArray[np.floating],
+    *,
+    downbeat_times_s: NDArray[np.floating] | None = None,
+) -> Sections:
+    """The sections of a song, mono at 22.05 kHz, bounded by beats (Q,): by downbeats where those are given.
 
-    Neighbouring beats are merged by Ward's criterion (librosa's agglomerative segmentation) to one section
-    per 12 s, and sections with similar mean features get one label. It takes at least 17 beats.
+    Neighbouring bars (beats, if downbeats are not known) are merged by Ward's criterion (librosa's
+    agglomerative segmentation) to one section per 12 s, those shorter than 6 s with the neighbour that is
+    more like them, and sections with similar mean features get one label. It takes at least 17 beats.
 
     Raises `ParameterError` as `spectral_features` does.
     """
-    from librosa.segment import agglomerative  # a second to import
-
     beats_s = np.asarray(beat_times_s, np.float64)
     if len(beats_s) <= 2 * _MIN_BEATS:
         return Sections(np.zeros(0), np.zeros(0, np.int64))
-    beat_features = _standardized(spectral_features(samples, beats_s))
-    n_sections = int(
-        np.clip(round((beats_s[-1] - beats_s[0]) / SECTION_S), 2, len(beat_features) // _MIN_BEATS)
-    )
-    starts = np.unique(agglomerative(beat_features.T, n_sections))
-    means = np.stack([part.mean(axis=0) for part in np.split(beat_features, starts[1:])])
+    beat_features = _standardized(spectral_features(samples, beats_s))  # (Q - 1, F)
+    if downbeat_times_s is None or len(downbeat_times_s) == 0:
+        units = np.arange(len(beat_features))
+    else:
+        units = np.union1d(0, np.flatnonzero(np.isin(beats_s[:-1], downbeat_times_s)))
+    starts = _section_starts(beat_features, beats_s, units)
+    means = _means(beat_features, starts)
     threshold = _SAME_SECTION_DISTANCE * np.sqrt(np.square(beat_features).sum(axis=1).mean())
+    if len(means) == 1:
+        return Sections(beats_s[[0, -1]], np.zeros(1, np.int64))
     labels = fcluster(linkage(means, "average"), threshold, "distance").astype(np.int64) - 1
     first = np.r_[True, np.diff(labels) != 0]  # neighbours with one label are one section
     return Sections(np.r_[beats_s[starts[first]], beats_s[-1]], labels[first])
+
+
+def _section_starts(beat_features: Floats, beats_s: Floats, units: NDArray[np.int64]) -> NDArray[np.int64]:
+    """First beat of each section, (S,), among the first beats (U,) of the units to be merged."""
+    from librosa.segment import agglomerative  # a second to import
+
+    most = min(len(beat_features) // _MIN_BEATS, len(units))
+    n_sections = int(np.clip(round((beats_s[-1] - beats_s[0]) / SECTION_S), min(2, most), most))
+    starts = units[np.unique(agglomerative(_means(beat_features, units).T, n_sections))]
+    while len(starts) > 1:
+        length_s = np.diff(beats_s[np.append(starts, len(beats_s) - 1)])
+        shortest = int(length_s.argmin())
+        if length_s[shortest] >= _MIN_SECTION_S:
+            break
+        means = _means(beat_features, starts)
+        away = np.linalg.norm(np.diff(means, axis=0), axis=1)  # (S - 1,) of neighbours
+        before = away[shortest - 1] if shortest > 0 else np.inf
+        after = away[shortest] if shortest < len(away) else np.inf
+        starts = np.delete(starts, shortest if before <= after else shortest + 1)
+    return starts
+
+
+def _means(beat_features: Floats, starts: NDArray[np.int64]) -> Floats:
+    """Mean features of the parts that begin at these beats, (S, F)."""
+    return np.stack([part.mean(axis=0) for part in np.split(beat_features, starts[1:])])
 
 
 def _standardized(features: NDArray[np.float32]) -> Floats:

@@ -40,6 +40,15 @@ def two_bone(
     return swing, rot.multiply(swing, turn)
 
 
+def flexion_rad(start_m: Floats, middle_m: Floats, end_m: Floats, hinge_axis: Floats) -> Floats:
+    """Bend (...) of a limb about its hinge, as in `two_bone`; negative if it is bent the wrong way."""
+    upper, lower = middle_m - start_m, end_m - middle_m
+    bone = upper / np.maximum(_length(upper), 1e-9)[..., None]
+    hinge = _perpendicular(np.broadcast_to(hinge_axis, bone.shape), bone)
+    bend = _bend(bone, lower / np.maximum(_length(lower), 1e-9)[..., None])
+    return np.sum(bend * hinge, axis=-1)
+
+
 def _bend(bone: Floats, lower: Floats) -> Floats:
     """The bend as a rotation vector (..., 3) at right angles to `bone`, between two unit directions."""
     axis = np.cross(bone, lower)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.counts import bars_of
 from choreograph.errors import ParameterError
 from choreograph.exporters import FORMATS, save_motion
 from choreograph.files import atomic_path, check_target
@@ -98,16 +99,35 @@ def _save_video(parts: SavedParts, path: Path, report: ProgressReport | None) ->
 def _save_strip(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
     from choreograph.preview.strip import write_strip
 
-    duration_s = parts.motion.duration_s
-    beats_s = np.array(parts.plan.music_beats_s)
-    numbers = np.flatnonzero(beats_s <= duration_s)
-    if len(numbers) == 0:
+    plan, duration_s = parts.plan, parts.motion.duration_s
+    shown = _shown_beats(plan, duration_s)
+    if len(shown) == 0:
         times_s = np.arange(0.0, duration_s)[:_STRIP_POSES]
         write_strip(path, parts.motion, times_s.tolist())
         return
-    every = int(np.ceil(len(numbers) / _STRIP_POSES))
-    labels = [f"beat {number + 1} · {beats_s[number]:.1f} s" for number in numbers[::every]]
-    write_strip(path, parts.motion, beats_s[numbers[::every]].tolist(), labels=labels)
+    labels = _labels(plan)
+    times_s = np.array(plan.music_beats_s)[shown]
+    write_strip(path, parts.motion, times_s.tolist(), labels=[labels[index] for index in shown])
+
+
+def _shown_beats(plan: Plan, duration_s: float) -> NDArray[np.int64]:
+    """Indices of at most `_STRIP_POSES` beats; where some must be left out, count 1 is among the others."""
+    beats = np.flatnonzero(np.array(plan.music_beats_s) <= duration_s)
+    every = max(1, -(-len(beats) // _STRIP_POSES))
+    ones = np.flatnonzero(np.array(plan.music_beat_numbers) == 1)
+    if every == 1 or plan.metre == 0 or len(ones) == 0:
+        return beats[::every]
+    while every % plan.metre and plan.metre % every:
+        every += 1
+    return beats[ones[0] % every :: every]
+
+
+def _labels(plan: Plan) -> list[str]:
+    """What is written under the pose of each beat: its time and its count, or which beat it is."""
+    if not plan.music_beat_numbers:
+        return [f"beat {index + 1} · {time:.1f} s" for index, time in enumerate(plan.music_beats_s)]
+    counts = zip(plan.music_beats_s, bars_of(plan.music_beat_numbers), plan.music_beat_numbers, strict=True)
+    return [f"{time:.2f} s   bar {bar} · {number}" for time, bar, number in counts]
 
 
 _SAVERS: dict[str, Callable[[SavedParts, Path, ProgressReport | None], None]] = {

@@ -31,8 +31,8 @@ from choreograph.preview.sound import Levels, encode_mp4, song_part
 
 _SCRIPTS = (
     "math.js", "decompress.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
-    "renderer.js", "stage.js", "orbit.js", "colours.js", "gestures.js", "timeline.js", "elements.js",
-    "card.js", "player.js", "controls.js", "main.js",
+    "renderer.js", "stage.js", "orbit.js", "colours.js", "gestures.js", "counts.js", "timeline.js",
+    "elements.js", "card.js", "player.js", "controls.js", "main.js",
 )  # fmt: skip
 _LEVELS_PER_S = 50
 _NETWORK = "rollout network"  # shown in place of a take's name
@@ -64,8 +64,9 @@ def write_page(
 
     The page exposes its state to scripts as `window.choreograph`, read-only: time, duration and shownFrom,
     shownTo (of the timeline) in seconds; frame, fps, framesDrawn; playing, speed, loop {on, from, to},
-    mirrored, following; audioTime (null without sound); take, the name of the current one; pixelScale, below
-    1 on slow machines; joints, J positions [x, y, z] in metres, as `motion.joint_pos_m()` has them.
+    mirrored, following; audioTime (null without sound); take, the name of the current one; count, the current
+    {bar, number} or null; pixelScale, below 1 on slow machines; joints, J positions [x, y, z] in metres, as
+    `motion.joint_pos_m()` has them.
 
     Raises
     ------
@@ -96,6 +97,8 @@ def write_page(
         "mesh": mesh_layout,
         "levels_per_s": levels_per_s,
         "music_beats_s": _rounded(plan.music_beats_s, duration_s),
+        "music_beat_numbers": _shown_numbers(plan, duration_s),
+        "metre": plan.metre,
         "motion_beats_s": _rounded(beats_s, duration_s),
         **_sources(plan, duration_s),
     }
@@ -139,6 +142,12 @@ def _sound(song_path: str | Path | None, start_s: float, duration_s: float) -> t
 
 def _rounded(times_s: Sequence[float] | NDArray[np.floating], duration_s: float) -> list[float]:
     return [round(float(time), 4) for time in times_s if 0 <= time <= duration_s]
+
+
+def _shown_numbers(plan: Plan, duration_s: float) -> list[int]:
+    """Numbers in the bar of the beats that are shown; none if bars are not known."""
+    numbers = zip(plan.music_beats_s, plan.music_beat_numbers, strict=False)
+    return [number for time, number in numbers if 0 <= time <= duration_s]
 
 
 def _sources(plan: Plan, duration_s: float) -> dict[str, Any]:

@@ -46,3 +46,32 @@ def test_a_song_of_few_beats_has_no_sections():
     for beats_s in (np.zeros(0), np.arange(0.1, 2.9, 0.4)):
         sections = song_sections(noise, beats_s)
         assert len(sections) == len(sections.bounds_s) == 0
+
+
+def test_sections_begin_on_downbeats_and_last():
+    song = render_song("house", bpm=122.0, duration_s=80.0, seed=8100)
+    mono = song.samples.mean(axis=1)[::2]
+    beats_s = song.beat_times_s[song.beat_times_s < len(mono) / SAMPLE_RATE_HZ]
+    downbeats_s = beats_s[::4]
+    sections = song_sections(mono, beats_s, downbeat_times_s=downbeats_s)
+    inner_s = sections.bounds_s[1:-1]
+    assert set(inner_s) <= set(downbeats_s) and len(sections) >= 2
+    assert np.diff(sections.bounds_s).min() >= 6.0
+    true_s = song.bar_times_s[[section.first_bar for section in song.sections[1:]]]
+    bar_s = np.diff(song.bar_times_s).mean()
+    assert np.mean(np.abs(inner_s[:, None] - true_s).min(axis=1) <= bar_s + 1e-6) > 0.5
+
+
+def test_a_splice_is_a_border():
+    songs = [render_song(genre, duration_s=24.0, seed=6100) for genre in ("house", "waltz")]
+    mono = np.concatenate([song.samples.mean(axis=1)[: 36 * SAMPLE_RATE_HZ : 2] for song in songs])
+    beats_s = np.concatenate(
+        [song.beat_times_s[song.beat_times_s < 18] + 18 * i for i, song in enumerate(songs)]
+    )
+    bars_s = np.concatenate(
+        [song.bar_times_s[song.bar_times_s < 18] + 18 * i for i, song in enumerate(songs)]
+    )
+    sections = song_sections(mono, beats_s, downbeat_times_s=bars_s)
+    border = int(np.abs(sections.bounds_s - 18).argmin())
+    assert abs(sections.bounds_s[border] - 18) < 2
+    assert not set(sections.labels[:border]) & set(sections.labels[border:])

@@ -64,6 +64,16 @@ def test_a_part_of_the_dance(tmp_path, song):
     assert len(element(text, "sound")) < len(element(written(tmp_path / "all.html", song_path=song), "sound"))
 
 
+def test_counts_are_those_of_the_beats_shown(tmp_path):
+    assert json.loads(element(written(tmp_path / "old.html"), "dance"))["music_beat_numbers"] == []
+    counted = replace(PLAN, music_beat_numbers=(3, 1, 2, 3, 1, 2, 3, 1, 2, 3, 1), metre=3)
+    text = written(tmp_path / "page.html", plan=counted, duration_s=2.2)
+    dance = json.loads(element(text, "dance"))
+    assert dance["metre"] == 3
+    assert dance["music_beats_s"] == [0, 0.5, 1.0, 1.5, 2.0]
+    assert dance["music_beat_numbers"] == [3, 1, 2, 3, 1]
+
+
 def test_same_dance_gives_the_same_bytes(tmp_path, song):
     assert written(tmp_path / "a.html", song_path=song) == written(tmp_path / "b.html", song_path=song)
 

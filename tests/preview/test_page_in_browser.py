@@ -297,6 +297,29 @@ def test_pointing_at_a_second_shows_its_source(opened):
     assert not page.locator("#card").is_visible()
 
 
+def test_the_count_follows_the_time(opened, tmp_path):
+    plan = plan_for(MOTION)  # a beat every half second
+    counted = replace(plan, music_beat_numbers=tuple((3 + i) % 4 + 1 for i in range(16)), metre=4)
+    write_page(tmp_path / "counts.html", MOTION, counted, song_path=None, motion_beats_s=[])
+    page = opened("counts.html", folder=tmp_path)
+    box = page.locator("#timeline").bounding_box()
+    for time_s, count in ((0.2, {"bar": 0, "number": 4}), (0.6, {"bar": 1, "number": 1}),
+                          (4.2, {"bar": 2, "number": 4}), (4.7, {"bar": 3, "number": 1})):  # fmt: skip
+        page.mouse.click(box["x"] + box["width"] * time_s / 8, box["y"] + 40)
+        until(page, f"Math.abs(choreograph.time - {time_s}) < 0.1")
+        assert state(page, "count") == count
+        shown = f"bar {count['bar']}, count {count['number']}"
+        until(page, f"document.getElementById('now-count').textContent === '{shown}'")
+    page.mouse.move(box["x"] + box["width"] * 3.5 / 8, box["y"] + 100)
+    assert "bar 2, count 2" in page.locator("#card").inner_text()
+
+
+def test_without_bars_there_is_no_count(opened):
+    page = opened()
+    assert state(page, "count") is None
+    assert not page.locator("#now-count").is_visible()
+
+
 def test_orbit_and_zoom(opened):
     page = opened()
     first = picture(page)

@@ -4,9 +4,12 @@ import { createElement } from "./elements.js";
 import { clamp } from "./math.js";
 import { clockText } from "./timeline.js";
 
+const NEAR_S = 0.1; // a block that starts this little before a count starts on it
+
 export class Card {
-  constructor(dance) {
+  constructor(dance, counts) {
     this.dance = dance;
+    this.counts = counts;
     this.element = document.getElementById("card");
     this.block = null;
     const all = dance.blocks.flatMap((block) => Object.values(block.costs).map(Math.abs));
@@ -36,6 +39,8 @@ export class Card {
       isWord ? ["Motif", `${block.motif}${block.pinned ? ", pinned" : ""}`]
         : ["Clip", `${block.clip}, from ${clockText(block.clip_start_s, true)}`],
     ];
+    const count = this.counts.textAt(block.start_s + NEAR_S);
+    if (count) facts.push(["From", count]);
     if ("speed" in block) {
       facts.push(["Source time", `${block.from_s.toFixed(2)} – ${block.to_s.toFixed(2)} s`]);
       facts.push(["Warp", warpText(block.speed)]);

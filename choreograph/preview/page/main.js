@@ -1,6 +1,7 @@
 // The preview page: connects player, stage and timeline.
 
 import { Card } from "./card.js";
+import { Counts } from "./counts.js";
 import { takeColours } from "./colours.js";
 import { Controls, showCredits } from "./controls.js";
 import { OrbitControls } from "./orbit.js";
@@ -18,8 +19,9 @@ class Page {
     this.player = new Player(dance, sound);
     this.stage = new Stage($("view"), mesh, (time) => this.#showTime(time));
     this.stage.show(new Dancer(dance, motion), this.player);
-    this.card = new Card(dance);
-    this.timeline = new Timeline(dance, levels, this.player, { onHover: (block, x) => this.#hover(block, x) });
+    this.counts = new Counts(dance);
+    this.card = new Card(dance, this.counts);
+    this.timeline = new Timeline(dance, levels, this.counts, this.player, { onHover: (block, x) => this.#hover(block, x) });
     this.shown = null; // the take named in the heading
     $("time-all").textContent = clockText(dance.duration_s, true);
     $("time-now").style.setProperty("--digits", $("time-all").textContent.length);
@@ -55,13 +57,15 @@ class Page {
 
   #showTime(time) {
     this.timeline.show(time);
+    const count = this.counts.textAt(time);
+    if (count !== this.count) $("now-count").textContent = this.count = count;
     const text = clockText(time, true);
     if (text !== this.text) {
       $("time-now").textContent = this.text = text;
       const slider = $("timeline");
       slider.setAttribute("aria-valuenow", time.toFixed(2));
       const all = clockText(this.dance.duration_s, true);
-      slider.setAttribute("aria-valuetext", `${text} of ${all}, ${this.source(time).name}`);
+      slider.setAttribute("aria-valuetext", [`${text} of ${all}`, this.source(time).name, count].filter(Boolean).join(", "));
     }
     const source = this.source(time);
     if (source === this.shown) return;
@@ -98,6 +102,7 @@ class Page {
       get shownFrom() { return page.timeline.fromS; },
       get shownTo() { return Math.min(dance.duration_s, page.timeline.fromS + page.timeline.shownS); },
       get take() { return page.source(player.time).name; },
+      get count() { return page.counts.at(player.time); },
       get joints() {
         dancer.pose(player.time);
         return dance.names.map((_, j) => Array.from(dancer.positions.subarray(3 * j, 3 * j + 3)));

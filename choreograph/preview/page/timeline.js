@@ -7,11 +7,12 @@ const RULER = 15, WAVE = [17, 60], BEATS = [64, 80], BLOCKS = [86, 120]; // rows
 const ROOMY_PX_PER_S = 20; // at least this much: longer songs are shown in part
 const MAX_PX_PER_S = 400;
 const LABELS_APART_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600];
+const NUMBER_PX = 13, BAR_NUMBER_PX = 34, BAR_LINE_PX = 5; // room that a count, a bar's number or its line needs
 const PAGE_AT = 0.08; // of the width: position of the playhead after the view has jumped
 
 export class Timeline {
-  constructor(dance, levels, player, { onHover }) {
-    Object.assign(this, { dance, levels, player, onHover });
+  constructor(dance, levels, counts, player, { onHover }) {
+    Object.assign(this, { dance, levels, counts, player, onHover });
     this.durationS = dance.duration_s;
     this.element = document.getElementById("timeline");
     this.tracks = document.getElementById("tracks");
@@ -76,6 +77,7 @@ export class Timeline {
     this.#drawRuler(context);
     this.#drawBeatLines(context);
     this.#drawWave(context);
+    this.#drawBars(context);
     this.#drawBeats(context);
     this.#drawBlocks(context, this.fromS, this.pxPerS, BLOCKS, 4);
     this.#drawOverview();
@@ -124,13 +126,44 @@ export class Timeline {
     }
   }
 
+  // A line at every downbeat, with the bar's number where there is room.
+  #drawBars(context) {
+    const { times, numbers, bars } = this.counts;
+    const apart = (this.durationS * this.pxPerS) / Math.max(1, bars.at(-1) ?? 0);
+    if (apart < BAR_LINE_PX) return;
+    context.font = "10px system-ui, sans-serif";
+    for (let i = 0; i < numbers.length; i++) {
+      const x = Math.round(this.x(times[i]) * 2) / 2;
+      if (numbers[i] !== 1 || x < -BAR_NUMBER_PX || x > this.width) continue;
+      context.fillStyle = this.ink("--bar");
+      context.fillRect(x - 0.5, RULER, 1, BLOCKS[1] - RULER);
+      context.fillStyle = this.ink("--soft");
+      if (apart >= BAR_NUMBER_PX) context.fillText(bars[i], x + 3, RULER + 9);
+    }
+  }
+
+  // The number of every count in place of its tick; false where there is no room for them.
+  #drawNumbers(context, top) {
+    const { times, numbers } = this.counts;
+    if (!numbers.length || (this.durationS * this.pxPerS) / numbers.length < NUMBER_PX) return false;
+    for (let i = 0; i < numbers.length; i++) {
+      const x = this.x(times[i]), one = numbers[i] === 1;
+      if (x < -NUMBER_PX || x > this.width + NUMBER_PX) continue;
+      context.font = `${one ? 700 : 400} 10px system-ui, sans-serif`;
+      context.fillStyle = this.ink(one ? "--ink" : "--tick");
+      context.fillText(numbers[i], x - context.measureText(numbers[i]).width / 2, top + 8);
+    }
+    return true;
+  }
+
   #drawBeats(context) {
     const [top, bottom] = BEATS;
     const ticks = this.#between(this.dance.music_beats_s), pips = this.#between(this.dance.motion_beats_s);
     const roomy = this.width / Math.max(1, pips.length, ticks.length) >= 5;
     context.fillStyle = this.ink("--tick");
     context.globalAlpha = roomy ? 1 : 0.5;
-    for (const beat of ticks) context.fillRect(this.x(beat) - (roomy ? 1 : 0.5), top, roomy ? 2 : 1, 7);
+    const numbered = this.#drawNumbers(context, top);
+    for (const beat of numbered ? [] : ticks) context.fillRect(this.x(beat) - (roomy ? 1 : 0.5), top, roomy ? 2 : 1, 7);
     context.fillStyle = this.ink("--pip");
     for (const beat of pips) {
       context.beginPath();

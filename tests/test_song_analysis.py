@@ -1,0 +1,54 @@
+"""What a song is told to be: its counts, at the level that the takes are danced at, and notes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_repertoire import synthetic_contents, synthetic_takes, write_clicks
+
+from choreograph.audio.song import load_song
+from choreograph.counts import make_counts, numbers_in_bar
+from choreograph.features.metrical_level import tempo_bpm
+from choreograph.repertoire import Repertoire, write_repertoire
+from choreograph.song_analysis import analyse_song
+
+
+@pytest.fixture(scope="module")
+def clicks(tmp_path_factory):
+    """Clicks at 120 BPM."""
+    return load_song(write_clicks(tmp_path_factory.mktemp("songs") / "clicks.wav", duration_s=20.4))
+
+
+def repertoire_at(folder, bpm: float) -> Repertoire:
+    """Takes in three and in four, counted at that tempo."""
+    times_s = np.arange(0, 29, 60 / bpm)
+    takes = [
+        replace(
+            m, take=replace(m.take, counts=make_counts(times_s, numbers_in_bar(len(times_s), metre), metre))
+        )
+        for m, metre in zip(synthetic_takes(), (3, 4, 4), strict=True)
+    ]
+    write_repertoire(folder / "rep.h5", synthetic_contents(takes))
+    return Repertoire.open(folder / "rep.h5")
+
+
+@pytest.mark.parametrize(("takes_bpm", "expected"), [(118.0, 120), (62.0, 60), (90.0, 120)])
+def test_the_level_is_the_takes(clicks, tmp_path, takes_bpm, expected):
+    features, notes = analyse_song(clicks, repertoire_at(tmp_path, takes_bpm))
+    assert tempo_bpm(features.counts) == pytest.approx(expected, rel=0.02)
+    assert features.counts.has_bars
+    assert any("rather than the tracked 120" in note for note in notes) == (expected != 120)
+
+
+def test_beats_of_a_file_are_not_second_guessed(clicks, tmp_path):
+    beats = tmp_path / "clicks.beats"
+    beats.write_text("".join(f"{2.25 + 0.5 * i} {i % 3 + 1}\n" for i in range(30)))
+    features, _ = analyse_song(clicks, repertoire_at(tmp_path, 62.0), beats=beats, start_s=2.0)
+    assert features.counts.metre == 3 and features.counts.source == "annotation"
+    assert features.beat_times_s[:2].tolist() == [0.25, 0.75]
+    assert features.counts.numbers[:4].tolist() == [1, 2, 3, 1]
+
+
+def test_takes_without_counts_leave_the_tracked_level(clicks, repertoire):
+    features, _ = analyse_song(clicks, repertoire)
+    assert tempo_bpm(features.counts) == pytest.approx(120, rel=0.02)
