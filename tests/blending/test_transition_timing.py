@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from choreograph.blending.transition_search import REACH_S, search_transitions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_motions import stepping
@@ -12,7 +13,6 @@ from choreograph.blending import transition_search
 from choreograph.blending.assembly import assemble
 from choreograph.blending.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.blending.runs import to_runs, with_transitions
-from choreograph.blending.transition_search import REACH_S, search_transitions
 from choreograph.config import TRANSITION_LENGTHS_S
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.metrics import beat
