@@ -46,17 +46,21 @@ def lay_pieces(
     Each count lies on a beat. Before the first and after the last count, poses are held; pieces that the song
     is too short for are left out. Feet are locked.
 
-    Raises `ParameterError` without pieces, or if the song has too few beats.
+    Raises `ParameterError` without pieces, or if the song has too few beats or ends within a second of the
+    first.
     """
     grid = SongGrid.of(song_counts, duration_s)
-    if not pieces or grid is None or not 0 <= first_beat < len(song_counts) - 1:
+    runs: list[Run] = []
+    if grid is not None and 0 <= first_beat < len(song_counts) - 1:
+        # Rounded: the grid is steady, and a first beat that jitters must not move all others.
+        first_index = round(float(grid.index_at(song_counts.times_s[[first_beat]])[0]))
+        runs = _runs(pieces, grid, first_index, duration_s)
+    if not runs:
         raise ParameterError(
             f"expected pieces, and beats to lay them on, got {len(pieces)} and {len(song_counts)}, the first "
-            f"of them {first_beat}"
+            f"of them {first_beat}: the song may be too short"
         )
-    opening_s = float(song_counts.times_s[first_beat])
-    first_index = float(grid.index_at(np.array([opening_s]))[0])
-    runs = _runs(pieces, grid, first_index, duration_s)
+    opening_s = runs[0].start_s
     closing_s = min(runs[-1].stop_s, duration_s)
     timings = time_transitions(
         runs, [run.start_s for run in runs], dict.fromkeys((run.take for run in runs), np.inf), read_motion,
@@ -71,7 +75,7 @@ def lay_pieces(
     return lock_feet(held, shift_s=DANCE_SHIFT_S)
 
 
-def _runs(pieces: Sequence[Piece], grid: SongGrid, first_index: float, duration_s: float) -> list[Run]:
+def _runs(pieces: Sequence[Piece], grid: SongGrid, first_index: int, duration_s: float) -> list[Run]:
     """One run for all pieces that follow one another in one take."""
     groups: list[list[Piece]] = []
     for piece in pieces:

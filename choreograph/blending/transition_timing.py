@@ -15,7 +15,6 @@ from choreograph.config import TRANSITION_LENGTHS_S
 Floats = NDArray[np.float64]
 
 _MIN_RUN_S = 0.6  # a run is not made shorter
-_SAME_INSTANT_S = 1e-6
 _EASY_M_S2 = 4.0  # a body may be accelerated so much by a transition: gentle beside what dancers do
 
 
@@ -34,7 +33,7 @@ def time_transitions(
     A run takes over at its instant of `joins_s` (N,), a count near its start, if both takes reach that far
     and neither run becomes shorter than 0.6 s; else, or if it is `fixed` (N,), at its start. Where it starts
     later, the run before plays on; where it starts earlier, the one before ends earlier. An inertial
-    transition is the shortest that accelerates no joint by more than 8 m/s². ChoreoGraph changes takes on
+    transition is the shortest that accelerates no joint by more than 4 m/s². ChoreoGraph changes takes on
     the second.
     """
     starts = [runs[0].start_s] if runs else []

@@ -29,8 +29,10 @@ def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: floa
     if len(beats) < 2 * _BAR_OF:
         return 0.0, duration_s
     strength = _strength_at(counts.times_s[beats], log_mel)
-    enough = _STRONG * float(np.median(strength))
-    ahead = np.convolve(strength, np.ones(_BAR_OF) / _BAR_OF)  # mean of a beat and the three before it
+    usual = float(np.median(strength))
+    enough = _STRONG * usual
+    # Mean of a beat and the three before it; one bang does not make up for three silent beats.
+    ahead = np.convolve(np.minimum(strength, usual), np.ones(_BAR_OF) / _BAR_OF)
     starts = np.flatnonzero((ahead[_BAR_OF - 1 : len(beats)] >= enough) & (strength[: 1 - _BAR_OF] >= enough))
     ends = np.flatnonzero(strength >= enough)
     first, last = (starts[0] if len(starts) else 0), ends[-1]

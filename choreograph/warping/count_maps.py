@@ -28,6 +28,7 @@ _MAX_SHIFT_S = 0.03  # but no beat is moved further, however suddenly the tempo 
 _PADDING = 64  # counts beyond both ends, at the period there
 _MAX_SHIFTS = 9  # tried around the middle of a clip: two bars of four to each side
 _INSIDE_FIGURE = 0.6
+_ON_BEAT = 1e-9  # of a beat, by which rounding moves one across a border
 _SHIFTS_PER_TRACK = 1 << 20  # above the number of counts of any song or take
 
 
@@ -35,7 +36,7 @@ def steady_times_s(times_s: Floats) -> Floats:
     """Beats or counts (Q,) without the jitter of a tracker: their tempo changes smoothly.
 
     The least sum of squared shifts and of the squared third differences of the times, with more weight on
-    beats that would be shifted by over 0.03 s.
+    beats that would be shifted by over 0.03 s; none is shifted further.
     """
     n = len(times_s)
     if n < 5:
@@ -54,6 +55,7 @@ def steady_times_s(times_s: Floats) -> Floats:
         if not far.any():
             break
         weights[far] *= 20.0
+    steady = np.clip(steady, times_s - _MAX_SHIFT_S, times_s + _MAX_SHIFT_S)
     return steady if (np.diff(steady) > 0).all() else times_s
 
 
@@ -69,9 +71,10 @@ class SongGrid:
         """The grid of a song's beats; None if it has too few."""
         if len(counts) < _MIN_COUNTS:
             return None
-        period_s = np.median(np.diff(counts.times_s))
-        n_before = 2 + int(np.ceil(counts.times_s[0] / period_s))
-        n_after = 2 + int(np.ceil((duration_s + SEGMENT_FRAMES / NET_FPS - counts.times_s[-1]) / period_s))
+        times_s = steady_times_s(counts.times_s)
+        first_s, last_s = _end_periods_s(times_s)
+        n_before = 2 + int(np.ceil(times_s[0] / first_s))
+        n_after = 2 + int(np.ceil((duration_s + SEGMENT_FRAMES / NET_FPS - times_s[-1]) / last_s))
         return cls(*_padded(counts, max(2, n_before), max(2, n_after)))
 
     def index_at(self, times_s: Floats) -> Floats:
@@ -83,10 +86,16 @@ class SongGrid:
         return float(np.interp(index, np.arange(len(self.times_s)), self.times_s))
 
 
+def _end_periods_s(times_s: Floats) -> tuple[float, float]:
+    """The periods at which counts (Q,) are continued before the first and after the last."""
+    periods_s = np.diff(times_s)
+    return float(np.median(periods_s[:8])), float(np.median(periods_s[-8:]))
+
+
 def _padded(counts: Counts, n_before: int, n_after: int) -> tuple[Floats, NDArray[np.int64]]:
     """Steady times and numbers, continued beyond both ends at the period and in the bars there."""
     times = steady_times_s(counts.times_s)
-    first_s, last_s = (float(np.median(np.diff(times)[part])) for part in (slice(8), slice(-8, None)))
+    first_s, last_s = _end_periods_s(times)
     before = times[0] - first_s * np.arange(n_before, 0, -1)
     after = times[-1] + last_s * np.arange(1, n_after + 1)
     metre = max(counts.metre, 1)
@@ -210,7 +219,7 @@ def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips)
     counted = clip[candidates]  # (K',)
     take, start_s, wanted = clips.take[counted], clips.start_s[counted], clips.middle_index[counted]
     index = song.index_at(second + np.arange(SEGMENT_FRAMES + 1) / NET_FPS)  # (81,)
-    beats = np.arange(int(np.ceil(index[0] - 1e-9)), int(np.ceil(index[-1] - 1e-9)))  # (Q,) inside the 4 s
+    beats = np.arange(*np.ceil(index[[0, -1]] - _ON_BEAT).astype(int))  # (Q,) inside the 4 s
     nearest = np.round(wanted - index[0])  # (K',)
     best = np.full(len(counted), np.inf)
     shift = np.zeros(len(counted), np.int64)
@@ -248,7 +257,7 @@ def _off_bar(
 
 def _per_quarter(off_bar: Floats, beats: NDArray[np.int64], index: Floats) -> Floats:
     """Means (K', 4) over the beats of each quarter of the segment; 0 in a quarter without beats."""
-    borders = np.searchsorted(beats, index[:: SEGMENT_FRAMES // 4])  # (5,)
+    borders = np.searchsorted(beats, index[:: SEGMENT_FRAMES // 4] - _ON_BEAT)  # (5,)
     means = np.zeros((len(off_bar), 4))
     for quarter, (low, high) in enumerate(pairwise(borders)):
         if high > low:

@@ -1,12 +1,22 @@
-"""Warped segments: clips that match the music, one that cannot, and the measures of each quarter."""
+"""Warped segments: clips that match the music, one that cannot, counted ones, the measures of quarters."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from choreograph.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.features.density import bumps, music_density
-from choreograph.warping import MAX_SLOPE, MIN_SLOPE, ClipBeats, warp_segments
+from choreograph.warping import (
+    MAX_SLOPE,
+    MIN_SLOPE,
+    ClipBeats,
+    CountedClips,
+    SongGrid,
+    TakeGrids,
+    warp_segments,
+)
+from choreograph.warping.count_maps import NO_TRACK
 
 GAPS = (10.0, 12.0, 70.0)  # frames between the beats of clips 0, 1, 2
 N_SECONDS = 3
@@ -26,17 +36,23 @@ def speed(clips):
     return np.stack(rows).astype(np.float32)
 
 
-@pytest.fixture(scope="module")
-def segments():
+MUSIC_BEATS_S = np.arange(0.25, 8.0, 0.5)
+
+
+def warped(**options):
     beats = clip_beats()
     stops = np.cumsum([len(b) for b in beats])
     ranges = np.stack([stops - [len(b) for b in beats], stops], axis=1)
-    music_beats_s = np.arange(0.25, 8.0, 0.5)
     clip = np.tile([0, 1, 2], (N_SECONDS, 1))
     return warp_segments(
-        clip, music_density(N_SECONDS, music_beats_s), music_beats_s, density, speed,
-        ClipBeats(np.concatenate(beats), ranges),
+        clip, music_density(N_SECONDS, MUSIC_BEATS_S), MUSIC_BEATS_S, density, speed,
+        ClipBeats(np.concatenate(beats), ranges), **options,
     )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def segments():
+    return warped()
 
 
 def test_shapes_and_slopes(segments):
@@ -78,3 +94,43 @@ def test_a_song_without_beats_gives_finite_time_maps():
     )  # fmt: skip
     assert np.isfinite(segments.time_maps).all()
     assert seen == [(1, 1)]
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    """Clip 0 is counted, clip 1 is not, and clip 2 at a tempo that is too far from the song's."""
+    takes = [
+        make_counts(beats / 20, numbers_in_bar(len(beats), 4), 4) if counted else NO_COUNTS
+        for beats, counted in zip(clip_beats(), (True, False, False), strict=True)
+    ]
+    takes[2] = make_counts(0.1 * np.arange(80), numbers_in_bar(80, 4), 4)
+    song = make_counts(MUSIC_BEATS_S, numbers_in_bar(len(MUSIC_BEATS_S), 4), 4)
+    grid = SongGrid.of(song, float(N_SECONDS))
+    return warped(
+        counted=CountedClips.of(
+            np.arange(3), np.zeros(3, int), TakeGrids(takes, [()] * 3), grid, np.arange(N_SECONDS + 5.0)
+        )
+    )
+
+
+def test_counted_clips_are_laid_and_the_others_warped_as_before(mixed, segments):
+    assert (mixed.track[:, 0] >= 0).all() and (mixed.track[:, 1:] == NO_TRACK).all()
+    assert np.array_equal(mixed.time_maps[:, 1:], segments.time_maps[:, 1:])
+    assert np.array_equal(mixed.density_mismatch[:, 1:], segments.density_mismatch[:, 1:])
+    assert not mixed.density_mismatch[:, 0].any()
+    assert not np.array_equal(mixed.time_maps[:, 0], segments.time_maps[:, 0])
+    # The music's beats are at frames 5 and 15 of every second, and so are the clip's counts.
+    on_beats = mixed.time_maps[:, 0, 5::10]
+    assert (on_beats - 3.0) / GAPS[0] == pytest.approx(np.round((on_beats - 3.0) / GAPS[0]), abs=2e-3)
+    assert mixed.unmatched_beat[:, 0].max() < 0.05
+
+
+def test_bars_and_phrases_of_takes_without_counts_are_those_of_chance(mixed):
+    assert not mixed.off_bar[:, 0].any()
+    assert (mixed.off_bar[:, 1:] == 0.75).all()
+    assert mixed.phrase_penalty.shape == (N_SECONDS, 3, 5)
+    assert (mixed.phrase_penalty[:, 1:] == 1.0).all()
+
+
+def test_without_counted_takes_there_is_no_track(segments):
+    assert (segments.track == NO_TRACK).all() and (segments.off_bar == 0.75).all()
