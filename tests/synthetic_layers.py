@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from choreograph.counts import Counts
@@ -37,11 +39,12 @@ def random_source(
     tie_break_s: np.ndarray | None = None,
     n_motifs: int = 0,
     tracked: bool = False,
+    goal_starts: Sequence[int] = (),
 ) -> tuple[LayerSource, SongFeatures]:
     """A source of `n_seconds` random layers of at most 4·k nodes, and song features for it.
 
     With `n_motifs`, nodes have random motifs, two words per second. With `tracked`, about half of the
-    segments belong to one of three tracks.
+    segments belong to one of three tracks. Motifs are counted anew from `goal_starts` on.
     """
     rng = np.random.default_rng(seed)
     beats = np.sort(rng.uniform(0, NODE_FRAMES, (2, n_seconds, k, 4)), axis=0).astype(np.float32)
@@ -79,7 +82,8 @@ def random_source(
             segments, clips, song_words_s(song_features), lambda take, start_s, stop_s: words[: take.size]
         )
     source = LayerSource(
-        segments, clips, RandomPoses(n_clips, seed), tie_break_s=tie_break_s, motifs=motifs, n_motifs=n_motifs
+        segments, clips, RandomPoses(n_clips, seed), tie_break_s=tie_break_s, motifs=motifs,
+        n_motifs=n_motifs, goal_starts=goal_starts,
     )  # fmt: skip
     return source, song_features
 

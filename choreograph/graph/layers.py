@@ -171,7 +171,7 @@ class LayerSource:
         inserted = range(max(0, second - SEGMENT_S + 1), second + 1)
         parts = [self._quarter(start, second - start) for start in reversed(inserted)]
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
-        layer = Layer(second=second, new_goal=second in self._goal_starts, **arrays)
+        layer = Layer(second=second, new_goal=parts[0].new_goal, **arrays)
         return layer.subset(_one_per_track(layer.track)) if (layer.track >= 0).any() else layer
 
     def node(self, key: int) -> Layer:
@@ -230,6 +230,7 @@ class LayerSource:
             last_velocity_m_s=velocity[offset + 1],
             motifs=self._motifs[start, part, offset],
             motif_counts=np.zeros((len(clip), self._n_motifs), np.int16),
+            new_goal=start + offset in self._goal_starts,
         )
 
 

@@ -127,9 +127,10 @@ def song_words_s(song_features: SongFeatures) -> NDArray[np.float64]:
 
 
 def words_between(song_features: SongFeatures, first_second: int, stop_second: int) -> int:
-    """How many words of the song begin in these seconds."""
-    starts_s = song_words_s(song_features)[:-1]
-    return int(((starts_s >= first_second) & (starts_s < stop_second)).sum())
+    """How many words of the song have their middle in these seconds, as `node_motifs` gives them to nodes."""
+    bounds_s = song_words_s(song_features)
+    middles_s = (bounds_s[:-1] + bounds_s[1:]) / 2
+    return int(((middles_s >= first_second) & (middles_s < stop_second)).sum())
 
 
 def _first_motif(layer: Layer) -> NDArray[np.integer]:

@@ -102,9 +102,7 @@ def test_a_transition_is_the_shortest_that_is_gentle():
     same = to_runs("aa", [np.linspace(2.4, 3.4, 21), np.linspace(4.6, 5.6, 21)])  # both at rest, 2 periods
     apart = to_runs("ab", [np.linspace(2.4, 3.4, 21), np.linspace(4.6, 5.6, 21)])
     assert timed(same, [0.0, 1.0])[1].transition_s == shortest
-    lengths = [
-        timed(apart, [0.0, at_s])[1].transition_s for at_s in np.linspace(0.7, 1.3, 7)
-    ]
+    lengths = [timed(apart, [0.0, at_s])[1].transition_s for at_s in np.linspace(0.7, 1.3, 7)]
     assert timed(apart, [0.0, 1.0])[1].transition_s > shortest
     assert max(lengths) <= longest
     assert timed(apart, [0.0, 1.0], blending="linear")[1].transition_s == TRANSITION_LENGTHS_S["linear"][0]

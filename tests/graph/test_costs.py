@@ -13,9 +13,13 @@ from choreograph.config import DEFAULT_WEIGHTS
 from choreograph.graph import (
     BUILTIN_COSTS,
     MOTIF_COSTS,
+    Accents,
+    Bars,
     Completeness,
     Cost,
+    Energy,
     Pace,
+    Phrasing,
     Repeat,
     Rhythm,
     Stillness,
@@ -73,6 +77,53 @@ def test_style_and_rhythm(layers):
     by_hand = [math.dist(style, song_features.style[3]) for style in a.style]
     assert np.allclose(Style().node(a, song_features), by_hand, rtol=1e-5)
     assert np.allclose(Rhythm().node(a, song_features), a.unmatched_beat + a.density_mismatch)
+
+
+@pytest.fixture(params=range(3))
+def tracked(request):
+    source, song_features = random_source(request.param, k=8, n_clips=10, tracked=True)
+    return source.layer(3), source.layer(4), song_features
+
+
+def test_beats_count_where_counts_are_not_known_and_accents_where_they_are(tracked):
+    layer, _, song_features = tracked
+    counted = layer.track >= 0
+    assert counted.any() and not counted.all()
+    rhythm, accents = Rhythm().node(layer, song_features), Accents().node(layer, song_features)
+    assert not rhythm[counted].any() and not accents[~counted].any()
+    assert np.allclose(rhythm[~counted], (layer.unmatched_beat + layer.density_mismatch)[~counted])
+    assert np.array_equal(accents[counted], layer.unmatched_beat[counted])
+
+
+def test_bars_are_the_share_of_beats_off_the_bar(layers):
+    layer, _, song_features = layers
+    assert np.array_equal(Bars().node(layer, song_features), layer.off_bar)
+
+
+def test_phrasing_is_the_mean_of_leaving_and_entering_and_free_for_successors(tracked):
+    a, b, song_features = tracked
+    cost = Phrasing().edge(a, b, song_features)
+    here, there = a.successors_in(b)
+    assert len(here) and not cost[here, there].any()
+    others = np.ones(cost.shape, bool)
+    others[here, there] = False
+    by_hand = [[(leave + enter) / 2 for enter in b.enter_penalty] for leave in a.leave_penalty]
+    assert np.allclose(cost[others], np.array(by_hand)[others])
+    least = np.where(others, cost, np.inf).min(axis=0)
+    assert (Phrasing().min_edge_costs(a, b, song_features) <= least + 1e-6).all()
+
+
+def test_energy_asks_for_lively_motion_in_loud_seconds_and_quiet_motion_in_soft_ones(layers):
+    layer, _, song_features = layers
+    layer = replace(layer, liveliness=np.linspace(0, 1, layer.n_nodes, dtype=np.float32))
+    for loud, dearest in ((1.0, 0), (0.0, -1)):  # of the second: others are at 0.5
+        energy = np.full(song_features.n_seconds, 0.5, np.float32)
+        energy[layer.second] = loud
+        cost = Energy().node(layer, replace(song_features, energy=energy))
+        away = abs(loud - energy.mean())
+        assert cost[dearest] == cost.max() == pytest.approx(2 * away)
+        assert cost[-1 - dearest] == cost.min() == 0.0
+    assert not Energy().node(layer, song_features).any()  # a song of one loudness
 
 
 def test_pace_is_the_change_of_speed_in_octaves(layers):
@@ -140,6 +191,38 @@ def test_successors_are_the_pairs_of_one_segment_one_quarter_apart(layers):
     for i, j in zip(*few_a.successors_in(few_b), strict=True):
         assert few_a.segment[i] == few_b.segment[j]
         assert few_a.offset[i] + 1 == few_b.offset[j]
+
+
+def test_successors_are_the_pairs_of_one_track_too(tracked):
+    a, b, _ = tracked
+    by_hand = {
+        (i, j)
+        for i in range(a.n_nodes)
+        for j in range(b.n_nodes)
+        if (a.track[i] == b.track[j] >= 0)
+        or (
+            a.track[i] == b.track[j] == -1 and a.segment[i] == b.segment[j] and a.offset[i] + 1 == b.offset[j]
+        )
+    }
+    assert {(int(i), int(j)) for i, j in zip(*a.successors_in(b), strict=True)} == by_hand
+    assert any(a.segment[i] != b.segment[j] for i, j in by_hand)
+
+
+def test_a_layer_has_one_node_per_track(tracked):
+    for layer in tracked[:2]:
+        tracks = layer.track[layer.track >= 0]
+        assert len(tracks) == len(set(tracks.tolist())) > 0
+        assert (layer.track < 0).sum() > 0
+
+
+def test_motifs_are_counted_anew_where_a_goal_begins():
+    source, _ = random_source(3, n_motifs=4, goal_starts=[0, 3])
+    assert [source.layer(second).new_goal for second in range(6)] == [True, False, False, True, False, False]
+    for second, carried in ((3, 0), (4, 5)):
+        layer = source.layer(second)
+        counts = layer.with_motif_counts(np.full_like(layer.motif_counts, 5)).motif_counts
+        own = [np.bincount(words[words >= 0], minlength=4) for words in layer.motifs]
+        assert np.array_equal(counts, carried + np.array(own))
 
 
 def test_a_layer_holds_the_segments_of_its_last_four_seconds():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from synthetic_layers import random_source
 
 from choreograph.config import DEFAULT_WEIGHTS
+from choreograph.counts import make_counts
 from choreograph.graph import (
     BUILTIN_COSTS,
     Cost,
@@ -21,6 +23,7 @@ from choreograph.graph import (
     plan_exact,
     plan_greedy,
     song_words_s,
+    words_between,
 )
 from choreograph.motifs.goals import MotifGoal
 from choreograph.motifs.signatures import chi_square_distance, signature
@@ -53,6 +56,44 @@ def test_the_mean_cost_is_the_distance_of_the_dance(seed, planner):
     assert np.mean(paid) / 3.0 == pytest.approx(distance, abs=1e-5)
     counts = np.bincount(motifs_of(path), minlength=K)
     assert np.array_equal(path.nodes[-1].motif_counts[0], counts)
+
+
+def parts_of(path, split: int) -> list[np.ndarray]:
+    words = [np.concatenate([n.motifs[0] for n in part]) for part in (path.nodes[:split], path.nodes[split:])]
+    return [part[part >= 0].astype(int) for part in words]
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**31), st.integers(1, 7), st.sampled_from([plan_exact, plan_greedy]))
+def test_the_mean_cost_of_each_part_is_its_distance_to_its_own_goal(seed, split, planner):
+    source, song_features = random_source(seed, n_seconds=8, k=5, n_motifs=K, goal_starts=[0, split])
+    goals = [(0, random_goal(seed)), (split, random_goal(seed + 1))]
+    path = planner(source, [*BUILTIN, WeightedCost(Signature(goals, song_features), 3.0)], song_features)
+    paid = np.array([costs["signature"] for costs in path.costs]) / 3.0
+    for words, (_, goal), of_part in zip(parts_of(path, split), goals, np.split(paid, [split]), strict=True):
+        distance = chi_square_distance(signature(words, K), goal.signature)
+        assert of_part.mean() == pytest.approx(distance, abs=1e-5)
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
+def test_each_half_reaches_its_own_signature(planner):
+    source, song_features = random_source(0, n_seconds=24, k=30, n_clips=30, n_motifs=4, goal_starts=[0, 12])
+    shares = np.array([[0.8, 0.2, 0.0, 0.0], [0.0, 0.0, 0.5, 0.5]])
+    goals = [(12 * i, MotifGoal(share, np.full((4, 4), 0.25))) for i, share in enumerate(shares)]
+    path = planner(source, [WeightedCost(Signature(goals, song_features), 20.0)], song_features)
+    for words, share in zip(parts_of(path, 12), shares, strict=True):
+        assert chi_square_distance(signature(words, 4), share) < 0.02
+
+
+def test_a_word_across_the_border_of_two_parts_is_counted_in_the_one_of_its_middle():
+    _, song_features = random_source(0, n_seconds=6)
+    beats_s = np.arange(0.1, 6.0, 0.4)  # words with middles at 0.3, 0.7, 1.1, …; the first from 0 or 0.1 s on
+    numbers = np.zeros(len(beats_s), int)
+    song_features = replace(song_features, counts=make_counts(beats_s, numbers, 0))
+    middles_s = (song_words_s(song_features)[:-1] + song_words_s(song_features)[1:]) / 2
+    for first, stop in itertools.combinations(range(7), 2):
+        within = (middles_s >= first) & (middles_s < stop)
+        assert words_between(song_features, first, stop) == within.sum()
 
 
 @settings(max_examples=30, deadline=None)
@@ -88,12 +129,16 @@ def test_pruning_predecessors_changes_nothing_with_a_signature(seed):
 @given(st.integers(0, 2**31))
 def test_min_edge_costs_are_lower_bounds(seed):
     source, song_features = random_source(seed, n_seconds=4, n_motifs=K)
+    anew, _ = random_source(seed, n_seconds=4, n_motifs=K, goal_starts=[0, 3])
     rng = np.random.default_rng(seed)
-    previous, following = source.layer(2), source.layer(3)
+    goals = [(0, random_goal(seed)), (3, random_goal(seed + 1))]
+    previous = source.layer(2)
     previous = previous.with_motif_counts(rng.integers(0, 4, previous.motif_counts.shape).astype(np.int16))
-    for cost in (
-        Signature([(0, random_goal(seed))], song_features),
-        MotifTransition([(0, random_goal(seed))], song_features),
+    for cost, following in (
+        (Signature(goals[:1], song_features), source.layer(3)),
+        (Signature(goals, song_features), anew.layer(3)),
+        (MotifTransition(goals[:1], song_features), source.layer(3)),
+        (MotifTransition(goals, song_features), anew.layer(3)),
     ):
         least = cost.edge(previous, following, song_features).min(axis=0)
         assert (least >= cost.min_edge_costs(previous, following, song_features) - 1e-6).all()
@@ -145,6 +190,18 @@ def test_likely_transitions_are_chosen(planner):
     path = planner(source, [WeightedCost(MotifTransition([(0, cycle)], song_features), 1.0)], song_features)
     words = motifs_of(path)
     assert np.array_equal((words[:-1] + 1) % 3, words[1:])
+    assert path.total == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
+def test_each_half_has_the_transitions_of_its_own_goal(planner):
+    source, song_features = random_source(3, n_seconds=12, k=40, n_clips=40, n_motifs=3, goal_starts=[0, 6])
+    cycles = [MotifGoal(np.full(3, 1 / 3), np.roll(np.eye(3), step, axis=1)) for step in (1, 2)]
+    cost = MotifTransition([(0, cycles[0]), (6, cycles[1])], song_features)
+    path = planner(source, [WeightedCost(cost, 1.0)], song_features)
+    words = motifs_of(path)
+    steps = np.repeat([1, 2], [len(parts_of(path, 6)[0]) - 1, len(parts_of(path, 6)[1])])
+    assert np.array_equal((words[:-1] + steps) % 3, words[1:])
     assert path.total == pytest.approx(0.0, abs=1e-6)
 
 

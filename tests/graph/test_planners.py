@@ -12,10 +12,20 @@ from synthetic_layers import random_source
 
 from choreograph.config import DEFAULT_WEIGHTS
 from choreograph.errors import NoPathError, ParameterError
-from choreograph.graph import BUILTIN_COSTS, Cost, Variety, WeightedCost, plan_exact, plan_greedy
+from choreograph.graph import (
+    BUILTIN_COSTS,
+    Completeness,
+    Cost,
+    Phrasing,
+    Variety,
+    WeightedCost,
+    plan_exact,
+    plan_greedy,
+)
 from choreograph.graph.motion_graph import plan_motion_graph
 
 BUILTIN = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]
+WITHOUT_PHRASING = [weighted for weighted in BUILTIN if not isinstance(weighted.cost, Phrasing)]
 
 
 class RandomCost(Cost):
@@ -58,7 +68,7 @@ class Forbids(Cost):
 def cheapest_by_brute_force(source, costs, song_features) -> float:
     layers = [source.layer(second) for second in range(source.n_seconds)]
     nodes = [
-        sum(np.nan_to_num(w.weight * w.cost.node(la, song_features), posinf=np.inf) for w in costs)
+        sum(w.weight * value for w in costs if (value := w.cost.node(la, song_features)) is not None)
         for la in layers
     ]
     edges = [
@@ -73,9 +83,9 @@ def cheapest_by_brute_force(source, costs, song_features) -> float:
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.integers(0, 2**31))
-def test_exact_is_never_costlier_than_greedy(seed):
-    source, song_features = random_source(seed, n_seconds=8, k=5)
+@given(st.integers(0, 2**31), st.booleans())
+def test_exact_is_never_costlier_than_greedy(seed, tracked):
+    source, song_features = random_source(seed, n_seconds=8, k=5, tracked=tracked)
     costs = [*BUILTIN, WeightedCost(RandomCost(seed, low=-1.0), 0.7)]
     exact, greedy = plan_exact(source, costs, song_features), plan_greedy(source, costs, song_features)
     assert exact.total <= greedy.total + 1e-4
@@ -97,10 +107,20 @@ def test_exact_is_the_best_of_all_paths(seed, low, forbidden):
             plan_exact(source, costs, song_features)
 
 
+@settings(max_examples=30)
+@given(st.integers(0, 2**31))
+def test_exact_is_the_best_of_all_paths_where_counted_takes_play_on(seed):
+    source, song_features = random_source(seed, n_seconds=5, k=2, n_clips=3, tracked=True)
+    costs = [WeightedCost(cost, 1.0) for cost in (RandomCost(seed), Phrasing(), Completeness())]
+    best = cheapest_by_brute_force(source, costs, song_features)
+    assert plan_exact(source, costs, song_features).total == pytest.approx(best, abs=1e-5)
+
+
+@pytest.mark.parametrize("tracked", [False, True])
 @pytest.mark.parametrize("seed", range(20))
-def test_pruning_predecessors_changes_nothing(seed):
+def test_pruning_predecessors_changes_nothing(seed, tracked):
     # Costs that differ by a constant have the same best path; the negative ones cannot be pruned.
-    source, song_features = random_source(seed, n_seconds=7, k=12, n_clips=14)
+    source, song_features = random_source(seed, n_seconds=7, k=12, n_clips=14, tracked=tracked)
 
     class Lowered(RandomCost):
         name = "random"
@@ -112,6 +132,26 @@ def test_pruning_predecessors_changes_nothing(seed):
     full = plan_exact(source, [WeightedCost(Lowered(seed), 1.0)], song_features)
     assert full.total == pytest.approx(pruned.total - 6 * 5.0, abs=1e-4)
     assert [n.segment[0] for n in full.nodes] == [n.segment[0] for n in pruned.nodes]
+
+
+@pytest.mark.parametrize("tracked", [False, True])
+@pytest.mark.parametrize("seed", range(10))
+def test_pruning_by_phrases_changes_nothing(seed, tracked):
+    source, song_features = random_source(seed, n_seconds=7, k=12, n_clips=14, tracked=tracked)
+
+    class Unbounded(Phrasing):
+        name = "phrasing"
+        min_jump_cost = -np.inf
+
+        def min_edge_costs(self, previous, next, song_features):
+            return -np.inf
+
+    paths = [
+        plan_exact(source, [*WITHOUT_PHRASING, WeightedCost(cost(), 4.0)], song_features)
+        for cost in (Phrasing, Unbounded)
+    ]
+    assert paths[0].total == pytest.approx(paths[1].total, abs=1e-4)
+    assert [n.segment[0] for n in paths[0].nodes] == [n.segment[0] for n in paths[1].nodes]
 
 
 def test_a_negative_edge_from_an_expensive_node_is_found():
