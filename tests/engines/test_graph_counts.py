@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -71,7 +72,7 @@ def test_counts_lie_on_beats_and_count_1_on_downbeats(on_the_count, counted, cli
 def test_takes_change_on_downbeats(on_the_count, clicks):
     _, _, beats = clicks
     seconds = on_the_count.plan.seconds
-    joins_s = np.array([b.start_s for a, b in zip(seconds, seconds[1:], strict=False) if a.take != b.take])
+    joins_s = np.array([b.start_s for a, b in pairwise(seconds) if a.take != b.take])
     joins_s = joins_s[(joins_s > on_the_count.plan.opening_s) & (joins_s < on_the_count.plan.closing_s)]
     away_s = np.abs(joins_s[:, None] - beats.times_s).min(axis=1)
     assert len(joins_s) == 0 or away_s.max() < 1e-4
