@@ -80,7 +80,7 @@ def expert_from_figures(
     pieces, n_listed = _chosen(listed, [(name, piece) for name, piece, _ in recorded], rng)
     if not pieces:
         raise ParameterError(
-            f"expected recorded figures of the genre {letter!r} as long as those listed, in takes with counts, "
+            f"expected recorded figures of genre {letter!r} as long as those listed, of takes with counts, "
             f"got none among {len(recorded)} figures"
         )
     used = {piece.take for piece in pieces}
