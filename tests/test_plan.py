@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields, replace
+from itertools import pairwise
 from pathlib import Path
 
 import jsonschema
@@ -63,6 +64,12 @@ def test_plans_of_words_round_trip(plan):
     jsonschema.validate(json.loads(plan.to_json()), SCHEMA)
 
 
+def test_bars_and_held_poses_round_trip():
+    plan = replace(PLAN, opening_s=0.5, closing_s=2.0, music_beat_numbers=(4, 1), metre=4)
+    assert Plan.from_json(plan.to_json()) == plan
+    jsonschema.validate(json.loads(plan.to_json()), SCHEMA)
+
+
 def test_plans_of_older_versions_are_still_read():
     data = json.loads(PLAN.to_json())
     for second in data["seconds"]:
@@ -92,6 +99,30 @@ def test_words_are_danced_instead_of_the_seconds_there():
     assert late.source_start_s == on_time.source_start_s
     assert late.source_end_s == pytest.approx(on_time.source_end_s + 0.4 * at_the_end)
     assert [b.planned for b in MIXED.blocks] == list(MIXED.words)
+
+
+def test_held_poses_belong_to_the_first_and_last_block_that_is_danced():
+    def spans(plan):
+        return [(block.start_s, block.end_s) for block in plan.blocks]
+
+    assert spans(replace(PLAN, opening_s=0.5)) == [(0, 1), (1, 2), (2, 2.5)]
+    assert spans(replace(PLAN, opening_s=1.25)) == [(0, 2), (2, 2.5)]
+    assert spans(replace(PLAN, opening_s=1.0)) == [(0, 2), (2, 2.5)]  # the first is over by then
+    assert spans(replace(PLAN, closing_s=1.5)) == [(0, 1), (1, 2.5)]
+    assert spans(replace(PLAN, opening_s=1.25, closing_s=1.75)) == [(0, 2.5)]
+    assert spans(replace(MIXED, opening_s=0.8, closing_s=1.5)) == [(0, 2.5)]
+    (held,) = replace(PLAN, opening_s=1.25, closing_s=1.75).blocks
+    assert held.planned == PLAN.seconds[1] and held.source_start_s == PLAN.blocks[1].source_start_s
+    assert sum(replace(PLAN, opening_s=1.25).takes_s().values()) == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize("plan", [PLAN, PINNED, MIXED, ROLLED], ids=("plan", "pinned", "mixed", "rolled"))
+@given(st.floats(0, 2.4), st.floats(0, 1) | st.none())
+def test_blocks_fill_the_dance_whatever_is_held(plan, opening_s, share):
+    closing_s = None if share is None else opening_s + 0.01 + share * (2.49 - opening_s)
+    spans = [(b.start_s, b.end_s) for b in replace(plan, opening_s=opening_s, closing_s=closing_s).blocks]
+    assert spans[0][0] == 0.0 and spans[-1][1] == 2.5
+    assert all(end_s == start_s for (_, end_s), (start_s, _) in pairwise(spans))
 
 
 @pytest.mark.parametrize(
@@ -180,6 +211,14 @@ def edited_second(**changes) -> str:
         edited(words=[{**json.loads(PINNED.to_json())["words"][0], "motif": -1}]),
         edited(song=5),
         edited(seed="x"),
+        edited(opening_s=-0.5),
+        edited(opening_s=2.5),
+        edited(opening_s=1.5, closing_s=1.5),
+        edited(closing_s=3.0),
+        edited(closing_s="end"),
+        edited(music_beat_numbers=[1]),
+        edited(music_beat_numbers=[1.5, 2.5]),
+        edited(metre=-1),
         edited(music_beats_s=["a"]),
         edited(music_beats_s=3),
         edited(weights=[1.0]),

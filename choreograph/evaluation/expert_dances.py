@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.takes import Take
+from choreograph.warping import steady_times_s
 
 FPS = 60.0
 
@@ -47,8 +49,9 @@ def expert_from_take(take: Take, song: Song, *, tracker: str = DEFAULT_TRACKER) 
         raise ParameterError(f"{take.name}: expected a take whose counts are known, got none")
     counts = take.counts
     first = int(np.flatnonzero(counts.numbers == 1)[0])
-    piece = Piece(take.name, float(counts.times_s[first]), float(counts.times_s[-1]), len(counts) - 1 - first)
-    return _laid([piece], {take.name: _prepared(take)}, song, tempo_bpm(counts), counts.metre, tracker)
+    times_s = steady_times_s(counts.times_s[first:])
+    pieces = [Piece(take.name, float(start_s), float(end_s), 1) for start_s, end_s in pairwise(times_s)]
+    return _laid(pieces, {take.name: _prepared(take)}, song, tempo_bpm(counts), counts.metre, tracker)
 
 
 def expert_from_figures(
@@ -65,18 +68,21 @@ def expert_from_figures(
     of the same genre. Figures' names begin with their genre's letter; names that are empty are time that
     passes.
 
-    Raises `ParameterError` if no figure of the genre is recorded, or the song has no beats.
+    Raises `ParameterError` if no figure of the genre that fits is recorded, or the song has no beats.
     """
     letter = next((name[0] for name, _ in listed if name), "")
     recorded = [
         (figure.name, Piece(take.name, figure.start_s, figure.end_s, figure.n_counts), take.counts)
         for take in recordings
         for figure in take.figures
-        if figure.name.startswith(letter)
+        if figure.name.startswith(letter) and take.counts.has_bars
     ]
-    if not recorded:
-        raise ParameterError(f"expected recorded figures of the genre {letter!r}, got none")
     pieces, n_listed = _chosen(listed, [(name, piece) for name, piece, _ in recorded], rng)
+    if not pieces:
+        raise ParameterError(
+            f"expected recorded figures of genre {letter!r} as long as those listed, of takes with counts, "
+            f"got none among {len(recorded)} figures"
+        )
     used = {piece.take for piece in pieces}
     motions = {take.name: _prepared(take) for take in recordings if take.name in used}
     bpm = float(np.median([60.0 * p.n_counts / (p.end_s - p.start_s) for p in pieces]))

@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 
 _CLEARLY_NEARER = 0.4  # octaves
 _OTHER_TEMPO_OCTAVES = 0.085  # 6 %
+_OTHER_METRE = 0.8  # octaves that bars of another metre than the takes' are worth
 _SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # that anybody counts at
 
 
@@ -64,7 +65,8 @@ def choose_level(
     nearer, by 0.4 octaves.
 
     `take_tempi_bpm` has by metre the tempi (X,) of the takes in that metre, `take_weights` how much each
-    matters. A level in whose metre there is no take is not chosen, save the first.
+    matters. A level in whose metre there is no take is not chosen, save the first: its bars may be heard
+    wrongly, so that it still is if takes of other metres would be hurried much at another level.
     """
     distances = [
         _distance_octaves(tempo_bpm(song), take_tempi_bpm[song.metre], take_weights[song.metre])
@@ -72,6 +74,11 @@ def choose_level(
         else np.inf
         for song in levels
     ]
+    if np.isinf(distances[0]) and np.isfinite(distances).any():
+        tempi_bpm, weights = (
+            np.concatenate([of_metre[m] for m in take_weights]) for of_metre in (take_tempi_bpm, take_weights)
+        )
+        distances[0] = _OTHER_METRE + _distance_octaves(tempo_bpm(levels[0]), tempi_bpm, weights)
     nearest = int(np.argmin(distances))
     return levels[nearest] if distances[nearest] < distances[0] - _CLEARLY_NEARER else levels[0]
 

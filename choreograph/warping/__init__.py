@@ -7,12 +7,12 @@
 """
 
 from choreograph.timebase import MAX_SLOPE, MIN_SLOPE
-from choreograph.warping.count_maps import CountedClips, SongGrid, TakeGrids
+from choreograph.warping.count_maps import CountedClips, SongGrid, TakeGrids, steady_times_s
 from choreograph.warping.dtw import subsequence_dtw
 from choreograph.warping.segments import ClipBeats, Segments, warp_segments
 from choreograph.warping.time_maps import smooth_time_maps
 
 __all__ = [
     "MAX_SLOPE", "MIN_SLOPE", "ClipBeats", "CountedClips", "Segments", "SongGrid", "TakeGrids",
-    "smooth_time_maps", "subsequence_dtw", "warp_segments",
+    "smooth_time_maps", "steady_times_s", "subsequence_dtw", "warp_segments",
 ]  # fmt: skip

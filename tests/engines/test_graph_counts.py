@@ -17,8 +17,10 @@ from synthetic_repertoire import (
 
 import choreograph as cg
 from choreograph.counts import NO_COUNTS, make_counts, numbers_in_bar
+from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.evaluation.danced_counts import counted_share, danced_counts
 from choreograph.metrics.endings import closing_speed_m_s, opening_speed_m_s
+from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 from choreograph.timebase import STORE_FPS
 
@@ -74,10 +76,8 @@ def test_takes_change_on_downbeats(on_the_count, clicks):
     seconds = on_the_count.plan.seconds
     joins_s = np.array([b.start_s for a, b in pairwise(seconds) if a.take != b.take])
     joins_s = joins_s[(joins_s > on_the_count.plan.opening_s) & (joins_s < on_the_count.plan.closing_s)]
-    away_s = np.abs(joins_s[:, None] - beats.times_s).min(axis=1)
-    assert len(joins_s) == 0 or away_s.max() < 1e-4
-    if len(joins_s):
-        assert np.mean(np.abs(joins_s[:, None] - beats.downbeat_times_s).min(axis=1) < 1e-4) >= 0.8
+    assert len(joins_s) >= 2
+    assert np.abs(joins_s[:, None] - beats.downbeat_times_s).min(axis=1).max() < 1e-4
 
 
 def test_the_first_and_last_pose_are_held(on_the_count, clicks):
@@ -111,13 +111,6 @@ def test_other_settings_still_dance(clicks, counted, settings):
         assert np.array_equal(starts_s, np.arange(len(starts_s)))
     if "warping" not in settings:
         assert off_beats_s(danced_counts(made.plan, counted), truth.times_s).max() < 0.02
-
-
-def test_joins_on_seconds_keep_counts_on_beats(clicks, counted):
-    song, beats, truth = clicks
-    made = cg.dance(song, counted, beats=beats, transitions="seconds")
-    counts = danced_counts(made.plan, counted)
-    assert off_beats_s(counts, truth.times_s).max() < 0.02
 
 
 def test_takes_without_counts_are_warped_by_their_density(clicks, tmp_path):
@@ -154,8 +147,10 @@ def test_bars_of_another_metre_are_avoided(clicks, tmp_path):
 @pytest.mark.parametrize("at_s", [0.1, DURATION_S - 0.3])
 def test_motifs_pinned_at_the_very_ends_are_danced(clicks, counted, at_s):
     song, beats, _ = clicks
-    motif = int(np.bincount(counted.vocabulary.word_motif).argmax())
-    made = cg.dance(song, counted, beats=beats, pins=[cg.MotifPin(motif, at_s)])
+    motif = int(np.bincount(counted.vocabulary.word_motif).argmin())
+    made = cg.dance(song, counted, beats=beats, pins=[cg.MotifPin(at_s, motif)])
+    bounds_s = dance_bounds_s(np.array(made.plan.music_beats_s), DURATION_S)
+    assert danced_motifs(made.motion, bounds_s, counted)[0 if at_s < 1 else -1] == motif
     pinned = [word for word in made.plan.words if word.pinned]
     assert [word.motif for word in pinned] == [motif]
     if at_s < 1:

@@ -41,6 +41,15 @@ def test_a_level_is_held_against_takes_of_its_own_metre():
     assert choose_level(levels, *takes()) is levels[0]
 
 
+def test_bars_heard_wrongly_do_not_double_the_tempo():
+    """A song of four that was heard in threes: takes in four are not danced at twice their tempo for it."""
+    heard_in_three, doubled = counted(108, metre=3), counted(216)
+    assert choose_level((heard_in_three, doubled), *takes(m4=[100.0])) is heard_in_three
+    assert choose_level((heard_in_three, doubled), *takes(m4=[180.0])) is doubled
+    in_three, halved = counted(170, metre=3), counted(85)
+    assert choose_level((in_three, halved), *takes(m4=[90.0])) is halved
+
+
 def test_takes_without_weight_do_not_matter():
     levels = (counted(84), counted(168))
     tempi = {4: np.array([170.0, 84.0])}
