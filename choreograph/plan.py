@@ -96,18 +96,23 @@ class Plan:
 
         The first also holds the first pose, and the last one the last.
         """
-        blocks = [Block(w.start_s, w.end_s, w.source_start_s, w.source_end_s, w) for w in self.words]
-        start_s = np.array([second.start_s for second in self.seconds])
-        bounds_s = np.minimum(np.maximum.accumulate([*start_s, self.duration_s]), self.duration_s)
-        for second, span_s in zip(self.seconds, pairwise(bounds_s.tolist()), strict=True):
-            blocks.extend(_unreplaced_blocks(second, span_s, self.words))
-        blocks.sort(key=lambda block: block.start_s)
+        blocks = self.planned_blocks
         end_s = self.duration_s if self.closing_s is None else self.closing_s
         danced = [b for b in blocks if b.end_s > self.opening_s and b.start_s < end_s]
         if danced:
             danced[0] = replace(danced[0], start_s=0.0)
             danced[-1] = replace(danced[-1], end_s=self.duration_s)
         return tuple(danced)
+
+    @property
+    def planned_blocks(self) -> tuple[Block, ...]:
+        """As `blocks`, with what is planned where poses are held: it is not seen."""
+        blocks = [Block(w.start_s, w.end_s, w.source_start_s, w.source_end_s, w) for w in self.words]
+        start_s = np.array([second.start_s for second in self.seconds])
+        bounds_s = np.minimum(np.maximum.accumulate([*start_s, self.duration_s]), self.duration_s)
+        for second, span_s in zip(self.seconds, pairwise(bounds_s.tolist()), strict=True):
+            blocks.extend(_unreplaced_blocks(second, span_s, self.words))
+        return tuple(sorted(blocks, key=lambda block: block.start_s))
 
     @property
     def from_takes(self) -> bool:

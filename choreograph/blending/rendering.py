@@ -32,8 +32,8 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
     """
     if not plan.from_takes:
         raise ParameterError("a plan of the rollout engine holds motifs, no takes: dance to its song again")
-    indices = {block.planned.take: repertoire.take_index(block.planned.take) for block in plan.blocks}
-    for block in plan.blocks:
+    indices = {block.planned.take: repertoire.take_index(block.planned.take) for block in plan.planned_blocks}
+    for block in plan.planned_blocks:
         length = repertoire.takes[indices[block.planned.take]].duration_s
         if block.source_start_s < -_LENGTH_SLACK_S or block.source_end_s > length + _LENGTH_SLACK_S:
             raise ParameterError(

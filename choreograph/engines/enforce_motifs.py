@@ -43,7 +43,7 @@ def enforce_motifs(
     enforced = plan
     while True:
         danced = danced_motifs(motion, constraints.bounds_s, repertoire)
-        wrong = [slot for slot in violated_slots(danced, constraints) if _is_danced(slot, plan, constraints)]
+        wrong = [slot for slot in violated_slots(danced, constraints) if is_danced(slot, plan, constraints)]
         if not wrong:
             return enforced, motion
         for slot in wrong:
@@ -57,7 +57,7 @@ def enforce_motifs(
         motion = render(enforced, repertoire)
 
 
-def _is_danced(slot: int, plan: Plan, constraints: ResolvedConstraints) -> bool:
+def is_danced(slot: int, plan: Plan, constraints: ResolvedConstraints) -> bool:
     """Whether a slot is danced throughout, and not in part or all of it a pose that is held."""
     end_s = plan.duration_s if plan.closing_s is None else plan.closing_s - EASE_OUT_S
     start_s, stop_s = constraints.bounds_s[slot : slot + 2]

@@ -15,7 +15,7 @@ from choreograph.constraints.spec import Constraints
 from choreograph.engines.base import DanceRequest, EngineResult
 from choreograph.engines.candidates import CandidatePool, Candidates, consecutive_slots
 from choreograph.engines.danced_motifs import danced_motifs
-from choreograph.engines.enforce_motifs import no_word_left, violated_slots
+from choreograph.engines.enforce_motifs import is_danced, no_word_left, violated_slots
 from choreograph.engines.word_search import SEARCHES, search_words
 from choreograph.errors import NoPathError, ParameterError
 from choreograph.graph import Cost
@@ -130,10 +130,13 @@ def _rendered(
     constraints = request.constraints
     plan = _to_plan(words, locked, pool, request)
     motion = render(plan, request.repertoire)
-    danced = danced_motifs(motion, constraints.bounds_s, request.repertoire)
+    chosen = pool.vocabulary.word_motif[words]
+    held = [not is_danced(slot, plan, constraints) for slot in range(constraints.n_words)]
+    # What is held shows no motif of its own.
+    danced = np.where(held, chosen, danced_motifs(motion, constraints.bounds_s, request.repertoire))
     pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
     broken = violated_slots(danced, replace(constraints, motifs=pinned))
-    return MixedDance(plan, motion, words, pool.vocabulary.word_motif[words], danced, tuple(broken))
+    return MixedDance(plan, motion, words, chosen, danced, tuple(broken))
 
 
 def _next_candidates(slot: int, here: Candidates, mixed: MixedDance, pool: CandidatePool) -> Candidates:
