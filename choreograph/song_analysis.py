@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,14 @@ from choreograph.counts import Counts
 from choreograph.features.density import music_density
 from choreograph.features.energy import energy_per_second
 from choreograph.features.mel import log_mel
-from choreograph.features.metrical_level import choose_level, metrical_levels, tempo_bpm
+from choreograph.features.metrical_level import (
+    between,
+    choose_level,
+    joined,
+    metrical_levels,
+    tempo_bpm,
+    tempo_part_bounds_s,
+)
 from choreograph.features.music_beats import DEFAULT_TRACKER, TRACKERS
 from choreograph.features.phrasing import dance_span_s
 from choreograph.features.sections import song_sections
@@ -74,17 +83,38 @@ def analyse_song(
 def _danceable(
     tracked: Counts, song: Song, mel: NDArray[np.float32], repertoire: Repertoire, style: NDArray[np.float32]
 ) -> Counts:
-    """The song's counts at the metrical level that suits the takes; see `features.metrical_level`."""
+    """The song's counts, each part at the metrical level that suits the takes: see `features.metrical_level`.
+
+    A part is as long as the tracked tempo stays the same.
+    """
     takes = [i for i in range(len(repertoire.takes)) if repertoire.counts(i).has_bars]
     if not takes or not tracked.has_bars:
         return tracked
+    levels = metrical_levels(song.samples, mel, tracked)
+    sections = song_sections(song.samples, tracked.times_s, downbeat_times_s=tracked.downbeat_times_s)
+    bounds_s = tempo_part_bounds_s(tracked, sections.bounds_s)
+    if len(bounds_s) == 2:
+        return choose_level(levels, *_take_tempi(repertoire, takes, style))
+    chosen = []
+    for start_s, stop_s in pairwise(bounds_s):
+        seconds = style[int(np.clip(start_s, 0, len(style) - 1)) : int(np.clip(stop_s, 1, len(style)))]
+        parts = [between(level, start_s, stop_s) for level in levels]
+        parts = [part for part in parts if len(part) > 1] or [between(tracked, start_s, stop_s)]
+        chosen.append(choose_level(parts, *_take_tempi(repertoire, takes, seconds)))
+    return joined(chosen)
+
+
+def _take_tempi(
+    repertoire: Repertoire, takes: Sequence[int], style: NDArray[np.float32]
+) -> tuple[dict[int, NDArray[np.float64]], dict[int, NDArray[np.float64]]]:
+    """By metre, the tempi (X,) of the counted takes, and how near each is to a part's style (S, 32)."""
     near = _nearness(style, repertoire)  # (takes,)
     tempi_bpm, weights = {}, {}
     for metre in {repertoire.counts(i).metre for i in takes}:
         of_metre = [i for i in takes if repertoire.counts(i).metre == metre]
         tempi_bpm[metre] = np.array([tempo_bpm(repertoire.counts(i)) for i in of_metre])
         weights[metre] = near[of_metre]
-    return choose_level(metrical_levels(song.samples, mel, tracked), tempi_bpm, weights)
+    return tempi_bpm, weights
 
 
 def _nearness(style: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.float64]:

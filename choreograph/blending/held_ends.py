@@ -7,15 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.features.phrasing import EASE_IN_S, EASE_OUT_S, SETTLE_S
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.timebase import frame_times_s
 
 Floats = NDArray[np.float64]
-
-EASE_IN_S = 0.4  # from rest to full speed, before the first count
-EASE_OUT_S = 0.3  # from full speed to rest: before the last count,
-_SETTLE_S = 0.08  # and after it
 
 
 def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:
@@ -32,8 +29,8 @@ def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Moti
         before = times_s < opening_s
         played_s[before] = (opening_s - ease_s * (0.5 - _eased(since)))[before]
     if closing_s is not None:
-        ease_s = min(EASE_OUT_S + _SETTLE_S, closing_s + _SETTLE_S - opening_s)
-        start_s = closing_s + _SETTLE_S - ease_s
+        ease_s = min(EASE_OUT_S + SETTLE_S, closing_s + SETTLE_S - opening_s)
+        start_s = closing_s + SETTLE_S - ease_s
         since = np.clip((times_s - start_s) / ease_s, 0.0, 1.0)
         after = times_s > start_s
         played_s[after] = (start_s + ease_s * (since - _eased(since)))[after]

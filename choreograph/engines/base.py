@@ -7,11 +7,11 @@ from dataclasses import dataclass, fields
 from typing import Protocol
 
 from choreograph.audio.song import Song
-from choreograph.blending.held_ends import EASE_OUT_S
 from choreograph.config import DanceConfig
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.constraints.spec import Constraints
 from choreograph.errors import ParameterError
+from choreograph.features.phrasing import EASE_OUT_S
 from choreograph.features.song_features import SongFeatures
 from choreograph.graph import Cost
 from choreograph.motion.motion import Motion

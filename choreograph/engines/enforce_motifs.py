@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.blending.held_ends import EASE_OUT_S
 from choreograph.blending.rendering import render
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.engines.candidates import CandidatePool, Candidates, consecutive_slots
@@ -15,6 +14,7 @@ from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.engines.word_bank import AROUND_S
 from choreograph.engines.word_search import search_words
 from choreograph.errors import NoPathError
+from choreograph.features.phrasing import EASE_OUT_S
 from choreograph.motifs.words import poses_at
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion

@@ -55,7 +55,9 @@ def danced_counts(plan: Plan, repertoire: Repertoire) -> Counts:
 def counted_share(plan: Plan, repertoire: Repertoire) -> float:
     """Share of the seconds of a dance, 0 … 1, that are from takes with counts."""
     runs = _runs_of(plan)
-    counted_s = sum(run.length_s for run in runs if len(_counts_of(run, repertoire)))
+    counted_s = sum(  # the last second may be planned beyond the end
+        min(run.stop_s, plan.duration_s) - run.start_s for run in runs if len(_counts_of(run, repertoire))
+    )
     return counted_s / plan.duration_s if runs else 0.0
 
 

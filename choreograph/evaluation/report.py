@@ -140,7 +140,7 @@ def _figures(evaluation: Evaluation) -> list[str]:
     )
     parts = [
         ("speed", "Speed and beats", f"{song}. Orange lines are music beats. Red dots are motion beats, "
-         "where the body slows down; they should lie on the lines.", plots.speed_figure(example)),
+         "where the body slows down: on beats if its genre rests there.", plots.speed_figure(example)),
         ("costs", "Costs", f"{song}: weighted costs of every second.", plots.cost_figure(example)),
         ("slopes", "Playback speed of the takes", "All songs and seeds.", plots.slope_figure(evaluation)),
         ("signatures", "Motif signatures", f"{song}: the most frequent motifs of the genre.",

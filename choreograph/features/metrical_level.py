@@ -7,6 +7,8 @@ settled by what the takes can be danced at.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ Floats = NDArray[np.float64]
 
 _CLEARLY_NEARER = 0.4  # octaves
 _OTHER_METRE = 0.8  # octaves that bars of another metre than the takes' are worth
+_OTHER_TEMPO_OCTAVES = 0.085  # 6 %
 _SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # that anybody counts at
 
 
@@ -78,6 +81,45 @@ def choose_level(
         distances[0] = _OTHER_METRE + _distance_octaves(tempo_bpm(levels[0]), tempi_bpm, weights)
     nearest = int(np.argmin(distances))
     return levels[nearest] if distances[nearest] < distances[0] - _CLEARLY_NEARER else levels[0]
+
+
+def tempo_part_bounds_s(counts: Counts, section_bounds_s: Floats) -> Floats:
+    """The bounds (P + 1,) of the parts of a song in each of which the tempo stays the same.
+
+    They are bounds of sections at which the median of six beat periods changes by more than 6 %.
+    """
+    beats_s = counts.times_s
+    bounds_s = [-np.inf]
+    for at_s in section_bounds_s[1:-1]:
+        beat = int(np.searchsorted(beats_s, at_s))
+        before, after = (np.diff(beats_s[max(0, low) : low + 7]) for low in (beat - 8, beat + 1))
+        if min(len(before), len(after)) >= 4:
+            octaves = np.log2(np.median(after) / np.median(before))
+            if abs(octaves) > _OTHER_TEMPO_OCTAVES:
+                bounds_s.append(float(at_s))
+    return np.array([*bounds_s, np.inf])
+
+
+def between(counts: Counts, start_s: float, stop_s: float) -> Counts:
+    """The counts of a part of a song, at their times in the song; its metre is that of most of its beats."""
+    inside = (counts.times_s >= start_s) & (counts.times_s < stop_s)
+    numbers = counts.numbers[inside]
+    bars = np.diff(np.flatnonzero(numbers == 1))
+    metre = int(np.bincount(bars).argmax()) if len(bars) else counts.metre
+    return replace(counts, times_s=counts.times_s[inside], numbers=numbers, metre=metre)
+
+
+def joined(parts: Sequence[Counts]) -> Counts:
+    """Consecutive parts of a song as one; a beat too close to the part before it is left out."""
+    times_s, numbers = [parts[0].times_s], [parts[0].numbers]
+    for before, part in pairwise(parts):
+        period_s = np.median(np.diff(part.times_s)) if len(part) > 1 else 0.0
+        kept = part.times_s > (before.times_s[-1] + 0.6 * period_s if len(before) else -np.inf)
+        times_s.append(part.times_s[kept])
+        numbers.append(part.numbers[kept])
+    longest = max(parts, key=len)
+    confidence = min(part.confidence for part in parts)
+    return Counts(np.concatenate(times_s), np.concatenate(numbers), longest.metre, longest.source, confidence)
 
 
 def tempo_bpm(counts: Counts) -> float:

@@ -11,6 +11,9 @@ from choreograph.timebase import MUSIC_FPS
 
 Floats = NDArray[np.float64]
 
+EASE_IN_S = 0.4  # from the first held pose to full speed, before the first count
+EASE_OUT_S = 0.3  # from full speed to the last held pose: before the last count,
+SETTLE_S = 0.08  # and after it
 REACH_S = 0.5  # a change of takes is no further from its second
 HOLD_S = 0.7  # the least that the first and the last pose are held
 _STRONG = 0.3  # of the song's median strength at beats: weaker ones do not start or end a dance
@@ -45,6 +48,11 @@ def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: floa
     if last - first < _BAR_OF:
         return 0.0, duration_s
     return float(counts.times_s[beats[first]]), float(counts.times_s[beats[last]])
+
+
+def held_times_s(opening_s: float, closing_s: float) -> tuple[float, float]:
+    """The times whose poses are held before the first count and after the last."""
+    return max(0.0, opening_s - 0.5 * EASE_IN_S), closing_s + SETTLE_S - 0.5 * (EASE_OUT_S + SETTLE_S)
 
 
 def _strength_at(times_s: Floats, log_mel: NDArray[np.floating]) -> Floats:

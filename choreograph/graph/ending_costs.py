@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from choreograph.features.phrasing import held_times_s
 from choreograph.features.song_features import SongFeatures
 from choreograph.graph.costs import Cost, Floats
 from choreograph.graph.layers import Layer, PoseBank
@@ -14,7 +15,7 @@ _ANKLES = tuple(BODY_JOINTS.index(f"{side}_ankle") for side in ("left", "right")
 
 
 class Stillness(Cost):
-    """Restlessness of the poses that are held at the first count and at the last (ours).
+    """Restlessness of the poses that are held before the first count and after the last (ours).
 
     Mean joint speed in m/s, plus ten times the height of one foot over the other in metres.
     """
@@ -23,7 +24,9 @@ class Stillness(Cost):
         self._poses = poses
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
-        held_s = (song_features.opening_s, song_features.closing_s)
+        first_s, last_s = held_times_s(song_features.opening_s, song_features.closing_s)
+        held_s = [first_s] if song_features.opening_s > 0 else []
+        held_s += [last_s] if song_features.closing_s < song_features.duration_s else []
         here = [at_s for at_s in held_s if layer.second <= at_s < layer.second + 1]
         if not here:
             return None

@@ -50,12 +50,12 @@ def main() -> None:
 
 def save(folder: Path, name: str, genre: str, expert: ExpertDance) -> None:
     """Write one dance and its counts, and its genre in the manifest."""
+    save_motion(folder / f"{name}.bvh", expert.motion)
+    write_counts(folder / f"{name}.counts.csv", expert.counts)
     manifest = folder / "manifest.csv"
     rows = manifest.read_text(encoding="utf-8") if manifest.is_file() else "name,genre\n"
     if f"\n{name}," not in rows:
         manifest.write_text(f"{rows}{name},{genre}\n", encoding="utf-8")
-    save_motion(folder / f"{name}.bvh", expert.motion)
-    write_counts(folder / f"{name}.counts.csv", expert.counts)
     print(f"{name}: {expert.motion.duration_s:.0f} s, {expert.listed_share:.0%} of the counts as listed")
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import runpy
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -22,7 +23,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from spliced_songs import spliced_table
 
 import choreograph as cg
 from choreograph.audio.song import load_song
@@ -235,7 +235,8 @@ def real_metre_lines(given: argparse.Namespace) -> list[Line]:
 
 def spliced_lines(repertoire: cg.Repertoire, config: cg.DanceConfig, seeds: int) -> list[Line]:
     """Dances of built-in takes to songs spliced from two genres."""
-    rows = spliced_table(repertoire, config, seeds)
+    beside = runpy.run_path(str(Path(__file__).with_name("spliced_songs.py")))
+    rows = beside["spliced_table"](repertoire, config, seeds)
     columns = {
         "spliced songs: each half's own genre": ("part_genre", "0.85", "part_genre_chance"),
         "spliced songs: dances that switch": ("switched", "", ""),

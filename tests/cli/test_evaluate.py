@@ -58,6 +58,7 @@ def test_beats_may_be_given(tmp_path, bvh, song):
         (["{bvh}"], "SONG"),
         (["{bvh}", "{song}", "--songs", "{songs}"], "--songs DIR"),
         (["{bvh}", "{song}", "--variants", "paper"], "--variants"),
+        (["{bvh}", "{song}", "--judge", "{db}"], "--judge"),
         (["{bvh}", "{song}", "--beats", "ear"], "ear"),
         (["{bvh}", "{song}", "--report", "no/such/r.html"], "no/such"),
         (["{song}", "{song}"], "no takes"),
@@ -65,6 +66,8 @@ def test_beats_may_be_given(tmp_path, bvh, song):
         (["--songs", "{songs}", "--db", "{db}", "--variants", "grace"], "grace"),
         (["--songs", "{songs}", "--db", "{db}", "--seeds", "0"], "seeds"),
         (["--songs", "{songs}", "--db", "{db}", "--only", "two"], "two"),
+        (["--songs", "{songs}", "--db", "{db}", "--experts", "{bvh}"], "song"),
+        (["--songs", "{songs}", "--db", "{db}", "--judge", "{db}"], "motifs"),
         (["--songs", "nowhere", "--db", "{db}"], "nowhere"),
     ],
 )

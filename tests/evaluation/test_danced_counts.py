@@ -92,6 +92,8 @@ def test_takes_without_counts_have_none(repertoire):
     plan = plan_of(played("take0", 2.0, 1) + played("take2", 2.0, 3, first=1), duration_s=4.0)
     assert danced_counts(plan, repertoire).times_s.max() < 1.06
     assert counted_share(plan, repertoire) == pytest.approx(0.25)
+    cut = plan_of(played("take0", 2.0, 4), duration_s=3.4)
+    assert counted_share(cut, repertoire) == pytest.approx(1.0)
     alone = plan_of(played("take2", 2.0, 3), duration_s=3.0)
     assert len(danced_counts(alone, repertoire)) == counted_share(alone, repertoire) == 0
 
