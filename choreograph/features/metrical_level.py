@@ -21,8 +21,8 @@ from choreograph.timebase import MUSIC_FPS, times_to_frames
 Floats = NDArray[np.float64]
 
 _CLEARLY_NEARER = 0.4  # octaves
-_OTHER_METRE = 0.8  # octaves that bars of another metre than the takes' are worth
 _OTHER_TEMPO_OCTAVES = 0.085  # 6 %
+_OTHER_METRE = 0.8  # octaves that bars of another metre than the takes' are worth
 _SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # that anybody counts at
 
 
