@@ -6,7 +6,14 @@ import pytest
 from choreograph.counts import Counts, make_counts, numbers_in_bar
 from choreograph.features.bars import track_bars
 from choreograph.features.mel import log_mel
-from choreograph.features.metrical_level import choose_level, metrical_levels, tempo_bpm
+from choreograph.features.metrical_level import (
+    between,
+    choose_level,
+    joined,
+    metrical_levels,
+    tempo_bpm,
+    tempo_part_bounds_s,
+)
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 
@@ -95,3 +102,34 @@ def test_beats_of_another_level_are_numbered_anew(tracked_at, level):
 def test_without_bars_there_is_one_level():
     few = Counts(np.array([0.5, 1.0]), np.zeros(2, np.int64), 0)
     assert metrical_levels(np.zeros(40_000), np.zeros((109, 96)), few) == (few,)
+
+
+def spliced() -> Counts:
+    """16 s of fours at 120 BPM, then 16 s of threes at 90 BPM."""
+    times_s = np.r_[np.arange(0, 16, 0.5), np.arange(16, 32, 2 / 3)]
+    return make_counts(times_s, np.r_[numbers_in_bar(32, 4), numbers_in_bar(len(times_s) - 32, 3)], 4)
+
+
+def test_parts_begin_at_sections_where_the_tempo_changes():
+    sections_s = np.array([0.0, 8.0, 16.0, 24.0, 32.0])
+    assert tempo_part_bounds_s(spliced(), sections_s).tolist() == [-np.inf, 16.0, np.inf]
+    assert tempo_part_bounds_s(counted(100), sections_s).tolist() == [-np.inf, np.inf]
+    assert tempo_part_bounds_s(spliced(), np.zeros(0)).tolist() == [-np.inf, np.inf]
+    few = Counts(np.array([0.5, 1.0]), np.zeros(2, np.int64), 0)
+    assert tempo_part_bounds_s(few, sections_s).tolist() == [-np.inf, np.inf]
+
+
+def test_a_part_has_its_own_metre_and_parts_are_joined_again():
+    whole = spliced()
+    parts = [between(whole, -np.inf, 16.0), between(whole, 16.0, np.inf)]
+    assert [part.metre for part in parts] == [4, 3] and [len(part) for part in parts] == [32, 24]
+    again = joined(parts)
+    assert np.array_equal(again.times_s, whole.times_s) and np.array_equal(again.numbers, whole.numbers)
+    assert again.metre == 4
+
+
+def test_a_beat_too_close_to_the_part_before_is_left_out():
+    first, second = counted(120), counted(120)
+    late = Counts(second.times_s + first.times_s[-1] + 0.1, second.numbers, 4)
+    both = joined([first, late])
+    assert len(both) == 63 and np.diff(both.times_s).min() > 0.3
