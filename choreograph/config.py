@@ -17,9 +17,10 @@ SELECTIONS = ("style", "random")
 WARPINGS = ("counts", "dtw", "none")
 BLENDINGS = ("inertial", "linear")
 TRANSITION_PLACEMENTS = ("beats", "seconds")
-# Lengths a transition may have: inertial to each side, linear in all; the first where none is searched for.
+# Lengths a transition may have: inertial to each side, linear in all; the first where none is chosen.
 TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
-# Weighed on dances to training songs, left out in five folds; the paper gives no numbers.
+# The first ten but completeness were weighed on dances to training songs, left out in five folds; the paper
+# gives no numbers. `accents` and `completeness` were chosen by the phase of motion beats within the count.
 DEFAULT_WEIGHTS = {
     "style": 1.0, "completeness": 6.0, "transition": 3.0, "velocity": 0.5, "rhythm": 14.0, "pace": 0.3,
     "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,

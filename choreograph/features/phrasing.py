@@ -15,7 +15,8 @@ EASE_IN_S = 0.4  # from the first held pose to full speed, before the first coun
 EASE_OUT_S = 0.3  # from full speed to the last held pose: before the last count,
 SETTLE_S = 0.08  # and after it
 REACH_S = 0.5  # a change of takes is no further from its second
-HOLD_S = 0.7  # the least that the first and the last pose are held
+FIRST_HOLD_S = 0.7  # the least that the first pose is held, easing included,
+LAST_HOLD_S = 0.3  # and the last one
 _STRONG = 0.3  # of the song's median strength at beats: weaker ones do not start or end a dance
 _BAR_OF = 4  # beats that have to be strong, on average, where the dance starts
 _NEAR_FRAMES = 3  # 50 ms: an onset this close to a beat is on it
@@ -28,7 +29,7 @@ def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: floa
     An introduction or an ending without beats is not danced, and at least 0.7 s at the beginning and 0.3 s
     at the end are left to the poses that are held there. Without beats, the song is danced from 0 to its end.
     """
-    beats = np.flatnonzero((counts.times_s >= HOLD_S) & (counts.times_s <= duration_s - 0.3))
+    beats = np.flatnonzero((counts.times_s >= FIRST_HOLD_S) & (counts.times_s <= duration_s - LAST_HOLD_S))
     if len(beats) < 2 * _BAR_OF:
         return 0.0, duration_s
     strength = _strength_at(counts.times_s[beats], log_mel)

@@ -8,7 +8,7 @@ its number is also the seed of its dances, and its motif signatures are judged b
 FOLDER holds experts' dances to the held-out songs (SONG.bvh with SONG.counts.csv beside it), laid on the
 tracked beats as their choreographies say. "Real" are the takes as recorded: never synchronised with their
 songs. Built-in takes dance to the benchmark songs, whose beats and bars are known exactly, and to the spliced
-songs. Nothing here was trained or tuned on any of these songs.
+songs. No network was trained on any of these songs.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from synthetic_motions import swaying
 
 from choreograph.blending.held_ends import EASE_IN_S, EASE_OUT_S, hold_ends
-from choreograph.features.phrasing import HOLD_S, held_times_s
+from choreograph.features.phrasing import FIRST_HOLD_S, LAST_HOLD_S, held_times_s
 
 FPS = 60.0
 LENGTH_S = 8.0
@@ -46,7 +46,7 @@ def test_the_pose_of_the_first_count_is_on_the_count_and_the_last_within_a_tenth
     assert at_s[-1] == pytest.approx(at_s[round((6.0 + SETTLE_S) * FPS) + 1])
 
 
-@given(st.floats(HOLD_S, 5.0), st.floats(0.3, 2.5))
+@given(st.floats(FIRST_HOLD_S, 5.0), st.floats(LAST_HOLD_S, 2.5))
 def test_the_poses_that_the_graph_weighs_are_those_that_are_held(opening_s, danced_s):
     at_s = played_s(opening_s, opening_s + danced_s)
     first_s, last_s = held_times_s(opening_s, opening_s + danced_s)

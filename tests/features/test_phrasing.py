@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from choreograph.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.features.mel import log_mel
-from choreograph.features.phrasing import HOLD_S, REACH_S, dance_span_s, join_times_s
+from choreograph.features.phrasing import FIRST_HOLD_S, REACH_S, dance_span_s, join_times_s
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 DURATION_S = 30.0
@@ -48,7 +48,7 @@ def test_a_dance_starts_and_closes_on_downbeats(first):
     counts = tracked(first=first)
     span_s = dance_span_s(counts, clicks_mel(counts.times_s), DURATION_S)
     assert set(span_s) <= set(counts.downbeat_times_s)
-    assert span_s[0] == counts.downbeat_times_s[counts.downbeat_times_s >= HOLD_S][0]
+    assert span_s[0] == counts.downbeat_times_s[counts.downbeat_times_s >= FIRST_HOLD_S][0]
     assert span_s[1] == counts.downbeat_times_s[counts.downbeat_times_s <= DURATION_S - 0.3][-1]
 
 
@@ -70,7 +70,7 @@ def test_a_downbeat_too_far_away_is_not_waited_for():
     for first, waits in ((9, True), (3, False)):
         counts = tracked(first=first, metre=12)
         opening_s, _ = dance_span_s(counts, clicks_mel(counts.times_s), DURATION_S)
-        strong_s = counts.times_s[counts.times_s >= HOLD_S][0]
+        strong_s = counts.times_s[counts.times_s >= FIRST_HOLD_S][0]
         assert opening_s == (counts.downbeat_times_s[0] if waits else strong_s)
 
 
