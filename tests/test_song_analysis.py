@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from synthetic_repertoire import synthetic_contents, synthetic_takes, write_clicks
 
+from choreograph import song_analysis
 from choreograph.audio.song import load_song
 from choreograph.counts import make_counts, numbers_in_bar
 from choreograph.features.metrical_level import tempo_bpm
@@ -52,3 +53,11 @@ def test_beats_of_a_file_are_not_second_guessed(clicks, tmp_path):
 def test_takes_without_counts_leave_the_tracked_level(clicks, repertoire):
     features, _ = analyse_song(clicks, repertoire)
     assert tempo_bpm(features.counts) == pytest.approx(120, rel=0.02)
+
+
+def test_parts_that_keep_the_tracked_level_are_the_tracked_counts(clicks, tmp_path, monkeypatch):
+    """A change of tempo that changes no level is not noted as one."""
+    monkeypatch.setattr(song_analysis, "tempo_part_bounds_s", lambda *_: np.array([-np.inf, 10.1, np.inf]))
+    features, notes = analyse_song(clicks, repertoire_at(tmp_path, 118.0))
+    assert tempo_bpm(features.counts) == pytest.approx(120, rel=0.02)
+    assert not any("rather than the tracked" in note for note in notes)
