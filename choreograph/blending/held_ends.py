@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.features.phrasing import EASE_IN_S, EASE_OUT_S, SETTLE_S
+from choreograph.features.phrasing import coming_to_rest_s, setting_off_s
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.timebase import frame_times_s
@@ -18,19 +18,19 @@ Floats = NDArray[np.float64]
 def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:
     """The motion with a pose held before the first count, and one after the last count.
 
-    It starts to move within 0.4 s before `opening_s`, and comes to rest from 0.3 s before `closing_s` to
-    0.08 s after it; None: it dances to its end.
+    How it sets off and comes to rest is said by `features.phrasing`; `closing_s` None: it dances to its end.
     """
     times_s = frame_times_s(motion.n_frames, motion.fps)
     played_s = np.array(times_s)
     if opening_s > 0:
-        ease_s = min(EASE_IN_S, opening_s)
-        since = np.clip((times_s - (opening_s - ease_s)) / ease_s, 0.0, 1.0)
-        before = times_s < opening_s
-        played_s[before] = (opening_s - ease_s * (0.5 - _eased(since)))[before]
+        start_s, stop_s = setting_off_s(opening_s)
+        ease_s = stop_s - start_s
+        since = np.clip((times_s - start_s) / ease_s, 0.0, 1.0)
+        before = times_s < stop_s
+        played_s[before] = (stop_s - ease_s * (0.5 - _eased(since)))[before]
     if closing_s is not None:
-        ease_s = min(EASE_OUT_S + SETTLE_S, closing_s + SETTLE_S - opening_s)
-        start_s = closing_s + SETTLE_S - ease_s
+        start_s, stop_s = coming_to_rest_s(opening_s, closing_s)
+        ease_s = stop_s - start_s
         since = np.clip((times_s - start_s) / ease_s, 0.0, 1.0)
         after = times_s > start_s
         played_s[after] = (start_s + ease_s * (since - _eased(since)))[after]

@@ -13,6 +13,9 @@ from choreograph.timebase import seconds_to_frames
 Floats = NDArray[np.float64]
 
 _BLENDED_SHARE = 0.5  # of a run may be blended at either end, so that its middle stays as recorded
+_RATE_SHARE = 0.7  # of a transition's length, in which a difference of velocity is taken up
+_MAX_SWING = 0.1  # m or rad, by which a difference of acceleration may swing a side out
+_SWING_OF_ACCELERATION = 0.01728  # of a T²: the peak of t² / 2 (1 - t / T)³ a
 _FORWARDS = np.array([1.0, 1.0, 1.0])
 _BACKWARDS = np.array([-1.0, 1.0, -1.0])  # backwards in time the first derivative changes its sign
 
@@ -28,16 +31,20 @@ def crossfade(a_root: Floats, a_quat: Floats, b_root: Floats, b_quat: Floats) ->
 
 
 def inertial_offsets(
-    a_root: Floats, a_quat: Floats, b_root: Floats, b_quat: Floats, *, fps: float
+    a_root: Floats, a_quat: Floats, b_root: Floats, b_quat: Floats, *, fps: float, part_b: float = 0.5
 ) -> tuple[Floats, Floats]:
     """The offset from b to a, with its first and second time derivative: (3, 3) and (3, J, 3).
 
     The arguments are the three frames around the transition, (3, 3) and (3, J, 4). Row 0 of a result is
-    the offset (metres, rotation vector), row 1 its rate per second, row 2 per second².
+    the offset (metres, rotation vector), row 1 its rate per second, row 2 per second². A turn changes as what
+    is left of it does once b has been turned by its part and a by the rest: small however far apart they are.
     """
-    root = a_root - b_root  # (3, 3)
-    turn = rot.to_rotvec(rot.multiply(a_quat, rot.invert(b_quat)))  # (3, J, 3)
-    return _derivatives(root, fps), _derivatives(turn, fps)
+    turn = rot.to_rotvec(rot.multiply(a_quat[1], rot.invert(b_quat[1])))  # (J, 3)
+    back_a, back_b = rot.from_rotvec((part_b - 1.0) * turn), rot.from_rotvec(-part_b * turn)
+    left = rot.multiply(back_a, rot.multiply(rot.multiply(a_quat, rot.invert(b_quat)), back_b))
+    turns = _derivatives(rot.to_rotvec(left), fps)  # (3, J, 3), its row 0 zero
+    turns[0] = turn
+    return _derivatives(a_root - b_root, fps), turns
 
 
 def _derivatives(values: Floats, fps: float) -> Floats:
@@ -49,8 +56,7 @@ def decay_offset(offset: Floats, times_s: Floats, length_s: float) -> Floats:
     """The quintic that starts with `offset` (3, ...) and its derivatives and comes to rest at zero after
     `length_s`: values (T, ...) at `times_s` (T,) ≥ 0.
 
-    Bollo, Inertialization (GDC 2018), without the clamp on overshoot: both sides of our transitions
-    share the offset, which halves it.
+    Bollo, Inertialization (GDC 2018), without its clamp, which stops what swings out: see `decay_rate`.
     """
     d = length_s
     x, v, a = offset
@@ -61,6 +67,27 @@ def decay_offset(offset: Floats, times_s: Floats, length_s: float) -> Floats:
     c5 = -(6 * x + 3 * v * d + 0.5 * a * d**2) / d**5
     t = np.minimum(np.asarray(times_s), d).reshape(-1, *([1] * x.ndim))
     return x + v * t + a * t**2 / 2 + c3 * t**3 + c4 * t**4 + c5 * t**5
+
+
+def decay_rate(
+    rate: Floats, acceleration: Floats, times_s: Floats, length_s: float, *, shared: bool
+) -> Floats:
+    """How an offset of zero with a rate and an acceleration (..., 3) comes to rest: values (T, ..., 3).
+
+    Held at zero, a side swings out by 0.2 rate × time: legs are thrown beyond straight. Where both sides
+    share the offset, neither is held: they start from the same value against the rate, so that the path cuts
+    the corner between a and b, and need less time for it. Acceleration is continuous, but for one that would
+    swing a joint by over 0.1 rad.
+    """
+    swing = _SWING_OF_ACCELERATION * length_s**2 * np.linalg.norm(acceleration, axis=-1, keepdims=True)
+    bend = acceleration * np.minimum(1.0, _MAX_SWING / np.maximum(swing, 1e-9))
+    zero = np.zeros_like(rate)
+    if not shared:
+        return decay_offset(np.stack([zero, rate, bend]), times_s, length_s)
+    d = _RATE_SHARE * length_s
+    # Half way between the quintic held at zero and -rate d / 3 (1 - t / d)³, which does not swing at all.
+    corner = np.stack([-rate * d / 6, rate, -rate / d])
+    return decay_offset(corner, times_s, d) + decay_offset(np.stack([zero, zero, bend]), times_s, length_s)
 
 
 def apply_offset(root: Floats, quat: Floats, root_offset: Floats, turn: Floats) -> tuple[Floats, Floats]:
@@ -97,36 +124,46 @@ def blend_transition(
             in_a, in_b = a.rows(first, stop), b.rows(first, stop)
             root_out[out], quat_out[out] = crossfade(a.root[in_a], a.quat[in_a], b.root[in_b], b.quat[in_b])
         return
+    shared = part_a > 0 and part_b > 0
+    if shared:  # both sides start from the same values, and take the same time
+        room_a = room_b = min(room_a, room_b)
+    length_a, length_b = min(longest, room_a), min(longest, room_b)
     in_a, in_b = a.rows(frame - 1, frame + 2), b.rows(frame - 1, frame + 2)
-    offsets = inertial_offsets(a.root[in_a], a.quat[in_a], b.root[in_b], b.quat[in_b], fps=fps)
-    if part_b > 0:
-        length = min(longest, room_b)
-        after = np.arange(frame, min(last_out, frame + length))
-        _decay(offsets, part_b * _FORWARDS, after - frame, length, fps, root_out, quat_out, frame - first_out)
-    if part_a > 0:
-        length = min(longest, room_a)
-        before = np.arange(max(first_out, frame - length), frame)
-        _decay(
-            offsets, part_a * _BACKWARDS, before - frame, length, fps, root_out, quat_out, frame - first_out
-        )
+    offsets = inertial_offsets(a.root[in_a], a.quat[in_a], b.root[in_b], b.quat[in_b], fps=fps, part_b=part_b)
+    before = np.arange(max(first_out, frame - length_a), frame)
+    after = np.arange(frame, min(last_out, frame + length_b))
+    for frames, length, parts in (
+        (before, length_a, part_a * _BACKWARDS),
+        (after, length_b, part_b * _FORWARDS),
+    ):
+        if parts.any():
+            rows, times_s = frames - first_out, np.abs(frames - frame) / fps
+            root_out[rows], quat_out[rows] = _with_offsets(
+                root_out[rows], quat_out[rows], offsets, parts, times_s, length / fps, shared
+            )
 
 
-def _decay(
+def _with_offsets(
+    root: Floats,
+    quat: Floats,
     offsets: tuple[Floats, Floats],
     parts: Floats,
-    frames: NDArray[np.int64],
-    length: int,
-    fps: float,
-    root_out: Floats,
-    quat_out: Floats,
-    row: int,
-) -> None:
-    """Add offsets of root (3, 3) and joints (3, J, 3), times `parts` (3,), that decay within `length` frames.
+    times_s: Floats,
+    length_s: float,
+    shared: bool,
+) -> tuple[Floats, Floats]:
+    """One side with its parts (3,) of the offset and its derivatives, `times_s` (T,) from the transition."""
+    shift, turn = parts[:, None] * offsets[0], parts[:, None, None] * offsets[1]  # (3, 3), (3, J, 3)
+    still = (_decay_still(offset[0], times_s, length_s) for offset in (shift, turn))
+    root, quat = apply_offset(root, quat, *still)
+    rates = (
+        decay_rate(rate, acceleration, times_s, length_s, shared=shared)
+        for _, rate, acceleration in (shift, turn)
+    )
+    return apply_offset(root, quat, *rates)
 
-    `frames` are counted from the transition, which is `row` of the output.
-    """
-    times_s = np.abs(frames) / fps
-    root = decay_offset(parts[:, None] * offsets[0], times_s, length / fps)
-    turn = decay_offset(parts[:, None, None] * offsets[1], times_s, length / fps)
-    rows = row + frames
-    root_out[rows], quat_out[rows] = apply_offset(root_out[rows], quat_out[rows], root, turn)
+
+def _decay_still(offset: Floats, times_s: Floats, length_s: float) -> Floats:
+    """An offset (..., 3) that starts and ends at rest, (T, ..., 3)."""
+    zero = np.zeros_like(offset)
+    return decay_offset(np.stack([offset, zero, zero]), times_s, length_s)

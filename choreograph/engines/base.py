@@ -11,7 +11,7 @@ from choreograph.config import DanceConfig
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.constraints.spec import Constraints
 from choreograph.errors import ParameterError
-from choreograph.features.phrasing import EASE_OUT_S
+from choreograph.features.phrasing import coming_to_rest_s
 from choreograph.features.song_features import SongFeatures
 from choreograph.graph import Cost
 from choreograph.motion.motion import Motion
@@ -42,7 +42,8 @@ class DanceRequest:
         features, resolved = self.song_features, self.constraints
         wanted = sorted(resolved.motifs)
         early = wanted and resolved.bounds_s[wanted[0]] < features.opening_s
-        late = wanted and resolved.bounds_s[wanted[-1] + 1] > features.closing_s - EASE_OUT_S
+        rests_from_s, _ = coming_to_rest_s(features.opening_s, features.closing_s)
+        late = wanted and resolved.bounds_s[wanted[-1] + 1] > rests_from_s
         return (
             0.0 if early else features.opening_s,
             features.duration_s if late else features.closing_s,

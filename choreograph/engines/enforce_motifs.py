@@ -14,7 +14,7 @@ from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.engines.word_bank import AROUND_S
 from choreograph.engines.word_search import search_words
 from choreograph.errors import NoPathError
-from choreograph.features.phrasing import EASE_OUT_S
+from choreograph.features.phrasing import coming_to_rest_s
 from choreograph.motifs.words import poses_at
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
@@ -59,7 +59,7 @@ def enforce_motifs(
 
 def is_danced(slot: int, plan: Plan, constraints: ResolvedConstraints) -> bool:
     """Whether a slot is danced throughout, and not in part or all of it a pose that is held."""
-    end_s = plan.duration_s if plan.closing_s is None else plan.closing_s - EASE_OUT_S
+    end_s = plan.duration_s if plan.closing_s is None else coming_to_rest_s(plan.opening_s, plan.closing_s)[0]
     start_s, stop_s = constraints.bounds_s[slot : slot + 2]
     return start_s >= plan.opening_s and stop_s <= end_s
 

@@ -11,9 +11,9 @@ from choreograph.timebase import MUSIC_FPS
 
 Floats = NDArray[np.float64]
 
-EASE_IN_S = 0.4  # from the first held pose to full speed, before the first count
-EASE_OUT_S = 0.3  # from full speed to the last held pose: before the last count,
-SETTLE_S = 0.08  # and after it
+_EASE_IN_S = 0.4  # from the first held pose to full speed, before the first count
+_EASE_OUT_S = 0.3  # from full speed to the last held pose: before the last count,
+_SETTLE_S = 0.08  # and after it
 REACH_S = 0.5  # a change of takes is no further from its second
 FIRST_HOLD_S = 0.7  # the least that the first pose is held, easing included,
 LAST_HOLD_S = 0.3  # and the last one
@@ -51,9 +51,20 @@ def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: floa
     return float(counts.times_s[beats[first]]), float(counts.times_s[beats[last]])
 
 
+def setting_off_s(opening_s: float) -> tuple[float, float]:
+    """From when to when a dance goes from its first held pose to full speed: 0.4 s, or all there is."""
+    return opening_s - min(_EASE_IN_S, opening_s), opening_s
+
+
+def coming_to_rest_s(opening_s: float, closing_s: float) -> tuple[float, float]:
+    """From when to when it goes from full speed to its last held pose: 0.38 s, but not before `opening_s`."""
+    return max(opening_s, closing_s - _EASE_OUT_S), closing_s + _SETTLE_S
+
+
 def held_times_s(opening_s: float, closing_s: float) -> tuple[float, float]:
-    """The times whose poses are held before the first count and after the last."""
-    return max(0.0, opening_s - 0.5 * EASE_IN_S), closing_s + SETTLE_S - 0.5 * (EASE_OUT_S + SETTLE_S)
+    """The times whose poses are held before the first count and after the last: half of an ease is danced."""
+    first, last = setting_off_s(opening_s), coming_to_rest_s(opening_s, closing_s)
+    return 0.5 * sum(first), 0.5 * sum(last)
 
 
 def _strength_at(times_s: Floats, log_mel: NDArray[np.floating]) -> Floats:

@@ -17,7 +17,7 @@ from choreograph.audio.song import Song
 from choreograph.blending.rendering import render
 from choreograph.config import DanceConfig
 from choreograph.constraints.resolve import resolve
-from choreograph.constraints.spec import Ban, MotifPin, Pin, make_constraints
+from choreograph.constraints.spec import Ban, Constraints, MotifPin, Pin, make_constraints
 from choreograph.engines import ENGINES, DanceRequest, check_settings, engine_name
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.graph import Cost
@@ -155,29 +155,58 @@ def dance(
         "planner": planner, "candidates": candidates, "selection": selection, "warping": warping,
         "blending": blending, "transitions": transitions, "fps": fps, "seed": seed, "beats": beats,
     }  # fmt: skip
-    given: dict[str, Any] = {name: value for name, value in settings.items() if value is not None}
     requested = make_constraints(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
     config, costs = as_config(config), as_costs(costs)
+    beside = {"costs": bool(costs), "style_song": style_song is not None}
+    config = _configured(config, settings, weights, engine, requested, beside)
+    check_span(start_s, duration_s)
+    repertoire = as_repertoire(repertoire)
+    ENGINES[config.engine].check(repertoire, config, requested, costs)
+    loaded = as_song("a song", song, start_s=start_s, duration_s=duration_s)
+    style = None if style_song is None else as_song("a style song", style_song)
+    return _danced(loaded, repertoire, config, requested, costs, style, start_s, report)
+
+
+def _configured(
+    config: DanceConfig,
+    settings: Mapping[str, Any],
+    weights: Mapping[str, float] | None,
+    engine: str | None,
+    requested: Constraints,
+    beside: Mapping[str, bool],
+) -> DanceConfig:
+    """`config` with the settings and weights that were given and the engine that dances.
+
+    `beside` says which arguments that are no settings were given. Raises `ParameterError` for a value out of
+    range and for anything that the engine does not use.
+    """
+    given = {name: value for name, value in settings.items() if value is not None}
     if weights is not None:
         given["weights"] = {**config.weights, **as_weights(weights)}
     config = replace(config, engine=engine_name(config, engine, requested), **given)
-    chosen = ENGINES[config.engine]
-    extra = {"costs": bool(costs), "style_song": style_song is not None}
-    check_settings(
-        chosen, list(ENGINES.values()), config, {*given, *(name for name, used in extra.items() if used)}
-    )
-    check_span(start_s, duration_s)
-    repertoire = as_repertoire(repertoire)
-    chosen.check(repertoire, config, requested, costs)
-    loaded = as_song("a song", song, start_s=start_s, duration_s=duration_s)
-    style = None if style_song is None else as_song("a style song", style_song)
+    used = {*given, *(name for name, is_given in beside.items() if is_given)}
+    check_settings(ENGINES[config.engine], list(ENGINES.values()), config, used)
+    return config
+
+
+def _danced(
+    song: Song,
+    repertoire: Repertoire,
+    config: DanceConfig,
+    requested: Constraints,
+    costs: tuple[Cost, ...],
+    style: Song | None,
+    start_s: float,
+    report: ProgressReport | None,
+) -> Dance:
+    """The stages in order, with arguments that are checked."""
     if report is not None:
         report("analysing the song", 0, 0)
-    song_features, notes = analyse_song(loaded, repertoire, beats=config.beats, start_s=start_s)
+    song_features, notes = analyse_song(song, repertoire, beats=config.beats, start_s=start_s)
     bounds_s = dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
     resolved = resolve(requested, repertoire, bounds_s, song_features.duration_s)
-    result = chosen.plan(
-        DanceRequest(loaded, song_features, repertoire, config, resolved, costs, style, start_s, report)
+    result = ENGINES[config.engine].plan(
+        DanceRequest(song, song_features, repertoire, config, resolved, costs, style, start_s, report)
     )
     motion = render(result.plan, repertoire) if result.motion is None else result.motion
-    return Dance(motion, result.plan, (*notes, *result.notes), loaded.path)
+    return Dance(motion, result.plan, (*notes, *result.notes), song.path)

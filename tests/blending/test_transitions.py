@@ -7,8 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from choreograph.blending.transitions import apply_offset, crossfade, decay_offset, inertial_offsets
+from choreograph.blending.sampled_runs import SampledRun
+from choreograph.blending.transitions import (
+    apply_offset,
+    blend_transition,
+    crossfade,
+    decay_offset,
+    decay_rate,
+    inertial_offsets,
+)
 from choreograph.motion import rotations as rot
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton
 
 
 def random_motion(seed: int, n: int, joints: int = 4):
@@ -77,3 +87,113 @@ def test_b_with_its_offset_is_a_at_the_transition():
     met = apply_offset(b[0][1:2], b[1][1:2], decay_offset(root, at, 0.3), decay_offset(turn, at, 0.3))
     assert np.allclose(met[0][0], a[0][1])
     assert np.abs(np.sum(met[1][0] * a[1][1], axis=-1)) == pytest.approx(1.0)
+
+
+FPS = 1000.0  # so that steps from frame to frame are velocities
+JOIN, LENGTH = 1000, 2000  # frames: the second run takes over in the middle of 2 s
+SINCE_S = (np.arange(LENGTH) - JOIN) / FPS
+HINGE = np.array([1.0, 0.0, 0.0])
+
+
+def sampled(root, quat, start: int, stop: int, *, locked: bool = False) -> SampledRun:
+    """A run with a row for every frame of the dance."""
+    skeleton = Skeleton(("hips", "knee"), np.array([-1, 0]), np.array([[0.0, 1, 0], [0, -0.5, 0]]))
+    return SampledRun(Motion(skeleton, root, quat, FPS), 0, start, stop, root, quat, locked, 0.4)
+
+
+def joined(a, b, *, locked=(False, False)) -> tuple[np.ndarray, np.ndarray]:
+    """Roots and rotations of the dance of two motions, each a root (T, 3) and rotations (T, J, 4)."""
+    root, quat = (np.concatenate([one[:JOIN], other[JOIN:]]) for one, other in zip(a, b, strict=True))
+    runs = sampled(*a, 0, JOIN, locked=locked[0]), sampled(*b, JOIN, LENGTH, locked=locked[1])
+    blend_transition(*runs, "inertial", FPS, root, quat)
+    return root, quat
+
+
+def bent(angle_rad) -> tuple[np.ndarray, np.ndarray]:
+    """A body at rest but for its knee, bent by (T,) radians."""
+    quat = np.zeros((LENGTH, 2, 4))
+    quat[:, 0, 0] = 1.0
+    quat[:, 1] = rot.from_rotvec(np.asarray(angle_rad)[:, None] * HINGE)
+    return np.zeros((LENGTH, 3)), quat
+
+
+def smooth_motion(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """A motion that turns and moves fast about any axes."""
+    rng = np.random.default_rng(seed)
+    powers = np.stack([np.ones(LENGTH), SINCE_S, SINCE_S**2], axis=1)
+    root = powers @ (rng.normal(size=(3, 3)) * [[1.0], [2.0], [5.0]])
+    turn = np.einsum(
+        "tp,pjx->tjx", powers, rng.normal(size=(3, 2, 3)) * np.array([1.0, 3.0, 5.0])[:, None, None]
+    )
+    return root, rot.from_rotvec(turn)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("locked", [(False, False), (True, False), (False, True), (True, True)])
+def test_position_and_velocity_go_through_a_transition(seed, locked):
+    a, b = smooth_motion(seed), smooth_motion(seed + 100)
+
+    def jumps(root, quat):
+        """Of position and velocity: a line through two frames on either side, met half a frame away."""
+        turned = rot.to_rotvec(rot.multiply(quat, rot.invert(quat[JOIN])))
+        path = np.concatenate([root, turned.reshape(LENGTH, -1)], axis=1)[JOIN - 2 : JOIN + 2]
+        met = (3 * path[1] - path[0]) / 2 - (3 * path[2] - path[3]) / 2
+        return np.abs(met).max(), np.abs((path[3] - path[2]) - (path[1] - path[0])).max() * FPS
+
+    position, velocity = jumps(*joined(a, b, locked=locked))
+    assert position < 1e-3 and velocity < 0.5
+    cut = jumps(*(np.concatenate([one[:JOIN], other[JOIN:]]) for one, other in zip(a, b, strict=True)))
+    assert cut[0] > 0.5 and cut[1] > 2.0
+
+
+@pytest.mark.parametrize("speed_rad_s", [2.0, 5.0])
+@pytest.mark.parametrize("who", ["before", "after"])
+def test_a_fast_knee_is_not_thrown_beyond_straight(speed_rad_s, who):
+    """One of two passes at full speed where the other stands, almost straight."""
+    straight = 0.1
+    sign = 1.0 if who == "before" else -1.0
+    pair = bent(straight - sign * speed_rad_s * SINCE_S), bent(np.full(LENGTH, straight))
+    _, quat = joined(*(pair if who == "before" else pair[::-1]))
+    near = np.abs(SINCE_S) < 0.45
+    angle = (rot.to_rotvec(quat[:, 1]) @ HINGE)[near]
+    cut = straight + speed_rad_s * np.maximum(-sign * SINCE_S, 0.0)[near]
+    scale = speed_rad_s * 0.4
+    assert angle.min() > straight - 0.022 * scale  # 0.1 if both sides were held at the other's pose
+    assert np.abs(angle - cut).max() < 0.06 * scale
+    assert np.abs(np.diff(angle, n=2)).max() * FPS**2 < 2.0 * speed_rad_s / 0.4
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.1, 1.0))
+def test_what_is_shared_swings_little_and_what_is_not_starts_at_zero(seed, length_s):
+    rate = np.random.default_rng(seed).normal(size=(4, 3))
+    times_s = np.linspace(0.0, length_s, 101)
+    shared, alone = (
+        decay_rate(rate, np.zeros_like(rate), times_s, length_s, shared=share) for share in (True, False)
+    )
+    along = rate / np.linalg.norm(rate, axis=-1, keepdims=True) ** 2
+    swings = [(path * along).sum(-1).max() / length_s for path in (shared, alone)]
+    assert swings == pytest.approx([0.042, 0.198], abs=1e-3)
+    assert np.array_equal(alone[0], np.zeros_like(rate))
+    assert np.allclose(shared[-1], 0, atol=1e-12) and np.allclose(alone[-1], 0, atol=1e-12)
+    for path in (shared, alone):
+        assert np.allclose((path[1] - path[0]) / times_s[1], rate, atol=0.1 * np.abs(rate).max())
+
+
+def test_an_acceleration_swings_a_joint_by_a_tenth_of_a_radian_at_most():
+    times_s, zero = np.linspace(0.0, 0.6, 301), np.zeros((2, 3))
+    for shared in (True, False):
+        bends = decay_rate(zero, np.array([[900.0, 0, 0], [0, 5.0, 0]]), times_s, 0.6, shared=shared)
+        assert np.linalg.norm(bends, axis=-1).max(axis=0) == pytest.approx(
+            [0.1, 0.01728 * 5 * 0.36], rel=1e-3
+        )
+
+
+def test_two_that_face_away_from_one_another_turn_at_the_rate_they_do():
+    """The turn between them passes π, where its rotation vector changes sign."""
+    angle = np.array([-0.05, 0.0, 0.05]) + np.pi
+    a_quat = rot.from_rotvec(angle[:, None, None] * HINGE)
+    still = np.broadcast_to([1.0, 0, 0, 0], (3, 1, 4))
+    _, turn = inertial_offsets(np.zeros((3, 3)), a_quat, np.zeros((3, 3)), still, fps=FPS)
+    assert np.linalg.norm(turn[0]) == pytest.approx(np.pi)
+    assert turn[1, 0] == pytest.approx(0.05 * FPS * HINGE)
+    assert turn[2, 0] == pytest.approx(np.zeros(3), abs=1e-6)

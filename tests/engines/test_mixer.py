@@ -16,7 +16,7 @@ from choreograph.blending.rendering import plan_runs
 from choreograph.constraints.resolve import resolve, target_goal
 from choreograph.constraints.spec import make_constraints
 from choreograph.errors import NoPathError, ParameterError, RepertoireError
-from choreograph.features.phrasing import EASE_OUT_S
+from choreograph.features.phrasing import coming_to_rest_s
 from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
 
@@ -42,7 +42,7 @@ def shown_motifs(dance, repertoire) -> tuple[np.ndarray, np.ndarray]:
     words = segment_words(body_pos_m(dance.motion.resampled(30.0)), 30.0, np.array(dance.plan.music_beats_s))
     motifs = repertoire.vocabulary.motifs.nearest(repertoire.word_net().embed(words.body_pos_m))
     plan = dance.plan
-    end_s = plan.duration_s if plan.closing_s is None else plan.closing_s - EASE_OUT_S
+    end_s = plan.duration_s if plan.closing_s is None else coming_to_rest_s(plan.opening_s, plan.closing_s)[0]
     danced = np.flatnonzero((words.start_s >= plan.opening_s) & (words.end_s <= end_s))
     part = slice(danced[0], danced[-1] + 1)
     return np.append(words.start_s[part], words.end_s[danced[-1]]), motifs[part]

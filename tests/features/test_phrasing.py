@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 
 from choreograph.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.features.mel import log_mel
-from choreograph.features.phrasing import FIRST_HOLD_S, REACH_S, dance_span_s, join_times_s
+from choreograph.features.phrasing import (
+    FIRST_HOLD_S,
+    REACH_S,
+    coming_to_rest_s,
+    dance_span_s,
+    held_times_s,
+    join_times_s,
+    setting_off_s,
+)
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 DURATION_S = 30.0
@@ -119,3 +127,14 @@ def test_takes_change_on_downbeats_else_on_beats_else_on_seconds():
 def test_of_two_downbeats_near_a_second_the_nearer_is_taken():
     counts = make_counts([1.6, 2.1, 2.45], [1, 1, 1], 1)
     assert join_times_s(counts, 4).tolist() == [0.0, 1.0, 2.1, 3.0]
+
+
+@given(st.floats(0.0, 5.0), st.floats(0.01, 5.0))
+def test_a_dance_sets_off_and_comes_to_rest_within_its_song_and_one_after_the_other(opening_s, danced_s):
+    closing_s = opening_s + danced_s
+    sets_off, rests = setting_off_s(opening_s), coming_to_rest_s(opening_s, closing_s)
+    assert 0.0 <= sets_off[0] <= sets_off[1] == opening_s <= rests[0] < closing_s < rests[1]
+    first_s, last_s = held_times_s(opening_s, closing_s)
+    assert sets_off[0] <= first_s <= sets_off[1] and rests[0] < last_s < rests[1]
+    if opening_s > 0.4 and danced_s > 0.3:
+        assert np.ptp(sets_off) == pytest.approx(0.4) and np.ptp(rests) == pytest.approx(0.38)
