@@ -1,11 +1,12 @@
 """ChoreoGraph's tables and what each part of the engine does, on held-out songs, over several seeds.
 
     python examples/papers/paper_tables.py path/to/dance-with-melody s0.h5 s1.h5 … -o results.md \\
-        [--also learned-density l0.h5 l1.h5 …]
+        [--counted-by path/to/choreonet] [--experts FOLDER] [--also learned-density l0.h5 l1.h5 …]
 
 Each repertoire was built by `build-db --seed N --leave-out @examples/papers/dance_with_melody_held_out.txt`.
-Its number is also the seed of its dances, so that a spread is one of training, dancing and songs together.
-Repertoires of --also dance as "ours" does, under that name.
+Its number is also the seed of its dances, so that a spread is one of training, dancing and songs together;
+their motifs are judged by the next one's network. Repertoires of --also dance as "ours" does, under that
+name. FOLDER holds experts' dances to the songs, laid on their beats (`expert_dances.py`).
 """
 
 from __future__ import annotations
@@ -27,45 +28,66 @@ from choreograph.evaluation import (
     MeasuredDance,
     evaluate,
     find_songs,
+    read_experts,
     variants_named,
 )
 from choreograph.evaluation.motion_scores import physical_scores
+from choreograph.evaluation.results import EXPERT, REAL, TAKES
 from choreograph.evaluation.scores import weighted_mean
 from choreograph.features.music_beats import DEFAULT_TRACKER
 from choreograph.plan import Plan
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 LABELS = tuple(f"label_distance_{name}" for name in ("openness", "intensity", "rhythm", "asymmetry"))
+COUNTS = ("counts_within", "downbeat_share", "f_score_mean", "f_score_mean_second")
 BEATS = ("f_score", "motion_to_music", "music_to_motion")
-PHYSICS = ("foot_slide_cm_s", "foot_skating_ratio", "pfc", "floor_penetration_cm", "jerk_p95_m_s3")
+PHYSICS = (
+    "foot_slide_cm_s", "foot_skating_ratio", "pfc", "floor_penetration_cm", "jerk_p95_m_s3",
+    "jumps_per_minute",
+)  # fmt: skip
 STRUCTURE = ("signature_chi2", "transition_bits", "section_agreement", "section_agreement_in_step")
 TABLES = {
+    "On the count": ("paper", (*COUNTS, "transitions_per_minute", "transitions_at_borders")),
     "Table 1: rhythm and realism": ("paper", (*BEATS, "fpd_all", "fmd_all", "fpd", "fmd")),
     "Table 2: label distances": ("paper", LABELS),
-    "Table 4: with and without re-tempo": ("retempo", (*BEATS, "slope_p05", "slope_p95")),
+    "Table 4: with and without re-tempo": ("retempo", (*COUNTS, *BEATS, "slope_p05", "slope_p95")),
     "What each part does": (
         "all",
-        (*BEATS, "own_genre", "fpd_all", "speed_ratio_at_boundaries", "jerk_ratio_at_boundaries",
-         "slope_p95", "foot_slide_cm_s", "distinct_takes_per_minute", "longest_repeat_s"),
+        ("counts_within", "downbeat_share", "f_score_mean", "transitions_per_minute",
+         "transitions_at_borders", "own_genre", "fpd_all", "signature_chi2", "jerk_ratio_at_boundaries",
+         "foot_slide_cm_s", "distinct_takes_per_minute", "longest_repeat_s", "opening_speed_m_s",
+         "closing_speed_m_s"),
     ),
     "Physics": ("paper", PHYSICS),
     "Structure": ("paper", STRUCTURE),
 }  # fmt: skip
 RECORDED = "takes-as-recorded"  # those that ours danced with, before their feet were held
 GROUPS = {
-    "paper": ("random", "motion-graph", "greedy-published", "ours", "real", "takes", RECORDED),
+    "paper": (
+        "random", "motion-graph", "greedy-published", "ours", "mixer", EXPERT, REAL, TAKES, RECORDED,
+    ),
     "retempo": ("no-retempo", "ours"),
-}
+}  # fmt: skip
 
 
 def danced(
-    path: Path, songs: Sequence[EvaluatedSong], config: EvaluationConfig, data: Path
+    path: Path,
+    judge: Path | None,
+    songs: Sequence[EvaluatedSong],
+    config: EvaluationConfig,
+    options: argparse.Namespace,
 ) -> list[MeasuredDance]:
     """All dances with one repertoire, then the sets of all songs together, with the seed of `config`."""
-    found = evaluate(cg.Repertoire.open(path), songs, config)
+    found = evaluate(
+        cg.Repertoire.open(path),
+        songs,
+        config,
+        references=read_experts(options.experts, songs) if options.experts else (),
+        judge=None if judge is None else cg.Repertoire.open(judge),
+    )
     print(f"{path.name}: {len(found.dances)} dances", flush=True)
     plans = {d.song: d.plan for d in found.dances if d.variant == "ours" and d.plan is not None}
-    made = (*found.dances, *found.sets, *as_recorded(plans, data))
+    made = (*found.dances, *found.sets, *as_recorded(plans, options.data))
     return [replace(d, seed=config.first_seed, plan=None) for d in made]
 
 
@@ -127,26 +149,33 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, help="and a .json beside it")
     parser.add_argument("--variants", nargs="*", default=["paper", "ablations"])
     parser.add_argument("--also", nargs="+", action="append", default=[], metavar=("NAME", "REPERTOIRE"))
+    parser.add_argument("--counted-by", type=Path, nargs="*", default=[])
+    parser.add_argument("--experts", type=Path, help="folder of SONG.bvh with SONG.counts.csv")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--only", type=Path, default=HELD_OUT, help="names of songs, a line each")
     parser.add_argument(
         "--beats", default=DEFAULT_TRACKER, help="to measure by: a tracker, or a folder of SONG.txt"
     )
     options = parser.parse_args()
-    songs = find_songs(options.data, only=options.only.read_text(encoding="utf-8").split())
+    only = options.only.read_text(encoding="utf-8").split()
+    songs = find_songs(options.data, only=only, counted_by=options.counted_by)
     variants = variants_named(options.variants)
     dances: list[MeasuredDance] = []
-    jobs = [("", path, seed) for seed, path in enumerate(options.repertoires)]
-    jobs += [(name, Path(path), seed) for name, *paths in options.also for seed, path in enumerate(paths)]
+    groups = [("", options.repertoires), *((name, [Path(p) for p in paths]) for name, *paths in options.also)]
+    jobs = [
+        (name, path, paths[(seed + 1) % len(paths)] if len(paths) > 1 else None, seed)
+        for name, paths in groups
+        for seed, path in enumerate(paths)
+    ]
     ours = variants_named(["ours"])
     with ProcessPoolExecutor(options.jobs) as pool:
         made = []
-        for name, path, seed in jobs:
+        for name, path, judge, seed in jobs:
             config = EvaluationConfig(
                 ours if name else variants, seeds=1, beats=options.beats, first_seed=seed
             )
-            made.append(pool.submit(danced, path, songs, config, options.data))
-        for (name, _, _), found in zip(jobs, made, strict=True):
+            made.append(pool.submit(danced, path, judge, songs, config, options))
+        for (name, *_), found in zip(jobs, made, strict=True):
             dances += [
                 replace(d, variant=name or d.variant)
                 for d in found.result()
