@@ -85,7 +85,9 @@ def _counted_clips(request: DanceRequest, joins_s: NDArray[np.float64]) -> Count
     repertoire = request.repertoire
     takes = range(len(repertoire.takes))
     grids = TakeGrids(
-        [repertoire.counts(take) for take in takes], [repertoire.figures(take) for take in takes]
+        [repertoire.counts(take) for take in takes],
+        [repertoire.figures(take) for take in takes],
+        [repertoire.motion_beats_s(take) for take in takes],
     )
     song = SongGrid.of(request.song_features.counts, request.song_features.duration_s)
     if request.config.warping != "counts" or song is None or not grids.counted.any():

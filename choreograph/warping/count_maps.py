@@ -18,6 +18,7 @@ from scipy.linalg import solveh_banded
 
 from choreograph.counts import Counts, Figure
 from choreograph.timebase import CLIP_FRAMES, MAX_SLOPE, MIN_SLOPE, NET_FPS, SEGMENT_FRAMES
+from choreograph.warping.micro_timing import accent_shifts_s
 
 Floats = NDArray[np.float64]
 
@@ -112,7 +113,13 @@ def _padded(counts: Counts, n_before: int, n_after: int) -> tuple[Floats, NDArra
 class TakeGrids:
     """The counts of all takes of a repertoire, end to end, padded beyond both ends of each take."""
 
-    def __init__(self, counts: Sequence[Counts], figures: Sequence[Sequence[Figure]]) -> None:
+    def __init__(
+        self,
+        counts: Sequence[Counts],
+        figures: Sequence[Sequence[Figure]],
+        motion_beats_s: Sequence[Floats] | None = None,
+    ) -> None:
+        """The grids of takes by their counts, figures and motion beats, for micro-timing."""
         self.counted = np.array([len(take) >= _MIN_COUNTS for take in counts], bool)  # (takes,)
         parts = [
             _padded(take, _PADDING, _PADDING) if known else (np.zeros(1), np.zeros(1, np.int64))
@@ -126,13 +133,24 @@ class TakeGrids:
         self.phrase_penalty = np.concatenate(
             [_phrase_penalty(*part, named) for part, named in zip(parts, figures, strict=True)]
         )
+        # How much later than each count its accent is; none is known without motion beats.
+        self.accent_shift_s = np.zeros(len(self.times_s))
+        if motion_beats_s is not None:
+            of_take = zip(motion_beats_s, parts, strict=True)
+            self.accent_shift_s = np.concatenate(
+                [accent_shifts_s(beats_s, times_s) for beats_s, (times_s, _) in of_take]
+            )
 
     def source_s(self, take: NDArray[np.integer], index: Floats) -> Floats:
-        """Times in their takes (K,) at fractional count indices (K, T)."""
+        """Times in their takes (K,) at fractional count indices (K, T); at whole ones that of the accent."""
         last = (self.start + self.n_counts - 1)[take][:, None]
         row = np.clip(index + self.start[take][:, None], self.start[take][:, None], last - 1e-9)
         low = np.minimum(row.astype(np.int64), last - 1)
-        return self.times_s[low] + (row - low) * (self.times_s[low + 1] - self.times_s[low])
+        since = row - low
+        eased = since**2 * (3.0 - 2.0 * since)  # so that no count makes a corner in the shift
+        count_s = self.times_s[low] + since * (self.times_s[low + 1] - self.times_s[low])
+        shift_s = self.accent_shift_s
+        return count_s + shift_s[low] + eased * (shift_s[low + 1] - shift_s[low])
 
     def index_at(self, take: NDArray[np.integer], times_s: Floats) -> Floats:
         """Fractional count indices (N,) of times (N,) in their takes."""

@@ -242,3 +242,21 @@ def test_penalties_of_a_map_are_those_at_the_joins():
         maps = maps_at(4, laid(song, [counted(0.5)], joins_s=joins_s))
         assert maps.phrase_penalty.shape == (len(maps.candidates), 5)
         assert (maps.phrase_penalty == (0.0 if free else 1.0)).all()
+
+
+def test_accents_are_landed_on_beats_and_the_time_map_has_no_corners():
+    take, song = counted(0.5), counted(0.55)
+    late_s = take.times_s + np.where(np.arange(len(take)) % 2, 0.04, 0.0)
+    starts = np.arange(0, 30 * NET_FPS - CLIP_FRAMES + 1, NET_FPS)
+    grids = TakeGrids([take], [()], [late_s[:-1]])
+    clips = CountedClips.of(
+        np.zeros(len(starts), int), starts, grids, SongGrid.of(song, SONG_S), np.arange(N_SECONDS + 5.0)
+    )
+    maps = maps_at(6, clips)
+    danced_s, beats = on_beats(maps, 6, song, clips)
+    which = nearest_count(take, danced_s)
+    assert len(beats) >= 7
+    np.testing.assert_allclose(danced_s, late_s[which], atol=0.01)
+    index = np.linspace(10, 14, 401)
+    played_s = grids.source_s(np.zeros(1, int), index[None])[0]
+    assert np.abs(np.diff(played_s, 2)).max() < 1e-4
