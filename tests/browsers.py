@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import time
+from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 from PIL import Image
@@ -31,6 +33,30 @@ def until(page, condition: str, *, timeout_s: float = 8.0) -> None:
     while not page.evaluate(condition):
         assert time.monotonic() < end_s, condition
         page.wait_for_timeout(20)
+
+
+@contextmanager
+def opening_pages(browser, ready: str):
+    """Opens pages that are `ready` by a condition; what any of them complains of fails the test at the end.
+
+    Give a page's path, and a context or the options of a new one.
+    """
+    contexts, complaints = [], []
+
+    def open_page(path: Path, *, context=None, **options):
+        if context is None:
+            context = browser.new_context(**options)
+            contexts.append(context)
+        page = context.new_page()
+        note_complaints(page, complaints)
+        page.goto(path.as_uri())
+        until(page, ready, timeout_s=20)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert complaints == []
 
 
 def state(page, name: str):

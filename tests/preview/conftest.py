@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from browsers import SWIFTSHADER, note_complaints, until
+from browsers import SWIFTSHADER, opening_pages
 from synthetic_pages import write_pages
 
 
@@ -23,20 +23,9 @@ def pages(tmp_path_factory):
 @pytest.fixture
 def opened(browser, pages):
     """Open one of the pages; console messages, errors and network requests fail the test at its end."""
-    contexts, complaints = [], []
+    with opening_pages(browser, "window.choreograph !== undefined") as open_page:
 
-    def open_page(name: str = "song.html", *, folder: Path = pages, **options):
-        context = browser.new_context(
-            viewport=options.pop("viewport", {"width": 900, "height": 640}), **options
-        )
-        contexts.append(context)
-        page = context.new_page()
-        note_complaints(page, complaints)
-        page.goto((folder / name).as_uri())
-        until(page, "window.choreograph !== undefined", timeout_s=20)
-        return page
+        def opened_page(name: str = "song.html", *, folder: Path = pages, **options):
+            return open_page(folder / name, **{"viewport": {"width": 900, "height": 640}, **options})
 
-    yield open_page
-    for context in contexts:
-        context.close()
-    assert complaints == []
+        yield opened_page
