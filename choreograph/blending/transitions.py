@@ -13,6 +13,7 @@ from choreograph.timebase import seconds_to_frames
 Floats = NDArray[np.float64]
 
 _BLENDED_SHARE = 0.5  # of a run may be blended at either end, so that its middle stays as recorded
+_LEAST_JERK_SPEED = 1.875  # in the middle of a way of least jerk, by its mean speed
 _RATE_S = 0.4  # the longest that a difference of velocity is taken up in: the longer, the further it swings
 _MAX_SWING = 0.1  # m or rad, by which a difference of acceleration may swing a side out
 _SWING_OF_ACCELERATION = 0.01728  # of a T²: the peak of t² / 2 (1 - t / T)³ a
@@ -69,6 +70,18 @@ def decay_offset(offset: Floats, times_s: Floats, length_s: float) -> Floats:
     return x + v * t + a * t**2 / 2 + c3 * t**3 + c4 * t**4 + c5 * t**5
 
 
+def decay_distance(distance: Floats, times_s: Floats, length_s: float, *, shared: bool) -> Floats:
+    """How an offset (..., 3) between two motions of the same velocity comes to rest: values (T, ..., 3).
+
+    Where both sides share the offset, they go through their meeting at full speed, on the path of least jerk
+    across both (Flash and Hogan, 1985). Held at rest there, as a side alone must be, a dance comes to rest at
+    every transition: a motion beat that no dancer made.
+    """
+    zero = np.zeros_like(distance)
+    rate = -_LEAST_JERK_SPEED * distance / length_s if shared else zero
+    return decay_offset(np.stack([distance, rate, zero]), times_s, length_s)
+
+
 def decay_rate(
     rate: Floats, acceleration: Floats, times_s: Floats, length_s: float, *, shared: bool
 ) -> Floats:
@@ -76,8 +89,8 @@ def decay_rate(
 
     Held at zero, a side swings out by 0.2 rate × time: legs are thrown beyond straight. Where both sides
     share the offset, neither is held: they start from the same value against the rate, so that the path cuts
-    the corner between a and b. Acceleration is continuous, but for one that would swing a joint
-    by over 0.1 rad.
+    the corner between a and b. Acceleration is continuous, but for one that would swing a joint by over
+    0.1 rad.
     """
     swing = _SWING_OF_ACCELERATION * length_s**2 * np.linalg.norm(acceleration, axis=-1, keepdims=True)
     bend = acceleration * np.minimum(1.0, _MAX_SWING / np.maximum(swing, 1e-9))
@@ -154,16 +167,10 @@ def _with_offsets(
 ) -> tuple[Floats, Floats]:
     """One side with its parts (3,) of the offset and its derivatives, `times_s` (T,) from the transition."""
     shift, turn = parts[:, None] * offsets[0], parts[:, None, None] * offsets[1]  # (3, 3), (3, J, 3)
-    still = (_decay_still(offset[0], times_s, length_s) for offset in (shift, turn))
+    still = (decay_distance(offset[0], times_s, length_s, shared=shared) for offset in (shift, turn))
     root, quat = apply_offset(root, quat, *still)
     rates = (
         decay_rate(rate, acceleration, times_s, length_s, shared=shared)
         for _, rate, acceleration in (shift, turn)
     )
     return apply_offset(root, quat, *rates)
-
-
-def _decay_still(offset: Floats, times_s: Floats, length_s: float) -> Floats:
-    """An offset (..., 3) that starts and ends at rest, (T, ..., 3)."""
-    zero = np.zeros_like(offset)
-    return decay_offset(np.stack([offset, zero, zero]), times_s, length_s)

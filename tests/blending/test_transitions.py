@@ -197,3 +197,16 @@ def test_two_that_face_away_from_one_another_turn_at_the_rate_they_do():
     assert np.linalg.norm(turn[0]) == pytest.approx(np.pi)
     assert turn[1, 0] == pytest.approx(0.05 * FPS * HINGE)
     assert turn[2, 0] == pytest.approx(np.zeros(3), abs=1e-6)
+
+
+@pytest.mark.parametrize("apart_m", [0.1, 0.4])
+def test_a_dance_does_not_come_to_rest_at_a_transition(apart_m):
+    """Of two bodies that walk at the same speed, one ahead: the dance catches up, and slows down nowhere."""
+    speed_m_s = 0.5
+    ahead = np.stack([speed_m_s * SINCE_S, np.zeros(LENGTH), np.zeros(LENGTH)], axis=1)
+    still = bent(np.zeros(LENGTH))[1]
+    root, _ = joined((ahead, still), (ahead + np.array([apart_m, 0.0, 0.0]), still))
+    danced_m_s = np.diff(root[:, 0]) * FPS
+    assert danced_m_s.min() > 0.99 * speed_m_s
+    assert danced_m_s.argmax() == pytest.approx(JOIN, abs=2)
+    assert danced_m_s.max() == pytest.approx(speed_m_s + 1.875 * apart_m / 0.8, rel=0.01)
