@@ -91,14 +91,18 @@ class Plan:
     closing_s: float | None = None  # from then on it holds its last one; None: it dances to the end
 
     @property
+    def danced_until_s(self) -> float:
+        """When the dance closes, or ends if it holds no last pose."""
+        return self.duration_s if self.closing_s is None else self.closing_s
+
+    @property
     def blocks(self) -> tuple[Block, ...]:
         """What is danced from when to when, in order: the words, and the seconds where there is no word.
 
         The first also holds the first pose, and the last one the last.
         """
         blocks = self.planned_blocks
-        end_s = self.duration_s if self.closing_s is None else self.closing_s
-        danced = [b for b in blocks if b.end_s > self.opening_s and b.start_s < end_s]
+        danced = [b for b in blocks if b.end_s > self.opening_s and b.start_s < self.danced_until_s]
         if danced:
             danced[0] = replace(danced[0], start_s=0.0)
             danced[-1] = replace(danced[-1], end_s=self.duration_s)
@@ -190,10 +194,10 @@ class Plan:
             raise FormatError(f"{name}: {error}") from error
         if self.duration_s <= 0:
             raise FormatError(f"{name}: expected a duration_s above 0, got {self.duration_s}")
-        end_s = self.duration_s if self.closing_s is None else self.closing_s
-        if not 0 <= self.opening_s < end_s <= self.duration_s:
+        if not 0 <= self.opening_s < self.danced_until_s <= self.duration_s:
             raise FormatError(
-                f"{name}: expected 0 <= opening_s < closing_s <= duration_s, got {self.opening_s} to {end_s}"
+                f"{name}: expected 0 <= opening_s < closing_s <= duration_s, got {self.opening_s} to "
+                f"{self.danced_until_s}"
             )
         if len(self.music_beat_numbers) not in (0, len(self.music_beats_s)):
             raise FormatError(f"{name}: expected a music_beat_number for each of the music_beats_s, or none")

@@ -1,18 +1,23 @@
-"""Material for preview pages: plans for synthetic motions, and a song with a click at every full second."""
+"""Preview pages: plans for synthetic motions, a song with a click at every full second, pages of both."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import soundfile
+from synthetic_motions import swaying
 
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan, PlannedSecond
+from choreograph.preview.page import write_page
 from choreograph.takes import Credits
 
 TAKES = ("anna-waltz", "ben-house", "cleo-salsa")
 SEGMENT_S = 2
+FPS = 60.0
+DANCE = swaying(480, fps=FPS)  # 8 s
 
 
 def plan_for(motion: Motion, *, takes: tuple[str, ...] = TAKES) -> Plan:
@@ -48,3 +53,15 @@ def write_seconds(path: Path, *, duration_s: float, rate_hz: int = 44100) -> Pat
         samples[second * rate_hz :][: len(click)] += click[: len(samples) - second * rate_hz, None]
     soundfile.write(path, samples.astype(np.float32), rate_hz)
     return path
+
+
+def write_pages(folder: Path) -> Path:
+    """`DANCE` with its song (song.html), without (silent.html) and with a broken one (broken.html)."""
+    song = write_seconds(folder / "song.wav", duration_s=9.0)
+    options = {"motion_beats_s": np.arange(0.25, 8.0, 0.5), "title": "A dance"}
+    write_page(folder / "song.html", DANCE, plan_for(DANCE), song_path=song, **options)
+    write_page(folder / "silent.html", DANCE, plan_for(DANCE), song_path=None, **options)
+    text = (folder / "song.html").read_text(encoding="utf-8")
+    broken = re.sub(r'(id="sound">)[^<]{4000}', r"\g<1>" + "AAAA" * 1000, text)
+    (folder / "broken.html").write_text(broken, encoding="utf-8")
+    return folder

@@ -68,7 +68,7 @@ def _length_s(
     span = slice(at_s - 2.0 / fps, at_s + 2.0 / fps)
     a, b = (sample_run(run.cut(span.start, span.stop), read_motion, fps, 1) for run in (before, after))
     offset_m, rate_m_s = _offset(a, b, fps)
-    # Each side takes half of the offset: the peaks of what brings it to rest are 2.9 x / T² and 3.9 v / T.
+    # Each side takes half of the offset: to bring it to rest takes 2.9 x / T² and at most 4 v / T.
     peaks = [np.max(1.45 * offset_m / length**2 + 2.0 * rate_m_s / length) for length in options]
     return next(
         (length for length, peak in zip(options, peaks, strict=True) if peak <= _EASY_M_S2), options[-1]

@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 _BLENDED_SHARE = 0.5  # of a run may be blended at either end, so that its middle stays as recorded
 _LEAST_JERK_SPEED = 1.875  # in the middle of a way of least jerk, by its mean speed
-_RATE_SHARE = 0.7  # of a transition's length, in which a difference of velocity is taken up
+_RATE_S = 0.4  # the longest that a difference of velocity is taken up in: the longer, the further it swings
 _MAX_SWING = 0.1  # m or rad, by which a difference of acceleration may swing a side out
 _SWING_OF_ACCELERATION = 0.01728  # of a T²: the peak of t² / 2 (1 - t / T)³ a
 _FORWARDS = np.array([1.0, 1.0, 1.0])
@@ -89,15 +89,15 @@ def decay_rate(
 
     Held at zero, a side swings out by 0.2 rate × time: legs are thrown beyond straight. Where both sides
     share the offset, neither is held: they start from the same value against the rate, so that the path cuts
-    the corner between a and b, and need less time for it. Acceleration is continuous, but for one that would
-    swing a joint by over 0.1 rad.
+    the corner between a and b. Acceleration is continuous, but for one that would swing a joint by over
+    0.1 rad.
     """
     swing = _SWING_OF_ACCELERATION * length_s**2 * np.linalg.norm(acceleration, axis=-1, keepdims=True)
     bend = acceleration * np.minimum(1.0, _MAX_SWING / np.maximum(swing, 1e-9))
     zero = np.zeros_like(rate)
     if not shared:
         return decay_offset(np.stack([zero, rate, bend]), times_s, length_s)
-    d = _RATE_SHARE * length_s
+    d = min(length_s, _RATE_S)
     # Half way between the quintic held at zero and -rate d / 3 (1 - t / d)³, which does not swing at all.
     corner = np.stack([-rate * d / 6, rate, -rate / d])
     return decay_offset(corner, times_s, d) + decay_offset(np.stack([zero, zero, bend]), times_s, length_s)

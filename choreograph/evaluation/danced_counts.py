@@ -117,6 +117,7 @@ def _without_doubles(times_s: Floats, lengths: list[int]) -> NDArray[np.bool_]:
 
 def _danced(plan: Plan, times_s: Floats) -> NDArray[np.bool_]:
     """Whether the dance moves at each time: after its opening pose, and up to its closing one."""
-    end_s = plan.duration_s if plan.closing_s is None else plan.closing_s
     first_s = max(-_ROUNDING_S, plan.opening_s - _OVERLAP_S)
-    return (times_s >= first_s) & (times_s <= min(plan.duration_s + _ROUNDING_S, end_s + _OVERLAP_S))
+    return (times_s >= first_s) & (
+        times_s <= min(plan.duration_s + _ROUNDING_S, plan.danced_until_s + _OVERLAP_S)
+    )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from choreograph.errors import ParameterError
+from choreograph.metrics import counts
 from choreograph.metrics.counts import WITHIN_BEATS, beat_positions
 
 Floats = NDArray[np.float64]
@@ -102,10 +103,11 @@ def uniform_chance(metre: int) -> dict[str, float]:
 
     Raises `ParameterError` unless the metre is 1 or more.
     """
-    if metre < 1:
-        raise ParameterError(f"expected a metre of 1 or more, got {metre}")
-    on_beat = 2.0 * WITHIN_BEATS
-    return {"transitions_on_counts": on_beat, "transitions_at_bar_borders": on_beat / metre}
+    of_counts = counts.uniform_chance(metre)
+    return {
+        "transitions_on_counts": of_counts["counts_within"],
+        "transitions_at_bar_borders": of_counts["downbeat_share"],
+    }
 
 
 def _has_bars(beat_numbers: ArrayLike) -> bool:

@@ -26,7 +26,8 @@ NO_TRACK = -1
 _MIN_COUNTS = 4
 _STIFFNESS = 20.0  # of beat times against the third difference of the grid: jitter of 10 ms is evened out,
 _MAX_SHIFT_S = 0.03  # but no beat is moved further, however suddenly the tempo changes
-_PADDING = 64  # counts beyond both ends, at the period there
+_PADDING = 64  # counts beyond both ends, at the period there,
+_DANCED_PADDING = 4  # of which a map may use these: that far a take hardly leaves its counts
 _MAX_SHIFTS = 9  # tried around the middle of a clip: two bars of four to each side
 _INSIDE_FIGURE = 0.6
 _ON_BEAT = 1e-9  # of a beat, by which rounding moves one across a border
@@ -161,6 +162,11 @@ class TakeGrids:
             index[here] = np.interp(times_s[here], self.times_s[rows], np.arange(self.n_counts[one]))
         return index
 
+    def reaches(self, take: NDArray[np.integer], index: Floats) -> NDArray[np.bool_]:
+        """Whether spans of count indices (K, 2) are counted, but for a few counts beyond the known ones."""
+        first, last = _PADDING - _DANCED_PADDING, (self.n_counts - 1 - _PADDING + _DANCED_PADDING)[take]
+        return (index[:, 0] >= first) & (index[:, 1] <= last)
+
     def number_at(self, take: NDArray[np.integer], index: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers in the bar of counts by index (K, Q)."""
         return self.numbers[self._row(take, index)]
@@ -230,7 +236,8 @@ def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips)
 
     Of the shifts that keep the 4 s inside the clip and its slope in [0.5, 2], each clip gets the one with the
     most numbers in the bar as in the song, and of those the nearest to its middle 4 s, which its style vector
-    describes. Clips of takes without counts, and those for which no shift remains, get no map.
+    describes. Clips of takes without counts, and those for which no shift remains, get no map; nor do those
+    of a part of a take that nobody counted, but for 4 counts beyond the part that is.
     """
     takes, song = clips.takes, clips.song
     candidates = np.flatnonzero(takes.counted[clips.take[clip]])
@@ -243,8 +250,10 @@ def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips)
     shift = np.zeros(len(counted), np.int64)
     for step in range(-_MAX_SHIFTS + 1, _MAX_SHIFTS):
         tried = (nearest + step).astype(np.int64)
-        ends_s = takes.source_s(take, index[[0, -1]] + tried[:, None]) - start_s[:, None]  # (K', 2)
+        ends = index[[0, -1]] + tried[:, None]  # (K', 2)
+        ends_s = takes.source_s(take, ends) - start_s[:, None]
         inside = (ends_s[:, 0] >= 0) & (ends_s[:, 1] <= (CLIP_FRAMES - 1) / NET_FPS)
+        inside &= takes.reaches(take, ends)
         off_bar = _off_bar(song, takes, take, beats, tried).mean(axis=1) if len(beats) else 0.0
         # A bar that fits is worth more than any distance from the middle.
         cost = np.where(inside, 100.0 * off_bar + np.abs(tried + index[0] - wanted), np.inf)

@@ -158,9 +158,9 @@ def test_a_fast_knee_is_not_thrown_beyond_straight(speed_rad_s, who):
     angle = (rot.to_rotvec(quat[:, 1]) @ HINGE)[near]
     cut = straight + speed_rad_s * np.maximum(-sign * SINCE_S, 0.0)[near]
     scale = speed_rad_s * 0.4
-    assert angle.min() > straight - 0.022 * scale  # 0.1 if both sides were held at the other's pose
-    assert np.abs(angle - cut).max() < 0.06 * scale
-    assert np.abs(np.diff(angle, n=2)).max() * FPS**2 < 2.0 * speed_rad_s / 0.4
+    assert angle.min() > straight - 0.031 * scale  # 0.1 if both sides were held at the other's pose
+    assert np.abs(angle - cut).max() < 0.085 * scale
+    assert np.abs(np.diff(angle, n=2)).max() * FPS**2 < 1.4 * speed_rad_s / 0.4
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.1, 1.0))
@@ -172,7 +172,7 @@ def test_what_is_shared_swings_little_and_what_is_not_starts_at_zero(seed, lengt
     )
     along = rate / np.linalg.norm(rate, axis=-1, keepdims=True) ** 2
     swings = [(path * along).sum(-1).max() / length_s for path in (shared, alone)]
-    assert swings == pytest.approx([0.042, 0.198], abs=1e-3)
+    assert swings == pytest.approx([0.0604 * min(1.0, 0.4 / length_s), 0.1975], abs=1e-3)
     assert np.array_equal(alone[0], np.zeros_like(rate))
     assert np.allclose(shared[-1], 0, atol=1e-12) and np.allclose(alone[-1], 0, atol=1e-12)
     for path in (shared, alone):

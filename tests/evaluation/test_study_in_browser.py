@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from browsers import SWIFTSHADER, note_complaints, until
+from browsers import SWIFTSHADER, opening_pages, until
 from synthetic_studies import read_key, small_study
 
 from choreograph.evaluation.study_results import read_study
@@ -29,22 +29,14 @@ def study(tmp_path) -> Path:
 @pytest.fixture
 def opened(browser, study):
     """Open the study; any error or outside request of the page fails the test."""
-    contexts, complaints = [], []
+    drawn = "window.choreograph !== undefined && choreograph.framesDrawn > 0"
+    with opening_pages(browser, drawn) as open_page:
 
-    def open_page(context=None, **options):
-        if context is None:
-            context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
-            contexts.append(context)
-        page = context.new_page()
-        note_complaints(page, complaints)
-        page.goto((study / "study.html").as_uri())
-        until(page, "window.choreograph !== undefined && choreograph.framesDrawn > 0", timeout_s=20)
-        return page
+        def opened_study(context=None, **options):
+            options = {"viewport": {"width": 1280, "height": 800}, **options}
+            return open_page(study / "study.html", context=context, **options)
 
-    yield open_page
-    for context in contexts:
-        context.close()
-    assert complaints == []
+        yield opened_study
 
 
 def saved(page, folder: Path) -> Path:

@@ -166,6 +166,20 @@ def test_takes_without_counts_get_no_map():
     assert len(maps_at(2, laid(counted(0.5), [NO_COUNTS])).candidates) == 0
 
 
+@pytest.mark.parametrize("period_s", [0.4, 0.5])
+def test_a_part_of_a_take_that_nobody_counted_is_not_laid_on_beats(period_s):
+    """Of a take of 30 s, 10 to 20 s are counted: four counts more at either end may be danced."""
+    known = counted(period_s, first_s=10.0, length_s=20.0)
+    clips = laid(counted(0.5, length_s=26.0), [known])
+    maps = maps_at(5, clips)
+    source_s = clips.start_s[maps.candidates, None] + maps.time_maps / NET_FPS
+    more_s = 4 * period_s + 1e-6
+    assert source_s.min() >= known.times_s[0] - more_s and source_s.max() <= known.times_s[-1] + more_s
+    assert source_s.min() < known.times_s[0] < known.times_s[-1] < source_s.max()
+    laid_s = clips.start_s[maps.candidates]
+    assert set(range(8, 15)) <= set(laid_s) and laid_s.min() >= 2 and laid_s.max() <= 20
+
+
 def test_a_song_of_few_beats_has_no_grid():
     assert SongGrid.of(NO_COUNTS, 10.0) is None
     assert SongGrid.of(counted(0.5, length_s=1.2), 10.0) is None
