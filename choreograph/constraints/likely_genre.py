@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 _NEAREST = "no genre given: it follows {}, whose takes are nearest to the song in style"
 _FALLBACK = "no genre given: style does not decide on one, so it follows all takes together"
 _PER_DISTANCE = 0.025  # loss per squared distance, of which neighbouring seconds are much the same
+_FAR = 20.0  # squared distance beyond the nearest genre's: a few odd seconds do not decide for a section
 _OTHER_METRE = 0.3  # loss added to a genre none of whose takes has the metre of a second
 # What another genre must gain, summed over seconds, to be followed from a second on.
 _CHANGE_OF_TEMPO = 0.3  # where a section begins at another tempo or metre
@@ -111,10 +112,9 @@ def _genre_losses(
         return [], np.zeros((song_features.n_seconds, 0))
     of_clip = np.array([genres.index(g) if g in genres else -1 for g in of_take])[repertoire.clip_take]
     known = of_clip >= 0
-    of_genre = _PER_DISTANCE * genre_distances(
-        song_features.style, repertoire.clip_style[known], of_clip[known]
-    )
-    return genres, _within_sections(of_genre, song_features) + _metre_losses(
+    away = genre_distances(song_features.style, repertoire.clip_style[known], of_clip[known])
+    away = np.minimum(away - away.min(axis=1, keepdims=True), _FAR)
+    return genres, _within_sections(_PER_DISTANCE * away, song_features) + _metre_losses(
         song_features, repertoire, of_take, genres
     )
 
