@@ -21,11 +21,11 @@ from choreograph.features.metrical_level import (
     joined,
     metrical_levels,
     tempo_bpm,
-    tempo_part_bounds_s,
 )
 from choreograph.features.music_beats import DEFAULT_TRACKER, TRACKERS
+from choreograph.features.music_changes import at_changes, change_times_s
 from choreograph.features.phrasing import dance_span_s
-from choreograph.features.sections import song_sections
+from choreograph.features.sections import Sections, song_sections
 from choreograph.features.song_counts import song_counts
 from choreograph.features.song_features import SongFeatures
 from choreograph.features.tempogram import rhythm_features
@@ -55,9 +55,11 @@ def analyse_song(
         style = np.zeros((n_seconds, repertoire.clip_style.shape[1]), np.float32)
         beat_count = np.zeros(n_seconds, np.float32)
     counts = song_counts(song, mel, beats, start_s=start_s)
+    sections = _sections(song, counts)
     if str(beats) in TRACKERS:
-        tracked, counts = counts, _danceable(counts, song, mel, repertoire, style)
+        tracked, counts = counts, _danceable(counts, song, mel, sections, repertoire, style)
         if counts is not tracked:
+            sections = _sections(song, counts)
             notes.append(
                 f"{song.name}: counted at {tempo_bpm(counts):.0f} BPM rather than the tracked "
                 f"{tempo_bpm(tracked):.0f}, which the takes nearest in style are danced at"
@@ -72,7 +74,7 @@ def analyse_song(
         style,
         beat_count,
         _wanted_density(repertoire, mel, counts.times_s, n_seconds),
-        song_sections(song.samples, counts.times_s, downbeat_times_s=counts.downbeat_times_s),
+        sections,
         energy_per_second(song.samples, n_seconds),
         opening_s,
         closing_s,
@@ -80,19 +82,33 @@ def analyse_song(
     return features, tuple(notes)
 
 
+def _sections(song: Song, counts: Counts) -> Sections:
+    return song_sections(
+        song.samples,
+        counts.times_s,
+        downbeat_times_s=counts.downbeat_times_s,
+        change_times_s=change_times_s(counts),
+    )
+
+
 def _danceable(
-    tracked: Counts, song: Song, mel: NDArray[np.float32], repertoire: Repertoire, style: NDArray[np.float32]
+    tracked: Counts,
+    song: Song,
+    mel: NDArray[np.float32],
+    sections: Sections,
+    repertoire: Repertoire,
+    style: NDArray[np.float32],
 ) -> Counts:
     """The song's counts, each part at the metrical level that suits the takes: see `features.metrical_level`.
 
-    A part is as long as the tracked tempo stays the same.
+    A part is as long as the tracked tempo and metre stay the same.
     """
     takes = [i for i in range(len(repertoire.takes)) if repertoire.counts(i).has_bars]
     if not takes or not tracked.has_bars:
         return tracked
     levels = metrical_levels(song.samples, mel, tracked)
-    sections = song_sections(song.samples, tracked.times_s, downbeat_times_s=tracked.downbeat_times_s)
-    bounds_s = tempo_part_bounds_s(tracked, sections.bounds_s)
+    bounds_s = sections.bounds_s[1:-1]
+    bounds_s = np.r_[-np.inf, bounds_s[at_changes(bounds_s, change_times_s(tracked))], np.inf]
     if len(bounds_s) == 2:
         return choose_level(levels, *_take_tempi(repertoire, takes, style))
     chosen = []

@@ -10,6 +10,7 @@ from choreograph import song_analysis
 from choreograph.audio.song import load_song
 from choreograph.counts import make_counts, numbers_in_bar
 from choreograph.features.metrical_level import tempo_bpm
+from choreograph.features.sections import Sections
 from choreograph.repertoire import Repertoire, write_repertoire
 from choreograph.song_analysis import analyse_song
 
@@ -57,7 +58,9 @@ def test_takes_without_counts_leave_the_tracked_level(clicks, repertoire):
 
 def test_parts_that_keep_the_tracked_level_are_the_tracked_counts(clicks, tmp_path, monkeypatch):
     """A change of tempo that changes no level is not noted as one."""
-    monkeypatch.setattr(song_analysis, "tempo_part_bounds_s", lambda *_: np.array([-np.inf, 10.1, np.inf]))
+    halves = Sections(np.array([0.25, 10.1, 20.0]), np.arange(2))
+    monkeypatch.setattr(song_analysis, "song_sections", lambda *_, **__: halves)
+    monkeypatch.setattr(song_analysis, "change_times_s", lambda _: np.array([10.1]))
     features, notes = analyse_song(clicks, repertoire_at(tmp_path, 118.0))
     assert tempo_bpm(features.counts) == pytest.approx(120, rel=0.02)
     assert not any("rather than the tracked" in note for note in notes)

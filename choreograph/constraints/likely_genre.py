@@ -7,22 +7,24 @@ from numpy.typing import NDArray
 
 from choreograph.constraints.resolve import target_goal
 from choreograph.constraints.spec import Constraints
+from choreograph.features.music_changes import at_changes, change_times_s
 from choreograph.features.song_features import SongFeatures
 from choreograph.motifs.goals import MotifGoal
 from choreograph.motifs.vocabulary import ALL_GENRES
 from choreograph.repertoire import Repertoire
-from choreograph.selection import take_losses
+from choreograph.selection import genre_distances
 
 Floats = NDArray[np.float64]
 
 _NEAREST = "no genre given: it follows {}, whose takes are nearest to the song in style"
 _FALLBACK = "no genre given: style does not decide on one, so it follows all takes together"
-_OTHER_METRE = 0.3  # style loss added to a genre none of whose takes has the metre of a second
+_PER_DISTANCE = 0.025  # loss per squared distance, of which neighbouring seconds are much the same
+_FAR = 20.0  # squared distance beyond the nearest genre's: a few odd seconds do not decide for a section
+_OTHER_METRE = 0.3  # loss added to a genre none of whose takes has the metre of a second
 # What another genre must gain, summed over seconds, to be followed from a second on.
 _CHANGE_OF_TEMPO = 0.3  # where a section begins at another tempo or metre
-_CHANGE_AT_SECTION = 2.0
+_CHANGE_AT_SECTION = 3.0
 _CHANGE_INSIDE = 6.0
-_OTHER_TEMPO_OCTAVES = 0.06  # 4 %
 _SEGMENT_S = 4  # seconds that the style of a second describes
 
 
@@ -47,7 +49,7 @@ def genre_note(genres: list[str]) -> str:
 
 
 def likely_genre(song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints) -> str:
-    """The genre whose best clips have the least style loss over the whole song, of those not banned;
+    """The genre nearest in style over the whole song, of those not banned;
     `ALL_GENRES` without style networks, or if no take has a genre."""
     genres, losses = _genre_losses(song_features, repertoire, constraints)
     return genres[int(np.argmin(losses.mean(axis=0)))] if genres else ALL_GENRES
@@ -83,23 +85,8 @@ def _change_losses(song_features: SongFeatures) -> Floats:
     change_loss = np.full(song_features.n_seconds, _CHANGE_INSIDE)
     starts = _section_starts(song_features)
     change_loss[starts] = _CHANGE_AT_SECTION
-    metre, period_s = song_metre_at(song_features), _period_at_s(song_features)
-    for start in starts[(starts >= 2) & (starts < song_features.n_seconds - 2)]:
-        before, after = start - 2, start + 2
-        other_tempo = abs(np.log2(period_s[after] / period_s[before])) > _OTHER_TEMPO_OCTAVES
-        if other_tempo or metre[after] != metre[before]:
-            change_loss[start] = _CHANGE_OF_TEMPO
+    change_loss[starts[at_changes(starts, change_times_s(song_features.counts))]] = _CHANGE_OF_TEMPO
     return change_loss
-
-
-def _period_at_s(song_features: SongFeatures) -> Floats:
-    """Seconds from beat to beat around the middle of each second, (S,): the median of five, or 1."""
-    times_s = song_features.counts.times_s
-    if len(times_s) < 6:
-        return np.ones(song_features.n_seconds)
-    beat = np.searchsorted(times_s, np.arange(song_features.n_seconds) + 0.5)
-    near = np.clip(beat[:, None] + np.arange(-3, 2), 0, len(times_s) - 2)
-    return np.median(np.diff(times_s)[near], axis=1)
 
 
 def _section_starts(song_features: SongFeatures) -> NDArray[np.int64]:
@@ -114,8 +101,8 @@ def _genre_losses(
 ) -> tuple[list[str], Floats]:
     """The genres that may be danced, and the loss of each second and genre (S, G); no genre if unknown.
 
-    The loss of the best take of a genre, in the 4 s that lie around the second as far as its section does,
-    and more for genres of another metre than the song has there.
+    The distance of a genre's clips in style, in the 4 s around the second as far as its section reaches, and
+    more for genres of another metre than the song has there.
     """
     banned = {ban.genre for ban in constraints.bans}
     of_take = np.array([take.credits.genre for take in repertoire.takes])
@@ -123,12 +110,11 @@ def _genre_losses(
     genres = [genre for genre in repertoire.vocabulary.genres if genre in with_clips - banned]
     if not genres or "style" not in repertoire.net_names:
         return [], np.zeros((song_features.n_seconds, 0))
-    losses = take_losses(
-        song_features.style, song_features.beat_count, repertoire.clip_style, repertoire.clip_beat_count,
-        repertoire.clip_take, n_takes=len(repertoire.takes), beat_weight=repertoire.selection_beat_weight,
-    )  # fmt: skip
-    of_genre = np.stack([losses[:, of_take == genre].min(axis=1) for genre in genres], axis=1)
-    return genres, _within_sections(of_genre, song_features) + _metre_losses(
+    of_clip = np.array([genres.index(g) if g in genres else -1 for g in of_take])[repertoire.clip_take]
+    known = of_clip >= 0
+    away = genre_distances(song_features.style, repertoire.clip_style[known], of_clip[known])
+    away = np.minimum(away - away.min(axis=1, keepdims=True), _FAR)
+    return genres, _within_sections(_PER_DISTANCE * away, song_features) + _metre_losses(
         song_features, repertoire, of_take, genres
     )
 

@@ -11,6 +11,7 @@ music_beats    beat trackers behind one interface
 tempo_path     beat tracking with a varying tempo, the default tracker
 beat_evidence  accents, changes and repeats at every beat
 bars           numbers in the bar and metre of beats
+music_changes  where the tempo or the metre changes for good
 metrical_level half or double of the tracked tempo, by what takes are danced at
 beat_files     beats and their numbers from a text file
 song_counts    beats and bars of a song, by a tracker or from a file

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from choreograph.counts import Counts
 from choreograph.features.bars import track_bars
+from choreograph.features.music_changes import part_metre
 from choreograph.features.tempo_path import onset_strength
 from choreograph.timebase import MUSIC_FPS, times_to_frames
 
 Floats = NDArray[np.float64]
 
 _CLEARLY_NEARER = 0.4  # octaves
-_OTHER_TEMPO_OCTAVES = 0.085  # 6 %
 _OTHER_METRE = 0.8  # octaves that bars of another metre than the takes' are worth
 _SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # that anybody counts at
 
@@ -83,29 +83,14 @@ def choose_level(
     return levels[nearest] if distances[nearest] < distances[0] - _CLEARLY_NEARER else levels[0]
 
 
-def tempo_part_bounds_s(counts: Counts, section_bounds_s: Floats) -> Floats:
-    """The bounds (P + 1,) of the parts of a song in each of which the tempo stays the same.
-
-    They are bounds of sections at which the median of six beat periods changes by more than 6 %.
-    """
-    beats_s = counts.times_s
-    bounds_s = [-np.inf]
-    for at_s in section_bounds_s[1:-1]:
-        beat = int(np.searchsorted(beats_s, at_s))
-        before, after = (np.diff(beats_s[max(0, low) : low + 7]) for low in (beat - 8, beat + 1))
-        if min(len(before), len(after)) >= 4:
-            octaves = np.log2(np.median(after) / np.median(before))
-            if abs(octaves) > _OTHER_TEMPO_OCTAVES:
-                bounds_s.append(float(at_s))
-    return np.array([*bounds_s, np.inf])
-
-
 def between(counts: Counts, start_s: float, stop_s: float) -> Counts:
-    """The counts of a part of a song, at their times in the song; its metre is that of most of its beats."""
+    """The counts of a part of a song, at their times in the song; its metre is that of its bars.
+
+    See `features.music_changes.part_metre`.
+    """
     inside = (counts.times_s >= start_s) & (counts.times_s < stop_s)
     numbers = counts.numbers[inside]
-    bars = np.diff(np.flatnonzero(numbers == 1))
-    metre = int(np.bincount(bars).argmax()) if len(bars) else counts.metre
+    metre = part_metre(np.diff(np.flatnonzero(numbers == 1)), counts.metre)
     return replace(counts, times_s=counts.times_s[inside], numbers=numbers, metre=metre)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
+from choreograph.features.music_changes import SAME_S
 from choreograph.features.spectral import SPECTRAL_COLUMNS, spectral_features
 
 Floats = NDArray[np.float64]
@@ -18,6 +19,10 @@ _MIN_BEATS = 8
 _SAME_SECTION_DISTANCE = 0.35  # of the features' deviation: closer sections, on average, are repeats
 # Weights of standardised groups. Timbre separates sections better than harmony; both together do best.
 _GROUP_WEIGHTS = {"chroma_cens": 0.5, "mel_db": 1.0, "mfcc": 1.0}
+
+
+_CHANGE_REACH_S = 4.0  # drums may change a bar before the cut, and a tracker follows a beat or two late
+_NONE = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +41,15 @@ def song_sections(
     beat_times_s: NDArray[np.floating],
     *,
     downbeat_times_s: NDArray[np.floating] | None = None,
+    change_times_s: NDArray[np.floating] = _NONE,
 ) -> Sections:
     """The sections of a song, mono at 22.05 kHz, bounded by beats (Q,): by downbeats where those are given.
 
     Neighbouring bars (beats, if downbeats are not known) are merged by Ward's criterion (librosa's
     agglomerative segmentation) to one section per 12 s, those shorter than 6 s with the neighbour that is
-    more like them, and sections with similar mean features get one label. It takes at least 17 beats.
+    more like them, and sections with similar mean features get one label. A bound 1.5 to 4 s from one of
+    the beats `change_times_s` (C,), where other music is known to begin (see `features.music_changes`), is
+    moved there. It takes at least 17 beats.
 
     Raises `ParameterError` as `spectral_features` does.
     """
@@ -53,7 +61,7 @@ def song_sections(
         units = np.arange(len(beat_features))
     else:
         units = np.union1d(0, np.flatnonzero(np.isin(beats_s[:-1], downbeat_times_s)))
-    starts = _section_starts(beat_features, beats_s, units)
+    starts = _moved_to_changes(_section_starts(beat_features, beats_s, units), beats_s, change_times_s)
     means = _means(beat_features, starts)
     threshold = _SAME_SECTION_DISTANCE * np.sqrt(np.square(beat_features).sum(axis=1).mean())
     if len(means) == 1:
@@ -81,6 +89,19 @@ def _section_starts(beat_features: Floats, beats_s: Floats, units: NDArray[np.in
         after = away[shortest] if shortest < len(away) else np.inf
         starts = np.delete(starts, shortest if before <= after else shortest + 1)
     return starts
+
+
+def _moved_to_changes(
+    starts: NDArray[np.int64], beats_s: Floats, change_times_s: NDArray[np.floating]
+) -> NDArray[np.int64]:
+    """First beats of sections (S,), those that miss a change by about a bar at its beat."""
+    moved = starts.copy()
+    for change_s in change_times_s:
+        away_s = np.abs(beats_s[moved] - change_s)
+        away_s[0] = np.inf  # the first section begins with the song
+        if SAME_S < away_s.min() <= _CHANGE_REACH_S:
+            moved[away_s.argmin()] = np.abs(beats_s - change_s).argmin()
+    return np.unique(moved)
 
 
 def _means(beat_features: Floats, starts: NDArray[np.int64]) -> Floats:

@@ -88,25 +88,3 @@ def style_losses(
             start,
             loss + beat_weight * np.abs(music_beat_count[start : start + block, None] - clip_beat_count),
         )
-
-
-def take_losses(
-    music_style: NDArray[np.floating],
-    music_beat_count: NDArray[np.floating],
-    clip_style: NDArray[np.floating],
-    clip_beat_count: NDArray[np.floating],
-    clip_take: NDArray[np.integer],
-    *,
-    n_takes: int,
-    beat_weight: float,
-) -> NDArray[np.float32]:
-    """The loss of each take's best clip, (S, takes); inf for a take without clips."""
-    best = np.full((len(music_style), n_takes), np.inf, np.float32)
-    order = np.argsort(clip_take, kind="stable")
-    takes, firsts = np.unique(clip_take[order], return_index=True)
-    losses = style_losses(
-        music_style, music_beat_count, clip_style, clip_beat_count, beat_weight=beat_weight
-    )  # fmt: skip
-    for start, loss in losses:
-        best[start : start + len(loss), takes] = np.minimum.reduceat(loss[:, order], firsts, axis=1)
-    return best

@@ -12,7 +12,6 @@ from choreograph.features.metrical_level import (
     joined,
     metrical_levels,
     tempo_bpm,
-    tempo_part_bounds_s,
 )
 from choreograph.timebase import SAMPLE_RATE_HZ
 
@@ -110,15 +109,6 @@ def spliced() -> Counts:
     return make_counts(times_s, np.r_[numbers_in_bar(32, 4), numbers_in_bar(len(times_s) - 32, 3)], 4)
 
 
-def test_parts_begin_at_sections_where_the_tempo_changes():
-    sections_s = np.array([0.0, 8.0, 16.0, 24.0, 32.0])
-    assert tempo_part_bounds_s(spliced(), sections_s).tolist() == [-np.inf, 16.0, np.inf]
-    assert tempo_part_bounds_s(counted(100), sections_s).tolist() == [-np.inf, np.inf]
-    assert tempo_part_bounds_s(spliced(), np.zeros(0)).tolist() == [-np.inf, np.inf]
-    few = Counts(np.array([0.5, 1.0]), np.zeros(2, np.int64), 0)
-    assert tempo_part_bounds_s(few, sections_s).tolist() == [-np.inf, np.inf]
-
-
 def test_a_part_has_its_own_metre_and_parts_are_joined_again():
     whole = spliced()
     parts = [between(whole, -np.inf, 16.0), between(whole, 16.0, np.inf)]
@@ -126,6 +116,12 @@ def test_a_part_has_its_own_metre_and_parts_are_joined_again():
     again = joined(parts)
     assert np.array_equal(again.times_s, whole.times_s) and np.array_equal(again.numbers, whole.numbers)
     assert again.metre == 4
+
+
+def test_irregular_bars_do_not_change_the_metre_of_a_part():
+    lost_beats = np.r_[numbers_in_bar(3, 4), numbers_in_bar(3, 4), numbers_in_bar(8, 4), numbers_in_bar(8, 4)]
+    counts = make_counts(0.5 * np.arange(len(lost_beats)), lost_beats, 4)
+    assert between(counts, 0.0, 7.0).metre == 4  # two whole bars of three, one of four
 
 
 def test_a_beat_too_close_to_the_part_before_is_left_out():

@@ -75,3 +75,16 @@ def test_a_splice_is_a_border():
     border = int(np.abs(sections.bounds_s - 18).argmin())
     assert abs(sections.bounds_s[border] - 18) < 2
     assert not set(sections.labels[:border]) & set(sections.labels[border:])
+
+
+@pytest.mark.parametrize(("late_s", "moved"), [(2.0, True), (3.5, True), (1.0, False), (5.0, False)])
+def test_a_border_a_bar_from_a_known_change_is_moved_there(late_s, moved):
+    songs = [render_song(genre, duration_s=24.0, seed=6100) for genre in ("house", "waltz")]
+    mono = np.concatenate([song.samples.mean(axis=1)[: 36 * SAMPLE_RATE_HZ : 2] for song in songs])
+    beats_s = np.arange(0.2, 35.8, 0.25)
+    plain_s = song_sections(mono, beats_s).bounds_s
+    border = int(np.abs(plain_s[1:-1] - 18).argmin()) + 1
+    change_s = beats_s[np.abs(beats_s - plain_s[border] - late_s).argmin()]
+    found_s = song_sections(mono, beats_s, change_times_s=np.array([change_s])).bounds_s
+    assert (np.abs(found_s - change_s).min() < 0.01) == moved
+    assert (np.abs(found_s - plain_s[border]).min() < 0.01) != moved

@@ -55,6 +55,22 @@ def test_a_ramp_is_followed(first, last, swing):
     assert f_score(librosa_beats(mel, len(mel) / 60), times_s) < 0.92  # a tracker with one tempo loses it
 
 
+@pytest.mark.parametrize(("first", "second"), [(84, 124), (124, 84), (90, 175), (132, 100)])
+def test_where_another_tempo_begins_it_is_found_at_once(first, second):
+    """Two loops end to end: neither is played at two thirds or four thirds of its tempo for the other's."""
+    half_s = 18.0
+    starts = np.arange(0.3, half_s, 60 / first)
+    times_s = np.r_[starts, np.arange(starts[-1] + 60 / first, 2 * half_s, 60 / second)]
+    beats = tempo_path_beats(log_mel(drum_loop(times_s)))
+    for bpm, part in ((first, beats[beats < half_s - 1]), (second, beats[beats > half_s + 1])):
+        octaves = np.log2(60 / np.median(np.diff(part)) / bpm)  # half or double tempo is settled elsewhere
+        assert abs(octaves - round(octaves)) < 0.03
+    off_s = np.abs(times_s[:, None] - beats).min(axis=1)
+    heard = np.abs(times_s - half_s) > 1.0
+    at_half_tempo = np.sum(heard & (times_s > half_s)) / np.sum(heard) / 2 if second > 150 else 0.0
+    assert np.mean(off_s[heard] < 0.05) > 0.95 - at_half_tempo
+
+
 @pytest.mark.parametrize("bpm", [80, 96, 120, 138])
 def test_steady_beats_agree_with_librosa_and_the_truth(bpm):
     times_s = 0.3 + np.arange(0, 40, 60 / bpm)
@@ -90,7 +106,7 @@ def test_a_pulse_train_is_found_completely(period, phase, n_frames):
     strength[phase::period] = 1.0
     gain = np.zeros((1, 66))
     gain[0, period - 15] = 0.5
-    beats = best_beat_sequence(strength, gain, n_frames, 15, 200.0)
+    beats = best_beat_sequence(strength, gain, n_frames, 15, 200.0, 100.0)
     inner = beats[(beats > 0) & (beats < n_frames - period)]
     assert set(inner) <= set(range(phase, n_frames, period))
     assert (np.diff(beats) > 0).all()
@@ -105,3 +121,15 @@ def test_onset_strength_does_not_depend_on_loudness():
 def test_another_shape_is_refused():
     with pytest.raises(ParameterError, match="log-mel"):
         tempo_path_beats(np.zeros((10, 4)))
+
+
+def test_a_new_tempo_has_to_be_worth_its_penalty():
+    """A pulse every 30 frames, then one every 41, each scored 0.5 a frame more at its own period."""
+    strength = np.zeros(1200)
+    strength[np.r_[0:600:30, 600:1200:41]] = 1.0
+    gain = np.zeros((2, 66))
+    gain[0, 15], gain[1, 26] = 0.5, 0.5
+    for penalty, found in ((100.0, True), (1e6, False)):
+        beats = best_beat_sequence(strength, gain, 600, 15, 1000.0, penalty)
+        late = beats[(beats > 650) & (beats < 1150)]
+        assert np.isin(late, np.arange(600, 1200, 41)).all() == found

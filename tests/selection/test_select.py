@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.errors import ParameterError
-from choreograph.selection import select, select_clips, take_losses
+from choreograph.selection import select, select_clips
 
 
 def by_hand(music, music_count, clips, clip_count, k, weight):
@@ -79,17 +79,3 @@ def test_penalised_clips_come_last():
         penalty=lambda second: (np.arange(6) < 4 + second).astype(float),
     )  # fmt: skip
     assert chosen.tolist() == [[4, 5], [5, 0]]
-
-
-def test_the_loss_of_a_take_is_that_of_its_best_clip():
-    rng = np.random.default_rng(0)
-    music, clips, take = (
-        rng.normal(size=(5, 8)),
-        rng.normal(size=(9, 8)),
-        np.array([0, 0, 2, 2, 2, 0, 2, 0, 0]),
-    )
-    loss = take_losses(music, np.zeros(5), clips, np.zeros(9), take, n_takes=3, beat_weight=0.0)
-    distance = np.linalg.norm(music[:, None] - clips[None], axis=2)
-    np.testing.assert_allclose(loss[:, 0], distance[:, take == 0].min(axis=1), rtol=1e-5)
-    np.testing.assert_allclose(loss[:, 2], distance[:, take == 2].min(axis=1), rtol=1e-5)
-    assert np.isinf(loss[:, 1]).all()
