@@ -356,19 +356,44 @@ class Repertoire:
         """First row and one past the last of each take in the flat 20 fps arrays, (takes, 2)."""
         return np.array([take.body for take in self.takes], np.int64)
 
-    @cached_property
-    def clip_liveliness(self) -> NDArray[np.float32]:
-        """Rank of each clip's mean joint speed in its middle 4 s among those of its genre, (N,), 0 … 1."""
-        first = self._clip_body_start + (CLIP_FRAMES - SEGMENT_FRAMES) // 2
-        sums = np.concatenate([[0.0], np.cumsum(self._speed, dtype=np.float64)])
-        speed = sums[first + SEGMENT_FRAMES] - sums[first]  # (N,)
-        genre = np.array([take.credits.genre for take in self.takes])[self.clip_take]
-        rank = np.full(self.n_clips, 0.5, np.float32)
-        for name in np.unique(genre):
-            clips = np.flatnonzero(genre == name)
-            if len(clips) > 1:
-                rank[clips[np.argsort(speed[clips], kind="stable")]] = np.linspace(0, 1, len(clips))
+    def liveliness(
+        self, clip: NDArray[np.integer], start: NDArray[np.floating], stop: NDArray[np.floating]
+    ) -> NDArray[np.float32]:
+        """Rank (N,), 0 … 1, of clips played from frame `start` to `stop` within a second, in their genre.
+
+        That is the share of the genre's seconds, as recorded, in which joints cover less way on average.
+        """
+        takes = self.clip_take[clip]
+        first, last = self._take_body_rows[takes].T
+        rows = np.clip(self._clip_body_start[clip] + np.stack([start, stop]), first, last - 1)  # (2, N)
+        low = rows.astype(np.int64)
+        high = np.minimum(low + 1, last - 1)
+        way_m = self._path_m[low] + (rows - low) * (self._path_m[high] - self._path_m[low])
+        danced_m = way_m[1] - way_m[0]
+        rank = np.empty(len(takes), np.float32)
+        genre = self._take_genres[takes]
+        for name, ways_m in self._genre_ways_m.items():
+            of_genre = genre == name
+            rank[of_genre] = np.searchsorted(ways_m, danced_m[of_genre]) / max(1, len(ways_m))
         return rank
+
+    @cached_property
+    def _take_genres(self) -> NDArray[np.str_]:
+        return np.array([take.credits.genre for take in self.takes])
+
+    @cached_property
+    def _path_m(self) -> NDArray[np.float64]:
+        """Mean way of the joints up to every 20 fps frame, (B,)."""
+        return np.concatenate([[0.0], np.cumsum(self._speed[:-1], dtype=np.float64)]) / NET_FPS
+
+    @cached_property
+    def _genre_ways_m(self) -> dict[str, NDArray[np.float64]]:
+        """By genre, the mean way of the joints in every second of its takes, in increasing order."""
+        ways_m: dict[str, list[NDArray[np.float64]]] = {}
+        for take in self.takes:
+            path_m = self._path_m[slice(*take.body)]
+            ways_m.setdefault(take.credits.genre, []).append(path_m[NET_FPS:] - path_m[:-NET_FPS])
+        return {genre: np.sort(np.concatenate(of_genre)) for genre, of_genre in ways_m.items()}
 
     @cached_property
     def _root_frame_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
