@@ -10,8 +10,8 @@ from choreograph.evaluation.motif_scores import DancedMotifs, MotifScorer
 from choreograph.evaluation.motion_scores import (
     beat_scores,
     count_scores,
-    energy_scores,
     ending_scores,
+    energy_scores,
     physical_scores,
     second_opinion_scores,
 )
@@ -28,7 +28,7 @@ def dance_scores(
     genre: str = "",
     scorer: MotifScorer | None = None,
 ) -> tuple[Scores, DancedMotifs | None]:
-    """Beats, counts, physics, energy, endings, and what the plan tells; motifs and their scores with a scorer.
+    """Beats, counts, physics, energy, endings, what the plan tells; motifs and their scores with a scorer.
 
     `genre` is that of the song, where it is known.
     """

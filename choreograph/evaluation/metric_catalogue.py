@@ -41,8 +41,8 @@ FAMILIES = {
     "different ways. Experts who are exactly on the count read little more than chance: bodies rest where a "
     "genre's technique has them rest. So compare with experts, not with 1. The beat tracker is named above. "
     "Chance is the same dance shifted in time, with the end wrapped to the start.",
-    "energy": "Loudness of the song's sections against the size of the motion in them: joint speed relative to "
-    "the pelvis, and how far wrists and ankles reach from it. Songs of fewer than three sections or a range "
+    "energy": "Loudness of the song's sections against the size of the motion in them: joint speed relative "
+    "to the pelvis, and the volume of the body's convex hull. Songs of fewer than three sections or a range "
     "below 2 dB are left out. Chance is the same dance turned round in time.",
     "endings": "Whether the dance begins and closes in a held pose: below 0.15 m/s is held.",
     "realism": "Fréchet distance of each dance to the real dances to other songs. A single dance never "
@@ -120,9 +120,15 @@ METRICS: dict[str, Metric] = {
         *_family(
             "energy",
             ("energy_response", "correlation of loudness and joint speed", "", "higher", "ours"),
-            ("energy_response_reach", "correlation of loudness and reach", "", "higher", "ours"),
+            (
+                "energy_response_space",
+                "correlation of loudness and space of the body",
+                "",
+                "higher",
+                "ours",
+            ),
             ("soft_to_loud_speed", "joint speed, softest section / loudest", "", "lower", "ours"),
-            ("soft_to_loud_reach", "reach, softest section / loudest", "", "lower", "ours", 3),
+            ("soft_to_loud_space", "space of the body, softest section / loudest", "", "lower", "ours", 3),
         ),
         *_family(
             "endings",

@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 from choreograph.counts import Counts
 from choreograph.errors import ParameterError
 from choreograph.evaluation.scores import Scores, split_chance
-from choreograph.metrics import beat, counts, endings, energy_response, labels, motion_beat_detectors, physical
+from choreograph.metrics import (
+    beat,
+    counts,
+    endings,
+    energy_response,
+    labels,
+    motion_beat_detectors,
+    physical,
+)
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.motion import Motion

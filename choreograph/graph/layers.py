@@ -21,7 +21,7 @@ _USAGE_DECAY_S = 120.0  # time constant: recent usage falls to 1/e after this ti
 
 
 class PoseBank(Protocol):
-    """What layers need from the repertoire: poses, velocities and liveliness of clips at fractional frames."""
+    """What layers need from the repertoire, of clips at fractional frames."""
 
     def poses_m(self, clip: Ints, frames: Floats) -> tuple[Floats, Floats]:
         """Poses (N, 21, 3) and velocities (N, 21, 3) in m/s, both in the root frame."""

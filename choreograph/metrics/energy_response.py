@@ -2,8 +2,8 @@
 
 Conventions: body positions (T, 21, 3) in metres at `fps`; the song's sections by their bounds (S + 1,) in
 seconds and their loudness (S,) in dB. Motion size is measured in two ways, neither of which sees where the
-dancer travels: speed is the mean of 20 joints' speed relative to the pelvis, in m/s; reach the mean
-distance of wrists and ankles from the pelvis, in metres. A section counts from `LEAST_S` danced seconds
+dancer travels: speed is the mean of 20 joints' speed relative to the pelvis, in m/s; space the volume of
+the convex hull of those joints, in litres. A section counts from `LEAST_S` danced seconds
 on; held poses at both ends are left out. Songs whose sections differ by less than `LEAST_RANGE_DB`, or that
 have fewer than three, tell nothing: nan. Read correlations over one song's few sections as a mean of many
 songs, or pool them by `pooled_response`. Dances may change more than their size with the music.
@@ -16,20 +16,20 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from choreograph.errors import ParameterError
 from choreograph.motion.body import BODY_JOINTS, body_pos_at, checked_body_pos_m
 from choreograph.timebase import NET_FPS
 
 Floats = NDArray[np.float64]
-Sizes = tuple[Floats, Floats]  # speed in m/s and reach in metres, one each per frame
+Sizes = tuple[Floats, Floats]  # speed in m/s and space in litres, one each per frame
 
 LEAST_S = 3.0
 LEAST_SECTIONS = 3
 LEAST_RANGE_DB = 2.0
 SILENCE_DB = -60.0  # below full scale; silence is no louder or softer than other silence
 _PELVIS = BODY_JOINTS.index("pelvis")
-_ENDS = [BODY_JOINTS.index(f"{side}_{joint}") for side in ("left", "right") for joint in ("wrist", "ankle")]
 _EVEN = 1e-9  # a spread below this is rounding
 
 
@@ -40,7 +40,7 @@ def validate(
     bounds_s: Sequence[float] | Floats,
     loudness_db: Sequence[float] | Floats,
 ) -> None:
-    """Raise `ParameterError` unless positions, rate, times, increasing bounds (S + 1,) and loudness (S,) fit."""
+    """Raise `ParameterError` unless positions, rate, times, increasing bounds (S + 1,), loudness (S,) fit."""
     checked_body_pos_m(body_pos_m, fps)
     if not (np.isfinite(danced_s).all() and 0 <= danced_s[0] < danced_s[1]):
         raise ParameterError(f"expected when the dance begins and ends in seconds, got {danced_s}")
@@ -66,19 +66,27 @@ def section_loudness_db(
 
 
 def motion_size(body_pos_m: Floats, fps: float) -> Sizes:
-    """Speed (T',) in m/s and reach (T',) in metres of each frame at 20 fps."""
+    """Speed (T',) in m/s and space (T',) in litres of each frame at 20 fps."""
     pos = body_pos_at(body_pos_m, fps, NET_FPS)
     relative = np.delete(pos - pos[:, [_PELVIS]], _PELVIS, axis=1)  # (T', 20, 3)
-    reach = np.linalg.norm(pos[:, _ENDS] - pos[:, [_PELVIS]], axis=-1).mean(axis=1)
+    space = 1000.0 * np.array([_hull_m3(pose) for pose in relative])
     if len(pos) < 2:
-        return np.zeros(len(pos)), reach
-    return np.linalg.norm(np.gradient(relative, axis=0), axis=-1).mean(axis=1) * NET_FPS, reach
+        return np.zeros(len(pos)), space
+    return np.linalg.norm(np.gradient(relative, axis=0), axis=-1).mean(axis=1) * NET_FPS, space
+
+
+def _hull_m3(points_m: Floats) -> float:
+    """Volume of the convex hull of points (N, 3); 0 if they lie in a plane."""
+    try:
+        return float(ConvexHull(points_m).volume)
+    except QhullError:
+        return 0.0
 
 
 def section_means(
     values: Floats, bounds_s: Sequence[float] | Floats, danced_s: tuple[float, float]
 ) -> Floats:
-    """Means (S,) of values (T',) at 20 fps over the danced part of each section; nan where it is too short."""
+    """Means (S,) of values (T',) at 20 fps over the danced part of each section; nan if it is too short."""
     times_s = np.arange(len(values)) / NET_FPS
     moving = (times_s >= danced_s[0]) & (times_s < danced_s[1])
     means = []
@@ -148,10 +156,10 @@ def evaluate_chance(
 def turned_round(sizes: Sizes, danced_s: tuple[float, float], turn: float) -> Sizes:
     """`motion_size` with the danced part later by a share of its length, its end wrapped to its start."""
     first, stop = (min(len(sizes[0]), round(time_s * NET_FPS)) for time_s in danced_s)
-    speed, reach = (values.copy() for values in sizes)
-    for values in (speed, reach):
+    speed, space = (values.copy() for values in sizes)
+    for values in (speed, space):
         values[first:stop] = np.roll(values[first:stop], round(turn * (stop - first)))
-    return speed, reach
+    return speed, space
 
 
 def _scores(
@@ -160,12 +168,12 @@ def _scores(
     bounds_s: Sequence[float] | Floats,
     loudness_db: Sequence[float] | Floats,
 ) -> dict[str, float]:
-    speed, reach = (section_means(values, bounds_s, danced_s) for values in sizes)
+    speed, space = (section_means(values, bounds_s, danced_s) for values in sizes)
     return {
         "energy_response": response(loudness_db, speed),
-        "energy_response_reach": response(loudness_db, reach),
+        "energy_response_space": response(loudness_db, space),
         "soft_to_loud_speed": soft_to_loud(loudness_db, speed),
-        "soft_to_loud_reach": soft_to_loud(loudness_db, reach),
+        "soft_to_loud_space": soft_to_loud(loudness_db, space),
     }
 
 
@@ -174,9 +182,7 @@ def _mean_of_known(values: Sequence[float]) -> float:
     return float(np.mean(known)) if known else float("nan")
 
 
-def _telling(
-    loudness_db: Sequence[float] | Floats, size: Sequence[float] | Floats
-) -> tuple[Floats, Floats]:
+def _telling(loudness_db: Sequence[float] | Floats, size: Sequence[float] | Floats) -> tuple[Floats, Floats]:
     """Loudness and size of the sections that count; none if they are too few or too alike."""
     loudness, sizes = np.asarray(loudness_db, np.float64), np.asarray(size, np.float64)
     if loudness.shape != sizes.shape or loudness.ndim != 1:

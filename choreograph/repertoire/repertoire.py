@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from choreograph.counts import NO_COUNTS, Counts, Figure
 from choreograph.errors import ParameterError, RepertoireError
+from choreograph.features.liveliness import Liveliness
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
@@ -23,7 +24,7 @@ from choreograph.repertoire.html_table import html_table
 from choreograph.repertoire.motif_arrays import vocabulary_from
 from choreograph.repertoire.store import NetArrays, RepertoireFile
 from choreograph.takes import Credits
-from choreograph.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, frames_to_seconds
+from choreograph.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 
 if TYPE_CHECKING:
     from choreograph.nets.rollout.model import RolloutNet
@@ -359,41 +360,14 @@ class Repertoire:
     def liveliness(
         self, clip: NDArray[np.integer], start: NDArray[np.floating], stop: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """Rank (N,), 0 … 1, of clips played from frame `start` to `stop` within a second, in their genre.
-
-        That is the share of the genre's seconds, as recorded, in which joints cover less way on average.
-        """
-        takes = self.clip_take[clip]
-        first, last = self._take_body_rows[takes].T
-        rows = np.clip(self._clip_body_start[clip] + np.stack([start, stop]), first, last - 1)  # (2, N)
-        low = rows.astype(np.int64)
-        high = np.minimum(low + 1, last - 1)
-        way_m = self._path_m[low] + (rows - low) * (self._path_m[high] - self._path_m[low])
-        danced_m = way_m[1] - way_m[0]
-        rank = np.empty(len(takes), np.float32)
-        genre = self._take_genres[takes]
-        for name, ways_m in self._genre_ways_m.items():
-            of_genre = genre == name
-            rank[of_genre] = np.searchsorted(ways_m, danced_m[of_genre]) / max(1, len(ways_m))
-        return rank
+        """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
+        offset = self.clip_start_frame[clip]
+        return self._liveliness.ranks(self.clip_take[clip], offset + start, offset + stop)
 
     @cached_property
-    def _take_genres(self) -> NDArray[np.str_]:
-        return np.array([take.credits.genre for take in self.takes])
-
-    @cached_property
-    def _path_m(self) -> NDArray[np.float64]:
-        """Mean way of the joints up to every 20 fps frame, (B,)."""
-        return np.concatenate([[0.0], np.cumsum(self._speed[:-1], dtype=np.float64)]) / NET_FPS
-
-    @cached_property
-    def _genre_ways_m(self) -> dict[str, NDArray[np.float64]]:
-        """By genre, the mean way of the joints in every second of its takes, in increasing order."""
-        ways_m: dict[str, list[NDArray[np.float64]]] = {}
-        for take in self.takes:
-            path_m = self._path_m[slice(*take.body)]
-            ways_m.setdefault(take.credits.genre, []).append(path_m[NET_FPS:] - path_m[:-NET_FPS])
-        return {genre: np.sort(np.concatenate(of_genre)) for genre, of_genre in ways_m.items()}
+    def _liveliness(self) -> Liveliness:
+        takes = range(len(self.takes))
+        return Liveliness([self.body_pos_m(i) for i in takes], [take.credits.genre for take in self.takes])
 
     @cached_property
     def _root_frame_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

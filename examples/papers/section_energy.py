@@ -8,8 +8,8 @@ with the middle third played by the instruments of a break, 12 dB softer. With i
 sections as found, and the real takes to them. Several repertoires stand for the seeds. A row for every weight
 of the energy cost, for the first one's dances turned round in time (chance), and for the real takes. Columns:
 correlation of loudness and motion over the sections of all songs, centred by song, for joint speed relative
-to the pelvis and for the reach of wrists and ankles; motion in the softest section over that in the loudest;
-and what else a dance should keep. ± is the spread over seeds.
+to the pelvis and for the volume of the body's convex hull; motion in the softest section over that in the
+loudest; and what else a dance should keep. ± is the spread over seeds.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ DURATION_S = 60.0
 CHANCE_ROUNDS = 20
 Floats = NDArray[np.float64]
 Row = dict[str, float]
-Sizes = tuple[Floats, Floats]  # speed and reach of every section, (S,) each
+Sizes = tuple[Floats, Floats]  # speed and space of every section, (S,) each
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ def danced(song: SectionedSong, repertoire: cg.Repertoire, config: cg.DanceConfi
 def row_of(dances: Sequence[SectionedDance], sizes: Sequence[Sizes]) -> Row:
     """Scores over the songs of one seed, with `sizes` in place of those of the dances."""
     row: Row = {}
-    for index, name in enumerate(("speed", "reach")):
+    for index, name in enumerate(("speed", "space")):
         pairs = [(d.song.loudness_db, s[index]) for d, s in zip(dances, sizes, strict=True)]
         row[f"response {name}"] = energy_response.pooled_response(pairs)
         ratios = [energy_response.soft_to_loud(*pair) for pair in pairs]
@@ -145,9 +145,7 @@ def rows_of(seeds: Sequence[Sequence[SectionedDance]]) -> list[Row]:
     """A row a seed."""
     rows = []
     for dances in seeds:
-        other = {
-            name: float(np.nanmean([d.other[name] for d in dances])) for name in dances[0].other
-        }
+        other = {name: float(np.nanmean([d.other[name] for d in dances])) for name in dances[0].other}
         rows.append(row_of(dances, [d.sizes for d in dances]) | other)
     return rows
 

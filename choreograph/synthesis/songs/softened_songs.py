@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from choreograph.synthesis.songs.arrangement import Section
+from choreograph.synthesis.songs.genres import STYLES
 from choreograph.synthesis.songs.song import SyntheticSong, render_song
 from choreograph.synthesis.songs.style import SongStyle
-from choreograph.synthesis.songs.genres import STYLES
 from choreograph.synthesis.songs.voices import RATE_HZ
 
 FIRST_SEED = 9500
