@@ -21,6 +21,7 @@ class RandomPoses:
     def __init__(self, n_clips: int, seed: int) -> None:
         rng = np.random.default_rng(seed)
         self.pose = rng.normal(size=(n_clips, CLIP_FRAMES, 21, 3)).astype(np.float32)
+        self.of_clip = rng.random(n_clips, np.float32)
 
     def poses_m(self, clip, frames):
         frames = np.clip(frames, 0, CLIP_FRAMES - 1)
@@ -28,6 +29,9 @@ class RandomPoses:
         weight = (frames - low)[:, None, None].astype(np.float32)
         here, there = self.pose[clip, low], self.pose[clip, low + 1]
         return here + weight * (there - here), (there - here) * 20
+
+    def liveliness(self, clip, start, stop):
+        return self.of_clip[clip]
 
 
 def random_source(
@@ -67,7 +71,6 @@ def random_source(
         take_names=np.array(["left", "right"]),
         genres=np.array(["waltz", "rumba"]),
         style=rng.normal(size=(n_clips, 32)).astype(np.float32),
-        liveliness=rng.random(n_clips, np.float32),
     )
     song_features = SongFeatures(
         "random", float(n_seconds), Counts(np.arange(0, n_seconds, 0.5), np.arange(2 * n_seconds) % 4 + 1, 4),

@@ -102,6 +102,13 @@ def test_the_papers_tables_of_a_repertoire_of_other_takes(shared_data, db, tmp_p
     assert "| ours |" in tables and "| takes |" in tables and "as-recorded" not in tables
 
 
+@pytest.mark.slow
+def test_the_table_of_loud_and_soft_sections(db):
+    shown = run_script("section_energy.py", "--repertoires", db, "--genres", "house", "--seeds", 1)
+    for expected in ("own form: 1 songs", "softened: 1 songs", "energy 2:", "chance:", "response speed"):
+        assert expected in shown
+
+
 def commands(page: Path) -> list[str]:
     """The `choreograph …` lines of a page's code blocks; a line that ends in \\ goes on."""
     blocks = re.findall(r"```\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.S)

@@ -48,7 +48,6 @@ def make_layers(
         np.array([take.name for take in repertoire.takes]),
         np.array([take.credits.genre for take in repertoire.takes]),
         repertoire.clip_style,
-        repertoire.clip_liveliness,
     )
     joins_s = _joins_s(request)
     segments = warp_segments(

@@ -11,6 +11,7 @@ from choreograph.evaluation.motion_scores import (
     beat_scores,
     count_scores,
     ending_scores,
+    energy_scores,
     physical_scores,
     second_opinion_scores,
 )
@@ -27,7 +28,7 @@ def dance_scores(
     genre: str = "",
     scorer: MotifScorer | None = None,
 ) -> tuple[Scores, DancedMotifs | None]:
-    """Beats, counts, physics, endings, and what the plan tells; motifs and their scores with a scorer.
+    """Beats, counts, physics, energy, endings, what the plan tells; motifs and their scores with a scorer.
 
     `genre` is that of the song, where it is known.
     """
@@ -38,6 +39,9 @@ def dance_scores(
     scores |= second_opinion_scores(motion, dance.counts, music.second_beats_s)
     scores |= count_scores(dance.counts, counts, music.duration_s, rng)
     scores |= ending_scores(motion, counts)
+    closing_s = motion.duration_s if plan is None or plan.closing_s is None else plan.closing_s
+    danced_s = (plan.opening_s if plan else 0.0, closing_s)
+    scores |= energy_scores(motion, danced_s, music.sections.bounds_s, music.section_loudness_db)
     motifs = None
     if scorer is not None:
         motifs = scorer.motifs_of(motion, music.beats_s)

@@ -41,6 +41,9 @@ FAMILIES = {
     "different ways. Experts who are exactly on the count read little more than chance: bodies rest where a "
     "genre's technique has them rest. So compare with experts, not with 1. The beat tracker is named above. "
     "Chance is the same dance shifted in time, with the end wrapped to the start.",
+    "energy": "Loudness of the song's sections against the size of the motion in them: joint speed relative "
+    "to the pelvis, and the volume of the body's convex hull. Songs of fewer than three sections or a range "
+    "below 2 dB are left out. Chance is the same dance turned round in time.",
     "endings": "Whether the dance begins and closes in a held pose: below 0.15 m/s is held.",
     "realism": "Fréchet distance of each dance to the real dances to other songs. A single dance never "
     "covers their variety, so compare with the column of the real dances. Chance is a body frozen in one "
@@ -113,6 +116,19 @@ METRICS: dict[str, Metric] = {
             ("alignment_fact_published", "BAS by FACT's code", "", "real", "AI Choreographer"),
             ("alignment_bailando_published", "BAS by Bailando's code", "", "real", "Bailando"),
             ("alignment_lodge_published", "BAS by LODGE's code", "", "real", "LODGE"),
+        ),
+        *_family(
+            "energy",
+            ("energy_response", "correlation of loudness and joint speed", "", "higher", "ours"),
+            (
+                "energy_response_space",
+                "correlation of loudness and space of the body",
+                "",
+                "higher",
+                "ours",
+            ),
+            ("soft_to_loud_speed", "joint speed, softest section / loudest", "", "lower", "ours"),
+            ("soft_to_loud_space", "space of the body, softest section / loudest", "", "lower", "ours", 3),
         ),
         *_family(
             "endings",

@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 from choreograph.counts import Counts
 from choreograph.errors import ParameterError
 from choreograph.evaluation.scores import Scores, split_chance
-from choreograph.metrics import beat, counts, endings, labels, motion_beat_detectors, physical
+from choreograph.metrics import (
+    beat,
+    counts,
+    endings,
+    energy_response,
+    labels,
+    motion_beat_detectors,
+    physical,
+)
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import sole_pos_m
 from choreograph.motion.motion import Motion
@@ -90,6 +98,17 @@ def ending_scores(motion: Motion, music: Counts) -> Scores:
     last_strong_s = float(strong_s[-1]) if len(strong_s) else None
     values = endings.evaluate(body_pos_m(motion), motion.fps, last_strong_s)
     return Scores({name: value for name, value in values.items() if np.isfinite(value)})
+
+
+def energy_scores(
+    motion: Motion, danced_s: tuple[float, float], section_bounds_s: Floats, loudness_db: Floats
+) -> Scores:
+    """Motion size against loudness (S,) over a song's sections; empty for songs that do not tell."""
+    given = (body_pos_m(motion), motion.fps, danced_s, section_bounds_s, loudness_db)
+    values = energy_response.evaluate(*given)
+    known = {name: value for name, value in values.items() if np.isfinite(value)}
+    chance = energy_response.evaluate_chance(*given, rounds=_CHANCE_ROUNDS) if known else {}
+    return Scores(known, {name: level for name, level in chance.items() if name in known})
 
 
 def physical_scores(motion: Motion, boundary_times_s: Sequence[float] | Floats = ()) -> Scores:

@@ -16,7 +16,8 @@ from choreograph.files import atomic_path, check_target
 _ARROWS = {"higher": "↑", "lower": "↓", "real": "≈"}
 _ARROW_TITLES = {"higher": "higher is better", "lower": "lower is better", "real": "closer to real is better"}
 _TITLES = {
-    "counts": "Counts and bars", "transitions": "Transitions", "endings": "First and last pose",
+    "counts": "Counts and bars", "transitions": "Transitions", "energy": "Loud and soft",
+    "endings": "First and last pose",
     "beats": "Motion beats", "realism": "Realism", "sets": "Sets of dances", "labels": "Labels",
     "physics": "Physics", "motifs": "Motifs", "structure": "Structure", "warping": "Warping",
     "retrieval": "Retrieval",

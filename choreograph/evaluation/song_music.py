@@ -15,6 +15,8 @@ from choreograph.features.mel import log_mel
 from choreograph.features.metrical_level import choose_level, metrical_levels, tempo_bpm
 from choreograph.features.music_beats import DEFAULT_TRACKER, TRACKERS, get_beat_tracker
 from choreograph.features.sections import Sections, song_sections
+from choreograph.metrics.energy_response import section_loudness_db
+from choreograph.timebase import SAMPLE_RATE_HZ
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +30,7 @@ class SongMusic:
     levels: tuple[Counts, ...]  # its beats in bars: as tracked, then at half and double tempo where that fits
     second_beats_s: Floats  # (Q',) by another tracker
     sections: Sections
+    section_loudness_db: Floats  # (S,)
     duration_s: float
 
     @property
@@ -58,9 +61,11 @@ def song_music(song: Song, beats: str | Path, *, start_s: float = 0.0) -> SongMu
     """
     counts = beats_of(song, beats, start_s=start_s)
     mel = log_mel(song.samples)  # (T, 96)
+    sections = song_sections(song.samples, counts.times_s)
     return SongMusic(
         metrical_levels(song.samples, mel, counts) if str(beats) in TRACKERS else (counts,),
         get_beat_tracker(second_tracker(beats)).beats(song, mel),
-        song_sections(song.samples, counts.times_s),
+        sections,
+        section_loudness_db(song.samples, SAMPLE_RATE_HZ, sections.bounds_s),
         song.duration_s,
     )

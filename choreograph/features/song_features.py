@@ -22,7 +22,7 @@ class SongFeatures:
     beat_count: NDArray[np.float32]  # (S,) motion beats expected in those 4 s
     density: NDArray[np.float32]  # (S, 80) target tempo-density of those 4 s, 20 fps
     sections: Sections
-    energy: NDArray[np.float32]  # (S,) loudness, 0 … 1 from 12 dB below its loud level
+    energy: NDArray[np.float32]  # (S,) loudness, 0 … 1 from 6 dB below its loud level
     opening_s: float  # the first count that is danced; before it the first pose is held
     closing_s: float  # the last one
 

@@ -21,10 +21,14 @@ _USAGE_DECAY_S = 120.0  # time constant: recent usage falls to 1/e after this ti
 
 
 class PoseBank(Protocol):
-    """What layers need from the repertoire: poses and velocities of clips at fractional frames."""
+    """What layers need from the repertoire, of clips at fractional frames."""
 
     def poses_m(self, clip: Ints, frames: Floats) -> tuple[Floats, Floats]:
         """Poses (N, 21, 3) and velocities (N, 21, 3) in m/s, both in the root frame."""
+        ...
+
+    def liveliness(self, clip: Ints, start: Floats, stop: Floats) -> Floats:
+        """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
         ...
 
 
@@ -55,7 +59,7 @@ class Layer:
     off_bar: Floats  # (N,) share of this second's beats whose number in the bar is not the take's
     enter_penalty: Floats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
     leave_penalty: Floats  # (N,) of leaving it at the second's end
-    liveliness: Floats  # (N,) rank of the clip's mean joint speed in its genre, 0 … 1
+    liveliness: Floats  # (N,) rank of the mean joint speed danced, among its genre's seconds, 0 … 1
     source_frames: Floats  # (N, 21) clip frames at the 20 output frames and the second's end
     first_pose_m: Floats  # (N, 21, 3) where takes may change at the second's start,
     last_pose_m: Floats  # (N, 21, 3) and at its end
@@ -116,7 +120,6 @@ class ClipTable:
     take_names: NDArray[np.str_]  # (takes,)
     genres: NDArray[np.str_]  # (takes,)
     style: NDArray[np.float32]  # (N, 32)
-    liveliness: NDArray[np.float32]  # (N,) see `Layer`
 
 
 class LayerSource:
@@ -222,7 +225,7 @@ class LayerSource:
             off_bar=segments.off_bar[start, part, offset],
             enter_penalty=segments.phrase_penalty[start, part, offset],
             leave_penalty=segments.phrase_penalty[start, part, offset + 1],
-            liveliness=clips.liveliness[clip],
+            liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
             source_frames=source_frames,
             first_pose_m=pose[offset],
             last_pose_m=pose[offset + 1],

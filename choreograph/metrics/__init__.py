@@ -7,6 +7,7 @@ Music and dance
 - `motion_beat_detectors` — five ways to detect motion beats, and the F-score by each
 - `count_phase` — where in the count motion beats lie, against experts of the genre
 - `style_response` — whether the danced genre changes where the song's does
+- `energy_response` — whether the dance is bigger where the song is louder, section by section
 - `labels` — distances between paired labels of dance and music (openness, intensity, rhythm, asymmetry)
 - `structure` — motif signatures and transitions, repeats, agreement with the sections of the song
 - `transitions` — how often takes change, and whether at borders of bars and figures

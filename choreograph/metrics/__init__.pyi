@@ -3,6 +3,7 @@ from . import contact_scores as contact_scores
 from . import count_phase as count_phase
 from . import counts as counts
 from . import endings as endings
+from . import energy_response as energy_response
 from . import fid as fid
 from . import frechet as frechet
 from . import labels as labels

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from choreograph.counts import NO_COUNTS, Counts, Figure
 from choreograph.errors import ParameterError, RepertoireError
+from choreograph.features.liveliness import Liveliness
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
@@ -23,7 +24,7 @@ from choreograph.repertoire.html_table import html_table
 from choreograph.repertoire.motif_arrays import vocabulary_from
 from choreograph.repertoire.store import NetArrays, RepertoireFile
 from choreograph.takes import Credits
-from choreograph.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, frames_to_seconds
+from choreograph.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 
 if TYPE_CHECKING:
     from choreograph.nets.rollout.model import RolloutNet
@@ -356,19 +357,17 @@ class Repertoire:
         """First row and one past the last of each take in the flat 20 fps arrays, (takes, 2)."""
         return np.array([take.body for take in self.takes], np.int64)
 
+    def liveliness(
+        self, clip: NDArray[np.integer], start: NDArray[np.floating], stop: NDArray[np.floating]
+    ) -> NDArray[np.float32]:
+        """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
+        offset = self.clip_start_frame[clip]
+        return self._liveliness.ranks(self.clip_take[clip], offset + start, offset + stop)
+
     @cached_property
-    def clip_liveliness(self) -> NDArray[np.float32]:
-        """Rank of each clip's mean joint speed in its middle 4 s among those of its genre, (N,), 0 … 1."""
-        first = self._clip_body_start + (CLIP_FRAMES - SEGMENT_FRAMES) // 2
-        sums = np.concatenate([[0.0], np.cumsum(self._speed, dtype=np.float64)])
-        speed = sums[first + SEGMENT_FRAMES] - sums[first]  # (N,)
-        genre = np.array([take.credits.genre for take in self.takes])[self.clip_take]
-        rank = np.full(self.n_clips, 0.5, np.float32)
-        for name in np.unique(genre):
-            clips = np.flatnonzero(genre == name)
-            if len(clips) > 1:
-                rank[clips[np.argsort(speed[clips], kind="stable")]] = np.linspace(0, 1, len(clips))
-        return rank
+    def _liveliness(self) -> Liveliness:
+        takes = range(len(self.takes))
+        return Liveliness([self.body_pos_m(i) for i in takes], [take.credits.genre for take in self.takes])
 
     @cached_property
     def _root_frame_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

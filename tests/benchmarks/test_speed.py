@@ -85,7 +85,6 @@ def test_planning_a_song_exactly(benchmark, repertoire, warping, styles):
         np.array([take.name for take in repertoire.takes]),
         np.array([take.credits.genre for take in repertoire.takes]),
         (spread * rng.normal(size=(N_CLIPS, 32))).astype(np.float32),
-        repertoire.clip_liveliness,
     )
     music = SongFeatures(
         "synthetic", float(N_SECONDS), Counts(warping[2], np.zeros(len(warping[2]), np.int64), 0),

@@ -30,6 +30,7 @@ from choreograph.evaluation import (
 from choreograph.evaluation.metric_catalogue import FAMILIES
 from choreograph.evaluation.metric_limits import LIMITS
 from choreograph.evaluation.motif_scores import DancedMotifs, MotifScorer
+from choreograph.evaluation.motion_scores import energy_scores
 from choreograph.evaluation.plan_scores import (
     genre_by_second,
     plan_scores,
@@ -94,7 +95,7 @@ def test_all_dances_are_measured_by_catalogued_metrics(evaluation):
         assert set(dance.scores.values) <= set(METRICS)
         assert set(dance.scores.chance) <= set(dance.scores.values)
     families = [table.family for table in tables(evaluation)]
-    assert set(families) == set(FAMILIES) - {"retrieval"}  # needs style networks
+    assert set(families) == set(FAMILIES) - {"retrieval", "energy"}  # no style networks, one loudness
 
 
 def test_huge_numbers_stay_readable():
@@ -312,6 +313,18 @@ def test_counts_transitions_and_endings_are_measured(evaluation):
     assert cells(evaluation, "opening_speed_m_s")["real"].n == 2
     assert cells(evaluation, "f_score_mean")["real"].mean > 0.9
     assert cells(evaluation, "f_score_mean_second")["real"].n == 2
+
+
+def test_a_dance_that_rests_where_its_song_is_soft():
+    moving = swaying(60 * 30)
+    frames = np.arange(moving.n_frames)
+    frames[600:1200] = 600  # at 30 fps: still from 20 s to 40 s
+    motion = replace(moving, root_pos_m=moving.root_pos_m[frames], local_quat=moving.local_quat[frames])
+    bounds_s = np.array([0.0, 20.0, 40.0, 60.0])
+    scores = energy_scores(motion, (0.0, 60.0), bounds_s, np.array([0.0, -9.0, 0.0]))
+    assert scores.values["energy_response"] > 0.95 and scores.values["soft_to_loud_speed"] < 0.1
+    assert abs(scores.chance["energy_response"]) < 0.2
+    assert energy_scores(motion, (0.0, 60.0), bounds_s, np.zeros(3)).values == {}
 
 
 def test_a_reference_stands_beside_the_variants(repertoire, folder):

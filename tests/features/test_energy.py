@@ -16,7 +16,7 @@ def noise(levels_db: list[float], seconds_each: int = 10) -> np.ndarray:
 
 
 def test_soft_and_loud_parts():
-    energy = energy_per_second(noise([-20, -6, 0, -40]), 40)
+    energy = energy_per_second(noise([-20, -3, 0, -40]), 40)
     assert energy.shape == (40,) and energy.dtype == np.float32
     assert (energy[:7] == 0).all() and (energy[33:] == 0).all()
     np.testing.assert_allclose(energy[13:17], 0.5, atol=0.1)
@@ -45,4 +45,4 @@ def test_one_bang_does_not_soften_the_rest():
     samples = noise([0], 20)
     samples[10 * SAMPLE_RATE_HZ : 10 * SAMPLE_RATE_HZ + 2000] *= 10
     energy = energy_per_second(samples, 20)
-    assert np.median(energy[:7]) > 0.5
+    assert energy.min() > 0.9

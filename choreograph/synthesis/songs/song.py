@@ -101,6 +101,7 @@ def render_song(
     ramp_to_bpm: float | None = None,
     tempo_map: Sequence[tuple[float, float]] | None = None,
     lead_in_s: float = 0.25,
+    sections: Sequence[Section] | None = None,
 ) -> SyntheticSong:
     """Compose and render a song.
 
@@ -115,6 +116,7 @@ def render_song(
     ramp_to_bpm : tempo at the end of a ramp that is linear in time
     tempo_map : (beat, BPM) points instead of `bpm` and `ramp_to_bpm`; see `TempoMap`
     lead_in_s : silence before the first beat
+    sections : the form, from bar 0 to `n_bars` without a gap; None: by the number of bars
 
     Returns
     -------
@@ -123,7 +125,8 @@ def render_song(
     Raises
     ------
     ParameterError   an unknown genre, a negative seed, a tempo outside 20 to 400 BPM, a swing outside
-                     0 to 1, not exactly one length, or a length below two bars
+                     0 to 1, not exactly one length, a length below two bars, or sections that do not
+                     fill it
     """
     style = _checked_style(style)
     if seed < 0:
@@ -135,7 +138,9 @@ def render_song(
         raise ParameterError(f"expected a lead-in of 0 s or more, got {lead_in_s:g}")
     n_beats = n_bars * style.beats_per_bar
     bar_s = float(tempo.seconds([n_beats])[0]) / n_bars
-    sections = form(n_bars, 8 if bar_s < _FASTEST_LONG_BAR_S and n_bars >= 16 else 4)
+    if sections is None:
+        sections = form(n_bars, 8 if bar_s < _FASTEST_LONG_BAR_S and n_bars >= 16 else 4)
+    sections = _checked_sections(sections, n_bars)
     tracks = compose(style, sections, np.random.default_rng([seed, *style.name.encode()]))
     steps = np.arange(STEPS_PER_BEAT * (n_beats + style.beats_per_bar) + 1) / STEPS_PER_BEAT
     step_s = lead_in_s + tempo.seconds(apply_swing(steps, swing, style.swing_unit_beats))
@@ -150,6 +155,17 @@ def _checked_style(style: SongStyle | str) -> SongStyle:
     if style not in STYLES:
         raise ParameterError(f"expected a genre among {', '.join(STYLES)}, got {style!r}")
     return STYLES[style]
+
+
+def _checked_sections(sections: Sequence[Section], n_bars: int) -> tuple[Section, ...]:
+    bar = 0
+    for section in sections:
+        if section.first_bar != bar or section.bars < 1:
+            raise ParameterError(f"expected a section of 1 or more bars from bar {bar} on, got {section}")
+        bar += section.bars
+    if bar != n_bars:
+        raise ParameterError(f"expected sections of {n_bars} bars in all, got {bar}")
+    return tuple(sections)
 
 
 def _length(

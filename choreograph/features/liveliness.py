@@ -1,0 +1,76 @@
+"""Liveliness: how big each second of a take's motion is among the seconds of its genre."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.features.motion_beats import mean_joint_speed_m_s
+from choreograph.timebase import NET_FPS
+
+Floats = NDArray[np.floating]
+
+_WIDTH_SHARE = 0.5  # of a standard deviation of width against one of way
+_LEAST_SPREAD_M = 1e-3  # takes that differ by less do not differ
+
+
+class Liveliness:
+    """Ranks of any seconds of takes, by the way that their joints cover and by how wide the body is.
+
+    Way is the mean of the joints' in the world, travel included; width the mean of their distances from the
+    vertical through the pelvis. Both are read from sums up to each frame, so a second may begin anywhere and
+    be played at any speed.
+    """
+
+    def __init__(self, body_pos_m: Sequence[Floats], genres: Sequence[str]) -> None:
+        """Of takes with positions (T, 21, 3) at 20 fps, each of a genre."""
+        self._first = np.cumsum([0, *(len(pos) for pos in body_pos_m)])  # (takes + 1,) rows of the sums
+        self._genres = np.array(genres)
+        self._sums = np.concatenate([np.zeros((0, 2)), *map(_sums, body_pos_m)])  # (B, 2)
+        self._scale: dict[str, Floats] = {}  # (2,) by genre
+        self._sizes: dict[str, Floats] = {}  # of all its seconds as recorded, in increasing order
+        for genre in np.unique(self._genres):
+            takes = np.flatnonzero(self._genres == genre).tolist()
+            start = np.concatenate([np.arange(max(0, len(body_pos_m[i]) - NET_FPS)) for i in takes])
+            of_take = np.repeat(takes, [max(0, len(body_pos_m[i]) - NET_FPS) for i in takes])
+            measured = self._way_and_width(of_take, start, start + NET_FPS)
+            spread = measured.std(axis=0) if len(measured) else np.zeros(2)
+            self._scale[genre] = np.array([1.0, _WIDTH_SHARE]) / np.maximum(spread, _LEAST_SPREAD_M)
+            self._sizes[genre] = np.sort(measured @ self._scale[genre])
+
+    def ranks(self, take: NDArray[np.integer], start: Floats, stop: Floats) -> NDArray[np.float32]:
+        """Share (N,), 0 … 1, of the genre's seconds as recorded that are smaller than each of these.
+
+        `start` and `stop` (N,) are the frames of the takes (N,) at 20 fps between which a second is danced.
+        """
+        measured = self._way_and_width(take, start, stop)
+        ranks = np.full(len(take), 0.5, np.float32)
+        genres = self._genres[take]
+        for genre, sizes in self._sizes.items():
+            here = genres == genre
+            if len(sizes) and here.any():
+                ranks[here] = np.searchsorted(sizes, measured[here] @ self._scale[genre]) / len(sizes)
+        return ranks
+
+    def _way_and_width(self, take: NDArray[np.integer], start: Floats, stop: Floats) -> Floats:
+        """Way in metres, as danced in one second, and mean width in metres, (N, 2)."""
+        first, last = self._first[take], self._first[take + 1] - 1
+        rows = np.clip(first + np.stack([start, stop]), first, last)  # (2, N)
+        low = rows.astype(np.int64)
+        share = (rows - low)[..., None]
+        at = (1 - share) * self._sums[low] + share * self._sums[np.minimum(low + 1, last)]  # (2, N, 2)
+        way_m, width_m_s = (at[1] - at[0]).T
+        return np.stack([way_m, width_m_s * NET_FPS / np.maximum(rows[1] - rows[0], 1e-6)], axis=1)
+
+
+def _sums(body_pos_m: Floats) -> Floats:
+    """Way and width × time of a take up to every frame, (T, 2) in m and m s."""
+    pos = np.asarray(body_pos_m, np.float64)
+    across = (pos - pos[:, :1])[..., [0, 2]]
+    per_frame = np.stack(
+        [mean_joint_speed_m_s(pos, NET_FPS), np.linalg.norm(across, axis=-1).mean(axis=1)], axis=1
+    )  # (T, 2)
+    between = 0.5 * (per_frame[:-1] + per_frame[1:]) / NET_FPS
+    return np.concatenate([np.zeros((min(1, len(pos)), 2)), np.cumsum(between, axis=0)])
