@@ -72,7 +72,7 @@ GROUPS = {
 
 def danced(
     path: Path,
-    judge: Path | None,
+    judge: Path,
     songs: Sequence[EvaluatedSong],
     config: EvaluationConfig,
     options: argparse.Namespace,
@@ -83,7 +83,7 @@ def danced(
         songs,
         config,
         references=read_experts(options.experts, songs) if options.experts else (),
-        judge=None if judge is None else cg.Repertoire.open(judge),
+        judge=None if judge == path else cg.Repertoire.open(judge),
     )
     print(f"{path.name}: {len(found.dances)} dances", flush=True)
     plans = {d.song: d.plan for d in found.dances if d.variant == "ours" and d.plan is not None}
@@ -163,7 +163,7 @@ def main() -> None:
     dances: list[MeasuredDance] = []
     groups = [("", options.repertoires), *((name, [Path(p) for p in paths]) for name, *paths in options.also)]
     jobs = [
-        (name, path, paths[(seed + 1) % len(paths)] if len(paths) > 1 else None, seed)
+        (name, path, paths[(seed + 1) % len(paths)], seed)
         for name, paths in groups
         for seed, path in enumerate(paths)
     ]
