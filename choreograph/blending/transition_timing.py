@@ -15,6 +15,10 @@ from choreograph.config import TRANSITION_LENGTHS_S
 Floats = NDArray[np.float64]
 
 _MIN_RUN_S = 0.6  # a run is not made shorter
+# Greatest acceleration by an offset x, times x / T², and by its rate v, times v / T: where two sides share
+# the offset, and where one alone brings it to rest.
+_PEAKS_SHARED = 1.45, 2.0
+_PEAKS_ALONE = 5.8, 4.0
 _EASY_M_S2 = 4.0  # a body may be accelerated so much by a transition: gentle beside what dancers do
 
 
@@ -68,8 +72,8 @@ def _length_s(
     span = slice(at_s - 2.0 / fps, at_s + 2.0 / fps)
     a, b = (sample_run(run.cut(span.start, span.stop), read_motion, fps, 1) for run in (before, after))
     offset_m, rate_m_s = _offset(a, b, fps)
-    # Each side takes half of the offset: to bring it to rest takes 2.9 x / T² and at most 4 v / T.
-    peaks = [np.max(1.45 * offset_m / length**2 + 2.0 * rate_m_s / length) for length in options]
+    of_offset, of_rate = _PEAKS_ALONE if before.locked != after.locked else _PEAKS_SHARED
+    peaks = [np.max(of_offset * offset_m / length**2 + of_rate * rate_m_s / length) for length in options]
     return next(
         (length for length, peak in zip(options, peaks, strict=True) if peak <= _EASY_M_S2), options[-1]
     )

@@ -1,6 +1,7 @@
-"""Where other music begins: the instants at which the tempo or the metre of a song changes for good.
+"""Where other music begins: the instants at which the tempo or the metre of a song changes.
 
-A ramp has none, since its tempo is hardly another a few beats later; nor has a single irregular bar.
+A ramp has none, since its tempo is hardly another a few beats later; nor has a single irregular bar. A
+tracker that counts a break at half the tempo makes two.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def change_times_s(counts: Counts) -> Floats:
     return counts.times_s[beats]
 
 
-def at_changes(bounds_s: NDArray[np.number], changes_s: Floats) -> NDArray[np.bool_]:
+def at_changes(bounds_s: NDArray[np.number], changes_s: NDArray[np.floating]) -> NDArray[np.bool_]:
     """Which bounds (B,) of sections lie at a change (C,) of tempo or metre: within 1.5 s."""
     return np.any(np.abs(np.subtract.outer(bounds_s, changes_s)) <= SAME_S, axis=1)
 

@@ -17,7 +17,8 @@ _SETTLE_S = 0.08  # and after it
 REACH_S = 0.5  # a change of takes is no further from its second
 FIRST_HOLD_S = 0.7  # the least that the first pose is held, easing included,
 LAST_HOLD_S = 0.3  # and the last one
-_STRONG = 0.3  # of the song's median strength at beats: weaker ones do not start or end a dance
+_STRONG = 0.3  # of the song's usual strength at beats: weaker ones do not start or end a dance
+_SOUNDING = 0.1  # of the strength of its strongest beats: weaker ones say nothing of what is usual
 _BAR_OF = 4  # beats that have to be strong, on average, where the dance starts
 _NEAR_FRAMES = 3  # 50 ms: an onset this close to a beat is on it
 _LONGEST_WAIT_S = 3.0  # for a downbeat, where beats are strong before it
@@ -33,7 +34,7 @@ def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: floa
     if len(beats) < 2 * _BAR_OF:
         return 0.0, duration_s
     strength = _strength_at(counts.times_s[beats], log_mel)
-    usual = float(np.median(strength))
+    usual = float(np.median(strength[strength >= _SOUNDING * np.percentile(strength, 95)]))
     enough = _STRONG * usual
     # Mean of a beat and the three before it; one bang does not make up for three silent beats.
     ahead = np.convolve(np.minimum(strength, usual), np.ones(_BAR_OF) / _BAR_OF)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
-from choreograph.features.music_changes import SAME_S
+from choreograph.features.music_changes import at_changes
 from choreograph.features.spectral import SPECTRAL_COLUMNS, spectral_features
 
 Floats = NDArray[np.float64]
@@ -19,8 +19,6 @@ _MIN_BEATS = 8
 _SAME_SECTION_DISTANCE = 0.35  # of the features' deviation: closer sections, on average, are repeats
 # Weights of standardised groups. Timbre separates sections better than harmony; both together do best.
 _GROUP_WEIGHTS = {"chroma_cens": 0.5, "mel_db": 1.0, "mfcc": 1.0}
-
-
 _CHANGE_REACH_S = 4.0  # drums may change a bar before the cut, and a tracker follows a beat or two late
 _NONE = np.zeros(0)
 
@@ -47,9 +45,9 @@ def song_sections(
 
     Neighbouring bars (beats, if downbeats are not known) are merged by Ward's criterion (librosa's
     agglomerative segmentation) to one section per 12 s, those shorter than 6 s with the neighbour that is
-    more like them, and sections with similar mean features get one label. A bound 1.5 to 4 s from one of
-    the beats `change_times_s` (C,), where other music is known to begin (see `features.music_changes`), is
-    moved there. It takes at least 17 beats.
+    more like them, and sections with similar mean features get one label. There is a bound at every beat of
+    `change_times_s` (C,), where other music is known to begin (see `features.music_changes`): one that is 1.5
+    to 4 s from it is moved there. It takes at least 17 beats.
 
     Raises `ParameterError` as `spectral_features` does.
     """
@@ -61,13 +59,14 @@ def song_sections(
         units = np.arange(len(beat_features))
     else:
         units = np.union1d(0, np.flatnonzero(np.isin(beats_s[:-1], downbeat_times_s)))
-    starts = _moved_to_changes(_section_starts(beat_features, beats_s, units), beats_s, change_times_s)
+    starts = _with_changes(_section_starts(beat_features, beats_s, units), beats_s, change_times_s)
     means = _means(beat_features, starts)
     threshold = _SAME_SECTION_DISTANCE * np.sqrt(np.square(beat_features).sum(axis=1).mean())
     if len(means) == 1:
         return Sections(beats_s[[0, -1]], np.zeros(1, np.int64))
     labels = fcluster(linkage(means, "average"), threshold, "distance").astype(np.int64) - 1
-    first = np.r_[True, np.diff(labels) != 0]  # neighbours with one label are one section
+    # Neighbours with one label are one section, unless other music begins there.
+    first = np.r_[True, np.diff(labels) != 0] | at_changes(beats_s[starts], change_times_s)
     return Sections(np.r_[beats_s[starts[first]], beats_s[-1]], labels[first])
 
 
@@ -91,17 +90,23 @@ def _section_starts(beat_features: Floats, beats_s: Floats, units: NDArray[np.in
     return starts
 
 
-def _moved_to_changes(
+def _with_changes(
     starts: NDArray[np.int64], beats_s: Floats, change_times_s: NDArray[np.floating]
 ) -> NDArray[np.int64]:
-    """First beats of sections (S,), those that miss a change by about a bar at its beat."""
-    moved = starts.copy()
+    """First beats of sections (S,), those near a change moved to its beat, and the other changes."""
+    bounds = starts[1:].copy()  # the first section begins with the song
     for change_s in change_times_s:
-        away_s = np.abs(beats_s[moved] - change_s)
-        away_s[0] = np.inf  # the first section begins with the song
-        if SAME_S < away_s.min() <= _CHANGE_REACH_S:
-            moved[away_s.argmin()] = np.abs(beats_s - change_s).argmin()
-    return np.unique(moved)
+        if at_changes(np.array([change_s]), beats_s[bounds])[0]:
+            continue
+        beat = int(np.abs(beats_s - change_s).argmin())
+        away_s = np.abs(beats_s[bounds] - change_s)
+        is_free = ~at_changes(beats_s[bounds], change_times_s)  # not where another change is
+        if np.min(away_s, initial=np.inf, where=is_free) <= _CHANGE_REACH_S:
+            bounds[np.where(is_free, away_s, np.inf).argmin()] = beat
+        elif np.min(away_s, initial=np.inf) > _CHANGE_REACH_S:
+            bounds = np.append(bounds, beat)
+    inside = bounds[(bounds > 0) & (bounds < len(beats_s) - 1)]
+    return np.union1d(starts[:1], inside)
 
 
 def _means(beat_features: Floats, starts: NDArray[np.int64]) -> Floats:

@@ -137,21 +137,28 @@ class TakeGrids:
         # How much later than each count its accent is; none is known without motion beats.
         self.accent_shift_s = np.zeros(len(self.times_s))
         if motion_beats_s is not None:
-            of_take = zip(motion_beats_s, parts, strict=True)
-            self.accent_shift_s = np.concatenate(
-                [accent_shifts_s(beats_s, times_s) for beats_s, (times_s, _) in of_take]
-            )
+            for take in np.flatnonzero(self.counted).tolist():
+                known = slice(self.start[take] + _PADDING, self.start[take] + lengths[take] - _PADDING)
+                self.accent_shift_s[known] = accent_shifts_s(motion_beats_s[take], self.times_s[known])
+
+    def count_s(self, take: NDArray[np.integer], index: Floats) -> Floats:
+        """Times in their takes (K, T) at fractional count indices (K, T)."""
+        low, since = self._row_below(take, index)
+        return self.times_s[low] + since * (self.times_s[low + 1] - self.times_s[low])
 
     def source_s(self, take: NDArray[np.integer], index: Floats) -> Floats:
-        """Times in their takes (K,) at fractional count indices (K, T); at whole ones that of the accent."""
+        """Times in their takes (K, T) danced at fractional count indices (K, T), with accents on counts."""
+        low, since = self._row_below(take, index)
+        eased = since**2 * (3.0 - 2.0 * since)  # so that no count makes a corner in the shift
+        shift_s = self.accent_shift_s
+        return self.count_s(take, index) + shift_s[low] + eased * (shift_s[low + 1] - shift_s[low])
+
+    def _row_below(self, take: NDArray[np.integer], index: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """Rows (K, T) of the counts before fractional indices (K, T), and how far beyond them, 0 … 1."""
         last = (self.start + self.n_counts - 1)[take][:, None]
         row = np.clip(index + self.start[take][:, None], self.start[take][:, None], last - 1e-9)
         low = np.minimum(row.astype(np.int64), last - 1)
-        since = row - low
-        eased = since**2 * (3.0 - 2.0 * since)  # so that no count makes a corner in the shift
-        count_s = self.times_s[low] + since * (self.times_s[low + 1] - self.times_s[low])
-        shift_s = self.accent_shift_s
-        return count_s + shift_s[low] + eased * (shift_s[low + 1] - shift_s[low])
+        return low, row - low
 
     def index_at(self, take: NDArray[np.integer], times_s: Floats) -> Floats:
         """Fractional count indices (N,) of times (N,) in their takes."""
@@ -234,7 +241,7 @@ class CountedClips:
 def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips) -> CountMaps:
     """Lay clips (K,) of counted takes on the beats of the 4 s from `second`.
 
-    Of the shifts that keep the 4 s inside the clip and its slope in [0.5, 2], each clip gets the one with the
+    Of the shifts that keep the 4 s inside the clip and its tempo in [0.5, 2], each clip gets the one with the
     most numbers in the bar as in the song, and of those the nearest to its middle 4 s, which its style vector
     describes. Clips of takes without counts, and those for which no shift remains, get no map; nor do those
     of a part of a take that nobody counted, but for 4 counts beyond the part that is.
@@ -259,8 +266,10 @@ def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips)
         cost = np.where(inside, 100.0 * off_bar + np.abs(tried + index[0] - wanted), np.inf)
         better = cost < best
         best[better], shift[better] = cost[better], tried[better]
-    maps = (takes.source_s(take, index + shift[:, None]) - start_s[:, None]) * NET_FPS  # (K', 81)
-    slopes = np.diff(maps, axis=1)
+    laid = index + shift[:, None]  # (K', 81)
+    maps = (takes.source_s(take, laid) - start_s[:, None]) * NET_FPS
+    # The limits are those of the tempo: an accent may be hurried or awaited a little beyond them.
+    slopes = np.diff(takes.count_s(take, laid), axis=1) * NET_FPS
     fits = np.isfinite(best) & (slopes.min(axis=1) >= MIN_SLOPE) & (slopes.max(axis=1) <= MAX_SLOPE)
     off_bar = _per_quarter(_off_bar(song, takes, take, beats, shift), beats, index)
     track = take.astype(np.int64) * _SHIFTS_PER_TRACK + shift + _SHIFTS_PER_TRACK // 2

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-MAX_SHIFT_S = 0.05  # beyond it the dance would no longer be on the count
+MAX_SHIFT_S = 0.05  # beyond it the dance would no longer be on the count,
+_MAX_SHIFT_COUNTS = 0.12  # nor beyond this where counts are close together
 _REACH_S = 0.12  # a motion beat further from a count belongs to something else
 _ON_COUNTS = 0.5  # resultant length of the phases, from 0 (anywhere) to 1 (all at one phase)
 
@@ -16,8 +17,8 @@ def accents_lie_on_counts(motion_beats_s: Floats, counts_s: Floats) -> bool:
     """Whether a take's motion beats (M,) gather near its counts (Q,): whether it is danced in accents.
 
     So it is where the resultant length of their phases within the count is 0.5 or more, and their mean phase
-    is within an eighth of the count. Dancers of ballroom reach 0.2: they come to rest where their technique
-    has them rest, and landing that on the count would make them dance as nobody does.
+    is within an eighth of the count. Dancers of ballroom reach 0.2 to 0.4: they come to rest where their
+    technique has them rest, and landing that on the count would make them dance as nobody does.
     """
     inside = motion_beats_s[(motion_beats_s >= counts_s[0]) & (motion_beats_s <= counts_s[-1])]
     if len(inside) == 0:
@@ -28,14 +29,16 @@ def accents_lie_on_counts(motion_beats_s: Floats, counts_s: Floats) -> bool:
 
 
 def accent_shifts_s(motion_beats_s: Floats, counts_s: Floats) -> Floats:
-    """How much later (Q,) than each of its counts (Q,) a take is at its accent there, -0.05 … 0.05 s.
+    """How much later (Q,) than each of its counts (Q,) a take is at its accent there, in the take's seconds.
 
-    0 at counts without a motion beat (M,) within 0.12 s, and throughout if the take's accents do not lie on
-    its counts. ChoreoGraph moves motion beats onto music beats by DTW alone (section 3.2).
+    At most 0.05 s, and 0.12 of a count, to either side. 0 at counts without a motion beat (M,) within 0.12 s,
+    and throughout if the take's accents do not lie on its counts. ChoreoGraph moves motion beats onto music
+    beats by DTW alone (section 3.2).
     """
     if len(counts_s) < 2 or not accents_lie_on_counts(motion_beats_s, counts_s):
         return np.zeros(len(counts_s))
     distance_s = motion_beats_s[None, :] - counts_s[:, None]  # (Q, M)
     nearest = np.abs(distance_s).argmin(axis=1)[:, None]
     shift_s = np.take_along_axis(distance_s, nearest, axis=1)[:, 0]
-    return np.where(np.abs(shift_s) <= _REACH_S, np.clip(shift_s, -MAX_SHIFT_S, MAX_SHIFT_S), 0.0)
+    most_s = min(MAX_SHIFT_S, _MAX_SHIFT_COUNTS * float(np.median(np.diff(counts_s))))
+    return np.where(np.abs(shift_s) <= _REACH_S, np.clip(shift_s, -most_s, most_s), 0.0)

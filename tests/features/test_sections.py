@@ -77,14 +77,28 @@ def test_a_splice_is_a_border():
     assert not set(sections.labels[:border]) & set(sections.labels[border:])
 
 
-@pytest.mark.parametrize(("late_s", "moved"), [(2.0, True), (3.5, True), (1.0, False), (5.0, False)])
-def test_a_border_a_bar_from_a_known_change_is_moved_there(late_s, moved):
+def plain_and_with_change(late_s: float, *more_s: float) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
+    """Bounds, which of them is at a splice, bounds with changes at this distance from it, and those changes."""
     songs = [render_song(genre, duration_s=24.0, seed=6100) for genre in ("house", "waltz")]
     mono = np.concatenate([song.samples.mean(axis=1)[: 36 * SAMPLE_RATE_HZ : 2] for song in songs])
     beats_s = np.arange(0.2, 35.8, 0.25)
     plain_s = song_sections(mono, beats_s).bounds_s
     border = int(np.abs(plain_s[1:-1] - 18).argmin()) + 1
-    change_s = beats_s[np.abs(beats_s - plain_s[border] - late_s).argmin()]
-    found_s = song_sections(mono, beats_s, change_times_s=np.array([change_s])).bounds_s
-    assert (np.abs(found_s - change_s).min() < 0.01) == moved
-    assert (np.abs(found_s - plain_s[border]).min() < 0.01) != moved
+    away_s = np.abs(beats_s[:, None] - plain_s[border] - np.array([late_s, *more_s]))
+    changes_s = beats_s[away_s.argmin(axis=0)]
+    return plain_s, border, song_sections(mono, beats_s, change_times_s=changes_s).bounds_s, changes_s
+
+
+@pytest.mark.parametrize(
+    ("late_s", "at_change", "stays"),
+    [(2.0, True, False), (3.5, True, False), (1.0, False, True), (5.0, True, True)],
+)
+def test_there_is_a_border_where_other_music_is_known_to_begin(late_s, at_change, stays):
+    plain_s, border, found_s, changes_s = plain_and_with_change(late_s)
+    assert (np.abs(found_s - changes_s[0]).min() < 0.01) == at_change
+    assert (np.abs(found_s - plain_s[border]).min() < 0.01) == stays
+
+
+def test_a_border_at_one_change_is_not_moved_to_the_next():
+    plain_s, border, found_s, _ = plain_and_with_change(0.0, 2.0)
+    np.testing.assert_allclose(found_s, plain_s)

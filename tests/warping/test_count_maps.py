@@ -274,3 +274,29 @@ def test_accents_are_landed_on_beats_and_the_time_map_has_no_corners():
     index = np.linspace(10, 14, 401)
     played_s = grids.source_s(np.zeros(1, int), index[None])[0]
     assert np.abs(np.diff(played_s, 2)).max() < 1e-4
+
+
+def test_accents_keep_no_take_from_being_danced_at_a_tempo_that_its_counts_allow():
+    take, song = counted(0.38), counted(0.7)  # at 0.54 of its tempo
+    beats_s = take.times_s + np.tile([0.0, 0.044, 0.043, 0.0], len(take))[: len(take)]
+    starts = np.arange(0, 30 * NET_FPS - CLIP_FRAMES + 1, NET_FPS)
+
+    def n_maps(motion_beats_s):
+        clips = CountedClips.of(
+            np.zeros(len(starts), int), starts, TakeGrids([take], [()], motion_beats_s),
+            SongGrid.of(song, SONG_S), np.arange(N_SECONDS + 5.0),
+        )  # fmt: skip
+        return len(maps_at(6, clips).candidates)
+
+    assert n_maps([beats_s]) == n_maps(None) == len(starts)
+
+
+def test_accents_of_a_take_counted_in_part_are_those_of_that_part():
+    part = counted(0.5, first_s=10.0, length_s=20.0)
+    elsewhere_s = np.sort(np.random.default_rng(0).uniform(0.0, 10.0, 15))
+    grids = TakeGrids([part], [()], [np.r_[elsewhere_s, part.times_s[:-1] + 0.03]])
+    index = np.arange(len(grids.times_s) - 1)[None].astype(float)
+    shift_s = (grids.source_s(np.zeros(1, int), index) - grids.count_s(np.zeros(1, int), index))[0]
+    known = np.isin(np.round(grids.times_s[:-1], 6), np.round(part.times_s[:-1], 6))
+    np.testing.assert_allclose(shift_s[known], 0.03, atol=1e-9)
+    assert shift_s[~known][:-1] == pytest.approx(0.0)

@@ -26,6 +26,12 @@ def test_no_accent_is_moved_by_more_than_50_ms():
     assert np.isclose(shifts_s[4], 0.01)
 
 
+def test_where_counts_are_close_together_accents_are_moved_less():
+    counts_s = 0.3 * np.arange(40)
+    beats_s = counts_s[:-1] + np.where(np.arange(39) % 8 == 3, 0.06, 0.01)
+    assert accent_shifts_s(beats_s, counts_s)[3] == pytest.approx(0.12 * 0.3)
+
+
 def test_a_count_without_an_accent_stays():
     beats_s = np.delete(INSIDE_S + 0.02, 7)
     shifts_s = accent_shifts_s(beats_s, COUNTS_S)
