@@ -81,6 +81,8 @@ def _joins_s(request: DanceRequest) -> NDArray[np.float64]:
 
 def _counted_clips(request: DanceRequest, joins_s: NDArray[np.float64]) -> CountedClips | None:
     """The clips of takes with counts; None if there are none, or counts are not to be used."""
+    if request.config.warping != "counts":
+        return None
     repertoire = request.repertoire
     takes = range(len(repertoire.takes))
     grids = TakeGrids(
@@ -89,7 +91,7 @@ def _counted_clips(request: DanceRequest, joins_s: NDArray[np.float64]) -> Count
         [repertoire.motion_beats_s(take) for take in takes],
     )
     song = SongGrid.of(request.song_features.counts, request.song_features.duration_s)
-    if request.config.warping != "counts" or song is None or not grids.counted.any():
+    if song is None or not grids.counted.any():
         return None
     return CountedClips.of(repertoire.clip_take, repertoire.clip_start_frame, grids, song, joins_s)
 

@@ -39,8 +39,7 @@ def dance_scores(
     scores |= second_opinion_scores(motion, dance.counts, music.second_beats_s)
     scores |= count_scores(dance.counts, counts, music.duration_s, rng)
     scores |= ending_scores(motion, counts)
-    closing_s = motion.duration_s if plan is None or plan.closing_s is None else plan.closing_s
-    danced_s = (plan.opening_s if plan else 0.0, closing_s)
+    danced_s = (plan.opening_s, plan.danced_until_s) if plan else (0.0, motion.duration_s)
     scores |= energy_scores(motion, danced_s, music.sections.bounds_s, music.section_loudness_db)
     motifs = None
     if scorer is not None:

@@ -126,8 +126,7 @@ def danced(song: SectionedSong, repertoire: cg.Repertoire, config: cg.DanceConfi
     of_plan |= physical_scores(made.motion, transition_times_s(plan)).values
     for name in ("own_genre", "transitions_at_borders", "transitions_per_minute", "jerk_ratio_at_boundaries"):
         other[name] = of_plan.get(name, np.nan)
-    closing_s = plan.duration_s if plan.closing_s is None else plan.closing_s
-    return sectioned(song, made.motion, (plan.opening_s, closing_s), other)
+    return sectioned(song, made.motion, (plan.opening_s, plan.danced_until_s), other)
 
 
 def row_of(dances: Sequence[SectionedDance], sizes: Sequence[Sizes]) -> Row:

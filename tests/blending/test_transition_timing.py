@@ -74,6 +74,16 @@ def test_fixed_and_locked_runs_start_on_time():
     assert starts_s(timed(runs, joins_s)) == [0.0, 1.2, 2.0, 3.0, 4.2]  # neither into it nor out of it
 
 
+def test_a_run_that_has_to_give_way_alone_takes_more_time():
+    """Beside a pinned run one side brings the whole offset to rest, from a standstill."""
+    runs = seconds("ab")
+    shared = timed(runs, [0.0, 1.0])[1].transition_s
+    held = runs[0]
+    runs[0] = Run(held.take, held.start_s, held.stop_s, held.source_times_s, locked=True)
+    alone = timed(runs, [0.0, 1.0])[1].transition_s
+    assert shared < alone
+
+
 @settings(max_examples=25)
 @given(st.text("abc", min_size=1, max_size=8), st.sampled_from(["inertial", "linear"]), st.data())
 def test_transitions_stay_near_in_order_and_repeatable(takes, blending, data):

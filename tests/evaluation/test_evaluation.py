@@ -95,7 +95,10 @@ def test_all_dances_are_measured_by_catalogued_metrics(evaluation):
         assert set(dance.scores.values) <= set(METRICS)
         assert set(dance.scores.chance) <= set(dance.scores.values)
     families = [table.family for table in tables(evaluation)]
-    assert set(families) == set(FAMILIES) - {"retrieval", "energy"}  # no style networks, one loudness
+    assert set(families) == set(FAMILIES) - {
+        "retrieval",
+        "energy",
+    }  # no style networks; songs of one loudness
 
 
 def test_huge_numbers_stay_readable():

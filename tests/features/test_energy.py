@@ -46,3 +46,10 @@ def test_one_bang_does_not_soften_the_rest():
     samples[10 * SAMPLE_RATE_HZ : 10 * SAMPLE_RATE_HZ + 2000] *= 10
     energy = energy_per_second(samples, 20)
     assert energy.min() > 0.9
+
+
+def test_silence_does_not_make_everything_loud():
+    samples = np.concatenate([np.zeros(25 * SAMPLE_RATE_HZ), noise([0], 6), np.zeros(25 * SAMPLE_RATE_HZ)])
+    energy = energy_per_second(samples, 56)
+    assert (energy[28:30] > 0.9).all()
+    assert not energy[:20].any() and not energy[40:].any()

@@ -42,12 +42,13 @@ def tracked(*, first_s: float = 0.25, first: int = 1, metre: int = 4, period_s: 
     return make_counts(first_s + period_s * np.arange(n_beats), numbers, metre)
 
 
-def test_silence_is_waited_through_and_a_dance_closes_on_its_last_strong_downbeat():
+@pytest.mark.parametrize("first_sound_s", [8.0, 16.0, 19.0])
+def test_silence_is_waited_through_and_a_dance_closes_on_its_last_strong_downbeat(first_sound_s):
     counts = tracked()
-    sounding = counts.times_s[(counts.times_s > 8.0) & (counts.times_s < 22.4)]
+    sounding = counts.times_s[(counts.times_s > first_sound_s) & (counts.times_s < 22.4)]
     opening_s, closing_s = dance_span_s(counts, clicks_mel(sounding), DURATION_S)
     downbeats_s = counts.downbeat_times_s
-    assert opening_s == downbeats_s[downbeats_s > 8.0][0]
+    assert opening_s == downbeats_s[downbeats_s > first_sound_s][0]
     assert closing_s == downbeats_s[downbeats_s < 22.4][-1]
 
 
