@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-MAX_SHIFT_S = 0.05  # beyond it the dance would no longer be on the count,
-_MAX_SHIFT_COUNTS = 0.12  # nor beyond this where counts are close together
+MAX_SHIFT_S = 0.05  # of the take, and of the song it is danced to: beyond it a dance is off the count,
+_MAX_SHIFT_COUNTS = 0.12  # as it is beyond this where counts are close together
 _REACH_S = 0.12  # a motion beat further from a count belongs to something else
 _ON_COUNTS = 0.5  # resultant length of the phases, from 0 (anywhere) to 1 (all at one phase)
 
