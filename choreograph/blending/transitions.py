@@ -13,7 +13,7 @@ from choreograph.timebase import seconds_to_frames
 Floats = NDArray[np.float64]
 
 _BLENDED_SHARE = 0.5  # of a run may be blended at either end, so that its middle stays as recorded
-_LEAST_JERK_SPEED = 1.875  # in the middle of a way of least jerk, by its mean speed
+_MINIMUM_JERK_PEAK = 1.875  # speed in the middle of a minimum-jerk path, by its mean speed
 _RATE_S = 0.4  # the longest that a difference of velocity is taken up in: the longer, the further it swings
 _MAX_SWING = 0.1  # m or rad, by which a difference of acceleration may swing a side out
 _SWING_OF_ACCELERATION = 0.01728  # of a T²: the peak of t² / 2 (1 - t / T)³ a
@@ -73,12 +73,12 @@ def decay_offset(offset: Floats, times_s: Floats, length_s: float) -> Floats:
 def decay_distance(distance: Floats, times_s: Floats, length_s: float, *, shared: bool) -> Floats:
     """How an offset (..., 3) between two motions of the same velocity comes to rest: values (T, ..., 3).
 
-    Where both sides share the offset, they go through their meeting at full speed, on the path of least jerk
+    Where both sides share the offset, they go through their meeting at full speed, on the minimum-jerk path
     across both (Flash and Hogan, 1985). Held at rest there, as a side alone must be, a dance comes to rest at
     every transition: a motion beat that no dancer made.
     """
     zero = np.zeros_like(distance)
-    rate = -_LEAST_JERK_SPEED * distance / length_s if shared else zero
+    rate = -_MINIMUM_JERK_PEAK * distance / length_s if shared else zero
     return decay_offset(np.stack([distance, rate, zero]), times_s, length_s)
 
 

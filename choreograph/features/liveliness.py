@@ -12,14 +12,14 @@ from choreograph.timebase import NET_FPS
 
 Floats = NDArray[np.floating]
 
-_WIDTH_SHARE = 0.5  # of a standard deviation of width against one of way
+_WIDTH_SHARE = 0.5  # of a standard deviation of width against one of travel
 _LEAST_SPREAD_M = 1e-3  # takes that differ by less do not differ
 
 
 class Liveliness:
-    """Ranks of any seconds of takes, by the way that their joints cover and by how wide the body is.
+    """Ranks of any seconds of takes, by how far their joints travel and by how wide the body is.
 
-    Way is the mean of the joints' in the world, travel included; width the mean of their distances from the
+    Travel is the mean of the joints' path lengths in the world; width the mean of their distances from the
     vertical through the pelvis. Both are read from sums up to each frame, so a second may begin anywhere and
     be played at any speed.
     """
@@ -35,7 +35,7 @@ class Liveliness:
             takes = np.flatnonzero(self._genres == genre).tolist()
             start = np.concatenate([np.arange(max(0, len(body_pos_m[i]) - NET_FPS)) for i in takes])
             of_take = np.repeat(takes, [max(0, len(body_pos_m[i]) - NET_FPS) for i in takes])
-            measured = self._way_and_width(of_take, start, start + NET_FPS)
+            measured = self._travel_and_width(of_take, start, start + NET_FPS)
             spread = measured.std(axis=0) if len(measured) else np.zeros(2)
             self._scale[genre] = np.array([1.0, _WIDTH_SHARE]) / np.maximum(spread, _LEAST_SPREAD_M)
             self._sizes[genre] = np.sort(measured @ self._scale[genre])
@@ -45,7 +45,7 @@ class Liveliness:
 
         `start` and `stop` (N,) are the frames of the takes (N,) at 20 fps between which a second is danced.
         """
-        measured = self._way_and_width(take, start, stop)
+        measured = self._travel_and_width(take, start, stop)
         ranks = np.full(len(take), 0.5, np.float32)
         genres = self._genres[take]
         for genre, sizes in self._sizes.items():
@@ -54,19 +54,19 @@ class Liveliness:
                 ranks[here] = np.searchsorted(sizes, measured[here] @ self._scale[genre]) / len(sizes)
         return ranks
 
-    def _way_and_width(self, take: NDArray[np.integer], start: Floats, stop: Floats) -> Floats:
-        """Way in metres, as danced in one second, and mean width in metres, (N, 2)."""
+    def _travel_and_width(self, take: NDArray[np.integer], start: Floats, stop: Floats) -> Floats:
+        """Travel in metres, as danced in one second, and mean width in metres, (N, 2)."""
         first, last = self._first[take], self._first[take + 1] - 1
         rows = np.clip(first + np.stack([start, stop]), first, last)  # (2, N)
         low = rows.astype(np.int64)
         share = (rows - low)[..., None]
         at = (1 - share) * self._sums[low] + share * self._sums[np.minimum(low + 1, last)]  # (2, N, 2)
-        way_m, width_m_s = (at[1] - at[0]).T
-        return np.stack([way_m, width_m_s * NET_FPS / np.maximum(rows[1] - rows[0], 1e-6)], axis=1)
+        travel_m, width_m_s = (at[1] - at[0]).T
+        return np.stack([travel_m, width_m_s * NET_FPS / np.maximum(rows[1] - rows[0], 1e-6)], axis=1)
 
 
 def _sums(body_pos_m: Floats) -> Floats:
-    """Way and width × time of a take up to every frame, (T, 2) in m and m s."""
+    """Travel and width × time of a take up to every frame, (T, 2) in m and m s."""
     pos = np.asarray(body_pos_m, np.float64)
     across = (pos - pos[:, :1])[..., [0, 2]]
     per_frame = np.stack(

@@ -55,6 +55,7 @@ def _tempo_changes(times_s: Floats) -> Ints:
     octaves = np.log2(np.diff(times_s))  # (Q - 1,) of each beat period
 
     def change(beat: int) -> float:
+        """How much the periods differ before and after a beat, in octaves; 0 where that is no other tempo."""
         before, after = octaves[max(0, beat - _PERIODS) : beat], octaves[beat : beat + _PERIODS]
         if min(len(before), len(after)) < _FEWEST_PERIODS:
             return 0.0
@@ -70,6 +71,7 @@ def _metre_changes(counts: Counts) -> Ints:
     lengths = np.diff(downbeats)  # (bars,)
 
     def change(bar: int) -> float:
+        """How clear the two metres before and after a bar are, up to 2; 0 where they are one."""
         before, after = lengths[max(0, bar - _BARS) : bar], lengths[bar : bar + _BARS]
         if min(len(before), len(after)) < _FEWEST_BARS:
             return 0.0

@@ -59,7 +59,7 @@ class Layer:
     off_bar: Floats  # (N,) share of this second's beats whose number in the bar is not the take's
     enter_penalty: Floats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
     leave_penalty: Floats  # (N,) of leaving it at the second's end
-    liveliness: Floats  # (N,) rank of its way and width as danced among its genre's seconds, 0 … 1
+    liveliness: Floats  # (N,) rank of its travel and width as danced among its genre's seconds, 0 … 1
     source_frames: Floats  # (N, 21) clip frames at the 20 output frames and the second's end
     first_pose_m: Floats  # (N, 21, 3) where takes may change at the second's start,
     last_pose_m: Floats  # (N, 21, 3) and at its end
