@@ -17,6 +17,8 @@ SELECTIONS = ("style", "random")
 WARPINGS = ("counts", "dtw", "none")
 BLENDINGS = ("inertial", "linear")
 TRANSITION_PLACEMENTS = ("beats", "seconds")
+DENSITIES = ("repertoire", "learned")
+TIME_MAPS = ("smooth", "raw")
 # Lengths a transition may have: inertial to each side, linear in all; the first where none is chosen.
 TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
 # The first ten but completeness were weighed on dances to training songs, left out in five folds; the paper
@@ -38,8 +40,18 @@ class DanceConfig:
     selection: str = "style"  # which clips: the nearest in style, or "random" (graph)
     warping: str = "counts"  # counts to beats, "dtw" of tempo-densities where they are not known or for all,
     # or "none": as recorded (graph)
+    density: str = (
+        "repertoire"  # which tempo-density the DTW aligns: the repertoire's, whichever it carries, or
+    )
+    # only a "learned" one (graph)
+    time_maps: str = (
+        "smooth"  # of the DTW: smoothed, with beats on beats, or its path as it is, "raw" (graph)
+    )
     blending: str = "inertial"
     transitions: str = "beats"  # where takes change: on downbeats and beats, or on "seconds" (graph)
+    lock_feet: bool = True  # of the finished dance (graph)
+    hold_ends: bool = True  # a pose before the song's first count, and one after its last (graph)
+    keep_on_stage: bool = True  # by small rotations at transitions (graph)
     fps: float = 60.0
     seed: int = 0
     beats: str | Path = "tempo-path"  # beat tracker, or a file of the song's beats
@@ -54,8 +66,13 @@ class DanceConfig:
         _choice("planner", self.planner, PLANNERS)
         _choice("selection", self.selection, SELECTIONS)
         _choice("warping", self.warping, WARPINGS)
+        _choice("density", self.density, DENSITIES)
+        _choice("time_maps", self.time_maps, TIME_MAPS)
         _choice("blending", self.blending, BLENDINGS)
         _choice("transitions", self.transitions, TRANSITION_PLACEMENTS)
+        for name in ("lock_feet", "hold_ends", "keep_on_stage"):
+            if not isinstance(getattr(self, name), bool):
+                raise ParameterError(f"expected {name} as true or false, got {getattr(self, name)!r}")
         check_beats(self.beats)
         if isinstance(self.candidates, bool) or not isinstance(self.candidates, int) or self.candidates < 1:
             raise ParameterError(f"expected candidates of at least 1, got {self.candidates!r}")

@@ -18,7 +18,7 @@ from choreograph.takes import Credits
 from choreograph.timebase import NODE_FRAMES, SEGMENT_S
 
 FORMAT = "choreograph-plan"
-VERSION = 5  # every version before it is still read: see `_upgraded`
+VERSION = 6  # every version before it is still read: see `_upgraded`
 _TOUCH_S = 1e-3  # words that meet this closely leave no gap
 
 
@@ -89,6 +89,8 @@ class Plan:
     metre: int = 0  # beats in a bar; 0 if bars are not known
     opening_s: float = 0.0  # until then the dance holds its first pose
     closing_s: float | None = None  # from then on it holds its last one; None: it dances to the end
+    lock_feet: bool = True  # when it is rendered
+    keep_on_stage: bool = True  # by small rotations at transitions
 
     @property
     def danced_until_s(self) -> float:
@@ -157,6 +159,8 @@ class Plan:
         version = data["version"]
         if version < 5:
             data = {"music_beat_numbers": [], "metre": 0, "opening_s": 0.0, "closing_s": None, **data}
+        if version < 6:
+            data = {"lock_feet": True, "keep_on_stage": True, **data}
         data = {key: value for key, value in data.items() if key not in ("format", "version")}
         lists = {key: data.pop(key, None) for key in ("seconds", "words")}
         for key, entries in lists.items():

@@ -72,8 +72,11 @@ def test_bars_and_held_poses_round_trip():
 
 def test_plans_of_older_versions_are_still_read():
     data = json.loads(PLAN.to_json())
+    without = {key: value for key, value in data.items() if key not in ("lock_feet", "keep_on_stage")}
+    assert Plan.from_json(json.dumps({**without, "version": 5})) == PLAN
     for second in data["seconds"]:
         second["begins_s"], second["fade_s"] = second.pop("start_s"), second.pop("transition_s")
+    del data["lock_feet"], data["keep_on_stage"]
     assert Plan.from_json(json.dumps({**data, "version": 3})) == PLAN
     for second in data["seconds"]:
         del second["fade_s"]
@@ -189,7 +192,7 @@ def edited_second(**changes) -> str:
         "[]",
         "null",
         edited(format="something else"),
-        edited(version=6),
+        edited(version=7),
         edited(seconds=[]),
         edited(seconds=None),
         edited(seconds={"0": {}}),

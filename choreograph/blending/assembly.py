@@ -20,12 +20,19 @@ Floats = NDArray[np.float64]
 
 
 def assemble(
-    runs: Sequence[Run], read_motion: MotionReader, *, fps: float, duration_s: float, blending: str
+    runs: Sequence[Run],
+    read_motion: MotionReader,
+    *,
+    fps: float,
+    duration_s: float,
+    blending: str,
+    keep_on_stage: bool = True,
 ) -> tuple[Motion, NDArray[np.float64]]:
     """The dance before foot locking, and the times of its transitions in seconds.
 
     Each run is rotated about Y and shifted on the ground so that its body stands where the previous run's
-    stood at the transition, and steered a little to keep the dance on the stage (ours).
+    stood at the transition (the paper does not say how nodes are joined), and steered a little to keep the
+    dance on the stage (`keep_on_stage`, ours).
     `linear` is the paper's crossfade. With `inertial` the difference of pose, velocity and acceleration
     decays on both sides, so that neither motion is smeared. Transitions between short runs are shorter.
 
@@ -42,7 +49,7 @@ def assemble(
     for run in runs:
         sampled = sample_run(run, read_motion, fps, margin)
         if previous is not None:
-            sampled = align_to(previous, sampled, fps)
+            sampled = align_to(previous, sampled, fps, keep_on_stage=keep_on_stage)
         if quat_out is None:
             quat_out = np.empty((total, *sampled.quat.shape[1:]))
         rows = sampled.rows(sampled.start, sampled.stop)

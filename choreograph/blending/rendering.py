@@ -46,8 +46,10 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
         fps=plan.fps,
         duration_s=plan.duration_s,
         blending=plan.blending,
+        keep_on_stage=plan.keep_on_stage,
     )
-    return lock_feet(hold_ends(motion, plan.opening_s, plan.closing_s), shift_s=DANCE_SHIFT_S)
+    held = hold_ends(motion, plan.opening_s, plan.closing_s)
+    return lock_feet(held, shift_s=DANCE_SHIFT_S) if plan.lock_feet else held
 
 
 def plan_runs(plan: Plan) -> list[Run]:

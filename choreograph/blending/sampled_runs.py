@@ -75,9 +75,13 @@ def alignment_at(previous: SampledRun, sampled: SampledRun, frame: int) -> tuple
     return yaw_rad, _shift_m(before, after, yaw_rad)
 
 
-def align_to(previous: SampledRun, sampled: SampledRun, fps: float) -> SampledRun:
+def align_to(
+    previous: SampledRun, sampled: SampledRun, fps: float, *, keep_on_stage: bool = True
+) -> SampledRun:
     """`sampled`, moved to where `previous` stands and faces at its start, and steered towards the stage."""
-    yaw_rad, _ = alignment_at(previous, sampled, sampled.start)
+    yaw_rad, shift_m = alignment_at(previous, sampled, sampled.start)
+    if not keep_on_stage:
+        return sampled.moved(yaw_rad, shift_m)
     before, after = previous.body_at(sampled.start), sampled.body_at(sampled.start)
     end = sampled.body_at(sampled.stop - 1)
     travel_m = rot.rotate(rot.about_y(yaw_rad), ground_pos_m(end) - ground_pos_m(after))

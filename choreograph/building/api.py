@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,9 @@ def build(
     lock_feet: bool = True,
     augment_mirror: bool = True,
     words: bool = True,
+    style_changes: Mapping[str, Any] | None = None,
+    density_changes: Mapping[str, Any] | None = None,
+    method: str = "ours",
     report: ProgressReport | None = None,
     training_report: Callable[[Any], None] | None = None,
 ) -> BuildResult:
@@ -47,7 +50,8 @@ def build(
     sources : a folder or file of takes, or several
     output : the file to write; work in progress lies beside it in `OUTPUT.build/`
     preset, density, seed, device, resume, keep_networks, compress, rollout, leave_out, lock_feet,
-        augment_mirror, words : as in `BuildOptions`
+        augment_mirror, words, style_changes, density_changes, method : as in `BuildOptions`;
+        `choreograph.published.published_build` gives those of the method as published
     init_from : repertoire whose networks training starts from
     pretrained_style : repertoire whose style networks training starts from. "auto" takes the built-in one's
         for the preset "small"; None starts from random weights
@@ -69,7 +73,8 @@ def build(
         init_from=None if init_from is None else _as_path("init_from", init_from),
         pretrained_style=pretrained_path(pretrained_style, preset), keep_networks=keep_networks,
         compress=compress, rollout=rollout, leave_out=tuple(leave_out), lock_feet=lock_feet,
-        augment_mirror=augment_mirror, words=words,
+        augment_mirror=augment_mirror, words=words, style_changes=dict(style_changes or {}),
+        density_changes=dict(density_changes or {}), method=method,
     )  # fmt: skip
     for name in sorted(_FLAGS):
         if not isinstance(getattr(options, name), bool):

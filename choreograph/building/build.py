@@ -96,6 +96,7 @@ def _provenance(
     """How the file was made, for `inspect` and for evaluation."""
     return {
         "choreograph": version("choreograph"),
+        "method": options.method,
         "preset": options.preset,
         "seed": options.seed,
         "init_from": options.init_from.name if options.init_from else None,
@@ -104,6 +105,8 @@ def _provenance(
         "left_out": sorted(options.leave_out),
         "trained_on": trained_on,
         "selection_beat_weight": selection_beat_weight,
+        "style_changes": dict(options.style_changes),
+        "density_changes": dict(options.density_changes),
     }
 
 

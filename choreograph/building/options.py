@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+from choreograph.errors import ParameterError
+
+DENSITIES = ("analytic", "learned")
 
 
 @dataclass(frozen=True)
@@ -11,7 +17,7 @@ class BuildOptions:
     """Settings of a build; see `choreograph build-db --help`."""
 
     preset: str = "small"  # size and training length of the networks: tiny, small, paper
-    density: str = "analytic"  # which tempo-density clips carry, "analytic" or "learned"
+    density: str = "analytic"  # which tempo-density clips carry: analytic, or "learned" by two more networks
     seed: int = 0
     device: str = "auto"  # where networks are trained: auto, cpu, cuda
     resume: bool = False  # continue from the checkpoints of a build that was stopped
@@ -24,3 +30,14 @@ class BuildOptions:
     lock_feet: bool = True  # of takes, before anything is measured
     augment_mirror: bool = True  # train on mirrored motion, too
     words: bool = True  # find motion words and motifs; without, no word network is stored either
+    style_changes: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # fields of `StyleConfig` unlike the preset's
+    density_changes: Mapping[str, Any] = field(default_factory=dict)  # likewise of `DensityConfig`
+    method: str = "ours"  # what the file says of how it was built: see `choreograph.published`
+
+    def __post_init__(self) -> None:
+        if self.density not in DENSITIES:
+            raise ParameterError(
+                f"expected a tempo-density among {', '.join(DENSITIES)}, got {self.density!r}"
+            )

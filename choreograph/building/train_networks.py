@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from choreograph.nets.style.data import StyleTake
     from choreograph.nets.training import TrainingContext
 
-MUSIC_NETS = ("style", "motion_density", "music_density")  # trained on pairs of music and motion
+STYLE_NETS = ("style",)  # trained on pairs of music and motion
+DENSITY_NETS = ("motion_density", "music_density")  # likewise, where clips carry the learned tempo-density
 
 
 @dataclass(frozen=True)
@@ -78,15 +79,17 @@ def train_music_networks(
     context: TrainingContext,
     report: ProgressReport | None,
 ) -> tuple[dict[str, NetArrays], list[str], tuple[str, ...]]:
-    """Style and tempo-density networks, the songs they were trained on, and notes.
+    """Style networks, those of tempo-density if it is learned, the songs they were trained on, and notes.
 
     Networks that are not kept are trained if the takes have two songs or more; with fewer, the pretrained
-    ones are taken over as they are.
+    ones are taken over as they are. Where the tempo-density is analytic its networks have nothing to do, and
+    are neither trained nor taken over: at preset tiny they take 7 of 10 minutes.
     """
+    wanted = (*STYLE_NETS, *(DENSITY_NETS if options.density == "learned" else ()))
     with_music = [m for m in measured if m.take.song_path is not None]
     song_names = {m.take.song_name for m in with_music}
-    known = {name: net for name, net in pretrained.nets.items() if name in MUSIC_NETS}
-    if pretrained.keep and set(known) == set(MUSIC_NETS):
+    known = {name: net for name, net in pretrained.nets.items() if name in wanted}
+    if pretrained.keep and set(known) == set(wanted):
         return known, sorted(pretrained.trained_on), ()
     if len(song_names) >= 2:
         takes = []
@@ -94,7 +97,8 @@ def train_music_networks(
             takes.append(_style_take(m, songs))
             if report is not None:
                 report("analysing songs", done + 1, len(with_music))
-        nets = _trained(takes, pretrained, options=options, context=context)
+        kept = known if pretrained.keep else {}
+        nets = _trained(takes, kept, pretrained, options=options, context=context)
         return nets, sorted(song_names | pretrained.trained_on), ()
     if known:
         note = "fewer than two songs to train on: the networks are taken over as they are"
@@ -108,32 +112,53 @@ def train_music_networks(
 
 def _trained(
     takes: Sequence[StyleTake],
+    kept: Mapping[str, NetArrays],
     pretrained: PretrainedWeights,
     *,
     options: BuildOptions,
     context: TrainingContext,
 ) -> dict[str, NetArrays]:
-    """The three networks: style, then the tempo-density of motion, then that of music, which needs motion's.
+    """The networks beside those `kept`: style, then tempo-density if it is learned."""
+    from choreograph.nets.style.config import style_config
+    from choreograph.nets.style.train import train_style
 
-    Without a take of 8 s of music and motion no tempo-density is trained.
+    nets = dict(kept)
+    if "style" not in nets:
+        n_songs = len({take.song_name for take in takes})
+        config = style_config(
+            options.preset, n_songs=n_songs, **(_changes(options) | dict(options.style_changes))
+        )
+        style = train_style(
+            takes, config, pretrained=pretrained.weights("style"), seed=options.seed, context=context
+        )
+        nets["style"] = _stored(style)
+    if options.density == "learned":
+        nets |= _trained_densities(takes, nets, pretrained, options=options, context=context)
+    return nets
+
+
+def _trained_densities(
+    takes: Sequence[StyleTake],
+    kept: Mapping[str, NetArrays],
+    pretrained: PretrainedWeights,
+    *,
+    options: BuildOptions,
+    context: TrainingContext,
+) -> dict[str, NetArrays]:
+    """The tempo-density of motion, then that of music, which needs motion's; those `kept` as they are.
+
+    None without a take of 8 s of music and motion.
     """
     from choreograph.nets.density.config import density_config
     from choreograph.nets.density.model import MotionDensity
     from choreograph.nets.density.train import train_motion_density, train_music_density
-    from choreograph.nets.style.config import style_config
-    from choreograph.nets.style.train import train_style
 
-    nets = {name: net for name, net in pretrained.kept.items() if name in MUSIC_NETS}
-    given: dict[str, Any] = {"seed": options.seed, "context": context}
-    if "style" not in nets:
-        n_songs = len({take.song_name for take in takes})
-        config = style_config(options.preset, n_songs=n_songs, **_changes(options))
-        style = train_style(takes, config, pretrained=pretrained.weights("style"), **given)
-        nets["style"] = _stored(style)
+    nets = {name: kept[name] for name in DENSITY_NETS if name in kept}
     longest_s = max(min(len(t.body_pos_m) / NET_FPS, len(t.log_mel) / MUSIC_FPS) for t in takes)
     if longest_s < CLIP_S:
         return nets
-    densities = density_config(options.preset, **_changes(options))
+    given: dict[str, Any] = {"seed": options.seed, "context": context}
+    densities = density_config(options.preset, **(_changes(options) | dict(options.density_changes)))
     if "motion_density" in nets:
         motion = MotionDensity.from_arrays(nets["motion_density"].weights, nets["motion_density"].config)
     else:

@@ -8,9 +8,11 @@ from pathlib import Path
 import click
 from click_option_group import optgroup
 
-from choreograph.cli.present import examples, names_of, show_notes, stages
+from choreograph.cli.present import examples, given_options, names_of, show_notes, stages
+from choreograph.errors import ParameterError
 
 _FILE = click.Path(path_type=Path)
+_DECIDED = {"--density", "--lock-feet", "--pretrained-style"}  # by --published
 
 
 @click.command(
@@ -40,11 +42,20 @@ _FILE = click.Path(path_type=Path)
     "--lock-feet/--no-lock-feet", default=True, show_default=True,
     help="Lock feet of takes that slide where they stand.",
 )  # fmt: skip
-@optgroup.option("--density", metavar="analytic|learned", help="Tempo-density of the clips (analytic).")
+@optgroup.option(
+    "--density", metavar="analytic|learned",
+    help="Tempo-density of the clips: from their motion beats (analytic), or of two networks, which are "
+    "trained for it alone.",
+)  # fmt: skip
 @optgroup.group("Networks")
 @optgroup.option(
     "--preset", default="small", show_default=True, metavar="tiny|small|paper",
     help="Size of the networks. tiny: to try it out. small: for two CPU cores. paper: for a GPU.",
+)  # fmt: skip
+@optgroup.option(
+    "--published", is_flag=True,
+    help="Train as ChoreoGraph was published, for `dance --published`: its losses, inputs, batch and rate. "
+    "Widths and its 10,000 epochs are scaled by the preset: tiny 10, small 100, paper all of them.",
 )  # fmt: skip
 @optgroup.option("--rollout", is_flag=True, help="Also train the network of `dance --engine rollout`.")
 @optgroup.option("--init-from", type=_FILE, help="Start from the networks of another repertoire.")
@@ -64,7 +75,7 @@ _FILE = click.Path(path_type=Path)
 @optgroup.option("--resume", is_flag=True, help="Continue from the checkpoints of a build that was stopped.")
 @optgroup.option("--device", default="auto", show_default=True, metavar="auto|cpu|cuda")
 @optgroup.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Seed.")
-def command(sources, output, quiet, pretrained_style, leave_out, density, **options) -> None:
+def command(sources, output, quiet, pretrained_style, leave_out, density, published, **options) -> None:
     """Build a repertoire from SOURCES: folders or files of recorded dances with their music.
 
     Known layouts: a folder of NAME.bvh or NAME.c3d with NAME.wav|mp3|flac|ogg|m4a and an optional
@@ -72,12 +83,20 @@ def command(sources, output, quiet, pretrained_style, leave_out, density, **opti
     AMASS. NAME.counts.csv beside NAME.bvh says where a take is counted: time_s,number,figure.
     """
     import choreograph as cg
+    from choreograph.published import published_build
 
     if density is not None:
         options["density"] = density
     # Not given: the API's default; "nothing": random weights.
     options["pretrained_style"] = {None: "auto", "nothing": None}.get(pretrained_style, pretrained_style)
     options["leave_out"] = names_of(leave_out)
+    if published:
+        given = sorted(set(given_options(except_for=())) & _DECIDED)
+        if given:
+            raise ParameterError(
+                f"--published decides how networks are trained: leave out {', '.join(given)}"
+            )
+        options |= published_build(options["preset"])
     try:
         with stages(quiet=quiet) as shown:
             built = cg.build(sources, output, report=shown.report, training_report=shown.training, **options)

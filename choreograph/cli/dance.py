@@ -32,12 +32,13 @@ _BESIDE_A_PLAN = {"song", "db", "output", "with_clicks", "opened", "plan_path", 
 @dance_options
 def command(
     song, db, output, with_clicks, opened, as_json, quiet, plan_path, variations, start, duration, weight,
-    config, genre, signature, motif_file, recreate, pin, ban, **settings,
+    config, published, genre, signature, motif_file, recreate, pin, ban, **settings,
 ) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file)."""
     import choreograph as cg
     from choreograph.config import load_config
     from choreograph.pipeline.saving import check_outputs
+    from choreograph.published import published_dance
 
     if song is None and plan_path is None:
         raise ParameterError("expected a SONG, or --plan FILE; `choreograph songs` lists a few to begin with")
@@ -45,7 +46,8 @@ def command(
         _refuse_beside_a_plan()
     outputs = numbered(outputs_for(output, (song or plan_path).stem, opened), variations)
     check_outputs([path for paths in outputs for path in paths], with_clicks=with_clicks)
-    chosen = load_config(config) if config else None
+    base = published_dance() if published else None
+    chosen = load_config(config, base) if config else base
     weights = _weights(weight)
     repertoire = cg.starter_repertoire() if db is None else cg.Repertoire.open(db)
     with stages(quiet=quiet or as_json) as shown:

@@ -79,6 +79,11 @@ _ENGINE = (
     ),
     optgroup.option("--seed", type=int, help="Another seed gives another dance (0)."),
     optgroup.option("--config", type=_FILE, help="TOML file of settings."),
+    optgroup.option(
+        "--published", is_flag=True,
+        help="ChoreoGraph as published, with a repertoire of `build-db --published`; other settings change "
+        "it. Not with --engine mixer or rollout.",
+    ),
 )  # fmt: skip
 
 _GRAPH_AND_MIXER = (
@@ -100,7 +105,24 @@ _GRAPH = (
         "--selection", metavar="style|random", help="Which clips: nearest in style (default), or random ones."
     ),
     optgroup.option(
-        "--warping", metavar="dtw|none", help="Warp clips to the music's tempo (dtw, the default), or not."
+        "--warping", metavar="counts|dtw|none",
+        help="Lay counts on beats (counts, the default; dtw where they are not known), warp clips by "
+        "tempo-density (dtw), or not at all.",
+    ),
+    optgroup.option(
+        "--density", metavar="repertoire|learned",
+        help="What dtw aligns: the tempo-density of the repertoire (default), or only a learned one.",
+    ),
+    optgroup.option(
+        "--time-maps", metavar="smooth|raw", help="Smooth the path of dtw (default), or play it as it is."
+    ),
+    optgroup.option("--lock-feet/--no-lock-feet", default=None, help="Lock feet that touch the ground."),
+    optgroup.option(
+        "--hold-ends/--no-hold-ends", default=None,
+        help="Hold a pose before the song's first count, and one after its last.",
+    ),
+    optgroup.option(
+        "--keep-on-stage/--no-keep-on-stage", default=None, help="Turn a little where dances walk away."
     ),
     optgroup.option(
         "--weight", multiple=True, metavar="COST=NUMBER",

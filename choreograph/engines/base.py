@@ -38,8 +38,13 @@ class DanceRequest:
 
     @property
     def danced_span_s(self) -> tuple[float, float]:
-        """When the first pose is left, and the last one taken: the whole song where motifs ask for more."""
+        """When the first pose is left, and the last one taken.
+
+        The whole song where motifs ask for more, or no pose is held.
+        """
         features, resolved = self.song_features, self.constraints
+        if not self.config.hold_ends:
+            return 0.0, features.duration_s
         wanted = sorted(resolved.motifs)
         early = wanted and resolved.bounds_s[wanted[0]] < features.opening_s
         rests_from_s, _ = coming_to_rest_s(features.opening_s, features.closing_s)
@@ -61,6 +66,7 @@ class DanceRequest:
             "music_beat_numbers": tuple(map(int, counts.numbers)) if counts.has_bars else (),
             "metre": counts.metre, "opening_s": opening_s,
             "closing_s": closing_s if closing_s < features.duration_s else None,
+            "lock_feet": config.lock_feet, "keep_on_stage": config.keep_on_stage,
         }  # fmt: skip
         return Plan(**{**common, **parts})
 

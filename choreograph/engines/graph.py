@@ -45,7 +45,21 @@ class GraphEngine:
 
     name = "graph"
     settings = frozenset(
-        {"planner", "candidates", "selection", "warping", "blending", "transitions", "weights", "costs"}
+        {
+            "planner",
+            "candidates",
+            "selection",
+            "warping",
+            "density",
+            "time_maps",
+            "blending",
+            "transitions",
+            "lock_feet",
+            "hold_ends",
+            "keep_on_stage",
+            "weights",
+            "costs",
+        }
     )
 
     def check(
@@ -69,6 +83,11 @@ class GraphEngine:
         if repertoire.n_clips == 0:
             raise RepertoireError(
                 f"{repertoire.path}: the repertoire has no clip: its takes are shorter than {CLIP_S} s"
+            )
+        if config.density == "learned" and repertoire.density != "learned":
+            raise RepertoireError(
+                f"{repertoire.path}: expected learned tempo-densities, got {repertoire.density} ones: "
+                "build it again with `choreograph build-db --density learned`, or --published"
             )
         if constraints.need_motifs:
             _ = repertoire.vocabulary

@@ -54,6 +54,7 @@ def make_layers(
         _select(request, goals, costs, allowed), features.density, features.beat_times_s,
         repertoire.clip_density, repertoire.clip_speed, _clip_beats(repertoire),
         counted=_counted_clips(request, joins_s), as_recorded=config.warping == "none",
+        smoothed=config.time_maps == "smooth",
         report=substage(request.report, "warping"),
     )  # fmt: skip
     motifs, n_motifs = None, 0

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from choreograph import published
 from choreograph.audio.song import Song
 from choreograph.config import DEFAULT_WEIGHTS, TRANSITION_LENGTHS_S, DanceConfig
 from choreograph.errors import ParameterError, RepertoireError
@@ -14,8 +15,6 @@ from choreograph.pipeline import Dance, dance, render
 from choreograph.plan import Plan, PlannedSecond
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import CLIP_S, NODE_FRAMES, SEGMENT_S
-
-_JOINTS_TO_NORM = float(np.sqrt(21.0))  # our transition cost is a mean over 21 joints, the paper's a norm
 
 
 @dataclass(frozen=True)
@@ -27,10 +26,16 @@ class Variant:
     config: DanceConfig = field(default_factory=DanceConfig)
     seeded: bool = True  # whether the dance depends on the seed
     random_clips: bool = False
+    method: str = ""  # what the provenance of its repertoires begins with; "": any
 
 
 def _variant(name: str, description: str, *, seeded: bool = True, **settings) -> Variant:
     return Variant(name, description, DanceConfig(**settings), seeded)
+
+
+def _published(name: str, description: str, **settings) -> Variant:
+    config = published.published_dance(**settings)
+    return Variant(name, description, config, seeded=False, method=published.METHOD)
 
 
 def _without_cost(cost: str) -> Variant:
@@ -39,9 +44,6 @@ def _without_cost(cost: str) -> Variant:
     )
 
 
-_AS_PUBLISHED = {
-    **dict.fromkeys(DEFAULT_WEIGHTS, 0.0), "style": 1.0, "completeness": 1.0, "transition": _JOINTS_TO_NORM,
-}  # fmt: skip
 _NO_EDGES = dict.fromkeys(
     ("completeness", "transition", "velocity", "repeat", "signature", "motif_transition"), 0.0
 )
@@ -55,13 +57,26 @@ VARIANTS: dict[str, Variant] = {
         _variant(
             "motion-graph", "the paper's Motion Graph variant: first warped seconds, transition cost only, "
             "linear blending, transitions on seconds", seeded=False, planner="motion-graph",
-            blending="linear", transitions="seconds", weights=_AS_PUBLISHED,
+            blending="linear", transitions="seconds", weights=published.WEIGHTS,
         ),
         _variant(
-            "greedy-published", "ChoreoGraph as published: greedy planner, unweighted style, completeness "
-            "and transition costs, linear blending, transitions on seconds; with our selection, warping and "
-            "foot lock",
-            seeded=False, planner="greedy", blending="linear", transitions="seconds", weights=_AS_PUBLISHED,
+            "greedy-published", "ChoreoGraph's graph as published: greedy planner, unweighted style, "
+            "completeness and transition costs, linear blending, transitions on seconds; with our selection, "
+            "warping and foot lock",
+            seeded=False, planner="greedy", blending="linear", transitions="seconds",
+            weights=published.WEIGHTS,
+        ),
+        _published(
+            "as-published", "ChoreoGraph as published, throughout: networks, selection, warping, graph and "
+            "blending",
+        ),
+        _published(
+            "as-published-motion-graph", "the same with the paper's Motion Graph variant of the graph",
+            planner="motion-graph",
+        ),
+        _published(
+            "as-published-no-retempo", "as published without warping: clips' middle 4 s at recorded speed",
+            warping="none",
         ),
         _variant("ours", "the defaults"),
         _variant("greedy", "ours with the greedy planner", planner="greedy"),
@@ -83,6 +98,7 @@ VARIANTS: dict[str, Variant] = {
 }  # fmt: skip
 GROUPS: dict[str, tuple[str, ...]] = {
     "paper": ("ours", "greedy-published", "motion-graph", "random"),
+    "published": ("as-published", "as-published-motion-graph", "as-published-no-retempo"),
     "ablations": (
         "ours", "no-selection", "no-retempo", "no-graph", "greedy", "linear", "transitions-on-seconds",
         *(f"no-{cost}" for cost in DEFAULT_WEIGHTS),
@@ -105,7 +121,16 @@ def variants_named(names: Sequence[str]) -> tuple[Variant, ...]:
 def dance_variant(
     variant: Variant, song: Song, repertoire: Repertoire, *, seed: int = 0, start_s: float = 0.0
 ) -> Dance:
-    """The variant's dance to a song that begins at `start_s` of its file. Raises as `dance` does."""
+    """The variant's dance to a song that begins at `start_s` of its file.
+
+    Raises as `dance` does, and `RepertoireError` if the repertoire was not built by the variant's method.
+    """
+    built_by = repertoire.provenance.get("method", "ours")
+    if not built_by.startswith(variant.method):
+        raise RepertoireError(
+            f"{repertoire.path}: expected a repertoire of `choreograph build-db --{variant.method}` for "
+            f"{variant.name}, got one built otherwise: its networks were trained by another method"
+        )
     config = replace(variant.config, seed=seed)
     if not variant.random_clips:
         return dance(song, repertoire, config=config, start_s=start_s)

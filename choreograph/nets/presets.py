@@ -9,6 +9,15 @@ from typing import Any, TypeVar
 from choreograph.errors import ParameterError
 
 Config = TypeVar("Config", bound=Any)  # a frozen dataclass
+SCHEDULES = ("cosine", "constant")  # of a learning rate: warm-up and half a cosine to zero, or neither
+
+
+def check_training(epochs: int, schedule: str) -> None:
+    """Raise `ParameterError` for a number of epochs below 0, or an unknown schedule."""
+    if epochs < 0:
+        raise ParameterError(f"expected 0 epochs (steps count) or more, got {epochs}")
+    if schedule not in SCHEDULES:
+        raise ParameterError(f"expected a schedule among {', '.join(SCHEDULES)}, got {schedule!r}")
 
 
 def config_from_preset(presets: Mapping[str, Config], preset: str, changes: Mapping[str, Any]) -> Config:

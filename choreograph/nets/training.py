@@ -7,6 +7,7 @@ state, and an interrupted and resumed run ends with exactly the weights of an un
 from __future__ import annotations
 
 import json
+import math
 import os
 import pickle
 import signal
@@ -64,15 +65,17 @@ def train(
     weight_decay: float,
     seed: int,
     configuration: Mapping[str, Any],
+    schedule: str = "cosine",
     context: TrainingContext | None = None,
 ) -> float:
-    """Train `module` in place with AdamW and a warm-up and cosine schedule.
+    """Train `module` in place with AdamW (Adam where `weight_decay` is 0).
 
     The module ends on the CPU, in eval mode.
 
     Parameters
     ----------
     loss : a scalar, given the step's random generator and the module's device
+    schedule : of the learning rate: "cosine", after a warm-up, or "constant"
     configuration : JSON values that a checkpoint must match to be resumed
 
     Returns the mean loss since the last report, or nan if the checkpoint was already complete.
@@ -88,10 +91,11 @@ def train(
     device = select_device(context.device)
     module.to(device).train()
     optimizer = torch.optim.AdamW(module.parameters(), lr=learning_rate, weight_decay=weight_decay)
-    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: _learning_rate_factor(step, n_steps))
+    factor = (lambda step: 1.0) if schedule == "constant" else lambda step: _cosine_factor(step, n_steps)
+    rate = torch.optim.lr_scheduler.LambdaLR(optimizer, factor)
     # The round trip through JSON turns tuples into lists, as the checkpoint has them.
     expected = json.loads(json.dumps({**configuration, "seed": seed, "steps": n_steps}))
-    run = _Run(name, n_steps, module, optimizer, schedule, expected, context)
+    run = _Run(name, n_steps, module, optimizer, rate, expected, context)
     run.restore_or_start()
     with torch.random.fork_rng(), _defer_interrupts() as interrupted:
         try:
@@ -101,7 +105,7 @@ def train(
                 optimizer.zero_grad()
                 value.backward()
                 optimizer.step()
-                schedule.step()
+                rate.step()
                 run.advance(float(value.detach()))
                 if interrupted():
                     raise _Interrupted
@@ -110,6 +114,11 @@ def train(
             raise KeyboardInterrupt from None
     module.to("cpu").eval()
     return run.loss
+
+
+def steps_of_epochs(epochs: int, n_examples: float, batch_size: int) -> int:
+    """Steps in which a training sees as many examples as there are, `epochs` times over."""
+    return epochs * max(1, math.ceil(n_examples / batch_size))
 
 
 def select_device(device: str) -> torch.device:
@@ -134,7 +143,7 @@ def load_pretrained(module: nn.Module, name: str, weights: Mapping[str, NDArray]
         ) from error
 
 
-def _learning_rate_factor(step: int, n_steps: int) -> float:
+def _cosine_factor(step: int, n_steps: int) -> float:
     """Linear warm-up over a tenth of the steps, then half a cosine down to zero."""
     warm = max(1, n_steps // 10)
     if step < warm:

@@ -93,8 +93,13 @@ def dance(
     candidates: int | None = None,
     selection: str | None = None,
     warping: str | None = None,
+    density: str | None = None,
+    time_maps: str | None = None,
     blending: str | None = None,
     transitions: str | None = None,
+    lock_feet: bool | None = None,
+    hold_ends: bool | None = None,
+    keep_on_stage: bool | None = None,
     fps: float | None = None,
     seed: int | None = None,
     beats: str | Path | None = None,
@@ -119,9 +124,10 @@ def dance(
     repertoire : the takes to dance with, opened or as a path; by default the built-in ones
     engine : "graph" (seconds of takes), "mixer" (motion words of takes) or "rollout" (a network); default
         `config`'s, or "mixer" if `motifs` has one for every word
-    planner, candidates, selection, warping, blending, transitions, fps, seed, beats : settings, as in
-        `DanceConfig`; those given here replace `config`'s. `beats` is a tracker's name or the path of a file
-        of beats (`features.beat_files`), with times in the song file
+    planner, candidates, selection, warping, density, time_maps, blending, transitions, lock_feet, hold_ends,
+        keep_on_stage, fps, seed, beats : settings, as in `DanceConfig`; those given here replace `config`'s.
+        `beats` is a tracker's name or the path of a file of beats (`features.beat_files`), with times in the
+        song file
     genre : whose signature and motif transitions the dance follows; by default the genre whose takes are
         nearest to the song in style. With weights 0 of "signature" and "motif_transition" a graph dance
         follows none
@@ -130,7 +136,8 @@ def dance(
     pins : `MotifPin`s and `TakePin`s, in seconds of the dance
     bans : takes, genres and motifs that must not be danced
     style_song : another song, whose style the rollout engine's motion takes on
-    config : all settings in one object; default `DanceConfig()`
+    config : all settings in one object; default `DanceConfig()`. `choreograph.published.published_dance()`
+        makes the one of the method as published
     weights : cost name -> weight, replacing those of `config`; 0 leaves a cost out; graph engine only
     costs : custom costs beside the built-in ones; weight 1 unless given; graph engine only
     start_s, duration_s : the part of the song file to dance to
@@ -153,7 +160,9 @@ def dance(
     """
     settings = {
         "planner": planner, "candidates": candidates, "selection": selection, "warping": warping,
-        "blending": blending, "transitions": transitions, "fps": fps, "seed": seed, "beats": beats,
+        "density": density, "time_maps": time_maps, "blending": blending, "transitions": transitions,
+        "lock_feet": lock_feet, "hold_ends": hold_ends, "keep_on_stage": keep_on_stage, "fps": fps,
+        "seed": seed, "beats": beats,
     }  # fmt: skip
     requested = make_constraints(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
     config, costs = as_config(config), as_costs(costs)

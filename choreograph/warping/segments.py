@@ -57,6 +57,7 @@ def warp_segments(
     *,
     counted: CountedClips | None = None,
     as_recorded: bool = False,
+    smoothed: bool = True,
     report: Callable[[int, int], None] | None = None,
 ) -> Segments:
     """Warp the candidates `clip` (S, K) of every second onto the music's tempo-density (S, 80).
@@ -65,7 +66,7 @@ def warp_segments(
     `music_beats_s` (Q,) are times in the song. Clips of takes whose counts are known (`counted`) are laid on
     the beats count by count instead (`count_time_maps`). `as_recorded` skips the warp: segments are the
     clips' middle 4 s at their own speed, with the same measures. ChoreoGraph, section 3.2; smoothing the time
-    maps, and counts, are ours.
+    maps (`smoothed`), and counts, are ours.
     """
     from choreograph.warping._kernels import segment_beats
 
@@ -93,7 +94,7 @@ def warp_segments(
             others = chosen[searched]
             time_maps[second, searched], density_mismatch[second, searched] = _warp_by_density(
                 music_density[second], clip_density(others), music_frames, beats.frames, beats.ranges[others],
-                as_recorded=as_recorded,
+                as_recorded=as_recorded, smoothed=smoothed,
             )  # fmt: skip
         measures = segment_beats(
             time_maps[second].astype(np.float64), clip_speed(chosen), music_frames, NEAR_FRAMES, FAR_FRAMES,
@@ -121,17 +122,22 @@ def _warp_by_density(
     beat_ranges: NDArray[np.int64],
     *,
     as_recorded: bool,
+    smoothed: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Time maps (K, 81) of one second's candidates, and the mismatch of densities along them (K, 4)."""
     if as_recorded:
         middle = (CLIP_FRAMES - SEGMENT_FRAMES) // 2
         maps = np.tile(np.arange(middle, middle + SEGMENT_FRAMES + 1, dtype=np.float64), (len(targets), 1))
     else:
-        paths, _ = subsequence_dtw(query, targets)  # (K, 80)
-        maps = smooth_time_maps(
-            paths, clip_frames=CLIP_FRAMES - 1, motion_beats=beat_frames, beat_ranges=beat_ranges,
-            music_beats=music_frames,
-        )  # fmt: skip
+        if smoothed:
+            paths, _ = subsequence_dtw(query, targets)  # (K, 80)
+            maps = smooth_time_maps(
+                paths, clip_frames=CLIP_FRAMES - 1, motion_beats=beat_frames, beat_ranges=beat_ranges,
+                music_beats=music_frames,
+            )  # fmt: skip
+        else:  # a frame of the clip is left for the end of the last frame
+            paths, _ = subsequence_dtw(query, targets[:, :-1])
+            maps = paths.astype(np.float64)
         # The end of the last frame, with the slope of the frame before it inside the clip.
         end = np.minimum(2 * maps[:, -1] - maps[:, -2], CLIP_FRAMES - 1)
         maps = np.concatenate([maps, end[:, None]], axis=1)  # (K, 81)

@@ -7,6 +7,11 @@ Each repertoire was built by `build-db --seed N --leave-out @examples/papers/dan
 Its number is also the seed of its dances, so that a spread is one of training, dancing and songs together;
 their motifs are judged by the next one's network. Repertoires of --also dance as "ours" does, under that
 name. FOLDER holds experts' dances to the songs, laid on their beats (`expert_dances.py`).
+
+Tables 1, 2 and 4 of the method as published, with repertoires of `build-db --published`:
+
+    python examples/papers/paper_tables.py path/to/dance-with-melody p0.h5 … -o published.md \\
+        --variants random published
 """
 
 from __future__ import annotations
@@ -64,9 +69,10 @@ TABLES = {
 RECORDED = "takes-as-recorded"  # those that ours danced with, before their feet were held
 GROUPS = {
     "paper": (
-        "random", "motion-graph", "greedy-published", "ours", "mixer", EXPERT, REAL, TAKES, RECORDED,
+        "random", "as-published-motion-graph", "as-published", "motion-graph", "greedy-published", "ours",
+        "mixer", EXPERT, REAL, TAKES, RECORDED,
     ),
-    "retempo": ("no-retempo", "ours"),
+    "retempo": ("as-published-no-retempo", "as-published", "no-retempo", "ours"),
 }  # fmt: skip
 
 
@@ -86,7 +92,8 @@ def danced(
         judge=None if judge == path else cg.Repertoire.open(judge),
     )
     print(f"{path.name}: {len(found.dances)} dances", flush=True)
-    plans = {d.song: d.plan for d in found.dances if d.variant == "ours" and d.plan is not None}
+    first = config.variants[0].name if "ours" not in found.variants else "ours"
+    plans = {d.song: d.plan for d in found.dances if d.variant == first and d.plan is not None}
     made = (*found.dances, *found.sets, *as_recorded(plans, options.data))
     return [replace(d, seed=config.first_seed, plan=None) for d in made]
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from choreograph.errors import ParameterError
-from choreograph.nets.presets import config_from_preset
+from choreograph.nets.presets import check_training, config_from_preset
 
 DENSITY_LOSSES = ("paper", "locatable")
+HIDDEN_FRAMES = 4  # of the hidden vector
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,13 @@ class DensityConfig:
     equivariance_weight: float = 1.0
     location_weight: float = 1.0
     temperature: float = 0.1  # of the location term: of squared differences of unit-variance curves
-    mirrored_share: float = 0.5  # of the motion samples; 0 where left and right must stay distinct
+    velocities: bool = True  # of joints are inputs beside positions; the paper's are positions alone
+    skips: bool = (
+        True  # from each convolution block to the deconvolution block of its rate; the paper has none
+    )
+    unit_variance: bool = True  # of every density over its segment; the paper leaves its scale open
+    augmented: bool = True  # clips and music of the samples; the paper warps clips in time alone
+    mirrored_share: float = 0.5  # of the augmented motion; 0 where left and right must stay distinct
     batch_size: int = 16
     steps: int = 1500
     learning_rate: float = 2e-3
@@ -37,12 +44,20 @@ class DensityConfig:
     music_steps: int = 1500
     music_learning_rate: float = 1e-3
     synchronise: bool = True  # targets with motion beats warped onto music beats; False: the paper's raw ones
+    epochs: int = 0  # times that the takes are gone through, by both networks, instead of steps; 0: steps
+    schedule: str = "cosine"  # of the learning rate: see `nets.training.train`
+
+    @property
+    def hidden_dim(self) -> int:
+        """Size of the hidden vector."""
+        return HIDDEN_FRAMES * self.conv_channels[-1]
 
     def __post_init__(self) -> None:
         if self.loss not in DENSITY_LOSSES:
             raise ParameterError(
                 f"expected a density loss among {', '.join(DENSITY_LOSSES)}, got {self.loss!r}"
             )
+        check_training(self.epochs, self.schedule)
         if self.width < 4 or self.width % 4:
             raise ParameterError(f"expected a width divisible by the 4 attention heads, got {self.width}")
         if min(self.steps, self.music_steps) < 1 or min(self.batch_size, self.music_batch_size) < 2:

@@ -56,9 +56,17 @@ def clip_takes(takes: Sequence[StyleTake]) -> list[StyleTake]:
 
 
 def warped_pairs(
-    takes: Sequence[StyleTake], size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5
+    takes: Sequence[StyleTake],
+    size: int,
+    rng: np.random.Generator,
+    *,
+    mirrored_share: float = 0.5,
+    augmented: bool = True,
 ) -> WarpedPairs:
-    """Random 8 s clips, some mirrored, rotated by up to 30° and scaled by up to 10 %, and their warps."""
+    """Random 8 s clips and their warps.
+
+    `augmented` clips are rotated by up to 30° and scaled by up to 10 %, and some of them mirrored.
+    """
     lengths = np.array([len(take.body_pos_m) for take in takes], np.float64)
     clips = np.empty((size, CLIP_FRAMES, *takes[0].body_pos_m.shape[1:]), np.float32)
     frames = np.empty((size, CLIP_FRAMES), np.float32)
@@ -70,10 +78,11 @@ def warped_pairs(
             CLIP_FRAMES, NET_FPS, rng,
             beat_times_s=take.motion_beat_times_s - start / NET_FPS, share=rng.uniform(0.2, 1.0),
         )  # fmt: skip
-    flip = rng.random(size) < mirrored_share
-    clips = np.where(flip[:, None, None, None], mirrored(clips), clips)
-    clips = rotated_about_y(centred(clips), rng.uniform(-np.pi / 6, np.pi / 6, size))
-    clips = clips * rng.uniform(0.9, 1.1, (size, 1, 1, 1)).astype(np.float32)
+    if augmented:
+        flip = rng.random(size) < mirrored_share
+        clips = np.where(flip[:, None, None, None], mirrored(clips), clips)
+        clips = rotated_about_y(centred(clips), rng.uniform(-np.pi / 6, np.pi / 6, size))
+        clips = clips * rng.uniform(0.9, 1.1, (size, 1, 1, 1)).astype(np.float32)
     warped = np.stack([interpolate_frames(clip, at) for clip, at in zip(clips, frames, strict=True)])
     return WarpedPairs(
         torch.from_numpy(centred(clips)), torch.from_numpy(centred(warped)), torch.from_numpy(frames)
@@ -135,21 +144,28 @@ class MusicDensityData:
         mel = np.concatenate(self._mels)
         return {"mel_mean": mel.mean(axis=0), "mel_std": mel.std(axis=0) + 1e-3}
 
-    def batch(self, size: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-        """Random segments: augmented log-mel (B, 240, 96) and target density (B, 80)."""
+    @property
+    def n_clips(self) -> float:
+        """Length of the takes in clips of 8 s that do not overlap."""
+        return sum(len(target) for target in self._targets) / CLIP_FRAMES
+
+    def batch(self, size: int, rng: np.random.Generator, *, augmented: bool = True) -> tuple[Tensor, Tensor]:
+        """Random segments: log-mel (B, 240, 96), augmented or as it is, and target density (B, 80)."""
         mel = np.empty((size, MEL_FRAMES, self._mels[0].shape[1]), np.float32)
         target = np.empty((size, SEGMENT_FRAMES), np.float32)
         for row, index in enumerate(rng.choice(len(self.takes), size, p=self._probability)):
             start = int(rng.integers(len(self._targets[index]) - SEGMENT_FRAMES + 1))
             mel[row] = self._mels[index][_MUSIC_PER_MOTION * start :][:MEL_FRAMES]
             target[row] = self._targets[index][start : start + SEGMENT_FRAMES]
-        return torch.from_numpy(augment_mel(mel, rng)), torch.from_numpy(target)
+        return torch.from_numpy(augment_mel(mel, rng) if augmented else mel), torch.from_numpy(target)
 
 
 def target_density(
     take: StyleTake, motion_density: MotionDensity, *, synchronise: bool
 ) -> NDArray[np.float32]:
-    """The density that the music of a take is trained to predict, (T,) at 20 fps, of unit variance.
+    """The density that the music of a take is trained to predict, (T,) at 20 fps.
+
+    It has unit variance if the densities of `motion_density` have.
 
     It is the motion's density in windows of 8 s whose middles count (equation 3's Middle). With `synchronise`
     it is warped so that the motion beats fall on the music beats: takes are danced in tempo but hardly in
@@ -160,6 +176,8 @@ def target_density(
         beats = tempo_path_beats(take.log_mel)
         time_map = synchronising_map(len(density), take.motion_beat_times_s, beats)
         density = interpolate_frames(density, time_map).astype(np.float32)
+    if not motion_density.config.unit_variance:
+        return density
     return (density - density.mean()) / (density.std() + 1e-5)
 
 

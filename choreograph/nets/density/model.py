@@ -1,11 +1,15 @@
 """Learned tempo-densities of motion and music (ChoreoGraph, section 3.2).
 
-Layer counts, the hidden vector, inputs and outputs are the paper's. Ours:
+Layer counts, the hidden vector, inputs and outputs are the paper's. Ours, unless the configuration says
+otherwise:
 
-- skip connections from each convolution block to the deconvolution block of its rate, because timing does not
-  survive a hidden vector of a few frames
-- no positional encoding, so that the density of a movement does not depend on when it happens
-- zero mean and unit variance of every density over its segment, so that it cannot collapse
+- `skips`, skip connections from each convolution block to the deconvolution block of its rate, because timing
+  does not survive a hidden vector of a few frames
+- `velocities` of joints as inputs beside their positions
+- `unit_variance` and zero mean of every density over its segment, so that it cannot collapse
+
+The paper is silent on widths, strides and activations, and on whether positions are encoded: they are not, so
+that the density of a movement does not depend on when it happens.
 """
 
 from __future__ import annotations
@@ -18,13 +22,12 @@ from torch import Tensor, nn
 from choreograph.errors import ParameterError
 from choreograph.features.mel import MEL_BANDS
 from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
-from choreograph.nets.density.config import DensityConfig
+from choreograph.nets.density.config import HIDDEN_FRAMES, DensityConfig
 from choreograph.nets.stored import StoredNet
 from choreograph.nets.style.model import MEL_FRAMES, centred
 from choreograph.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SEGMENT_FRAMES
 
 BODY_DIM = 3 * len(BODY_JOINTS)
-HIDDEN_FRAMES = 4
 _HOP_FRAMES = NET_FPS  # of the windows of a whole take
 
 
@@ -37,40 +40,46 @@ class MotionDensity(StoredNet):
         super().__init__()
         self.config = config
         channels = (config.width, *config.conv_channels)
-        self.embed = nn.Linear(2 * BODY_DIM, config.width)
+        joined = 2 if config.skips else 1  # times the channels, with those of a skip connection
+        self.embed = nn.Linear((2 if config.velocities else 1) * BODY_DIM, config.width)
         self.transformer = _transformer(config.width)
         self.convs = nn.ModuleList(_conv(channels[i], channels[i + 1], i == 4) for i in range(5))
         # A deconvolution block takes the output of the one before and of the convolution block of its rate.
         self.deconvs = nn.ModuleList(
-            _deconv(channels[i + 1] * (1 if i == 4 else 2), channels[i], i == 4) for i in (4, 3, 2, 1, 0)
+            _deconv(channels[i + 1] * (1 if i == 4 else joined), channels[i], i == 4) for i in (4, 3, 2, 1, 0)
         )
-        self.to_density = nn.Conv1d(2 * config.width, 1, 3, padding=1)
-        hidden = HIDDEN_FRAMES * channels[-1]
+        self.to_density = nn.Conv1d(joined * config.width, 1, 3, padding=1)
         self.content = nn.Sequential(
-            nn.Linear(hidden, config.content_dim),
+            nn.Linear(config.hidden_dim, config.content_dim),
             nn.ReLU(),
             nn.Linear(config.content_dim, config.content_dim),
         )
 
     def forward(self, body: Tensor) -> tuple[Tensor, Tensor]:
-        """Centred clips (B, 160, 21, 3) in metres to standardised densities (B, 160) and contents (B, C)."""
+        """Centred clips (B, 160, 21, 3) in metres to densities (B, 160) and contents (B, C)."""
         pos = body.flatten(2)  # (B, 160, 63)
-        # The factor brings velocities to about the size of positions.
-        velocity = 10 * torch.gradient(pos, dim=1)[0]
-        x = self.transformer(self.embed(torch.cat([pos, velocity], dim=2))).transpose(1, 2)  # (B, W, 160)
+        if self.config.velocities:
+            # The factor brings velocities to about the size of positions.
+            pos = torch.cat([pos, 10 * torch.gradient(pos, dim=1)[0]], dim=2)
+        x = self.transformer(self.embed(pos)).transpose(1, 2)  # (B, W, 160)
         skips = [x]
         for conv in self.convs:
             skips.append(conv(skips[-1]))
         content = self.content(skips[-1].flatten(1))
         x = skips.pop()
         for deconv in self.deconvs:
-            x = torch.cat([deconv(x), skips.pop()], dim=1)
-        return standardised(self.to_density(x)[:, 0]), content
+            x = deconv(x)
+            if self.config.skips:
+                x = torch.cat([x, skips.pop()], dim=1)
+        density = self.to_density(x)[:, 0]
+        return standardised(density) if self.config.unit_variance else density, content
 
     def take_density(self, body_pos_m: NDArray[np.floating]) -> NDArray[np.float32]:
         """Tempo-density (T,) of a whole take, body positions (T, 21, 3) in metres at 20 fps.
 
         The mean of windows of 8 s, one starting every second; the last pose of a shorter take is repeated.
+        The paper estimates the density of each clip from the clip alone: there, a clip's is the mean of those
+        of the clips that overlap with it.
         """
         body = checked_body_pos_m(body_pos_m).astype(np.float32)
         n_frames = len(body)
@@ -90,19 +99,21 @@ class MotionDecoder(nn.Module):
 
     def __init__(self, config: DensityConfig) -> None:
         super().__init__()
+        self.config = config
         channels = (config.width, *config.conv_channels)
-        hidden = HIDDEN_FRAMES * channels[-1]
+        joined = 2 if config.skips else 1
         self.content = nn.Sequential(
             nn.Linear(config.content_dim, config.content_dim),
             nn.ReLU(),
-            nn.Linear(config.content_dim, hidden),
+            nn.Linear(config.content_dim, config.hidden_dim),
         )
         self.from_density = nn.Conv1d(1, config.width, 3, padding=1)
         self.convs = nn.ModuleList(_conv(channels[i], channels[i + 1], i == 4) for i in range(5))
+        # The deepest block always takes both the density's hidden frames and the content's.
         self.deconvs = nn.ModuleList(
-            _deconv(2 * channels[i + 1], channels[i], i == 4) for i in (4, 3, 2, 1, 0)
+            _deconv(channels[i + 1] * (2 if i == 4 else joined), channels[i], i == 4) for i in (4, 3, 2, 1, 0)
         )
-        self.join = nn.Linear(2 * config.width, config.width)
+        self.join = nn.Linear(joined * config.width, config.width)
         self.transformer = _transformer(config.width)
         self.to_body = nn.Linear(config.width, BODY_DIM)
 
@@ -111,10 +122,12 @@ class MotionDecoder(nn.Module):
         skips = [self.from_density(density[:, None])]
         for conv in self.convs:
             skips.append(conv(skips[-1]))
-        x = self.content(content).view(len(content), -1, HIDDEN_FRAMES)
+        x = torch.cat([self.content(content).view(len(content), -1, HIDDEN_FRAMES), skips.pop()], dim=1)
         for deconv in self.deconvs:
-            x = deconv(torch.cat([x, skips.pop()], dim=1))
-        x = self.join(torch.cat([x, skips.pop()], dim=1).transpose(1, 2))
+            x = deconv(x)
+            if self.config.skips:
+                x = torch.cat([x, skips.pop()], dim=1)
+        x = self.join(x.transpose(1, 2))
         return self.to_body(self.transformer(x)).unflatten(2, (len(BODY_JOINTS), 3))
 
 
@@ -143,10 +156,11 @@ class MusicDensity(StoredNet):
             )
             for i in range(5)
         )
+        joined = 2 if config.skips else 1
         self.deconvs = nn.ModuleList(
-            _deconv(channels[i + 1] * (1 if i == 4 else 2), channels[i], False) for i in (4, 3, 2, 1)
+            _deconv(channels[i + 1] * (1 if i == 4 else joined), channels[i], False) for i in (4, 3, 2, 1)
         )
-        self.last = nn.ConvTranspose1d(2 * channels[1], 1, 3, padding=1)  # the fifth: 80 to 80
+        self.last = nn.ConvTranspose1d(joined * channels[1], 1, 3, padding=1)  # the fifth: 80 to 80
 
     def forward(self, mel: Tensor) -> Tensor:
         """Log-mel (B, 240, 96), raw, to densities (B, 80), not yet standardised."""
@@ -158,14 +172,16 @@ class MusicDensity(StoredNet):
             skips.append(x)
         skips.pop()
         for deconv in self.deconvs:
-            x = torch.cat([deconv(x), skips.pop()], dim=1)
+            x = deconv(x)
+            if self.config.skips:
+                x = torch.cat([x, skips.pop()], dim=1)
         return self.last(x)[:, 0]
 
     def song_density(self, log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:
         """Densities (S, 80) wanted in the 4 s from each second, from a song's log-mel (T, 96) at 60 fps.
 
-        Each is scaled to unit variance: a mean-square fit underestimates variance, and a flat query matches
-        everywhere.
+        Each is scaled to unit variance (`unit_variance`): a mean-square fit underestimates variance, and a
+        flat query matches everywhere.
         """
         mel = np.asarray(log_mel, np.float32)
         if mel.ndim != 2 or mel.shape[1] != MEL_BANDS or len(mel) == 0 or n_seconds < 1:
@@ -174,8 +190,9 @@ class MusicDensity(StoredNet):
             )
         padded = np.pad(mel, ((0, MEL_FRAMES), (0, 0)), constant_values=float(mel.min()))
         frames = np.minimum(np.arange(n_seconds) * MUSIC_FPS, len(mel))[:, None] + np.arange(MEL_FRAMES)
+        scaled = standardised if self.config.unit_variance else nn.Identity()
         curves = self._in_batches(
-            n_seconds, lambda part: standardised(self(torch.from_numpy(padded[frames[part]])))
+            n_seconds, lambda part: scaled(self(torch.from_numpy(padded[frames[part]])))
         )
         return curves.reshape(n_seconds, SEGMENT_FRAMES)
 

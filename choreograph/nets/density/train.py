@@ -16,7 +16,8 @@ from choreograph.nets.density.data import MusicDensityData, clip_takes, warped_p
 from choreograph.nets.density.losses import density_loss
 from choreograph.nets.density.model import MotionDecoder, MotionDensity, MusicDensity
 from choreograph.nets.style.data import StyleTake
-from choreograph.nets.training import TrainingContext, load_pretrained, train
+from choreograph.nets.training import TrainingContext, load_pretrained, steps_of_epochs, train
+from choreograph.timebase import CLIP_FRAMES
 
 
 def train_motion_density(
@@ -39,16 +40,25 @@ def train_motion_density(
         load_pretrained(estimator, "motion_density", pretrained)
 
     def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
-        pairs = warped_pairs(usable, config.batch_size, rng, mirrored_share=config.mirrored_share)
+        pairs = warped_pairs(
+            usable,
+            config.batch_size,
+            rng,
+            mirrored_share=config.mirrored_share,
+            augmented=config.augmented,
+        )
         return density_loss(estimator, decoder, pairs.to(device), config)
+
+    n_clips = sum(len(take.body_pos_m) for take in usable) / CLIP_FRAMES
 
     train(
         nets,
         loss,
         name="motion_density",
-        n_steps=config.steps,
+        n_steps=_n_steps(config, config.steps, n_clips, config.batch_size),
         learning_rate=config.learning_rate,
         weight_decay=config.weight_decay,
+        schedule=config.schedule,
         seed=seed,
         configuration={**asdict(config), "takes": [take.name for take in usable]},
         context=context,
@@ -78,18 +88,23 @@ def train_music_density(
     net.load_state_dict({name: torch.from_numpy(v) for name, v in data.statistics().items()}, strict=False)
 
     def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
-        mel, target = data.batch(config.music_batch_size, rng)
+        mel, target = data.batch(config.music_batch_size, rng, augmented=config.augmented)
         return functional.mse_loss(net(mel.to(device)), target.to(device))
 
     train(
         net,
         loss,
         name="music_density",
-        n_steps=config.music_steps,
+        n_steps=_n_steps(config, config.music_steps, data.n_clips, config.music_batch_size),
         learning_rate=config.music_learning_rate,
         weight_decay=config.weight_decay,
+        schedule=config.schedule,
         seed=seed,
         configuration={**asdict(config), "takes": [take.name for take in data.takes]},
         context=context,
     )
     return net
+
+
+def _n_steps(config: DensityConfig, steps: int, n_clips: float, batch_size: int) -> int:
+    return steps_of_epochs(config.epochs, n_clips, batch_size) if config.epochs else steps

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from choreograph.errors import ParameterError
-from choreograph.nets.presets import config_from_preset
+from choreograph.nets.presets import check_training, config_from_preset
 
 STYLE_DIM = 32  # of style vectors
 MUSIC_INPUTS = ("mel", "mel+rhythm")
@@ -34,9 +34,14 @@ class StyleConfig:
     contrast_weight: float = 0.3  # contrast of a pair against pairs of other songs
     genre_weight: float = 1.0  # contrast of a genre against the others, where takes name theirs
     temperature: float = 0.2  # of squared distances between unit vectors
-    mirrored_share: float = 0.5  # of the motion samples; 0 where left and right must stay distinct
+    normalised: bool = True  # features before the last layer, and vectors to unit length; the paper's are not
+    augmented: bool = True  # music and motion of the samples; the paper says nothing of it
+    mirrored_share: float = 0.5  # of the augmented motion; 0 where left and right must stay distinct
+    balanced_genres: bool = True  # each genre equally often; False: every second of the takes equally often
     batch_size: int = 32
     steps: int = 220  # for up to `N_SONGS` songs; see `style_config`
+    epochs: int = 0  # times that the takes are gone through, instead of `steps`; 0: steps
+    schedule: str = "cosine"  # of the learning rate: see `nets.training.train`
     learning_rate: float = 5e-3
     weight_decay: float = 1e-2
 
@@ -47,6 +52,7 @@ class StyleConfig:
             )
         if self.loss not in STYLE_LOSSES:
             raise ParameterError(f"expected a style loss among {', '.join(STYLE_LOSSES)}, got {self.loss!r}")
+        check_training(self.epochs, self.schedule)
         if self.steps < 1 or self.batch_size < 2:
             raise ParameterError(
                 f"expected at least 1 step and batches of 2, got {self.steps} and {self.batch_size}"

@@ -58,7 +58,7 @@ class StyleBatch:
 class StyleData:
     """The takes of a training run; `ParameterError` if fewer than two songs have 4 s of pairs."""
 
-    def __init__(self, takes: Sequence[StyleTake]) -> None:
+    def __init__(self, takes: Sequence[StyleTake], *, balanced_genres: bool = True) -> None:
         self.takes = [take for take in takes if take.n_starts > 0]
         songs = sorted({take.song_name for take in self.takes})
         if len(songs) < 2:
@@ -69,9 +69,16 @@ class StyleData:
         genres = sorted({take.genre for take in self.takes} - {""})
         self._song = np.array([songs.index(take.song_name) for take in self.takes])
         self._genre = np.array([genres.index(t.genre) if t.genre else -1 for t in self.takes])
-        share = np.array([np.sum(self._genre == g) for g in self._genre], np.float64)
-        # Each genre is equally likely, and each take within it.
-        self._probability = (1.0 / share) / np.sum(1.0 / share)
+        if balanced_genres:  # each genre is equally likely, and each take within it
+            weight = 1.0 / np.array([np.sum(self._genre == g) for g in self._genre], np.float64)
+        else:
+            weight = np.array([take.n_starts for take in self.takes], np.float64)
+        self._probability = weight / np.sum(weight)
+
+    @property
+    def n_segments(self) -> float:
+        """Length of the takes in segments of 4 s that do not overlap."""
+        return sum((take.n_starts - 1) / (RHYTHM_FPS * SEGMENT_S) + 1 for take in self.takes)
 
     def statistics(self) -> dict[str, NDArray[np.float32]]:
         """Means and deviations for standardising inputs, by the names of the buffers of `StyleNets`."""
@@ -87,8 +94,10 @@ class StyleData:
             "beats_std": np.array([counts.std() + 0.1], np.float32),
         }
 
-    def batch(self, size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5) -> StyleBatch:
-        """Random segments, balanced over genres and takes, augmented."""
+    def batch(
+        self, size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5, augmented: bool = True
+    ) -> StyleBatch:
+        """Random segments, augmented or as they are."""
         chosen = rng.choice(len(self.takes), size, p=self._probability)
         starts = [int(rng.integers(self.takes[i].n_starts)) for i in chosen]
         mel = np.empty((size, MEL_FRAMES, MEL_BANDS), np.float32)
@@ -103,10 +112,15 @@ class StyleData:
             frame = start * (NET_FPS // RHYTHM_FPS)
             body[row] = take.body_pos_m[frame : frame + SEGMENT_FRAMES]
             n_beats[row] = _beat_counts(take, np.array([start]))[0]
+        if augmented:
+            mel, rhythm = augment_mel(mel, rng), augment_rhythm(rhythm, rng)
+            body = augment_body(body, rng, mirrored_share=mirrored_share)
+        else:
+            body = centred(body)
         return StyleBatch(
-            torch.from_numpy(augment_mel(mel, rng)),
-            torch.from_numpy(augment_rhythm(rhythm, rng)),
-            torch.from_numpy(augment_body(body, rng, mirrored_share=mirrored_share)),
+            torch.from_numpy(mel),
+            torch.from_numpy(rhythm),
+            torch.from_numpy(body),
             torch.from_numpy(n_beats),
             torch.from_numpy(self._song[chosen]),
             torch.from_numpy(self._genre[chosen]),

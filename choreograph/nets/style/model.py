@@ -6,6 +6,7 @@ beats from the music's style vector.
 
 Ours: style vectors have unit length, so that distances always lie in [0, 2]. Features are batch-normalised
 before the linear layer; without that all vectors start out alike and the contrastive loss has no gradient.
+Neither is done where the configuration says `normalised=False`, as the paper describes the networks.
 The music network may also take the rhythm (tempogram and scale transform) of the 12 s around the segment as
 input (`music_inputs`).
 """
@@ -32,7 +33,7 @@ _LEFT_HIP, _RIGHT_HIP = BODY_JOINTS.index("left_hip"), BODY_JOINTS.index("right_
 
 
 class MusicStyle(nn.Module):
-    """Log-mel (B, 240, 96) and rhythm (B, RHYTHM_DIM) to unit style vectors (B, 32)."""
+    """Log-mel (B, 240, 96) and rhythm (B, RHYTHM_DIM) to style vectors (B, 32)."""
 
     def __init__(self, config: StyleConfig) -> None:
         super().__init__()
@@ -53,21 +54,22 @@ class MusicStyle(nn.Module):
                 nn.Linear(RHYTHM_DIM, config.rhythm_width), nn.ReLU(), nn.Dropout(config.dropout)
             )
             width += config.rhythm_width
-        self.spread = nn.BatchNorm1d(width)
+        self.spread = nn.BatchNorm1d(width) if config.normalised else nn.Identity()
         self.linear = nn.Linear(width, STYLE_DIM)
+        self.to_unit = _unit if config.normalised else nn.Identity()
 
     def forward(self, mel: Tensor, rhythm: Tensor) -> Tensor:
-        """Standardised log-mel (B, 240, 96) and rhythm (B, RHYTHM_DIM) to unit vectors (B, 32)."""
+        """Standardised log-mel (B, 240, 96) and rhythm (B, RHYTHM_DIM) to style vectors (B, 32)."""
         x = self.blocks(mel[:, None])  # (B, C, 15, 6)
         x, _ = self.gru(x.transpose(1, 2).flatten(2))  # (B, 15, G)
         x = self.dropout(x.mean(dim=1))
         if self.uses_rhythm:
             x = torch.cat([x, self.rhythm(rhythm)], dim=1)
-        return functional.normalize(self.linear(self.spread(x)), dim=1)
+        return self.to_unit(self.linear(self.spread(x)))
 
 
 class MotionStyle(nn.Module):
-    """Body positions (B, 3, 80, 21) to unit style vectors (B, 32)."""
+    """Body positions (B, 3, 80, 21) to style vectors (B, 32)."""
 
     def __init__(self, config: StyleConfig) -> None:
         super().__init__()
@@ -79,15 +81,16 @@ class MotionStyle(nn.Module):
             channels[-1], config.gru_width, num_layers=2, batch_first=True, dropout=config.dropout
         )
         self.dropout = nn.Dropout(config.dropout)
-        self.spread = nn.BatchNorm1d(config.gru_width)
+        self.spread = nn.BatchNorm1d(config.gru_width) if config.normalised else nn.Identity()
         self.linear = nn.Linear(config.gru_width, STYLE_DIM)
+        self.to_unit = _unit if config.normalised else nn.Identity()
 
     def forward(self, body: Tensor) -> Tensor:
-        """Centred body positions (B, 3, 80, 21) in metres, channels first, to unit vectors (B, 32)."""
+        """Centred body positions (B, 3, 80, 21) in metres, channels first, to style vectors (B, 32)."""
         x = self.blocks(body).mean(dim=3)  # (B, C, 20)
         x, _ = self.gru(x.transpose(1, 2))  # (B, 20, G)
         x = self.spread(self.dropout(x.mean(dim=1)))
-        return functional.normalize(self.linear(x), dim=1)
+        return self.to_unit(self.linear(x))
 
 
 class StyleNets(StoredNet):
@@ -194,6 +197,10 @@ def rotated_about_y(pos_m: NDArray[np.floating], yaw_rad: NDArray[np.floating]) 
     cos, sin = (f(yaw_rad).astype(np.float32)[:, None, None] for f in (np.cos, np.sin))
     x, y, z = np.moveaxis(pos_m, -1, 0)
     return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
+
+
+def _unit(vectors: Tensor) -> Tensor:
+    return functional.normalize(vectors, dim=1)
 
 
 def _conv_block(n_in: int, n_out: int) -> nn.Sequential:

@@ -14,7 +14,7 @@ from choreograph.nets.style.config import StyleConfig
 from choreograph.nets.style.data import StyleBatch, StyleData, StyleTake
 from choreograph.nets.style.losses import contrastive_loss, style_loss
 from choreograph.nets.style.model import StyleNets
-from choreograph.nets.training import TrainingContext, load_pretrained, train
+from choreograph.nets.training import TrainingContext, load_pretrained, steps_of_epochs, train
 
 
 def train_style(
@@ -41,7 +41,7 @@ def train_style(
     ------
     ParameterError   fewer than two songs have 4 s of pairs, or `pretrained` has another shape
     """
-    data = StyleData(takes)
+    data = StyleData(takes, balanced_genres=config.balanced_genres)
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         nets = StyleNets(config)
@@ -50,16 +50,23 @@ def train_style(
     nets.load_state_dict({name: torch.as_tensor(v) for name, v in data.statistics().items()}, strict=False)
 
     def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
-        batch = data.batch(config.batch_size, rng, mirrored_share=config.mirrored_share)
+        batch = data.batch(
+            config.batch_size, rng, mirrored_share=config.mirrored_share, augmented=config.augmented
+        )
         return pair_loss(nets, batch.to(device))
+
+    n_steps = config.steps
+    if config.epochs:
+        n_steps = steps_of_epochs(config.epochs, data.n_segments, config.batch_size)
 
     train(
         nets,
         loss,
         name="style",
-        n_steps=config.steps,
+        n_steps=n_steps,
         learning_rate=config.learning_rate,
         weight_decay=config.weight_decay,
+        schedule=config.schedule,
         seed=seed,
         configuration={**asdict(config), "takes": sorted(take.name for take in takes)},
         context=context,

@@ -10,7 +10,7 @@ from choreograph.errors import ParameterError
 from choreograph.nets.density.config import density_config
 from choreograph.nets.density.data import warped_pairs
 from choreograph.nets.density.losses import density_loss
-from choreograph.nets.density.model import HIDDEN_FRAMES, MotionDecoder, MotionDensity, MusicDensity
+from choreograph.nets.density.model import MotionDecoder, MotionDensity, MusicDensity
 from choreograph.nets.density.train import train_motion_density, train_music_density
 from choreograph.nets.training import TrainingContext
 
@@ -37,7 +37,7 @@ def test_shapes(preset):
 def test_paper_preset_has_the_papers_sizes_and_gradients_everywhere():
     config = density_config("paper")
     nets = nn.ModuleList([MotionDensity(config), MotionDecoder(config)])
-    assert HIDDEN_FRAMES * config.conv_channels[-1] == 4096
+    assert config.hidden_dim == 4096
     assert nets[0].content[-1].out_features == 1024
     pairs = warped_pairs([click_take()], 2, np.random.default_rng(0))
     density_loss(nets[0], nets[1], pairs, config).backward()

@@ -1,0 +1,180 @@
+"""The method as published: its settings reach the networks, the warper, the graph and the rendering."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_motions import stepping
+from synthetic_repertoire import (
+    synthetic_contents,
+    synthetic_repertoire,
+    synthetic_takes,
+    with_counts,
+    write_clicks,
+)
+
+import choreograph as cg
+from choreograph import published
+from choreograph.blending.assembly import assemble
+from choreograph.blending.rendering import motion_reader, plan_runs
+from choreograph.config import DEFAULT_WEIGHTS
+from choreograph.errors import ParameterError, RepertoireError
+from choreograph.evaluation.variants import VARIANTS, dance_variant, variants_named
+from choreograph.exporters import save_motion
+from choreograph.features.density import motion_density
+from choreograph.nets.density.config import DensityConfig
+from choreograph.nets.density.model import MotionDensity
+from choreograph.nets.style.config import StyleConfig
+from choreograph.repertoire import Repertoire, write_repertoire
+
+pytestmark = pytest.mark.slow
+
+BPMS = {"slow": 90, "even": 110, "quick": 130}
+
+
+@pytest.fixture(scope="module")
+def takes(tmp_path_factory):
+    """Three takes of 16 s that step to clicks."""
+    folder = tmp_path_factory.mktemp("takes")
+    for seed, (name, bpm) in enumerate(BPMS.items()):
+        save_motion(folder / f"{name}.bvh", stepping(16 * 30, period_s=60 / bpm, seed=seed))
+        write_clicks(folder / f"{name}.wav", duration_s=16.0, bpm=bpm)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def built(takes, tmp_path_factory):
+    """Their repertoire by `build-db --published`, of which 2 epochs are 2 steps."""
+    options = published.published_build("tiny")
+    for changes in ("style_changes", "density_changes"):
+        options[changes] = options[changes] | {"epochs": 2}
+    steps = {}
+    made = cg.build(
+        [takes], tmp_path_factory.mktemp("built") / "p.h5", words=False, **options,
+        training_report=lambda state: steps.update({state.name: state.n_steps}),
+    )  # fmt: skip
+    return made.repertoire, steps
+
+
+@pytest.fixture(scope="module")
+def made(built, song):
+    return cg.dance(song, built[0], config=published.published_dance())
+
+
+def test_the_networks_are_trained_as_published(built):
+    repertoire, steps = built
+    assert steps == {"style": 2, "motion_density": 2, "music_density": 2}
+    style = StyleConfig(**_with_tuples(repertoire.net("style").config))
+    assert (style.loss, style.music_inputs) == ("paper", "mel")
+    assert (style.batch_size, style.learning_rate, style.weight_decay, style.schedule) == (
+        16, 1e-4, 0.0, "constant",
+    )  # fmt: skip
+    assert not (style.normalised or style.augmented or style.balanced_genres or style.dropout)
+    weights = repertoire.net("style").weights
+    assert not [name for name in weights if name.startswith("music.rhythm") or ".spread" in name]
+    for name in ("motion_density", "music_density"):
+        density = DensityConfig(**_with_tuples(repertoire.net(name).config))
+        assert density.loss == "paper" and density.batch_size == density.music_batch_size == 16
+        assert density.learning_rate == density.music_learning_rate == 1e-4
+        assert not (density.skips or density.velocities or density.unit_variance)
+        assert not (density.augmented or density.synchronise)
+    # Recorded feet, and what was scaled, are on record.
+    assert repertoire.provenance["feet_locked"] is False
+    assert repertoire.provenance["method"] == f"published: {published.scaling('tiny')}"
+    assert "10 epochs of 10,000" in published.scaling("tiny")
+    assert repertoire.provenance["style_changes"]["epochs"] == 2
+
+
+def test_clips_carry_the_density_of_the_network(built):
+    repertoire, _ = built
+    assert repertoire.density == "learned"
+    net = repertoire.net("motion_density")
+    estimator = MotionDensity.from_arrays(net.weights, net.config)
+    expected = estimator.take_density(repertoire.body_pos_m(0))
+    np.testing.assert_allclose(repertoire.clip_density(np.array([0]))[0], expected[:160], atol=1e-6)
+    assert abs(expected.std() - 1.0) > 0.1  # of unit variance it would be ours
+
+
+def test_a_dance_plays_the_raw_path_on_seconds(made):
+    plan = made.plan
+    for second in plan.seconds:
+        steps = np.diff(second.source_times_s) * 20.0
+        assert np.abs(steps[:, None] - [0.5, 1.0, 2.0]).min(axis=1).max() < 1e-3
+        assert second.start_s == second.second
+        assert second.transition_s == 0.25
+    played = {round(float(s), 1) for p in plan.seconds for s in np.diff(p.source_times_s) * 20}
+    assert played >= {0.5, 2.0}  # a staircase: smoothed, it would have no steps
+    assert (plan.planner, plan.blending) == ("greedy", "linear")
+    assert {name: w for name, w in plan.weights.items() if w} == {
+        "style": 1.0, "completeness": 1.0, "transition": pytest.approx(np.sqrt(21)),
+    }  # fmt: skip
+
+
+def test_a_dance_is_rendered_without_locked_feet_held_ends_or_steering(made, built):
+    plan = made.plan
+    assert (plan.opening_s, plan.closing_s) == (0.0, None)
+    assert not plan.lock_feet and not plan.keep_on_stage
+    joined, _ = assemble(
+        plan_runs(plan), motion_reader(built[0]), fps=60.0, duration_s=plan.duration_s, blending="linear",
+        keep_on_stage=False,
+    )  # fmt: skip
+    np.testing.assert_array_equal(made.motion.local_quat, joined.local_quat)
+    np.testing.assert_array_equal(made.motion.root_pos_m, joined.root_pos_m)
+    again = cg.render(cg.Plan.from_json(plan.to_json()), built[0])
+    np.testing.assert_array_equal(again.local_quat, made.motion.local_quat)
+
+
+@pytest.fixture(scope="module")
+def learned_contents():
+    """A repertoire said to carry learned densities, with and without counts."""
+    takes = synthetic_takes()
+    return [replace(synthetic_contents(of), density="learned") for of in (takes, with_counts(takes))]
+
+
+def test_counts_of_takes_are_ignored(learned_contents, song, tmp_path, monkeypatch):
+    from choreograph import song_analysis
+
+    def wanted(repertoire, mel, beats_s, n_seconds):
+        return np.tile(motion_density(80, np.arange(0.25, 4.0, 0.5)), (n_seconds, 1))
+
+    monkeypatch.setattr(song_analysis, "_wanted_density", wanted)
+    config = published.published_dance(candidates=16)
+    danced = []
+    for name, contents in zip(("none.h5", "counted.h5"), learned_contents, strict=True):
+        write_repertoire(tmp_path / name, contents)
+        danced.append(cg.dance(song, Repertoire.open(tmp_path / name), config=config).plan)
+    assert [s.source_times_s for s in danced[0].seconds] == [s.source_times_s for s in danced[1].seconds]
+
+
+def test_a_repertoire_without_learned_densities_is_refused(tmp_path, song):
+    analytic = synthetic_repertoire(tmp_path / "a.h5")
+    with pytest.raises(RepertoireError, match="expected learned tempo-densities, got analytic") as raised:
+        cg.dance(song, analytic, config=published.published_dance())
+    assert "--density learned" in str(raised.value) and "\n" not in str(raised.value)
+    with pytest.raises(RepertoireError, match="build-db --published"):
+        dance_variant(VARIANTS["as-published"], cg.load_song(song), analytic)
+
+
+def test_variants_as_published_dance_with_their_repertoire(built, song):
+    plans = [
+        dance_variant(variant, cg.load_song(song), built[0]).plan for variant in variants_named(["published"])
+    ]
+    assert [plan.planner for plan in plans] == ["greedy", "motion-graph", "greedy"]
+    assert not any(plan.lock_feet for plan in plans)
+    recorded = np.diff([s.source_times_s for s in plans[2].seconds], axis=1) * 20.0
+    np.testing.assert_allclose(recorded, 1.0, atol=1e-3)
+
+
+def test_every_setting_is_a_setting_and_every_cost_has_a_weight():
+    assert set(published.WEIGHTS) == set(DEFAULT_WEIGHTS)
+    assert published.published_dance(seed=3).seed == 3
+    with pytest.raises(ParameterError, match="preset"):
+        published.published_build("huge")
+    assert published.scaling("paper") == "at full size"
+    assert published.published_build("paper")["style_changes"]["epochs"] == 10_000
+
+
+def _with_tuples(config):
+    return {key: tuple(v) if isinstance(v, list) else v for key, v in config.items()}
