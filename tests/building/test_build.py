@@ -21,6 +21,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_density_steps")]
 
 TRUE_BPM = 120.0
 TAKES = ("DANCE_C_8", "DANCE_R_2", "DANCE_W_11")
+LEARNED = BuildOptions(preset="tiny", density="learned")
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +35,9 @@ def takes(shared_data, tmp_path_factory):
 @pytest.mark.slow
 def test_build_resume_reuse_and_dance(takes, tmp_path):
     progress = []
-    built, _ = build_repertoire(
-        [takes], tmp_path / "a.h5", BuildOptions(preset="tiny"), training_report=progress.append
-    )
+    built, _ = build_repertoire([takes], tmp_path / "a.h5", LEARNED, training_report=progress.append)
     assert set(built.net_names) == {"style", "motion_density", "music_density", "words"}
+    assert built.density == "learned"
     assert built.vocabulary.genres == ("cha-cha", "rumba", "waltz", "all")
     assert set(built.vocabulary.word_take.tolist()) == {0, 1, 2}
     assert {take.credits.genre for take in built.takes} == {"cha-cha", "rumba", "waltz"}
@@ -47,11 +47,11 @@ def test_build_resume_reuse_and_dance(takes, tmp_path):
 
     # Everything is trained: resuming only writes the file again, to the same bytes.
     first = built.path.read_bytes()
-    again, _ = build_repertoire([takes], tmp_path / "a.h5", BuildOptions(preset="tiny", resume=True))
+    again, _ = build_repertoire([takes], tmp_path / "a.h5", replace(LEARNED, resume=True))
     assert again.path.read_bytes() == first
 
     one, notes = build_repertoire(
-        [takes], tmp_path / "b.h5", BuildOptions(preset="tiny", init_from=built.path, leave_out=TAKES[1:])
+        [takes], tmp_path / "b.h5", replace(LEARNED, init_from=built.path, leave_out=TAKES[1:])
     )
     assert any("taken over" in note for note in notes)
     assert set(one.net_names) == set(built.net_names)
@@ -60,6 +60,8 @@ def test_build_resume_reuse_and_dance(takes, tmp_path):
     kept, _ = build_repertoire(
         [takes], tmp_path / "c.h5", BuildOptions(init_from=built.path, keep_networks=True, compress=True)
     )
+    # Clips carry the analytic density there: its networks have nothing to do, and stay behind.
+    assert set(kept.net_names) == {"style", "words"} and kept.density == "analytic"
     assert kept.provenance["trained_on"] == built.provenance["trained_on"]
     assert not (tmp_path / "c.h5.build").exists()
     assert kept.path.stat().st_size < 0.5 * built.path.stat().st_size
@@ -124,6 +126,36 @@ def takes_to_clicks(tmp_path_factory):
         save_motion(folder / f"{name}.bvh", stepping(12 * 30, period_s=60 / bpm, seed=seed))
         write_clicks(folder / f"{name}.wav", duration_s=12.0, bpm=bpm)
     return folder
+
+
+def test_density_networks_are_trained_on_request_only(takes_to_clicks, tmp_path):
+    trained = []
+    analytic, _ = build_repertoire(
+        [takes_to_clicks], tmp_path / "a.h5", BuildOptions(preset="tiny", words=False),
+        training_report=lambda state: trained.append(state.name),
+    )  # fmt: skip
+    assert set(trained) == {"style"} == set(analytic.net_names)
+    assert analytic.density == "analytic"
+    options = replace(LEARNED, words=False)
+    learned, _ = build_repertoire([takes_to_clicks], tmp_path / "l.h5", options)
+    assert set(learned.net_names) == {"style", "motion_density", "music_density"}
+    assert learned.density == "learned"
+    kept, _ = build_repertoire(
+        [takes_to_clicks], tmp_path / "k.h5", replace(options, init_from=learned.path, keep_networks=True)
+    )
+    clips = np.arange(kept.n_clips)
+    np.testing.assert_array_equal(kept.clip_density(clips), learned.clip_density(clips))
+    assert not (tmp_path / "k.h5.build").exists()
+    # What another repertoire lacks is trained: here the densities, beside the style that is kept.
+    options = replace(options, init_from=analytic.path, keep_networks=True)
+    beside, _ = build_repertoire([takes_to_clicks], tmp_path / "b.h5", options)
+    np.testing.assert_array_equal(beside.clip_style, analytic.clip_style)
+    assert beside.density == "learned"
+
+
+def test_unknown_densities_are_refused():
+    with pytest.raises(ParameterError, match="tempo-density among analytic, learned"):
+        BuildOptions(density="guessed")
 
 
 def test_pretrained_style_records_what_it_was_trained_on(takes_to_clicks, tmp_path):

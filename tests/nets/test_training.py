@@ -10,7 +10,7 @@ import torch
 from torch import nn
 
 from choreograph.errors import ChoreographError, FormatError, ParameterError
-from choreograph.nets.training import TrainingContext, load_pretrained, select_device, train
+from choreograph.nets.training import TrainingContext, load_pretrained, select_device, steps_of_epochs, train
 
 
 def _module():
@@ -67,6 +67,25 @@ def test_training_lowers_the_loss_and_leaves_other_generators_alone():
     assert seen[-1].loss < 0.5 * seen[0].loss
     assert seen[-1].step == seen[-1].n_steps == 300 and seen[-1].seconds_left == 0
     assert not module.training
+
+
+def test_a_constant_rate_stays_and_a_cosine_one_falls():
+    moved = {}
+    for schedule in ("constant", "cosine"):
+        line = nn.Linear(1, 1, bias=False)
+        start = line.weight.item()
+        train(
+            line, lambda rng, device, line=line: line.weight.sum(), name="line", n_steps=20,
+            learning_rate=1e-2, weight_decay=0.0, seed=0, configuration={}, schedule=schedule,
+            context=TrainingContext(device="cpu"),
+        )  # fmt: skip
+        moved[schedule] = start - line.weight.item()
+    assert moved["constant"] == pytest.approx(20 * 1e-2, rel=1e-4)  # Adam's step on a constant gradient
+    assert moved["cosine"] < 0.7 * moved["constant"]
+
+
+def test_an_epoch_sees_as_many_examples_as_there_are():
+    assert [steps_of_epochs(10, n, 16) for n in (3, 16, 16.5, 160)] == [10, 10, 20, 100]
 
 
 def test_another_seed_gives_other_weights():

@@ -14,6 +14,7 @@ from choreograph.warping import (
     CountedClips,
     SongGrid,
     TakeGrids,
+    subsequence_dtw,
     warp_segments,
 )
 from choreograph.warping.count_maps import NO_TRACK
@@ -64,6 +65,17 @@ def test_shapes_and_slopes(segments):
     assert slopes.max() < MAX_SLOPE + 1e-4
     assert segments.time_maps.min() >= 0
     assert segments.time_maps.max() <= 159
+
+
+def test_raw_maps_are_the_paths_of_the_dtw():
+    raw = warped(smoothed=False)
+    slopes = np.diff(raw.time_maps, axis=2)
+    assert np.isin(slopes, [0.5, 1.0, 2.0]).all()
+    assert (slopes == 2.0).any()  # clip 1 is slower than the music
+    assert raw.time_maps.max() <= 159
+    query, target = music_density(1, MUSIC_BEATS_S)[0], density([1])[0]
+    path, _ = subsequence_dtw(query, target[:-1])
+    np.testing.assert_array_equal(raw.time_maps[0, 1, :-1], path)
 
 
 def test_clips_that_can_be_warped_to_the_beat_match_and_others_do_not(segments):

@@ -12,6 +12,7 @@ from choreograph.nets.density.data import warped_pairs
 from choreograph.nets.density.losses import density_loss
 from choreograph.nets.density.model import MotionDecoder, MotionDensity, MusicDensity
 from choreograph.nets.density.train import train_motion_density, train_music_density
+from choreograph.nets.style.model import centred
 from choreograph.nets.training import TrainingContext
 
 pytestmark = pytest.mark.slow
@@ -20,6 +21,31 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def tiny():
     return density_config("tiny", steps=30, music_steps=20)
+
+
+def test_the_published_networks_have_no_skips_velocities_or_unit_variance():
+    config = density_config("tiny", skips=False, velocities=False, unit_variance=False, loss="paper")
+    nets = nn.ModuleList([MotionDensity(config), MotionDecoder(config)])
+    pairs = warped_pairs([click_take()], 3, np.random.default_rng(0), augmented=False)
+    density_loss(nets[0], nets[1], pairs, config).backward()
+    assert all(p.grad is not None and torch.isfinite(p.grad).all() for p in nets.parameters())
+    # The hidden vector is all that the density is made of: what it hides, the density cannot show.
+    seen = []
+    nets[0].convs[-1].register_forward_hook(lambda module, given, out: torch.zeros_like(out))
+    for body in (pairs.body, pairs.body.roll(40, dims=1)):
+        seen.append(nets[0].eval()(body)[0])
+    torch.testing.assert_close(seen[0], seen[1])
+    music = MusicDensity(config).eval()
+    assert music(torch.randn(2, 240, 96)).shape == (2, 80)
+    curves = music.song_density(np.random.default_rng(0).normal(size=(300, 96)), 3)
+    assert abs(curves.std() - 1.0) > 0.1
+
+
+def test_clips_as_they_are_differ_from_their_warps_in_time_alone():
+    take = click_take(duration_s=8)
+    pairs = warped_pairs([take], 4, np.random.default_rng(0), augmented=False)
+    for clip in pairs.body.numpy():
+        np.testing.assert_array_equal(clip, centred(take.body_pos_m[None])[0])
 
 
 @pytest.mark.parametrize("preset", ["tiny", "small"])

@@ -9,6 +9,7 @@ from choreograph.features.tempogram import RHYTHM_DIM
 from choreograph.motion.body import mirrored
 from choreograph.nets.style.config import style_config
 from choreograph.nets.style.data import StyleData, augment_mel, augment_rhythm, count_beats
+from choreograph.nets.style.model import centred
 
 RNG = np.random.default_rng(0)
 
@@ -39,10 +40,34 @@ def test_one_song_is_too_few():
         StyleData([genre_take("a", 0)])
 
 
-@pytest.mark.parametrize("changes", [{"loss": "x"}, {"music_inputs": "x"}, {"steps": 0}, {"batch_size": 1}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"loss": "x"},
+        {"music_inputs": "x"},
+        {"steps": 0},
+        {"batch_size": 1},
+        {"epochs": -1},
+        {"schedule": "x"},
+    ],
+)
 def test_impossible_configurations_are_refused(changes):
     with pytest.raises(ParameterError):
         style_config("tiny", **changes)
+
+
+def test_samples_as_they_are_and_by_the_length_of_the_takes():
+    long, short = genre_take("a", 0, duration_s=40), genre_take("b", 1, duration_s=6)
+    data = StyleData([long, short], balanced_genres=False)
+    batch = data.batch(64, np.random.default_rng(0), augmented=False)
+    of_short = np.asarray(batch.song) == 1
+    assert 0 < of_short.mean() < 0.2  # 5 of 78 segments
+    assert data.n_segments == pytest.approx(46 / 4)
+    starts = np.stack([long.log_mel[30 * i : 30 * i + 240] for i in range(long.n_starts)])
+    mel = np.asarray(batch.mel)[~of_short]
+    assert all((starts == one).all(axis=(1, 2)).any() for one in mel)
+    body = np.asarray(batch.body)[~of_short]
+    np.testing.assert_array_equal(body, centred(body))
 
 
 def test_more_songs_take_more_steps():
