@@ -29,8 +29,8 @@ def build_starter(
     """Render the built-in takes, train on them and on real takes, and write the repertoire.
 
     The repertoire contains only the rendered takes. Real takes (`train_on`, without those named in
-    `leave_out`) only train the style and tempo-density networks; motion words are learned from the
-    rendered takes alone. Takes and checkpoints stay in `work`, so that an interrupted run can resume.
+    `leave_out`) only train the style networks; motion words are learned from the rendered takes
+    alone. Takes and checkpoints stay in `work`, so that an interrupted run can resume.
     Returns the repertoire and notes; raises as `build_repertoire`.
     """
     takes = work / "takes"
