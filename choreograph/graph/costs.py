@@ -14,6 +14,7 @@ from choreograph.timebase import CLIP_FRAMES, NODE_FRAMES
 Floats = NDArray[np.floating]
 
 _USAGE_SCALE_S = 12.0  # three minutes in 15 takes
+_STILL_M_S = 0.1  # bodies this slow hardly differ in velocity
 _OVERLAP_FRAMES = NODE_FRAMES // 4  # a step back of at most this is no repeat: takes change on a shared beat
 
 
@@ -58,7 +59,9 @@ class Completeness(Cost):
     """1 for leaving a warped segment; less for staying in it, the longer an action has no beat.
 
     σ((20 - V) / 5) with V the frames from the last motion beat before the border to the first after
-    it (ChoreoGraph, section 3.3). In a second without a beat, the gap extends to its far end.
+    it (ChoreoGraph, section 3.3). In a second without a beat, the gap extends to its far end. Ours: staying
+    in a take that is danced by its counts costs nothing. Its figures say where an action is complete
+    (`Phrasing`); to leave it where it rests makes dances rest where their dancers do not.
     """
 
     min_jump_cost = 1.0
@@ -69,7 +72,8 @@ class Completeness(Cost):
         last = np.nan_to_num(previous.last_beat[here], nan=0.0)
         first = np.nan_to_num(next.first_beat[there], nan=float(NODE_FRAMES))
         gap = NODE_FRAMES - last + first  # frames, at most two seconds
-        cost[here, there] = 1.0 / (1.0 + np.exp(-(NODE_FRAMES - gap) / 5.0))
+        by_beats = 1.0 / (1.0 + np.exp(-(NODE_FRAMES - gap) / 5.0))
+        cost[here, there] = np.where(previous.track[here] >= 0, 0.0, by_beats)
         return cost
 
 
@@ -88,12 +92,21 @@ class Transition(Cost):
 
 
 class Velocity(Cost):
-    """Root mean square difference of joint velocities at the border, m/s (ours)."""
+    """Root mean square difference of joint velocities at the border, over the two bodies' mean speed (ours).
+
+    0 where both move alike, up to 2 where one rests or they move against each other. Relative, because the
+    difference itself is least where both rest: takes would change there, and dances rest more than their
+    dancers do.
+    """
 
     min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
-        return _rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)
+        difference_m_s = _rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)
+        speed_m_s = 0.5 * (
+            _rms_speed_m_s(previous.last_velocity_m_s)[:, None] + _rms_speed_m_s(next.first_velocity_m_s)
+        )
+        return difference_m_s / (speed_m_s + np.float32(_STILL_M_S))
 
 
 class Rhythm(Cost):
@@ -225,3 +238,10 @@ def _rms_distances(a: Floats, b: Floats) -> Floats:
     sq_a = np.einsum("pd,pd->p", flat_a, flat_a)
     sq_b = np.einsum("nd,nd->n", flat_b, flat_b)
     return distances_from_product(flat_a @ flat_b.T, sq_a, sq_b, np.float32(1.0 / n_joints))
+
+
+def _rms_speed_m_s(velocity_m_s: Floats) -> NDArray[np.float32]:
+    """Root mean square joint speeds (N,) of velocities (N, 21, 3)."""
+    return np.sqrt(
+        np.einsum("njd,njd->n", velocity_m_s, velocity_m_s) / velocity_m_s.shape[1], dtype=np.float32
+    )

@@ -53,6 +53,18 @@ def test_completeness_is_the_formula_pair_by_pair(layers):
     assert (cost < 1).sum() == len(a.successors_in(b)[0]) == 12  # 4 segments of each of 3 ages continue
 
 
+def test_staying_in_a_counted_take_is_complete(tracked):
+    a, b, song_features = tracked
+    cost = Completeness().edge(a, b, song_features)
+    here, there = a.successors_in(b)
+    counted = a.track[here] >= 0
+    assert counted.any() and (cost[here[counted], there[counted]] == 0).all()
+    assert (cost[here[~counted], there[~counted]] > 0).all()
+    others = np.ones(cost.shape, bool)
+    others[here, there] = False
+    assert (cost[others] == 1).all()
+
+
 def test_transition_is_the_rms_joint_distance_and_zero_for_successors(layers):
     a, b, song_features = layers
     cost = Transition().edge(a, b, song_features)
@@ -65,11 +77,31 @@ def test_transition_is_the_rms_joint_distance_and_zero_for_successors(layers):
     assert cost[others].min() > 0.1
 
 
-def test_velocity_is_the_rms_difference_of_velocities(layers):
+def test_velocity_is_the_rms_difference_over_the_mean_speed(layers):
     a, b, song_features = layers
-    differences = a.last_velocity_m_s[:, None] - b.first_velocity_m_s[None]
+    differences = a.last_velocity_m_s[:, None] - b.first_velocity_m_s[None]  # (P, N, 21, 3)
+    rms = np.sqrt((differences**2).sum(-1).mean(-1))
+    speeds = [np.sqrt((v**2).sum(-1).mean(-1)) for v in (a.last_velocity_m_s, b.first_velocity_m_s)]
+    expected = rms / (0.5 * (speeds[0][:, None] + speeds[1]) + 0.1)
     cost = Velocity().edge(a, b, song_features)
-    assert np.allclose(cost, np.sqrt((differences**2).sum(-1).mean(-1)), rtol=1e-3, atol=0.05)
+    assert np.allclose(cost, expected, rtol=1e-3, atol=0.1)
+    assert cost.min() >= 0 and cost.max() <= 2
+
+
+def test_velocity_of_slower_bodies_is_not_cheaper(layers):
+    a, b, song_features = layers
+    ten_times = [
+        replace(
+            layer,
+            first_velocity_m_s=10 * layer.first_velocity_m_s,
+            last_velocity_m_s=10 * layer.last_velocity_m_s,
+        )
+        for layer in (a, b)
+    ]
+    slow, fast = Velocity().edge(a, b, song_features), Velocity().edge(*ten_times, song_features)
+    others = np.ones(slow.shape, bool)
+    others[a.successors_in(b)] = False
+    assert np.allclose(slow[others], fast[others], rtol=0.2)
 
 
 def test_style_and_rhythm(layers):
