@@ -10,11 +10,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_line import run
-from synthetic_repertoire import synthetic_repertoire
+from synthetic_motions import stepping
+from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 import choreograph as cg
+from choreograph.count_files import write_counts
+from choreograph.counts import make_counts, numbers_in_bar
+from choreograph.exporters import save_motion
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
@@ -100,6 +105,49 @@ def test_the_papers_tables_of_a_repertoire_of_other_takes(shared_data, db, tmp_p
     run_script("paper_tables.py", data, db, "-o", made, "--only", songs, "--variants", "ours")
     tables = made.read_text()
     assert "| ours |" in tables and "| takes |" in tables and "as-recorded" not in tables
+
+
+@pytest.fixture(scope="module")
+def stepped(tmp_path_factory, few_density_steps):
+    """Three counted takes of 16 s that step to clicks, and a repertoire of two with learned densities."""
+    folder = tmp_path_factory.mktemp("stepped")
+    takes = folder / "takes"
+    takes.mkdir()
+    for seed, (name, bpm) in enumerate({"slow": 90, "even": 110, "quick": 130}.items()):
+        save_motion(takes / f"{name}.bvh", stepping(16 * 30, period_s=60 / bpm, seed=seed))
+        write_clicks(takes / f"{name}.wav", duration_s=16.0, bpm=bpm)
+        times_s = np.arange(0.0, 16.0, 60 / bpm)
+        counts = make_counts(times_s, numbers_in_bar(len(times_s), 4), 4)
+        write_counts(takes / f"{name}.counts.csv", counts, ())
+    built = cg.build(
+        takes, folder / "l.h5", preset="tiny", density="learned", words=False, leave_out=("quick",)
+    )
+    return takes, built.path
+
+
+@pytest.mark.slow
+def test_the_experiment_on_densities(stepped, tmp_path):
+    takes, path = stepped
+    only = tmp_path / "only.txt"
+    only.write_text("quick\n")
+    given = ("--only", only, "--clips", 4, "--best", 2, "--stiffness", 0, 40000)
+    shown = run_script("density_experiment.py", takes, path, *given)
+    lines = [line.split(" | ") for line in shown.splitlines() if line.startswith("| ")]
+    found = {tuple(cells[:-3]) if "recovery" in cells[0] else tuple(cells[:3]): cells for cells in lines}
+    assert ("| recovery, ms", "learned", "40000") in found
+    assert ("| learned motion, analytic music", "another song", "0") in found
+    # A warp of motion that rests on every beat is found again by its motion beats, but not without.
+    medians = {key[1]: float(cells[3].split(" ± ")[0]) for key, cells in found.items() if key[-1] == "0"}
+    assert medians["analytic"] < 0.5 * medians["analytic, constant"]
+
+
+@pytest.mark.slow
+def test_the_figure_of_a_warp(stepped, tmp_path):
+    takes, path = stepped
+    made = tmp_path / "figure.png"
+    shown = run_script("warp_figure.py", path, takes / "quick.wav", "-o", made, "--second", 5)
+    assert "squared difference" in shown
+    assert made.stat().st_size > 10_000
 
 
 @pytest.mark.slow

@@ -4,20 +4,21 @@
         --leave-out @examples/papers/dance_with_melody_held_out.txt
     python examples/papers/density_experiment.py dance-with-melody/ l0.h5 l1.h5 l2.h5
 
-A repertoire for each seed of its networks. All curves have zero mean and unit variance over clip and query,
-so that learned and analytic ones are weighed alike. Time maps are those that are played: the path of the DTW
-smoothed at each stiffness (0: the raw path), without motion beats drawn onto music beats, which would help
-every curve alike.
+A repertoire for each seed of its networks. Time maps are those that are played: the path of the DTW smoothed
+at each stiffness (0: the raw path), without motion beats drawn onto music beats, which would help every curve
+alike.
 
 Recovery: clips of 8 s of the held-out takes, every motion beat moved by up to 0.5 s, slopes in [0.5, 2]. How
 far is each frame of the middle 4 s, found again by the curve, from where it was? Beside it: no warp at all, a
 constant curve, and the curve of another clip.
 
 Counts: clips of takes whose counts are known, but not used, warped to held-out songs. Of those with the best
-fit, how many counts lie within 0.15 beat of a beat? One network is exchanged at a time. A fit is the mean
-squared difference of the curves along the warp, over its chance level: that of the best clips for the curve
-of another song. Beats are those of two trackers: the analytic curve of music is made from the first's. Beside
-it: each pair of curves with the music of another song, whose counts are at chance, and a constant.
+fit, how many counts lie within 0.15 beat of a beat? One network is exchanged at a time. Learned curves have
+about zero mean and unit variance; analytic ones get them by one shift and one factor, so that bumps stay
+equally high. A fit is the mean squared difference of the curves along the warp, over its chance level: that
+of the best clips for the curve of another song. So learned and analytic curves are weighed alike. Beats are
+those of two trackers: the analytic curve of music is made from the first's. Beside it: each pair of curves
+with the music of another song, whose counts are at chance, and a constant.
 """
 
 from __future__ import annotations
@@ -56,12 +57,6 @@ MIDDLE = slice((CLIP_FRAMES - SEGMENT_FRAMES) // 2, (CLIP_FRAMES + SEGMENT_FRAME
 WITHIN = 0.15  # beats
 EVERY_S = 4  # of a song, a segment is danced
 Errors = dict[tuple[str, ...], list[np.ndarray]]
-
-
-def unit(curves: np.ndarray) -> np.ndarray:
-    """Curves (..., T) of zero mean and unit variance; a constant one becomes zero."""
-    centre = curves - curves.mean(axis=-1, keepdims=True)
-    return (centre / (centre.std(axis=-1, keepdims=True) + 1e-5)).astype(np.float32)
 
 
 def time_maps(query: np.ndarray, targets: np.ndarray, stiffness: Sequence[float]) -> Iterator[np.ndarray]:
@@ -116,11 +111,11 @@ def recovery(songs: Sequence[EvaluatedSong], nets: Networks, stiffness: Sequence
             recovery_errors_ms(np.broadcast_to(np.arange(CLIP_FRAMES)[MIDDLE], true.shape), true, NET_FPS)
         )
         for kind in KINDS:
-            query, target = unit(np.swapaxes(curves[kind], 0, 1))  # (N, 160) each
+            query, target = np.swapaxes(np.array(curves[kind], np.float32), 0, 1)  # (N, 160) each
             queries = {
                 kind: query[:, MIDDLE],
                 f"{kind}, of another clip": np.roll(query, 1, axis=0)[:, MIDDLE],
-                f"{kind}, constant": np.zeros_like(query)[:, MIDDLE],
+                f"{kind}, constant": np.full_like(query, query.mean())[:, MIDDLE],
             }
             for name, wanted in queries.items():
                 for value, maps in zip(stiffness, time_maps(wanted, target, stiffness), strict=True):
@@ -129,32 +124,13 @@ def recovery(songs: Sequence[EvaluatedSong], nets: Networks, stiffness: Sequence
 
 
 @dataclass(frozen=True, eq=False)
-class Music:
-    """A song's wanted curves (S, 80) by kind, and its beats by tracker."""
-
-    curves: dict[str, np.ndarray]
-    beats_s: dict[str, np.ndarray]
-
-
-def heard(song: EvaluatedSong, nets: Networks) -> Music:
-    loaded = song.load()
-    mel, n_seconds = log_mel(loaded.samples), int(loaded.duration_s)
-    trackers = (DEFAULT_TRACKER, second_tracker(DEFAULT_TRACKER))
-    beats_s = {name: beats_of(loaded, name, start_s=song.start_s).times_s for name in trackers}
-    curves = {
-        "analytic": unit(music_density(n_seconds, beats_s[DEFAULT_TRACKER])),
-        "learned": unit(nets.music.song_density(mel, n_seconds)),
-        "constant": np.zeros((n_seconds, SEGMENT_FRAMES), np.float32),
-    }
-    return Music(curves, beats_s)
-
-
-@dataclass(frozen=True, eq=False)
 class Clips:
     """Clips of counted takes: their curves (N, 160) by kind, and their counts in clip frames."""
 
     curves: dict[str, np.ndarray]
     counts: list[np.ndarray]
+    shift: float  # of analytic curves,
+    factor: float  # and by what they are divided
 
     @classmethod
     def of(cls, repertoire: cg.Repertoire, nets: Networks) -> Clips:
@@ -170,7 +146,31 @@ class Clips:
                 counts.append(repertoire.counts(take).times_s * NET_FPS - start)
         if not counts:
             raise cg.RepertoireError(f"{repertoire.path}: expected clips of takes with counts, got none")
-        return cls({kind: unit(np.array(rows)) for kind, rows in curves.items()}, counts)
+        analytic, learned = (np.array(curves[kind], np.float32) for kind in KINDS)
+        shift, factor = float(analytic.mean()), float(analytic.std())
+        curves_of = {"analytic": (analytic - shift) / factor, "learned": learned}
+        return cls(curves_of, counts, shift, factor)
+
+
+@dataclass(frozen=True, eq=False)
+class Music:
+    """A song's wanted curves (S, 80) by kind, and its beats by tracker."""
+
+    curves: dict[str, np.ndarray]
+    beats_s: dict[str, np.ndarray]
+
+
+def heard(song: EvaluatedSong, nets: Networks, clips: Clips) -> Music:
+    loaded = song.load()
+    mel, n_seconds = log_mel(loaded.samples), int(loaded.duration_s)
+    trackers = (DEFAULT_TRACKER, second_tracker(DEFAULT_TRACKER))
+    beats_s = {name: beats_of(loaded, name, start_s=song.start_s).times_s for name in trackers}
+    curves = {
+        "analytic": (music_density(n_seconds, beats_s[DEFAULT_TRACKER]) - clips.shift) / clips.factor,
+        "learned": nets.music.song_density(mel, n_seconds),
+        "constant": np.zeros((n_seconds, SEGMENT_FRAMES), np.float32),
+    }
+    return Music(curves, beats_s)
 
 
 def fits(query: np.ndarray, targets: np.ndarray, maps: np.ndarray) -> np.ndarray:
@@ -196,7 +196,8 @@ def counts_found(
     songs: Sequence[EvaluatedSong], repertoire: cg.Repertoire, nets: Networks, options: argparse.Namespace
 ) -> tuple[Errors, dict[tuple[str, ...], float]]:
     """Beats that counts are off, by (curves, song, stiffness, tracker), and the chosen clips' fit."""
-    clips, music = Clips.of(repertoire, nets), [heard(song, nets) for song in songs]
+    clips = Clips.of(repertoire, nets)
+    music = [heard(song, nets, clips) for song in songs]
     off: Errors = defaultdict(list)
     fit_of: Errors = defaultdict(list)
     for of_motion, of_music in product(KINDS, (*KINDS, "constant")):
@@ -206,7 +207,8 @@ def counts_found(
             for second in range(0, len(own) - SEGMENT_S, EVERY_S):
                 drawn = rng.permutation(len(clips.counts))[: options.clips]
                 targets = clips.curves[of_motion][drawn]
-                for name, query in ((OWN, own[second]), (OTHER, other[second % len(other)])):
+                queries = {OWN: own[second], OTHER: other[second % len(other)]}
+                for name, query in queries.items():
                     played = time_maps(query, targets, options.stiffness)
                     for value, maps in zip(options.stiffness, played, strict=True):
                         fit = fits(query, targets, maps)
@@ -233,6 +235,8 @@ def rows_of(
     off, normalised = counts_found(songs, repertoire, nets, options)
     trackers = sorted({key[-1] for key in off}, key=lambda tracker: tracker != DEFAULT_TRACKER)
     for key, fit in normalised.items():
+        if key[1] == OTHER and "constant music" in key[0]:
+            continue  # the same for every song
         shares = [float((np.concatenate(off[*key, tracker]) <= WITHIN).mean()) for tracker in trackers]
         rows[" | ".join(key)] = [fit, *shares]
     return rows
