@@ -31,6 +31,37 @@ def test_dance_writes_every_output_and_the_same_bytes_again(tmp_path, song, db):
     assert [o.read_bytes() for o in outputs] == first
 
 
+def test_the_published_method_says_what_it_needs(tmp_path, song, db):
+    build = ("build-db", tmp_path, "-o", tmp_path / "x.h5", "--published")
+    assert_one_line(run(*build, "--density", "analytic", "--no-lock-feet"), says="--density, --lock-feet")
+    assert_one_line(run(*build, "--preset", "huge"), says="preset among tiny, small, paper")
+    assert_one_line(run("dance", song, "--db", db, "--published"), says="--density learned")
+    assert_one_line(run("dance", song, "--db", db, "--published", "--engine", "mixer"), says="graph engine")
+    evaluated = run(
+        "evaluate", "--db", db, "--songs", song.parent, "--variants", "as-published", "--seeds", 1
+    )
+    assert_one_line(evaluated, says="build-db --published")
+
+
+def test_a_dance_without_what_rendering_adds(tmp_path, song, db):
+    plan = tmp_path / "p.json"
+    given = (
+        "--warping",
+        "dtw",
+        "--time-maps",
+        "raw",
+        "--no-lock-feet",
+        "--no-hold-ends",
+        "--no-keep-on-stage",
+    )
+    result = run("dance", song, "--db", db, *given, "-o", plan)
+    assert result.exit_code == 0, result.output
+    made = cg.Plan.read(plan)
+    assert (made.lock_feet, made.keep_on_stage, made.opening_s, made.closing_s) == (False, False, 0.0, None)
+    steps = np.diff([second.source_times_s for second in made.seconds], axis=1) * 20
+    assert np.abs(steps[..., None] - [0.5, 1.0, 2.0]).min(axis=-1).max() < 1e-3
+
+
 def test_a_plan_is_rendered_again(tmp_path, song, db):
     plan, bvh, again = tmp_path / "p.json", tmp_path / "d.bvh", tmp_path / "e.bvh"
     assert run("dance", song, "--db", db, "-o", plan, "-o", bvh).exit_code == 0
