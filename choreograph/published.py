@@ -44,7 +44,7 @@ from choreograph.nets.density.config import density_config
 
 METHOD = "published"  # what the provenance of its repertoires begins with
 PAPER_EPOCHS = 10_000
-# Of all networks: what two CPU cores do in minutes with half an hour of takes, and in an hour or two.
+# Of all networks: with half an hour of takes, one CPU core takes four minutes, or half an hour.
 EPOCHS = {"tiny": 10, "small": 100, "paper": PAPER_EPOCHS}
 
 _ADAM = {"batch_size": 16, "learning_rate": 1e-4, "weight_decay": 0.0, "schedule": "constant"}
