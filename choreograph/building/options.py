@@ -30,10 +30,9 @@ class BuildOptions:
     lock_feet: bool = True  # of takes, before anything is measured
     augment_mirror: bool = True  # train on mirrored motion, too
     words: bool = True  # find motion words and motifs; without, no word network is stored either
-    style_changes: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # fields of `StyleConfig` unlike the preset's
-    density_changes: Mapping[str, Any] = field(default_factory=dict)  # likewise of `DensityConfig`
+    # Fields of `StyleConfig` and `DensityConfig` that are unlike the preset's.
+    style_changes: Mapping[str, Any] = field(default_factory=dict)
+    density_changes: Mapping[str, Any] = field(default_factory=dict)
     method: str = "ours"  # what the file says of how it was built: see `choreograph.published`
 
     def __post_init__(self) -> None:

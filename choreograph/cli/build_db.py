@@ -12,7 +12,8 @@ from choreograph.cli.present import examples, given_options, names_of, show_note
 from choreograph.errors import ParameterError
 
 _FILE = click.Path(path_type=Path)
-_DECIDED = {"--density", "--lock-feet", "--pretrained-style"}  # by --published
+# By --published.
+_DECIDED = {"--density", "--init-from", "--keep-networks", "--lock-feet", "--pretrained-style"}
 
 
 @click.command(
