@@ -21,8 +21,9 @@ DENSITIES = ("repertoire", "learned")
 TIME_MAPS = ("smooth", "raw")
 # Lengths a transition may have: inertial to each side, linear in all; the first where none is chosen.
 TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
-# The first ten but completeness and velocity were weighed on dances to training songs, left out in five folds;
-# the paper gives no numbers. Those two and `accents` were chosen by the phase of motion beats within the count.
+# The first ten but completeness and velocity were weighed on dances to training songs, left out in five
+# folds; the paper gives no numbers. Those two and `accents` were chosen by the phase of motion beats within
+# the count.
 DEFAULT_WEIGHTS = {
     "style": 1.0, "completeness": 4.0, "transition": 3.0, "velocity": 3.0, "rhythm": 14.0, "pace": 0.3,
     "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,
@@ -40,13 +41,8 @@ class DanceConfig:
     selection: str = "style"  # which clips: the nearest in style, or "random" (graph)
     warping: str = "counts"  # counts to beats, "dtw" of tempo-densities where they are not known or for all,
     # or "none": as recorded (graph)
-    density: str = (
-        "repertoire"  # which tempo-density the DTW aligns: the repertoire's, whichever it carries, or
-    )
-    # only a "learned" one (graph)
-    time_maps: str = (
-        "smooth"  # of the DTW: smoothed, with beats on beats, or its path as it is, "raw" (graph)
-    )
+    density: str = "repertoire"  # which the DTW aligns: the repertoire's, or only a "learned" one (graph)
+    time_maps: str = "smooth"  # of the DTW: with beats on beats, or its path as it is, "raw" (graph)
     blending: str = "inertial"
     transitions: str = "beats"  # where takes change: on downbeats and beats, or on "seconds" (graph)
     lock_feet: bool = True  # of the finished dance (graph)

@@ -71,11 +71,11 @@ def test_counts_lie_on_beats_and_count_1_on_downbeats(on_the_count, counted, cli
     assert len(first.times_s) > 8 and off_beats_s(first, beats.downbeat_times_s).max() < 0.02
 
 
-def test_takes_change_on_downbeats(on_the_count, clicks):
-    _, _, beats = clicks
-    seconds = on_the_count.plan.seconds
-    joins_s = np.array([b.start_s for a, b in pairwise(seconds) if a.take != b.take])
-    joins_s = joins_s[(joins_s > on_the_count.plan.opening_s) & (joins_s < on_the_count.plan.closing_s)]
+def test_takes_change_on_downbeats(clicks, counted):
+    song, path, beats = clicks
+    plan = cg.dance(song, counted, beats=path, weights={"completeness": 0.5}).plan  # takes change often
+    joins_s = np.array([b.start_s for a, b in pairwise(plan.seconds) if a.take != b.take])
+    joins_s = joins_s[(joins_s > plan.opening_s) & (joins_s < plan.closing_s)]
     assert len(joins_s) >= 2
     assert np.abs(joins_s[:, None] - beats.downbeat_times_s).min(axis=1).max() < 1e-4
 
