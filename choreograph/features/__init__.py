@@ -24,5 +24,6 @@ motion_beats   local minima of mean joint speed
 contacts       foot contact confidence
 
 Both
+bar_pointer    curves of beat and bar phase to counts
 density        analytic tempo-density: a bump on every beat
 """

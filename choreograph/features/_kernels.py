@@ -1,4 +1,4 @@
-"""Numba kernel of the beat tracker: the best sequence of beats through a song, by dynamic programming."""
+"""Numba kernels that find beats by dynamic programming: of the beat tracker, and of the bar pointer."""
 
 from __future__ import annotations
 
@@ -59,3 +59,99 @@ def best_beat_sequence(strength, tempo_gain, gain_hop, first_period, change_pena
         t, period = t - period, int(best_previous)
         beats.append(t)
     return np.array(beats[::-1], np.int64)
+
+
+@njit(cache=True, nogil=True)
+def best_bar_sequence(
+    beat, bar, metre_gain, first_period, n_periods, state_metre, state_number, metres, change_cost, break_cost
+):
+    """The beats, and their numbers in the bar, of the path with the highest score over all frames.
+
+    A state is a beat interval that ends at frame t, p frames long, whose beat has a number in a metre. It
+    scores its frames' agreement with phases that run evenly through it: Σ beat · u(φ) + bar · u((number - 1 +
+    φ) / metre) + metre_gain, with u the unit vector of a phase in turns. The next interval may differ in
+    length at `change_cost` times its squared relative change, the first half frame free because the frame
+    grid forces it, and has the next number; `break_cost` buys any length and any number.
+
+    beat (T, 2), bar (T, M, 2), metre_gain (T, M); state_metre (S,) is the column of each state's metre,
+    state_number (S,) its number, metres (M,). Returns the bounds of the intervals (Q + 1,), from the first
+    frame or before it to the last or after it, and the states of the intervals (Q,).
+    """
+    n_frames, n_metres, n_states = len(beat), bar.shape[1], len(state_metre)
+    last_period = first_period + n_periods - 1
+    n_ends = n_frames + last_period  # the last interval may end after the last frame
+    depth = last_period + 1
+    ring = np.full((depth, n_periods, n_states), -np.inf)  # scores of the latest frames
+    best_score = np.full(depth, -np.inf)  # over periods and states
+    best_state = np.zeros((n_ends, 2), np.int16)  # its period's index and its state
+    from_period = np.full((n_ends, n_periods, n_states), -1, np.int16)  # -1: the first interval
+    from_state = np.zeros((n_ends, n_periods, n_states), np.int8)
+    turn = np.empty((n_states, 2))  # of a state's beginning within its bar
+    previous = np.empty(n_states, np.int64)  # the state that the path comes from
+    for s in range(n_states):
+        metre = metres[state_metre[s]]
+        turn[s, 0] = np.cos(2 * np.pi * (state_number[s] - 1) / metre)
+        turn[s, 1] = np.sin(2 * np.pi * (state_number[s] - 1) / metre)
+        previous[s] = s - 1 if state_number[s] > 1 else s + metre - 1
+    gain = np.zeros(n_states)
+    real, imaginary, metre_sum = np.zeros(n_metres), np.zeros(n_metres), np.zeros(n_metres)
+    units = np.empty((n_periods, last_period, 1 + n_metres, 2))  # u of the phases in beat and bars
+    for i in range(n_periods):
+        for u in range(last_period):
+            phase = 2 * np.pi * u / (first_period + i)
+            units[i, u, 0] = np.cos(phase), np.sin(phase)
+            for m in range(n_metres):
+                units[i, u, 1 + m] = np.cos(phase / metres[m]), np.sin(phase / metres[m])
+    end_score, end_t, end_p, end_s = -np.inf, 0, 0, 0
+    for t in range(1, n_ends):
+        row = t % depth
+        ring[row] = -np.inf
+        best_score[row] = -np.inf
+        for i in range(n_periods):
+            p = first_period + i
+            start = t - p
+            if start >= n_frames:
+                continue
+            beat_gain = 0.0
+            real[:], imaginary[:], metre_sum[:] = 0.0, 0.0, 0.0
+            for u in range(max(start, 0), min(t, n_frames)):
+                unit = units[i, u - start]
+                beat_gain += beat[u, 0] * unit[0, 0] + beat[u, 1] * unit[0, 1]
+                for m in range(n_metres):
+                    # As complex numbers, bar over u(φ / metre); over a number's turn it becomes the gain.
+                    real[m] += bar[u, m, 0] * unit[1 + m, 0] + bar[u, m, 1] * unit[1 + m, 1]
+                    imaginary[m] += bar[u, m, 1] * unit[1 + m, 0] - bar[u, m, 0] * unit[1 + m, 1]
+                    metre_sum[m] += metre_gain[u, m]
+            for s in range(n_states):
+                m = state_metre[s]
+                gain[s] = beat_gain + metre_sum[m] + real[m] * turn[s, 0] + imaginary[m] * turn[s, 1]
+            if start <= 0:
+                for s in range(n_states):
+                    ring[row, i, s] = gain[s]
+            else:
+                back = start % depth
+                low = max(0, int(p * 0.8) - first_period)
+                high = min(n_periods, int(p * 1.25) - first_period + 2)
+                for s in range(n_states):
+                    best = best_score[back] - break_cost
+                    period, state = best_state[start, 0], best_state[start, 1]
+                    for j in range(low, high):
+                        change = max(abs(i - j) - 0.5, 0.0) / p
+                        score = ring[back, j, previous[s]] - change_cost * change * change
+                        if score > best:
+                            best, period, state = score, j, previous[s]
+                    ring[row, i, s] = best + gain[s]
+                    from_period[t, i, s], from_state[t, i, s] = period, state
+            for s in range(n_states):
+                if ring[row, i, s] > best_score[row]:
+                    best_score[row] = ring[row, i, s]
+                    best_state[t, 0], best_state[t, 1] = i, s
+                if t >= n_frames and ring[row, i, s] > end_score:
+                    end_score, end_t, end_p, end_s = ring[row, i, s], t, i, s
+    t, i, s = end_t, end_p, end_s
+    bounds, states = [t, t - first_period - i], [s]
+    while from_period[t, i, s] >= 0:
+        t, i, s = t - first_period - i, from_period[t, i, s], from_state[t, i, s]
+        bounds.append(t - first_period - i)
+        states.append(s)
+    return np.array(bounds[::-1], np.int64), np.array(states[::-1], np.int64)
