@@ -48,7 +48,7 @@ class DanceConfig:
     )  # replace DEFAULT_WEIGHTS; custom costs default to 1 (graph)
 
     def __post_init__(self) -> None:
-        from choreograph.features.song_counts import check_beats
+        from choreograph.song_counts import check_beats
 
         _choice("engine", self.engine, ENGINES)
         _choice("planner", self.planner, PLANNERS)

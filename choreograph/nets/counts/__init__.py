@@ -13,5 +13,13 @@ Motion
 - `motion_data` — takes with counts to augmented batches
 - `motion_train` — the training
 
+Music
+
+- `music_config` — sizes and training length
+- `music_model` — log-mel to activations and curves of phase
+- `music_augmentation`, `music_data` — songs with counts to batches, newly recorded
+- `music_train`, `music_weights` — the training, and what ships
+- `music_tracker` — beats of a song
+
 `features.bar_pointer` decodes the curves.
 """
