@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 POINTER = PointerConfig(bpm=(45.0, 240.0))
 # Mean cosine between phases and beats, below which the tempo path is asked: fitted by
 # `examples/papers/fit_music_agreement.py` to songs of genres that the networks had not heard.
-LEAST_AGREEMENT = 0.6
+LEAST_AGREEMENT = 0.75
 _MIN_DURATION_S = 1.0
 _LEAST_CONTRAST = 0.1  # nats between the loudest and the quietest frame: less is silence
 
