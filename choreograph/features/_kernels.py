@@ -94,14 +94,21 @@ def best_bar_sequence(
         turn[s, 1] = np.sin(2 * np.pi * (state_number[s] - 1) / metre)
         previous[s] = s - 1 if state_number[s] > 1 else s + metre - 1
     gain = np.zeros(n_states)
-    real, imaginary, metre_sum = np.zeros(n_metres), np.zeros(n_metres), np.zeros(n_metres)
-    units = np.empty((n_periods, last_period, 1 + n_metres, 2))  # u of the phases in beat and bars
+    reach = np.sqrt(break_cost / change_cost)  # relative change beyond which a break is cheaper
+    vectors = np.empty((n_frames, 1 + n_metres), np.complex128)
+    vectors[:, 0] = beat[:, 0] + 1j * beat[:, 1]
+    vectors[:, 1:] = bar[:, :, 0] + 1j * bar[:, :, 1]
+    # Sums over the interval that ends at the current frame, for each of its lengths: of the beat and of each
+    # bar as complex numbers, over the phases that run through it. From frame to frame they turn and slide.
+    sums = np.zeros((n_periods, 1 + n_metres), np.complex128)
+    turns = np.empty((n_periods, 1 + n_metres), np.complex128)  # of the phase from frame to frame
+    newest = np.empty((n_periods, 1 + n_metres), np.complex128)  # over the phase of the interval's last frame
+    metre_sums = np.zeros((n_periods, n_metres))
     for i in range(n_periods):
-        for u in range(last_period):
-            phase = 2 * np.pi * u / (first_period + i)
-            units[i, u, 0] = np.cos(phase), np.sin(phase)
-            for m in range(n_metres):
-                units[i, u, 1 + m] = np.cos(phase / metres[m]), np.sin(phase / metres[m])
+        for m in range(1 + n_metres):
+            angle = 2 * np.pi / ((first_period + i) * (1 if m == 0 else metres[m - 1]))
+            turns[i, m] = np.exp(1j * angle)
+            newest[i, m] = np.exp(-1j * angle * (first_period + i - 1))
     end_score, end_t, end_p, end_s = -np.inf, 0, 0, 0
     for t in range(1, n_ends):
         row = t % depth
@@ -110,28 +117,29 @@ def best_bar_sequence(
         for i in range(n_periods):
             p = first_period + i
             start = t - p
+            for m in range(1 + n_metres):
+                if start >= 1 and start - 1 < n_frames:
+                    sums[i, m] -= vectors[start - 1, m]
+                    if m > 0:
+                        metre_sums[i, m - 1] -= metre_gain[start - 1, m - 1]
+                sums[i, m] *= turns[i, m]
+                if t - 1 < n_frames:
+                    sums[i, m] += vectors[t - 1, m] * newest[i, m]
+                    if m > 0:
+                        metre_sums[i, m - 1] += metre_gain[t - 1, m - 1]
             if start >= n_frames:
                 continue
-            beat_gain = 0.0
-            real[:], imaginary[:], metre_sum[:] = 0.0, 0.0, 0.0
-            for u in range(max(start, 0), min(t, n_frames)):
-                unit = units[i, u - start]
-                beat_gain += beat[u, 0] * unit[0, 0] + beat[u, 1] * unit[0, 1]
-                for m in range(n_metres):
-                    # As complex numbers, bar over u(φ / metre); over a number's turn it becomes the gain.
-                    real[m] += bar[u, m, 0] * unit[1 + m, 0] + bar[u, m, 1] * unit[1 + m, 1]
-                    imaginary[m] += bar[u, m, 1] * unit[1 + m, 0] - bar[u, m, 0] * unit[1 + m, 1]
-                    metre_sum[m] += metre_gain[u, m]
             for s in range(n_states):
                 m = state_metre[s]
-                gain[s] = beat_gain + metre_sum[m] + real[m] * turn[s, 0] + imaginary[m] * turn[s, 1]
+                bar_sum = sums[i, 1 + m]
+                gain[s] = sums[i, 0].real + metre_sums[i, m]
+                gain[s] += bar_sum.real * turn[s, 0] + bar_sum.imag * turn[s, 1]
             if start <= 0:
                 for s in range(n_states):
                     ring[row, i, s] = gain[s]
             else:
                 back = start % depth
-                low = max(0, int(p * 0.8) - first_period)
-                high = min(n_periods, int(p * 1.25) - first_period + 2)
+                low, high = max(0, i - int(reach * p) - 1), min(n_periods, i + int(reach * p) + 2)
                 for s in range(n_states):
                     best = best_score[back] - break_cost
                     period, state = best_state[start, 0], best_state[start, 1]

@@ -24,12 +24,13 @@ from scipy.special import i0e
 from choreograph.counts import MAX_METRE, NO_COUNTS, Counts
 from choreograph.errors import ParameterError
 from choreograph.features._kernels import best_bar_sequence
-from choreograph.timebase import frame_times_s, frames_to_seconds
+from choreograph.motion.interpolation import interpolate_frames
+from choreograph.timebase import frame_times_s, frames_to_seconds, times_to_frames
 
 Floats = NDArray[np.float64]
 
 METRES = (3, 4)
-_GRID_FPS = 60.0  # the path's beats lie on this grid
+_GRID_FPS = 120.0  # the path's beats lie on this grid
 _BREAK_LOG_RATIO = 0.2  # of intervals between which the tempo does not run on
 
 
@@ -127,11 +128,7 @@ def point_counts(
 def _on_grid(vectors: Floats, fps: float) -> Floats:
     """Vectors (T, ...) of frames, linearly interpolated at the grid's rate, over the same span."""
     n_grid = max(1, round(len(vectors) * _GRID_FPS / fps))
-    position = np.clip(frame_times_s(n_grid, _GRID_FPS) * fps, 0, len(vectors) - 1)
-    low = np.minimum(position.astype(np.int64), max(len(vectors) - 2, 0))
-    high = np.minimum(low + 1, len(vectors) - 1)
-    share = (position - low).reshape(-1, *(1,) * (vectors.ndim - 1))
-    return np.ascontiguousarray(vectors[low] * (1 - share) + vectors[high] * share, np.float64)
+    return interpolate_frames(vectors, times_to_frames(frame_times_s(n_grid, _GRID_FPS), fps))
 
 
 def _states(metres: Sequence[int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

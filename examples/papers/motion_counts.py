@@ -1,0 +1,192 @@
+"""Counts read from motion alone, counts withheld: the table, with chance, a baseline and the confidence.
+
+    python examples/papers/motion_counts.py path/to/dance-with-melody path/to/choreonet --work FOLDER \\
+        [--seeds 0 1 2] [-o results.md]
+
+Trains, per seed, with songs left out (5 folds), with songs and all their figures left out (5), with built-in
+genres left out (4), and on built-in takes alone (1); a minute and a half each on one thread. Checkpoints are
+in FOLDER: the same command continues from there. A confidence is fitted to all takes but those it is said of.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+import choreograph as cg
+from choreograph.building.counting import MIN_MOTION_CONFIDENCE
+from choreograph.counts import Counts, numbers_in_bar
+from choreograph.features._kernels import best_beat_sequence
+from choreograph.features.bar_pointer import point_counts
+from choreograph.features.motion_beats import mean_joint_speed_m_s
+from choreograph.features.tempogram import autocorrelations
+from choreograph.metrics.counts import downbeat_share
+from choreograph.nets.counts.confidence import confidence_of, count_facts, fit_confidence
+from choreograph.nets.counts.motion_config import motion_counts_config
+from choreograph.nets.counts.motion_data import CountedMotion
+from choreograph.nets.counts.motion_model import POINTER
+from choreograph.pretrained.recipe import (
+    Trial,
+    built_in_takes,
+    recorded_takes,
+    share_right,
+    trained,
+    trials_by_figure,
+    trials_by_genre,
+    trials_by_song,
+)
+from choreograph.timebase import NET_FPS, frames_to_seconds
+
+SHARE_OF_A_RIGHT_TAKE = 0.9  # of its counts
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """How one take was counted."""
+
+    take: CountedMotion
+    found: Counts
+    facts: np.ndarray | None = None  # about the curves, for the confidence
+    confidence: float = float("nan")
+
+    @property
+    def right(self) -> float:
+        return share_right(self.found, self.take.counts)
+
+    @property
+    def ones(self) -> float:
+        true = self.take.counts
+        return downbeat_share(self.found.times_s, self.found.numbers, true.times_s, true.numbers)
+
+
+def read_by(trial: Trial, config, seed: int, work: Path) -> list[Reading]:
+    """The trial's takes, counted by its network."""
+    net = trained(trial, config, seed, work)
+    readings = []
+    for take in trial.test:
+        curves = net.curves(take.body_pos_m)
+        pointed = point_counts(curves, POINTER)
+        readings.append(Reading(take, pointed.counts, count_facts(curves, pointed)))
+    print(f"{trial.name}, seed {seed}: {np.mean([r.right for r in readings]):.3f}", flush=True)
+    return readings
+
+
+def with_confidence(readings: Sequence[Reading], known: Sequence[Reading]) -> list[Reading]:
+    """The readings with a confidence, each fitted to the `known` readings of all other takes."""
+    out = []
+    for reading in readings:
+        others = [k for k in known if k.take.name != reading.take.name]
+        weights = fit_confidence([k.facts for k in others], [k.right for k in others])
+        sure = confidence_of(reading.facts, weights)
+        out.append(Reading(reading.take, reading.found, reading.facts, sure))
+    return out
+
+
+def by_joint_speed(take: CountedMotion) -> Counts:
+    """The baseline: beats at the period of the joint speed's autocorrelation, where the body is slow.
+
+    The beat tracker's dynamic programming, with slowness in place of onsets. It knows no bars: every fourth.
+    """
+    speed = mean_joint_speed_m_s(take.body_pos_m, NET_FPS)
+    fine = np.interp(np.arange(3 * len(speed)) / 3, np.arange(len(speed)), np.log(speed + 0.02))
+    slow = np.maximum(0.0, gaussian_filter1d(fine, 60.0) - fine)
+    centres = np.arange(0, len(slow), 30)
+    gain = 1.5 * autocorrelations(slow[:, None], centres, 8.0)[:, 0, 16:73]  # 225 to 50 BPM at 60 fps
+    beats_s = frames_to_seconds(best_beat_sequence(slow, gain, 30, 16, 1000.0, 1e6), 60.0)
+    return Counts(beats_s, numbers_in_bar(len(beats_s), 4), 4)
+
+
+def line(what: str, seeds: Sequence[Sequence[Reading]]) -> str:
+    """A row of the table: means over takes, ± the spread over seeds."""
+
+    def text(value: Callable[[Reading], float]) -> str:
+        means = [np.mean([value(r) for r in readings]) for readings in seeds]
+        return f"{np.mean(means):.2f}" + (f" ± {np.std(means):.2f}" if len(means) > 1 else "")
+
+    shown = [
+        text(lambda r: r.right),
+        text(lambda r: r.ones),
+        text(lambda r: r.found.metre == r.take.counts.metre),
+    ]
+    return f"| {what} | {len(seeds[0])} | {' | '.join(shown)} | {_sure_text(seeds)} |"
+
+
+def _sure_text(seeds: Sequence[Sequence[Reading]]) -> str:
+    if any(np.isnan(r.confidence) for readings in seeds for r in readings):
+        return " | | "
+    sure = [[r for r in readings if r.confidence >= MIN_MOTION_CONFIDENCE] for readings in seeds]
+    of_all = f"{np.mean([len(s) / len(r) for s, r in zip(sure, seeds, strict=True)]):.2f}"
+    flat = [r for s in sure for r in s]
+    if not flat:
+        return f"{of_all} | | "
+    takes = np.mean([r.right >= SHARE_OF_A_RIGHT_TAKE for r in flat])
+    return f"{of_all} | {np.mean([r.right for r in flat]):.2f} | {takes:.2f}"
+
+
+def lines_by_genre(what: str, seeds: Sequence[Sequence[Reading]]) -> list[str]:
+    genres = sorted({r.take.genre for r in seeds[0]})
+    return [line(what, seeds)] + [
+        line(f"… {genre}", [[r for r in readings if r.take.genre == genre] for readings in seeds])
+        for genre in genres
+        if len(genres) > 1
+    ]
+
+
+def starter_takes() -> list[CountedMotion]:
+    """The takes of the built-in repertoire, which no recipe trains on."""
+    rep = cg.starter_repertoire()
+    return [
+        CountedMotion(take.name, take.credits.genre, rep.body_pos_m(i), rep.counts(i), is_built_in=True)
+        for i, take in enumerate(rep.takes)
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("sources", nargs="+", type=Path)
+    parser.add_argument("--work", type=Path, required=True)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    parser.add_argument("--steps", type=int, help="of every training; default: the preset's")
+    parser.add_argument("-o", "--output", type=Path)
+    given = parser.parse_args()
+    config = motion_counts_config("small", **({"steps": given.steps} if given.steps else {}))
+    built_in, recorded = built_in_takes(), recorded_takes(given.sources)
+    danced = [r.motion for r in recorded if r.song_name]
+    trials = {
+        "real takes, song left out": list(trials_by_song(recorded, built_in)),
+        "real takes, song and figures left out": list(trials_by_figure(recorded, built_in)),
+        "built-in takes, genre left out": list(trials_by_genre(built_in)),
+        "trained on built-in takes alone": [Trial("clean", built_in, [*starter_takes(), *danced])],
+    }
+    found: dict[str, list[list[Reading]]] = {
+        what: [[r for t in of for r in read_by(t, config, seed, given.work)] for seed in given.seeds]
+        for what, of in trials.items()
+    }
+    for i in range(len(given.seeds)):
+        known = [r for readings in found.values() for r in readings[i]]
+        for readings in found.values():
+            readings[i] = with_confidence(readings[i], known)
+    alone = found.pop("trained on built-in takes alone")
+    found["built-in takes, seed left out"] = [[r for r in s if r.take.is_built_in] for s in alone]
+    found["real takes, by built-in takes alone"] = [[r for r in s if not r.take.is_built_in] for s in alone]
+    rows = [row for what, seeds in found.items() for row in lines_by_genre(what, seeds)]
+    for what, takes in (("real", danced), ("built-in", starter_takes())):
+        rows += [line(f"{what} takes, by joint speed", [[Reading(t, by_joint_speed(t)) for t in takes]])]
+    head = (
+        "| | takes | counts within 0.15 beat | count 1 right | metre right | sure of | "
+        "counts right of those | takes right of those |\n"
+        "| --- | --- | --- | --- | --- | --- | --- | --- |\n"
+    )
+    table = head + "\n".join(rows) + "\n"
+    print(table)
+    if given.output:
+        given.output.write_text(table, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
