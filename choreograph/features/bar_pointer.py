@@ -30,7 +30,6 @@ from choreograph.timebase import frame_times_s, frames_to_seconds, times_to_fram
 Floats = NDArray[np.float64]
 
 METRES = (3, 4)
-_GRID_FPS = 120.0  # the path's beats lie on this grid
 _BREAK_LOG_RATIO = 0.2  # of intervals between which the tempo does not run on
 
 
@@ -70,6 +69,7 @@ class PointerConfig:
     tempo_std: float = 0.02  # of the relative change of the beat interval from beat to beat
     break_cost: float = 12.0  # nats, for which any tempo, metre and number may follow
     observations_per_s: float = 4.0  # frames near each other err alike: so many of a second count as one each
+    grid_fps: float = 120.0  # the path's beats lie on this grid; time grows with its square
 
     def __post_init__(self) -> None:
         low, high = self.bpm
@@ -80,6 +80,8 @@ class PointerConfig:
                 "expected a tempo_std and observations_per_s above 0 and a break_cost of 0 or more, got "
                 f"{self.tempo_std}, {self.observations_per_s} and {self.break_cost}"
             )
+        if not 20.0 <= self.grid_fps <= 1000.0:
+            raise ParameterError(f"expected a grid of 20 to 1000 fps, got {self.grid_fps}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,16 +109,16 @@ def point_counts(
     n_frames = len(curves.beat)
     if n_frames == 0:
         return PointedCounts(NO_COUNTS, np.zeros(0), np.zeros(0))
-    beat, bar = _on_grid(curves.beat, curves.fps), _on_grid(curves.bar, curves.fps)
-    weight = config.observations_per_s / _GRID_FPS
+    beat, bar = (_on_grid(vectors, curves.fps, config.grid_fps) for vectors in (curves.beat, curves.bar))
+    weight = config.observations_per_s / config.grid_fps
     metre_gain = -_log_i0(np.linalg.norm(bar, axis=2))  # (T', M)
     column, number = _states(curves.metres)
-    first, last = (round(60.0 * _GRID_FPS / bpm) for bpm in reversed(config.bpm))
+    first, last = (round(60.0 * config.grid_fps / bpm) for bpm in reversed(config.bpm))
     bounds, states = best_bar_sequence(
         weight * beat, weight * bar, weight * metre_gain, first, last - first + 1, column, number,
         np.array(curves.metres), 0.5 / config.tempo_std**2, config.break_cost,
     )  # fmt: skip
-    bounds_s = frames_to_seconds(bounds, _GRID_FPS)  # (Q + 1,) the first at or before 0
+    bounds_s = frames_to_seconds(bounds, config.grid_fps)  # (Q + 1,) the first at or before 0
     metres = np.array(curves.metres)[column[states]]
     bounds_s = _evened(curves, bounds_s, number[states], metres, config)
     return PointedCounts(
@@ -125,10 +127,10 @@ def point_counts(
     )
 
 
-def _on_grid(vectors: Floats, fps: float) -> Floats:
+def _on_grid(vectors: Floats, fps: float, grid_fps: float) -> Floats:
     """Vectors (T, ...) of frames, linearly interpolated at the grid's rate, over the same span."""
-    n_grid = max(1, round(len(vectors) * _GRID_FPS / fps))
-    return interpolate_frames(vectors, times_to_frames(frame_times_s(n_grid, _GRID_FPS), fps))
+    n_grid = max(1, round(len(vectors) * grid_fps / fps))
+    return interpolate_frames(vectors, times_to_frames(frame_times_s(n_grid, grid_fps), fps))
 
 
 def _states(metres: Sequence[int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -19,7 +19,7 @@ from choreograph.timebase import MUSIC_FPS
 
 Floats = NDArray[np.float64]
 
-POINTER = PointerConfig(bpm=(45.0, 240.0))
+POINTER = PointerConfig(bpm=(45.0, 240.0), grid_fps=60.0)
 # Mean cosine between phases and beats, below which the tempo path is asked: fitted by
 # `examples/papers/fit_music_agreement.py` to songs of genres that the networks had not heard.
 LEAST_AGREEMENT = 0.75
