@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from choreograph.audio.song import Song
 from choreograph.counts import Counts, numbers_in_bar
 from choreograph.errors import FormatError, ParameterError
+from choreograph.features.bar_pointer import METRES, PhaseCurves
 from choreograph.metrics.beat import f_score
 from choreograph.nets.counts import music_augmentation
 from choreograph.nets.counts.music_augmentation import augmented
 from choreograph.nets.counts.music_config import music_counts_config
 from choreograph.nets.counts.music_data import CountedMel, MusicCountsData, activations, resampled
-from choreograph.nets.counts.music_model import CURVE_FPS, MusicCounts, levelled
+from choreograph.nets.counts.music_model import CURVE_FPS, HeardCounts, MusicCounts, levelled
 from choreograph.nets.counts.music_tracker import NetworkBeats, activated_beats, network_beats, pointed_beats
 from choreograph.nets.counts.music_train import train_music_counts
 from choreograph.nets.counts.music_weights import (
@@ -129,6 +130,29 @@ def test_a_tiny_network_learns_the_counts_of_clicks():
         assert f_score(beats_s, song.counts.times_s) > 0.85
     on_beat = np.rint(song.counts.times_s * CURVE_FPS).astype(int)
     assert heard.beat[on_beat].mean() > 2 * heard.beat.mean()
+
+
+class Planted:
+    """A network that hears beats at 100 BPM by activation, and phases of another tempo, however sure."""
+
+    def __init__(self, phase_bpm: float, concentration: float) -> None:
+        turns = np.arange(900) / CURVE_FPS * phase_bpm / 60
+        noise = np.random.default_rng(0).normal(0, 2, (2, 900))
+        angle = 2 * np.pi * turns + (noise[0] if concentration < 1 else 0)
+        vectors = concentration * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        activation = 0.02 * np.abs(noise[1])
+        activation[np.arange(5, 900, 18)] = 0.9
+        bars = np.zeros((900, len(METRES), 2))
+        self.heard = HeardCounts(activation, activation, PhaseCurves(vectors, bars, CURVE_FPS))
+
+    def hear(self, log_mel):
+        return self.heard
+
+
+@pytest.mark.parametrize(("concentration", "bpm"), [(3.0, 150.0), (0.5, 100.0)])
+def test_sure_phases_are_followed_and_else_the_activation(concentration, bpm):
+    beats_s = network_beats(clicks(duration_s=30.0).log_mel, Planted(150.0, concentration))
+    assert np.median(np.diff(beats_s)) == pytest.approx(60 / bpm, rel=0.02)
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 61, 600])
