@@ -10,7 +10,8 @@ genres, and one that heard real songs on the real songs that it did not hear. Co
 Synthetic songs have true beats and bars: every kind in every other genre, none with the drums of another
 genre; salsa at 160 to 200 BPM and waltz at 150 to 190; and the benchmark songs. "Level": the median tempo is
 within a quarter of an octave of the true one. Of real songs the metre is known by genre, and the tempo by how
-many counts of ChoreoNet's choreographies fall into a second (within 5 %).
+many counts of ChoreoNet's choreographies fall into a second (within 5 %). Beats in the silence before the
+first and after the last true one are not judged, as `choreograph.metrics.counts` has it.
 """
 
 from __future__ import annotations
@@ -169,11 +170,17 @@ def scores(found: Counts, truth: Counts) -> dict[str, float]:
         np.median(np.diff(found.times_s)) / np.median(np.diff(truth.times_s)) if len(found) > 2 else np.nan
     )
     return {
-        "beats": f_score(found.times_s, truth.times_s),
-        "downbeats": f_score(found.downbeat_times_s, truth.downbeat_times_s),
+        "beats": f_score(judged(found.times_s, truth), truth.times_s),
+        "downbeats": f_score(judged(found.downbeat_times_s, truth), truth.downbeat_times_s),
         "metre": float(found.metre == truth.metre),
         "level": float(abs(np.log2(tempo)) < LEVEL_OCTAVES),
     }
+
+
+def judged(times_s: Floats, truth: Counts) -> Floats:
+    """Those that are no more than half a beat outside the true counts, where there is silence."""
+    half_s = 0.5 * np.median(np.diff(truth.times_s))
+    return times_s[(times_s > truth.times_s[0] - half_s) & (times_s < truth.times_s[-1] + half_s)]
 
 
 def chance(found: Counts, truth: Counts, duration_s: float, rng: np.random.Generator) -> dict[str, float]:
