@@ -226,8 +226,8 @@ def real_rows(
     for song in songs:
         mel = log_mel(song.samples)
         for column, made in columns.items():
-            judged = [m for m, w in made if w is None or (not w.without and song.name not in w.real)]
-            found = [method(song.samples, mel) for method in judged]
+            unseen = [m for m, w in made if w is None or (not w.without and song.name not in w.real)]
+            found = [method(song.samples, mel) for method in unseen]
             if not found:
                 continue
             metre = float(np.mean([counts.metre == song.metre for counts in found]))
