@@ -1,31 +1,43 @@
 """Counts read from motion alone, counts withheld: the table, with chance, a baseline and the confidence.
 
     python examples/papers/motion_counts.py path/to/dance-with-melody path/to/choreonet --work FOLDER \\
-        [--seeds 0 1 2] [-o results.md]
+        [--seeds 0 1 2] [--library REPERTOIRE] [-o results.md]
 
 Trains, per seed, with songs left out (5 folds), with songs and all their figures left out (5), with built-in
 genres left out (4), and on built-in takes alone (1); a minute and a half each on one thread. Checkpoints are
 in FOLDER: the same command continues from there. A confidence is fitted to all takes but those it is said of.
+
+REPERTOIRE has takes of dance-with-melody with counts, and left out those of
+`examples/papers/dance_with_melody_held_out.txt`. Its takes are counted by networks that did not hear their
+songs, or not at all where those are not sure; the held-out songs are danced with these counts, and the dances
+judged by the true ones.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 import choreograph as cg
+from choreograph.audio.song import load_song
 from choreograph.building.counting import MIN_MOTION_CONFIDENCE
-from choreograph.counts import Counts, numbers_in_bar
+from choreograph.counts import FROM_MOTION, NO_COUNTS, Counts, numbers_in_bar
+from choreograph.evaluation import danced_counts
 from choreograph.features._kernels import best_beat_sequence
 from choreograph.features.bar_pointer import point_counts
+from choreograph.features.bars import track_bars
+from choreograph.features.mel import log_mel
 from choreograph.features.motion_beats import mean_joint_speed_m_s
+from choreograph.features.music_beats import get_beat_tracker
 from choreograph.features.tempogram import autocorrelations
+from choreograph.importers import import_takes
 from choreograph.metrics.counts import downbeat_share
+from choreograph.metrics.counts import evaluate as counts_scores
 from choreograph.nets.counts.confidence import confidence_of, count_facts, fit_confidence
 from choreograph.nets.counts.motion_config import motion_counts_config
 from choreograph.nets.counts.motion_data import CountedMotion
@@ -40,8 +52,10 @@ from choreograph.pretrained.recipe import (
     trials_by_genre,
     trials_by_song,
 )
+from choreograph.repertoire.store import Contents, RepertoireFile, write_repertoire
 from choreograph.timebase import NET_FPS, frames_to_seconds
 
+HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 SHARE_OF_A_RIGHT_TAKE = 0.9  # of its counts
 
 
@@ -101,6 +115,15 @@ def by_joint_speed(take: CountedMotion) -> Counts:
     return Counts(beats_s, numbers_in_bar(len(beats_s), 4), 4)
 
 
+def at_the_level_of(found: Counts, true: Counts) -> Counts:
+    """Counts at twice, three times, half or a third of their tempo, whichever is nearest to the true one."""
+    period_s = np.median(np.diff(found.times_s)) / np.median(np.diff(true.times_s))
+    factor = min((1, 2, 3, 1 / 2, 1 / 3), key=lambda f: abs(np.log(period_s / f)))
+    every, n = max(1, round(1 / factor)), len(found)
+    times_s = np.interp(np.arange(0, n - 1, 1 / max(1, factor)), np.arange(n), found.times_s)[::every]
+    return Counts(times_s, numbers_in_bar(len(times_s), true.metre), true.metre)
+
+
 def line(what: str, seeds: Sequence[Sequence[Reading]]) -> str:
     """A row of the table: means over takes, ± the spread over seeds."""
 
@@ -137,6 +160,57 @@ def lines_by_genre(what: str, seeds: Sequence[Sequence[Reading]]) -> list[str]:
     ]
 
 
+def recounted(path: Path, output: Path, counts: Mapping[str, Counts]) -> cg.Repertoire:
+    """A copy of a repertoire with these counts of its takes, by name, of other takes none, and no figures."""
+    file = RepertoireFile(path)
+    arrays = {name: file.read(name) for name in file.shapes}
+    of_takes = [counts.get(str(name), NO_COUNTS) for name in arrays["takes/name"]]
+    stops = np.cumsum([len(c) for c in of_takes])
+    arrays |= {
+        "takes/count_start": stops - [len(c) for c in of_takes],
+        "takes/count_stop": stops,
+        "takes/metre": np.array([c.metre for c in of_takes]),
+        "takes/counts_source": np.array([c.source for c in of_takes]),
+        "takes/counts_confidence": np.array([c.confidence for c in of_takes]),
+        "counts/time_s": np.concatenate([c.times_s for c in of_takes]),
+        "counts/number": np.concatenate([c.numbers for c in of_takes]),
+    }
+    arrays |= {name: array[:0] for name, array in arrays.items() if name.startswith("figures/")}
+    nets = {name: file.read_net(name) for name in file.net_names}
+    write_repertoire(output, Contents(arrays, file.density, file.provenance, nets))
+    return cg.Repertoire.open(output)
+
+
+def library_lines(data: Path, library: Path, work: Path, readings: Sequence[Reading]) -> list[str]:
+    """Dances to held-out songs of a library counted by its motion: true counts against tracked beats."""
+    sure = {
+        r.take.name: replace(r.found, source=FROM_MOTION, confidence=r.confidence)
+        for r in readings
+        if r.confidence >= MIN_MOTION_CONFIDENCE
+    }
+    true = cg.Repertoire.open(library)
+    by_motion = recounted(library, work / "by_motion.h5", sure)
+    without = recounted(library, work / "without_counts.h5", {})
+    n_sure = sum(take.name in sure for take in by_motion.takes)
+    libraries = {"true counts": true, f"{n_sure} takes counted by motion": by_motion, "no counts": without}
+    scores: dict[str, list[dict[str, float]]] = {}
+    for name in HELD_OUT.read_text(encoding="utf-8").split():
+        (take,) = import_takes(data / name)
+        song = load_song(take.song_path, start_s=take.song_start_s, duration_s=take.motion.duration_s)
+        mel = log_mel(song.samples)
+        beats = track_bars(song.samples, mel, get_beat_tracker().beats(song, mel))
+        for what, repertoire in libraries.items():
+            danced = danced_counts(cg.dance(song, repertoire).plan, true)
+            row = counts_scores(danced.times_s, danced.numbers, beats.times_s, beats.numbers)
+            scores.setdefault(what, []).append(row)
+            print(f"{name}, {what}: {row['counts_within']:.2f}", flush=True)
+    means = {
+        what: [np.nanmean([row[name] for row in rows]) for name in ("counts_within", "downbeat_share")]
+        for what, rows in scores.items()
+    }
+    return [f"| {what} | {within:.2f} | {ones:.2f} |" for what, (within, ones) in means.items()]
+
+
 def starter_takes() -> list[CountedMotion]:
     """The takes of the built-in repertoire, which no recipe trains on."""
     rep = cg.starter_repertoire()
@@ -152,6 +226,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--steps", type=int, help="of every training; default: the preset's")
+    parser.add_argument("--library", type=Path, help="repertoire of dance-with-melody's takes with counts")
     parser.add_argument("-o", "--output", type=Path)
     given = parser.parse_args()
     config = motion_counts_config("small", **({"steps": given.steps} if given.steps else {}))
@@ -176,13 +251,21 @@ def main() -> None:
     found["real takes, by built-in takes alone"] = [[r for r in s if not r.take.is_built_in] for s in alone]
     rows = [row for what, seeds in found.items() for row in lines_by_genre(what, seeds)]
     for what, takes in (("real", danced), ("built-in", starter_takes())):
-        rows += [line(f"{what} takes, by joint speed", [[Reading(t, by_joint_speed(t)) for t in takes]])]
+        found_by_speed = [Reading(t, by_joint_speed(t)) for t in takes]
+        told = [Reading(r.take, at_the_level_of(r.found, r.take.counts)) for r in found_by_speed]
+        rows += lines_by_genre(f"{what} takes, by joint speed", [found_by_speed])
+        rows += lines_by_genre(f"{what} takes, by joint speed and told the level", [told])
     head = (
         "| | takes | counts within 0.15 beat | count 1 right | metre right | sure of | "
         "counts right of those | takes right of those |\n"
         "| --- | --- | --- | --- | --- | --- | --- | --- |\n"
     )
     table = head + "\n".join(rows) + "\n"
+    if given.library:
+        readings = found["real takes, song left out"][0]
+        lines = library_lines(given.sources[0], given.library, given.work, readings)
+        table += "\n| danced with | true counts within 0.15 beat | count 1 |\n| --- | --- | --- |\n"
+        table += "\n".join(lines) + "\n"
     print(table)
     if given.output:
         given.output.write_text(table, encoding="utf-8")

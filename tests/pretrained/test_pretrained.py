@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from synthetic_counts import counted
 
-from choreograph.counts import NO_COUNTS, Figure
+from choreograph.building.counting import MIN_MOTION_CONFIDENCE, MOTION_NET, motion_reader
+from choreograph.counts import FROM_MOTION, NO_COUNTS, Figure
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.nets.counts.motion_data import CountedMotion
-from choreograph.pretrained import pretrained_set
+from choreograph.pretrained import PRETRAINED, pretrained_set
+from choreograph.pretrained.library import pretrained_path
 from choreograph.pretrained.recipe import (
     N_FOLDS,
     RecordedTake,
@@ -103,6 +105,28 @@ def test_counts_at_another_level_are_not_right():
     assert share_right(counted(0.5, first_s=0.2), true) == 0.0
     assert share_right(counted(1.0), true) == share_right(counted(0.25), true) == 0.0
     assert share_right(NO_COUNTS, true) == 0.0
+
+
+@pytest.mark.parametrize("name", PRETRAINED)
+def test_a_shipped_set_is_small_and_says_what_it_heard(name):
+    shipped = pretrained_set(name)
+    assert pretrained_path(name).stat().st_size < 1.5e6
+    assert MOTION_NET in shipped.nets
+    assert bool(shipped.trained_on) == (name == "research")
+    card = pretrained_path(name).with_name("MODEL_CARD.md").read_text(encoding="utf-8")
+    assert f"`{name}`" in card and "no licence" in card
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PRETRAINED)
+def test_a_shipped_network_counts_what_it_knows_and_knows_what_it_does_not(name):
+    read = motion_reader(pretrained_set(name))
+    unseen = built_in_takes(2, first_seed=70_000, genres=["waltz", "disco"])
+    counts = [read(take.body_pos_m) for take in unseen]
+    assert np.mean([share_right(c, t.counts) for c, t in zip(counts, unseen, strict=True)]) > 0.9
+    assert all(c.source == FROM_MOTION and c.confidence >= MIN_MOTION_CONFIDENCE for c in counts)
+    still = np.repeat(unseen[0].body_pos_m[:1], 400, axis=0)
+    assert read(still).confidence < MIN_MOTION_CONFIDENCE
 
 
 @pytest.mark.slow
