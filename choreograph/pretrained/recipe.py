@@ -5,7 +5,8 @@
 
 `motion_counts` reads counts from motion. Its confidence is fitted to takes that other networks, trained in
 the same way, never saw: built-in takes of genres that were left out, recorded takes whose song and figures
-were. An interrupted run continues from its checkpoints in the folder.
+were; and, for what cannot be counted, to the same takes cut into pieces and shuffled. An interrupted run
+continues from its checkpoints in the folder.
 """
 
 from __future__ import annotations
@@ -135,6 +136,22 @@ def share_right(found: Counts, true: Counts) -> float:
     return counts_within(found.times_s, true.times_s)
 
 
+def shuffled(take: CountedMotion) -> CountedMotion:
+    """The take in pieces of half a second to two seconds in random order: motion that has no count.
+
+    Its counts stay as they were, so they are found as often as chance has it.
+    """
+    rng = np.random.default_rng(len(take.body_pos_m))
+    pos_m, pieces, n_made = take.body_pos_m, [], 0
+    while n_made < len(pos_m):
+        length = min(int(rng.integers(NET_FPS // 2, 2 * NET_FPS)), len(pos_m))
+        start = int(rng.integers(len(pos_m) - length + 1))
+        piece = pos_m[start : start + length]
+        pieces.append(piece - piece[:1, :1] * np.array([1.0, 0.0, 1.0], np.float32))  # each from the middle
+        n_made += length
+    return replace(take, name=f"{take.name}, shuffled", body_pos_m=np.concatenate(pieces)[: len(pos_m)])
+
+
 def calibration(net: MotionCountsNet, takes: Iterable[CountedMotion]) -> list[tuple[Floats, float]]:
     """Facts about each take's counts as a network reads them, and the share of these that is right."""
     rows = []
@@ -213,7 +230,10 @@ def make_set(
     trials = list(trials_by_genre(built_in))
     if recorded:
         trials += trials_by_figure(recorded, built_in)
-    rows = [row for trial in trials for row in calibration(trained(trial, config, 0, work), trial.test)]
+    rows = []
+    for trial in trials:
+        takes = [*trial.test, *map(shuffled, trial.test)]
+        rows += calibration(trained(trial, config, 0, work), takes)
     fit(net, rows)
     weights, stored = net.to_arrays()
     provenance = {"choreograph": version("choreograph"), "trained_on": sorted(take.name for take in motions)}

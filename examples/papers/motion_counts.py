@@ -47,6 +47,7 @@ from choreograph.pretrained.recipe import (
     built_in_takes,
     recorded_takes,
     share_right,
+    shuffled,
     trained,
     trials_by_figure,
     trials_by_genre,
@@ -56,6 +57,8 @@ from choreograph.repertoire.store import Contents, RepertoireFile, write_reperto
 from choreograph.timebase import NET_FPS, frames_to_seconds
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
+SHUFFLED = ", shuffled"  # ends the name of a take in random pieces, which has no count
+ALONE = "clean"  # the trial on built-in takes alone, as the recipe calls it
 SHARE_OF_A_RIGHT_TAKE = 0.9  # of its counts
 
 
@@ -79,14 +82,15 @@ class Reading:
 
 
 def read_by(trial: Trial, config, seed: int, work: Path) -> list[Reading]:
-    """The trial's takes, counted by its network."""
+    """The trial's takes, counted by its network, and the same takes shuffled, which show what no count is."""
     net = trained(trial, config, seed, work)
     readings = []
-    for take in trial.test:
+    for take in [*trial.test, *(map(shuffled, trial.test) if trial.name != ALONE else ())]:
         curves = net.curves(take.body_pos_m)
         pointed = point_counts(curves, POINTER)
         readings.append(Reading(take, pointed.counts, count_facts(curves, pointed)))
-    print(f"{trial.name}, seed {seed}: {np.mean([r.right for r in readings]):.3f}", flush=True)
+    right = np.mean([r.right for r in readings[: len(trial.test)]])
+    print(f"{trial.name}, seed {seed}: {right:.3f}", flush=True)
     return readings
 
 
@@ -94,11 +98,16 @@ def with_confidence(readings: Sequence[Reading], known: Sequence[Reading]) -> li
     """The readings with a confidence, each fitted to the `known` readings of all other takes."""
     out = []
     for reading in readings:
-        others = [k for k in known if k.take.name != reading.take.name]
+        own = reading.take.name.removesuffix(SHUFFLED)
+        others = [k for k in known if k.take.name.removesuffix(SHUFFLED) != own]
         weights = fit_confidence([k.facts for k in others], [k.right for k in others])
         sure = confidence_of(reading.facts, weights)
         out.append(Reading(reading.take, reading.found, reading.facts, sure))
     return out
+
+
+def is_shuffled(reading: Reading) -> bool:
+    return reading.take.name.endswith(SHUFFLED)
 
 
 def by_joint_speed(take: CountedMotion) -> Counts:
@@ -236,19 +245,22 @@ def main() -> None:
         "real takes, song left out": list(trials_by_song(recorded, built_in)),
         "real takes, song and figures left out": list(trials_by_figure(recorded, built_in)),
         "built-in takes, genre left out": list(trials_by_genre(built_in)),
-        "trained on built-in takes alone": [Trial("clean", built_in, [*starter_takes(), *danced])],
+        ALONE: [Trial(ALONE, built_in, [*starter_takes(), *danced])],
     }
     found: dict[str, list[list[Reading]]] = {
         what: [[r for t in of for r in read_by(t, config, seed, given.work)] for seed in given.seeds]
         for what, of in trials.items()
     }
     for i in range(len(given.seeds)):
-        known = [r for readings in found.values() for r in readings[i]]
+        known = [r for what, readings in found.items() for r in readings[i] if what != ALONE]
         for readings in found.values():
             readings[i] = with_confidence(readings[i], known)
-    alone = found.pop("trained on built-in takes alone")
+    mixed = [r for of in found.values() for s in of for r in s]
+    found = {what: [[r for r in s if not is_shuffled(r)] for s in of] for what, of in found.items()}
+    alone = found.pop(ALONE)
     found["built-in takes, seed left out"] = [[r for r in s if r.take.is_built_in] for s in alone]
     found["real takes, by built-in takes alone"] = [[r for r in s if not r.take.is_built_in] for s in alone]
+    found["takes in shuffled pieces"] = [[r for r in mixed if is_shuffled(r)]]
     rows = [row for what, seeds in found.items() for row in lines_by_genre(what, seeds)]
     for what, takes in (("real", danced), ("built-in", starter_takes())):
         found_by_speed = [Reading(t, by_joint_speed(t)) for t in takes]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_counts import counted
@@ -17,6 +19,7 @@ from choreograph.pretrained.recipe import (
     RecordedTake,
     built_in_takes,
     share_right,
+    shuffled,
     song_folds,
     trials_by_figure,
     trials_by_genre,
@@ -97,6 +100,17 @@ def test_genres_left_out_are_not_trained_on():
     trials = list(trials_by_genre(takes))
     assert [[t.name for t in trial.test] for trial in trials] == [["a", "b"], ["c"]]
     assert [[t.name for t in trial.train] for trial in trials] == [["c"], ["a", "b"]]
+
+
+def test_a_shuffled_take_is_made_of_its_frames_in_another_order():
+    motion = recorded("a", "rumba", "R-1", "R-2").motion
+    frames = np.arange(160, dtype=np.float32)[:, None, None] * np.array([0.0, 1.0, 0.0], np.float32)
+    motion = replace(motion, body_pos_m=np.repeat(frames, 21, axis=1))
+    made = shuffled(motion)
+    heights = made.body_pos_m[:, 0, 1]
+    assert made.body_pos_m.shape == motion.body_pos_m.shape and set(heights) <= set(range(160))
+    assert 3 < (np.diff(heights) != 1).sum() < 16
+    assert made.counts is motion.counts and motion.body_pos_m[5, 0, 1] == 5
 
 
 def test_counts_at_another_level_are_not_right():
