@@ -1,6 +1,6 @@
 """Weights of `MusicCounts` in a file: `.npz` in half precision, with the configuration and what it heard.
 
-`SHIPPED` are those of the program: `clean` heard the synthesiser alone, `research` also real songs.
+`SHIPPED` is the program's own, which heard the synthesiser alone.
 """
 
 from __future__ import annotations
@@ -19,9 +19,7 @@ from choreograph.errors import FormatError, ParameterError
 from choreograph.files import atomic_path
 from choreograph.nets.counts.music_model import MusicCounts
 
-FOLDER = Path(choreograph.__file__).parent / "pretrained"
-SHIPPED = {name: FOLDER / f"music_counts_{name}.npz" for name in ("clean",)}
-DEFAULT_WEIGHTS = "clean"
+SHIPPED = Path(choreograph.__file__).parent / "pretrained" / "music_counts_clean.npz"
 _ABOUT, _CONFIG = "about", "config"
 
 
@@ -49,9 +47,7 @@ def read_music_counts(path: str | Path) -> tuple[MusicCounts, dict[str, Any]]:
         ) from error
 
 
-@lru_cache(maxsize=2)
-def shipped_music_counts(name: str = DEFAULT_WEIGHTS) -> MusicCounts:
-    """The program's own network; `ParameterError` for an unknown name."""
-    if name not in SHIPPED:
-        raise ParameterError(f"expected weights among {', '.join(SHIPPED)}, got {name!r}")
-    return read_music_counts(SHIPPED[name])[0]
+@lru_cache(maxsize=1)
+def shipped_music_counts() -> MusicCounts:
+    """The program's own network."""
+    return read_music_counts(SHIPPED)[0]
