@@ -42,7 +42,7 @@ class DanceConfig:
     transitions: str = "beats"  # where takes change: on downbeats and beats, or on "seconds" (graph)
     fps: float = 60.0
     seed: int = 0
-    beats: str | Path = "tempo-path"  # beat tracker, or a file of the song's beats
+    beats: str | Path = "network"  # a listener of `song_counts`, or a file of the song's beats
     weights: Mapping[str, float] = field(
         default_factory=dict
     )  # replace DEFAULT_WEIGHTS; custom costs default to 1 (graph)

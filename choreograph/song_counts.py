@@ -12,11 +12,11 @@ from choreograph.counts import Counts
 from choreograph.errors import ParameterError
 from choreograph.features.bars import track_bars
 from choreograph.features.beat_files import read_beats
-from choreograph.features.music_beats import DEFAULT_TRACKER, TRACKERS, BeatTracker, get_beat_tracker
+from choreograph.features.music_beats import TRACKERS, BeatTracker, get_beat_tracker
 
 NETWORK = "network"  # `nets.counts.music_tracker`
 LISTENERS = (*TRACKERS, NETWORK)
-DEFAULT_BEATS = DEFAULT_TRACKER
+DEFAULT_BEATS = NETWORK
 
 
 def song_counts(
