@@ -50,13 +50,13 @@ class DanceConfig:
     keep_on_stage: bool = True  # by small rotations at transitions (graph)
     fps: float = 60.0
     seed: int = 0
-    beats: str | Path = "tempo-path"  # beat tracker, or a file of the song's beats
+    beats: str | Path = "network"  # a listener of `song_counts`, or a file of the song's beats
     weights: Mapping[str, float] = field(
         default_factory=dict
     )  # replace DEFAULT_WEIGHTS; custom costs default to 1 (graph)
 
     def __post_init__(self) -> None:
-        from choreograph.features.song_counts import check_beats
+        from choreograph.song_counts import check_beats
 
         _choice("engine", self.engine, ENGINES)
         _choice("planner", self.planner, PLANNERS)

@@ -21,6 +21,7 @@ MAX_METRE = 12  # counts in a bar
 ANNOTATED = "annotation"  # given by hand, beside the take or the song
 DATA_SET = "data set"  # given by the data set that the take is from
 FROM_MUSIC = "music"  # tracked: a song's beats, or those of the song that the take dances to
+FROM_MOTION = "motion"  # read from the motion by a network
 
 
 @dataclass(frozen=True, eq=False)

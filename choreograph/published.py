@@ -77,7 +77,8 @@ def published_build(preset: str) -> dict[str, Any]:
         raise ParameterError(f"expected a preset among {', '.join(EPOCHS)}, got {preset!r}")
     epochs = {"epochs": EPOCHS[preset]}
     return {
-        "preset": preset, "density": "learned", "lock_feet": False, "pretrained_style": None,
+        "preset": preset, "density": "learned", "lock_feet": False, "pretrained": "nothing",
+        "pretrained_style": None,
         "style_changes": STYLE | epochs, "density_changes": DENSITY | epochs,
         "method": f"{METHOD}: {scaling(preset)}",
     }  # fmt: skip

@@ -22,27 +22,26 @@ from choreograph.features.metrical_level import (
     metrical_levels,
     tempo_bpm,
 )
-from choreograph.features.music_beats import DEFAULT_TRACKER, TRACKERS
 from choreograph.features.music_changes import at_changes, change_times_s
 from choreograph.features.phrasing import dance_span_s
 from choreograph.features.sections import Sections, song_sections
-from choreograph.features.song_counts import song_counts
 from choreograph.features.song_features import SongFeatures
 from choreograph.features.tempogram import rhythm_features
 from choreograph.repertoire import Repertoire
+from choreograph.song_counts import DEFAULT_BEATS, is_heard, song_counts
 
 _NEAREST_CLIPS = 32  # whose takes say at which tempo a second of the song can be danced
 
 
 def analyse_song(
-    song: Song, repertoire: Repertoire, *, beats: str | Path = DEFAULT_TRACKER, start_s: float = 0.0
+    song: Song, repertoire: Repertoire, *, beats: str | Path = DEFAULT_BEATS, start_s: float = 0.0
 ) -> tuple[SongFeatures, tuple[str, ...]]:
     """Features of every second of a song, and notes on what is unusual about it.
 
-    `beats` is the name of a beat tracker or a file of beats (see `features.beat_files`) whose times are those
-    of the song file, which `song` begins at `start_s` of. Half or double of a tracker's tempo is taken where
-    the takes nearest in style are danced clearly nearer to their own tempo so. Without style networks all
-    style vectors are zero. Raises `ParameterError` for an unknown tracker, `FormatError` for a file that
+    `beats` is one of `song_counts.LISTENERS` or a file of beats (see `features.beat_files`) whose times are
+    those of the song file, which `song` begins at `start_s` of. Half or double of the tempo heard is taken
+    where the takes nearest in style are danced clearly nearer to their own tempo so. Without style networks
+    all style vectors are zero. Raises `ParameterError` for an unknown tracker, `FormatError` for a file that
     cannot be read.
     """
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
@@ -56,7 +55,7 @@ def analyse_song(
         beat_count = np.zeros(n_seconds, np.float32)
     counts = song_counts(song, mel, beats, start_s=start_s)
     sections = _sections(song, counts)
-    if str(beats) in TRACKERS:
+    if is_heard(beats):
         tracked, counts = counts, _danceable(counts, song, mel, sections, repertoire, style)
         if counts is not tracked:
             sections = _sections(song, counts)

@@ -26,7 +26,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 PAPERS = sorted((ROOT / "examples" / "papers").glob("*.py"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "examples" / "results").glob("*.md"))]
-MODEL_CARD = ROOT / "choreograph" / "starter" / "MODEL_CARD.md"
+MODEL_CARDS = [ROOT / "choreograph" / folder / "MODEL_CARD.md" for folder in ("starter", "pretrained")]
 WRITTEN = {
     "01_own_library.py": ("rep.h5", "own.bvh"),
     "02_own_cost.py": ("low.bvh",),
@@ -185,7 +185,7 @@ def test_options_in_the_makefile_are_known():
             assert option in shown, (command, option)
 
 
-@pytest.mark.parametrize("page", [*PAGES, MODEL_CARD], ids=lambda p: p.name)
+@pytest.mark.parametrize("page", [*PAGES, *MODEL_CARDS], ids=lambda p: p.parent.name + "-" + p.name)
 def test_files_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
     links = re.findall(r"\]\(([^)#:]+)\)", text)

@@ -29,6 +29,7 @@ def build(
     device: str = "auto",
     resume: bool = False,
     init_from: str | Path | None = None,
+    pretrained: str = BuildOptions.pretrained,
     pretrained_style: str | Path | None = AUTO,
     keep_networks: bool = False,
     compress: bool = False,
@@ -50,7 +51,7 @@ def build(
     sources : a folder or file of takes, or several
     output : the file to write; work in progress lies beside it in `OUTPUT.build/`
     preset, density, seed, device, resume, keep_networks, compress, rollout, leave_out, lock_feet,
-        augment_mirror, words, style_changes, density_changes, method : as in `BuildOptions`;
+        augment_mirror, words, pretrained, style_changes, density_changes, method : as in `BuildOptions`;
         `choreograph.published.published_build` gives those of the method as published
     init_from : repertoire whose networks training starts from
     pretrained_style : repertoire whose style networks training starts from. "auto" takes the built-in one's
@@ -71,7 +72,8 @@ def build(
     options = BuildOptions(
         preset=preset, density=density, seed=seed, device=device, resume=resume,
         init_from=None if init_from is None else _as_path("init_from", init_from),
-        pretrained_style=pretrained_path(pretrained_style, preset), keep_networks=keep_networks,
+        pretrained=pretrained, pretrained_style=pretrained_path(pretrained_style, preset),
+        keep_networks=keep_networks,
         compress=compress, rollout=rollout, leave_out=tuple(leave_out), lock_feet=lock_feet,
         augment_mirror=augment_mirror, words=words, style_changes=dict(style_changes or {}),
         density_changes=dict(density_changes or {}), method=method,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from choreograph.building.counting import counted_takes
+from choreograph.building.counting import counted_takes, motion_reader
 from choreograph.building.importing import measured_takes
 from choreograph.building.options import BuildOptions
 from choreograph.building.result import BuildResult
@@ -22,9 +22,11 @@ from choreograph.building.train_networks import (
     train_word_network,
     training_context,
 )
+from choreograph.counts import FROM_MOTION
 from choreograph.errors import ParameterError
 from choreograph.features.density import motion_density
 from choreograph.files import check_target, sha256_of
+from choreograph.pretrained import pretrained_set
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import Contents, NetArrays, Repertoire, write_repertoire
 from choreograph.repertoire.contents import MeasuredTake, to_arrays
@@ -61,10 +63,13 @@ def build_repertoire(
         raise ParameterError("expected another repertoire to keep the networks of (--init-from), got none")
     output = check_target(output)
     pretrained = PretrainedWeights.of(options)
+    shipped = pretrained_set(options.pretrained)
     measured, notes = measured_takes(sources, options, report)
     context = training_context(output.with_name(output.name + ".build"), options, training_report)
     songs = SongCache(keep_samples=options.rollout)
-    measured, count_notes = counted_takes(measured, songs)
+    measured, count_notes = counted_takes(measured, songs, motion_reader(shipped))
+    # Songs whose counts the network learned, where it has counted a take.
+    heard = shipped.trained_on if any(m.take.counts.source == FROM_MOTION for m in measured) else ()
     nets, trained_on, training_notes = train_music_networks(
         measured, songs, pretrained, options=options, context=context, report=report
     )
@@ -81,7 +86,7 @@ def build_repertoire(
     contents = Contents(
         arrays | words.arrays,
         options.density if features.density else "analytic",
-        _provenance(options, trained_on, features.selection_beat_weight),
+        _provenance(options, [*trained_on, *heard], features.selection_beat_weight),
         nets | words.nets,
     )
     write_repertoire(output, contents, compress=options.compress)
@@ -100,10 +105,11 @@ def _provenance(
         "preset": options.preset,
         "seed": options.seed,
         "init_from": options.init_from.name if options.init_from else None,
+        "pretrained": options.pretrained,
         "pretrained_style": options.pretrained_style.name if options.pretrained_style else None,
         "feet_locked": options.lock_feet,
         "left_out": sorted(options.leave_out),
-        "trained_on": trained_on,
+        "trained_on": sorted(set(trained_on)),
         "selection_beat_weight": selection_beat_weight,
         "style_changes": dict(options.style_changes),
         "density_changes": dict(options.density_changes),

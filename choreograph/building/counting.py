@@ -1,13 +1,15 @@
-"""Counts of takes that come without any: their own song's, where the motion keeps to its beats.
+"""Counts of takes that come without any: their song's, where the motion keeps to its beats, or the motion's.
 
 That a take was danced to a song does not say that recording and sound file begin together: those of
 dance-with-melody do not. So the song's beats are a take's counts only if the motion is slow where they are,
-throughout the take.
+throughout the take. Otherwise, and without a song, a pretrained network reads the counts from the motion
+(`nets.counts`), and says how many of them it expects to be right; if these are too few, the take stays
+without counts and is danced by its motion beats.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,16 +17,21 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.building.song_cache import SongCache
-from choreograph.counts import NO_COUNTS, Counts
+from choreograph.counts import FROM_MOTION, NO_COUNTS, Counts
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motion.body import body_pos_m
+from choreograph.pretrained import PretrainedSet
 from choreograph.repertoire.contents import MeasuredTake
 from choreograph.timebase import STORE_FPS, frame_times_s
 
 Floats = NDArray[np.float64]
+MotionReader = Callable[[NDArray[np.floating]], Counts]  # of body positions (T, 21, 3) at 20 fps
 
 # Built-in takes and their songs' beats have 0.83 to 1, takes of dance-with-melody, of any phase, up to 0.28.
 MIN_PHASE_LOCK = 0.6
+# Share of counts that are expected to be right, below which none are read from the motion.
+MIN_MOTION_CONFIDENCE = 0.8
+MOTION_NET = "motion_counts"  # its name among the pretrained networks
 _WINDOW_BEATS = 4
 _FEWEST_WINDOWS = 5  # of fewer, random phases agree too often
 _STILL_M_S = 0.02  # slower is no clearer rest
@@ -32,24 +39,63 @@ _NAMED = 8  # takes in a note; the others are counted
 
 
 def counted_takes(
-    measured: Sequence[MeasuredTake], songs: SongCache
+    measured: Sequence[MeasuredTake], songs: SongCache, read_motion: MotionReader | None = None
 ) -> tuple[list[MeasuredTake], tuple[str, ...]]:
-    """The takes, those without counts with their song's where these are sure enough, and notes.
+    """The takes, those without counts with their song's or their motion's where these are sure, and notes.
 
-    Raises `FormatError` if a song cannot be read.
+    Without `read_motion` no counts are read from the motion. Raises `FormatError` if a song cannot be read.
     """
-    counted = [_counted(m, songs) for m in measured]
+    counted, refused = [], {}  # confidence by the names of takes that the network does not count
+    for given in measured:
+        new = _counted_by_song(given, songs)
+        if not len(new.take.counts) and read_motion is not None:
+            read = read_motion(given.body_pos_m)
+            if read.confidence >= MIN_MOTION_CONFIDENCE:
+                new = replace(new, take=replace(new.take, counts=read))
+            else:
+                refused[given.take.name] = read.confidence
+        counted.append(new)
     pairs = list(zip(measured, counted, strict=True))
-    by_song = [new.take.name for old, new in pairs if len(new.take.counts) and not len(old.take.counts)]
+    found = [new.take for old, new in pairs if len(new.take.counts) and not len(old.take.counts)]
+    by_motion = [take for take in found if take.counts.source == FROM_MOTION]
+    by_song = [take.name for take in found if take.counts.source != FROM_MOTION]
     without = [m.take.name for m in counted if not len(m.take.counts)]
     notes = []
     if by_song:
         notes.append(
             f"{_number(by_song)} counted by the song's beats, which the motion keeps to: {_some(by_song)}"
         )
+    if by_motion:
+        sure = [take.counts.confidence for take in by_motion]
+        notes.append(
+            f"{_number(by_motion)} counted by the motion, with {_range(sure)} of the counts expected to be "
+            f"right: {_some([take.name for take in by_motion])}"
+        )
     if without:
-        notes.append(f"{_number(without)} without counts and danced by motion beats: {_some(without)}")
+        unsure = (
+            f", since of those read from the motion only {_range(list(refused.values()))} (less than "
+            f"{MIN_MOTION_CONFIDENCE:g}) are expected to be right"
+            if refused
+            else ""
+        )
+        notes.append(
+            f"{_number(without)} without counts and danced by motion beats{unsure}: {_some(without)}"
+        )
     return counted, tuple(notes)
+
+
+def motion_reader(pretrained: PretrainedSet) -> MotionReader | None:
+    """What reads counts from motion; None if the set has no such network."""
+    stored = pretrained.nets.get(MOTION_NET)
+    if stored is None:
+        return None
+
+    def read(body_pos_m: NDArray[np.floating]) -> Counts:
+        from choreograph.nets.counts.motion_model import MotionCountsNet
+
+        return MotionCountsNet.from_arrays(stored.weights, stored.config).counts(body_pos_m)
+
+    return read
 
 
 def counts_from_song(
@@ -100,7 +146,7 @@ def phase_lock(speed_m_s: Floats, fps: float, beat_times_s: Floats) -> float:
     return max(0.0, float(sums[0].sum()) / size) if size > 0.0 else 0.0
 
 
-def _counted(measured: MeasuredTake, songs: SongCache) -> MeasuredTake:
+def _counted_by_song(measured: MeasuredTake, songs: SongCache) -> MeasuredTake:
     take = measured.take
     if len(take.counts) or take.song_path is None:
         return measured
@@ -110,8 +156,13 @@ def _counted(measured: MeasuredTake, songs: SongCache) -> MeasuredTake:
     return replace(measured, take=replace(take, counts=counts))
 
 
-def _number(names: Sequence[str]) -> str:
-    return "1 take is" if len(names) == 1 else f"{len(names)} takes are"
+def _number(takes: Sequence[object]) -> str:
+    return "1 take is" if len(takes) == 1 else f"{len(takes)} takes are"
+
+
+def _range(shares: Sequence[float]) -> str:
+    low, high = f"{min(shares):.2f}", f"{max(shares):.2f}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _some(names: Sequence[str]) -> str:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from choreograph.audio.song import Song, load_song
 from choreograph.counts import Counts
 from choreograph.features.mel import log_mel
-from choreograph.features.music_beats import DEFAULT_TRACKER
-from choreograph.features.song_counts import song_counts
+from choreograph.song_counts import DEFAULT_BEATS, song_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +44,7 @@ class SongCache:
         if path not in self._analysed:
             song = load_song(path)
             mel = log_mel(song.samples)
-            counts = song_counts(song, mel, DEFAULT_TRACKER)
+            counts = song_counts(song, mel, DEFAULT_BEATS)
             kept = song if self._keep_samples else None
             self._analysed[path] = AnalysedSong(song.duration_s, mel, counts, kept)
         return self._analysed[path]

@@ -61,6 +61,11 @@ _DECIDED = {"--density", "--init-from", "--keep-networks", "--lock-feet", "--pre
 @optgroup.option("--rollout", is_flag=True, help="Also train the network of `dance --engine rollout`.")
 @optgroup.option("--init-from", type=_FILE, help="Start from the networks of another repertoire.")
 @optgroup.option(
+    "--pretrained", default="clean", show_default=True, metavar="clean|research|nothing",
+    help="Shipped networks that count takes without counts by their motion. clean: trained on our own takes. "
+    "research: also on data that states no licence.",
+)  # fmt: skip
+@optgroup.option(
     "--pretrained-style", metavar="PATH|nothing",
     help="Start from the style networks of a repertoire. Default: the built-in ones, for preset small. "
     "nothing: random weights.",

@@ -36,8 +36,8 @@ _SOURCES = (
     optgroup.option("--duration", type=float, help="Seconds to dance. Default: to the end of the song."),
     optgroup.option(
         "--beats",
-        metavar="tempo-path|librosa|beat-this|FILE",
-        help="Beat tracker (tempo-path), or a text file of the song's beats: a time in seconds and, if you "
+        metavar="network|tempo-path|librosa|beat-this|FILE",
+        help="Beat tracker (network), or a text file of the song's beats: a time in seconds and, if you "
         "know it, the number in the bar on every line, such as 12.34 1.",
     ),
 )

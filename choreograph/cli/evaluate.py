@@ -48,7 +48,7 @@ _FILE = click.Path(path_type=Path)
 @optgroup.group("Measuring")
 @optgroup.option("--duration", type=float, help="Seconds of each song. Default: to the end.")
 @optgroup.option(
-    "--beats", metavar="tempo-path|librosa|beat-this|FILE",
+    "--beats", metavar="tempo-path|network|librosa|beat-this|FILE",
     help="Beats to measure by: a tracker's (tempo-path), a file of times, or a folder of SONG.txt.",
 )  # fmt: skip
 @optgroup.option(

@@ -21,10 +21,10 @@ from choreograph.errors import ParameterError
 from choreograph.features.mel import log_mel
 from choreograph.features.metrical_level import choose_level, metrical_levels, tempo_bpm
 from choreograph.features.music_beats import DEFAULT_TRACKER
-from choreograph.features.song_counts import song_counts
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.song_counts import song_counts
 from choreograph.takes import Take
 from choreograph.warping import steady_times_s
 

@@ -13,9 +13,10 @@ from choreograph.counts import Counts
 from choreograph.evaluation.songs import beats_of
 from choreograph.features.mel import log_mel
 from choreograph.features.metrical_level import choose_level, metrical_levels, tempo_bpm
-from choreograph.features.music_beats import DEFAULT_TRACKER, TRACKERS, get_beat_tracker
+from choreograph.features.music_beats import DEFAULT_TRACKER, get_beat_tracker
 from choreograph.features.sections import Sections, song_sections
 from choreograph.metrics.energy_response import section_loudness_db
+from choreograph.song_counts import is_heard
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 Floats = NDArray[np.float64]
@@ -63,7 +64,7 @@ def song_music(song: Song, beats: str | Path, *, start_s: float = 0.0) -> SongMu
     mel = log_mel(song.samples)  # (T, 96)
     sections = song_sections(song.samples, counts.times_s)
     return SongMusic(
-        metrical_levels(song.samples, mel, counts) if str(beats) in TRACKERS else (counts,),
+        metrical_levels(song.samples, mel, counts) if is_heard(beats) else (counts,),
         get_beat_tracker(second_tracker(beats)).beats(song, mel),
         sections,
         section_loudness_db(song.samples, SAMPLE_RATE_HZ, sections.bounds_s),

@@ -14,7 +14,6 @@ bars           numbers in the bar and metre of beats
 music_changes  where the tempo or the metre changes for good
 metrical_level half or double of the tracked tempo, by what takes are danced at
 beat_files     beats and their numbers from a text file
-song_counts    beats and bars of a song, by a tracker or from a file
 energy         how loud each second is among the song's seconds
 sections       section boundaries and labels of a song
 song_features  `SongFeatures`: what the engines plan from
@@ -24,5 +23,6 @@ motion_beats   local minima of mean joint speed
 contacts       foot contact confidence
 
 Both
+bar_pointer    curves of beat and bar phase to counts
 density        analytic tempo-density: a bump on every beat
 """

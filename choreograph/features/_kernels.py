@@ -1,4 +1,4 @@
-"""Numba kernel of the beat tracker: the best sequence of beats through a song, by dynamic programming."""
+"""Numba kernels that find beats by dynamic programming: of the beat tracker, and of the bar pointer."""
 
 from __future__ import annotations
 
@@ -59,3 +59,107 @@ def best_beat_sequence(strength, tempo_gain, gain_hop, first_period, change_pena
         t, period = t - period, int(best_previous)
         beats.append(t)
     return np.array(beats[::-1], np.int64)
+
+
+@njit(cache=True, nogil=True)
+def best_bar_sequence(
+    beat, bar, metre_gain, first_period, n_periods, state_metre, state_number, metres, change_cost, break_cost
+):
+    """The beats, and their numbers in the bar, of the path with the highest score over all frames.
+
+    A state is a beat interval that ends at frame t, p frames long, whose beat has a number in a metre. It
+    scores its frames' agreement with phases that run evenly through it: Σ beat · u(φ) + bar · u((number - 1 +
+    φ) / metre) + metre_gain, with u the unit vector of a phase in turns. The next interval may differ in
+    length at `change_cost` times its squared relative change, the first half frame free because the frame
+    grid forces it, and has the next number; `break_cost` buys any length and any number.
+
+    beat (T, 2), bar (T, M, 2), metre_gain (T, M); state_metre (S,) is the column of each state's metre,
+    state_number (S,) its number, metres (M,). Returns the bounds of the intervals (Q + 1,), from the first
+    frame or before it to the last or after it, and the states of the intervals (Q,).
+    """
+    n_frames, n_metres, n_states = len(beat), bar.shape[1], len(state_metre)
+    last_period = first_period + n_periods - 1
+    n_ends = n_frames + last_period  # the last interval may end after the last frame
+    depth = last_period + 1
+    ring = np.full((depth, n_periods, n_states), -np.inf)  # scores of the latest frames
+    best_score = np.full(depth, -np.inf)  # over periods and states
+    best_state = np.zeros((n_ends, 2), np.int16)  # its period's index and its state
+    from_period = np.full((n_ends, n_periods, n_states), -1, np.int16)  # -1: the first interval
+    from_state = np.zeros((n_ends, n_periods, n_states), np.int8)
+    turn = np.empty((n_states, 2))  # of a state's beginning within its bar
+    previous = np.empty(n_states, np.int64)  # the state that the path comes from
+    for s in range(n_states):
+        metre = metres[state_metre[s]]
+        turn[s, 0] = np.cos(2 * np.pi * (state_number[s] - 1) / metre)
+        turn[s, 1] = np.sin(2 * np.pi * (state_number[s] - 1) / metre)
+        previous[s] = s - 1 if state_number[s] > 1 else s + metre - 1
+    gain = np.zeros(n_states)
+    reach = np.sqrt(break_cost / change_cost)  # relative change beyond which a break is cheaper
+    vectors = np.empty((n_frames, 1 + n_metres), np.complex128)
+    vectors[:, 0] = beat[:, 0] + 1j * beat[:, 1]
+    vectors[:, 1:] = bar[:, :, 0] + 1j * bar[:, :, 1]
+    # Sums over the interval that ends at the current frame, for each of its lengths: of the beat and of each
+    # bar as complex numbers, over the phases that run through it. From frame to frame they turn and slide.
+    sums = np.zeros((n_periods, 1 + n_metres), np.complex128)
+    turns = np.empty((n_periods, 1 + n_metres), np.complex128)  # of the phase from frame to frame
+    newest = np.empty((n_periods, 1 + n_metres), np.complex128)  # over the phase of the interval's last frame
+    metre_sums = np.zeros((n_periods, n_metres))
+    for i in range(n_periods):
+        for m in range(1 + n_metres):
+            angle = 2 * np.pi / ((first_period + i) * (1 if m == 0 else metres[m - 1]))
+            turns[i, m] = np.exp(1j * angle)
+            newest[i, m] = np.exp(-1j * angle * (first_period + i - 1))
+    end_score, end_t, end_p, end_s = -np.inf, 0, 0, 0
+    for t in range(1, n_ends):
+        row = t % depth
+        ring[row] = -np.inf
+        best_score[row] = -np.inf
+        for i in range(n_periods):
+            p = first_period + i
+            start = t - p
+            for m in range(1 + n_metres):
+                if start >= 1 and start - 1 < n_frames:
+                    sums[i, m] -= vectors[start - 1, m]
+                    if m > 0:
+                        metre_sums[i, m - 1] -= metre_gain[start - 1, m - 1]
+                sums[i, m] *= turns[i, m]
+                if t - 1 < n_frames:
+                    sums[i, m] += vectors[t - 1, m] * newest[i, m]
+                    if m > 0:
+                        metre_sums[i, m - 1] += metre_gain[t - 1, m - 1]
+            if start >= n_frames:
+                continue
+            for s in range(n_states):
+                m = state_metre[s]
+                bar_sum = sums[i, 1 + m]
+                gain[s] = sums[i, 0].real + metre_sums[i, m]
+                gain[s] += bar_sum.real * turn[s, 0] + bar_sum.imag * turn[s, 1]
+            if start <= 0:
+                for s in range(n_states):
+                    ring[row, i, s] = gain[s]
+            else:
+                back = start % depth
+                low, high = max(0, i - int(reach * p) - 1), min(n_periods, i + int(reach * p) + 2)
+                for s in range(n_states):
+                    best = best_score[back] - break_cost
+                    period, state = best_state[start, 0], best_state[start, 1]
+                    for j in range(low, high):
+                        change = max(abs(i - j) - 0.5, 0.0) / p
+                        score = ring[back, j, previous[s]] - change_cost * change * change
+                        if score > best:
+                            best, period, state = score, j, previous[s]
+                    ring[row, i, s] = best + gain[s]
+                    from_period[t, i, s], from_state[t, i, s] = period, state
+            for s in range(n_states):
+                if ring[row, i, s] > best_score[row]:
+                    best_score[row] = ring[row, i, s]
+                    best_state[t, 0], best_state[t, 1] = i, s
+                if t >= n_frames and ring[row, i, s] > end_score:
+                    end_score, end_t, end_p, end_s = ring[row, i, s], t, i, s
+    t, i, s = end_t, end_p, end_s
+    bounds, states = [t, t - first_period - i], [s]
+    while from_period[t, i, s] >= 0:
+        t, i, s = t - first_period - i, from_period[t, i, s], from_state[t, i, s]
+        bounds.append(t - first_period - i)
+        states.append(s)
+    return np.array(bounds[::-1], np.int64), np.array(states[::-1], np.int64)

@@ -158,4 +158,4 @@ def fill_missing_beats(beat_times_s: NDArray[np.floating], duration_s: float) ->
 
 def _beats_before(first_s: float, period_s: float) -> NDArray[np.float64]:
     steps = np.arange(int(first_s / period_s + 1e-9), 0, -1, dtype=np.float64)
-    return np.asarray(first_s - period_s * steps, np.float64)
+    return np.maximum(0.0, first_s - period_s * steps)  # rounding may lead below 0

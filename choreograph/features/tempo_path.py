@@ -46,13 +46,18 @@ def tempo_path_beats(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
     log_mel = np.asarray(log_mel, np.float32)
     if log_mel.ndim != 2 or log_mel.shape[1] != MEL_BANDS or len(log_mel) == 0:
         raise ParameterError(f"expected log-mel (T, {MEL_BANDS}), got an array of shape {log_mel.shape}")
-    strength = onset_strength(log_mel)
-    if not strength.any():
+    return np.maximum(0.0, path_of(onset_strength(log_mel)) - _LAG_S)
+
+
+def path_of(strength: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Beats in seconds, (Q,), at which a strength (T,) at 60 fps peaks; empty if it is 0 throughout."""
+    level = np.asarray(strength, np.float64)
+    if not level.any():
         return np.zeros(0)
     frames = best_beat_sequence(
-        strength, _tempo_gain(strength), _TEMPO_HOP, _SHORTEST_PERIOD, _CHANGE_PENALTY, _NEW_TEMPO_PENALTY
+        level, _tempo_gain(level), _TEMPO_HOP, _SHORTEST_PERIOD, _CHANGE_PENALTY, _NEW_TEMPO_PENALTY
     )
-    return np.maximum(0.0, frames_to_seconds(frames, MUSIC_FPS) - _LAG_S)
+    return frames_to_seconds(frames, MUSIC_FPS)
 
 
 def onset_strength(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ Clips are (take, start frame), never copies.
 from __future__ import annotations
 
 FORMAT = "choreograph-repertoire"
+NETWORKS_FORMAT = "choreograph-networks"  # a file of networks alone, as `NETS`, and `provenance`
 VERSION = 2
 WITH_COUNTS = 2  # the first version with `COUNTS`; those before it are still read
 

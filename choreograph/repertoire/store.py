@@ -25,6 +25,7 @@ from choreograph.repertoire.schema import (
     HALF_PRECISION,
     MOTIFS,
     NETS,
+    NETWORKS_FORMAT,
     QUANTISATION_STEPS,
     VERSION,
     WITH_COUNTS,
@@ -74,13 +75,46 @@ def write_repertoire(path: Path, contents: Contents, *, compress: bool = False) 
             kind = "f2" if compress and name in HALF_PRECISION else kind
             step = QUANTISATION_STEPS.get(name) if compress else None
             _write_numbers(file, name, array.astype(kind), step)
-        for name, net in sorted(contents.nets.items()):
-            group = file.create_group(f"nets/{name}")
-            group.attrs["config"] = json.dumps(net.config, sort_keys=True)
-            for weight, array in sorted(net.weights.items()):
-                array = np.asarray(array, np.float16) if compress else np.asarray(array)
-                options = _gzip(9) if compress and array.size > _MIN_GZIP_SIZE else {}
-                group.create_dataset(weight, data=array, track_times=False, **options)
+        _write_nets(file, contents.nets, compress=compress)
+
+
+def write_networks(path: Path, nets: Mapping[str, NetArrays], provenance: Mapping[str, Any]) -> None:
+    """Write networks alone to `path`, in half precision: what the package ships as pretrained.
+
+    The bytes depend on the arguments alone. Raises `ParameterError` if the folder does not exist.
+    """
+    with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
+        file.attrs["format"] = NETWORKS_FORMAT
+        file.attrs["provenance"] = json.dumps(provenance, sort_keys=True)
+        _write_nets(file, nets, compress=True)
+
+
+def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:
+    """Networks by name and their provenance, of `write_networks`; `RepertoireError` if it is no such file."""
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("format") != NETWORKS_FORMAT:
+                raise RepertoireError(f"{path}: expected networks, got another kind of file")
+            nets = {name: _read_net(file, name, path) for name in file["nets"]}
+            return nets, _from_json(file.attrs["provenance"], f"{path}: provenance")
+    except (OSError, KeyError) as error:
+        raise RepertoireError(f"{path}: expected networks (HDF5), could not read them: damaged") from error
+
+
+def _write_nets(file: h5py.File, nets: Mapping[str, NetArrays], *, compress: bool) -> None:
+    for name, net in sorted(nets.items()):
+        group = file.create_group(f"nets/{name}")
+        group.attrs["config"] = json.dumps(net.config, sort_keys=True)
+        for weight, array in sorted(net.weights.items()):
+            array = np.asarray(array, np.float16) if compress else np.asarray(array)
+            options = _gzip(9) if compress and array.size > _MIN_GZIP_SIZE else {}
+            group.create_dataset(weight, data=array, track_times=False, **options)
+
+
+def _read_net(file: h5py.File, name: str, path: Path) -> NetArrays:
+    group = file[f"nets/{name}"]
+    weights = {weight: _to_single(group[weight][()]) for weight in group}
+    return NetArrays(_from_json(group.attrs["config"], f"{path}: the config of network {name}"), weights)
 
 
 def _gzip(level: int) -> dict[str, Any]:
@@ -219,10 +253,7 @@ class RepertoireFile:
             known = ", ".join(self.net_names) or "none"
             raise RepertoireError(f"{self.path}: expected a network {name!r}, got a repertoire with {known}")
         with self._opened() as file:
-            group = file[f"nets/{name}"]
-            weights = {weight: _to_single(group[weight][()]) for weight in group}
-            config = _from_json(group.attrs["config"], f"{self.path}: the config of network {name}")
-            return NetArrays(config, weights)
+            return _read_net(file, name, self.path)
 
 
 def _to_single(weight: NDArray) -> NDArray:

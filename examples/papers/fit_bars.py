@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,7 @@ from choreograph.features.mel import log_mel
 from choreograph.features.tempo_path import tempo_path_beats
 from choreograph.metrics.beat import f_score
 from choreograph.synthesis.songs import STYLES, SongStyle, render_song
+from choreograph.synthesis.songs.restyling import in_three
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 Floats = NDArray[np.float64]
@@ -85,23 +86,6 @@ def rendered(genre: str, style: SongStyle, seed: int, **options: float | None) -
     tracked_s = tempo_path_beats(log_mel(mono))
     tracked_s = tracked_s[tracked_s < len(mono) / SAMPLE_RATE_HZ]
     return BarSong(genre, song.beats_per_bar, mono, song.beat_times_s, tracked_s)
-
-
-def in_three(style: SongStyle, *, dropped: int) -> SongStyle:
-    """A style in four with one beat (0 to 3) of every bar left out."""
-
-    def cut(pattern: str) -> str:
-        bars_of_four = [pattern[i : i + 16] for i in range(0, len(pattern), 16)]
-        return "".join(bar[: 4 * dropped] + bar[4 * dropped + 4 :] for bar in bars_of_four)
-
-    return replace(
-        style,
-        name=f"{style.name} in three",
-        beats_per_bar=3,
-        lanes=tuple(replace(lane, patterns=tuple(map(cut, lane.patterns))) for lane in style.lanes),
-        parts=tuple(replace(part, patterns=tuple(map(cut, part.patterns))) for part in style.parts),
-        fills=tuple((drum, cut(bar)) for drum, bar in style.fills),
-    )
 
 
 def position_in_bar(song: BarSong, beats_s: Floats) -> NDArray[np.int64]:

@@ -11,12 +11,20 @@ from hypothesis import strategies as st
 from synthetic_motions import stepping
 from synthetic_repertoire import synthetic_takes, write_clicks
 
-from choreograph.building.counting import MIN_PHASE_LOCK, counted_takes, counts_from_song, phase_lock
+from choreograph.building.counting import (
+    MIN_MOTION_CONFIDENCE,
+    MIN_PHASE_LOCK,
+    counted_takes,
+    counts_from_song,
+    motion_reader,
+    phase_lock,
+)
 from choreograph.building.song_cache import SongCache
-from choreograph.counts import FROM_MUSIC, NO_COUNTS, make_counts, numbers_in_bar
+from choreograph.counts import ANNOTATED, FROM_MOTION, FROM_MUSIC, NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.importers import import_takes
 from choreograph.motion.body import body_pos_m
+from choreograph.pretrained import pretrained_set
 
 FPS, PERIOD_S, DURATION_S = 60.0, 0.5, 20.0
 POS_M = body_pos_m(stepping(round(DURATION_S * FPS), fps=FPS, period_s=PERIOD_S))  # at rest every period
@@ -87,6 +95,43 @@ def test_takes_and_notes(tmp_path):
         "1 take is counted by the song's beats, which the motion keeps to: take0",
         "2 takes are without counts and danced by motion beats: take1, take2",
     )
+
+
+def test_takes_without_counts_are_read_from_their_motion_if_that_is_sure():
+    """Takes at 120 BPM are sure, others are not; annotated counts stay."""
+    sure, unsure, known = synthetic_takes(periods_s=(0.5, 0.6, 0.5))
+    given_counts = make_counts([1.0, 2.0], [0, 0], 0, source=ANNOTATED)
+    known = replace(known, take=replace(known.take, counts=given_counts))
+    read_bodies = []
+
+    def read(pos_m):
+        read_bodies.append(pos_m)
+        is_sure = pos_m is sure.body_pos_m
+        return make_counts(
+            [1.0, 1.5], [3, 4], 4, source=FROM_MOTION, confidence=MIN_MOTION_CONFIDENCE if is_sure else 0.42
+        )
+
+    counted, notes = counted_takes([sure, unsure, known], SongCache(), read)
+    assert [m.take.counts.source for m in counted] == [FROM_MOTION, "", ANNOTATED]
+    assert len(read_bodies) == 2
+    assert notes == (
+        "1 take is counted by the motion, with 0.80 of the counts expected to be right: take0",
+        "1 take is without counts and danced by motion beats, since of those read from the motion only 0.42 "
+        "(less than 0.8) are expected to be right: take1",
+    )
+
+
+def test_the_song_comes_before_the_motion(tmp_path):
+    song = write_clicks(tmp_path / "clicks.wav", duration_s=30.0)
+    (take,) = synthetic_takes(periods_s=(0.5,))
+    first_s = float(SongCache().analysed(song).beat_times_s[0])
+    with_song = replace(take, take=replace(take.take, song_path=song, song_start_s=first_s))
+    counted, _ = counted_takes([with_song], SongCache(), lambda pos_m: pytest.fail("its song counts it"))
+    assert counted[0].take.counts.source == FROM_MUSIC
+
+
+def test_no_reader_without_a_network():
+    assert motion_reader(pretrained_set("nothing")) is None
 
 
 @pytest.mark.slow

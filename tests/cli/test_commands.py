@@ -202,7 +202,8 @@ def test_sources_without_takes_are_refused(tmp_path):
         ([], {"pretrained_style": "starter.h5", "augment_mirror": True, "compress": False}),
         (["--preset", "tiny"], {"pretrained_style": None, "preset": "tiny"}),
         (["--pretrained-style", "nothing"], {"pretrained_style": None, "lock_feet": True}),
-        (["--no-augment-mirror"], {"augment_mirror": False}),
+        (["--no-augment-mirror"], {"augment_mirror": False, "pretrained": "clean"}),
+        (["--pretrained", "research"], {"pretrained": "research"}),
         (["--pretrained-style", "other.h5", "--preset", "tiny"], {"pretrained_style": "other.h5"}),
         (["--no-lock-feet", "--compress"], {"lock_feet": False, "compress": True}),
         (["--density", "learned", "--leave-out", "a", "--leave-out", "@names.txt"],
@@ -230,6 +231,11 @@ def test_a_list_of_names_must_be_readable(tmp_path):
 def test_pretrained_networks_must_be_there(tmp_path):
     result = run("build-db", tmp_path, "-o", tmp_path / "r.h5", "--pretrained-style", tmp_path / "none.h5")
     assert_one_line(result, says="none.h5")
+
+
+def test_unknown_sets_of_networks_are_refused(tmp_path):
+    result = run("build-db", tmp_path, "-o", tmp_path / "r.h5", "--pretrained", "other")
+    assert_one_line(result, says="clean, research, nothing")
 
 
 def test_songs_are_listed_located_and_copied(tmp_path):

@@ -107,6 +107,15 @@ def test_missing_beats_are_filled_in(period_s, missing):
         np.testing.assert_allclose(whole, beats, atol=1e-6)
 
 
+@given(st.floats(0.3, 1.2), st.integers(0, 40))
+@settings(deadline=None)
+def test_no_beat_is_filled_in_before_the_song(period_s, first):
+    """Not even by the rounding error of a first beat that lies a whole number of periods into it."""
+    beats = period_s * (first + np.arange(10.0))
+    whole = fill_missing_beats(beats, beats[-1] + period_s / 2)
+    assert whole[0] >= 0 and (np.diff(whole) > 0).all()
+
+
 def test_unknown_and_absent_trackers_are_refused():
     with pytest.raises(ParameterError, match="librosa"):
         get_beat_tracker("madmom")

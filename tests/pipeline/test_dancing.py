@@ -198,7 +198,7 @@ def test_an_edited_plan_is_rendered_as_edited(made, repertoire):
     [
         {"take": "nobody's"},
         {"source_times_s": tuple(29.5 + 0.05 * i for i in range(21))},
-        {"source_times_s": tuple(-0.2 + 0.05 * i for i in range(21))},
+        {"source_times_s": tuple(-1.2 + 0.05 * i for i in range(21))},
     ],
 )
 def test_a_plan_of_missing_takes_or_times(made, repertoire, change):

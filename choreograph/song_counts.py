@@ -1,4 +1,4 @@
-"""The counts of a song: its beats by a tracker or from a file, numbered in their bars."""
+"""The counts of a song: its beats by a tracker, by the network or from a file, numbered in their bars."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ from choreograph.counts import Counts
 from choreograph.errors import ParameterError
 from choreograph.features.bars import track_bars
 from choreograph.features.beat_files import read_beats
-from choreograph.features.music_beats import TRACKERS, get_beat_tracker
+from choreograph.features.music_beats import TRACKERS, BeatTracker, get_beat_tracker
+
+NETWORK = "network"  # `nets.counts.music_tracker`
+LISTENERS = (*TRACKERS, NETWORK)
+DEFAULT_BEATS = NETWORK
 
 
 def song_counts(
@@ -20,21 +24,26 @@ def song_counts(
 ) -> Counts:
     """A song's beats and bars; bars are tracked where the file has none.
 
-    `beats` is the name of a tracker or a file (see `features.beat_files`) of times in the song file, which
+    `beats` is one of `LISTENERS` or a file (see `features.beat_files`) of times in the song file, which
     `song` begins at `start_s` of. `log_mel` (T, 96) is that of the song. The source of the counts is
-    "annotation" where the file has bars. Raises `ParameterError` for an unknown tracker, `FormatError` for a
+    "annotation" where the file has bars. Raises `ParameterError` for an unknown name, `FormatError` for a
     file that cannot be read.
     """
     given = song_beats(song, log_mel, beats, start_s=start_s)
     return given if given.has_bars else track_bars(song.samples, log_mel, given.times_s)
 
 
+def is_heard(beats: object) -> bool:
+    """Whether `beats` names a tracker or the network, rather than a file."""
+    return str(beats) in LISTENERS
+
+
 def check_beats(beats: object) -> None:
-    """Raise `ParameterError` unless `beats` is the name of a tracker or an existing file."""
-    if str(beats) in TRACKERS or (isinstance(beats, str | Path) and Path(beats).is_file()):
+    """Raise `ParameterError` unless `beats` is one of `LISTENERS` or an existing file."""
+    if is_heard(beats) or (isinstance(beats, str | Path) and Path(beats).is_file()):
         return
     raise ParameterError(
-        f"expected beats among {', '.join(TRACKERS)}, or a file of beats, got {str(beats)!r}"
+        f"expected beats among {', '.join(LISTENERS)}, or a file of beats, got {str(beats)!r}"
     )
 
 
@@ -43,7 +52,15 @@ def song_beats(
 ) -> Counts:
     """A song's beats, with bars only if a file gives them; arguments and errors as of `song_counts`."""
     check_beats(beats)
-    if str(beats) in TRACKERS:
-        times_s = get_beat_tracker(str(beats)).beats(song, log_mel)
+    if is_heard(beats):
+        times_s = _listener(str(beats)).beats(song, log_mel)
         return Counts(times_s, np.zeros(len(times_s), np.int64), 0)
     return read_beats(beats, start_s=start_s, duration_s=song.duration_s)
+
+
+def _listener(name: str) -> BeatTracker:
+    if name in TRACKERS:
+        return get_beat_tracker(name)
+    from choreograph.nets.counts.music_tracker import NetworkBeats  # imports torch
+
+    return NetworkBeats()

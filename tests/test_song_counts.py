@@ -7,7 +7,7 @@ from synthetic_repertoire import write_clicks
 from choreograph.audio.song import load_song
 from choreograph.errors import ParameterError
 from choreograph.features.mel import log_mel
-from choreograph.features.song_counts import check_beats, song_beats, song_counts
+from choreograph.song_counts import check_beats, song_beats, song_counts
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +34,10 @@ def test_bars_are_tracked_where_a_file_has_none(clicks, tmp_path):
     assert counts.has_bars and counts.source == "music" and len(counts) == 20
 
 
-def test_a_tracker_by_name(clicks):
+@pytest.mark.parametrize("name", ["tempo-path", "network"])
+def test_a_tracker_by_name(clicks, name):
     song, mel = clicks
-    counts = song_counts(song, mel, "tempo-path")
+    counts = song_counts(song, mel, name)
     assert counts.has_bars and np.median(np.diff(counts.times_s)) == pytest.approx(0.5, abs=0.02)
 
 

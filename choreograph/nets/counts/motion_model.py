@@ -1,0 +1,110 @@
+"""The network that reads counts from motion: body positions at 20 fps to curves of beat and bar phase.
+
+It sees each frame's pose and joint velocities in the root frame, so that it does not matter where on the
+floor, or facing where, something is danced.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from choreograph.counts import FROM_MOTION, Counts
+from choreograph.features.bar_pointer import PhaseCurves, PointerConfig, point_counts
+from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
+from choreograph.motion.interpolation import interpolate_frames
+from choreograph.nets.counts.confidence import N_FACTS, confidence_of, count_facts
+from choreograph.nets.counts.motion_config import MotionCountsConfig
+from choreograph.nets.counts.phases import N_OUTPUTS, curves_from
+from choreograph.nets.counts.trunk import Trunk
+from choreograph.nets.stored import StoredNet
+from choreograph.timebase import NET_FPS
+
+_N_JOINTS = len(BODY_JOINTS)
+N_FEATURES = _N_JOINTS * 7  # position, velocity, speed
+# Songs that are danced to keep their tempo, a dancer counts through, and neighbouring moments err alike.
+POINTER = PointerConfig(bpm=(50.0, 220.0), tempo_std=0.002, break_cost=40.0, observations_per_s=1.0)
+_TEMPI = (0.85, 1.0, 1.18)  # at which a take is read: what holds at one tempo only is not trusted
+_ACROSS = tuple(
+    [BODY_JOINTS.index(f"{side}_{part}") for part in ("hip", "shoulder")] for side in ("left", "right")
+)
+
+
+class MotionCountsNet(StoredNet):
+    """Body positions to phase curves, with the statistics that standardise its features."""
+
+    config_class = MotionCountsConfig
+    feature_mean: Tensor
+    feature_std: Tensor
+    confidence_weights: Tensor  # of `confidence.count_facts`; confidence is ½ until they are fitted
+
+    def __init__(self, config: MotionCountsConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.feature_dropout = nn.Dropout1d(config.feature_dropout)
+        self.trunk = Trunk(N_FEATURES, config.width, config.n_blocks, config.dropout)
+        self.head = nn.Conv1d(config.width, N_OUTPUTS, 1)
+        with torch.no_grad():  # at first it knows nothing
+            for parameter in self.head.parameters():
+                parameter.zero_()
+        self.register_buffer("feature_mean", torch.zeros(N_FEATURES))
+        self.register_buffer("feature_std", torch.ones(N_FEATURES))
+        self.register_buffer("confidence_weights", torch.zeros(N_FACTS))
+
+    def forward(self, body: Tensor, present: Tensor) -> Tensor:
+        """Body positions (B, T, 21, 3) at 20 fps, and which frames there are (B, T), to (B, N_OUTPUTS, T)."""
+        standard = (motion_features(body) - self.feature_mean) / self.feature_std
+        features = self.feature_dropout((standard * present[..., None]).transpose(1, 2))
+        return self.head(self.trunk(features))
+
+    def curves(self, body_pos_m: NDArray[np.floating]) -> PhaseCurves:
+        """Phase curves of a take's body positions (T, 21, 3) at 20 fps; `ParameterError` if not so.
+
+        The mean of the curves of the take as it is, slower and faster.
+        """
+        pos_m = checked_body_pos_m(body_pos_m)
+        read = [self._curves_at(pos_m, tempo) for tempo in _TEMPI]
+        beat, bar = (np.mean([getattr(c, name) for c in read], axis=0) for name in ("beat", "bar"))
+        return PhaseCurves(beat, bar, NET_FPS)
+
+    def _curves_at(self, pos_m: NDArray[np.float64], tempo: float) -> PhaseCurves:
+        frames = np.arange(max(1, round(len(pos_m) / tempo))) * tempo
+        body = torch.from_numpy(interpolate_frames(pos_m, frames).astype(np.float32))[None]
+        self.eval()
+        with torch.no_grad():
+            curves = curves_from(self(body, torch.ones(body.shape[:2]))[0], NET_FPS)
+        back = np.arange(len(pos_m)) / tempo
+        return PhaseCurves(
+            interpolate_frames(curves.beat, back), interpolate_frames(curves.bar, back), NET_FPS
+        )
+
+    def counts(self, body_pos_m: NDArray[np.floating]) -> Counts:
+        """A take's counts, of body positions (T, 21, 3) at 20 fps; `ParameterError` if not so.
+
+        Confidence: the share of them that is expected within 0.15 beat of the true ones.
+        """
+        curves = self.curves(body_pos_m)
+        pointed = point_counts(curves, POINTER, source=FROM_MOTION)
+        weights = self.confidence_weights.double().numpy()
+        return replace(pointed.counts, confidence=confidence_of(count_facts(curves, pointed), weights))
+
+
+def motion_features(body: Tensor) -> Tensor:
+    """Positions, velocities and speeds of joints in the root frame, (B, T, N_FEATURES)."""
+    across = (body[:, :, _ACROSS[0]] - body[:, :, _ACROSS[1]]).sum(dim=2)  # (B, T, 3)
+    length = torch.hypot(across[..., 0], across[..., 2]).clamp(min=1e-6)
+    cos, sin = (across[..., 0] / length)[..., None], (across[..., 2] / length)[..., None]  # (B, T, 1)
+    origin = body[:, :, :1] * body.new_tensor([1.0, 0.0, 1.0])
+    velocity = torch.gradient(body, dim=1)[0] * NET_FPS if body.shape[1] > 1 else torch.zeros_like(body)
+    parts = [_turned(body - origin, cos, sin), _turned(velocity, cos, sin)]
+    return torch.cat([*(part.flatten(2) for part in parts), velocity.norm(dim=-1)], dim=2)
+
+
+def _turned(vectors: Tensor, cos: Tensor, sin: Tensor) -> Tensor:
+    """Vectors (B, T, J, 3) turned about Y so that left is +X."""
+    x, y, z = vectors.unbind(dim=-1)
+    return torch.stack([cos * x + sin * z, y, cos * z - sin * x], dim=-1)

@@ -1,0 +1,61 @@
+"""Beats of a song by the network, and by the tempo path over what it hears where its phases are not sure.
+
+The bar pointer takes the level from the phases: it keeps a salsa at 180 BPM, which a prior on tempi would
+halve. Where phases agree badly with the beats pointed at, as in music unlike all it was trained on, that
+freedom errs by thirds and halves, and the tempo path with its prior is the better reader of the activation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.audio.song import Song
+from choreograph.features.bar_pointer import PointerConfig, point_counts
+from choreograph.features.tempo_path import level_normalized, path_of
+from choreograph.nets.counts.music_model import CURVE_FPS, HeardCounts, MusicCounts
+from choreograph.nets.counts.music_weights import shipped_music_counts
+from choreograph.timebase import MUSIC_FPS
+
+Floats = NDArray[np.float64]
+
+POINTER = PointerConfig(bpm=(45.0, 240.0), grid_fps=60.0)
+# Mean cosine between phases and beats, below which the tempo path is asked: fitted by
+# `examples/papers/fit_music_agreement.py` to songs of genres that the networks had not heard.
+LEAST_AGREEMENT = 0.75
+_MIN_DURATION_S = 1.0
+_LEAST_CONTRAST = 0.1  # nats between the loudest and the quietest frame: less is silence
+
+
+class NetworkBeats:
+    """A `features.music_beats.BeatTracker`."""
+
+    def __init__(self, net: MusicCounts | None = None) -> None:
+        self.net = net or shipped_music_counts()
+
+    def beats(self, song: Song, log_mel: NDArray[np.floating]) -> Floats:
+        """The song's beats, (Q,) seconds; none in a song shorter than a second or silent."""
+        beats_s = network_beats(log_mel, self.net)
+        return beats_s[beats_s < song.duration_s]
+
+
+def network_beats(log_mel: NDArray[np.floating], net: MusicCounts) -> Floats:
+    """Beats in seconds, (Q,), of log-mel (T, 96); `ParameterError` for another shape."""
+    heard = net.hear(log_mel)
+    level = np.asarray(log_mel).max(axis=1)  # (T,)
+    if len(level) < _MIN_DURATION_S * MUSIC_FPS or np.ptp(level) < _LEAST_CONTRAST:
+        return np.zeros(0)
+    beats_s, agreement = pointed_beats(heard)
+    return beats_s if agreement >= LEAST_AGREEMENT else activated_beats(heard)
+
+
+def pointed_beats(heard: HeardCounts) -> tuple[Floats, float]:
+    """Beats by the bar pointer, and the mean agreement of the phases with them, -1 … 1."""
+    pointed = point_counts(heard.phases, POINTER)
+    return pointed.counts.times_s, float(pointed.beat_agreement.mean())
+
+
+def activated_beats(heard: HeardCounts) -> Floats:
+    """Beats by the tempo path, with the activation in place of onsets."""
+    frames = np.arange(len(heard.beat) * MUSIC_FPS // CURVE_FPS) * CURVE_FPS / MUSIC_FPS  # at 60 fps
+    return path_of(level_normalized(np.interp(frames, np.arange(len(heard.beat)), heard.beat)))
