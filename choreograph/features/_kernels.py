@@ -98,35 +98,18 @@ def best_bar_sequence(
     vectors = np.empty((n_frames, 1 + n_metres), np.complex128)
     vectors[:, 0] = beat[:, 0] + 1j * beat[:, 1]
     vectors[:, 1:] = bar[:, :, 0] + 1j * bar[:, :, 1]
-    # Sums over the interval that ends at the current frame, for each of its lengths: of the beat and of each
-    # bar as complex numbers, over the phases that run through it. From frame to frame they turn and slide.
+    turns, newest = _phase_steps(first_period, n_periods, metres)
     sums = np.zeros((n_periods, 1 + n_metres), np.complex128)
-    turns = np.empty((n_periods, 1 + n_metres), np.complex128)  # of the phase from frame to frame
-    newest = np.empty((n_periods, 1 + n_metres), np.complex128)  # over the phase of the interval's last frame
     metre_sums = np.zeros((n_periods, n_metres))
-    for i in range(n_periods):
-        for m in range(1 + n_metres):
-            angle = 2 * np.pi / ((first_period + i) * (1 if m == 0 else metres[m - 1]))
-            turns[i, m] = np.exp(1j * angle)
-            newest[i, m] = np.exp(-1j * angle * (first_period + i - 1))
     end_score, end_t, end_p, end_s = -np.inf, 0, 0, 0
     for t in range(1, n_ends):
         row = t % depth
         ring[row] = -np.inf
         best_score[row] = -np.inf
+        _slide(sums, metre_sums, vectors, metre_gain, turns, newest, t, first_period)
         for i in range(n_periods):
             p = first_period + i
             start = t - p
-            for m in range(1 + n_metres):
-                if start >= 1 and start - 1 < n_frames:
-                    sums[i, m] -= vectors[start - 1, m]
-                    if m > 0:
-                        metre_sums[i, m - 1] -= metre_gain[start - 1, m - 1]
-                sums[i, m] *= turns[i, m]
-                if t - 1 < n_frames:
-                    sums[i, m] += vectors[t - 1, m] * newest[i, m]
-                    if m > 0:
-                        metre_sums[i, m - 1] += metre_gain[t - 1, m - 1]
             if start >= n_frames:
                 continue
             for s in range(n_states):
@@ -156,7 +139,48 @@ def best_bar_sequence(
                     best_state[t, 0], best_state[t, 1] = i, s
                 if t >= n_frames and ring[row, i, s] > end_score:
                     end_score, end_t, end_p, end_s = ring[row, i, s], t, i, s
-    t, i, s = end_t, end_p, end_s
+    return _traced(end_t, end_p, end_s, from_period, from_state, first_period)
+
+
+@njit(cache=True, nogil=True)
+def _phase_steps(first_period, n_periods, metres):
+    """Of the phases in beat and bars that run through each interval: their turn from frame to frame, and one
+    over the phase of the interval's last frame, (P, 1 + M) unit complex numbers each."""
+    turns = np.empty((n_periods, 1 + len(metres)), np.complex128)
+    newest = np.empty_like(turns)
+    for i in range(n_periods):
+        for m in range(1 + len(metres)):
+            angle = 2 * np.pi / ((first_period + i) * (1 if m == 0 else metres[m - 1]))
+            turns[i, m] = np.exp(1j * angle)
+            newest[i, m] = np.exp(-1j * angle * (first_period + i - 1))
+    return turns, newest
+
+
+@njit(cache=True, nogil=True)
+def _slide(sums, metre_sums, vectors, metre_gain, turns, newest, t, first_period):
+    """Move the sums over the interval that ends at frame t - 1, for each of its lengths, on to frame t.
+
+    `sums` (P, 1 + M) are those of the vectors over the phases that run through the interval: a frame leaves
+    at phase 0, all phases turn, and a frame comes in. `metre_sums` (P, M) are those of `metre_gain`.
+    """
+    n_frames = len(vectors)
+    for i in range(len(sums)):
+        gone = t - first_period - i - 1
+        for m in range(vectors.shape[1]):
+            if 0 <= gone < n_frames:
+                sums[i, m] -= vectors[gone, m]
+                if m > 0:
+                    metre_sums[i, m - 1] -= metre_gain[gone, m - 1]
+            sums[i, m] *= turns[i, m]
+            if t - 1 < n_frames:
+                sums[i, m] += vectors[t - 1, m] * newest[i, m]
+                if m > 0:
+                    metre_sums[i, m - 1] += metre_gain[t - 1, m - 1]
+
+
+@njit(cache=True, nogil=True)
+def _traced(t, i, s, from_period, from_state, first_period):
+    """The path that ends at frame t with period i in state s: bounds (Q + 1,) and states (Q,)."""
     bounds, states = [t, t - first_period - i], [s]
     while from_period[t, i, s] >= 0:
         t, i, s = t - first_period - i, from_period[t, i, s], from_state[t, i, s]

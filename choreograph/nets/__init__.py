@@ -5,6 +5,7 @@ Networks
 - `style` — music and motion to style vectors, and the beat count of the music
 - `density` — music and motion to tempo-densities
 - `words` — motion words to embeddings
+- `counts` — motion to phases in beat and bar, which `features.bar_pointer` decodes to counts
 - `rollout` — motifs and music to poses, frame by frame
 
 In each: `config` (sizes and presets), `model`, `data` (takes to training batches), `train`, and where they

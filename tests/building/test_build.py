@@ -9,12 +9,17 @@ from synthetic_repertoire import synthetic_takes, write_clicks
 
 import choreograph as cg
 from choreograph.building import BuildOptions, build_repertoire
+from choreograph.building.counting import MIN_MOTION_CONFIDENCE
 from choreograph.building.segmentation import FEWEST_WORDS, segment_takes
+from choreograph.counts import FROM_MOTION
 from choreograph.errors import ParameterError
 from choreograph.exporters import save_motion
 from choreograph.metrics import physical
+from choreograph.metrics.counts import counts_within
 from choreograph.motion.body import body_pos_m
 from choreograph.repertoire import Repertoire
+from choreograph.synthesis.moves.genres import GENRES
+from choreograph.synthesis.moves.sequencer import render_take
 from choreograph.timebase import NET_FPS
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_density_steps")]
@@ -249,3 +254,20 @@ def test_feet_of_takes_are_locked_by_default(waltz, tmp_path):
     )
     again = built("again.h5")
     assert again.path.read_bytes() == locked.path.read_bytes()
+
+
+def test_takes_without_music_are_counted_by_their_motion(tmp_path):
+    """By the shipped networks, unless none are wanted; the repertoire says so."""
+    folder = tmp_path / "takes"
+    folder.mkdir()
+    beats_s = 0.3 + 0.48 * np.arange(40)
+    save_motion(folder / "a.bvh", render_take(GENRES["disco"], beats_s, seed=123, fps=30.0).motion)
+    options = BuildOptions(preset="tiny", words=False)
+    built = build_repertoire([folder], tmp_path / "a.h5", options)
+    counts = built.repertoire.counts(0)
+    assert counts.source == FROM_MOTION and counts.confidence >= MIN_MOTION_CONFIDENCE
+    assert counts_within(counts.times_s, beats_s) > 0.95
+    assert any(note.startswith("1 take is counted by the motion") for note in built.notes)
+    assert built.repertoire.provenance["pretrained"] == "clean"
+    without = build_repertoire([folder], tmp_path / "b.h5", replace(options, pretrained="nothing"))
+    assert not len(without.repertoire.counts(0))
