@@ -13,7 +13,9 @@ from choreograph.errors import ParameterError
 
 _FILE = click.Path(path_type=Path)
 # By --published.
-_DECIDED = {"--density", "--init-from", "--keep-networks", "--lock-feet", "--pretrained-style"}
+_DECIDED = {
+    "--density", "--init-from", "--keep-networks", "--lock-feet", "--pretrained", "--pretrained-style",
+}  # fmt: skip
 
 
 @click.command(
