@@ -68,8 +68,10 @@ def build_repertoire(
     context = training_context(output.with_name(output.name + ".build"), options, training_report)
     songs = SongCache(keep_samples=options.rollout)
     measured, count_notes = counted_takes(measured, songs, motion_reader(shipped))
-    # Songs whose counts the network learned, where it has counted a take.
-    heard = shipped.trained_on if any(m.take.counts.source == FROM_MOTION for m in measured) else ()
+    heard: tuple[str, ...] = ()  # songs whose counts the network learned, where it has counted a take
+    if any(m.take.counts.source == FROM_MOTION for m in measured):
+        heard = shipped.trained_on
+        count_notes = (*count_notes, f"counts are read from motion by {shipped.description}")
     nets, trained_on, training_notes = train_music_networks(
         measured, songs, pretrained, options=options, context=context, report=report
     )

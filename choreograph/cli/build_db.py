@@ -63,9 +63,9 @@ _DECIDED = {
 @optgroup.option("--rollout", is_flag=True, help="Also train the network of `dance --engine rollout`.")
 @optgroup.option("--init-from", type=_FILE, help="Start from the networks of another repertoire.")
 @optgroup.option(
-    "--pretrained", default="clean", show_default=True, metavar="clean|research|nothing",
-    help="Shipped networks that count takes without counts by their motion. clean: trained on our own takes. "
-    "research: also on data that states no licence.",
+    "--pretrained", default="research", show_default=True, metavar="clean|research|nothing",
+    help="Shipped networks that count takes without counts by their motion. research: trained on our own "
+    "takes and on data that states no licence. clean: on our own alone; it knows no recorded dancer.",
 )  # fmt: skip
 @optgroup.option(
     "--pretrained-style", metavar="PATH|nothing",

@@ -21,6 +21,15 @@ class PretrainedSet:
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
     trained_on: tuple[str, ...] = ()  # songs of recorded takes
 
+    @property
+    def description(self) -> str:
+        """What a user should know of the set, in a line."""
+        return {
+            "clean": "the networks 'clean', trained on the program's own takes",
+            "research": "the networks 'research', also trained on data that states no licence "
+            "(--pretrained clean: without)",
+        }.get(self.name, "no networks")
+
 
 def pretrained_set(name: str) -> PretrainedSet:
     """The networks of a set, none of "nothing".

@@ -164,7 +164,7 @@ def test_unknown_densities_are_refused():
 
 
 def test_pretrained_style_records_what_it_was_trained_on(takes_to_clicks, tmp_path):
-    options = BuildOptions(preset="tiny", words=False)
+    options = BuildOptions(preset="tiny", words=False, pretrained="nothing")
 
     def built(name, **changes):
         return build_repertoire([takes_to_clicks], tmp_path / name, replace(options, **changes))[0]
@@ -268,6 +268,7 @@ def test_takes_without_music_are_counted_by_their_motion(tmp_path):
     assert counts.source == FROM_MOTION and counts.confidence >= MIN_MOTION_CONFIDENCE
     assert counts_within(counts.times_s, beats_s) > 0.95
     assert any(note.startswith("1 take is counted by the motion") for note in built.notes)
-    assert built.repertoire.provenance["pretrained"] == "clean"
+    assert "counts are read from motion by the networks 'research'" in built.notes[-1] + built.notes[-2]
+    assert built.repertoire.provenance["pretrained"] == "research"
     without = build_repertoire([folder], tmp_path / "b.h5", replace(options, pretrained="nothing"))
     assert not len(without.repertoire.counts(0))
