@@ -25,7 +25,7 @@ TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
 # folds; the paper gives no numbers. Those two and `accents` were chosen by the phase of motion beats within
 # the count.
 DEFAULT_WEIGHTS = {
-    "style": 1.0, "completeness": 4.0, "transition": 3.0, "velocity": 3.0, "rhythm": 14.0, "pace": 0.3,
+    "style": 1.0, "completeness": 2.0, "transition": 3.0, "velocity": 3.0, "rhythm": 14.0, "pace": 0.3,
     "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,
     "accents": 0.0, "bars": 6.0, "phrasing": 4.0, "energy": 2.0, "stillness": 4.0,
 }  # fmt: skip

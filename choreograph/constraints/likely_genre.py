@@ -20,7 +20,9 @@ _NEAREST = "no genre given: it follows {}, whose takes are nearest to the song i
 _FALLBACK = "no genre given: style does not decide on one, so it follows all takes together"
 _PER_DISTANCE = 0.025  # loss per squared distance, of which neighbouring seconds are much the same
 _FAR = 20.0  # squared distance beyond the nearest genre's: a few odd seconds do not decide for a section
-_OTHER_METRE = 0.3  # loss added to a genre none of whose takes has the metre of a second
+# Loss added to a genre none of whose takes has the metre of a second: more than any style says, since a dance
+# in another metre is off the bar. At 0.3 a rumba of the tempo of waltzes was danced as waltz.
+_OTHER_METRE = 0.6
 # What another genre must gain, summed over seconds, to be followed from a second on.
 _CHANGE_OF_TEMPO = 0.3  # where a section begins at another tempo or metre
 _CHANGE_AT_SECTION = 3.0

@@ -33,7 +33,7 @@ def test_dances_are_made_measured_and_reported_three_ways(tmp_path, db, song):
 
 def test_our_dance_and_its_song(tmp_path, db, song):
     bvh = tmp_path / "made.bvh"
-    assert run("dance", song, "--db", db, "-o", bvh).exit_code == 0
+    assert run("dance", song, "--db", db, "--beats", "tempo-path", "-o", bvh).exit_code == 0
     before = bvh.read_bytes()
     result = run("evaluate", bvh, song, "--json", "-")
     assert result.exit_code == 0, result.output
