@@ -137,6 +137,9 @@ def test_a_genre_of_the_songs_metre_is_likelier(tmp_path):
     for metre, genre in ((3, "waltz"), (4, "rumba")):
         features = song(doubtful, counts=beats(metre))
         assert likely_genres(features, waltzes_in_three, ANYTHING) == [(0, genre)]
+        # A metre that is certain outweighs any style: however near, a waltz would be off the bar.
+        other = [0.0 if genre == "waltz" else 1.0] * N_SECONDS
+        assert likely_genre(song(other, counts=beats(metre)), waltzes_in_three, ANYTHING) == genre
     # Style that is certain outweighs a metre that is not.
     features = song(["waltz"] * N_SECONDS, counts=beats(4, confidence=0.5))
     assert likely_genre(features, waltzes_in_three, ANYTHING) == "waltz"
