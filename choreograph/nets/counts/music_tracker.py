@@ -7,6 +7,8 @@ freedom errs by thirds and halves, and the tempo path with its prior is the bett
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +27,7 @@ POINTER = PointerConfig(bpm=(45.0, 240.0), grid_fps=60.0)
 LEAST_AGREEMENT = 0.75
 _MIN_DURATION_S = 1.0
 _LEAST_CONTRAST = 0.1  # nats between the loudest and the quietest frame: less is silence
+_DIED_AWAY = 7.0  # nats below the loudest frame, 30 dB: from the last louder one on, the beat just goes on
 
 
 class NetworkBeats:
@@ -45,14 +48,24 @@ def network_beats(log_mel: NDArray[np.floating], net: MusicCounts) -> Floats:
     level = np.asarray(log_mel).max(axis=1)  # (T,)
     if len(level) < _MIN_DURATION_S * MUSIC_FPS or np.ptp(level) < _LEAST_CONTRAST:
         return np.zeros(0)
-    beats_s, agreement = pointed_beats(heard)
+    ends = np.flatnonzero(level >= level.max() - _DIED_AWAY)[-1] * CURVE_FPS // MUSIC_FPS
+    beats_s, agreement = pointed_beats(_without_phases_after(heard, int(ends)))
     return beats_s if agreement >= LEAST_AGREEMENT else activated_beats(heard)
+
+
+def _without_phases_after(heard: HeardCounts, frame: int) -> HeardCounts:
+    """What is heard, with phases of no concentration after a frame."""
+    phases = heard.phases
+    known = np.arange(len(phases.beat)) <= frame
+    beat, bar = phases.beat * known[:, None], phases.bar * known[:, None, None]
+    return replace(heard, phases=replace(phases, beat=beat, bar=bar))
 
 
 def pointed_beats(heard: HeardCounts) -> tuple[Floats, float]:
     """Beats by the bar pointer, and the mean agreement of the phases with them, -1 … 1."""
     pointed = point_counts(heard.phases, POINTER)
-    return pointed.counts.times_s, float(pointed.beat_agreement.mean())
+    known = heard.phases.beat.any(axis=1)
+    return pointed.counts.times_s, float(pointed.beat_agreement[known].mean()) if known.any() else 0.0
 
 
 def activated_beats(heard: HeardCounts) -> Floats:

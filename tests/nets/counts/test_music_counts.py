@@ -8,7 +8,7 @@ import soxr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from choreograph.audio.song import Song
+from choreograph.audio.song import Song, load_song
 from choreograph.counts import Counts, numbers_in_bar
 from choreograph.errors import FormatError, ParameterError
 from choreograph.features.bar_pointer import METRES, PhaseCurves
@@ -27,6 +27,7 @@ from choreograph.nets.counts.music_weights import (
     shipped_music_counts,
     write_music_counts,
 )
+from choreograph.starter import example_songs
 from choreograph.synthesis.songs import render_song
 from choreograph.synthesis.songs.training_songs import FIRST_UNSEEN_SEED
 from choreograph.synthesis.songs.voices import RATE_HZ
@@ -218,3 +219,12 @@ def test_the_shipped_network_keeps_a_fast_genre_at_its_own_tempo(genre):
     beats_s = network_beats(log_mel(mono), shipped_music_counts())
     inside = beats_s[(beats_s > rendered.beat_times_s[0] - 0.1) & (beats_s < rendered.beat_times_s[-1] + 0.1)]
     assert f_score(inside, rendered.beat_times_s) > 0.9
+
+
+def test_after_the_music_has_died_away_the_beat_goes_on():
+    """What a network makes of silence is not a beat: at the end of this song it counted at half the tempo."""
+    song = load_song(example_songs()["house"])
+    beats_s = network_beats(log_mel(song.samples), shipped_music_counts())
+    intervals_s = np.diff(beats_s)
+    assert np.ptp(intervals_s[-8:]) < 0.05 * np.median(intervals_s)
+    assert beats_s[-1] > song.duration_s - 1.1 * intervals_s[-1]
