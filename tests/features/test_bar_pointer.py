@@ -37,7 +37,8 @@ def assert_counted(counts, position: np.ndarray, metre: int, fps: float, *, with
     at = np.interp(counts.times_s, np.arange(len(position)) / fps, position)
     assert np.abs(at - np.round(at)).max() < within
     assert (np.diff(np.round(at)) == 1).all()
-    assert len(counts) == pytest.approx(position[-1] - position[0], abs=1.01)
+    # One that is due just beyond the end may be found just before it.
+    assert len(counts) == pytest.approx(position[-1] - position[0], abs=1.0 + within)
     assert (counts.numbers == np.round(at) % metre + 1).all()
     assert counts.metre == metre
 
