@@ -50,7 +50,7 @@ class DanceConfig:
     keep_on_stage: bool = True  # by small rotations at transitions (graph)
     fps: float = 60.0
     seed: int = 0
-    beats: str | Path = "network"  # a listener of `song_counts`, or a file of the song's beats
+    beats: str | Path = "network"  # a tracker (`song_counts`), or a file of the song's beats
     weights: Mapping[str, float] = field(
         default_factory=dict
     )  # replace DEFAULT_WEIGHTS; custom costs default to 1 (graph)

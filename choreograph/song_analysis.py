@@ -28,7 +28,7 @@ from choreograph.features.sections import Sections, song_sections
 from choreograph.features.song_features import SongFeatures
 from choreograph.features.tempogram import rhythm_features
 from choreograph.repertoire import Repertoire
-from choreograph.song_counts import DEFAULT_BEATS, is_heard, song_counts
+from choreograph.song_counts import DEFAULT_BEATS, names_a_tracker, song_counts
 
 _NEAREST_CLIPS = 32  # whose takes say at which tempo a second of the song can be danced
 
@@ -38,7 +38,7 @@ def analyse_song(
 ) -> tuple[SongFeatures, tuple[str, ...]]:
     """Features of every second of a song, and notes on what is unusual about it.
 
-    `beats` is one of `song_counts.LISTENERS` or a file of beats (see `features.beat_files`) whose times are
+    `beats` is one of `song_counts.TRACKER_NAMES` or a file (see `features.beat_files`) whose times are
     those of the song file, which `song` begins at `start_s` of. Half or double of the tempo heard is taken
     where the takes nearest in style are danced clearly nearer to their own tempo so. Without style networks
     all style vectors are zero. Raises `ParameterError` for an unknown tracker, `FormatError` for a file that
@@ -55,7 +55,7 @@ def analyse_song(
         beat_count = np.zeros(n_seconds, np.float32)
     counts = song_counts(song, mel, beats, start_s=start_s)
     sections = _sections(song, counts)
-    if is_heard(beats):
+    if names_a_tracker(beats):
         tracked, counts = counts, _danceable(counts, song, mel, sections, repertoire, style)
         if counts is not tracked:
             sections = _sections(song, counts)

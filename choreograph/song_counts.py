@@ -15,7 +15,7 @@ from choreograph.features.beat_files import read_beats
 from choreograph.features.music_beats import TRACKERS, BeatTracker, get_beat_tracker
 
 NETWORK = "network"  # `nets.counts.music_tracker`
-LISTENERS = (*TRACKERS, NETWORK)
+TRACKER_NAMES = (*TRACKERS, NETWORK)
 DEFAULT_BEATS = NETWORK
 
 
@@ -24,7 +24,7 @@ def song_counts(
 ) -> Counts:
     """A song's beats and bars; bars are tracked where the file has none.
 
-    `beats` is one of `LISTENERS` or a file (see `features.beat_files`) of times in the song file, which
+    `beats` is one of `TRACKER_NAMES` or a file (see `features.beat_files`) of times in the song file, which
     `song` begins at `start_s` of. `log_mel` (T, 96) is that of the song. The source of the counts is
     "annotation" where the file has bars. Raises `ParameterError` for an unknown name, `FormatError` for a
     file that cannot be read.
@@ -33,17 +33,17 @@ def song_counts(
     return given if given.has_bars else track_bars(song.samples, log_mel, given.times_s)
 
 
-def is_heard(beats: object) -> bool:
+def names_a_tracker(beats: object) -> bool:
     """Whether `beats` names a tracker or the network, rather than a file."""
-    return str(beats) in LISTENERS
+    return str(beats) in TRACKER_NAMES
 
 
 def check_beats(beats: object) -> None:
-    """Raise `ParameterError` unless `beats` is one of `LISTENERS` or an existing file."""
-    if is_heard(beats) or (isinstance(beats, str | Path) and Path(beats).is_file()):
+    """Raise `ParameterError` unless `beats` is one of `TRACKER_NAMES` or an existing file."""
+    if names_a_tracker(beats) or (isinstance(beats, str | Path) and Path(beats).is_file()):
         return
     raise ParameterError(
-        f"expected beats among {', '.join(LISTENERS)}, or a file of beats, got {str(beats)!r}"
+        f"expected beats among {', '.join(TRACKER_NAMES)}, or a file of beats, got {str(beats)!r}"
     )
 
 
@@ -52,13 +52,13 @@ def song_beats(
 ) -> Counts:
     """A song's beats, with bars only if a file gives them; arguments and errors as of `song_counts`."""
     check_beats(beats)
-    if is_heard(beats):
-        times_s = _listener(str(beats)).beats(song, log_mel)
+    if names_a_tracker(beats):
+        times_s = _tracker(str(beats)).beats(song, log_mel)
         return Counts(times_s, np.zeros(len(times_s), np.int64), 0)
     return read_beats(beats, start_s=start_s, duration_s=song.duration_s)
 
 
-def _listener(name: str) -> BeatTracker:
+def _tracker(name: str) -> BeatTracker:
     if name in TRACKERS:
         return get_beat_tracker(name)
     from choreograph.nets.counts.music_tracker import NetworkBeats  # imports torch

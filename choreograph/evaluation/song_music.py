@@ -16,7 +16,7 @@ from choreograph.features.metrical_level import choose_level, metrical_levels, t
 from choreograph.features.music_beats import DEFAULT_TRACKER, get_beat_tracker
 from choreograph.features.sections import Sections, song_sections
 from choreograph.metrics.energy_response import section_loudness_db
-from choreograph.song_counts import is_heard
+from choreograph.song_counts import names_a_tracker
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 Floats = NDArray[np.float64]
@@ -64,7 +64,7 @@ def song_music(song: Song, beats: str | Path, *, start_s: float = 0.0) -> SongMu
     mel = log_mel(song.samples)  # (T, 96)
     sections = song_sections(song.samples, counts.times_s)
     return SongMusic(
-        metrical_levels(song.samples, mel, counts) if is_heard(beats) else (counts,),
+        metrical_levels(song.samples, mel, counts) if names_a_tracker(beats) else (counts,),
         get_beat_tracker(second_tracker(beats)).beats(song, mel),
         sections,
         section_loudness_db(song.samples, SAMPLE_RATE_HZ, sections.bounds_s),

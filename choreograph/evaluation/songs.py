@@ -15,7 +15,7 @@ from choreograph.features.mel import log_mel
 from choreograph.files import sha256_of
 from choreograph.importers import annotate_takes, import_takes
 from choreograph.repertoire import Repertoire
-from choreograph.song_counts import is_heard, song_counts
+from choreograph.song_counts import names_a_tracker, song_counts
 from choreograph.takes import Take
 
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a", ".opus", ".aac", ".aif", ".aiff")
@@ -124,6 +124,6 @@ def beats_of(song: Song, beats: str | Path, *, start_s: float = 0.0) -> Counts:
     Bars are tracked where a file has none. `song` begins at `start_s` of its audio file. Raises
     `ParameterError` if `beats` is none of these, `FormatError` for a file that cannot be read.
     """
-    if not is_heard(beats) and Path(beats).is_dir():
+    if not names_a_tracker(beats) and Path(beats).is_dir():
         beats = Path(beats) / f"{(song.path or Path(song.name)).stem}.txt"
     return song_counts(song, log_mel(song.samples), beats, start_s=start_s)

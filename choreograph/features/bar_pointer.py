@@ -85,7 +85,7 @@ class PointerConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class PointedCounts:
+class DecodedCounts:
     """Counts, and how well the curves agree with them."""
 
     counts: Counts
@@ -93,9 +93,9 @@ class PointedCounts:
     bar_agreement: Floats  # (T,) the same for the bar, of the metre counted there
 
 
-def point_counts(
+def decode_counts(
     curves: PhaseCurves, config: PointerConfig | None = None, *, source: str = ""
-) -> PointedCounts:
+) -> DecodedCounts:
     """The counts that agree best with phase curves.
 
     The score of a path is the sum over frames of the log likelihood of both phases, the bar's for the metre
@@ -108,7 +108,7 @@ def point_counts(
     config = config or PointerConfig()
     n_frames = len(curves.beat)
     if n_frames == 0:
-        return PointedCounts(NO_COUNTS, np.zeros(0), np.zeros(0))
+        return DecodedCounts(NO_COUNTS, np.zeros(0), np.zeros(0))
     beat, bar = (_on_grid(vectors, curves.fps, config.grid_fps) for vectors in (curves.beat, curves.bar))
     weight = config.observations_per_s / config.grid_fps
     metre_gain = -_log_i0(np.linalg.norm(bar, axis=2))  # (T', M)
@@ -121,7 +121,7 @@ def point_counts(
     bounds_s = frames_to_seconds(bounds, config.grid_fps)  # (Q + 1,) the first at or before 0
     metres = np.array(curves.metres)[column[states]]
     bounds_s = _evened(curves, bounds_s, number[states], metres, config)
-    return PointedCounts(
+    return DecodedCounts(
         _counts_within(bounds_s[:-1], number[states], metres, n_frames / curves.fps, source),
         *_agreements(curves, bounds_s, number[states], column[states]),
     )

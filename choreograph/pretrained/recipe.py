@@ -25,10 +25,10 @@ from choreograph.building.counting import MOTION_NET
 from choreograph.building.importing import measured_takes
 from choreograph.building.options import BuildOptions
 from choreograph.counts import ANNOTATED, Counts, Figure, make_counts, numbers_in_bar
-from choreograph.features.bar_pointer import point_counts
+from choreograph.features.bar_pointer import decode_counts
 from choreograph.metrics.counts import counts_per_beat, counts_within
 from choreograph.motion.body import body_pos_m
-from choreograph.nets.counts.confidence import count_facts, fit_confidence
+from choreograph.nets.counts.confidence import confidence_features, fit_confidence
 from choreograph.nets.counts.motion_config import MotionCountsConfig, motion_counts_config
 from choreograph.nets.counts.motion_data import CountedMotion
 from choreograph.nets.counts.motion_model import POINTER, MotionCountsNet
@@ -157,8 +157,8 @@ def calibration(net: MotionCountsNet, takes: Iterable[CountedMotion]) -> list[tu
     rows = []
     for take in takes:
         curves = net.curves(take.body_pos_m)
-        pointed = point_counts(curves, POINTER)
-        rows.append((count_facts(curves, pointed), share_right(pointed.counts, take.counts)))
+        pointed = decode_counts(curves, POINTER)
+        rows.append((confidence_features(curves, pointed), share_right(pointed.counts, take.counts)))
     return rows
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from choreograph.metrics.beat import f_score
 from choreograph.nets.counts.music_augmentation import augmented
-from choreograph.nets.counts.music_tracker import activated_beats, pointed_beats
+from choreograph.nets.counts.music_tracker import activated_beats, decoded_beats
 from choreograph.nets.counts.music_weights import read_music_counts
 
 THRESHOLDS = np.arange(0.0, 1.01, 0.05)
@@ -35,8 +35,8 @@ def main() -> None:
     for song in beside["synthetic_songs"](given.folder, given.songs):
         for net, about in nets:
             if song.genres <= set(about["without_genres"]):
-                heard = net.hear(augmented(song.mel.log_mel.astype(np.float32), rng))
-                beats_s, agreement = pointed_beats(heard)
+                heard = net.curves(augmented(song.mel.log_mel.astype(np.float32), rng))
+                beats_s, agreement = decoded_beats(heard)
                 truth = song.mel.counts.times_s
                 rows.append((agreement, f_score(beats_s, truth), f_score(activated_beats(heard), truth)))
     agreement, pointed, activated = np.array(rows).T

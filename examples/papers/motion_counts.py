@@ -29,7 +29,7 @@ from choreograph.building.counting import MIN_MOTION_CONFIDENCE
 from choreograph.counts import FROM_MOTION, NO_COUNTS, Counts, numbers_in_bar
 from choreograph.evaluation import danced_counts
 from choreograph.features._kernels import best_beat_sequence
-from choreograph.features.bar_pointer import point_counts
+from choreograph.features.bar_pointer import decode_counts
 from choreograph.features.bars import track_bars
 from choreograph.features.mel import log_mel
 from choreograph.features.motion_beats import mean_joint_speed_m_s
@@ -38,7 +38,7 @@ from choreograph.features.tempogram import autocorrelations
 from choreograph.importers import import_takes
 from choreograph.metrics.counts import downbeat_share
 from choreograph.metrics.counts import evaluate as counts_scores
-from choreograph.nets.counts.confidence import confidence_of, count_facts, fit_confidence
+from choreograph.nets.counts.confidence import confidence_features, confidence_of, fit_confidence
 from choreograph.nets.counts.motion_config import motion_counts_config
 from choreograph.nets.counts.motion_data import CountedMotion
 from choreograph.nets.counts.motion_model import POINTER
@@ -87,8 +87,8 @@ def read_by(trial: Trial, config, seed: int, work: Path) -> list[Reading]:
     readings = []
     for take in [*trial.test, *(map(shuffled, trial.test) if trial.name != ALONE else ())]:
         curves = net.curves(take.body_pos_m)
-        pointed = point_counts(curves, POINTER)
-        readings.append(Reading(take, pointed.counts, count_facts(curves, pointed)))
+        pointed = decode_counts(curves, POINTER)
+        readings.append(Reading(take, pointed.counts, confidence_features(curves, pointed)))
     right = np.mean([r.right for r in readings[: len(trial.test)]])
     print(f"{trial.name}, seed {seed}: {right:.3f}", flush=True)
     return readings

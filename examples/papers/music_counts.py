@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from choreograph.audio.song import load_song
 from choreograph.counts import Counts, numbers_in_bar
-from choreograph.features.bar_pointer import point_counts
+from choreograph.features.bar_pointer import decode_counts
 from choreograph.features.bars import track_bars
 from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import librosa_beats
@@ -129,9 +129,9 @@ METHODS: dict[str, Method] = {
 }
 NETWORK_METHODS: dict[str, Callable[..., Counts]] = {
     "network": lambda net, samples, mel: with_bars(samples, mel, network_beats(mel, net)),
-    "network, its own bars": lambda net, samples, mel: point_counts(net.hear(mel).phases, POINTER).counts,
+    "network, its own bars": lambda net, samples, mel: decode_counts(net.curves(mel).phases, POINTER).counts,
     "network in tempo path": lambda net, samples, mel: with_bars(
-        samples, mel, activated_beats(net.hear(mel))
+        samples, mel, activated_beats(net.curves(mel))
     ),
 }
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from choreograph.counts import FROM_MOTION, Counts
-from choreograph.features.bar_pointer import PhaseCurves, PointerConfig, point_counts
+from choreograph.features.bar_pointer import PhaseCurves, PointerConfig, decode_counts
 from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 from choreograph.motion.interpolation import interpolate_frames
-from choreograph.nets.counts.confidence import N_FACTS, confidence_of, count_facts
+from choreograph.nets.counts.confidence import N_CONFIDENCE, confidence_features, confidence_of
 from choreograph.nets.counts.motion_config import MotionCountsConfig
 from choreograph.nets.counts.phases import N_OUTPUTS, curves_from
 from choreograph.nets.counts.trunk import Trunk
@@ -40,7 +40,7 @@ class MotionCountsNet(StoredNet):
     config_class = MotionCountsConfig
     feature_mean: Tensor
     feature_std: Tensor
-    confidence_weights: Tensor  # of `confidence.count_facts`; confidence is ½ until they are fitted
+    confidence_weights: Tensor  # of `confidence.confidence_features`; confidence is ½ until they are fitted
 
     def __init__(self, config: MotionCountsConfig) -> None:
         super().__init__()
@@ -53,7 +53,7 @@ class MotionCountsNet(StoredNet):
                 parameter.zero_()
         self.register_buffer("feature_mean", torch.zeros(N_FEATURES))
         self.register_buffer("feature_std", torch.ones(N_FEATURES))
-        self.register_buffer("confidence_weights", torch.zeros(N_FACTS))
+        self.register_buffer("confidence_weights", torch.zeros(N_CONFIDENCE))
 
     def forward(self, body: Tensor, present: Tensor) -> Tensor:
         """Body positions (B, T, 21, 3) at 20 fps, and which frames there are (B, T), to (B, N_OUTPUTS, T)."""
@@ -88,9 +88,9 @@ class MotionCountsNet(StoredNet):
         Confidence: the share of them that is expected within 0.15 beat of the true ones.
         """
         curves = self.curves(body_pos_m)
-        pointed = point_counts(curves, POINTER, source=FROM_MOTION)
-        weights = self.confidence_weights.double().numpy()
-        return replace(pointed.counts, confidence=confidence_of(count_facts(curves, pointed), weights))
+        decoded = decode_counts(curves, POINTER, source=FROM_MOTION)
+        features, weights = confidence_features(curves, decoded), self.confidence_weights.double().numpy()
+        return replace(decoded.counts, confidence=confidence_of(features, weights))
 
 
 def motion_features(body: Tensor) -> Tensor:

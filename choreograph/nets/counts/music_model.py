@@ -31,7 +31,7 @@ _SCALE = 3.0  # nats: about the spread of a band
 
 
 @dataclass(frozen=True, eq=False)
-class HeardCounts:
+class MusicCurves:
     """What the network hears at 30 fps; frame i is at i / 30 s."""
 
     beat: NDArray[np.float32]  # (T,) probability of a beat in the frame
@@ -67,7 +67,7 @@ class MusicCounts(StoredNet):
         curves = self.head(self.trunk(bands))
         return curves[:, :N_ACTIVATIONS], curves[:, N_ACTIVATIONS:]
 
-    def hear(self, log_mel: NDArray[np.floating]) -> HeardCounts:
+    def curves(self, log_mel: NDArray[np.floating]) -> MusicCurves:
         """The curves of a whole song from its log-mel (T, 96); `ParameterError` for another shape."""
         mel = np.asarray(log_mel, np.float32)
         if mel.ndim != 2 or mel.shape[1] != MEL_BANDS or len(mel) == 0:
@@ -77,7 +77,7 @@ class MusicCounts(StoredNet):
         with torch.no_grad():
             logits, vectors = self(torch.from_numpy(even)[None])
         beat, downbeat = torch.sigmoid(logits[0]).numpy()
-        return HeardCounts(beat, downbeat, curves_from(vectors[0], CURVE_FPS))
+        return MusicCurves(beat, downbeat, curves_from(vectors[0], CURVE_FPS))
 
 
 def levelled(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:

@@ -1,7 +1,7 @@
 """Beats of a song by the network, and by the tempo path over what it hears where its phases are not sure.
 
 The bar pointer takes the level from the phases: it keeps a salsa at 180 BPM, which a prior on tempi would
-halve. Where phases agree badly with the beats pointed at, as in music unlike all it was trained on, that
+halve. Where phases agree badly with the decoded beats, as in music unlike all it was trained on, that
 freedom errs by thirds and halves, and the tempo path with its prior is the better reader of the activation.
 """
 
@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
-from choreograph.features.bar_pointer import PointerConfig, point_counts
+from choreograph.features.bar_pointer import PointerConfig, decode_counts
 from choreograph.features.tempo_path import level_normalized, path_of
-from choreograph.nets.counts.music_model import CURVE_FPS, HeardCounts, MusicCounts
+from choreograph.nets.counts.music_model import CURVE_FPS, MusicCounts, MusicCurves
 from choreograph.nets.counts.music_weights import shipped_music_counts
 from choreograph.timebase import MUSIC_FPS
 
@@ -44,31 +44,31 @@ class NetworkBeats:
 
 def network_beats(log_mel: NDArray[np.floating], net: MusicCounts) -> Floats:
     """Beats in seconds, (Q,), of log-mel (T, 96); `ParameterError` for another shape."""
-    heard = net.hear(log_mel)
+    curves = net.curves(log_mel)
     level = np.asarray(log_mel).max(axis=1)  # (T,)
     if len(level) < _MIN_DURATION_S * MUSIC_FPS or np.ptp(level) < _LEAST_CONTRAST:
         return np.zeros(0)
     ends = np.flatnonzero(level >= level.max() - _DIED_AWAY)[-1] * CURVE_FPS // MUSIC_FPS
-    beats_s, agreement = pointed_beats(_without_phases_after(heard, int(ends)))
-    return beats_s if agreement >= LEAST_AGREEMENT else activated_beats(heard)
+    beats_s, agreement = decoded_beats(_without_phases_after(curves, int(ends)))
+    return beats_s if agreement >= LEAST_AGREEMENT else activated_beats(curves)
 
 
-def _without_phases_after(heard: HeardCounts, frame: int) -> HeardCounts:
-    """What is heard, with phases of no concentration after a frame."""
-    phases = heard.phases
+def _without_phases_after(curves: MusicCurves, frame: int) -> MusicCurves:
+    """The curves, with phases of no concentration after a frame."""
+    phases = curves.phases
     known = np.arange(len(phases.beat)) <= frame
     beat, bar = phases.beat * known[:, None], phases.bar * known[:, None, None]
-    return replace(heard, phases=replace(phases, beat=beat, bar=bar))
+    return replace(curves, phases=replace(phases, beat=beat, bar=bar))
 
 
-def pointed_beats(heard: HeardCounts) -> tuple[Floats, float]:
+def decoded_beats(curves: MusicCurves) -> tuple[Floats, float]:
     """Beats by the bar pointer, and the mean agreement of the phases with them, -1 … 1."""
-    pointed = point_counts(heard.phases, POINTER)
-    known = heard.phases.beat.any(axis=1)
-    return pointed.counts.times_s, float(pointed.beat_agreement[known].mean()) if known.any() else 0.0
+    decoded = decode_counts(curves.phases, POINTER)
+    known = curves.phases.beat.any(axis=1)
+    return decoded.counts.times_s, float(decoded.beat_agreement[known].mean()) if known.any() else 0.0
 
 
-def activated_beats(heard: HeardCounts) -> Floats:
+def activated_beats(curves: MusicCurves) -> Floats:
     """Beats by the tempo path, with the activation in place of onsets."""
-    frames = np.arange(len(heard.beat) * MUSIC_FPS // CURVE_FPS) * CURVE_FPS / MUSIC_FPS  # at 60 fps
-    return path_of(level_normalized(np.interp(frames, np.arange(len(heard.beat)), heard.beat)))
+    frames = np.arange(len(curves.beat) * MUSIC_FPS // CURVE_FPS) * CURVE_FPS / MUSIC_FPS  # at 60 fps
+    return path_of(level_normalized(np.interp(frames, np.arange(len(curves.beat)), curves.beat)))

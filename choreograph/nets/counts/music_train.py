@@ -33,8 +33,9 @@ def train_music_counts(
     """
     data = MusicCountsData(songs, config)
     share = None if weights is None else np.asarray(weights, np.float64) / np.sum(weights)
-    torch.manual_seed(seed)
-    net = MusicCounts(config)
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        net = MusicCounts(config)
     if pretrained is not None:
         load_pretrained(net, "music_counts", pretrained)
 

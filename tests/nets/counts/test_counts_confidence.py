@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from choreograph.errors import ParameterError
-from choreograph.features.bar_pointer import PhaseCurves, point_counts
-from choreograph.nets.counts.confidence import N_FACTS, confidence_of, count_facts, fit_confidence
+from choreograph.features.bar_pointer import PhaseCurves, decode_counts
+from choreograph.nets.counts.confidence import (
+    N_CONFIDENCE,
+    confidence_features,
+    confidence_of,
+    fit_confidence,
+)
 
 
 def test_a_planted_relation_is_found():
     rng = np.random.default_rng(0)
-    facts = np.column_stack([np.ones(2000), rng.uniform(0, 1, (2000, N_FACTS - 1))])
+    facts = np.column_stack([np.ones(2000), rng.uniform(0, 1, (2000, N_CONFIDENCE - 1))])
     share = 1 / (1 + np.exp(-facts @ np.array([-3.0, 4.0, 2.0, 0.0])))
     weights = fit_confidence(facts, (rng.random(2000) < share).astype(float))
     found = np.array([confidence_of(row, weights) for row in facts])
@@ -29,16 +34,16 @@ def test_clear_curves_speak_for_their_counts_more_than_noise():
         vectors = 3.0 * np.stack([np.stack([np.cos(a), np.sin(a)], axis=1) for a in turned], axis=1)
         vectors[:, 1] *= 0.1
         curves = PhaseCurves(vectors[:, 0], vectors[:, 1:], 20.0)
-        return count_facts(curves, point_counts(curves))
+        return confidence_features(curves, decode_counts(curves))
 
     clear, noisy = facts(0.1), facts(2.0)
     assert (clear[1:3] > 0.9).all() and (noisy[1:3] < 0.6).all()
-    assert clear[0] == 1.0 and len(clear) == N_FACTS
+    assert clear[0] == 1.0 and len(clear) == N_CONFIDENCE
 
 
 def test_no_frames_have_facts():
     curves = PhaseCurves(np.zeros((0, 2)), np.zeros((0, 2, 2)), 20.0)
-    assert count_facts(curves, point_counts(curves)).tolist() == [1.0, 0.0, 0.0, 0.0]
+    assert confidence_features(curves, decode_counts(curves)).tolist() == [1.0, 0.0, 0.0, 0.0]
 
 
 def test_takes_are_needed():

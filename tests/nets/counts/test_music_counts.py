@@ -18,8 +18,8 @@ from choreograph.nets.counts import music_augmentation
 from choreograph.nets.counts.music_augmentation import augmented
 from choreograph.nets.counts.music_config import music_counts_config
 from choreograph.nets.counts.music_data import CountedMel, MusicCountsData, activations, resampled
-from choreograph.nets.counts.music_model import CURVE_FPS, HeardCounts, MusicCounts, levelled
-from choreograph.nets.counts.music_tracker import NetworkBeats, activated_beats, network_beats, pointed_beats
+from choreograph.nets.counts.music_model import CURVE_FPS, MusicCounts, MusicCurves, levelled
+from choreograph.nets.counts.music_tracker import NetworkBeats, activated_beats, decoded_beats, network_beats
 from choreograph.nets.counts.music_train import train_music_counts
 from choreograph.nets.counts.music_weights import (
     SHIPPED,
@@ -131,8 +131,8 @@ def test_a_tiny_network_learns_the_counts_of_clicks():
     config = music_counts_config("tiny", steps=160)
     net = train_music_counts([clicks(), clicks(metre=3), clicks(bpm=95)], config, seed=0)
     song = clicks(bpm=108.0, first_s=0.9)
-    heard = net.hear(song.log_mel)
-    for beats_s in (pointed_beats(heard)[0], activated_beats(heard), network_beats(song.log_mel, net)):
+    heard = net.curves(song.log_mel)
+    for beats_s in (decoded_beats(heard)[0], activated_beats(heard), network_beats(song.log_mel, net)):
         assert f_score(beats_s, song.counts.times_s) > 0.85
     on_beat = np.rint(song.counts.times_s * CURVE_FPS).astype(int)
     assert heard.beat[on_beat].mean() > 2 * heard.beat.mean()
@@ -149,9 +149,9 @@ class Planted:
         activation = 0.02 * np.abs(noise[1])
         activation[np.arange(5, 900, 18)] = 0.9
         bars = np.zeros((900, len(METRES), 2))
-        self.heard = HeardCounts(activation, activation, PhaseCurves(vectors, bars, CURVE_FPS))
+        self.heard = MusicCurves(activation, activation, PhaseCurves(vectors, bars, CURVE_FPS))
 
-    def hear(self, log_mel):
+    def curves(self, log_mel):
         return self.heard
 
 
@@ -164,14 +164,14 @@ def test_sure_phases_are_followed_and_else_the_activation(concentration, bpm):
 @pytest.mark.parametrize("n_frames", [1, 2, 61, 600])
 def test_any_length_is_heard_at_half_the_rate(n_frames):
     net = MusicCounts(TINY).eval()
-    heard = net.hear(clicks().log_mel[:n_frames])
+    heard = net.curves(clicks().log_mel[:n_frames])
     assert len(heard.beat) == len(heard.downbeat) == len(heard.phases.beat) == (n_frames + 1) // 2
 
 
 @pytest.mark.parametrize("mel", [np.zeros((10, 4)), np.zeros((0, 96)), np.zeros(96)])
 def test_another_shape_is_refused(mel):
     with pytest.raises(ParameterError, match="log-mel"):
-        MusicCounts(TINY).hear(mel)
+        MusicCounts(TINY).curves(mel)
 
 
 @pytest.mark.parametrize("n_frames", [30, 600])
@@ -193,7 +193,7 @@ def test_weights_come_back_in_half_precision_with_what_they_heard(tmp_path):
     again, about = read_music_counts(tmp_path / "net.npz")
     assert about == {"songs": 3} and again.config == TINY
     mel = clicks().log_mel
-    np.testing.assert_allclose(again.hear(mel).beat, net.hear(mel).beat, atol=0.02)
+    np.testing.assert_allclose(again.curves(mel).beat, net.curves(mel).beat, atol=0.02)
 
 
 def test_another_file_is_refused(tmp_path):
