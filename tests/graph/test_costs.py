@@ -84,7 +84,7 @@ def test_velocity_is_the_rms_difference_over_the_mean_speed(layers):
     speeds = [np.sqrt((v**2).sum(-1).mean(-1)) for v in (a.last_velocity_m_s, b.first_velocity_m_s)]
     expected = rms / (0.5 * (speeds[0][:, None] + speeds[1]) + 0.1)
     cost = Velocity().edge(a, b, song_features)
-    assert np.allclose(cost, expected, rtol=1e-3, atol=0.1)
+    assert np.allclose(cost, expected, rtol=1e-3, atol=0.05)
     assert cost.min() >= 0 and cost.max() <= 2
 
 
