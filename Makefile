@@ -34,10 +34,10 @@ format: setup
 dance: setup
 	$(BIN)/choreograph dance "$(SONG)" $(if $(DB),--db "$(DB)")
 
-# Renders the built-in takes and songs and rebuilds the built-in repertoire; TAKES adds real takes to train on.
+# Renders the built-in takes and songs and rebuilds the built-in repertoire.
 starter: setup
 	$(BIN)/python -m choreograph.starter.song_recipe
-	$(BIN)/choreograph build-starter $(if $(TAKES),--train-on "$(TAKES)") $(if $(LEAVE_OUT),--leave-out "$(LEAVE_OUT)")
+	$(BIN)/choreograph build-starter
 
 benchmark: setup
 	$(BIN)/pytest --benchmark-only tests/benchmarks

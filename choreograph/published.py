@@ -78,7 +78,6 @@ def published_build(preset: str) -> dict[str, Any]:
     epochs = {"epochs": EPOCHS[preset]}
     return {
         "preset": preset, "density": "learned", "lock_feet": False, "pretrained": "nothing",
-        "pretrained_style": None,
         "style_changes": STYLE | epochs, "density_changes": DENSITY | epochs,
         "method": f"{METHOD}: {scaling(preset)}",
     }  # fmt: skip

@@ -23,10 +23,11 @@ from choreograph.features.metrical_level import (
     tempo_bpm,
 )
 from choreograph.features.music_changes import at_changes, change_times_s
+from choreograph.features.onsets import onset_density
 from choreograph.features.phrasing import dance_span_s
 from choreograph.features.sections import Sections, song_sections
 from choreograph.features.song_features import SongFeatures
-from choreograph.features.tempogram import rhythm_features
+from choreograph.features.rhythm import rhythm_features
 from choreograph.repertoire import Repertoire
 from choreograph.song_counts import DEFAULT_BEATS, names_a_tracker, song_counts
 
@@ -47,13 +48,9 @@ def analyse_song(
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)
     mel = log_mel(song.samples)  # (T, 96)
-    if "style" in repertoire.net_names:
-        style, beat_count = _style(repertoire, mel, n_seconds)
-    else:
-        notes.append(f"{repertoire.path.name}: no style networks: clips are not chosen by style")
-        style = np.zeros((n_seconds, repertoire.clip_style.shape[1]), np.float32)
-        beat_count = np.zeros(n_seconds, np.float32)
     counts = song_counts(song, mel, beats, start_s=start_s)
+    style, beat_count, style_notes = _style(repertoire, mel, counts, n_seconds)
+    notes += style_notes
     sections = _sections(song, counts)
     if names_a_tracker(beats):
         tracked, counts = counts, _danceable(counts, song, mel, sections, repertoire, style)
@@ -77,6 +74,7 @@ def analyse_song(
         energy_per_second(song.samples, n_seconds),
         opening_s,
         closing_s,
+        onset_density(mel, n_seconds),
     )
     return features, tuple(notes)
 
@@ -147,15 +145,25 @@ def _nearness(style: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.
 
 
 def _style(
-    repertoire: Repertoire, mel: NDArray[np.float32], n_seconds: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Style vectors (S, 32) of the 4 s from each second, and the motion beats (S,) expected there."""
+    repertoire: Repertoire, mel: NDArray[np.float32], counts: Counts, n_seconds: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], list[str]]:
+    """Style vectors (S, 32) of the 4 s from each second, the motion beats (S,) expected there, and notes."""
+    without = (
+        np.zeros((n_seconds, repertoire.clip_style.shape[1]), np.float32),
+        np.zeros(n_seconds, np.float32),
+    )
+    if "style" not in repertoire.net_names:
+        return *without, [f"{repertoire.path.name}: no style networks: clips are not chosen by style"]
+    from choreograph.nets.style.config import MUSIC_INPUTS
     from choreograph.nets.style.model import StyleNets
 
     net = repertoire.net("style")
+    if net.config["music_inputs"] not in MUSIC_INPUTS:
+        older = "style networks of an older version: clips are not chosen by style until it is built again"
+        return *without, [f"{repertoire.path.name}: {older}"]
     nets = StyleNets.from_arrays(net.weights, net.config)
-    style = nets.embed_music(mel, rhythm_features(mel), np.arange(n_seconds))
-    return style, nets.predict_beat_count(style)
+    style = nets.embed_music(mel, rhythm_features(mel, counts), np.arange(n_seconds))
+    return style, nets.predict_beat_count(style), []
 
 
 def _wanted_density(

@@ -71,12 +71,13 @@ def random_source(
         take_names=np.array(["left", "right"]),
         genres=np.array(["waltz", "rumba"]),
         style=rng.normal(size=(n_clips, 32)).astype(np.float32),
+        steps=rng.random(n_clips, np.float32),
     )
     song_features = SongFeatures(
         "random", float(n_seconds), Counts(np.arange(0, n_seconds, 0.5), np.arange(2 * n_seconds) % 4 + 1, 4),
         rng.normal(size=(n_seconds, 32)).astype(np.float32), np.full(n_seconds, 8, np.float32),
         np.zeros((n_seconds, SEGMENT_FRAMES), np.float32), Sections(np.zeros(0), np.zeros(0, np.int64)),
-        np.ones(n_seconds, np.float32), 0.0, float(n_seconds),
+        np.ones(n_seconds, np.float32), 0.0, float(n_seconds), np.full(n_seconds, 0.5, np.float32),
     )  # fmt: skip
     motifs = None
     if n_motifs:

@@ -13,9 +13,7 @@ from choreograph.building.options import BuildOptions
 from choreograph.building.result import BuildResult
 from choreograph.errors import ParameterError
 from choreograph.progress import ProgressReport
-from choreograph.starter.library import STARTER_PATH
 
-AUTO = "auto"
 _FLAGS = frozenset(f.name for f in fields(BuildOptions) if f.type == "bool")
 
 
@@ -30,7 +28,6 @@ def build(
     resume: bool = False,
     init_from: str | Path | None = None,
     pretrained: str = BuildOptions.pretrained,
-    pretrained_style: str | Path | None = AUTO,
     keep_networks: bool = False,
     compress: bool = False,
     rollout: bool = False,
@@ -54,8 +51,6 @@ def build(
         augment_mirror, words, pretrained, style_changes, density_changes, method : as in `BuildOptions`;
         `choreograph.published.published_build` gives those of the method as published
     init_from : repertoire whose networks training starts from
-    pretrained_style : repertoire whose style networks training starts from. "auto" takes the built-in one's
-        for the preset "small"; None starts from random weights
     report : called with the stage's name, how much is done, of how much
     training_report : called with a `TrainingProgress` now and then
 
@@ -72,8 +67,7 @@ def build(
     options = BuildOptions(
         preset=preset, density=density, seed=seed, device=device, resume=resume,
         init_from=None if init_from is None else _as_path("init_from", init_from),
-        pretrained=pretrained, pretrained_style=pretrained_path(pretrained_style, preset),
-        keep_networks=keep_networks,
+        pretrained=pretrained, keep_networks=keep_networks,
         compress=compress, rollout=rollout, leave_out=tuple(leave_out), lock_feet=lock_feet,
         augment_mirror=augment_mirror, words=words, style_changes=dict(style_changes or {}),
         density_changes=dict(density_changes or {}), method=method,
@@ -84,13 +78,6 @@ def build(
     return build_repertoire(
         paths, _as_path("output", output), options, report=report, training_report=training_report
     )
-
-
-def pretrained_path(given: str | Path | None, preset: str) -> Path | None:
-    """The repertoire whose style networks training starts from: see `build`."""
-    if given == AUTO:
-        return STARTER_PATH if preset == "small" else None
-    return None if given is None else _as_path("pretrained_style", given)
 
 
 def _as_path(what: str, path: object) -> Path:

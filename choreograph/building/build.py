@@ -59,19 +59,20 @@ def build_repertoire(
     FormatError      a source is damaged
     """
     options = options or BuildOptions()
-    if options.keep_networks and options.init_from is None:
-        raise ParameterError("expected another repertoire to keep the networks of (--init-from), got none")
     output = check_target(output)
-    pretrained = PretrainedWeights.of(options)
     shipped = pretrained_set(options.pretrained)
+    pretrained = PretrainedWeights.of(options, shipped)
     measured, notes = measured_takes(sources, options, report)
     context = training_context(output.with_name(output.name + ".build"), options, training_report)
     songs = SongCache(keep_samples=options.rollout)
     measured, count_notes = counted_takes(measured, songs, motion_reader(shipped))
     heard: tuple[str, ...] = ()  # songs whose counts the network learned, where it has counted a take
+    uses = ["style begins with"] if pretrained.from_shipped else []
     if any(m.take.counts.source == FROM_MOTION for m in measured):
         heard = shipped.trained_on
-        count_notes = (*count_notes, f"counts are read from motion by {shipped.description}")
+        uses.append("counts are read from motion by")
+    if uses:
+        count_notes = (*count_notes, f"{' and '.join(uses)} {shipped.description}")
     nets, trained_on, training_notes = train_music_networks(
         measured, songs, pretrained, options=options, context=context, report=report
     )
@@ -108,7 +109,6 @@ def _provenance(
         "seed": options.seed,
         "init_from": options.init_from.name if options.init_from else None,
         "pretrained": options.pretrained,
-        "pretrained_style": options.pretrained_style.name if options.pretrained_style else None,
         "feet_locked": options.lock_feet,
         "left_out": sorted(options.leave_out),
         "trained_on": sorted(set(trained_on)),

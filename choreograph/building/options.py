@@ -22,9 +22,10 @@ class BuildOptions:
     device: str = "auto"  # where networks are trained: auto, cpu, cuda
     resume: bool = False  # continue from the checkpoints of a build that was stopped
     init_from: Path | None = None  # repertoire whose networks training starts from
-    pretrained: str = "research"  # which shipped networks are used: clean, research, nothing
-    pretrained_style: Path | None = None  # repertoire whose style networks training starts from otherwise
-    keep_networks: bool = False  # take those of `init_from` as they are; only what it lacks is trained
+    # Which shipped networks count takes by their motion, and with preset small begin the training of style:
+    # clean, research, nothing.
+    pretrained: str = "research"
+    keep_networks: bool = False  # take the networks that training would start from as they are
     compress: bool = False  # motion in 16 bits: a third of the size, rotations to 0.03 degrees
     rollout: bool = False  # train the rollout network, which takes as long as all others together
     leave_out: tuple[str, ...] = ()  # takes left out of everything, by name

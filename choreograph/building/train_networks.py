@@ -12,8 +12,9 @@ import numpy as np
 from choreograph.building.options import BuildOptions
 from choreograph.building.segmentation import FEWEST_WORDS, SegmentedTake
 from choreograph.building.song_cache import SongCache
-from choreograph.errors import FormatError
-from choreograph.features.tempogram import rhythm_features
+from choreograph.errors import FormatError, ParameterError
+from choreograph.features.rhythm import rhythm_features
+from choreograph.pretrained import PretrainedSet
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import NetArrays, Repertoire
 from choreograph.repertoire.contents import MeasuredTake
@@ -23,32 +24,41 @@ if TYPE_CHECKING:
     from choreograph.nets.style.data import StyleTake
     from choreograph.nets.training import TrainingContext
 
-STYLE_NETS = ("style",)  # trained on pairs of music and motion
+STYLE_NET = "style"  # trained on pairs of music and motion
 DENSITY_NETS = ("motion_density", "music_density")  # likewise, where clips carry the learned tempo-density
 
 
 @dataclass(frozen=True)
 class PretrainedWeights:
-    """Networks of another repertoire, that training starts from or that are kept."""
+    """Networks that training starts from, or that are kept: of another repertoire, and style of a shipped set."""
 
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
-    style: NetArrays | None = None  # used where `nets` has none
     trained_on: frozenset[str] = frozenset()  # songs that any of them was trained on
     keep: bool = False
+    from_shipped: bool = False  # style is the shipped set's
 
     @classmethod
-    def of(cls, options: BuildOptions) -> PretrainedWeights:
-        """Those that the options name; `RepertoireError` if a repertoire cannot be read or has no style."""
-        nets, style, trained_on = {}, None, frozenset[str]()
+    def of(cls, options: BuildOptions, shipped: PretrainedSet) -> PretrainedWeights:
+        """Those that the options name; the shipped style networks are of preset small.
+
+        Raises `RepertoireError` if a repertoire cannot be read, `ParameterError` if there is nothing to keep.
+        """
+        nets: dict[str, NetArrays] = {}
+        trained_on = frozenset[str]()
         if options.init_from is not None:
             other = Repertoire.open(options.init_from)
             nets = {name: other.net(name) for name in other.net_names}
             trained_on |= set(other.provenance.get("trained_on", ()))
-        if options.pretrained_style is not None and "style" not in nets:
-            other = Repertoire.open(options.pretrained_style)
-            style = other.net("style")
-            trained_on |= set(other.provenance.get("trained_on", ()))
-        return cls(nets, style, trained_on, options.keep_networks)
+        begins = options.preset == "small" and STYLE_NET in shipped.nets and STYLE_NET not in nets
+        if begins:
+            nets[STYLE_NET] = shipped.nets[STYLE_NET]
+            trained_on |= set(shipped.trained_on)
+        if options.keep_networks and not nets:
+            raise ParameterError(
+                "expected networks to keep, of another repertoire (--init-from) or of a shipped set (--pretrained "
+                "with preset small), got none"
+            )
+        return cls(nets, trained_on, options.keep_networks, begins)
 
     @property
     def kept(self) -> Mapping[str, NetArrays]:
@@ -57,7 +67,7 @@ class PretrainedWeights:
 
     def weights(self, name: str) -> Mapping[str, Any] | None:
         """Weights that training starts from; None for random ones."""
-        net = self.nets.get(name, self.style if name == "style" else None)
+        net = self.nets.get(name)
         return None if net is None else net.weights
 
 
@@ -85,7 +95,7 @@ def train_music_networks(
     ones are taken over as they are. Where the tempo-density is analytic its networks have nothing to do, and
     are neither trained nor taken over: at preset tiny they take 7 of 10 minutes.
     """
-    wanted = (*STYLE_NETS, *(DENSITY_NETS if options.density == "learned" else ()))
+    wanted = (STYLE_NET, *(DENSITY_NETS if options.density == "learned" else ()))
     with_music = [m for m in measured if m.take.song_path is not None]
     song_names = {m.take.song_name for m in with_music}
     known = {name: net for name, net in pretrained.nets.items() if name in wanted}
@@ -94,7 +104,7 @@ def train_music_networks(
     if len(song_names) >= 2:
         takes = []
         for done, m in enumerate(with_music):
-            takes.append(_style_take(m, songs))
+            takes.append(style_take(m, songs))
             if report is not None:
                 report("analysing songs", done + 1, len(with_music))
         kept = known if pretrained.keep else {}
@@ -123,15 +133,15 @@ def _trained(
     from choreograph.nets.style.train import train_style
 
     nets = dict(kept)
-    if "style" not in nets:
+    if STYLE_NET not in nets:
         n_songs = len({take.song_name for take in takes})
         config = style_config(
             options.preset, n_songs=n_songs, **(_changes(options) | dict(options.style_changes))
         )
         style = train_style(
-            takes, config, pretrained=pretrained.weights("style"), seed=options.seed, context=context
+            takes, config, pretrained=pretrained.weights(STYLE_NET), seed=options.seed, context=context
         )
-        nets["style"] = _stored(style)
+        nets[STYLE_NET] = _stored(style)
     if options.density == "learned":
         nets |= _trained_densities(takes, nets, pretrained, options=options, context=context)
     return nets
@@ -203,15 +213,15 @@ def _stored(net) -> NetArrays:
     return NetArrays(config, weights)
 
 
-def _style_take(measured: MeasuredTake, songs: SongCache) -> StyleTake:
-    """A take as the networks are trained on it, with its part of the song."""
+def style_take(measured: MeasuredTake, songs: SongCache) -> StyleTake:
+    """A take as the style networks are trained on it, with its part of the song; `FormatError` if it has none."""
     from choreograph.nets.style.data import StyleTake
 
     take = measured.take
     assert take.song_path is not None  # only takes with music come here
     song = songs.analysed(take.song_path)
     mel = song.log_mel
-    rhythm = rhythm_features(mel, start_s=max(0.0, take.song_start_s))
+    rhythm = rhythm_features(mel, song.counts, start_s=max(0.0, take.song_start_s))
     first = seconds_to_frames(take.song_start_s, MUSIC_FPS)
     last = first + seconds_to_frames(take.motion.duration_s, MUSIC_FPS)
     if first >= len(mel):
@@ -222,10 +232,10 @@ def _style_take(measured: MeasuredTake, songs: SongCache) -> StyleTake:
     silent = np.full((max(0, -first), mel.shape[1]), mel.min(), mel.dtype)
     return StyleTake(
         name=take.name,
-        song_name=take.song_name,
         genre=take.credits.genre,
         log_mel=np.concatenate([silent, mel[max(0, first) : max(0, last)]]),
         rhythm=rhythm,
+        song_name=take.song_name,
         body_pos_m=measured.body_pos_m,
         motion_beat_times_s=measured.motion_beats_s,
     )

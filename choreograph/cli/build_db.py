@@ -14,7 +14,7 @@ from choreograph.errors import ParameterError
 _FILE = click.Path(path_type=Path)
 # By --published.
 _DECIDED = {
-    "--density", "--init-from", "--keep-networks", "--lock-feet", "--pretrained", "--pretrained-style",
+    "--density", "--init-from", "--keep-networks", "--lock-feet", "--pretrained",
 }  # fmt: skip
 
 
@@ -64,17 +64,14 @@ _DECIDED = {
 @optgroup.option("--init-from", type=_FILE, help="Start from the networks of another repertoire.")
 @optgroup.option(
     "--pretrained", default="research", show_default=True, metavar="clean|research|nothing",
-    help="Shipped networks that count takes without counts by their motion. research: trained on our own "
-    "takes and on data that states no licence. clean: on our own alone; it knows no recorded dancer.",
+    help="Shipped networks that count takes without counts by their motion, and that style begins with (preset "
+    "small). research: trained on our own takes and on data that states no licence. clean: on our own alone; "
+    "its counts know no recorded dancer.",
 )  # fmt: skip
 @optgroup.option(
-    "--pretrained-style", metavar="PATH|nothing",
-    help="Start from the style networks of a repertoire. Default: the built-in ones, for preset small. "
-    "nothing: random weights.",
+    "--keep-networks", is_flag=True,
+    help="Do not train the networks of --init-from, or the style of --pretrained, any further.",
 )  # fmt: skip
-@optgroup.option(
-    "--keep-networks", is_flag=True, help="Do not train the networks of --init-from any further."
-)
 @optgroup.option(
     "--augment-mirror/--no-augment-mirror", default=True, show_default=True,
     help="Train on mirrored motion as well. Not where left must stay left.",
@@ -83,7 +80,7 @@ _DECIDED = {
 @optgroup.option("--resume", is_flag=True, help="Continue from the checkpoints of a build that was stopped.")
 @optgroup.option("--device", default="auto", show_default=True, metavar="auto|cpu|cuda")
 @optgroup.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Seed.")
-def command(sources, output, quiet, pretrained_style, leave_out, density, published, **options) -> None:
+def command(sources, output, quiet, leave_out, density, published, **options) -> None:
     """Build a repertoire from SOURCES: folders or files of recorded dances with their music.
 
     Known layouts: a folder of NAME.bvh or NAME.c3d with NAME.wav|mp3|flac|ogg|m4a and an optional
@@ -95,8 +92,6 @@ def command(sources, output, quiet, pretrained_style, leave_out, density, publis
 
     if density is not None:
         options["density"] = density
-    # Not given: the API's default; "nothing": random weights.
-    options["pretrained_style"] = {None: "auto", "nothing": None}.get(pretrained_style, pretrained_style)
     options["leave_out"] = names_of(leave_out)
     if published:
         given = sorted(set(given_options(except_for=())) & _DECIDED)

@@ -6,26 +6,22 @@ from pathlib import Path
 
 import click
 
-from choreograph.cli.present import examples, names_of, show_notes, stages
+from choreograph.cli.present import examples, show_notes, stages
 
 
 @click.command(
     "build-starter",
     hidden=True,  # for those who work on choreograph itself
-    epilog=examples("choreograph build-starter --train-on dance-with-melody --leave-out @held_out.txt"),
+    epilog=examples("choreograph build-starter --preset tiny -o starter.h5"),
 )
 @click.option(
     "--work", default="build/starter", show_default=True, type=click.Path(path_type=Path),
     help="Folder of rendered takes and checkpoints.",
 )  # fmt: skip
-@click.option(
-    "--train-on", multiple=True, type=click.Path(path_type=Path), help="Real takes to train on as well."
-)
-@click.option("--leave-out", multiple=True, metavar="TAKE", help="Not this take, or @FILE of names.")
 @click.option("--preset", default="small", show_default=True, metavar="tiny|small|paper")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Default: in the package.")
-def command(work, train_on, leave_out, preset, seed, output) -> None:
+def command(work, preset, seed, output) -> None:
     """Render the built-in takes and songs, train on them, and write the built-in repertoire."""
     from choreograph.starter import STARTER_PATH
     from choreograph.starter.recipe import build_starter
@@ -34,8 +30,7 @@ def command(work, train_on, leave_out, preset, seed, output) -> None:
     output = output or STARTER_PATH
     with stages(quiet=False) as shown:
         repertoire, notes = build_starter(
-            work, output, train_on=train_on, leave_out=names_of(leave_out), preset=preset, seed=seed,
-            report=shown.report, training_report=shown.training,
+            work, output, preset=preset, seed=seed, report=shown.report, training_report=shown.training,
         )  # fmt: skip
     show_notes(notes)
     click.echo(f"{output}: {len(repertoire.takes)} takes, {output.stat().st_size / 1e6:.1f} MB")

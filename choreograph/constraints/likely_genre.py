@@ -110,7 +110,7 @@ def _genre_losses(
     of_take = np.array([take.credits.genre for take in repertoire.takes])
     with_clips = set(of_take[np.unique(repertoire.clip_take)])
     genres = [genre for genre in repertoire.vocabulary.genres if genre in with_clips - banned]
-    if not genres or "style" not in repertoire.net_names:
+    if not genres or not song_features.style.any():
         return [], np.zeros((song_features.n_seconds, 0))
     of_clip = np.array([genres.index(g) if g in genres else -1 for g in of_take])[repertoire.clip_take]
     known = of_clip >= 0

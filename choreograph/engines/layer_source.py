@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,10 @@ from choreograph.features.phrasing import join_times_s
 from choreograph.graph import (
     MOTIF_COSTS,
     ClipTable,
+    Energy,
     LayerSource,
     Signature,
+    Steps,
     WeightedCost,
     node_motifs,
     song_words_s,
@@ -25,12 +27,13 @@ from choreograph.graph import (
 from choreograph.motifs.span_motifs import SpanMotifLookup
 from choreograph.progress import substage
 from choreograph.repertoire import Repertoire
-from choreograph.selection import clip_signature_mismatch, select_clips
+from choreograph.selection import clip_signature_mismatch, energy_mismatch, select_clips, steps_mismatch
 from choreograph.timebase import NET_FPS, SEGMENT_S, frames_to_seconds
 from choreograph.warping import ClipBeats, CountedClips, SongGrid, TakeGrids, warp_segments
 
 _RANDOM_LOSS = 1e6  # above any style loss: with a random share of it added, style does not count
 _OTHER_METRE = 2.0  # style loss added to clips of another metre than the song's
+_FEEL = 0.5  # style loss of the quietest clip where the song is loudest; genres are 1 or more apart
 _TIE_BREAK_S = 4.0  # takes start with up to so much usage, by the seed: another seed, another dance
 
 
@@ -48,6 +51,7 @@ def make_layers(
         np.array([take.name for take in repertoire.takes]),
         np.array([take.credits.genre for take in repertoire.takes]),
         repertoire.clip_style,
+        repertoire.clip_steps,
     )
     joins_s = _joins_s(request)
     segments = warp_segments(
@@ -107,6 +111,7 @@ def _select(
     features, config, repertoire = request.song_features, request.config, request.repertoire
     mismatch = _signature_mismatch(request, goals, costs)
     other_metre = _other_metre(request)
+    feel = _feel_mismatch(request, costs)
 
     def penalty(second: int) -> NDArray[np.floating]:
         may_dance = True if allowed is None else allowed.takes[second, repertoire.clip_take]
@@ -114,7 +119,9 @@ def _select(
         if config.selection == "random":
             rng = np.random.default_rng([config.seed, second])
             random_loss = _RANDOM_LOSS * rng.random(repertoire.n_clips)
-        return np.where(may_dance, mismatch[second] + random_loss + other_metre[second], np.inf)
+        return np.where(
+            may_dance, mismatch[second] + random_loss + other_metre[second] + feel(second), np.inf
+        )
 
     return select_clips(
         features.style, features.beat_count, repertoire.clip_style, repertoire.clip_beat_count,
@@ -155,6 +162,22 @@ def _other_metre(request: DanceRequest) -> list[NDArray[np.float64]]:
         for of_song in np.unique(metre_at)
     }
     return [added[of_song] for of_song in metre_at]
+
+
+def _feel_mismatch(
+    request: DanceRequest, costs: Sequence[WeightedCost]
+) -> Callable[[int], NDArray[np.floating]]:
+    """How far each clip (N,) is from a second in energy and in density of steps, as far as these matter."""
+    repertoire, features = request.repertoire, request.song_features
+    weights = {type(w.cost): w.weight for w in costs}
+    energy, steps = (_FEEL * (weights.get(cost, 0.0) > 0) for cost in (Energy, Steps))
+
+    def mismatch(second: int) -> NDArray[np.floating]:
+        return energy * energy_mismatch(features.energy, repertoire.clip_energy, second) + (
+            steps * steps_mismatch(features.onset_density, repertoire.clip_steps, second)
+        )
+
+    return mismatch
 
 
 def _clip_beats(repertoire: Repertoire) -> ClipBeats:

@@ -2,7 +2,8 @@
 
 Music
 mel            log-mel spectrogram at 60 fps
-tempogram      onset envelopes, tempogram, scale transform: rhythm twice a second
+onsets         onset envelopes of three bands, and their autocorrelation
+rhythm         tempo, metre and patterns of beat and bar, twice a second, by the counts of a song
 frame_rhythm   four rhythmic features per frame at 30 fps (Rhythm is a Dancer, Table 2)
 spectral       87 spectral features per beat interval (Rhythm is a Dancer, Table 2)
 word_audio     audio input of the rollout network: rhythm per frame, spectrum per motion word

@@ -34,3 +34,18 @@ def foot_contacts(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.fl
     speed = np.linalg.norm(step, axis=-1) * fps  # (T, 4)
     confidence = expit((_LOW_M - height) / _LOW_WIDTH_M) / (1.0 + (speed / _SLOW_M_S) ** 4)
     return gaussian_filter1d(confidence, _SMOOTH_S * fps, axis=0, mode="nearest").clip(0.0, 1.0)
+
+
+def step_counts(
+    body_pos_m: NDArray[np.floating], fps: float, start_frames: NDArray[np.integer], n_frames: int
+) -> NDArray[np.int64]:
+    """Steps (N,) within `n_frames` from each of `start_frames` (N,): a foot comes to stand, heel or ball.
+
+    Arguments and errors as of `foot_contacts`.
+    """
+    contacts = foot_contacts(body_pos_m, fps)
+    stands = np.maximum(contacts[:, ::2], contacts[:, 1::2]) > 0.5  # (T, foot)
+    began = (stands[1:] & ~stands[:-1]).sum(axis=1)
+    steps = np.concatenate([[0, 0], np.cumsum(began)])[: len(stands) + 1]  # before each frame, and the end
+    first = np.clip(start_frames, 0, len(stands))
+    return steps[np.minimum(first + n_frames, len(stands))] - steps[first]

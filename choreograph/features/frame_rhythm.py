@@ -13,8 +13,6 @@ than half a spectral window (46 ms). To let a network see 1/3 s ahead, give it r
 Where the paper leaves details open: a tempogram has one value per lag but Table 2 has one number, which
 we take at the lag of the beat (the mean over the lags of a 10-frame window would only count onsets). a2
 and a4 are taken at the window's last frame: averaged over 1/3 s, neither would locate a beat.
-
-`features.tempogram` is another thing: tempo and metre of 12 s of music, twice a second.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ from numpy.typing import NDArray
 from choreograph.features.loudness import at_unit_loudness
 from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import checked_beat_times_s
-from choreograph.features.tempogram import onset_envelopes
+from choreograph.features.onsets import onset_envelopes
 from choreograph.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, frame_times_s, seconds_to_frames, times_to_frames
 
 FRAME_RHYTHM_FPS = 30

@@ -25,6 +25,7 @@ class SongFeatures:
     energy: NDArray[np.float32]  # (S,) loudness, 0 … 1 from 6 dB below its loud level
     opening_s: float  # the first count that is danced; before it the first pose is held
     closing_s: float  # the last one
+    onset_density: NDArray[np.float32]  # (S,) of the 4 s from each second, as a rank in the song, 0 … 1
 
     @property
     def beat_times_s(self) -> NDArray[np.float64]:

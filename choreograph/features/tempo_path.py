@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from choreograph.errors import ParameterError
 from choreograph.features._kernels import best_beat_sequence
 from choreograph.features.mel import MEL_BANDS, mel_band_hz
-from choreograph.features.tempogram import autocorrelations
+from choreograph.features.onsets import autocorrelations
 from choreograph.timebase import MUSIC_FPS, frames_to_seconds
 
 _SHORTEST_PERIOD, _LONGEST_PERIOD = 15, 80  # frames between beats at 60 fps: 240 to 45 BPM

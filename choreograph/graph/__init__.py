@@ -20,6 +20,7 @@ from choreograph.graph.costs import (
     Phrasing,
     Repeat,
     Rhythm,
+    Steps,
     Style,
     Transition,
     Variety,
@@ -41,6 +42,6 @@ from choreograph.graph.weighted_costs import WeightedCost
 __all__ = [
     "BUILTIN_COSTS", "MOTIF_COSTS", "Accents", "Bars", "ClipTable", "Completeness", "Cost", "Energy",
     "Layer", "LayerSource", "MotifTransition", "Pace", "Path", "Phrasing", "Repeat", "Rhythm", "Signature",
-    "Stillness", "Style", "Transition", "Variety", "Velocity", "WeightedCost", "node_motifs", "plan_exact",
+    "Steps", "Stillness", "Style", "Transition", "Variety", "Velocity", "WeightedCost", "node_motifs", "plan_exact",
     "plan_greedy", "song_words_s", "words_between",
 ]  # fmt: skip

@@ -169,6 +169,16 @@ class Energy(Cost):
         return 2.0 * abs(louder) * (1.0 - layer.liveliness if louder > 0 else layer.liveliness)
 
 
+class Steps(Cost):
+    """Steps that are rare where onsets are dense, or dense where they are rare (ours).
+
+    Both as ranks: of the clip in its genre, of the second in its song.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return np.abs(layer.steps - song_features.onset_density[layer.second])
+
+
 class Pace(Cost):
     """Change of playback speed from the recording, in octaves, averaged over quarters of the second.
 
@@ -222,6 +232,7 @@ BUILTIN_COSTS: tuple[type[Cost], ...] = (
     Bars,
     Phrasing,
     Energy,
+    Steps,
     Pace,
     Variety,
     Repeat,

@@ -60,6 +60,7 @@ class Layer:
     enter_penalty: Floats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
     leave_penalty: Floats  # (N,) of leaving it at the second's end
     liveliness: Floats  # (N,) rank of its travel and width as danced among its genre's seconds, 0 … 1
+    steps: Floats  # (N,) rank of the clip's steps in its genre, 0 … 1
     source_frames: Floats  # (N, 21) clip frames at the 20 output frames and the second's end
     first_pose_m: Floats  # (N, 21, 3) where takes may change at the second's start,
     last_pose_m: Floats  # (N, 21, 3) and at its end
@@ -120,6 +121,7 @@ class ClipTable:
     take_names: NDArray[np.str_]  # (takes,)
     genres: NDArray[np.str_]  # (takes,)
     style: NDArray[np.float32]  # (N, 32)
+    steps: NDArray[np.float32]  # (N,) rank in its genre
 
 
 class LayerSource:
@@ -226,6 +228,7 @@ class LayerSource:
             enter_penalty=segments.phrase_penalty[start, part, offset],
             leave_penalty=segments.phrase_penalty[start, part, offset + 1],
             liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
+            steps=clips.steps[clip],
             source_frames=source_frames,
             first_pose_m=pose[offset],
             last_pose_m=pose[offset + 1],

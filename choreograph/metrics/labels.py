@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
 from choreograph.features.mel import log_mel, mel_band_hz
-from choreograph.features.tempogram import onset_envelopes
+from choreograph.features.onsets import onset_envelopes
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, body_pos_at
 from choreograph.timebase import MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_S, frames_to_seconds
 

@@ -19,7 +19,7 @@ class PretrainedSet:
 
     name: str
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
-    trained_on: tuple[str, ...] = ()  # songs of recorded takes
+    trained_on: tuple[str, ...] = ()  # songs of built-in and recorded takes
 
     @property
     def description(self) -> str:

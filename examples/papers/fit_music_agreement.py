@@ -35,10 +35,11 @@ def main() -> None:
     for song in beside["synthetic_songs"](given.folder, given.songs):
         for net, about in nets:
             if song.genres <= set(about["without_genres"]):
-                heard = net.curves(augmented(song.mel.log_mel.astype(np.float32), rng))
+                mel = augmented(song.mel.log_mel.astype(np.float32), rng)
+                heard = net.curves(mel)
                 beats_s, agreement = decoded_beats(heard)
                 truth = song.mel.counts.times_s
-                rows.append((agreement, f_score(beats_s, truth), f_score(activated_beats(heard), truth)))
+                rows.append((agreement, f_score(beats_s, truth), f_score(activated_beats(heard, mel), truth)))
     agreement, pointed, activated = np.array(rows).T
     for threshold in THRESHOLDS:
         below = agreement < threshold

@@ -34,7 +34,7 @@ from choreograph.features.bars import track_bars
 from choreograph.features.mel import log_mel
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.features.music_beats import get_beat_tracker
-from choreograph.features.tempogram import autocorrelations
+from choreograph.features.onsets import autocorrelations
 from choreograph.importers import import_takes
 from choreograph.metrics.counts import downbeat_share
 from choreograph.metrics.counts import evaluate as counts_scores

@@ -131,7 +131,7 @@ NETWORK_METHODS: dict[str, Callable[..., Counts]] = {
     "network": lambda net, samples, mel: with_bars(samples, mel, network_beats(mel, net)),
     "network, its own bars": lambda net, samples, mel: decode_counts(net.curves(mel).phases, POINTER).counts,
     "network in tempo path": lambda net, samples, mel: with_bars(
-        samples, mel, activated_beats(net.curves(mel))
+        samples, mel, activated_beats(net.curves(mel), mel)
     ),
 }
 

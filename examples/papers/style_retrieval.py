@@ -1,44 +1,44 @@
 """Does a song that training never saw find dances of its own genre?
 
-The style networks are trained on all takes but those of the songs left out. Every second of a song left out
-selects its 50 best clips among the other songs of a fixed pool. Printed is the share of the song's genre
-among them, averaged per genre, then over genres: for all the pool's clips, and with equally many clips a
-genre, where chance is one third.
+    python examples/papers/style_retrieval.py path/to/dance-with-melody --work FOLDER --seeds 0 1 2
+        [--pretrained clean|research|nothing] [--loss paper] [--music-inputs mel]
 
-    python examples/papers/style_retrieval.py path/to/dance-with-melody --seeds 2 [--from-scratch]
-        [--loss paper]
-
-As in `build-db`, training starts from networks trained on the built-in takes and these. The built-in networks
-were trained on most of the pool, so they are trained again without the songs left out, one of each genre at a
-time. `--from-scratch` starts from random weights and leaves out single songs.
+Songs are left out of everything, one of each genre at a time. As in `build-db`, style begins with shipped
+networks and goes on with the takes that are left: `clean` ones are trained on built-in takes and rendered
+songs alone, `research` ones also on the takes that are left, as the shipped ones on all. Every second of a
+song left out selects its 50 best clips among the other songs of a fixed pool. Printed is the share of the
+song's genre among them, averaged per genre, then over genres: for all the pool's clips, and with equally many
+clips a genre, where chance is one third. Songs of dance-with-melody without a take, which are in no training,
+are asked, too. Checkpoints are kept in FOLDER, for each way a folder of its own.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.signal import resample_poly
 
 from choreograph.audio.song import load_song
 from choreograph.features.mel import log_mel
-from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.features.tempogram import RHYTHM_FPS, rhythm_features
-from choreograph.importers import dance_with_melody
+from choreograph.features.rhythm import rhythm_features
 from choreograph.metrics.retrieval import chance_precision, mean_over_groups, precision_at_k
-from choreograph.motion.body import body_pos_m
-from choreograph.motion.motion import Motion
-from choreograph.nets.style.config import STYLE_LOSSES, StyleConfig, style_config
-from choreograph.nets.style.data import StyleTake, count_beats
+from choreograph.nets.style.config import MUSIC_INPUTS, STYLE_LOSSES, StyleConfig, style_config
+from choreograph.nets.style.data import StyleSong, StyleTake
 from choreograph.nets.style.model import StyleNets
 from choreograph.nets.style.train import train_style
+from choreograph.nets.training import TrainingContext
+from choreograph.pretrained.style_recipe import (
+    built_in_style_takes,
+    shipped_style_config,
+    style_songs,
+    style_takes,
+)
 from choreograph.selection import select_clips
-from choreograph.starter.takes import render_spec, take_specs
-from choreograph.synthesis.songs.voices import RATE_HZ
-from choreograph.takes import Take
-from choreograph.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, SEGMENT_S
+from choreograph.song_counts import DEFAULT_BEATS, song_counts
+from choreograph.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
 
 # All cha-chas and rumbas with motion, and six waltzes chosen before any result was seen.
 POOL = (
@@ -46,25 +46,10 @@ POOL = (
     *(f"DANCE_R_{n}" for n in (2, 3, 4, 7, 8)),
     *(f"DANCE_W_{n}" for n in (1, 6, 11, 16, 23, 28)),
 )
+WITHOUT_TAKE = {"DANCE_C_1": "cha-cha", "DANCE_C_3": "cha-cha", "DANCE_R_6": "rumba", "DANCE_R_10": "rumba"}
 SELECTED = 50
 N_FOLDS = 5  # no more than two songs of a genre are left out together
-
-
-def style_take(take: Take) -> StyleTake:
-    """A take as the style networks learn from it."""
-    samples = load_song(take.song_path).samples
-    names = (take.name, take.song_name, take.credits.genre)
-    return learned_from(names, take.motion, samples, take.song_start_s)
-
-
-def built_in_takes() -> list[StyleTake]:
-    """The starter's own takes, rendered again."""
-    made = []
-    for spec in take_specs():
-        song, dance = render_spec(spec)
-        mono = resample_poly(song.samples.mean(axis=1), 1, RATE_HZ // SAMPLE_RATE_HZ)
-        made.append(learned_from((spec.name, spec.name, spec.genre), dance.motion, mono, 0.0))
-    return made
+BEAT_WEIGHT = StyleConfig().beat_weight / StyleConfig().style_weight
 
 
 def folds(takes: dict[str, StyleTake]) -> list[tuple[str, ...]]:
@@ -76,35 +61,41 @@ def folds(takes: dict[str, StyleTake]) -> list[tuple[str, ...]]:
     return [tuple(names) for names in dealt]
 
 
-def learned_from(
-    names: tuple[str, str, str], motion: Motion, samples: np.ndarray, song_start_s: float
-) -> StyleTake:
-    """What the networks see of a motion and its song; `names` are the take's, the song's and the genre's."""
-    body = body_pos_m(motion.resampled(NET_FPS)).astype(np.float32)
-    mel = log_mel(samples)
-    first = round(song_start_s * MUSIC_FPS)
-    n_rows = len(body) * RHYTHM_FPS // NET_FPS + 1
-    return StyleTake(
-        *names,
-        mel[first : first + len(body) * MUSIC_FPS // NET_FPS],
-        rhythm_features(mel, start_s=song_start_s)[:n_rows],
-        body,
-        motion_beat_times_s(body, NET_FPS),
-    )
+def song_alone(data: Path, name: str, genre: str) -> StyleSong:
+    """A song without a take."""
+    song = load_song(data / name / "audio.mp3")
+    mel = log_mel(song.samples)
+    return StyleSong(name, genre, mel, rhythm_features(mel, song_counts(song, mel, DEFAULT_BEATS)))
 
 
-def shares(
-    nets: StyleNets, config: StyleConfig, song: StyleTake, others: list[StyleTake]
-) -> tuple[float, float, float]:
+def trained(
+    given: argparse.Namespace, takes: list[StyleTake], built_in: list[StyleTake], songs: list[StyleSong],
+    *, seed: int, fold: int,
+) -> StyleNets:  # fmt: skip
+    """Networks as a build makes them of these takes."""
+    changes = {"loss": given.loss, "music_inputs": given.music_inputs}
+    begun = None
+    if given.pretrained != "nothing":
+        heard = takes if given.pretrained == "research" else []
+        name = f"{seed}" if given.pretrained == "clean" else f"{seed}-{fold}"
+        context = TrainingContext(given.work / f"{given.pretrained}-{name}", resume=True)
+        config = shipped_style_config(**changes)
+        shipped = train_style([*built_in, *heard], config, seed=seed, songs=songs, context=context)
+        begun = shipped.to_arrays()[0]
+    config = style_config(given.preset, n_songs=len({take.song_name for take in takes}), **changes)
+    return train_style(takes, config, seed=seed, pretrained=begun)
+
+
+def shares(nets: StyleNets, song: StyleSong, others: list[StyleTake]) -> tuple[float, float, float]:
     """Share of the song's genre among selected clips: of all, of equally many a genre, and by chance."""
     starts_s = np.arange(max(1, int(len(song.log_mel) / MUSIC_FPS) - SEGMENT_S + 1))
-    song_features = nets.embed_music(song.log_mel, song.rhythm, starts_s)
-    beat_count = nets.predict_beat_count(song_features)
+    wanted = nets.embed_music(song.log_mel, song.rhythm, starts_s)
+    beat_count = nets.predict_beat_count(wanted)
     styles, counts, genres = [], [], []
     for take in others:
         middle = np.arange(0, len(take.body_pos_m) - CLIP_FRAMES + 1, NET_FPS) + SEGMENT_FRAMES // 2
         styles.append(nets.embed_motion(take.body_pos_m, middle))
-        counts.append(count_beats(take.motion_beat_times_s, middle / NET_FPS))
+        counts.append(take.beat_counts(middle * 2 // NET_FPS))
         genres += [take.genre] * len(middle)
     style, count, genre = np.concatenate(styles), np.concatenate(counts), np.array(genres)
     own = genre == song.genre
@@ -116,69 +107,61 @@ def shares(
 
     def share(clips: np.ndarray) -> float:
         chosen = select_clips(
-            song_features,
-            beat_count,
-            style[clips],
-            count[clips],
-            candidates=SELECTED,
-            beat_weight=config.beat_weight / config.style_weight,
+            wanted, beat_count, style[clips], count[clips], candidates=SELECTED, beat_weight=BEAT_WEIGHT
         )
         return float(precision_at_k(own[clips][chosen], SELECTED).mean())
 
     return share(np.arange(len(genre))), share(balanced), float(chance_precision(own.sum(), len(own)))
 
 
+def results(
+    given: argparse.Namespace, by_name: dict[str, StyleTake], alone: list[StyleSong], seed: int
+) -> Iterator[tuple[StyleSong, tuple[float, float, float]]]:
+    """Shares of every song left out, and of the songs without a take by the networks of each fold."""
+    built_in = built_in_style_takes(given.work / "takes") if given.pretrained != "nothing" else []
+    songs = style_songs() if given.pretrained != "nothing" else []
+    for fold, names in enumerate(folds(by_name)):
+        out = {by_name[name].song_name for name in names}
+        takes = [take for take in by_name.values() if take.song_name not in out]
+        nets = trained(given, takes, built_in, songs, seed=seed, fold=fold)
+        for song in (*(by_name[name] for name in names), *alone):
+            yield song, shares(nets, song, [by_name[n] for n in POOL if n not in (song.name, *out)])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("data", type=Path)
+    parser.add_argument("--work", type=Path, required=True, help="folder of rendered takes and checkpoints")
     parser.add_argument("--preset", default="small")
-    parser.add_argument("--loss", choices=STYLE_LOSSES, default="contrastive")
-    parser.add_argument("--music-inputs", default="mel+rhythm")
-    parser.add_argument("--steps", type=int)
-    parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--from-scratch", action="store_true", help="start from random weights")
-    options = parser.parse_args()
+    parser.add_argument("--pretrained", choices=("clean", "research", "nothing"), default="clean")
+    parser.add_argument("--loss", choices=STYLE_LOSSES, default=StyleConfig.loss)
+    parser.add_argument("--music-inputs", choices=MUSIC_INPUTS, default=StyleConfig.music_inputs)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    given = parser.parse_args()
     torch.set_num_threads(1)
-    changes = {"loss": options.loss, "music_inputs": options.music_inputs}
-    if options.steps:
-        changes["steps"] = options.steps
-    config = style_config(options.preset, **changes)
-    takes = [style_take(take) for take in dance_with_melody.read(options.data)]
-    by_name = {take.name: take for take in takes}
+    by_name = {take.name: take for take in style_takes([given.data])}
+    alone = [song_alone(given.data, name, genre) for name, genre in WITHOUT_TAKE.items()]
     means = []
-    built_in = [] if options.from_scratch else built_in_takes()
-    left_out = [(name,) for name in POOL] if options.from_scratch else folds(by_name)
-    for seed in range(options.seeds):
-        rows = {}
-        for names in left_out:
-            songs = {by_name[name].song_name for name in names}
-            trained_on = [take for take in takes if take.song_name not in songs]
-            pretrained = None
-            if built_in:
-                all_takes = [*built_in, *trained_on]
-                longer = style_config(
-                    options.preset, n_songs=len({t.song_name for t in all_takes}), **changes
-                )
-                pretrained = train_style(all_takes, longer, seed=seed).to_arrays()[0]
-            nets = train_style(trained_on, config, seed=seed, pretrained=pretrained)
-            for name in names:
-                others = [by_name[n] for n in POOL if n != name]
-                rows[name] = shares(nets, config, by_name[name], others)
-                values = rows[name]
-                print(
-                    f"seed {seed} {name:10s} all {values[0]:.2f}  balanced {values[1]:.2f}"
-                    f"  chance {values[2]:.2f}",
-                    flush=True,
-                )
-        genres = [by_name[name].genre for name in rows]
+    for seed in given.seeds:
+        rows, without = [], []
+        for song, values in results(given, by_name, alone, seed):
+            (without if song.name in WITHOUT_TAKE else rows).append((song, values))
+            print(f"seed {seed} {song.name:10s}", *(f"{v:.2f}" for v in values), flush=True)
+        genres = [song.genre for song, _ in rows]
         for genre in sorted(set(genres)):
-            values = np.mean(
-                [row for row, g in zip(rows.values(), genres, strict=True) if g == genre], axis=0
-            )
-            print(f"seed {seed} {genre:10s}", *(f"{v:.3f}" for v in values))
-        means.append([mean_over_groups(column, genres) for column in np.transpose(list(rows.values()))])
-        print(f"seed {seed} mean      ", *(f"{v:.3f}" for v in means[-1]), flush=True)
+            of_genre = np.mean([values for song, values in rows if song.genre == genre], axis=0)
+            print(f"seed {seed} {genre:10s}", *(f"{v:.3f}" for v in of_genre))
+        means.append(
+            [mean_over_groups(np.array(column), genres) for column in zip(*(v for _, v in rows), strict=True)]
+        )
+        print(f"seed {seed} mean      ", *(f"{v:.3f}" for v in means[-1]))
+        print(
+            f"seed {seed} no take   ",
+            *(f"{v:.3f}" for v in np.mean([v for _, v in without], axis=0)),
+            flush=True,
+        )
     print("all, balanced, chance over seeds:", *(f"{v:.3f}" for v in np.mean(means, axis=0)))
+    print("standard deviation:", *(f"{v:.3f}" for v in np.std(means, axis=0)))
 
 
 if __name__ == "__main__":

@@ -85,13 +85,14 @@ def test_planning_a_song_exactly(benchmark, repertoire, warping, styles):
         np.array([take.name for take in repertoire.takes]),
         np.array([take.credits.genre for take in repertoire.takes]),
         (spread * rng.normal(size=(N_CLIPS, 32))).astype(np.float32),
+        np.full(N_CLIPS, 0.5, np.float32),
     )
     music = SongFeatures(
         "synthetic", float(N_SECONDS), Counts(warping[2], np.zeros(len(warping[2]), np.int64), 0),
         np.zeros((N_SECONDS, 32), np.float32),
         np.full(N_SECONDS, 8, np.float32), warping[1],
         Sections(np.zeros(0), np.zeros(0, np.int64)),
-        np.ones(N_SECONDS, np.float32), 0.0, float(N_SECONDS),
+        np.ones(N_SECONDS, np.float32), 0.0, float(N_SECONDS), np.full(N_SECONDS, 0.5, np.float32),
     )  # fmt: skip
     costs = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]
 

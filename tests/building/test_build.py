@@ -17,6 +17,7 @@ from choreograph.exporters import save_motion
 from choreograph.metrics import physical
 from choreograph.metrics.counts import counts_within
 from choreograph.motion.body import body_pos_m
+from choreograph.pretrained import pretrained_set
 from choreograph.repertoire import Repertoire
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.moves.sequencer import render_take
@@ -83,9 +84,9 @@ def test_two_takes_of_one_name_are_refused(takes, tmp_path):
     assert not (tmp_path / "x.h5").exists()
 
 
-def test_keep_networks_needs_a_repertoire(takes, tmp_path):
+def test_there_must_be_networks_to_keep(takes, tmp_path):
     with pytest.raises(ParameterError, match="init-from"):
-        build_repertoire([takes], tmp_path / "x.h5", BuildOptions(keep_networks=True))
+        build_repertoire([takes], tmp_path / "x.h5", BuildOptions(keep_networks=True, pretrained="nothing"))
 
 
 @pytest.fixture(scope="module")
@@ -163,19 +164,29 @@ def test_unknown_densities_are_refused():
         BuildOptions(density="guessed")
 
 
-def test_pretrained_style_records_what_it_was_trained_on(takes_to_clicks, tmp_path):
-    options = BuildOptions(preset="tiny", words=False, pretrained="nothing")
+def test_style_begins_with_the_shipped_networks(takes_to_clicks, tmp_path):
+    """Of preset small; a build says which, and records what they heard. Kept, they embed the clips as they are."""
+    options = BuildOptions(preset="small", words=False, pretrained="clean", style_changes={"steps": 2})
+    begun = build_repertoire([takes_to_clicks], tmp_path / "begun.h5", options)
+    assert any(note.startswith("style begins with the networks 'clean'") for note in begun.notes)
+    heard = set(begun.repertoire.provenance["trained_on"])
+    assert {"even", "quick", "slow", "house-01"} <= heard
+    kept, _ = build_repertoire([takes_to_clicks], tmp_path / "kept.h5", replace(options, keep_networks=True))
+    shipped = pretrained_set("clean").nets["style"]
+    for name, weight in shipped.weights.items():
+        np.testing.assert_array_equal(kept.net("style").weights[name], weight)
+    afresh, _ = build_repertoire(
+        [takes_to_clicks], tmp_path / "afresh.h5", replace(options, pretrained="nothing")
+    )
+    assert set(afresh.provenance["trained_on"]) == {"even", "quick", "slow"}
+    assert not np.allclose(kept.clip_style, afresh.clip_style, atol=1e-2)
 
-    def built(name, **changes):
-        return build_repertoire([takes_to_clicks], tmp_path / name, replace(options, **changes))[0]
 
-    one = built("one.h5", leave_out=("slow",))
-    begun = built("begun.h5", leave_out=("quick",), pretrained_style=one.path)
-    afresh = built("afresh.h5", leave_out=("quick",))
-    assert not np.allclose(begun.clip_style, afresh.clip_style, atol=1e-3)
-    assert begun.provenance["trained_on"] == ["even", "quick", "slow"]
-    assert afresh.provenance["trained_on"] == ["even", "slow"]
-    assert (begun.provenance["pretrained_style"], afresh.provenance["pretrained_style"]) == ("one.h5", None)
+def test_takes_without_music_have_the_style_of_the_shipped_networks(silent_takes, tmp_path):
+    options = BuildOptions(preset="small", words=False, pretrained="clean")
+    built, notes = build_repertoire([silent_takes], tmp_path / "a.h5", options)
+    assert built.net_names == ("style",) and built.clip_style.any()
+    assert any("taken over as they are" in note for note in notes)
 
 
 @pytest.mark.parametrize(("augment_mirror", "share"), [(True, 0.5), (False, 0.0)])

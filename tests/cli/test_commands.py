@@ -13,7 +13,6 @@ from synthetic_motions import swaying
 from synthetic_repertoire import write_clicks
 
 import choreograph as cg
-from choreograph.building.api import pretrained_path
 from choreograph.errors import ParameterError
 from choreograph.exporters import save_motion
 from choreograph.repertoire import Repertoire
@@ -199,21 +198,18 @@ def test_sources_without_takes_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
-        ([], {"pretrained_style": "starter.h5", "augment_mirror": True, "compress": False}),
-        (["--preset", "tiny"], {"pretrained_style": None, "preset": "tiny"}),
-        (["--pretrained-style", "nothing"], {"pretrained_style": None, "lock_feet": True}),
+        ([], {"augment_mirror": True, "compress": False, "lock_feet": True}),
+        (["--preset", "tiny"], {"preset": "tiny"}),
         (["--no-augment-mirror"], {"augment_mirror": False, "pretrained": "research"}),
         (["--pretrained", "clean"], {"pretrained": "clean"}),
-        (["--pretrained-style", "other.h5", "--preset", "tiny"], {"pretrained_style": "other.h5"}),
+        (["--pretrained", "nothing", "--keep-networks"], {"pretrained": "nothing", "keep_networks": True}),
         (["--no-lock-feet", "--compress"], {"lock_feet": False, "compress": True}),
         (["--density", "learned", "--leave-out", "a", "--leave-out", "@names.txt"],
          {"density": "learned", "leave_out": ("a", "b", "c")}),
     ],
 )  # fmt: skip
 def test_build_options(tmp_path, monkeypatch, given, expected):
-    def build(sources, output, *, report, training_report, pretrained_style, **options):
-        path = pretrained_path(pretrained_style, options["preset"])
-        options["pretrained_style"] = path and path.name
+    def build(sources, output, *, report, training_report, **options):
         assert {name: options[name] for name in expected} == expected
         raise ParameterError("built with these options")
 
@@ -229,7 +225,7 @@ def test_a_list_of_names_must_be_readable(tmp_path):
 
 
 def test_pretrained_networks_must_be_there(tmp_path):
-    result = run("build-db", tmp_path, "-o", tmp_path / "r.h5", "--pretrained-style", tmp_path / "none.h5")
+    result = run("build-db", tmp_path, "-o", tmp_path / "r.h5", "--init-from", tmp_path / "none.h5")
     assert_one_line(result, says="none.h5")
 
 

@@ -46,7 +46,7 @@ def request(repertoire, genres, **constraints) -> DanceRequest:
     features = SongFeatures(
         "planted", float(N_SECONDS), NO_COUNTS, style, np.zeros(N_SECONDS, np.float32),
         np.zeros((N_SECONDS, 80), np.float32), Sections(np.array([0.0, half, N_SECONDS]), np.arange(2)),
-        np.ones(N_SECONDS, np.float32), 0.0, float(N_SECONDS),
+        np.ones(N_SECONDS, np.float32), 0.0, float(N_SECONDS), np.full(N_SECONDS, 0.5, np.float32),
     )  # fmt: skip
     resolved = resolve(
         make_constraints(**constraints), repertoire, np.arange(N_SECONDS + 1.0), float(N_SECONDS)

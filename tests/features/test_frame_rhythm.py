@@ -58,7 +58,7 @@ def test_onset_strength_correlates_with_librosas():
 
 def test_the_tempogram_value_is_the_correlation_of_two_windows():
     from choreograph.features.mel import log_mel
-    from choreograph.features.tempogram import onset_envelopes
+    from choreograph.features.onsets import onset_envelopes
 
     samples, beats = song(3)
     onsets = onset_envelopes(log_mel(at_unit_loudness(samples))).mean(axis=1)  # 60 fps

@@ -1,4 +1,4 @@
-"""Tempogram, rhythm features and beats of synthetic songs whose tempo and metre are known."""
+"""Beats of synthetic songs whose tempo is known."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from choreograph.audio.song import Song
 from choreograph.errors import ParameterError
 from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import fill_missing_beats, get_beat_tracker
-from choreograph.features.tempogram import LAGS_S, RHYTHM_DIM, onset_envelopes, rhythm_features, tempogram
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 pytestmark = pytest.mark.slow
@@ -28,41 +27,6 @@ def clicks(bpm: float, duration_s: float = 30.0, loud_every: int = 1) -> tuple[n
             : len(samples) - start
         ]
     return samples, times_s
-
-
-@given(st.integers(1, 60_000))
-@settings(max_examples=20, deadline=None)
-def test_every_length_has_its_rhythm_rows(n_samples):
-    rows = rhythm_features(log_mel(np.zeros(n_samples, np.float32)))
-    assert rows.shape == (1 + int(round(n_samples / SAMPLE_RATE_HZ * 60) / 60 * 2), RHYTHM_DIM)
-    assert np.isfinite(rows).all()
-
-
-@pytest.mark.parametrize("bpm", [72, 90, 120])
-def test_tempogram_peaks_at_the_beats_period(bpm):
-    samples, _ = clicks(bpm)
-    columns = tempogram(onset_envelopes(log_mel(samples)), np.array([15.0]))[0]  # (3, lags)
-    strength = columns.mean(axis=0)
-    period = np.argmin(np.abs(LAGS_S - 60 / bpm))
-    between_beats = np.argmin(np.abs(LAGS_S - 90 / bpm))
-    assert strength[period - 1 : period + 2].max() > 0.6
-    assert strength[between_beats] < 0.3
-
-
-def test_rhythm_tells_threes_from_fours_at_one_tempo():
-    waltz, march = (
-        tempogram(onset_envelopes(log_mel(clicks(120, loud_every=n)[0])), np.array([15.0]))[0].mean(axis=0)
-        for n in (3, 4)
-    )
-    three, four = (np.argmin(np.abs(LAGS_S - n * 0.5)) for n in (3, 4))
-    assert waltz[three] > waltz[four]
-    assert march[four] > march[three]
-
-
-def test_rhythm_rows_begin_at_start_s():
-    mel = log_mel(clicks(100)[0])
-    whole, later = rhythm_features(mel), rhythm_features(mel, start_s=3.0)
-    np.testing.assert_array_equal(whole[6:], later)
 
 
 def tracked(samples: np.ndarray, tracker: str) -> np.ndarray:

@@ -22,6 +22,7 @@ from choreograph.graph import (
     Phrasing,
     Repeat,
     Rhythm,
+    Steps,
     Stillness,
     Style,
     Transition,
@@ -156,6 +157,16 @@ def test_energy_asks_for_lively_motion_in_loud_seconds_and_quiet_motion_in_soft_
         assert cost[dearest] == cost.max() == pytest.approx(2 * away)
         assert cost[-1 - dearest] == cost.min() == 0.0
     assert not Energy().node(layer, song_features).any()  # a song of one loudness
+
+
+def test_steps_are_dense_where_onsets_are(layers):
+    layer, _, song_features = layers
+    layer = replace(layer, steps=np.linspace(0, 1, layer.n_nodes))
+    for density in (0.0, 0.3, 1.0):
+        onset_density = np.full(song_features.n_seconds, density)
+        cost = Steps().node(layer, replace(song_features, onset_density=onset_density))
+        assert np.argmin(cost) == np.argmin(np.abs(layer.steps - density))
+        np.testing.assert_allclose(cost, np.abs(layer.steps - density))
 
 
 def test_pace_is_the_change_of_speed_in_octaves(layers):

@@ -26,6 +26,7 @@ from choreograph.pretrained.recipe import (
     trials_by_song,
     without_figures,
 )
+from choreograph.synthesis.moves.genres import GENRES
 from choreograph.repertoire.store import NetArrays, read_networks, write_networks
 
 
@@ -125,8 +126,9 @@ def test_counts_at_another_level_are_not_right():
 def test_a_shipped_set_is_small_and_says_what_it_heard(name):
     shipped = pretrained_set(name)
     assert pretrained_path(name).stat().st_size < 1.5e6
-    assert MOTION_NET in shipped.nets
-    assert bool(shipped.trained_on) == (name == "research")
+    assert {MOTION_NET, "style"} == set(shipped.nets)
+    assert any(song.startswith("DANCE_") for song in shipped.trained_on) == (name == "research")
+    assert {f"{genre}-01" for genre in GENRES} <= set(shipped.trained_on)
     card = pretrained_path(name).with_name("MODEL_CARD.md").read_text(encoding="utf-8")
     assert f"`{name}`" in card and "no licence" in card
 

@@ -10,8 +10,10 @@ import pytest
 from synthetic_repertoire import synthetic_contents, synthetic_repertoire, synthetic_takes
 
 from choreograph.errors import ParameterError, RepertoireError
+from choreograph.features.contacts import CONTACT_JOINTS
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motion import rotations as rot
+from choreograph.motion.body import BODY_JOINTS
 from choreograph.motion.pose import ground_pos_m, heading_rad, to_root_frame
 from choreograph.repertoire import Repertoire, write_repertoire
 from choreograph.repertoire.contents import clip_starts, middle_starts
@@ -51,6 +53,26 @@ def test_takes_are_read_back(repertoire, takes):
     assert repertoire.skeleton.same_as(takes[0].take.motion.skeleton)
     with pytest.raises(RepertoireError, match="'take9'"):
         repertoire.take_index("take9")
+
+
+def test_clips_are_ranked_by_energy_and_steps_within_their_genre(takes, tmp_path):
+    """Takes of one genre: one stands still, one steps once a second, and one less often."""
+    made = []
+    for measured, steps_hz in zip(takes, (0.0, 2.0, 0.5), strict=True):
+        body = np.repeat(measured.body_pos_m[:1], len(measured.body_pos_m), axis=0)
+        time_s = np.arange(len(body))[:, None] / 20
+        lift_m = 0.15 * np.maximum(0.0, np.sin(np.pi * steps_hz * time_s))
+        feet = [BODY_JOINTS.index(name) for name in CONTACT_JOINTS[:2]]
+        body[:, feet, 1] += lift_m.astype(np.float32)
+        credits = replace(measured.take.credits, genre="waltz")
+        made.append(replace(measured, body_pos_m=body, take=replace(measured.take, credits=credits)))
+    clips = synthetic_repertoire(tmp_path / "rep.h5", made)
+    steps, energy = (
+        [ranks[clips.clip_take == take].mean() for take in range(3)]
+        for ranks in (clips.clip_steps, clips.clip_energy)
+    )
+    assert steps[0] < steps[2] < steps[1] and energy[0] < energy[2] < energy[1]
+    assert 0 < clips.clip_steps.min() and clips.clip_steps.max() < 1
 
 
 def test_motion_is_stored_to_a_tenth_of_a_millimetre(repertoire, takes):

@@ -12,7 +12,7 @@ from choreograph.errors import ParameterError
 from choreograph.nets.presets import check_training, config_from_preset
 
 STYLE_DIM = 32  # of style vectors
-MUSIC_INPUTS = ("mel", "mel+rhythm")
+MUSIC_INPUTS = ("mel", "counts", "mel+counts")
 STYLE_LOSSES = ("paper", "contrastive")
 N_SONGS = 32  # that the steps of the presets are meant for
 
@@ -21,13 +21,14 @@ N_SONGS = 32  # that the steps of the presets are meant for
 class StyleConfig:
     """Everything that shapes and trains the style networks; stored beside their weights."""
 
-    conv_channels: tuple[int, int, int, int] = (8, 16, 16, 16)  # music: four convolutional blocks
+    conv_channels: tuple[int, int, int, int] = (8, 16, 16, 16)  # music: four convolutional blocks over mel
     graph_channels: tuple[int, int, int, int] = (8, 16, 16, 32)  # motion: four graph blocks
     gru_width: int = 32  # two layers each
     rhythm_width: int = 32  # hidden and output width of the rhythm branch
     head_width: int = 32  # beat-count head, four linear layers
     dropout: float = 0.3
-    music_inputs: str = "mel+rhythm"  # "mel" is the paper's
+    # "mel" is the paper's; "counts": rhythm as the song's counts divide it, beside which mel adds nothing.
+    music_inputs: str = "counts"
     loss: str = "contrastive"  # "paper": equation 1 alone, which constant embeddings minimise
     style_weight: float = 0.2  # equation 1's lambda of the style distance
     beat_weight: float = 0.05  # equation 1's lambda of the beat count, per beat

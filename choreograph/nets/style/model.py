@@ -7,8 +7,8 @@ beats from the music's style vector.
 Ours: style vectors have unit length, so that distances always lie in [0, 2]. Features are batch-normalised
 before the linear layer; without that all vectors start out alike and the contrastive loss has no gradient.
 Neither is done where the configuration says `normalised=False`, as the paper describes the networks.
-The music network may also take the rhythm (tempogram and scale transform) of the 12 s around the segment as
-input (`music_inputs`).
+The music network may also take the rhythm of the 12 s around the segment, as the song's counts divide it, or
+this alone (`music_inputs`, `features.rhythm`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from torch.nn import functional
 
 from choreograph.errors import ParameterError
 from choreograph.features.mel import MEL_BANDS
-from choreograph.features.tempogram import RHYTHM_DIM, RHYTHM_FPS
+from choreograph.features.rhythm import RHYTHM_DIM, RHYTHM_FPS
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, checked_body_pos_m
 from choreograph.nets.stored import StoredNet
 from choreograph.nets.style.config import STYLE_DIM, StyleConfig
@@ -37,19 +37,21 @@ class MusicStyle(nn.Module):
 
     def __init__(self, config: StyleConfig) -> None:
         super().__init__()
-        channels = (1, *config.conv_channels)
-        self.blocks = nn.Sequential(*(_conv_block(*channels[i : i + 2]) for i in range(4)))
-        self.gru = nn.GRU(
-            channels[-1] * MEL_BANDS // 16,
-            config.gru_width,
-            num_layers=2,
-            batch_first=True,
-            dropout=config.dropout,
-        )
-        self.dropout = nn.Dropout(config.dropout)
-        self.uses_rhythm = config.music_inputs == "mel+rhythm"
-        width = config.gru_width
-        if self.uses_rhythm:
+        self.inputs = config.music_inputs.split("+")
+        width = 0
+        if "mel" in self.inputs:
+            channels = (1, *config.conv_channels)
+            self.blocks = nn.Sequential(*(_conv_block(*channels[i : i + 2]) for i in range(4)))
+            self.gru = nn.GRU(
+                channels[-1] * MEL_BANDS // 16,
+                config.gru_width,
+                num_layers=2,
+                batch_first=True,
+                dropout=config.dropout,
+            )
+            self.dropout = nn.Dropout(config.dropout)
+            width += config.gru_width
+        if "counts" in self.inputs:
             self.rhythm = nn.Sequential(
                 nn.Linear(RHYTHM_DIM, config.rhythm_width), nn.ReLU(), nn.Dropout(config.dropout)
             )
@@ -60,12 +62,14 @@ class MusicStyle(nn.Module):
 
     def forward(self, mel: Tensor, rhythm: Tensor) -> Tensor:
         """Standardised log-mel (B, 240, 96) and rhythm (B, RHYTHM_DIM) to style vectors (B, 32)."""
-        x = self.blocks(mel[:, None])  # (B, C, 15, 6)
-        x, _ = self.gru(x.transpose(1, 2).flatten(2))  # (B, 15, G)
-        x = self.dropout(x.mean(dim=1))
-        if self.uses_rhythm:
-            x = torch.cat([x, self.rhythm(rhythm)], dim=1)
-        return self.to_unit(self.linear(self.spread(x)))
+        features = []
+        if "mel" in self.inputs:
+            x = self.blocks(mel[:, None])  # (B, C, 15, 6)
+            x, _ = self.gru(x.transpose(1, 2).flatten(2))  # (B, 15, G)
+            features.append(self.dropout(x.mean(dim=1)))
+        if "counts" in self.inputs:
+            features.append(self.rhythm(rhythm))
+        return self.to_unit(self.linear(self.spread(torch.cat(features, dim=1))))
 
 
 class MotionStyle(nn.Module):

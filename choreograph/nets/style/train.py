@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from choreograph.nets.style.config import StyleConfig
-from choreograph.nets.style.data import StyleBatch, StyleData, StyleTake
+from choreograph.nets.style.data import StyleBatch, StyleData, StyleSong, StyleTake
 from choreograph.nets.style.losses import contrastive_loss, style_loss
 from choreograph.nets.style.model import StyleNets
 from choreograph.nets.training import TrainingContext, load_pretrained, steps_of_epochs, train
@@ -22,6 +22,7 @@ def train_style(
     config: StyleConfig,
     *,
     seed: int,
+    songs: Sequence[StyleSong] = (),
     context: TrainingContext | None = None,
     pretrained: Mapping[str, NDArray] | None = None,
 ) -> StyleNets:
@@ -34,6 +35,7 @@ def train_style(
     Parameters
     ----------
     takes : pairs of music and motion of at least two songs
+    songs : more music, of known genres, that nobody dances to
     pretrained : weights of the same configuration to start from (`StyleNets.to_arrays`)
     context : checkpoints, log, device and progress (`nets.training`)
 
@@ -41,7 +43,7 @@ def train_style(
     ------
     ParameterError   fewer than two songs have 4 s of pairs, or `pretrained` has another shape
     """
-    data = StyleData(takes, balanced_genres=config.balanced_genres)
+    data = StyleData(takes, songs, balanced_genres=config.balanced_genres)
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         nets = StyleNets(config)
@@ -68,7 +70,7 @@ def train_style(
         weight_decay=config.weight_decay,
         schedule=config.schedule,
         seed=seed,
-        configuration={**asdict(config), "takes": sorted(take.name for take in takes)},
+        configuration={**asdict(config), "takes": sorted(heard.name for heard in (*takes, *songs))},
         context=context,
     )
     return nets
@@ -77,8 +79,9 @@ def train_style(
 def pair_loss(nets: StyleNets, batch: StyleBatch) -> Tensor:
     """Equation 1 and, unless `config.loss` is "paper", contrast between songs and between genres."""
     config = nets.config
-    music = nets.style_of_music(batch.mel, batch.rhythm)
+    all_music = nets.style_of_music(batch.mel, batch.rhythm)  # (B + S, 32)
     motion = nets.style_of_motion(batch.body)
+    music = all_music[: len(motion)]
     loss = style_loss(
         music,
         motion,
@@ -97,8 +100,8 @@ def pair_loss(nets: StyleNets, batch: StyleBatch) -> Tensor:
         )
     # Genres are contrasted within music and within motion too: each network then learns them alone, and the
     # two need only agree. With contrast across alone, neither has anything to agree with at the start.
-    both = torch.cat([music, motion])  # (2B, 32)
-    genre = batch.genre.repeat(2)
+    both = torch.cat([all_music, motion])  # (2B + S, 32)
+    genre = torch.cat([batch.genre, batch.genre[: len(motion)]])
     known = (genre >= 0)[:, None] & (genre >= 0)[None]
     same_genre = genre[:, None] == genre[None]
     same = torch.eye(len(both), dtype=torch.bool, device=both.device)

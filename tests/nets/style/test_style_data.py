@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from synthetic_style_takes import genre_take
+from synthetic_style_takes import genre_song, genre_take
 
 from choreograph.errors import ParameterError
-from choreograph.features.tempogram import RHYTHM_DIM
+from choreograph.features.rhythm import METRE, PATTERN, RHYTHM_DIM, TEMPO
 from choreograph.motion.body import mirrored
 from choreograph.nets.style.config import style_config
-from choreograph.nets.style.data import StyleData, augment_mel, augment_rhythm, count_beats
+from choreograph.nets.style.augmentation import augment_mel, augment_rhythm
+from choreograph.nets.style.data import StyleData, count_beats
 from choreograph.nets.style.model import centred
 
 RNG = np.random.default_rng(0)
@@ -23,6 +24,25 @@ def test_augmentation_changes_copies_only():
         assert not np.allclose(augmented, original)
     np.testing.assert_array_equal(before[0], mel)
     np.testing.assert_array_equal(before[1], rhythm)
+
+
+def test_tempo_moves_a_little_and_is_hidden_now_and_then():
+    rhythm = np.zeros((2000, RHYTHM_DIM), np.float32)
+    rhythm[:, TEMPO.start + 10] = rhythm[:, METRE] = rhythm[:, PATTERN] = 1.0
+    out = augment_rhythm(rhythm, np.random.default_rng(0))
+    peak = out[:, TEMPO].argmax(axis=1)
+    hidden = ~out[:, TEMPO].any(axis=1)
+    assert set(peak[~hidden]) == {9, 10, 11} and 0.1 < hidden.mean() < 0.2
+    assert not out[hidden][:, METRE].any() and out[hidden][:, PATTERN].any(axis=1).all()
+    assert 0.1 < np.mean(~out[:, PATTERN].any(axis=1)) < 0.2
+
+
+def test_songs_without_takes_come_behind_the_pairs():
+    data = StyleData([genre_take("a", 0), genre_take("b", 1)], [genre_song("c", 2)])
+    batch = data.batch(8, np.random.default_rng(0))
+    assert len(batch.mel) == len(batch.rhythm) == len(batch.genre) == 16
+    assert len(batch.body) == len(batch.n_beats) == len(batch.song) == 8
+    assert set(np.asarray(batch.genre[8:])) == {2} and set(np.asarray(batch.genre[:8])) == {0, 1}
 
 
 def test_beats_are_counted_in_half_open_segments():

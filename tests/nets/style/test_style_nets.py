@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from synthetic_style_takes import genre_take
+from synthetic_style_takes import genre_song, genre_take
 
 from choreograph.errors import ParameterError
-from choreograph.features.tempogram import RHYTHM_DIM
+from choreograph.features.rhythm import RHYTHM_DIM
 from choreograph.nets.style.config import style_config
 from choreograph.nets.style.data import StyleData
 from choreograph.nets.style.model import StyleNets, centred, rotated_about_y
@@ -21,7 +21,7 @@ TAKES = [genre_take(genre, number) for genre in "ab" for number in range(4)]
 
 
 @pytest.mark.parametrize("loss", ["paper", "contrastive"])
-@pytest.mark.parametrize("music_inputs", ["mel", "mel+rhythm"])
+@pytest.mark.parametrize("music_inputs", ["mel", "counts", "mel+counts"])
 @pytest.mark.parametrize("preset", ["paper", "small", "tiny"])
 def test_every_preset_runs_forward_and_backward(preset, music_inputs, loss):
     nets = StyleNets(style_config(preset, music_inputs=music_inputs, loss=loss))
@@ -47,6 +47,20 @@ def test_synthetic_styles_are_retrieved_for_held_out_songs():
         assert own.mean() < next(iter(distance.values())).mean()
 
 
+def test_a_genre_that_nobody_dances_to_is_learned_from_songs():
+    """Songs of a third genre come to lie together, away from the others, without a pair of theirs."""
+    songs = [genre_song("c", number) for number in range(4)]
+    nets = train_style(TAKES, style_config("tiny", steps=80), seed=0, songs=songs)
+
+    def style(song):
+        return nets.embed_music(song.log_mel, song.rhythm, np.arange(8)).mean(axis=0)
+
+    unseen = style(genre_song("c", 99))
+    own = np.linalg.norm(unseen - style(songs[0]))
+    others = [np.linalg.norm(unseen - style(genre_take(genre, 99))) for genre in "ab"]
+    assert own < 0.5 * min(others)
+
+
 def test_training_is_deterministic_and_depends_on_the_seed():
     first, again, other = (
         train_style(TAKES, style_config("tiny", steps=3), seed=seed).to_arrays()[0] for seed in (1, 1, 2)
@@ -67,6 +81,8 @@ def test_weights_come_back_and_others_are_refused():
     assert back.predict_beat_count(styles).shape == (7,)
     with pytest.raises(ParameterError):
         StyleNets.from_arrays(arrays, {**config, "gru_width": 5})
+    with pytest.raises(ParameterError, match="music_inputs"):
+        StyleNets.from_arrays(arrays, {**config, "music_inputs": "mel+rhythm"})  # of an older version
     with pytest.raises(ParameterError):
         StyleNets.from_arrays(arrays, {**config, "colour": 5})
 

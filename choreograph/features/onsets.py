@@ -1,11 +1,4 @@
-"""Onset envelopes, tempogram over log lag and its scale transform: rhythm features twice a second.
-
-The tempogram is the autocorrelation of the onset envelopes in the 12 s around a time. Its lag axis is
-logarithmic, so a change of tempo shifts it. The scale transform (magnitude of the Fourier transform
-along log lag) is invariant to that shift and keeps the metre: groups of three or four, swung or
-straight. Together they tell a waltz from a cha-cha whatever the instruments. (Ours: ChoreoGraph's
-music input is the log-mel alone.)
-"""
+"""Onset envelopes of three bands, and their autocorrelation: what beats, tempo and rhythm are read from."""
 
 from __future__ import annotations
 
@@ -17,16 +10,10 @@ from scipy import fft
 
 from choreograph.errors import ParameterError
 from choreograph.features.mel import MEL_BANDS, mel_band_hz
-from choreograph.motion.interpolation import frame_weights
-from choreograph.timebase import MUSIC_FPS, seconds_to_frames
+from choreograph.timebase import MUSIC_FPS, SEGMENT_S, seconds_to_frames
 
-RHYTHM_FPS = 2
-CONTEXT_S = 12.0  # length of music, centred on a row, that the row is computed from
 _BAND_EDGES_HZ = (0.0, 250.0, 2000.0, 11025.0)  # bass, melody, percussion
 N_BANDS = len(_BAND_EDGES_HZ) - 1
-LAGS_S = np.geomspace(0.2, 4.0, 70)  # about 16 an octave
-N_SCALES = 17  # lowest coefficients of the scale transform, the mean included
-RHYTHM_DIM = N_BANDS * (len(LAGS_S) + N_SCALES)
 
 
 def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -45,18 +32,19 @@ def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
     return np.stack([rise[:, band].mean(axis=1) for band in bands], axis=1)  # (T, 3)
 
 
-def tempogram(onsets: NDArray[np.floating], times_s: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Autocorrelation of onsets (T, C) at 60 fps in the 12 s around each of `times_s` (N,): (N, C, lags).
+def onset_density(log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:
+    """How densely the music sounds in the 4 s from each second, (S,), as a rank among its seconds, 0 to 1.
 
-    Normalised to 1 at lag 0 (not stored) and sampled at `LAGS_S`; 0 where a band is silent. Outside
-    the song there is silence.
+    The mean of the three envelopes; equal seconds have the mean rank. Raises as `onset_envelopes`.
     """
-    starts = np.clip(np.rint(np.asarray(times_s) * MUSIC_FPS).astype(np.int64), 0, len(onsets))  # (N,)
-    correlation = autocorrelations(onsets, starts, CONTEXT_S)  # (N, C, W)
-    low, high, weight = frame_weights(LAGS_S * MUSIC_FPS, correlation.shape[-1])
-    weight = weight.astype(np.float32)  # stays in single precision, as everything here
-    out = correlation[..., low] * (1 - weight) + correlation[..., high] * weight
-    return np.clip(out, -1.0, 1.5).astype(np.float32)
+    from scipy.stats import rankdata
+
+    strength = np.concatenate([[0.0], np.cumsum(onset_envelopes(log_mel).mean(axis=1, dtype=np.float64))])
+    last = len(strength) - 1
+    first = np.minimum(np.arange(n_seconds) * MUSIC_FPS, last - 1)
+    end = np.minimum(first + SEGMENT_S * MUSIC_FPS, last)
+    mean = (strength[end] - strength[first]) / (end - first)
+    return ((rankdata(np.round(mean, 6)) - 0.5) / n_seconds).astype(np.float32)
 
 
 def autocorrelations(
@@ -83,36 +71,6 @@ def autocorrelations(
         correlation = _autocorrelation(((segment - mean) * weight[:, None]).T, size)  # (C, W)
         out[i] = correlation / np.maximum(correlation[:, :1], 1e-9) / taper_bias
     return out
-
-
-def scale_transform(columns: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Tempo-invariant rhythm: magnitudes of the Fourier transform along log lag, (..., lags) -> (..., 17)."""
-    taper = np.hanning(columns.shape[-1] + 2)[1:-1]
-    magnitudes = np.abs(np.fft.rfft(columns * taper, axis=-1))[..., :N_SCALES]
-    return (magnitudes / np.sqrt(columns.shape[-1])).astype(np.float32)
-
-
-def rhythm_features(log_mel: NDArray[np.floating], *, start_s: float = 0.0) -> NDArray[np.float32]:
-    """Tempogram and scale transform of three bands, float32 (N, RHYTHM_DIM) at 2 per second.
-
-    Parameters
-    ----------
-    log_mel : float array (T, 96)   at 60 fps, the whole song: a row depends on the 12 s around it
-    start_s : time of the first row, for a take whose motion begins there
-
-    Returns
-    -------
-    row i is computed from the 12 s around start_s + i / 2 s, up to the song's end (at least one row): per
-    band the tempogram (70), then the scale transform (17). A silent band's tempogram is zero.
-
-    Raises
-    ------
-    ParameterError   if `log_mel` is not (T, 96) with T of at least 1
-    """
-    onsets = onset_envelopes(log_mel)
-    n_rows = 1 + max(0, int((len(onsets) / MUSIC_FPS - start_s) * RHYTHM_FPS))
-    columns = tempogram(onsets, start_s + np.arange(n_rows) / RHYTHM_FPS)  # (N, 3, lags)
-    return np.concatenate([columns, scale_transform(columns)], axis=2).reshape(n_rows, RHYTHM_DIM)
 
 
 def _autocorrelation(rows: NDArray[np.floating], size: int) -> NDArray[np.floating]:

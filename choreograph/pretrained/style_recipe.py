@@ -1,0 +1,77 @@
+"""Recipe of the shipped style networks: the built-in takes, songs rendered here, and in `research` recorded takes.
+
+Songs that nobody dances to teach what a genre sounds like, in eleven genres: a rumba's tempo, bars and
+patterns are learned from them before the first recorded rumba is heard.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import soxr
+
+from choreograph.audio.song import Song
+from choreograph.building.importing import measured_takes
+from choreograph.building.options import BuildOptions
+from choreograph.building.song_cache import SongCache
+from choreograph.building.train_networks import style_take
+from choreograph.features.mel import log_mel
+from choreograph.features.rhythm import rhythm_features
+from choreograph.nets.style.config import StyleConfig, style_config
+from choreograph.nets.style.data import StyleSong, StyleTake
+from choreograph.nets.style.model import StyleNets
+from choreograph.nets.style.train import train_style
+from choreograph.nets.training import TrainingContext
+from choreograph.song_counts import DEFAULT_BEATS, song_counts
+from choreograph.starter.takes import take_specs, write_takes
+from choreograph.synthesis.songs import STYLES
+from choreograph.synthesis.songs.training_songs import counted_song
+from choreograph.synthesis.songs.voices import RATE_HZ
+from choreograph.timebase import SAMPLE_RATE_HZ
+
+SONGS_PER_GENRE = 24
+FIRST_SONG_SEED = 80_000  # beyond the seeds of every other song
+STEPS = 1200
+_SONG_S = 30.0
+
+
+def style_songs(per_genre: int = SONGS_PER_GENRE) -> list[StyleSong]:
+    """Songs of every genre of the synthesiser, of any tempo that suits it, with the beats tracked in them."""
+    songs = []
+    for number, genre in enumerate(sorted(STYLES)):
+        for i in range(per_genre):
+            seed = FIRST_SONG_SEED + 1000 * number + i
+            made = counted_song(genre, "steady", seed=seed, duration_s=_SONG_S, others=())
+            mono = soxr.resample(made.samples.mean(axis=1), RATE_HZ, SAMPLE_RATE_HZ).astype(np.float32)
+            mel = log_mel(mono)
+            counts = song_counts(Song(mono, str(seed)), mel, DEFAULT_BEATS)
+            songs.append(StyleSong(str(seed), genre, mel, rhythm_features(mel, counts)))
+    return songs
+
+
+def style_takes(sources: Iterable[str | Path], *, leave_out: Iterable[str] = ()) -> list[StyleTake]:
+    """Takes with music as a build learns style from them; raises as a build does."""
+    measured, _ = measured_takes(sources, BuildOptions(leave_out=tuple(leave_out)), None)
+    songs = SongCache()
+    return [style_take(m, songs) for m in measured if m.take.song_path is not None]
+
+
+def built_in_style_takes(folder: Path) -> list[StyleTake]:
+    """The takes of the built-in repertoire, rendered into `folder` unless they are there."""
+    if not (folder / "manifest.csv").exists():
+        write_takes(folder, take_specs())
+    return style_takes([folder])
+
+
+def shipped_style_config(**changes: object) -> StyleConfig:
+    """The configuration of shipped networks, which those of preset small begin with."""
+    return style_config("small", **({"steps": STEPS} | changes))
+
+
+def train_shipped_style(recorded: Iterable[StyleTake], work: Path, *, name: str, seed: int = 0) -> StyleNets:
+    """Train on built-in takes, rendered songs and recorded takes; continued from a checkpoint in `work`."""
+    takes = [*built_in_style_takes(work / "takes"), *recorded]
+    context = TrainingContext(work / name, resume=True)
+    return train_style(takes, shipped_style_config(), seed=seed, songs=style_songs(), context=context)
