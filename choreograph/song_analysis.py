@@ -25,9 +25,9 @@ from choreograph.features.metrical_level import (
 from choreograph.features.music_changes import at_changes, change_times_s
 from choreograph.features.onsets import onset_density
 from choreograph.features.phrasing import dance_span_s
+from choreograph.features.rhythm import rhythm_features
 from choreograph.features.sections import Sections, song_sections
 from choreograph.features.song_features import SongFeatures
-from choreograph.features.rhythm import rhythm_features
 from choreograph.repertoire import Repertoire
 from choreograph.song_counts import DEFAULT_BEATS, names_a_tracker, song_counts
 

@@ -7,7 +7,6 @@ import numpy as np
 from choreograph.features.rhythm import PATTERN, RHYTHM_DIM, TEMPO
 from choreograph.nets.style.data import StyleSong, StyleTake
 
-
 _TEMPO_COLUMNS = {"a": 5, "b": 14, "c": 23}
 
 

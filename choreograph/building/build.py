@@ -23,7 +23,6 @@ from choreograph.building.train_networks import (
     training_context,
 )
 from choreograph.counts import FROM_MOTION
-from choreograph.errors import ParameterError
 from choreograph.features.density import motion_density
 from choreograph.files import check_target, sha256_of
 from choreograph.pretrained import pretrained_set

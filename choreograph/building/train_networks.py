@@ -30,7 +30,7 @@ DENSITY_NETS = ("motion_density", "music_density")  # likewise, where clips carr
 
 @dataclass(frozen=True)
 class PretrainedWeights:
-    """Networks that training starts from, or that are kept: of another repertoire, and style of a shipped set."""
+    """Networks that training starts from, or that are kept: another repertoire's, and a shipped set's style."""
 
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
     trained_on: frozenset[str] = frozenset()  # songs that any of them was trained on
@@ -55,8 +55,8 @@ class PretrainedWeights:
             trained_on |= set(shipped.trained_on)
         if options.keep_networks and not nets:
             raise ParameterError(
-                "expected networks to keep, of another repertoire (--init-from) or of a shipped set (--pretrained "
-                "with preset small), got none"
+                "expected networks to keep, of another repertoire (--init-from) or of a shipped set "
+                "(--pretrained, with preset small), got none"
             )
         return cls(nets, trained_on, options.keep_networks, begins)
 
@@ -214,7 +214,7 @@ def _stored(net) -> NetArrays:
 
 
 def style_take(measured: MeasuredTake, songs: SongCache) -> StyleTake:
-    """A take as the style networks are trained on it, with its part of the song; `FormatError` if it has none."""
+    """A take as style is learned from it, with its part of the song; `FormatError` if that has none."""
     from choreograph.nets.style.data import StyleTake
 
     take = measured.take

@@ -64,9 +64,9 @@ _DECIDED = {
 @optgroup.option("--init-from", type=_FILE, help="Start from the networks of another repertoire.")
 @optgroup.option(
     "--pretrained", default="research", show_default=True, metavar="clean|research|nothing",
-    help="Shipped networks that count takes without counts by their motion, and that style begins with (preset "
-    "small). research: trained on our own takes and on data that states no licence. clean: on our own alone; "
-    "its counts know no recorded dancer.",
+    help="Shipped networks that count takes without counts by their motion, and that style begins with "
+    "(preset small). research: trained on our own takes and on data that states no licence. clean: on our own "
+    "alone; its counts know no recorded dancer.",
 )  # fmt: skip
 @optgroup.option(
     "--keep-networks", is_flag=True,

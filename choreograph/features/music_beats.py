@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
 from choreograph.errors import ParameterError
-from choreograph.features.tempo_path import level_normalized, tempo_path_beats
 from choreograph.features.onsets import onset_envelopes
+from choreograph.features.tempo_path import level_normalized, tempo_path_beats
 from choreograph.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, frames_to_seconds
 
 _MIN_DURATION_S = 1.0  # anything shorter may hold fewer than two beats, so no tempo

@@ -9,8 +9,8 @@ Columns, `RHYTHM_DIM` in all (ours: ChoreoGraph's music input is the log-mel alo
   around the row; the only columns that say anything of less than 12 s
 - `TEMPO`: a bump over a logarithmic axis at the tempo of the beats
 - `METRE`: shares of beats in bars of three and of four
-- `PATTERN`: onsets of bass, melody and percussion in each quarter of a beat of the bar, then in each twelfth of
-  a beat, relative to their mean
+- `PATTERN`: onsets of bass, melody and percussion in each quarter of a beat of the bar, then in each twelfth
+  of a beat, relative to their mean
 
 Where there are no beats, tempo, metre and patterns are 0.
 """
@@ -110,7 +110,7 @@ def _metre_of_beats(counts: Counts) -> NDArray[np.int64]:
 
 
 def _patterns(onsets: Floats, counts: Counts, centres_s: Floats) -> Floats:
-    """Onsets (N, 3 × 28) around each row by their place in the bar, then in the beat, relative to their mean."""
+    """Onsets (N, 3 × 28) around each row by their place in bar and beat, relative to their mean."""
     frame_s = frame_times_s(len(onsets), MUSIC_FPS)
     index = np.interp(frame_s, counts.times_s, np.arange(len(counts)), left=-1.0, right=-1.0)  # (T,)
     beat, part = _places(index, _BEAT_PARTS)

@@ -42,6 +42,6 @@ from choreograph.graph.weighted_costs import WeightedCost
 __all__ = [
     "BUILTIN_COSTS", "MOTIF_COSTS", "Accents", "Bars", "ClipTable", "Completeness", "Cost", "Energy",
     "Layer", "LayerSource", "MotifTransition", "Pace", "Path", "Phrasing", "Repeat", "Rhythm", "Signature",
-    "Steps", "Stillness", "Style", "Transition", "Variety", "Velocity", "WeightedCost", "node_motifs", "plan_exact",
-    "plan_greedy", "song_words_s", "words_between",
+    "Steps", "Stillness", "Style", "Transition", "Variety", "Velocity", "WeightedCost", "node_motifs",
+    "plan_exact", "plan_greedy", "song_words_s", "words_between",
 ]  # fmt: skip

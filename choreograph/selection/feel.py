@@ -15,7 +15,7 @@ Floats = NDArray[np.floating]
 
 
 def energy_mismatch(energy: Floats, clip_energy: Floats, second: int) -> Floats:
-    """How far clips (N,), ranked 0 … 1 in their genre, are from the song's energy (S,) in the 4 s from a second.
+    """How far clips (N,), ranked 0 … 1 in their genre, are from the song's energy (S,) at a second.
 
     As the cost of a node does, it compares the song with its own mean: a song of one loudness asks for
     nothing.

@@ -165,7 +165,7 @@ def test_unknown_densities_are_refused():
 
 
 def test_style_begins_with_the_shipped_networks(takes_to_clicks, tmp_path):
-    """Of preset small; a build says which, and records what they heard. Kept, they embed the clips as they are."""
+    """Of preset small. A build says which, and records what they heard."""
     options = BuildOptions(preset="small", words=False, pretrained="clean", style_changes={"steps": 2})
     begun = build_repertoire([takes_to_clicks], tmp_path / "begun.h5", options)
     assert any(note.startswith("style begins with the networks 'clean'") for note in begun.notes)

@@ -26,8 +26,8 @@ from choreograph.pretrained.recipe import (
     trials_by_song,
     without_figures,
 )
-from choreograph.synthesis.moves.genres import GENRES
 from choreograph.repertoire.store import NetArrays, read_networks, write_networks
+from choreograph.synthesis.moves.genres import GENRES
 
 
 def recorded(name: str, genre: str, *figures: str, song: str | None = None) -> RecordedTake:

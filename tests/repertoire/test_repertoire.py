@@ -72,7 +72,7 @@ def test_clips_are_ranked_by_energy_and_steps_within_their_genre(takes, tmp_path
         for ranks in (clips.clip_steps, clips.clip_energy)
     )
     assert steps[0] < steps[2] < steps[1] and energy[0] < energy[2] < energy[1]
-    assert 0 < clips.clip_steps.min() and clips.clip_steps.max() < 1
+    assert clips.clip_steps.min() > 0 and clips.clip_steps.max() < 1
 
 
 def test_motion_is_stored_to_a_tenth_of_a_millimetre(repertoire, takes):

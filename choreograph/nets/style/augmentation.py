@@ -1,12 +1,12 @@
-"""Augmentation of the style networks' training samples: other recordings of a song, other bodies of a dance."""
+"""Augmentation of the style networks' samples: other recordings of a song, other bodies of a dance."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.features.rhythm import LOUDNESS, METRE, ONSETS, PATTERN, TEMPO
 from choreograph.features.onsets import N_BANDS
+from choreograph.features.rhythm import LOUDNESS, METRE, ONSETS, PATTERN, TEMPO
 from choreograph.motion.body import mirrored
 from choreograph.nets.style.model import centred, rotated_about_y
 

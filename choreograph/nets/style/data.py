@@ -129,7 +129,7 @@ class StyleData:
     def batch(
         self, size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5, augmented: bool = True
     ) -> StyleBatch:
-        """Random segments of `size` pairs, and as many of songs if there are any; augmented or as they are."""
+        """Random segments of `size` pairs, and as many of songs if there are any; augmented or not."""
         pairs = rng.choice(len(self.takes), size, p=self._of_take)
         alone = rng.choice(len(self.songs), size, p=self._of_song) if self.songs else np.zeros(0, np.int64)
         heard = [self.takes[i] for i in pairs] + [self.songs[i] for i in alone]

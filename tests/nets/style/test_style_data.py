@@ -7,8 +7,8 @@ from synthetic_style_takes import genre_song, genre_take
 from choreograph.errors import ParameterError
 from choreograph.features.rhythm import METRE, PATTERN, RHYTHM_DIM, TEMPO
 from choreograph.motion.body import mirrored
-from choreograph.nets.style.config import style_config
 from choreograph.nets.style.augmentation import augment_mel, augment_rhythm
+from choreograph.nets.style.config import style_config
 from choreograph.nets.style.data import StyleData, count_beats
 from choreograph.nets.style.model import centred
 
