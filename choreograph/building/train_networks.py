@@ -30,7 +30,7 @@ DENSITY_NETS = ("motion_density", "music_density")  # likewise, where clips carr
 
 @dataclass(frozen=True)
 class PretrainedWeights:
-    """Networks that training starts from, or that are kept: another repertoire's, and a shipped set's style."""
+    """Networks that training starts from, or that are kept: another repertoire's, or shipped style."""
 
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
     trained_on: frozenset[str] = frozenset()  # songs that any of them was trained on

@@ -65,7 +65,7 @@ _DECIDED = {
 @optgroup.option(
     "--pretrained", default="research", show_default=True, metavar="clean|research|nothing",
     help="Shipped networks that count takes without counts by their motion, and that style begins with "
-    "(preset small). research: trained on our own takes and on data that states no licence. clean: on our own "
+    "(preset small). research: trained on our own takes and on data that states no licence. clean: on ours "
     "alone; its counts know no recorded dancer.",
 )  # fmt: skip
 @optgroup.option(

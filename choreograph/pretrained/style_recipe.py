@@ -1,4 +1,4 @@
-"""Recipe of the shipped style networks: built-in takes, songs rendered here, and in `research` recorded takes.
+"""Recipe of the shipped style networks: built-in takes, rendered songs, and in `research` recorded takes.
 
 Songs that nobody dances to teach what a genre sounds like, in eleven genres: a rumba's tempo, bars and
 patterns are learned from them before the first recorded rumba is heard.

@@ -115,11 +115,10 @@ def shares(nets: StyleNets, song: StyleSong, others: list[StyleTake]) -> tuple[f
 
 
 def results(
-    given: argparse.Namespace, by_name: dict[str, StyleTake], alone: list[StyleSong], seed: int
-) -> Iterator[tuple[StyleSong, tuple[float, float, float]]]:
+    given: argparse.Namespace, by_name: dict[str, StyleTake], alone: list[StyleSong],
+    built_in: list[StyleTake], songs: list[StyleSong], seed: int,
+) -> Iterator[tuple[StyleSong, tuple[float, float, float]]]:  # fmt: skip
     """Shares of every song left out, and of the songs without a take by the networks of each fold."""
-    built_in = built_in_style_takes(given.work / "takes") if given.pretrained != "nothing" else []
-    songs = style_songs() if given.pretrained != "nothing" else []
     for fold, names in enumerate(folds(by_name)):
         out = {by_name[name].song_name for name in names}
         takes = [take for take in by_name.values() if take.song_name not in out]
@@ -141,10 +140,13 @@ def main() -> None:
     torch.set_num_threads(1)
     by_name = {take.name: take for take in style_takes([given.data])}
     alone = [song_alone(given.data, name, genre) for name, genre in WITHOUT_TAKE.items()]
+    begins = given.pretrained != "nothing"
+    built_in = built_in_style_takes(given.work / "takes") if begins else []
+    songs = style_songs() if begins else []
     means = []
     for seed in given.seeds:
         rows, without = [], []
-        for song, values in results(given, by_name, alone, seed):
+        for song, values in results(given, by_name, alone, built_in, songs, seed):
             (without if song.name in WITHOUT_TAKE else rows).append((song, values))
             print(f"seed {seed} {song.name:10s}", *(f"{v:.2f}" for v in values), flush=True)
         genres = [song.genre for song, _ in rows]
