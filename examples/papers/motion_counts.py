@@ -3,9 +3,14 @@
     python examples/papers/motion_counts.py path/to/dance-with-melody path/to/choreonet --work FOLDER \\
         [--seeds 0 1 2] [--library REPERTOIRE] [-o results.md]
 
-Trains, per seed, with songs left out (5 folds), with songs and all their figures left out (5), with built-in
-genres left out (4), and on built-in takes alone (1); a minute and a half each on one thread. Checkpoints are
-in FOLDER: the same command continues from there. A confidence is fitted to all takes but those it is said of.
+Trains, per seed, with songs left out (5 folds), with songs and all their figures left out (5), and, for as
+many seeds as `--seeds-built-in` says, with built-in genres left out (4) and on built-in takes alone (1); a
+minute each on one thread. Checkpoints are in FOLDER: the same command continues from there.
+
+A confidence is fitted as the recipe of the shipped networks fits it, to takes whose figures or genre the
+network did not know, and to the same takes shuffled; but that of a take without the take and its fold.
+"Decoder chosen on other folds": its stiffness, the price of a break, and at how many tempi a take is read,
+are those that count the held-out takes of all other folds best.
 
 REPERTOIRE has takes of dance-with-melody with counts, and left out those of
 `examples/papers/dance_with_melody_held_out.txt`. Its takes are counted by networks that did not hear their
@@ -29,19 +34,19 @@ from choreograph.building.counting import MIN_MOTION_CONFIDENCE
 from choreograph.counts import FROM_MOTION, NO_COUNTS, Counts, numbers_in_bar
 from choreograph.evaluation import danced_counts
 from choreograph.features._kernels import best_beat_sequence
-from choreograph.features.bar_pointer import decode_counts
+from choreograph.features.bar_pointer import PhaseCurves, decode_counts
 from choreograph.features.bars import track_bars
 from choreograph.features.mel import log_mel
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.features.music_beats import get_beat_tracker
 from choreograph.features.onsets import autocorrelations
 from choreograph.importers import import_takes
-from choreograph.metrics.counts import downbeat_share
+from choreograph.metrics.counts import WITHIN_BEATS, downbeat_share, signed_errors_beats
 from choreograph.metrics.counts import evaluate as counts_scores
 from choreograph.nets.counts.confidence import confidence_features, confidence_of, fit_confidence
 from choreograph.nets.counts.motion_config import motion_counts_config
 from choreograph.nets.counts.motion_data import CountedMotion
-from choreograph.nets.counts.motion_model import POINTER
+from choreograph.nets.counts.motion_model import POINTER, TEMPI
 from choreograph.pretrained.recipe import (
     Trial,
     built_in_takes,
@@ -59,6 +64,16 @@ from choreograph.timebase import NET_FPS, frames_to_seconds
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 SHUFFLED = ", shuffled"  # ends the name of a take in random pieces, which has no count
 ALONE = "clean"  # the trial on built-in takes alone, as the recipe calls it
+BY_SONG, BY_FIGURE = "real takes, song left out", "real takes, song and figures left out"
+BY_GENRE = "built-in takes, genre left out"
+THRESHOLDS = (0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)  # of the confidence
+N_PARTS = 6  # of a take, to see where in it counts are wrong
+DECODERS = [
+    (n_tempi, replace(POINTER, tempo_std=std, break_cost=cost))
+    for std in (0.001, 0.002, 0.005, 0.01)
+    for cost in (12.0, 40.0)
+    for n_tempi in (1, len(TEMPI))
+]
 SHARE_OF_A_RIGHT_TAKE = 0.9  # of its counts
 
 
@@ -70,6 +85,8 @@ class Reading:
     found: Counts
     facts: np.ndarray | None = None  # about the curves, for the confidence
     confidence: float = float("nan")
+    trial: str = ""
+    curves: Mapping[int, PhaseCurves] | None = None  # by the number of tempi
 
     @property
     def right(self) -> float:
@@ -86,24 +103,43 @@ def read_by(trial: Trial, config, seed: int, work: Path) -> list[Reading]:
     net = trained(trial, config, seed, work)
     readings = []
     for take in [*trial.test, *(map(shuffled, trial.test) if trial.name != ALONE else ())]:
-        curves = net.curves(take.body_pos_m)
-        pointed = decode_counts(curves, POINTER)
-        readings.append(Reading(take, pointed.counts, confidence_features(curves, pointed)))
+        curves = {1: net.curves(take.body_pos_m, (1.0,)), len(TEMPI): net.curves(take.body_pos_m)}
+        decoded = decode_counts(curves[len(TEMPI)], POINTER)
+        facts = confidence_features(curves[len(TEMPI)], decoded)
+        readings.append(Reading(take, decoded.counts, facts, trial=trial.name, curves=curves))
     right = np.mean([r.right for r in readings[: len(trial.test)]])
     print(f"{trial.name}, seed {seed}: {right:.3f}", flush=True)
     return readings
 
 
 def with_confidence(readings: Sequence[Reading], known: Sequence[Reading]) -> list[Reading]:
-    """The readings with a confidence, each fitted to the `known` readings of all other takes."""
+    """The readings with a confidence, each fitted to the `known` readings of all other takes and folds."""
+    rights = [k.right for k in known]
     out = []
     for reading in readings:
         own = reading.take.name.removesuffix(SHUFFLED)
-        others = [k for k in known if k.take.name.removesuffix(SHUFFLED) != own]
-        weights = fit_confidence([k.facts for k in others], [k.right for k in others])
-        sure = confidence_of(reading.facts, weights)
-        out.append(Reading(reading.take, reading.found, reading.facts, sure))
+        others = [
+            (k.facts, right)
+            for k, right in zip(known, rights, strict=True)
+            if k.take.name.removesuffix(SHUFFLED) != own and k.trial != reading.trial
+        ]
+        weights = fit_confidence(*zip(*others, strict=True))
+        out.append(replace(reading, confidence=confidence_of(reading.facts, weights)))
     return out
+
+
+def with_decoder_of_others(readings: Sequence[Reading]) -> list[Reading]:
+    """The readings, decoded by what counts the takes of all other folds best; without confidence."""
+    found = [[decode_counts(r.curves[n], pointer).counts for n, pointer in DECODERS] for r in readings]
+    right = np.array(
+        [[share_right(c, r.take.counts) for c in of_take] for r, of_take in zip(readings, found, strict=True)]
+    )
+    folds = np.array([r.trial for r in readings])
+    best = [right[folds != r.trial].mean(axis=0).argmax() for r in readings]
+    return [
+        Reading(r.take, found[i][b], trial=r.trial)
+        for i, (r, b) in enumerate(zip(readings, best, strict=True))
+    ]
 
 
 def is_shuffled(reading: Reading) -> bool:
@@ -167,6 +203,27 @@ def lines_by_genre(what: str, seeds: Sequence[Sequence[Reading]]) -> list[str]:
         for genre in genres
         if len(genres) > 1
     ]
+
+
+def in_parts(readings: Sequence[Reading]) -> list[float]:
+    """Share of right counts in each sixth of the takes, from the first to the last."""
+    shares = []
+    for reading in readings:
+        errors = np.abs(signed_errors_beats(reading.found.times_s, reading.take.counts.times_s))
+        shares.append([np.mean(part <= WITHIN_BEATS) for part in np.array_split(errors, N_PARTS)])
+    return list(np.mean(shares, axis=0))
+
+
+def threshold_lines(readings: Mapping[str, Sequence[Reading]]) -> list[str]:
+    """A table: the share of takes that reach each threshold, and of their counts that are right."""
+    lines = [f"| confidence of at least | {' | '.join(readings)} |", "| --- |" + " --- |" * len(readings)]
+    for threshold in THRESHOLDS:
+        cells = []
+        for of_kind in readings.values():
+            right = [r.right for r in of_kind if r.confidence >= threshold]
+            cells.append(f"{len(right) / len(of_kind):.2f}" + (f" ({np.mean(right):.2f})" if right else ""))
+        lines.append(f"| {threshold:g} | {' | '.join(cells)} |")
+    return lines
 
 
 def recounted(path: Path, output: Path, counts: Mapping[str, Counts]) -> cg.Repertoire:
@@ -234,6 +291,7 @@ def main() -> None:
     parser.add_argument("sources", nargs="+", type=Path)
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    parser.add_argument("--seeds-built-in", type=int, help="so many seeds for built-in takes; default: all")
     parser.add_argument("--steps", type=int, help="of every training; default: the preset's")
     parser.add_argument("--library", type=Path, help="repertoire of dance-with-melody's takes with counts")
     parser.add_argument("-o", "--output", type=Path)
@@ -242,22 +300,34 @@ def main() -> None:
     built_in, recorded = built_in_takes(), recorded_takes(given.sources)
     danced = [r.motion for r in recorded if r.song_name]
     trials = {
-        "real takes, song left out": list(trials_by_song(recorded, built_in)),
-        "real takes, song and figures left out": list(trials_by_figure(recorded, built_in)),
-        "built-in takes, genre left out": list(trials_by_genre(built_in)),
+        BY_SONG: list(trials_by_song(recorded, built_in)),
+        BY_FIGURE: list(trials_by_figure(recorded, built_in)),
+        BY_GENRE: list(trials_by_genre(built_in)),
         ALONE: [Trial(ALONE, built_in, [*starter_takes(), *danced])],
     }
+    seeds_of = {what: given.seeds[: given.seeds_built_in] for what in (BY_GENRE, ALONE)}
     found: dict[str, list[list[Reading]]] = {
-        what: [[r for t in of for r in read_by(t, config, seed, given.work)] for seed in given.seeds]
+        what: [
+            [r for t in of for r in read_by(t, config, seed, given.work)]
+            for seed in seeds_of.get(what, given.seeds)
+        ]
         for what, of in trials.items()
     }
-    for i in range(len(given.seeds)):
-        known = [r for what, readings in found.items() for r in readings[i] if what != ALONE]
-        for readings in found.values():
-            readings[i] = with_confidence(readings[i], known)
+    known = [r for what in (BY_FIGURE, BY_GENRE) for readings in found[what] for r in readings]
+    found = {what: [with_confidence(readings, known) for readings in of] for what, of in found.items()}
     mixed = [r for of in found.values() for s in of for r in s]
     found = {what: [[r for r in s if not is_shuffled(r)] for s in of] for what, of in found.items()}
     alone = found.pop(ALONE)
+    by_threshold = {what: [r for s in found[what] for r in s] for what in (BY_SONG, BY_FIGURE, BY_GENRE)}
+    by_threshold |= {"takes in shuffled pieces": [r for r in mixed if is_shuffled(r)]}
+    by_threshold |= {
+        "real takes, by built-in takes alone": [r for s in alone for r in s if not r.take.is_built_in]
+    }
+    for what in (BY_SONG, BY_FIGURE):
+        found[f"{what}, counts not in doubt"] = [
+            [r for r in s if r.take.counts.confidence == 1.0] for s in found[what]
+        ]
+        found[f"{what}, decoder chosen on other folds"] = [with_decoder_of_others(s) for s in found[what]]
     found["built-in takes, seed left out"] = [[r for r in s if r.take.is_built_in] for s in alone]
     found["real takes, by built-in takes alone"] = [[r for r in s if not r.take.is_built_in] for s in alone]
     found["takes in shuffled pieces"] = [[r for r in mixed if is_shuffled(r)]]
@@ -272,9 +342,13 @@ def main() -> None:
         "counts right of those | takes right of those |\n"
         "| --- | --- | --- | --- | --- | --- | --- | --- |\n"
     )
-    table = head + "\n".join(rows) + "\n"
+    table = head + "\n".join(rows) + "\n\n" + "\n".join(threshold_lines(by_threshold)) + "\n"
+    table += f"\n| counts right, by sixths of a take |{' |' * N_PARTS}\n| --- |{' --- |' * N_PARTS}\n"
+    for what in (BY_SONG, BY_FIGURE):
+        parts = np.mean([in_parts(readings) for readings in found[what]], axis=0)
+        table += f"| {what} | {' | '.join(f'{share:.2f}' for share in parts)} |\n"
     if given.library:
-        readings = found["real takes, song left out"][0]
+        readings = found[BY_SONG][0]
         lines = library_lines(given.sources[0], given.library, given.work, readings)
         table += "\n| danced with | true counts within 0.15 beat | count 1 |\n| --- | --- | --- |\n"
         table += "\n".join(lines) + "\n"

@@ -5,7 +5,9 @@
 
 Weights are those of `examples/papers/train_music_counts.py`, and their files say what they heard: networks
 that heard every genre are judged on unseen songs, a network that was kept from genres on songs of those
-genres, and one that heard real songs on the real songs that it did not hear. Columns are means over networks.
+genres, and one that heard real songs on the real songs that it did not hear. Columns are means over networks,
+those of networks that heard every genre with the spread (standard deviation) over them.
+
 
 Synthetic songs have true beats and bars: every kind in a third of the genres, none with the drums of another
 genre; salsa at 160 to 200 BPM and waltz at 150 to 190; and the benchmark songs. "Level": the median tempo is
@@ -220,9 +222,9 @@ def synthetic_rows(columns: Mapping[str, Sequence[tuple[Method, Weights | None]]
 
 def real_rows(
     songs: Sequence[RealSong], columns: Mapping[str, Sequence[tuple[Method, Weights | None]]]
-) -> dict[str, dict[str, list[float]]]:
-    """By what is asked, then by column, 1 for every song of which it is right."""
-    rows: dict[str, dict[str, list[float]]] = {}
+) -> dict[str, dict[str, list[list[float]]]]:
+    """By what is asked, then by column, for every song 1 for each network that is right of it."""
+    rows: dict[str, dict[str, list[list[float]]]] = {}
     for song in songs:
         mel = log_mel(song.samples)
         for column, made in columns.items():
@@ -230,15 +232,15 @@ def real_rows(
             found = [method(song.samples, mel) for method in unseen]
             if not found:
                 continue
-            metre = float(np.mean([counts.metre == song.metre for counts in found]))
+            metre = [float(counts.metre == song.metre) for counts in found]
             asked = {"metre": metre, f"metre of those in {song.metre}": metre}
             if np.isfinite(song.bpm):
                 tempi = [60.0 / np.median(np.diff(counts.times_s)) / song.bpm for counts in found]
                 at = np.array([[abs(t * k - 1) < SAME_TEMPO for k in (1.0, 2.0, 0.5)] for t in tempi])
-                asked["tempo of ChoreoNet's counts"] = float(at[:, 0].mean())
-                asked["the same, its half or its double"] = float(at.any(axis=1).mean())
-            for what, value in asked.items():
-                rows.setdefault(what, {}).setdefault(column, []).append(value)
+                asked["tempo of ChoreoNet's counts"] = at[:, 0].astype(float).tolist()
+                asked["the same, its half or its double"] = at.any(axis=1).astype(float).tolist()
+            for what, values in asked.items():
+                rows.setdefault(what, {}).setdefault(column, []).append(values)
         print(song.name, flush=True)
     return rows
 
@@ -256,10 +258,19 @@ def table(head: str, columns: Sequence[str], rows: Mapping[str, Sequence[str]]) 
     return "\n".join([*lines, *(f"| {name} | {' | '.join(cells)} |" for name, cells in rows.items())]) + "\n"
 
 
-def mean(rows: Sequence[Mapping[str, float]] | None, *names: str) -> str:
+def mean(rows: Sequence[Mapping[str, float]] | None, *names: str, n_networks: int = 1) -> str:
+    """Means over rows, of each song one for each network."""
     if not rows or names[0] not in rows[0]:
         return ""
-    return " / ".join(f"{np.mean([row[name] for row in rows]):.2f}" for name in names)
+    of_songs = [np.reshape([row[name] for row in rows], (-1, n_networks)) for name in names]
+    return " / ".join(mean_and_spread(values) for values in of_songs)
+
+
+def mean_and_spread(values: Sequence[Sequence[float]] | Floats) -> str:
+    """Of songs and networks (N, W); the spread is that between the networks, of more than one."""
+    per_song = [np.mean(of_song) for of_song in values]
+    spread = np.std(np.mean(values, axis=0)) if len({len(v) for v in values}) == 1 < len(values[0]) else None
+    return f"{np.mean(per_song):.2f}" + (f" ± {spread:.2f}" if spread is not None else "")
 
 
 def main() -> None:
@@ -280,13 +291,21 @@ def main() -> None:
         ("Metre / level", ("metre", "level")),
     ):
         rows = {
-            group: [mean(of_group.get(name), *asked) for name in names] for group, of_group in of_true.items()
+            group: [
+                mean(
+                    of_group.get(name),
+                    *asked,
+                    n_networks=len(columns[name]) if name in NETWORK_METHODS else 1,
+                )
+                for name in names
+            ]
+            for group, of_group in of_true.items()
         }
         parts.append(table(title, names, rows))
     commoner = max(np.mean([song.metre == metre for song in real]) for metre in (3, 4))
     rows = {}
     for what, by_column in of_real.items():
-        shown = [f"{np.mean(by_column[name]):.2f}" if name in by_column else "" for name in columns]
+        shown = [mean_and_spread(by_column[name]) if name in by_column else "" for name in columns]
         n_songs = len(by_column["tempo path"])
         rows[f"{what}, {n_songs} songs"] = [*shown, f"{commoner:.2f}" if what == "metre" else ""]
     parts.append(table("Real songs", names, rows))

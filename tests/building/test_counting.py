@@ -115,9 +115,9 @@ def test_takes_without_counts_are_read_from_their_motion_if_that_is_sure():
     assert [m.take.counts.source for m in counted] == [FROM_MOTION, "", ANNOTATED]
     assert len(read_bodies) == 2
     assert notes == (
-        "1 take is counted by the motion, with 0.80 of the counts expected to be right: take0",
+        "1 take is counted by the motion, with 0.70 of the counts expected to be right: take0",
         "1 take is without counts and danced by motion beats, since of those read from the motion only 0.42 "
-        "(less than 0.8) are expected to be right: take1",
+        "(less than 0.7) are expected to be right: take1",
     )
 
 

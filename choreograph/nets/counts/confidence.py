@@ -11,23 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from choreograph.counts import Counts
 from choreograph.errors import ParameterError
 from choreograph.features.bar_pointer import DecodedCounts, PhaseCurves
+from choreograph.timebase import frame_times_s
 
 Floats = NDArray[np.float64]
 
-N_CONFIDENCE = 4
+N_CONFIDENCE = 5
+_STEADY_S = 5.0  # over which curves are to keep one phase to the counts
 _SHRINKAGE = 1.0  # of the weights, worth about a take
 
 
 def confidence_features(curves: PhaseCurves, decoded: DecodedCounts) -> Floats:
     """What speaks for a take's counts, (N_CONFIDENCE,): 1, and means over its frames, each around 0 to 1.
 
-    How far the beat's phase agrees with the counts, how far the bar's, both weighted by concentration, and
-    how concentrated the beat is.
+    How far the beat's phase agrees with the counts, how far the bar's, both weighted by concentration, how
+    concentrated the beat is, and how steadily it keeps to the counts, whatever its phase against them.
     """
     if not len(decoded.beat_agreement):
-        return np.array([1.0, 0.0, 0.0, 0.0])
+        return np.append(1.0, np.zeros(N_CONFIDENCE - 1))
     beat = np.linalg.norm(curves.beat, axis=1)  # (T,)
     bar = np.linalg.norm(curves.bar, axis=2).max(axis=1)
     return np.array(
@@ -36,8 +39,25 @@ def confidence_features(curves: PhaseCurves, decoded: DecodedCounts) -> Floats:
             np.average(decoded.beat_agreement, weights=beat + 1e-6),
             np.average(decoded.bar_agreement, weights=bar + 1e-6),
             np.log1p(beat).mean(),
+            _steadiness(curves, decoded.counts),
         ]
     )
+
+
+def _steadiness(curves: PhaseCurves, counts: Counts) -> float:
+    """In every five seconds, the size of the mean beat vector turned back by the counts, over the mean size.
+
+    The mean over the take, 0 … 1. What has no count keeps no phase for so long, though the best path of all
+    agrees with it here and there.
+    """
+    times_s = frame_times_s(len(curves.beat), curves.fps)
+    if len(counts) < 2:
+        return 0.0
+    in_beats = np.interp(times_s, counts.times_s, np.arange(len(counts)))
+    inside = (times_s >= counts.times_s[0]) & (times_s <= counts.times_s[-1])
+    vectors = (curves.beat[:, 0] + 1j * curves.beat[:, 1]) * np.exp(-2j * np.pi * in_beats) * inside
+    windows = np.array_split(vectors, max(1, round(len(vectors) / curves.fps / _STEADY_S)))
+    return float(np.mean([abs(w.sum()) / max(np.abs(w).sum(), 1e-12) for w in windows]))
 
 
 def confidence_of(features: Floats, weights: Floats) -> float:

@@ -6,6 +6,7 @@ floor, or facing where, something is danced.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,7 +29,7 @@ _N_JOINTS = len(BODY_JOINTS)
 N_FEATURES = _N_JOINTS * 7  # position, velocity, speed
 # Songs that are danced to keep their tempo, a dancer counts through, and neighbouring moments err alike.
 POINTER = PointerConfig(bpm=(50.0, 220.0), tempo_std=0.002, break_cost=40.0, observations_per_s=1.0)
-_TEMPI = (0.85, 1.0, 1.18)  # at which a take is read: what holds at one tempo only is not trusted
+TEMPI = (0.85, 1.0, 1.18)  # at which a take is read: what holds at one tempo only is not trusted
 _ACROSS = tuple(
     [BODY_JOINTS.index(f"{side}_{part}") for part in ("hip", "shoulder")] for side in ("left", "right")
 )
@@ -61,13 +62,13 @@ class MotionCountsNet(StoredNet):
         features = self.feature_dropout((standard * present[..., None]).transpose(1, 2))
         return self.head(self.trunk(features))
 
-    def curves(self, body_pos_m: NDArray[np.floating]) -> PhaseCurves:
+    def curves(self, body_pos_m: NDArray[np.floating], tempi: Sequence[float] = TEMPI) -> PhaseCurves:
         """Phase curves of a take's body positions (T, 21, 3) at 20 fps; `ParameterError` if not so.
 
         The mean of the curves of the take as it is, slower and faster.
         """
         pos_m = checked_body_pos_m(body_pos_m)
-        read = [self._curves_at(pos_m, tempo) for tempo in _TEMPI]
+        read = [self._curves_at(pos_m, tempo) for tempo in tempi]
         beat, bar = (np.mean([getattr(c, name) for c in read], axis=0) for name in ("beat", "bar"))
         return PhaseCurves(beat, bar, NET_FPS)
 

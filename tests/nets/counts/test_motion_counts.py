@@ -93,6 +93,14 @@ def test_counts_of_another_tempo_are_read_from_the_motion(trained):
     assert counts_within(turned.times_s, unseen.counts.times_s) > 0.9
 
 
+def test_the_curves_of_a_take_are_the_mean_of_those_at_the_tempi(trained):
+    body = take(0.55).body_pos_m
+    slow, fast, both = (trained.curves(body, tempi) for tempi in ((0.9,), (1.1,), (0.9, 1.1)))
+    np.testing.assert_allclose(both.beat, 0.5 * (slow.beat + fast.beat))
+    np.testing.assert_allclose(both.bar, 0.5 * (slow.bar + fast.bar))
+    assert np.abs(slow.beat - fast.beat).max() > 0.01
+
+
 def test_storage(trained):
     again = MotionCountsNet.from_arrays(*trained.to_arrays())
     body = take(0.5).body_pos_m
