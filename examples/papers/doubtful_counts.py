@@ -11,8 +11,8 @@ seed), without the take it is said of. Checkpoints are in FOLDER, as those of
 
 REPERTOIRE has takes of dance-with-melody with counts, and left out those of
 `examples/papers/dance_with_melody_held_out.txt`, whose songs are danced with the takes that were read, and no
-others: by their true counts, by motion beats alone, by the counts read where they are sure, by those that a
-build takes over (`choreograph.building.counting`), and by these with their doubt. Judged are the true counts.
+others: by motion beats alone, by the counts read where they are sure, by those that a build takes over
+(`choreograph.building.counting`), and by these with their doubt. Judged are the true counts.
 """
 
 from __future__ import annotations
@@ -186,10 +186,9 @@ def recounted(path: Path, output: Path, counts: Mapping[str, Counts], *, doubt: 
 
 
 def libraries(path: Path, work: Path, readings: Sequence[Reading]) -> Iterator[tuple[str, cg.Repertoire]]:
-    """The library with its takes' true counts, without counts, and with those read."""
+    """The library without counts, and with those read."""
     sure = {r.take.name: r.counts for r in readings if r.confidence >= SURE_MOTION_CONFIDENCE}
     counted = {r.take.name: r.counts for r in readings if r.is_counted}
-    yield "true counts", cg.Repertoire.open(path)
     yield "motion beats", recounted(path, work / "no_counts.h5", {}, doubt=False)
     if sure and len(sure) < len(counted):
         yield "sure counts", recounted(path, work / "sure.h5", sure, doubt=False)

@@ -52,7 +52,6 @@ HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 OWN, OTHER = "own song", "another song"
 READ = run_path(str(Path(__file__).with_name("doubtful_counts.py")))
 GROUPS = [READ[name] for name in ("NOT_SURE", "FIGURES", "GENRE", "CLEAN")]
-text = READ["mean_text"]
 Floats = np.ndarray
 
 
@@ -287,6 +286,11 @@ def densities(paths: Sequence[Path], number: int) -> tuple[MotionDensity | None,
         MotionDensity.from_arrays(motion.weights, motion.config),
         MusicDensity.from_arrays(music.weights, music.config),
     )
+
+
+def text(values: Sequence[float]) -> str:
+    """Mean ± spread over seeds; nothing where there is no such number."""
+    return READ["mean_text"](values) if np.isfinite(values).all() else ""
 
 
 def print_table(what: str, seeds: Sequence[Sequence], songs: Sequence[Heard], options: argparse.Namespace):
