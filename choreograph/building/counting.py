@@ -46,11 +46,11 @@ _NAMED = 8  # takes in a note; the others are counted
 def counted_takes(
     measured: Sequence[MeasuredTake], songs: SongCache, read_motion: MotionReader | None = None
 ) -> tuple[list[MeasuredTake], tuple[str, ...]]:
-    """The takes, those without counts with their song's or their motion's where these are likely, and notes.
+    """The takes, those without counts with their song's or motion's where these are likely right, and notes.
 
     Without `read_motion` no counts are read from the motion. Raises `FormatError` if a song cannot be read.
     """
-    counted, refused = [], []  # counts that are not likely to be right
+    counted, refused = [], []  # what was read of takes that stay without counts
     for given in measured:
         new = _counted_by_song(given, songs)
         if not len(new.take.counts) and read_motion is not None:
@@ -80,15 +80,14 @@ def counted_takes(
                 f"{_some([take.name for take in takes])}"
             )
     if without:
-        unsure = (
-            f", since counts read from the motion are unlikely ({_range([c.confidence for c in refused])} of "
-            f"them expected to be right, doubt {_range([_mean_doubt(c) for c in refused])})"
-            if refused
-            else ""
-        )
-        notes.append(
-            f"{_number(without)} without counts and danced by motion beats{unsure}: {_some(without)}"
-        )
+        why = ""
+        if refused:
+            share, doubt = _range([c.confidence for c in refused]), _range([_mean_doubt(c) for c in refused])
+            why = (
+                f", since counts read from the motion are too doubtful ({share} of them expected to be "
+                f"right, doubt {doubt})"
+            )
+        notes.append(f"{_number(without)} without counts and danced by motion beats{why}: {_some(without)}")
     return counted, tuple(notes)
 
 

@@ -122,7 +122,7 @@ def test_takes_without_counts_are_read_from_their_motion_if_that_is_likely_to_be
         "1 take is counted by the motion, but not surely: only 0.50 of the counts expected to be right: "
         "take1",
         "2 takes are without counts and danced by motion beats, since counts read from the motion are "
-        "unlikely (0.42 to 0.70 of them expected to be right, doubt 0.10 to 0.40): take2, take3",
+        "too doubtful (0.42 to 0.70 of them expected to be right, doubt 0.10 to 0.40): take2, take3",
     )
 
 
