@@ -6,7 +6,7 @@ count means that the first lie on the second, and count 1 on the downbeat.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +33,8 @@ class Counts:
     metre: int  # counts in a bar; 0 if bars are not known
     source: str = ""  # see above
     confidence: float = 0.0  # 0 … 1, that times and numbers are right
+    # (Q,) where a network read them: 0 if its phases agree with the count, ½ if they say nothing, up to 1
+    doubt: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __len__(self) -> int:
         return len(self.times_s)
@@ -50,9 +52,11 @@ class Counts:
     def within(self, start_s: float, end_s: float) -> Counts:
         """The counts of a part, times from its start."""
         inside = (self.times_s >= start_s) & (self.times_s <= end_s)
+        doubt = self.doubt[inside] if len(self.doubt) else self.doubt
         return Counts(
-            self.times_s[inside] - start_s, self.numbers[inside], self.metre, self.source, self.confidence
-        )
+            self.times_s[inside] - start_s, self.numbers[inside], self.metre, self.source, self.confidence,
+            doubt,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

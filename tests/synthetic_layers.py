@@ -33,6 +33,9 @@ class RandomPoses:
     def liveliness(self, clip, start, stop):
         return self.of_clip[clip]
 
+    def count_doubt(self, clip, start, stop):
+        return 0.5 * self.of_clip[clip]
+
 
 def random_source(
     seed: int,

@@ -20,6 +20,7 @@ import choreograph as cg
 from choreograph.count_files import write_counts
 from choreograph.counts import make_counts, numbers_in_bar
 from choreograph.exporters import save_motion
+from choreograph.warping import subsequence_dtw
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
@@ -84,6 +85,24 @@ def test_what_reproduces_the_papers_shows_its_usage(path, monkeypatch, capsys):
 @pytest.fixture(scope="module")
 def db(tmp_path_factory):
     return synthetic_repertoire(tmp_path_factory.mktemp("examples") / "rep.h5").path
+
+
+@pytest.mark.slow
+def test_the_dtw_of_phase_curves_finds_a_planted_warp_and_is_the_engines_in_one_dimension():
+    script = runpy.run_path(str(ROOT / "examples" / "papers" / "warping_experiment.py"))
+    rng = np.random.default_rng(0)
+    query, targets = rng.normal(size=80).astype(np.float32), rng.normal(size=(5, 160)).astype(np.float32)
+    paths, _ = subsequence_dtw(query, targets)
+    assert np.allclose(script["dtw_paths"](query[:, None], targets[..., None]), paths)
+    warp = np.cumsum(np.r_[30.0, np.full(39, 0.7), np.full(40, 1.4)])  # (80,) target frames
+
+    def phases(frames: np.ndarray) -> np.ndarray:
+        turns = frames[:, None] / [9.0, 36.0]  # beat and bar
+        return np.concatenate([np.cos(2 * np.pi * turns), np.sin(2 * np.pi * turns)], axis=1)
+
+    (found,) = script["dtw_paths"](phases(warp), phases(np.arange(160.0))[None])
+    off = (found - warp + 18.0) % 36.0 - 18.0  # another bar will do as well
+    assert np.abs(off).max() < 1.0
 
 
 @pytest.mark.slow

@@ -3,8 +3,9 @@
 That a take was danced to a song does not say that recording and sound file begin together: those of
 dance-with-melody do not. So the song's beats are a take's counts only if the motion is slow where they are,
 throughout the take. Otherwise, and without a song, a pretrained network reads the counts from the motion
-(`nets.counts`), and says how many of them it expects to be right; if these are too few, the take stays
-without counts and is danced by its motion beats.
+(`nets.counts`), and says how many of them it expects to be right. If these are less than half, or if its
+phases hardly agree with any counts, the take stays without and is danced by its motion beats. Counts that are
+not sure are better than motion beats, and said not to be sure (`examples/results/warping.md`).
 """
 
 from __future__ import annotations
@@ -29,9 +30,14 @@ MotionReader = Callable[[NDArray[np.floating]], Counts]  # of body positions (T,
 
 # Built-in takes and their songs' beats have 0.83 to 1, takes of dance-with-melody, of any phase, up to 0.28.
 MIN_PHASE_LOCK = 0.6
-# Share of counts that are expected to be right, below which none are read from the motion. Dances cut into
-# pieces and shuffled, which have no count, reach 0.65; dances of new genres or figures have 0.6 to 0.9.
-MIN_MOTION_CONFIDENCE = 0.7
+# Shares of counts that are expected to be right, below which none are read from the motion,
+MIN_MOTION_CONFIDENCE = 0.5
+# and below which those read are said not to be sure: dances cut into pieces and shuffled, which have no
+# count, reach 0.65; dances of new genres or figures have 0.6 to 0.9.
+SURE_MOTION_CONFIDENCE = 0.7
+# Mean doubt above which none are read: 0.13 to 0.29 in real takes whose figures the network did not know,
+# 0.34 and more in takes that are shuffled or stand still.
+MAX_MOTION_DOUBT = 0.3
 MOTION_NET = "motion_counts"  # its name among the pretrained networks
 _WINDOW_BEATS = 4
 _FEWEST_WINDOWS = 5  # of fewer, random phases agree too often
@@ -42,19 +48,19 @@ _NAMED = 8  # takes in a note; the others are counted
 def counted_takes(
     measured: Sequence[MeasuredTake], songs: SongCache, read_motion: MotionReader | None = None
 ) -> tuple[list[MeasuredTake], tuple[str, ...]]:
-    """The takes, those without counts with their song's or their motion's where these are sure, and notes.
+    """The takes, those without counts with their song's or motion's where these are likely right, and notes.
 
     Without `read_motion` no counts are read from the motion. Raises `FormatError` if a song cannot be read.
     """
-    counted, refused = [], {}  # confidence by the names of takes that the network does not count
+    counted, refused = [], []  # what was read of takes that stay without counts
     for given in measured:
         new = _counted_by_song(given, songs)
         if not len(new.take.counts) and read_motion is not None:
             read = read_motion(given.body_pos_m)
-            if read.confidence >= MIN_MOTION_CONFIDENCE:
+            if read.confidence >= MIN_MOTION_CONFIDENCE and _mean_doubt(read) <= MAX_MOTION_DOUBT:
                 new = replace(new, take=replace(new.take, counts=read))
             else:
-                refused[given.take.name] = read.confidence
+                refused.append(read)
         counted.append(new)
     pairs = list(zip(measured, counted, strict=True))
     found = [new.take for old, new in pairs if len(new.take.counts) and not len(old.take.counts)]
@@ -66,22 +72,24 @@ def counted_takes(
         notes.append(
             f"{_number(by_song)} counted by the song's beats, which the motion keeps to: {_some(by_song)}"
         )
-    if by_motion:
-        sure = [take.counts.confidence for take in by_motion]
-        notes.append(
-            f"{_number(by_motion)} counted by the motion, with {_range(sure)} of the counts expected to be "
-            f"right: {_some([take.name for take in by_motion])}"
-        )
+    for is_sure in (True, False):
+        takes = [t for t in by_motion if (t.counts.confidence >= SURE_MOTION_CONFIDENCE) == is_sure]
+        if takes:
+            share = _range([take.counts.confidence for take in takes])
+            how = f"with {share}" if is_sure else f"but not surely: only {share}"
+            notes.append(
+                f"{_number(takes)} counted by the motion, {how} of the counts expected to be right: "
+                f"{_some([take.name for take in takes])}"
+            )
     if without:
-        unsure = (
-            f", since of those read from the motion only {_range(list(refused.values()))} (less than "
-            f"{MIN_MOTION_CONFIDENCE:g}) are expected to be right"
-            if refused
-            else ""
-        )
-        notes.append(
-            f"{_number(without)} without counts and danced by motion beats{unsure}: {_some(without)}"
-        )
+        why = ""
+        if refused:
+            share, doubt = _range([c.confidence for c in refused]), _range([_mean_doubt(c) for c in refused])
+            why = (
+                f", since counts read from the motion are too doubtful ({share} of them expected to be "
+                f"right, doubt {doubt})"
+            )
+        notes.append(f"{_number(without)} without counts and danced by motion beats{why}: {_some(without)}")
     return counted, tuple(notes)
 
 
@@ -155,6 +163,10 @@ def _counted_by_song(measured: MeasuredTake, songs: SongCache) -> MeasuredTake:
     pos_m = body_pos_m(take.motion.resampled(STORE_FPS))
     counts = counts_from_song(song, pos_m, STORE_FPS, song_start_s=take.song_start_s)
     return replace(measured, take=replace(take, counts=counts))
+
+
+def _mean_doubt(read: Counts) -> float:
+    return float(read.doubt.mean()) if len(read.doubt) else 0.0
 
 
 def _number(takes: Sequence[object]) -> str:

@@ -113,11 +113,13 @@ class Rhythm(Cost):
     """Share of unmatched beats plus the mismatch of tempo-densities, of the warped node.
 
     Ours: the paper's costs do not measure the result of the warp, and select clips that cannot be warped
-    to the beat. 0 for a node whose take's counts lie on the beats.
+    to the beat. A node whose take's counts lie on the beats costs only their doubt, where they were read from
+    the motion.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
-        return np.where(layer.track >= 0, 0.0, layer.unmatched_beat + layer.density_mismatch)
+        by_density = layer.unmatched_beat + layer.density_mismatch
+        return np.where(layer.track >= 0, layer.count_doubt, by_density)
 
 
 class Accents(Cost):

@@ -26,7 +26,14 @@ from choreograph.repertoire.html_table import html_table
 from choreograph.repertoire.motif_arrays import vocabulary_from
 from choreograph.repertoire.store import NetArrays, RepertoireFile
 from choreograph.takes import Credits
-from choreograph.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGMENT_S, frames_to_seconds
+from choreograph.timebase import (
+    CLIP_FRAMES,
+    NET_FPS,
+    SEGMENT_FRAMES,
+    SEGMENT_S,
+    frame_times_s,
+    frames_to_seconds,
+)
 
 if TYPE_CHECKING:
     from choreograph.nets.rollout.model import RolloutNet
@@ -287,11 +294,12 @@ class Repertoire:
             return (NO_COUNTS,) * len(self.takes)
         columns = ("count_start", "count_stop", "metre", "counts_source", "counts_confidence")
         times_s, numbers = self._file.read("counts/time_s"), self._file.read("counts/number")
+        doubt = self._file.read("counts/doubt").astype(np.float64) if self._file.has_doubt else np.zeros(0)
+        rows = zip(*(self._file.read(f"takes/{column}") for column in columns), strict=True)
+        takes = [(slice(start, stop), *about) for start, stop, *about in rows]
         return tuple(
-            Counts(times_s[start:stop], numbers[start:stop], int(metre), str(source), float(confidence))
-            for start, stop, metre, source, confidence in zip(
-                *(self._file.read(f"takes/{column}") for column in columns), strict=True
-            )
+            Counts(times_s[own], numbers[own], int(metre), str(source), float(confidence), doubt[own])
+            for own, metre, source, confidence in takes
         )
 
     def counts(self, take: int) -> Counts:
@@ -365,6 +373,24 @@ class Repertoire:
         """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
         offset = self.clip_start_frame[clip]
         return self._liveliness.ranks(self.clip_take[clip], offset + start, offset + stop)
+
+    def count_doubt(
+        self, clip: NDArray[np.integer], start: NDArray[np.floating], stop: NDArray[np.floating]
+    ) -> NDArray[np.float32]:
+        """Doubt (N,), 0 … 1, of the counts half way between two frames of each clip: see `Counts`."""
+        middle = np.round(0.5 * (start + stop)).astype(np.int64)
+        return self._doubt[self._clip_body_start[clip] + middle]
+
+    @cached_property
+    def _doubt(self) -> NDArray[np.float32]:
+        """Doubt of the counts at every 20 fps frame, (B,); 0 where a take has none."""
+        doubt = np.zeros(self._file.shapes["body/pos_m"][0], np.float32)
+        for index, take in enumerate(self.takes):
+            counts, (start, stop) = self.counts(index), take.body
+            if len(counts.doubt):
+                times_s = frame_times_s(stop - start, NET_FPS)
+                doubt[start:stop] = np.interp(times_s, counts.times_s, counts.doubt)
+        return doubt
 
     @cached_property
     def clip_energy(self) -> NDArray[np.float32]:

@@ -64,6 +64,9 @@ COUNTS: dict[str, tuple[str, str]] = {
     "figures/n_counts": ("i8", "F"),
 }
 
+# How doubtful each count is, in files of takes that a network counted; without it, none is.
+DOUBT: dict[str, tuple[str, str]] = {"counts/doubt": ("f4", "U")}
+
 # Motion words and motifs, all of these or none: K motif, W word, G genre. They need the network `words`.
 MOTIFS: dict[str, tuple[str, str]] = {
     "motifs/embeddings": ("f4", "K 184"),

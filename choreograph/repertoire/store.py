@@ -21,6 +21,7 @@ from choreograph.repertoire.schema import (
     DATASETS,
     DELTA_ORDER,
     DELTA_RESTART,
+    DOUBT,
     FORMAT,
     HALF_PRECISION,
     MOTIFS,
@@ -47,7 +48,8 @@ class NetArrays:
 class Contents:
     """Everything in a repertoire file."""
 
-    arrays: Mapping[str, NDArray]  # by path: all of `schema.DATASETS` and `COUNTS`, all or none of `MOTIFS`
+    # By path: all of `schema.DATASETS` and `COUNTS`, all or none of `MOTIFS` and of `DOUBT`.
+    arrays: Mapping[str, NDArray]
     density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
     provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
@@ -156,9 +158,12 @@ def _read_quantised(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
 
 
 def _layout(names: Container[str], version: int = VERSION) -> dict[str, tuple[str, str]]:
-    """The datasets of a file with these names: all of `schema.MOTIFS` if it has any of them."""
-    motifs = MOTIFS if any(name in names for name in MOTIFS) else {}
-    return DATASETS | (COUNTS if version >= WITH_COUNTS else {}) | motifs
+    """The datasets of a file with these names: all of `schema.MOTIFS` or `DOUBT` if it has any of them."""
+    layout = DATASETS | (COUNTS if version >= WITH_COUNTS else {})
+    for optional in (DOUBT, MOTIFS):
+        if any(name in names for name in optional):
+            layout |= optional
+    return layout
 
 
 def _check(contents: Contents) -> None:
@@ -214,7 +219,9 @@ class RepertoireFile:
                 )
             self.has_motifs = "motifs" in file
             self.has_counts = version >= WITH_COUNTS
-            layout = _layout(MOTIFS if self.has_motifs else (), version)
+            self.has_doubt = self.has_counts and all(name in file for name in DOUBT)
+            optional = [*(MOTIFS if self.has_motifs else ()), *(DOUBT if self.has_doubt else ())]
+            layout = _layout(optional, version)
             missing = [name for name in layout if not isinstance(file.get(name), h5py.Dataset)]
             missing += [name for name in ATTRIBUTES if name not in file.attrs]
             if missing:
@@ -243,7 +250,7 @@ class RepertoireFile:
         """An array of the schema, or a slice of its first axis; strings as numpy str."""
         with self._opened() as file:
             data = file[name]
-            if (DATASETS | COUNTS | MOTIFS)[name][0] == "s":
+            if (DATASETS | COUNTS | DOUBT | MOTIFS)[name][0] == "s":
                 return np.array(data.asstr()[part], dtype=np.str_)
             return _read_quantised(data, part) if "step" in data.attrs else data[part]
 

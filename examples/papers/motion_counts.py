@@ -30,7 +30,7 @@ from scipy.ndimage import gaussian_filter1d
 
 import choreograph as cg
 from choreograph.audio.song import load_song
-from choreograph.building.counting import MIN_MOTION_CONFIDENCE
+from choreograph.building.counting import SURE_MOTION_CONFIDENCE
 from choreograph.counts import FROM_MOTION, NO_COUNTS, Counts, numbers_in_bar
 from choreograph.evaluation import danced_counts
 from choreograph.features._kernels import best_beat_sequence
@@ -187,7 +187,7 @@ def line(what: str, seeds: Sequence[Sequence[Reading]]) -> str:
 def _sure_text(seeds: Sequence[Sequence[Reading]]) -> str:
     if any(np.isnan(r.confidence) for readings in seeds for r in readings):
         return " | | "
-    sure = [[r for r in readings if r.confidence >= MIN_MOTION_CONFIDENCE] for readings in seeds]
+    sure = [[r for r in readings if r.confidence >= SURE_MOTION_CONFIDENCE] for readings in seeds]
     of_all = f"{np.mean([len(s) / len(r) for s, r in zip(sure, seeds, strict=True)]):.2f}"
     flat = [r for s in sure for r in s]
     if not flat:
@@ -252,7 +252,7 @@ def library_lines(data: Path, library: Path, work: Path, readings: Sequence[Read
     sure = {
         r.take.name: replace(r.found, source=FROM_MOTION, confidence=r.confidence)
         for r in readings
-        if r.confidence >= MIN_MOTION_CONFIDENCE
+        if r.confidence >= SURE_MOTION_CONFIDENCE
     }
     true = cg.Repertoire.open(library)
     by_motion = recounted(library, work / "by_motion.h5", sure)

@@ -9,7 +9,7 @@ from synthetic_repertoire import synthetic_takes, write_clicks
 
 import choreograph as cg
 from choreograph.building import BuildOptions, build_repertoire
-from choreograph.building.counting import MIN_MOTION_CONFIDENCE
+from choreograph.building.counting import SURE_MOTION_CONFIDENCE
 from choreograph.building.segmentation import FEWEST_WORDS, segment_takes
 from choreograph.counts import FROM_MOTION
 from choreograph.errors import ParameterError
@@ -276,9 +276,10 @@ def test_takes_without_music_are_counted_by_their_motion(tmp_path):
     options = BuildOptions(preset="tiny", words=False)
     built = build_repertoire([folder], tmp_path / "a.h5", options)
     counts = built.repertoire.counts(0)
-    assert counts.source == FROM_MOTION and counts.confidence >= MIN_MOTION_CONFIDENCE
+    assert counts.source == FROM_MOTION and counts.confidence >= SURE_MOTION_CONFIDENCE
     assert counts_within(counts.times_s, beats_s) > 0.95
-    assert any(note.startswith("1 take is counted by the motion") for note in built.notes)
+    assert len(counts.doubt) == len(counts) and counts.doubt.mean() < 0.1
+    assert any(note.startswith("1 take is counted by the motion, with") for note in built.notes)
     assert "counts are read from motion by the networks 'research'" in built.notes[-1] + built.notes[-2]
     assert built.repertoire.provenance["pretrained"] == "research"
     without = build_repertoire([folder], tmp_path / "b.h5", replace(options, pretrained="nothing"))

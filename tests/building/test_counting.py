@@ -12,8 +12,10 @@ from synthetic_motions import stepping
 from synthetic_repertoire import synthetic_takes, write_clicks
 
 from choreograph.building.counting import (
+    MAX_MOTION_DOUBT,
     MIN_MOTION_CONFIDENCE,
     MIN_PHASE_LOCK,
+    SURE_MOTION_CONFIDENCE,
     counted_takes,
     counts_from_song,
     motion_reader,
@@ -97,27 +99,30 @@ def test_takes_and_notes(tmp_path):
     )
 
 
-def test_takes_without_counts_are_read_from_their_motion_if_that_is_sure():
-    """Takes at 120 BPM are sure, others are not; annotated counts stay."""
-    sure, unsure, known = synthetic_takes(periods_s=(0.5, 0.6, 0.5))
+def test_takes_without_counts_are_read_from_their_motion_if_that_is_likely_to_be_right():
+    """One take is sure, one is not; two are refused for their confidence and doubt; annotated counts stay."""
+    *takes, known = synthetic_takes(periods_s=(0.5, 0.6, 0.75, 0.8, 0.5))
     given_counts = make_counts([1.0, 2.0], [0, 0], 0, source=ANNOTATED)
     known = replace(known, take=replace(known.take, counts=given_counts))
+    confidences = [SURE_MOTION_CONFIDENCE, MIN_MOTION_CONFIDENCE, 0.42, 0.7]
+    doubts = [0.1, MAX_MOTION_DOUBT, 0.1, 0.4]
     read_bodies = []
 
     def read(pos_m):
+        confidence, doubt = confidences[len(read_bodies)], doubts[len(read_bodies)]
         read_bodies.append(pos_m)
-        is_sure = pos_m is sure.body_pos_m
-        return make_counts(
-            [1.0, 1.5], [3, 4], 4, source=FROM_MOTION, confidence=MIN_MOTION_CONFIDENCE if is_sure else 0.42
-        )
+        read = make_counts([1.0, 1.5], [3, 4], 4, source=FROM_MOTION, confidence=confidence)
+        return replace(read, doubt=np.full(2, doubt))
 
-    counted, notes = counted_takes([sure, unsure, known], SongCache(), read)
-    assert [m.take.counts.source for m in counted] == [FROM_MOTION, "", ANNOTATED]
-    assert len(read_bodies) == 2
+    counted, notes = counted_takes([*takes, known], SongCache(), read)
+    assert [m.take.counts.source for m in counted] == [FROM_MOTION, FROM_MOTION, "", "", ANNOTATED]
+    assert [id(body) for body in read_bodies] == [id(take.body_pos_m) for take in takes]
     assert notes == (
-        "1 take is counted by the motion, with 0.70 of the counts expected to be right: take0",
-        "1 take is without counts and danced by motion beats, since of those read from the motion only 0.42 "
-        "(less than 0.7) are expected to be right: take1",
+        "1 take is counted by the motion, with 0.80 of the counts expected to be right: take0",
+        "1 take is counted by the motion, but not surely: only 0.50 of the counts expected to be right: "
+        "take1",
+        "2 takes are without counts and danced by motion beats, since counts read from the motion are "
+        "too doubtful (0.42 to 0.70 of them expected to be right, doubt 0.10 to 0.40): take2, take3",
     )
 
 

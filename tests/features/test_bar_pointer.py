@@ -9,8 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from choreograph.counts import Counts
 from choreograph.errors import ParameterError
-from choreograph.features.bar_pointer import PhaseCurves, PointerConfig, decode_counts
+from choreograph.features.bar_pointer import (
+    DecodedCounts,
+    PhaseCurves,
+    PointerConfig,
+    count_doubt,
+    decode_counts,
+)
 from choreograph.metrics.counts import beat_positions
 
 CONCENTRATION = 3.0
@@ -114,8 +121,36 @@ def test_curves_that_agree_are_told_from_noise():
     assert len(clear.beat_agreement) == 800 and np.abs(noise.bar_agreement).max() <= 1.0 + 1e-9
 
 
+@settings(max_examples=25, deadline=None)
+@given(fps=st.sampled_from([20.0, 60.0]), beat=st.floats(-1, 1), bar=st.floats(-1, 1))
+def test_doubt_is_where_curves_disagree_with_the_counts(fps, beat, bar):
+    """Agreement is 1 but for 20 to 35 s of a minute: doubt there, half of it at the border."""
+    frames_s = np.arange(round(60 * fps)) / fps
+    there = (frames_s >= 20) & (frames_s < 35)
+    counts = Counts(np.arange(0.0, 60.0, 0.5), np.arange(120) % 4 + 1, 4)
+    agreements = (np.where(there, value, 1.0) for value in (beat, bar))
+    doubt = count_doubt(DecodedCounts(counts, *agreements), fps)
+    wanted = 0.5 - 0.25 * (beat + bar)
+    times_s = counts.times_s
+    assert doubt.shape == times_s.shape
+    assert np.allclose(doubt[(times_s >= 24) & (times_s <= 31)], wanted, atol=1e-6)
+    assert np.allclose(doubt[(times_s <= 16) | (times_s >= 39)], 0.0, atol=1e-6)
+    assert doubt[times_s == 20] == pytest.approx(wanted / 2, abs=0.01)
+
+
+def test_curves_that_change_their_phase_leave_doubt():
+    """Half a beat more from the middle on: a pointer that must keep its tempo doubts its counts there."""
+    position = positions(120.0, 60.0, 20.0)
+    position[600:] += 0.5
+    steady = PointerConfig(tempo_std=1e-4, break_cost=1e6)
+    doubt = count_doubt(decode_counts(curves_of(position, 4, 20.0), steady), 20.0)
+    assert doubt.max() > 0.15 and doubt.min() < 0.05
+    assert count_doubt(decode_counts(curves_of(positions(120.0, 60.0, 20.0), 4, 20.0)), 20.0).max() < 0.01
+
+
 def test_no_frame_has_no_count():
-    assert len(decode_counts(PhaseCurves(np.zeros((0, 2)), np.zeros((0, 2, 2)), 20.0)).counts) == 0
+    decoded = decode_counts(PhaseCurves(np.zeros((0, 2)), np.zeros((0, 2, 2)), 20.0))
+    assert len(decoded.counts) == 0 and len(count_doubt(decoded, 20.0)) == 0
 
 
 def test_other_metres():

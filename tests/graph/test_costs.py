@@ -118,12 +118,13 @@ def tracked(request):
     return source.layer(3), source.layer(4), song_features
 
 
-def test_beats_count_where_counts_are_not_known_and_accents_where_they_are(tracked):
+def test_beats_count_where_counts_are_not_known_and_doubt_and_accents_where_they_are(tracked):
     layer, _, song_features = tracked
     counted = layer.track >= 0
     assert counted.any() and not counted.all()
     rhythm, accents = Rhythm().node(layer, song_features), Accents().node(layer, song_features)
-    assert not rhythm[counted].any() and not accents[~counted].any()
+    assert layer.count_doubt[counted].any() and not accents[~counted].any()
+    assert np.array_equal(rhythm[counted], layer.count_doubt[counted])
     assert np.allclose(rhythm[~counted], (layer.unmatched_beat + layer.density_mismatch)[~counted])
     assert np.array_equal(accents[counted], layer.unmatched_beat[counted])
 

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 from synthetic_counts import counted
 
-from choreograph.building.counting import MIN_MOTION_CONFIDENCE, MOTION_NET, motion_reader
+from choreograph.building.counting import (
+    MAX_MOTION_DOUBT,
+    MOTION_NET,
+    SURE_MOTION_CONFIDENCE,
+    motion_reader,
+)
 from choreograph.counts import FROM_MOTION, NO_COUNTS, Figure
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.nets.counts.motion_data import CountedMotion
@@ -140,9 +145,10 @@ def test_a_shipped_network_counts_what_it_knows_and_knows_what_it_does_not(name)
     unseen = built_in_takes(2, first_seed=70_000, genres=["waltz", "disco"])
     counts = [read(take.body_pos_m) for take in unseen]
     assert np.mean([share_right(c, t.counts) for c, t in zip(counts, unseen, strict=True)]) > 0.9
-    assert all(c.source == FROM_MOTION and c.confidence >= MIN_MOTION_CONFIDENCE for c in counts)
+    assert all(c.source == FROM_MOTION and c.confidence >= SURE_MOTION_CONFIDENCE for c in counts)
     still = np.repeat(unseen[0].body_pos_m[:1], 400, axis=0)
-    assert read(still).confidence < MIN_MOTION_CONFIDENCE
+    standing = read(still)
+    assert standing.confidence < SURE_MOTION_CONFIDENCE and standing.doubt.mean() > MAX_MOTION_DOUBT
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_repertoire import synthetic_contents, synthetic_takes
+from synthetic_repertoire import synthetic_contents, synthetic_takes, with_counts
 
 from choreograph.errors import ChoreographError, ParameterError, RepertoireError
 from choreograph.motion.body import BODY_JOINTS
@@ -21,6 +21,7 @@ from choreograph.repertoire.schema import (
     ATTRIBUTES,
     COUNTS,
     DATASETS,
+    DOUBT,
     FORMAT,
     HALF_PRECISION,
     MOTIFS,
@@ -61,13 +62,35 @@ def test_a_file_without_counts_is_read(path, tmp_path):
     assert len(repertoire.counts(0)) == 0 and repertoire.figures(0) == ()
 
 
+def test_doubt_is_stored_where_a_network_counted(tmp_path):
+    """Of two takes one is counted by a network; a file with doubts of other counts is refused."""
+    takes = with_counts(synthetic_takes())
+    assert not set(DOUBT) & set(synthetic_contents(takes).arrays)
+    given_counts, read = takes[0].take.counts, takes[1].take.counts
+    doubt = np.linspace(0.1, 0.6, len(read))
+    takes[1] = replace(takes[1], take=replace(takes[1].take, counts=replace(read, doubt=doubt)))
+    contents = synthetic_contents(takes)
+    write_repertoire(tmp_path / "rep.h5", contents)
+    repertoire = Repertoire.open(tmp_path / "rep.h5")
+    assert np.allclose(repertoire.counts(1).doubt, doubt)
+    assert np.array_equal(repertoire.counts(0).doubt, np.zeros(len(given_counts)))
+    clips = np.array([np.flatnonzero(repertoire.clip_take == take)[2] for take in (0, 1)])
+    found = repertoire.count_doubt(clips, np.full(2, 30.0), np.full(2, 50.0))  # 2 s from their starts
+    middle_s = repertoire.clip_start_s(int(clips[1])) + 2.0
+    assert found == pytest.approx([0.0, np.interp(middle_s, read.times_s, doubt)], abs=1e-6)
+    wrong = replace(contents, arrays={**contents.arrays, "counts/doubt": doubt})
+    with pytest.raises(RepertoireError, match="counts/doubt"):
+        write_repertoire(tmp_path / "rep.h5", wrong)
+
+
 def test_the_published_layout_is_the_one_in_the_code():
     assert (LAYOUT["format"], LAYOUT["version"]) == (FORMAT, VERSION)
     assert {name: (d["kind"], " ".join(d["axes"])) for name, d in LAYOUT["datasets"].items()} == DATASETS
     assert tuple(LAYOUT["attributes"]) == ATTRIBUTES
     assert tuple(LAYOUT["nets"]["names"]) == NETS
-    counts, motifs = LAYOUT["counts"]["datasets"], LAYOUT["motifs"]["datasets"]
+    counts, doubt, motifs = (LAYOUT[part]["datasets"] for part in ("counts", "doubt", "motifs"))
     assert {name: (d["kind"], " ".join(d["axes"])) for name, d in counts.items()} == COUNTS
+    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in doubt.items()} == DOUBT
     assert {name: (d["kind"], " ".join(d["axes"])) for name, d in motifs.items()} == MOTIFS
     assert str(WORD_DIM) in motifs["motifs/embeddings"]["axes"]
     entries = (*LAYOUT["datasets"].values(), *counts.values(), *motifs.values())

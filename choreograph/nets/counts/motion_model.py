@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from choreograph.counts import FROM_MOTION, Counts
-from choreograph.features.bar_pointer import PhaseCurves, PointerConfig, decode_counts
+from choreograph.features.bar_pointer import PhaseCurves, PointerConfig, count_doubt, decode_counts
 from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 from choreograph.motion.interpolation import interpolate_frames
 from choreograph.nets.counts.confidence import N_CONFIDENCE, confidence_features, confidence_of
@@ -86,12 +86,13 @@ class MotionCountsNet(StoredNet):
     def counts(self, body_pos_m: NDArray[np.floating]) -> Counts:
         """A take's counts, of body positions (T, 21, 3) at 20 fps; `ParameterError` if not so.
 
-        Confidence: the share of them that is expected within 0.15 beat of the true ones.
+        Confidence: the share of them that is expected within 0.15 beat of the true ones. With their doubt.
         """
         curves = self.curves(body_pos_m)
         decoded = decode_counts(curves, POINTER, source=FROM_MOTION)
         features, weights = confidence_features(curves, decoded), self.confidence_weights.double().numpy()
-        return replace(decoded.counts, confidence=confidence_of(features, weights))
+        doubt = count_doubt(decoded, NET_FPS)
+        return replace(decoded.counts, confidence=confidence_of(features, weights), doubt=doubt)
 
 
 def motion_features(body: Tensor) -> Tensor:
