@@ -66,7 +66,9 @@ def build_repertoire(
     songs = SongCache(keep_samples=options.rollout)
     measured, count_notes = counted_takes(measured, songs, motion_reader(shipped))
     heard: tuple[str, ...] = ()  # songs whose counts the network learned, where it has counted a take
-    uses = ["style begins with"] if pretrained.from_shipped else []
+    uses = []
+    if pretrained.from_shipped:
+        uses.append("style is that of" if pretrained.keep else "style begins with")
     if any(m.take.counts.source == FROM_MOTION for m in measured):
         heard = shipped.trained_on
         uses.append("counts are read from motion by")

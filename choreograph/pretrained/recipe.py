@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from choreograph.building.counting import MOTION_NET
 from choreograph.building.importing import measured_takes
 from choreograph.building.options import BuildOptions
+from choreograph.building.train_networks import STYLE_NET
 from choreograph.counts import ANNOTATED, Counts, Figure, make_counts, numbers_in_bar
 from choreograph.features.bar_pointer import decode_counts
 from choreograph.metrics.counts import counts_per_beat, counts_within
@@ -33,8 +34,10 @@ from choreograph.nets.counts.motion_config import MotionCountsConfig, motion_cou
 from choreograph.nets.counts.motion_data import CountedMotion
 from choreograph.nets.counts.motion_model import POINTER, MotionCountsNet
 from choreograph.nets.counts.motion_train import train_motion_counts
+from choreograph.nets.style.model import StyleNets
 from choreograph.nets.training import TrainingContext
 from choreograph.pretrained.library import PRETRAINED, pretrained_path
+from choreograph.pretrained.style_recipe import built_in_style_takes, style_takes, train_shipped_style
 from choreograph.repertoire.store import NetArrays, write_networks
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.moves.sequencer import render_take
@@ -222,10 +225,10 @@ def trained(trial: Trial, config: MotionCountsConfig, seed: int, work: Path | No
     )
 
 
-def make_set(
-    name: str, recorded: Sequence[RecordedTake], config: MotionCountsConfig, work: Path, output: Path
-) -> None:
-    """Train a set's networks on built-in and recorded takes, if there are any, and write them."""
+def make_motion_counts(
+    name: str, recorded: Sequence[RecordedTake], config: MotionCountsConfig, work: Path
+) -> MotionCountsNet:
+    """Train a set's network on built-in and recorded takes, if there are any, and fit its confidence."""
     built_in, motions = built_in_takes(), [r.motion for r in recorded]
     net = trained(Trial(name, [*built_in, *motions], []), config, 0, work)
     trials = [(trial, 0) for trial in trials_by_genre(built_in)]
@@ -237,9 +240,16 @@ def make_set(
         takes = [*trial.test, *map(shuffled, trial.test)]
         rows += calibration(trained(trial, config, seed, work), takes)
     fit(net, rows)
-    weights, stored = net.to_arrays()
-    provenance = {"choreograph": version("choreograph"), "trained_on": sorted(take.name for take in motions)}
-    write_networks(output, {MOTION_NET: NetArrays(stored, weights)}, provenance)
+    return net
+
+
+def write_set(motion_counts: MotionCountsNet, style: StyleNets, heard: Iterable[str], output: Path) -> None:
+    """Write a set's networks; `heard` are the songs and takes that they were trained on."""
+    nets = {}
+    for name, net in ((MOTION_NET, motion_counts), (STYLE_NET, style)):
+        weights, config = net.to_arrays()
+        nets[name] = NetArrays(config, weights)
+    write_networks(output, nets, {"choreograph": version("choreograph"), "trained_on": sorted(set(heard))})
 
 
 def main() -> None:
@@ -250,9 +260,13 @@ def main() -> None:
     given = parser.parse_args()
     if bool(given.sources) != (given.set == "research"):
         parser.error("research needs sources of recorded takes, clean takes none")
-    config = motion_counts_config("small")
     recorded = recorded_takes(given.sources) if given.sources else []
-    make_set(given.set, recorded, config, given.work, pretrained_path(given.set))
+    built_in = built_in_style_takes(given.work / "takes")
+    danced = [*built_in, *(style_takes(given.sources) if given.sources else [])]
+    motion_counts = make_motion_counts(given.set, recorded, motion_counts_config("small"), given.work)
+    style = train_shipped_style(danced, given.work / "style")
+    heard = [*(take.song_name for take in danced), *(r.motion.name for r in recorded)]
+    write_set(motion_counts, style, heard, pretrained_path(given.set))
 
 
 if __name__ == "__main__":

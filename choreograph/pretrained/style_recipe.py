@@ -6,7 +6,7 @@ patterns are learned from them before the first recorded rumba is heard.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -70,8 +70,7 @@ def shipped_style_config(**changes: object) -> StyleConfig:
     return style_config("small", **({"steps": STEPS} | changes))
 
 
-def train_shipped_style(recorded: Iterable[StyleTake], work: Path, *, name: str, seed: int = 0) -> StyleNets:
-    """Train on built-in takes, rendered songs and recorded takes; continued from a checkpoint in `work`."""
-    takes = [*built_in_style_takes(work / "takes"), *recorded]
-    context = TrainingContext(work / name, resume=True)
+def train_shipped_style(takes: Sequence[StyleTake], work: Path, *, seed: int = 0) -> StyleNets:
+    """Train on takes, built-in ones among them, and rendered songs; continued from a checkpoint in `work`."""
+    context = TrainingContext(work, resume=True)
     return train_style(takes, shipped_style_config(), seed=seed, songs=style_songs(), context=context)

@@ -118,7 +118,7 @@ def test_takes_without_counts_are_read_from_their_motion_if_that_is_likely_to_be
     assert [m.take.counts.source for m in counted] == [FROM_MOTION, FROM_MOTION, "", "", ANNOTATED]
     assert [id(body) for body in read_bodies] == [id(take.body_pos_m) for take in takes]
     assert notes == (
-        "1 take is counted by the motion, with 0.80 of the counts expected to be right: take0",
+        "1 take is counted by the motion, with 0.70 of the counts expected to be right: take0",
         "1 take is counted by the motion, but not surely: only 0.50 of the counts expected to be right: "
         "take1",
         "2 takes are without counts and danced by motion beats, since counts read from the motion are "
