@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import soxr
@@ -65,7 +66,7 @@ def built_in_style_takes(folder: Path) -> list[StyleTake]:
     return style_takes([folder])
 
 
-def shipped_style_config(**changes: object) -> StyleConfig:
+def shipped_style_config(**changes: Any) -> StyleConfig:
     """The configuration of shipped networks, which those of preset small begin with."""
     return style_config("small", **({"steps": STEPS} | changes))
 

@@ -395,7 +395,7 @@ class Repertoire:
     @cached_property
     def clip_energy(self) -> NDArray[np.float32]:
         """Rank (N,), 0 … 1, in its genre of how lively the middle 4 s of each clip are."""
-        start = middle_starts(self.clip_start_frame)  # (N,) in their takes
+        start = middle_starts(self.clip_start_frame).astype(np.float64)  # (N,) in their takes
         seconds = (start + second * NET_FPS for second in range(SEGMENT_S))
         ranks = [self._liveliness.ranks(self.clip_take, at, at + NET_FPS) for at in seconds]
         return np.mean(ranks, axis=0, dtype=np.float32)

@@ -6,10 +6,10 @@
 Every second of a song that the repertoire did not hear selects its nearest clips: by style alone, by style,
 energy and density of steps (as a dance does), and at random. Printed for as many clips as a dance takes (512)
 and for 50: the share of the song's genre; and over the seconds of a song, how the size and the steps of the
-selected clips, ranked in their genres, follow the music (Spearman's correlation, mean of the songs). Rulers are
-none that select: size is the volume of the convex hull times the speed relative to the pelvis, steps are peaks
-of the ankles' speed, loudness is the RMS of the samples, and onsets are librosa's. Last, how many of the clips
-of two sections of one song are the same.
+selected clips, ranked in their genres, follow the music (Spearman's correlation, mean of the songs). None of
+the rulers selects: size is the volume of the convex hull times the speed relative to the pelvis, steps are
+peaks of the ankles' speed, loudness is the RMS of the samples, and onsets are librosa's. Last, how many of
+the clips of two sections of one song are the same.
 """
 
 from __future__ import annotations

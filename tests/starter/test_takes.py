@@ -13,7 +13,6 @@ from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers import import_takes
 from choreograph.metrics.beat import f_score
 from choreograph.motion.body import body_pos_m
-from choreograph.repertoire import Repertoire
 from choreograph.starter import recipe, takes
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.songs import STYLES
@@ -86,7 +85,6 @@ def test_the_repertoire_contains_the_takes_alone(tmp_path, monkeypatch):
     assert set(made.net_names) == {"style", "words"}
     assert made.vocabulary.genres == ("house", "waltz", "all")
     assert set(made.vocabulary.word_take.tolist()) == set(range(6))
-    assert not Repertoire.open(tmp_path / "work" / "learned.h5").has_vocabulary
 
 
 def test_counts_are_the_beats_in_half_time_as_well():
