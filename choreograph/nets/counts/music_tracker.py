@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from choreograph.audio.song import Song
 from choreograph.features.bar_pointer import PointerConfig, decode_counts
@@ -28,6 +29,9 @@ POINTER = PointerConfig(bpm=(45.0, 240.0), grid_fps=60.0)
 # `examples/papers/fit_music_agreement.py` to songs of genres that the networks had not heard.
 LEAST_AGREEMENT = 0.75
 _MIN_DURATION_S = 1.0
+_SLIP_BEATS = 5  # fewer at another tempo are no passage
+_SLIP_SHARE = 1 / 3  # of the song
+_SAME_TEMPO_OCTAVES = 0.06
 _LATE_FRAMES = 1  # onsets come 11 ms after the beat, the activation on it
 _LEAST_CONTRAST = 0.1  # nats between the loudest and the quietest frame: less is silence
 _DIED_AWAY = 7.0  # nats below the loudest frame, 30 dB: from the last louder one on, the beat just goes on
@@ -78,4 +82,24 @@ def activated_beats(curves: MusicCurves, log_mel: NDArray[np.floating]) -> Float
     onsets = level_normalized(onset_strength(log_mel)[_LATE_FRAMES:])
     heard = level_normalized(activation)
     heard[: len(onsets)] += onsets
-    return path_of(level_normalized(heard))
+    return at_one_level(path_of(level_normalized(heard)))
+
+
+def at_one_level(beats_s: Floats) -> Floats:
+    """Beats (Q,) with passages at half of the tempo of most of the song brought to it, by beats between.
+
+    A tracker slips there where the beat is hard to hear, as in a sparse introduction. Where more than a
+    third of the song is slower, it is left: another piece of music may begin there.
+    """
+    periods_s = np.diff(beats_s)
+    if len(periods_s) < _SLIP_BEATS:
+        return beats_s
+    steady = median_filter(periods_s, _SLIP_BEATS, mode="nearest")
+    order = np.argsort(steady)
+    half_of_the_time = np.searchsorted(np.cumsum(periods_s[order]), 0.5 * periods_s.sum())
+    main_s = steady[order[half_of_the_time]]
+    slipped = np.abs(np.log2(steady / main_s) - 1.0) < _SAME_TEMPO_OCTAVES
+    if periods_s[slipped].sum() > _SLIP_SHARE * periods_s.sum():
+        return beats_s
+    between_s = 0.5 * (beats_s[:-1] + beats_s[1:])[slipped]
+    return np.sort(np.concatenate([beats_s, between_s]))

@@ -19,7 +19,13 @@ from choreograph.nets.counts.music_augmentation import augmented
 from choreograph.nets.counts.music_config import music_counts_config
 from choreograph.nets.counts.music_data import CountedMel, MusicCountsData, activations, resampled
 from choreograph.nets.counts.music_model import CURVE_FPS, MusicCounts, MusicCurves, levelled
-from choreograph.nets.counts.music_tracker import NetworkBeats, activated_beats, decoded_beats, network_beats
+from choreograph.nets.counts.music_tracker import (
+    NetworkBeats,
+    activated_beats,
+    at_one_level,
+    decoded_beats,
+    network_beats,
+)
 from choreograph.nets.counts.music_train import train_music_counts
 from choreograph.nets.counts.music_weights import (
     SHIPPED,
@@ -229,3 +235,16 @@ def test_after_the_music_has_died_away_the_beat_goes_on():
     intervals_s = np.diff(beats_s)
     assert np.ptp(intervals_s[-8:]) < 0.05 * np.median(intervals_s)
     assert beats_s[-1] > song.duration_s - 1.1 * intervals_s[-1]
+
+
+@pytest.mark.parametrize("first", [0.0, 20.0])
+def test_a_slip_to_half_the_tempo_is_mended(first):
+    """In a quarter of the song; where half of it is slower, it is left, and so is any other tempo."""
+    true = np.arange(0.3, 80.0, 0.5)
+    inside = (true >= first) & (true < first + 20.0)
+    slipped = true[~inside | (np.arange(len(true)) % 2 == 0)]
+    np.testing.assert_allclose(at_one_level(slipped), true)
+    half = np.concatenate([np.arange(0.0, 40.0, 0.5), np.arange(40.0, 80.0, 1.0)])
+    other = np.concatenate([np.arange(0.0, 60.0, 0.5), np.arange(60.0, 80.0, 0.75)])
+    for beats_s in (true, half, other, true[:3], true[:0]):
+        np.testing.assert_array_equal(at_one_level(beats_s), beats_s)
