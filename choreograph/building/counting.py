@@ -30,7 +30,7 @@ MotionReader = Callable[[NDArray[np.floating]], Counts]  # of body positions (T,
 # Built-in takes and their songs' beats have 0.83 to 1, takes of dance-with-melody, of any phase, up to 0.28.
 MIN_PHASE_LOCK = 0.6
 # Share of counts that are expected to be right, below which none are read from the motion. Dances cut into
-# pieces and shuffled, which have no count, reach 0.65; dances of new genres or figures have 0.6 to 0.9.
+# pieces and shuffled, which have no count, stay below it; dances of new figures or genres have 0.6 to 0.9.
 MIN_MOTION_CONFIDENCE = 0.7
 MOTION_NET = "motion_counts"  # its name among the pretrained networks
 _WINDOW_BEATS = 4
