@@ -8,7 +8,6 @@ that heard every genre are judged on unseen songs, a network that was kept from 
 genres, and one that heard real songs on the real songs that it did not hear. Columns are means over networks,
 those of networks that heard every genre with the spread (standard deviation) over them.
 
-
 Synthetic songs have true beats and bars: every kind in a third of the genres, none with the drums of another
 genre; salsa at 160 to 200 BPM and waltz at 150 to 190; and the benchmark songs. "Level": the median tempo is
 within a quarter of an octave of the true one. Of real songs the metre is known by genre, and the tempo by how
