@@ -53,7 +53,7 @@ class PretrainedWeights:
         if begins:
             nets[STYLE_NET] = shipped.nets[STYLE_NET]
             trained_on |= set(shipped.trained_on)
-        if options.keep_networks and not nets:
+        if options.keep_networks and options.init_from is None and not begins:
             raise ParameterError(
                 "expected networks to keep, of another repertoire (--init-from) or of a shipped set "
                 "(--pretrained, with preset small), got none"

@@ -10,7 +10,7 @@ from synthetic_repertoire import synthetic_takes, write_clicks
 from choreograph.building import song_cache
 from choreograph.building.segmentation import segment_takes
 from choreograph.building.song_cache import SongCache
-from choreograph.building.train_networks import _style_take
+from choreograph.building.train_networks import style_take
 from choreograph.errors import FormatError
 
 
@@ -34,7 +34,7 @@ def test_training_and_segmentation_share_one_decoding(tmp_path, decoded):
         replace(m, take=replace(m.take, song_path=song)) for m in synthetic_takes(periods_s=[0.5, 0.6])
     ]
     songs = SongCache()
-    mels = [_style_take(m, songs).log_mel for m in measured]
+    mels = [style_take(m, songs).log_mel for m in measured]
     segmented, notes = segment_takes(measured, songs)
     assert decoded == {song: 1}
     assert len(mels) == 2 and not notes
