@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from choreograph.building.counting import counted_takes, motion_reader
+from choreograph.building.counting import MOTION_NET, counted_takes, motion_reader
 from choreograph.building.importing import measured_takes
 from choreograph.building.options import BuildOptions
 from choreograph.building.result import BuildResult
 from choreograph.building.segmentation import FEWEST_WORDS, make_motifs, segment_takes
 from choreograph.building.song_cache import SongCache
 from choreograph.building.train_networks import (
+    STYLE_NET,
     PretrainedWeights,
     train_music_networks,
     train_word_network,
@@ -68,12 +69,13 @@ def build_repertoire(
     heard: tuple[str, ...] = ()  # songs whose counts the network learned, where it has counted a take
     uses = []
     if pretrained.from_shipped:
-        uses.append("style is that of" if pretrained.keep else "style begins with")
+        begins = "style is that of" if pretrained.keep else "style begins with"
+        uses.append(f"{begins} {shipped[STYLE_NET].description}")
     if any(m.take.counts.source == FROM_MOTION for m in measured):
-        heard = shipped.trained_on
-        uses.append("counts are read from motion by")
+        heard = shipped[MOTION_NET].trained_on
+        uses.append(f"counts are read from motion by {shipped[MOTION_NET].description}")
     if uses:
-        count_notes = (*count_notes, f"{' and '.join(uses)} {shipped.description}")
+        count_notes = (*count_notes, "; ".join(uses))
     nets, trained_on, training_notes = train_music_networks(
         measured, songs, pretrained, options=options, context=context, report=report
     )

@@ -10,7 +10,7 @@ not sure are better than motion beats, and said not to be sure (`examples/result
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from choreograph.building.song_cache import SongCache
 from choreograph.counts import FROM_MOTION, NO_COUNTS, Counts
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motion.body import body_pos_m
-from choreograph.pretrained import PretrainedSet
+from choreograph.pretrained import PretrainedNet
 from choreograph.repertoire.contents import MeasuredTake
 from choreograph.timebase import STORE_FPS, frame_times_s
 
@@ -93,11 +93,11 @@ def counted_takes(
     return counted, tuple(notes)
 
 
-def motion_reader(pretrained: PretrainedSet) -> MotionReader | None:
+def motion_reader(pretrained: Mapping[str, PretrainedNet]) -> MotionReader | None:
     """What reads counts from motion; None if the set has no such network."""
-    stored = pretrained.nets.get(MOTION_NET)
-    if stored is None:
+    if MOTION_NET not in pretrained:
         return None
+    stored = pretrained[MOTION_NET].arrays
 
     def read(body_pos_m: NDArray[np.floating]) -> Counts:
         from choreograph.nets.counts.motion_model import MotionCountsNet

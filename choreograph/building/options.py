@@ -23,8 +23,8 @@ class BuildOptions:
     resume: bool = False  # continue from the checkpoints of a build that was stopped
     init_from: Path | None = None  # repertoire whose networks training starts from
     # Which shipped networks count takes by their motion, and with preset small begin the training of style:
-    # clean, research, nothing.
-    pretrained: str = "research"
+    # default, clean, research, nothing (`pretrained.library`).
+    pretrained: str = "default"
     keep_networks: bool = False  # take the networks that training would start from as they are
     compress: bool = False  # motion in 16 bits: a third of the size, rotations to 0.03 degrees
     rollout: bool = False  # train the rollout network, which takes as long as all others together

@@ -14,7 +14,7 @@ from choreograph.building.segmentation import FEWEST_WORDS, SegmentedTake
 from choreograph.building.song_cache import SongCache
 from choreograph.errors import FormatError, ParameterError
 from choreograph.features.rhythm import rhythm_features
-from choreograph.pretrained import PretrainedSet
+from choreograph.pretrained import PretrainedNet
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import NetArrays, Repertoire
 from choreograph.repertoire.contents import MeasuredTake
@@ -38,7 +38,7 @@ class PretrainedWeights:
     from_shipped: bool = False  # style is the shipped set's
 
     @classmethod
-    def of(cls, options: BuildOptions, shipped: PretrainedSet) -> PretrainedWeights:
+    def of(cls, options: BuildOptions, shipped: Mapping[str, PretrainedNet]) -> PretrainedWeights:
         """Those that the options name; the shipped style networks are of preset small.
 
         Raises `RepertoireError` if a repertoire cannot be read, `ParameterError` if there is nothing to keep.
@@ -49,10 +49,10 @@ class PretrainedWeights:
             other = Repertoire.open(options.init_from)
             nets = {name: other.net(name) for name in other.net_names}
             trained_on |= set(other.provenance.get("trained_on", ()))
-        begins = options.preset == "small" and STYLE_NET in shipped.nets and STYLE_NET not in nets
+        begins = options.preset == "small" and STYLE_NET in shipped and STYLE_NET not in nets
         if begins:
-            nets[STYLE_NET] = shipped.nets[STYLE_NET]
-            trained_on |= set(shipped.trained_on)
+            nets[STYLE_NET] = shipped[STYLE_NET].arrays
+            trained_on |= set(shipped[STYLE_NET].trained_on)
         if options.keep_networks and options.init_from is None and not begins:
             raise ParameterError(
                 "expected networks to keep, of another repertoire (--init-from) or of a shipped set "

@@ -63,10 +63,10 @@ _DECIDED = {
 @optgroup.option("--rollout", is_flag=True, help="Also train the network of `dance --engine rollout`.")
 @optgroup.option("--init-from", type=_FILE, help="Start from the networks of another repertoire.")
 @optgroup.option(
-    "--pretrained", default="research", show_default=True, metavar="clean|research|nothing",
-    help="Shipped networks that count takes without counts by their motion, and that style begins with "
-    "(preset small). research: trained on our own takes and on data that states no licence. clean: on ours "
-    "alone; its counts know no recorded dancer.",
+    "--pretrained", default="default", metavar="default|clean|research|nothing",
+    help="Shipped networks that style begins with (preset small), and that count takes without counts by "
+    "their motion. clean: trained on our own takes alone; their counts know no recorded dancer. research: also "
+    "on data that states no licence. Default: style clean, counts research.",
 )  # fmt: skip
 @optgroup.option(
     "--keep-networks", is_flag=True,

@@ -154,7 +154,7 @@ def readings_of(
             found[what].append(with_confidence(readings, known))
         unsure = [r for r in found[FIGURES][-1] if r.confidence < SURE_MOTION_CONFIDENCE]
         found[NOT_SURE].append(unsure)
-    stored = pretrained_set("clean").nets["motion_counts"]
+    stored = pretrained_set("clean")["motion_counts"].arrays
     net = MotionCountsNet.from_arrays(stored.weights, stored.config)
     weights = net.confidence_weights.double().numpy()
     read = [Reading.of(net, r.motion) for r in recorded if r.song_name and CLEAN in groups]

@@ -173,7 +173,7 @@ def test_style_begins_with_the_shipped_networks(takes_to_clicks, tmp_path):
     heard = set(begun.repertoire.provenance["trained_on"])
     assert {"even", "quick", "slow", "house-01"} <= heard
     kept, _ = build_repertoire([takes_to_clicks], tmp_path / "kept.h5", replace(options, keep_networks=True))
-    shipped = pretrained_set("clean").nets["style"]
+    shipped = pretrained_set("clean")["style"].arrays
     for name, weight in shipped.weights.items():
         np.testing.assert_array_equal(kept.net("style").weights[name], weight)
     afresh, _ = build_repertoire(
@@ -282,6 +282,6 @@ def test_takes_without_music_are_counted_by_their_motion(tmp_path):
     assert len(counts.doubt) == len(counts) and counts.doubt.mean() < 0.1
     assert any(note.startswith("1 take is counted by the motion, with") for note in built.notes)
     assert "counts are read from motion by the networks 'research'" in built.notes[-1] + built.notes[-2]
-    assert built.repertoire.provenance["pretrained"] == "research"
+    assert built.repertoire.provenance["pretrained"] == "default"
     without = build_repertoire([folder], tmp_path / "b.h5", replace(options, pretrained="nothing"))
     assert not len(without.repertoire.counts(0))

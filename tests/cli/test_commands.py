@@ -200,7 +200,7 @@ def test_sources_without_takes_are_refused(tmp_path):
     [
         ([], {"augment_mirror": True, "compress": False, "lock_feet": True}),
         (["--preset", "tiny"], {"preset": "tiny"}),
-        (["--no-augment-mirror"], {"augment_mirror": False, "pretrained": "research"}),
+        (["--no-augment-mirror"], {"augment_mirror": False, "pretrained": "default"}),
         (["--pretrained", "clean"], {"pretrained": "clean"}),
         (["--pretrained", "nothing", "--keep-networks"], {"pretrained": "nothing", "keep_networks": True}),
         (["--no-lock-feet", "--compress"], {"lock_feet": False, "compress": True}),
@@ -231,7 +231,7 @@ def test_pretrained_networks_must_be_there(tmp_path):
 
 def test_unknown_sets_of_networks_are_refused(tmp_path):
     result = run("build-db", tmp_path, "-o", tmp_path / "r.h5", "--pretrained", "other")
-    assert_one_line(result, says="clean, research, nothing")
+    assert_one_line(result, says="default, clean, research, nothing")
 
 
 def test_songs_are_listed_located_and_copied(tmp_path):

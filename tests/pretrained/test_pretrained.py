@@ -70,7 +70,7 @@ def test_unknown_sets_are_refused():
 
 
 def test_nothing_is_a_set():
-    assert pretrained_set("nothing").nets == {}
+    assert pretrained_set("nothing") == {}
 
 
 def test_a_take_keeps_only_the_counts_of_other_figures():
@@ -127,13 +127,21 @@ def test_counts_at_another_level_are_not_right():
     assert share_right(NO_COUNTS, true) == 0.0
 
 
+def test_by_default_each_network_is_of_the_better_set():
+    chosen = pretrained_set("default")
+    assert {name: net.set_name for name, net in chosen.items()} == {"style": "clean", MOTION_NET: "research"}
+    assert "states no licence" in chosen[MOTION_NET].description
+    assert not any(song.startswith("DANCE_") for song in chosen["style"].trained_on)
+
+
 @pytest.mark.parametrize("name", PRETRAINED)
 def test_a_shipped_set_is_small_and_says_what_it_heard(name):
     shipped = pretrained_set(name)
     assert pretrained_path(name).stat().st_size < 1.5e6
-    assert {MOTION_NET, "style"} == set(shipped.nets)
-    assert any(song.startswith("DANCE_") for song in shipped.trained_on) == (name == "research")
-    assert {f"{genre}-01" for genre in GENRES} <= set(shipped.trained_on)
+    assert {MOTION_NET, "style"} == set(shipped)
+    for net in shipped.values():
+        assert any(song.startswith("DANCE_") for song in net.trained_on) == (name == "research")
+        assert {f"{genre}-01" for genre in GENRES} <= set(net.trained_on)
     card = pretrained_path(name).with_name("MODEL_CARD.md").read_text(encoding="utf-8")
     assert f"`{name}`" in card and "no licence" in card
 
