@@ -65,7 +65,7 @@ _DECIDED = {
 @optgroup.option(
     "--pretrained", default="default", metavar="default|clean|research|nothing",
     help="Shipped networks that style begins with (preset small), and that count takes without counts by "
-    "their motion. clean: trained on our own takes alone; their counts know no recorded dancer. research: also "
+    "their motion. clean: trained on our own takes; their counts know no recorded dancer. research: also "
     "on data that states no licence. Default: style clean, counts research.",
 )  # fmt: skip
 @optgroup.option(
