@@ -154,11 +154,10 @@ def _style(
     )
     if "style" not in repertoire.net_names:
         return *without, [f"{repertoire.path.name}: no style networks: clips are not chosen by style"]
-    from choreograph.nets.style.config import MUSIC_INPUTS
     from choreograph.nets.style.model import StyleNets
 
     net = repertoire.net("style")
-    if net.config["music_inputs"] not in MUSIC_INPUTS:
+    if not StyleNets.can_read(net.weights):
         older = "style networks of an older version: clips are not chosen by style until it is built again"
         return *without, [f"{repertoire.path.name}: {older}"]
     nets = StyleNets.from_arrays(net.weights, net.config)

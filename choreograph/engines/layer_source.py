@@ -173,8 +173,10 @@ def _feel_mismatch(
     energy, steps = (_FEEL * (weights.get(cost, 0.0) > 0) for cost in (Energy, Steps))
 
     def mismatch(second: int) -> NDArray[np.floating]:
-        return energy * energy_mismatch(features.energy, repertoire.clip_energy, second) + (
-            steps * steps_mismatch(features.onset_density, repertoire.clip_steps, second)
+        louder = float(features.energy[second : second + SEGMENT_S].mean() - features.energy.mean())
+        density = float(features.onset_density[second])
+        return energy * energy_mismatch(louder, repertoire.clip_liveliness) + (
+            steps * steps_mismatch(density, repertoire.clip_steps)
         )
 
     return mismatch

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from choreograph.features.song_features import SongFeatures
 from choreograph.graph.layers import Layer
+from choreograph.selection.feel import energy_mismatch, steps_mismatch
 from choreograph.timebase import CLIP_FRAMES, NODE_FRAMES
 
 Floats = NDArray[np.floating]
@@ -168,7 +169,7 @@ class Energy(Cost):
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
         louder = float(song_features.energy[layer.second] - song_features.energy.mean())
-        return 2.0 * abs(louder) * (1.0 - layer.liveliness if louder > 0 else layer.liveliness)
+        return energy_mismatch(louder, layer.liveliness)
 
 
 class Steps(Cost):
@@ -178,7 +179,7 @@ class Steps(Cost):
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
-        return np.abs(layer.steps - song_features.onset_density[layer.second])
+        return steps_mismatch(float(song_features.onset_density[layer.second]), layer.steps)
 
 
 class Pace(Cost):

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from choreograph.counts import NO_COUNTS, Counts, Figure
 from choreograph.errors import ParameterError, RepertoireError
-from choreograph.features.contacts import step_counts
 from choreograph.features.liveliness import Liveliness
 from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motifs.vocabulary import Vocabulary
@@ -21,19 +20,12 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import to_root_frame
 from choreograph.motion.skeleton import Skeleton
-from choreograph.repertoire.contents import middle_starts
+from choreograph.repertoire.clip_ranks import clip_liveliness, clip_steps
 from choreograph.repertoire.html_table import html_table
 from choreograph.repertoire.motif_arrays import vocabulary_from
 from choreograph.repertoire.store import NetArrays, RepertoireFile
 from choreograph.takes import Credits
-from choreograph.timebase import (
-    CLIP_FRAMES,
-    NET_FPS,
-    SEGMENT_FRAMES,
-    SEGMENT_S,
-    frame_times_s,
-    frames_to_seconds,
-)
+from choreograph.timebase import CLIP_FRAMES, NET_FPS, frame_times_s, frames_to_seconds
 
 if TYPE_CHECKING:
     from choreograph.nets.rollout.model import RolloutNet
@@ -393,29 +385,15 @@ class Repertoire:
         return doubt
 
     @cached_property
-    def clip_energy(self) -> NDArray[np.float32]:
+    def clip_liveliness(self) -> NDArray[np.float32]:
         """Rank (N,), 0 … 1, in its genre of how lively the middle 4 s of each clip are."""
-        start = middle_starts(self.clip_start_frame).astype(np.float64)  # (N,) in their takes
-        seconds = (start + second * NET_FPS for second in range(SEGMENT_S))
-        ranks = [self._liveliness.ranks(self.clip_take, at, at + NET_FPS) for at in seconds]
-        return np.mean(ranks, axis=0, dtype=np.float32)
+        return clip_liveliness(self._liveliness, self.clip_take, self.clip_start_frame)
 
     @cached_property
     def clip_steps(self) -> NDArray[np.float32]:
         """Rank (N,), 0 … 1, in its genre of how many steps the middle 4 s of each clip have."""
-        from scipy.stats import rankdata
-
-        steps = np.zeros(self.n_clips)
-        for take in np.unique(self.clip_take):
-            clips = np.flatnonzero(self.clip_take == take)
-            starts = middle_starts(self.clip_start_frame[clips])
-            steps[clips] = step_counts(self.body_pos_m(int(take)), NET_FPS, starts, SEGMENT_FRAMES)
-        genre = np.array([take.credits.genre for take in self.takes])[self.clip_take]
-        ranks = np.empty(self.n_clips, np.float32)
-        for name in np.unique(genre):
-            inside = genre == name
-            ranks[inside] = (rankdata(steps[inside]) - 0.5) / inside.sum()
-        return ranks
+        genres = np.array([take.credits.genre for take in self.takes])
+        return clip_steps(self.body_pos_m, self.clip_take, self.clip_start_frame, genres)
 
     @cached_property
     def _liveliness(self) -> Liveliness:

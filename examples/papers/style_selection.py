@@ -77,9 +77,11 @@ def select(features: SongFeatures, repertoire: cg.Repertoire, how: str, k: int) 
         return np.stack([rng.permutation(repertoire.n_clips)[:k] for _ in range(features.n_seconds)])
 
     def feel(second: int) -> np.ndarray:
+        louder = float(features.energy[second : second + SEGMENT_S].mean() - features.energy.mean())
+        density = float(features.onset_density[second])
         return FEEL * (
-            energy_mismatch(features.energy, repertoire.clip_energy, second)
-            + steps_mismatch(features.onset_density, repertoire.clip_steps, second)
+            energy_mismatch(louder, repertoire.clip_liveliness)
+            + steps_mismatch(density, repertoire.clip_steps)
         )
 
     return select_clips(

@@ -69,7 +69,7 @@ def test_clips_are_ranked_by_energy_and_steps_within_their_genre(takes, tmp_path
     clips = synthetic_repertoire(tmp_path / "rep.h5", made)
     steps, energy = (
         [ranks[clips.clip_take == take].mean() for take in range(3)]
-        for ranks in (clips.clip_steps, clips.clip_energy)
+        for ranks in (clips.clip_steps, clips.clip_liveliness)
     )
     assert steps[0] < steps[2] < steps[1] and energy[0] < energy[2] < energy[1]
     assert clips.clip_steps.min() > 0 and clips.clip_steps.max() < 1

@@ -87,6 +87,14 @@ def test_weights_come_back_and_others_are_refused():
         StyleNets.from_arrays(arrays, {**config, "colour": 5})
 
 
+@pytest.mark.parametrize("music_inputs", ["mel", "counts"])
+def test_networks_of_older_files_are_known(music_inputs):
+    """They have other rhythm statistics, whether they hear rhythm or not."""
+    arrays, _ = StyleNets(style_config("tiny", music_inputs=music_inputs)).to_arrays()
+    assert StyleNets.can_read(arrays)
+    assert not StyleNets.can_read({**arrays, "rhythm_mean": np.zeros(261, np.float32)})
+
+
 def test_a_song_shorter_than_a_segment_has_a_style():
     nets = StyleNets(style_config("tiny"))
     assert nets.embed_music(np.zeros((20, 96)), np.zeros((1, RHYTHM_DIM)), np.arange(1)).shape == (1, 32)
