@@ -93,7 +93,7 @@ def test_clips_carry_the_density_of_the_network(built):
     net = repertoire.net("motion_density")
     estimator = MotionDensity.from_arrays(net.weights, net.config)
     expected = estimator.take_density(repertoire.body_pos_m(0))
-    np.testing.assert_allclose(repertoire.clip_density(np.array([0]))[0], expected[:160], atol=1e-6)
+    np.testing.assert_allclose(repertoire.clip_motion.density(np.array([0]))[0], expected[:160], atol=1e-6)
     assert abs(expected.std() - 1.0) > 0.1  # of unit variance it would be ours
 
 

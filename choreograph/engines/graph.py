@@ -179,7 +179,7 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
     """The path that the planner finds, and the weights of the costs it was searched by."""
     features, config = request.song_features, request.config
     costs: list[Cost] = [*(cost() for cost in BUILTIN_COSTS), *request.costs]
-    costs.append(Stillness(request.repertoire))
+    costs.append(Stillness(request.repertoire.clip_motion))
     if goals:
         parts = [(part.first_second, part.goal) for part in goals]
         costs += [Signature(parts, features), MotifTransition(parts, features)]

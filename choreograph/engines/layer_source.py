@@ -51,12 +51,12 @@ def make_layers(
         np.array([take.name for take in repertoire.takes]),
         np.array([take.credits.genre for take in repertoire.takes]),
         repertoire.clip_style,
-        repertoire.clip_steps,
+        repertoire.clip_motion.step_ranks,
     )
     joins_s = _joins_s(request)
     segments = warp_segments(
         _select(request, goals, costs, allowed), features.density, features.beat_times_s,
-        repertoire.clip_density, repertoire.clip_speed, _clip_beats(repertoire),
+        repertoire.clip_motion.density, repertoire.clip_motion.speed, _clip_beats(repertoire),
         counted=_counted_clips(request, joins_s), as_recorded=config.warping == "none",
         smoothed=config.time_maps == "smooth",
         report=substage(request.report, "warping"),
@@ -71,7 +71,7 @@ def make_layers(
         n_motifs = vocabulary.n_motifs
     tie_break_s = _TIE_BREAK_S * np.random.default_rng(config.seed).random(len(repertoire.takes))
     return LayerSource(
-        segments, clips, repertoire, tie_break_s=tie_break_s, motifs=motifs, n_motifs=n_motifs,
+        segments, clips, repertoire.clip_motion, tie_break_s=tie_break_s, motifs=motifs, n_motifs=n_motifs,
         goal_starts=[goal.first_second for goal in goals], join_times_s=joins_s,
     )  # fmt: skip
 
@@ -175,8 +175,8 @@ def _feel_mismatch(
     def mismatch(second: int) -> NDArray[np.floating]:
         louder = float(features.energy[second : second + SEGMENT_S].mean() - features.energy.mean())
         density = float(features.onset_density[second])
-        return energy * energy_mismatch(louder, repertoire.clip_liveliness) + (
-            steps * steps_mismatch(density, repertoire.clip_steps)
+        return energy * energy_mismatch(louder, repertoire.clip_motion.liveliness_ranks) + (
+            steps * steps_mismatch(density, repertoire.clip_motion.step_ranks)
         )
 
     return mismatch

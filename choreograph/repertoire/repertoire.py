@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,19 +12,16 @@ from numpy.typing import NDArray
 
 from choreograph.counts import NO_COUNTS, Counts, Figure
 from choreograph.errors import ParameterError, RepertoireError
-from choreograph.features.liveliness import Liveliness
-from choreograph.features.motion_beats import mean_joint_speed_m_s
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
-from choreograph.motion.pose import to_root_frame
 from choreograph.motion.skeleton import Skeleton
-from choreograph.repertoire.clip_ranks import clip_liveliness, clip_steps
+from choreograph.repertoire.clip_motion import ClipMotion
 from choreograph.repertoire.html_table import html_table
 from choreograph.repertoire.motif_arrays import vocabulary_from
 from choreograph.repertoire.store import NetArrays, RepertoireFile
-from choreograph.takes import Credits
-from choreograph.timebase import CLIP_FRAMES, NET_FPS, frame_times_s, frames_to_seconds
+from choreograph.repertoire.take_info import TakeInfo, counts_from, figures_from, takes_from
+from choreograph.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 
 if TYPE_CHECKING:
     from choreograph.nets.rollout.model import RolloutNet
@@ -33,25 +29,6 @@ if TYPE_CHECKING:
 
 
 _HTML_ROWS = 50
-
-
-@dataclass(frozen=True)
-class TakeInfo:
-    """A take of a repertoire; ranges are into the file's flat arrays."""
-
-    name: str
-    song_name: str
-    credits: Credits
-    fps: float
-    motion: tuple[int, int]
-    body: tuple[int, int]
-    beats: tuple[int, int]
-    notes: str
-
-    @property
-    def duration_s(self) -> float:
-        """Length of the take's motion in seconds."""
-        return (self.motion[1] - self.motion[0]) / self.fps
 
 
 class Repertoire:
@@ -184,22 +161,7 @@ class Repertoire:
     @cached_property
     def takes(self) -> tuple[TakeInfo, ...]:
         """All takes, in the order of the file."""
-        text = ("name", "song_name", "genre", "performer", "licence", "source", "notes")
-        ranges = [f"{array}_{end}" for array in ("motion", "body", "beat") for end in ("start", "stop")]
-        columns = {name: self._file.read(f"takes/{name}") for name in (*text, "fps", *ranges)}
-        return tuple(
-            TakeInfo(
-                name=str(columns["name"][i]),
-                song_name=str(columns["song_name"][i]),
-                credits=Credits(*(str(columns[c][i]) for c in ("genre", "performer", "licence", "source"))),
-                fps=float(columns["fps"][i]),
-                motion=(int(columns["motion_start"][i]), int(columns["motion_stop"][i])),
-                body=(int(columns["body_start"][i]), int(columns["body_stop"][i])),
-                beats=(int(columns["beat_start"][i]), int(columns["beat_stop"][i])),
-                notes=str(columns["notes"][i]),
-            )
-            for i in range(len(columns["name"]))
-        )
+        return takes_from(self._file.read)
 
     @property
     def n_clips(self) -> int:
@@ -227,22 +189,8 @@ class Repertoire:
         return self._file.read("clips/beat_count")
 
     @cached_property
-    def _body_pos_m(self) -> NDArray[np.float32]:
-        return self._file.read("body/pos_m")
-
-    @cached_property
-    def _density(self) -> NDArray[np.float32]:
-        return self._file.read("body/density")
-
-    @cached_property
     def _beats_s(self) -> NDArray[np.float64]:
         return self._file.read("beats/motion_s")
-
-    @cached_property
-    def _clip_body_start(self) -> NDArray[np.int64]:
-        """First row of each clip in the flat 20 fps arrays, (N,)."""
-        starts = np.array([take.body[0] for take in self.takes], np.int64)
-        return starts[self.clip_take] + self.clip_start_frame
 
     @property
     def selection_beat_weight(self) -> float:
@@ -271,8 +219,7 @@ class Repertoire:
 
     def body_pos_m(self, take: int) -> NDArray[np.float32]:
         """A take's 21 joints at 20 fps, (T, 21, 3)."""
-        start, stop = self.takes[take].body
-        return self._body_pos_m[start:stop]
+        return self.clip_motion.body_pos_m(take)
 
     def motion_beats_s(self, take: int) -> NDArray[np.float64]:
         """A take's motion beats in seconds from its first frame, (Q,)."""
@@ -282,17 +229,7 @@ class Repertoire:
     @cached_property
     def _counts(self) -> tuple[Counts, ...]:
         """Each take's counts; none in a file of version 1."""
-        if not self._file.has_counts:
-            return (NO_COUNTS,) * len(self.takes)
-        columns = ("count_start", "count_stop", "metre", "counts_source", "counts_confidence")
-        times_s, numbers = self._file.read("counts/time_s"), self._file.read("counts/number")
-        doubt = self._file.read("counts/doubt").astype(np.float64) if self._file.has_doubt else np.zeros(0)
-        rows = zip(*(self._file.read(f"takes/{column}") for column in columns), strict=True)
-        takes = [(slice(start, stop), *about) for start, stop, *about in rows]
-        return tuple(
-            Counts(times_s[own], numbers[own], int(metre), str(source), float(confidence), doubt[own])
-            for own, metre, source, confidence in takes
-        )
+        return counts_from(self._file) if self._file.has_counts else (NO_COUNTS,) * len(self.takes)
 
     def counts(self, take: int) -> Counts:
         """A take's counts, in seconds from its first frame; `NO_COUNTS` if they are not known."""
@@ -300,34 +237,11 @@ class Repertoire:
 
     @cached_property
     def _figures(self) -> dict[int, tuple[Figure, ...]]:
-        if not self._file.has_counts:
-            return {}
-        names = ("take", "name", "start_s", "end_s", "n_counts")
-        figures: dict[int, tuple[Figure, ...]] = {}
-        for take, name, start_s, end_s, n_counts in zip(
-            *(self._file.read(f"figures/{column}") for column in names), strict=True
-        ):
-            figure = Figure(str(name), float(start_s), float(end_s), int(n_counts))
-            figures[int(take)] = (*figures.get(int(take), ()), figure)
-        return figures
+        return figures_from(self._file.read) if self._file.has_counts else {}
 
     def figures(self, take: int) -> tuple[Figure, ...]:
         """A take's figures in order; none if they are not known."""
         return self._figures.get(take, ())
-
-    def clip_density(self, clips: NDArray[np.integer]) -> NDArray[np.float32]:
-        """Tempo-densities of clips (K,), (K, 160) at 20 fps."""
-        return self._density[self._clip_body_start[clips][:, None] + np.arange(CLIP_FRAMES)]
-
-    def clip_speed(self, clips: NDArray[np.integer]) -> NDArray[np.float32]:
-        """Mean joint speeds of clips (K,) in m/s, (K, 160) at 20 fps."""
-        return self._speed[self._clip_body_start[clips][:, None] + np.arange(CLIP_FRAMES)]
-
-    @cached_property
-    def _speed(self) -> NDArray[np.float32]:
-        """Mean joint speed at every 20 fps frame, (B,)."""
-        speeds = [mean_joint_speed_m_s(self.body_pos_m(take), NET_FPS) for take in range(len(self.takes))]
-        return np.concatenate(speeds).astype(np.float32)
 
     def clip_start_s(self, clip: int) -> float:
         """Start of a clip in its take, in seconds."""
@@ -338,75 +252,7 @@ class Repertoire:
         beats = self.motion_beats_s(int(self.clip_take[clip])) * NET_FPS - self.clip_start_frame[clip]
         return beats[(beats >= 0) & (beats < CLIP_FRAMES)]
 
-    def poses_m(
-        self, clip: NDArray[np.integer], frames: NDArray[np.floating]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Poses (N, 21, 3) and joint velocities (N, 21, 3) in m/s, both in the root frame.
-
-        `clip` (N,) and fractional clip frames (N,) at 20 fps; beyond the clip the take goes on, and beyond
-        the take its first or last pose holds.
-        """
-        poses, velocities = self._root_frame_poses
-        first, stop = self._take_body_rows[self.clip_take[clip]].T
-        rows = np.clip(self._clip_body_start[clip] + frames, first, stop - 1)
-        row = np.minimum(np.floor(rows).astype(np.int64), stop - 2)
-        weight = (rows - row).astype(np.float32)[:, None, None]
-        pose = poses[row] + weight * (poses[row + 1] - poses[row])
-        return pose, velocities[row] + weight * (velocities[row + 1] - velocities[row])
-
     @cached_property
-    def _take_body_rows(self) -> NDArray[np.int64]:
-        """First row and one past the last of each take in the flat 20 fps arrays, (takes, 2)."""
-        return np.array([take.body for take in self.takes], np.int64)
-
-    def liveliness(
-        self, clip: NDArray[np.integer], start: NDArray[np.floating], stop: NDArray[np.floating]
-    ) -> NDArray[np.float32]:
-        """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
-        offset = self.clip_start_frame[clip]
-        return self._liveliness.ranks(self.clip_take[clip], offset + start, offset + stop)
-
-    def count_doubt(
-        self, clip: NDArray[np.integer], start: NDArray[np.floating], stop: NDArray[np.floating]
-    ) -> NDArray[np.float32]:
-        """Doubt (N,), 0 … 1, of the counts half way between two frames of each clip: see `Counts`."""
-        middle = np.round(0.5 * (start + stop)).astype(np.int64)
-        return self._doubt[self._clip_body_start[clip] + middle]
-
-    @cached_property
-    def _doubt(self) -> NDArray[np.float32]:
-        """Doubt of the counts at every 20 fps frame, (B,); 0 where a take has none."""
-        doubt = np.zeros(self._file.shapes["body/pos_m"][0], np.float32)
-        for index, take in enumerate(self.takes):
-            counts, (start, stop) = self.counts(index), take.body
-            if len(counts.doubt):
-                times_s = frame_times_s(stop - start, NET_FPS)
-                doubt[start:stop] = np.interp(times_s, counts.times_s, counts.doubt)
-        return doubt
-
-    @cached_property
-    def clip_liveliness(self) -> NDArray[np.float32]:
-        """Rank (N,), 0 … 1, in its genre of how lively the middle 4 s of each clip are."""
-        return clip_liveliness(self._liveliness, self.clip_take, self.clip_start_frame)
-
-    @cached_property
-    def clip_steps(self) -> NDArray[np.float32]:
-        """Rank (N,), 0 … 1, in its genre of how many steps the middle 4 s of each clip have."""
-        genres = np.array([take.credits.genre for take in self.takes])
-        return clip_steps(self.body_pos_m, self.clip_take, self.clip_start_frame, genres)
-
-    @cached_property
-    def _liveliness(self) -> Liveliness:
-        takes = range(len(self.takes))
-        return Liveliness([self.body_pos_m(i) for i in takes], [take.credits.genre for take in self.takes])
-
-    @cached_property
-    def _root_frame_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Every 20 fps frame and its velocities in its root frame, (B, 21, 3) each."""
-        pos = self._body_pos_m.astype(np.float64)
-        velocity = np.zeros_like(pos)
-        for take in self.takes:
-            start, stop = take.body
-            if stop - start > 1:
-                velocity[start:stop] = np.gradient(pos[start:stop], axis=0) * NET_FPS
-        return to_root_frame(pos).astype(np.float32), to_root_frame(pos, velocity).astype(np.float32)
+    def clip_motion(self) -> ClipMotion:
+        """How the clips move, frame by frame."""
+        return ClipMotion(self._file.read, self.takes, self._counts, self.clip_take, self.clip_start_frame)

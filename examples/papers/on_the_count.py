@@ -6,8 +6,9 @@
 Each repertoire was built by `build-db --seed N --leave-out @examples/papers/dance_with_melody_held_out.txt`;
 its number is also the seed of its dances, and its motif signatures are judged by the next one's network.
 FOLDER holds experts' dances to the held-out songs (SONG.bvh with SONG.counts.csv beside it), laid on the
-tracked beats as their choreographies say. "Real" are the takes as recorded: never synchronised with their
-songs. Built-in takes dance to the benchmark songs, whose beats and bars are known exactly, and to the spliced
+tracked beats as their choreographies say. With a file of songs for each repertoire (--songs A.txt B.txt …)
+every one dances those that it was built without. "Real" are the takes as recorded: never synchronised with
+their songs. Built-in takes dance to the benchmark songs, whose beats and bars are known exactly, and to the spliced
 songs. No network was trained on any of these songs.
 """
 
@@ -94,10 +95,10 @@ class Line:
 
 
 def dances_of(
-    path: Path, judge: Path, seed: int, given: argparse.Namespace
+    path: Path, judge: Path, seed: int, songs_file: Path, given: argparse.Namespace
 ) -> tuple[list[MeasuredDance], list[DancedPhases]]:
     """All dances of a repertoire to the held-out songs, the experts' and the real ones; experts' phases."""
-    only = given.songs.read_text(encoding="utf-8").split()
+    only = songs_file.read_text(encoding="utf-8").split()
     songs = find_songs(given.data, only=only, duration_s=given.duration, counted_by=given.counted_by)
     variants = tuple(
         Variant(
@@ -263,7 +264,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--counted-by", type=Path, nargs="*", default=[])
     parser.add_argument("--experts", type=Path, help="folder of SONG.bvh with SONG.counts.csv")
-    parser.add_argument("--songs", type=Path, default=HELD_OUT)
+    parser.add_argument("--songs", type=Path, nargs="+", default=[HELD_OUT], help="one file, or one for each")
     parser.add_argument("--duration", type=float, help="seconds of each real song; default: all")
     parser.add_argument("--engines", nargs="+", default=["graph"])
     parser.add_argument("--weights", type=json.loads, default={}, help='of the graph\'s, as {"accents": 1}')
@@ -275,14 +276,17 @@ def main() -> None:
     given = parser.parse_args()
     parts = []
     judges = given.repertoires[1:] + given.repertoires[:1]
+    songs = given.songs * len(given.repertoires) if len(given.songs) == 1 else given.songs
     with ProcessPoolExecutor(given.jobs) as pool:
         made = [
-            pool.submit(dances_of, path, judge, seed, given)
-            for seed, (path, judge) in enumerate(zip(given.repertoires, judges, strict=True))
+            pool.submit(dances_of, path, judge, seed, songs_file, given)
+            for seed, (path, judge, songs_file) in enumerate(
+                zip(given.repertoires, judges, songs, strict=True)
+            )
         ]
         found = [done.result() for done in made]
     dances = [dance for of_repertoire, _ in found for dance in of_repertoire]
-    experts = found[0][1] if found else []  # the same with every repertoire
+    experts = found[0][1] if found else []  # the same with every repertoire: those of other songs, too
     for engine in given.engines if dances else ():
         lines = [*dance_lines(engine, dances), *phase_lines(engine, dances, experts)]
         parts.append(markdown(f"Real takes, {engine} engine, {len(given.repertoires)} seeds", lines))

@@ -80,8 +80,8 @@ def select(features: SongFeatures, repertoire: cg.Repertoire, how: str, k: int) 
         louder = float(features.energy[second : second + SEGMENT_S].mean() - features.energy.mean())
         density = float(features.onset_density[second])
         return FEEL * (
-            energy_mismatch(louder, repertoire.clip_liveliness)
-            + steps_mismatch(density, repertoire.clip_steps)
+            energy_mismatch(louder, repertoire.clip_motion.liveliness_ranks)
+            + steps_mismatch(density, repertoire.clip_motion.step_ranks)
         )
 
     return select_clips(

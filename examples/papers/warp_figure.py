@@ -34,7 +34,7 @@ def warp_figure(
     planned = cg.dance(song, repertoire, config=config).plan.seconds[second]
     first_s = planned.segment_second
     wanted = features.density[first_s]  # (80,)
-    target = repertoire.clip_density(np.array([planned.clip]))[0]  # (160,)
+    target = repertoire.clip_motion.density(np.array([planned.clip]))[0]  # (160,)
     time_map, _ = subsequence_dtw(wanted, target[:-1])  # (80,) clip frames
     beats_s = features.beat_times_s[(features.beat_times_s >= first_s)] - first_s
     beats_s = beats_s[beats_s < SEGMENT_S]

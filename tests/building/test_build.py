@@ -150,7 +150,7 @@ def test_density_networks_are_trained_on_request_only(takes_to_clicks, tmp_path)
         [takes_to_clicks], tmp_path / "k.h5", replace(options, init_from=learned.path, keep_networks=True)
     )
     clips = np.arange(kept.n_clips)
-    np.testing.assert_array_equal(kept.clip_density(clips), learned.clip_density(clips))
+    np.testing.assert_array_equal(kept.clip_motion.density(clips), learned.clip_motion.density(clips))
     assert not (tmp_path / "k.h5.build").exists()
     # What another repertoire lacks is trained: here the densities, beside the style that is kept.
     options = replace(options, init_from=analytic.path, keep_networks=True)

@@ -231,7 +231,7 @@ def test_progress_is_reported(repertoire, song):
 def test_poses_of_the_last_frame_of_a_take_are_its_own(repertoire):
     # The clip that ends with its take: asking for its very end must not read the next take.
     last = int(np.flatnonzero(repertoire.clip_take == 0)[-1])
-    pose, velocity = repertoire.poses_m(np.array([last]), np.array([159.0]))
+    pose, velocity = repertoire.clip_motion.poses_m(np.array([last]), np.array([159.0]))
     assert np.isfinite(pose).all()
     assert np.abs(velocity).max() < 3.0
 

@@ -69,10 +69,10 @@ def test_clips_are_ranked_by_energy_and_steps_within_their_genre(takes, tmp_path
     clips = synthetic_repertoire(tmp_path / "rep.h5", made)
     steps, energy = (
         [ranks[clips.clip_take == take].mean() for take in range(3)]
-        for ranks in (clips.clip_steps, clips.clip_liveliness)
+        for ranks in (clips.clip_motion.step_ranks, clips.clip_motion.liveliness_ranks)
     )
     assert steps[0] < steps[2] < steps[1] and energy[0] < energy[2] < energy[1]
-    assert clips.clip_steps.min() > 0 and clips.clip_steps.max() < 1
+    assert clips.clip_motion.step_ranks.min() > 0 and clips.clip_motion.step_ranks.max() < 1
 
 
 def test_motion_is_stored_to_a_tenth_of_a_millimetre(repertoire, takes):
@@ -109,18 +109,18 @@ def test_the_clip_table(repertoire, takes):
         assert np.allclose(np.diff(beats), 20 * (0.5, 0.6, 0.75)[repertoire.clip_take[clip]], atol=0.1)
         assert beats.min() >= 0
         assert beats.max() < 160
-    density = repertoire.clip_density(np.array([3, 20]))
+    density = repertoire.clip_motion.density(np.array([3, 20]))
     assert density.shape == (2, 160)
     beat_frames = np.round(repertoire.clip_motion_beats(20)).astype(int)
     assert density[1, beat_frames].min() > 0.8
     assert density[1].min() < 0.1
-    speed = repertoire.clip_speed(np.array([20]))
+    speed = repertoire.clip_motion.speed(np.array([20]))
     assert np.allclose(speed[0], mean_joint_speed_m_s(takes[1].body_pos_m, 20)[140:300], atol=1e-5)
 
 
 def test_poses_are_in_the_root_frame(repertoire, takes):
     clips, frames = np.array([4, 30]), np.array([10.0, 33.0])
-    pose, velocity = repertoire.poses_m(clips, frames)
+    pose, velocity = repertoire.clip_motion.poses_m(clips, frames)
     assert np.abs(heading_rad(pose)).max() < 1e-5
     assert np.abs(ground_pos_m(pose)).max() < 1e-6
     measured = takes[2]
@@ -129,8 +129,8 @@ def test_poses_are_in_the_root_frame(repertoire, takes):
     around = (measured.body_pos_m[at + 1] - measured.body_pos_m[at - 1]) * 10
     turn = rot.about_y(-heading_rad(measured.body_pos_m[at]))
     assert np.allclose(velocity[1], rot.rotate(turn, around), atol=1e-4)
-    halfway, _ = repertoire.poses_m(np.array([4]), np.array([10.5]))
-    after, _ = repertoire.poses_m(np.array([4]), np.array([11.0]))
+    halfway, _ = repertoire.clip_motion.poses_m(np.array([4]), np.array([10.5]))
+    after, _ = repertoire.clip_motion.poses_m(np.array([4]), np.array([11.0]))
     assert np.allclose(halfway[0], (pose[0] + after[0]) / 2, atol=1e-5)
 
 

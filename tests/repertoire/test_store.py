@@ -75,7 +75,9 @@ def test_doubt_is_stored_where_a_network_counted(tmp_path):
     assert np.allclose(repertoire.counts(1).doubt, doubt)
     assert np.array_equal(repertoire.counts(0).doubt, np.zeros(len(given_counts)))
     clips = np.array([np.flatnonzero(repertoire.clip_take == take)[2] for take in (0, 1)])
-    found = repertoire.count_doubt(clips, np.full(2, 30.0), np.full(2, 50.0))  # 2 s from their starts
+    found = repertoire.clip_motion.count_doubt(
+        clips, np.full(2, 30.0), np.full(2, 50.0)
+    )  # 2 s from their starts
     middle_s = repertoire.clip_start_s(int(clips[1])) + 2.0
     assert found == pytest.approx([0.0, np.interp(middle_s, read.times_s, doubt)], abs=1e-6)
     wrong = replace(contents, arrays={**contents.arrays, "counts/doubt": doubt})
