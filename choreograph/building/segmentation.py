@@ -1,4 +1,4 @@
-"""Motion words of a library: takes segmented on their beats, and the motifs found among the words."""
+"""Motion words of a library: takes segmented on their counts, and the motifs found among the words."""
 
 from __future__ import annotations
 
@@ -47,17 +47,21 @@ def segment_takes(
     *,
     report: ProgressReport | None = None,
 ) -> tuple[list[SegmentedTake], tuple[str, ...]]:
-    """Every take segmented on the beats of its music, by the default tracker, and notes.
+    """Every take segmented on its counts, and notes.
 
-    A take without music, or with fewer than two beats in its part of the song, is segmented on its motion
-    beats. Raises `FormatError` if a song cannot be read.
+    A take without counts is segmented on the beats of its music, by the default tracker, as the paper does
+    (section 3.3); without music, or with fewer than two beats in its part of the song, on its motion beats.
+    Counts are better: music and motion of a recorded pair need not be in step. Raises `FormatError` if a
+    song cannot be read.
     """
     songs = songs or SongCache()
     segmented, notes = [], []
     for index, m in enumerate(measured):
         take = m.take
         beats_s = m.motion_beats_s
-        if take.song_path is not None:
+        if len(take.counts) > 1:
+            beats_s = take.counts.times_s
+        elif take.song_path is not None:
             music_s = songs.analysed(take.song_path).beat_times_s - take.song_start_s
             if np.sum((music_s >= 0) & (music_s <= take.motion.duration_s)) >= 2:
                 beats_s = music_s

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.constraints.resolve import ResolvedConstraints
+from choreograph.counts import Counts
 from choreograph.engines.word_bank import WordBank
+from choreograph.motifs.bar_positions import UNKNOWN, bar_positions, word_positions
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.plan import PlannedWord
 from choreograph.repertoire import Repertoire
@@ -20,6 +22,7 @@ Indices = NDArray[np.int64]
 # Costs of a word on its own, in metres of joint distance.
 _SAFE_MARGIN_M = 0.04  # a word should be nearer to its motif than to any other by this: transitions move it
 _SPEED_COST_M = 0.1  # of twice or half its speed
+_OTHER_COUNT_M = 0.5  # of a word that begins on another count than the music's
 _TIE_BREAK_M = 0.02  # left to the seed
 
 
@@ -54,14 +57,22 @@ class CandidatePool:
     repertoire: Repertoire
     bank: WordBank
     rng: np.random.Generator
+    slot_position: Indices  # (N,) where in the song's bar each slot begins: see `motifs.bar_positions`
+    word_position: Indices  # (words,) where in its take's bar each word does
 
     @classmethod
     def of(
-        cls, constraints: ResolvedConstraints, repertoire: Repertoire, rng: np.random.Generator
+        cls,
+        constraints: ResolvedConstraints,
+        repertoire: Repertoire,
+        song_counts: Counts,
+        rng: np.random.Generator,
     ) -> CandidatePool:
         """The pool of a repertoire; `RepertoireError` if it has no vocabulary."""
-        bank = WordBank(repertoire.vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
-        return cls(constraints, repertoire, bank, rng)
+        vocabulary = repertoire.vocabulary
+        bank = WordBank(vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
+        slots = bar_positions(constraints.bounds_s[:-1], song_counts)
+        return cls(constraints, repertoire, bank, rng, slots, word_positions(vocabulary, repertoire.counts))
 
     @property
     def vocabulary(self) -> Vocabulary:
@@ -84,6 +95,7 @@ class CandidatePool:
         octaves = np.log2((v.word_end_s[words] - v.word_start_s[words]) / self.length_s(slot))
         cost = _SPEED_COST_M * octaves**2 + _TIE_BREAK_M * self.rng.exponential(size=len(words))
         cost += np.maximum(_SAFE_MARGIN_M - self.bank.motif_margin_m(words), 0.0)
+        cost += _OTHER_COUNT_M * ~self._on_count(slot, words)
         return Candidates(words, cost, *self.bank.borders_m(words, self.length_s(slot)))
 
     def motif_allowed(self) -> NDArray[np.bool_]:
@@ -91,6 +103,21 @@ class CandidatePool:
         allowed = np.zeros(self.vocabulary.n_motifs, bool)
         allowed[self.vocabulary.word_motif[self.constraints.take_allowed[self.vocabulary.word_take]]] = True
         return allowed & ~self.constraints.motif_banned
+
+    def motif_possible(self) -> NDArray[np.bool_]:
+        """Motifs (N, K) that have a word, of a take that may be danced, on the count of each slot."""
+        v = self.vocabulary
+        fits = self.constraints.take_allowed[v.word_take]
+        possible = np.zeros((self.constraints.n_words, v.n_motifs), bool)
+        for slot in range(len(possible)):
+            words = np.flatnonzero(fits)
+            possible[slot, v.word_motif[words[self._on_count(slot, words)]]] = True
+        return possible
+
+    def _on_count(self, slot: int, words: Indices) -> NDArray[np.bool_]:
+        """Which words (M,) begin where the slot does in its bar, or where that is not known."""
+        wanted, begins = self.slot_position[slot], self.word_position[words]
+        return (begins == wanted) | (begins == UNKNOWN) | np.equal(wanted, UNKNOWN)
 
     def planned(self, slot: int, word: int, *, pinned: bool) -> PlannedWord:
         """A word in its slot of the dance."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from choreograph.blending.rendering import render
 from choreograph.constraints.resolve import ResolvedConstraints
+from choreograph.counts import Counts
 from choreograph.engines.candidates import CandidatePool, Candidates, consecutive_slots
 from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.engines.word_bank import AROUND_S
@@ -36,7 +37,8 @@ def enforce_motifs(
 
     Raises `NoPathError` naming the motif and the time for which no word is left.
     """
-    pool = CandidatePool.of(constraints, repertoire, np.random.default_rng(plan.seed))
+    song_counts = Counts(np.array(plan.music_beats_s), np.array(plan.music_beat_numbers), plan.metre)
+    pool = CandidatePool.of(constraints, repertoire, song_counts, np.random.default_rng(plan.seed))
     surroundings = _Surroundings(body_pos_m(motion), motion.fps)
     candidates: dict[int, Candidates] = {}
     chosen: dict[int, int] = {}

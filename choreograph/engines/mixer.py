@@ -104,7 +104,8 @@ def mix(request: DanceRequest, goal: MotifGoal) -> MixedDance:
     word shows a pinned motif or avoids a banned one, `RepertoireError` without a vocabulary.
     """
     constraints, config = request.constraints, request.config
-    pool = CandidatePool.of(constraints, request.repertoire, np.random.default_rng(config.seed))
+    rng = np.random.default_rng(config.seed)
+    pool = CandidatePool.of(constraints, request.repertoire, request.song_features.counts, rng)
     wanted = _motifs(pool, config, goal)
     candidates = [pool.candidates(slot, int(motif)) for slot, motif in enumerate(wanted)]
     locked = set(constraints.pinned)
@@ -173,7 +174,7 @@ def _motifs(pool: CandidatePool, config: DanceConfig, goal: MotifGoal) -> Indice
         motifs.update(zip(slots, pool.vocabulary.word_motif[passage].tolist(), strict=True))
     return draw_motifs(
         constraints.n_words, goal.signature, goal.transitions, rng=pool.rng, pins=motifs,
-        banned=np.flatnonzero(~pool.motif_allowed()).tolist(),
+        banned=np.flatnonzero(~pool.motif_allowed()).tolist(), possible=pool.motif_possible(),
     )  # fmt: skip
 
 

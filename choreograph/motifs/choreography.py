@@ -32,6 +32,7 @@ def draw_motifs(
     rng: np.random.Generator,
     pins: Mapping[int, int] | None = None,
     banned: Collection[int] = (),
+    possible: NDArray[np.bool_] | None = None,
     need: str = "missing",
 ) -> NDArray[np.int64]:
     """A dance of `n_words` motifs, (N,).
@@ -42,13 +43,15 @@ def draw_motifs(
     transitions : float array (K, K)   row i: probabilities of the motif after motif i
     pins : position -> motif           always kept; pinning all positions re-creates a given dance
     banned : motifs that must not occur
+    possible : bool array (N, K)       which motifs each word may be (ours: those that have a word on its
+        count); where none is, all are
     need : "missing" or "absolute": how equation 5's difference is read, see above
 
     Each motif is drawn by equation 5 times the probability that the transitions lead from it to the next
-    pin in the remaining steps (backward messages, one per position). So gaps are filled with observed
-    transitions wherever possible. Pinned motifs count as danced from the start; the gaps supply the rest of
-    the signature. If no missing motif can follow, any motif that can follow is drawn; if none can follow,
-    because pins or bans contradict the transitions, any allowed motif.
+    pin in the remaining steps, by possible motifs (backward messages, one per position). So gaps are filled
+    with observed transitions wherever possible. Pinned motifs count as danced from the start; the gaps
+    supply the rest of the signature. If no missing motif can follow, any motif that can follow is drawn; if
+    none can follow, because pins or bans contradict the transitions, any allowed motif.
 
     Raises `ParameterError` if shapes disagree, the signature or a row does not sum to 1, a pin is outside
     the dance, a pin or ban is of an unknown motif, a pinned motif is banned, or all motifs are.
@@ -61,9 +64,10 @@ def draw_motifs(
             f"expected at least 0 words and a need among {', '.join(NEEDS)}, got {n_words} and {need!r}"
         )
     pins = dict(pins or {})
-    allowed = _allowed(n_motifs, pins, banned, n_words)
+    allowed = _allowed_at(_allowed(n_motifs, pins, banned, n_words), possible, n_words)  # (N, K)
     smoothed = (1.0 - _UNSEEN) * transitions + _UNSEEN / n_motifs
-    messages = _backward_messages(n_words, smoothed, pins, allowed)
+    last = n_words - 1 if possible is not None else max(pins, default=0)
+    messages = _backward_messages(last, smoothed, pins, allowed)
     counts = np.bincount(list(pins.values()), minlength=n_motifs).astype(np.float64)
     motifs = np.empty(n_words, np.int64)
     for position in range(n_words):
@@ -71,12 +75,12 @@ def draw_motifs(
             motifs[position] = pins[position]
             continue
         prior = transitions[motifs[position - 1]] if position else target
-        feasible = prior * messages[position] * allowed
+        feasible = prior * messages[position] * allowed[position]
         weighted = feasible * _need(counts, target, need)
         if weighted.sum() > _DEAD_END * feasible.sum():
             weights = weighted
         else:
-            weights = feasible if feasible.sum() > 0 else messages[position] * allowed
+            weights = feasible if feasible.sum() > 0 else messages[position] * allowed[position]
         motifs[position] = rng.choice(n_motifs, p=weights / weights.sum())
         counts[motifs[position]] += 1
     return motifs
@@ -89,18 +93,18 @@ def _need(counts: Floats, target: Floats, need: str) -> Floats:
 
 
 def _backward_messages(
-    n_words: int, transitions: Floats, pins: Mapping[int, int], allowed: NDArray[np.bool_]
+    last: int, transitions: Floats, pins: Mapping[int, int], allowed: NDArray[np.bool_]
 ) -> Floats:
     """Likelihood (N, K) that the transitions lead from each motif at a position to all later pins.
 
-    Scaled so that the largest of a position is 1; all ones after the last pin.
+    Scaled so that the largest of a position is 1; all ones from position `last` on. `allowed` (N, K).
     """
-    messages = np.ones((n_words, len(transitions)))
-    for position in range(max(pins, default=0) - 1, -1, -1):
+    messages = np.ones(allowed.shape)
+    for position in range(last - 1, -1, -1):
         if position + 1 in pins:
             message = transitions[:, pins[position + 1]] * messages[position + 1, pins[position + 1]]
         else:
-            message = transitions @ (messages[position + 1] * allowed)
+            message = transitions @ (messages[position + 1] * allowed[position + 1])
         messages[position] = message / message.max()
     return messages
 
@@ -127,6 +131,19 @@ def _allowed(
     if not allowed.any():
         raise ParameterError(f"expected at least one motif that is not banned, got all {n_motifs} banned")
     return allowed
+
+
+def _allowed_at(
+    allowed: NDArray[np.bool_], possible: NDArray[np.bool_] | None, n_words: int
+) -> NDArray[np.bool_]:
+    """Which motifs may be drawn at each position, (N, K): at least one."""
+    everywhere = np.broadcast_to(allowed, (n_words, len(allowed)))
+    if possible is None:
+        return everywhere
+    if np.shape(possible) != everywhere.shape:
+        raise ParameterError(f"expected possible motifs {everywhere.shape}, got {np.shape(possible)}")
+    both = everywhere & possible
+    return np.where(both.any(axis=1, keepdims=True), both, everywhere)
 
 
 def _checked_transitions(transitions: Floats, n_motifs: int) -> Floats:

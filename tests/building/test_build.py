@@ -11,7 +11,7 @@ import choreograph as cg
 from choreograph.building import BuildOptions, build_repertoire
 from choreograph.building.counting import SURE_MOTION_CONFIDENCE
 from choreograph.building.segmentation import FEWEST_WORDS, segment_takes
-from choreograph.counts import FROM_MOTION
+from choreograph.counts import FROM_MOTION, make_counts, numbers_in_bar
 from choreograph.errors import ParameterError
 from choreograph.exporters import save_motion
 from choreograph.metrics import physical
@@ -237,6 +237,17 @@ def test_takes_are_segmented_on_their_part_of_the_song(tmp_path):
     for cut in (after, silent):
         assert np.abs(cut.words.start_s[:, None] - synthetic.motion_beats_s).min(axis=1).max() < 1e-9
     assert len(notes) == 1 and notes[0].startswith("begins after the song")
+
+
+def test_takes_with_counts_are_segmented_on_them_whatever_their_song_says(tmp_path):
+    song = write_clicks(tmp_path / "clicks.wav", duration_s=25.0, bpm=TRUE_BPM)
+    [synthetic] = synthetic_takes(periods_s=[0.75], duration_s=12.0)
+    counts = make_counts(np.arange(1.1, 11.0, 0.7), numbers_in_bar(15, 4), 4, source="annotation")
+    [cut], notes = segment_takes(
+        [replace(synthetic, take=replace(synthetic.take, song_path=song, counts=counts))]
+    )
+    np.testing.assert_allclose(cut.words.start_s, counts.times_s[:-1])
+    assert not notes
 
 
 @pytest.fixture(scope="module")

@@ -15,10 +15,15 @@ import choreograph as cg
 from choreograph.blending.rendering import plan_runs
 from choreograph.constraints.resolve import resolve, target_goal
 from choreograph.constraints.spec import make_constraints
+from choreograph.counts import numbers_in_bar
 from choreograph.errors import NoPathError, ParameterError, RepertoireError
+from choreograph.evaluation import danced_counts
 from choreograph.features.phrasing import coming_to_rest_s
+from choreograph.metrics import counts
 from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
+from choreograph.synthesis.songs import write_song
+from choreograph.synthesis.songs.benchmark_songs import BENCHMARK_SONGS
 
 pytestmark = pytest.mark.slow
 
@@ -76,6 +81,20 @@ def test_a_mixed_dance_fills_its_song_with_words_on_the_beats(mixed, with_motifs
         assert word.credits.licence == "CC0"
     jsonschema.validate(json.loads(plan.to_json()), json.loads(SCHEMA.read_text(encoding="utf-8")))
     assert cg.Plan.from_json(plan.to_json()) == plan
+
+
+def test_words_begin_on_the_count_that_the_music_is_at(tmp_path):
+    """Built-in takes to a song with true beats and bars: chance is 1 in 4 for count 1."""
+    rendered = BENCHMARK_SONGS[5].render()
+    write_song(tmp_path / "cha-cha.wav", rendered)
+    starter = cg.starter_repertoire()
+    made = cg.dance(tmp_path / "cha-cha.wav", starter, engine="mixer", duration_s=20.0)
+    danced = danced_counts(made.plan, starter)
+    truth_s = rendered.beat_times_s
+    scores = counts.evaluate(
+        danced.times_s, danced.numbers, truth_s, numbers_in_bar(len(truth_s), rendered.beats_per_bar)
+    )
+    assert scores["counts_within"] > 0.95 and scores["downbeat_share"] > 0.85
 
 
 def test_its_words_still_show_their_motifs_after_blending(mixed, with_motifs):

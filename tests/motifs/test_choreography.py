@@ -50,6 +50,27 @@ def test_any_pins_are_kept(size_and_pins, seed, need):
     assert all(motifs[position] == motif for position, motif in pins.items())
 
 
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.dictionaries(st.integers(0, 29), st.integers(0, K - 1), max_size=3))
+def test_only_possible_motifs_are_drawn_and_observed_transitions_lead_to_them(seed, pins):
+    rng = np.random.default_rng(seed)
+    possible = rng.random((30, K)) < 0.5
+    possible[7] = False  # nothing is: everything may be
+    motifs = draw_motifs(30, GOAL, STEPS, rng=rng, pins=pins, possible=possible)
+    free = [n for n in range(30) if n not in pins and possible[n].any()]
+    assert possible[free, motifs[free]].all()
+    assert all(motifs[position] == motif for position, motif in pins.items())
+
+
+def test_a_motif_that_is_possible_only_later_is_led_up_to():
+    steps = np.array([[0.0, 0.5, 0.5], [0.5, 0.5, 0.0], [0.0, 0.0, 1.0]])  # nothing leaves 2
+    possible = np.ones((10, 3), bool)
+    possible[9] = [True, False, False]
+    for seed in range(20):
+        motifs = draw_motifs(10, np.ones(3) / 3, steps, rng=np.random.default_rng(seed), possible=possible)
+        assert motifs[9] == 0 and _is_observed(motifs, steps)
+
+
 @pytest.mark.parametrize("need", NEEDS)
 def test_a_dance_approaches_its_signature_by_observed_transitions(need):
     ends = []
@@ -156,6 +177,7 @@ def test_no_words_are_an_empty_dance():
         ({"transitions": STEPS * 0.5}, "rows"),
         ({"transitions": STEPS[:, :3]}, "transitions"),
         ({"need": "some"}, "some"),
+        ({"possible": np.ones((9, K), bool)}, "possible motifs"),
     ],
 )
 def test_infeasible_requests_are_refused_in_one_line(changes, named):
