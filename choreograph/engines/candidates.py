@@ -107,10 +107,9 @@ class CandidatePool:
     def motif_possible(self) -> NDArray[np.bool_]:
         """Motifs (N, K) that have a word, of a take that may be danced, on the count of each slot."""
         v = self.vocabulary
-        fits = self.constraints.take_allowed[v.word_take]
+        words = np.flatnonzero(self.constraints.take_allowed[v.word_take])
         possible = np.zeros((self.constraints.n_words, v.n_motifs), bool)
         for slot in range(len(possible)):
-            words = np.flatnonzero(fits)
             possible[slot, v.word_motif[words[self._on_count(slot, words)]]] = True
         return possible
 
