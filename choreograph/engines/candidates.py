@@ -114,9 +114,10 @@ class CandidatePool:
         return possible
 
     def _on_count(self, slot: int, words: Indices) -> NDArray[np.bool_]:
-        """Which words (M,) begin where the slot does in its bar, or where that is not known."""
-        wanted, begins = self.slot_position[slot], self.word_position[words]
-        return (begins == wanted) | (begins == UNKNOWN) | np.equal(wanted, UNKNOWN)
+        """Which words (M,) begin where the slot does in its bar; all where that is not known of any word."""
+        wanted = self.slot_position[slot]
+        known = wanted != UNKNOWN and bool((self.word_position != UNKNOWN).any())
+        return self.word_position[words] == wanted if known else np.ones(len(words), bool)
 
     def planned(self, slot: int, word: int, *, pinned: bool) -> PlannedWord:
         """A word in its slot of the dance."""

@@ -275,7 +275,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
     parts = []
-    judges = given.repertoires[1:] + given.repertoires[:1]
+    # With songs for each repertoire the next one was trained on this one's.
+    judges = given.repertoires[1:] + given.repertoires[:1] if len(given.songs) == 1 else given.repertoires
     songs = given.songs * len(given.repertoires) if len(given.songs) == 1 else given.songs
     with ProcessPoolExecutor(given.jobs) as pool:
         made = [
