@@ -98,7 +98,7 @@ def silent_takes(tmp_path_factory):
     return folder
 
 
-def test_takes_without_music_have_words_on_the_counts_read_from_their_motion(silent_takes, tmp_path):
+def test_takes_without_music_have_words_on_their_counts(silent_takes, tmp_path):
     built, notes = build_repertoire([silent_takes], tmp_path / "a.h5", BuildOptions(preset="tiny"))
     assert built.net_names == ("words",)
     vocabulary = built.vocabulary
