@@ -58,6 +58,9 @@ def rollout_takes(
 ) -> list[RolloutTake]:
     """The takes with music, as the network is trained on them.
 
+    The music's rhythm is as recorded: where a take is not in step with its song, its words, which are cut on
+    its counts, are not in step with the rhythm either.
+
     `segmented` are the words of `measured`; `songs` must keep samples.
     """
     takes = []

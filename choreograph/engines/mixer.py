@@ -98,7 +98,8 @@ def mix(request: DanceRequest, goal: MotifGoal) -> MixedDance:
     """A dance of motion words (Rhythm is a Dancer, sections 4.3 and 5.2.5).
 
     A word that no longer shows its motif after blending is replaced, and the dance is rendered again: that
-    check, and choosing all words together, are ours.
+    check, choosing all words together, and that words begin on the count of the bar that the music is at,
+    are ours.
 
     Raises `ParameterError` if constraints contradict each other, `NoPathError` naming the time at which no
     word shows a pinned motif or avoids a banned one, `RepertoireError` without a vocabulary.

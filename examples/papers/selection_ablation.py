@@ -13,10 +13,9 @@ other networks' signatures; distances of poses; the size of motion in loud and s
 from __future__ import annotations
 
 import argparse
+import runpy
 from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
 
 import choreograph as cg
 from choreograph.evaluation import (
@@ -56,18 +55,13 @@ def variants_of(candidates: Sequence[int]) -> tuple[Variant, ...]:
 
 def table(dances: Sequence[MeasuredDance], names: Sequence[str]) -> str:
     """A row a variant: mean over songs ± spread of the repertoires."""
+    beside = runpy.run_path(str(Path(__file__).with_name("paper_tables.py")))
     titles = [f"{METRICS[m].label} {METRICS[m].unit}".strip() for m in SHOWN]
     lines = ["| | " + " | ".join(titles) + " |", "| --- " * (len(SHOWN) + 1) + "|"]
     for name in names:
-        cells = []
-        for metric in SHOWN:
-            by_seed: dict[int, list[float]] = {}
-            for d in dances:
-                value = d.scores.values.get(metric, np.nan)
-                if d.variant == name and np.isfinite(value):
-                    by_seed.setdefault(d.seed, []).append(value)
-            means = [np.mean(values) for values in by_seed.values()]
-            cells.append(f"{np.mean(means):.2f} ± {np.std(means):.2f}" if means else "")
+        own = [d for d in dances if d.variant == name]
+        found = [beside["cell"](own, metric) for metric in SHOWN]
+        cells = [f"{of[0]:.2f} ± {of[1]:.2f}" if of else "" for of in found]
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

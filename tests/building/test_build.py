@@ -98,6 +98,12 @@ def silent_takes(tmp_path_factory):
     return folder
 
 
+def farthest_from_s(vocabulary, words, times_s) -> float:
+    """How far the border of a word is, at most, from the nearest of some times."""
+    borders_s = np.concatenate([vocabulary.word_start_s[words], vocabulary.word_end_s[words]])
+    return float(np.abs(borders_s[:, None] - times_s).min(axis=1).max())
+
+
 def test_takes_without_music_have_words_on_their_counts(silent_takes, tmp_path):
     built, notes = build_repertoire([silent_takes], tmp_path / "a.h5", BuildOptions(preset="tiny"))
     assert built.net_names == ("words",)
@@ -105,10 +111,9 @@ def test_takes_without_music_have_words_on_their_counts(silent_takes, tmp_path):
     take = built.take_index("longer")
     words = vocabulary.words_of_take(take)
     assert len(words) > FEWEST_WORDS / 2
-    counts_s = built.counts(take).times_s
-    counts_s = counts_s if len(counts_s) else built.motion_beats_s(take)  # refused: on its motion beats
-    for edges in (vocabulary.word_start_s[words], vocabulary.word_end_s[words]):
-        assert np.abs(edges[:, None] - counts_s).min(axis=1).max() < 1e-9
+    counts = built.counts(take)
+    assert counts.source == FROM_MOTION
+    assert farthest_from_s(vocabulary, words, counts.times_s) < 1e-9
     assert vocabulary.genres == ("all",)
     assert any("fewer than two songs" in note for note in notes)
 
@@ -118,6 +123,15 @@ def test_takes_without_music_have_words_on_their_counts(silent_takes, tmp_path):
     )
     assert not (tmp_path / "b.h5.build").exists()
     np.testing.assert_array_equal(kept.vocabulary.word_motif, vocabulary.word_motif)
+
+
+def test_takes_without_counts_have_words_on_their_motion_beats(silent_takes, tmp_path):
+    options = BuildOptions(preset="tiny", pretrained="nothing")
+    built, _ = build_repertoire([silent_takes], tmp_path / "a.h5", options)
+    take = built.take_index("longer")
+    words = built.vocabulary.words_of_take(take)
+    assert len(words) > FEWEST_WORDS / 2 and len(built.counts(take)) == 0
+    assert farthest_from_s(built.vocabulary, words, built.motion_beats_s(take)) < 1e-9
 
 
 def test_words_can_be_left_out(silent_takes, tmp_path):

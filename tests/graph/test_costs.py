@@ -102,7 +102,7 @@ def test_velocity_of_slower_bodies_is_not_cheaper(layers):
     slow, fast = Velocity().edge(a, b, song_features), Velocity().edge(*ten_times, song_features)
     others = np.ones(slow.shape, bool)
     others[a.successors_in(b)] = False
-    assert np.allclose(slow[others], fast[others], rtol=0.2, atol=0.05)
+    assert np.allclose(slow[others], fast[others], rtol=0.2, atol=1e-3)  # zeros are rounded
 
 
 def test_style_and_rhythm(layers):
