@@ -139,11 +139,13 @@ def text(values: Sequence[float], digits: int = 2) -> str:
     return f"{np.mean(values):.{digits}f}{spread}"
 
 
-def dance_lines(engine: str, dances: Sequence[MeasuredDance]) -> list[Line]:
-    """The rows of one engine's dances to real songs."""
+def dance_lines(engine: str, dances: Sequence[MeasuredDance], *, judged: bool) -> list[Line]:
+    """The rows of one engine's dances to real songs; `judged`: signatures by a network other than its own."""
     of = {name: [d for d in dances if d.variant == name] for name in (engine, EXPERT, REAL)}
     lines = []
     for what, (metric, digits, target) in DANCE_ROWS.items():
+        if metric == "signature_chi2" and not judged:
+            continue
         shown = {
             name: text(mean_by_seed(group, lambda d, m=metric: d.scores.values.get(m)), digits)
             for name, group in of.items()
@@ -275,8 +277,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
     parts = []
-    # With songs for each repertoire the next one was trained on this one's.
-    judges = given.repertoires[1:] + given.repertoires[:1] if len(given.songs) == 1 else given.repertoires
+    # With songs for each repertoire the next one was trained on this one's, and cannot judge its motifs.
+    judged = len(given.songs) == 1 < len(given.repertoires)
+    judges = given.repertoires[1:] + given.repertoires[:1] if judged else given.repertoires
     songs = given.songs * len(given.repertoires) if len(given.songs) == 1 else given.songs
     with ProcessPoolExecutor(given.jobs) as pool:
         made = [
@@ -289,7 +292,7 @@ def main() -> None:
     dances = [dance for of_repertoire, _ in found for dance in of_repertoire]
     experts = found[0][1] if found else []  # the same with every repertoire: those of other songs, too
     for engine in given.engines if dances else ():
-        lines = [*dance_lines(engine, dances), *phase_lines(engine, dances, experts)]
+        lines = [*dance_lines(engine, dances, judged=judged), *phase_lines(engine, dances, experts)]
         parts.append(markdown(f"Real takes, {engine} engine, {len(given.repertoires)} seeds", lines))
     built_in = cg.Repertoire.open(given.built_in) if given.built_in else cg.starter_repertoire()
     for engine in given.engines:

@@ -6,8 +6,8 @@
 A library of 31 takes has 1,664 clips: of these 512 candidates a second are a third, and any third has clips
 for every song. 64 are as many as 512 in a library of 13,000 clips. Every repertoire dances to the songs of
 its file (--songs, one for all or one for each), which it was built without. The rulers: genres of takes;
-other networks' signatures; distances of poses; the size of motion in loud and soft sections. Mean over songs
-± the spread of the repertoires.
+signatures by another network, where all dance to the same songs; distances of poses; the size of motion in
+loud and soft sections. Mean over songs ± the spread of the repertoires.
 """
 
 from __future__ import annotations
@@ -53,14 +53,14 @@ def variants_of(candidates: Sequence[int]) -> tuple[Variant, ...]:
     )
 
 
-def table(dances: Sequence[MeasuredDance], names: Sequence[str]) -> str:
+def table(dances: Sequence[MeasuredDance], names: Sequence[str], shown: Sequence[str]) -> str:
     """A row a variant: mean over songs ± spread of the repertoires."""
     beside = runpy.run_path(str(Path(__file__).with_name("paper_tables.py")))
-    titles = [f"{METRICS[m].label} {METRICS[m].unit}".strip() for m in SHOWN]
-    lines = ["| | " + " | ".join(titles) + " |", "| --- " * (len(SHOWN) + 1) + "|"]
+    titles = [f"{METRICS[m].label} {METRICS[m].unit}".strip() for m in shown]
+    lines = ["| | " + " | ".join(titles) + " |", "| --- " * (len(shown) + 1) + "|"]
     for name in names:
         own = [d for d in dances if d.variant == name]
-        found = [beside["cell"](own, metric) for metric in SHOWN]
+        found = [beside["cell"](own, metric) for metric in shown]
         cells = [f"{of[0]:.2f} ± {of[1]:.2f}" if of else "" for of in found]
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
@@ -78,8 +78,10 @@ def main() -> None:
     variants = variants_of(given.candidates)
     files = given.songs * len(given.repertoires) if len(given.songs) == 1 else given.songs
     dances: list[MeasuredDance] = []
-    # Another repertoire's network judges motifs, where none of its songs is danced to.
-    judges = given.repertoires[1:] + given.repertoires[:1] if len(given.songs) == 1 else given.repertoires
+    # Motifs are judged by the next repertoire's network, unless it was trained on the songs.
+    judged = len(given.songs) == 1 < len(given.repertoires)
+    judges = given.repertoires[1:] + given.repertoires[:1] if judged else given.repertoires
+    shown = SHOWN if judged else [metric for metric in SHOWN if metric != "signature_chi2"]
     for seed, (path, judge, file) in enumerate(zip(given.repertoires, judges, files, strict=True)):
         songs = find_songs(
             given.data, only=file.read_text(encoding="utf-8").split(), counted_by=given.counted_by
@@ -91,7 +93,7 @@ def main() -> None:
             judge=None if judge == path else cg.Repertoire.open(judge),
         )
         dances += [*found.dances, *found.sets]
-        given.output.write_text(table(dances, [v.name for v in variants]), encoding="utf-8")
+        given.output.write_text(table(dances, [v.name for v in variants], shown), encoding="utf-8")
         print(f"{path.name}: {len(found.dances)} dances", flush=True)
     print(given.output.read_text(encoding="utf-8"))
 
