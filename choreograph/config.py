@@ -13,7 +13,7 @@ from choreograph.errors import FormatError, ParameterError
 
 ENGINES = ("graph", "mixer", "rollout")
 PLANNERS = ("exact", "greedy", "motion-graph")
-SELECTIONS = ("style", "random")
+SELECTIONS = ("genre", "style", "random")
 WARPINGS = ("counts", "dtw", "none")
 BLENDINGS = ("inertial", "linear")
 TRANSITION_PLACEMENTS = ("beats", "seconds")
@@ -38,7 +38,8 @@ class DanceConfig:
     engine: str = "graph"  # what a dance is made of: seconds of takes, words of takes, or a network's motion
     planner: str = "exact"  # graph: exact, greedy or motion-graph; mixer: exact or greedy
     candidates: int = 512  # K clips warped for each second (graph)
-    selection: str = "style"  # which clips: the nearest in style, or "random" (graph)
+    selection: str = "genre"  # which clips: at random, at least half of them of the music's genre; or the
+    # nearest in "style", or any at "random" (graph)
     warping: str = "counts"  # counts to beats, "dtw" of tempo-densities where they are not known or for all,
     # or "none": as recorded (graph)
     density: str = "repertoire"  # which the DTW aligns: the repertoire's, or only a "learned" one (graph)

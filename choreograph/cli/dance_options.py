@@ -102,7 +102,8 @@ _GRAPH = (
     ),
     optgroup.option("--candidates", type=int, help="Clips to warp for each second (512)."),
     optgroup.option(
-        "--selection", metavar="style|random", help="Which clips: nearest in style (default), or random ones."
+        "--selection", metavar="genre|style|random",
+        help="Which clips: at random, at least half of the music's genre (default); nearest in style; any.",
     ),
     optgroup.option(
         "--warping", metavar="counts|dtw|none",

@@ -17,6 +17,7 @@ class SectionGoal:
 
     first_second: int
     goal: MotifGoal
+    genre: str | None = None  # None: the goal is of no genre
 
 
 def section_goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, ...]]:
@@ -27,11 +28,13 @@ def section_goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, 
     """
     repertoire, constraints = request.repertoire, request.constraints.requested
     if constraints.genre is not None or constraints.signature is not None:
-        return [SectionGoal(0, target_goal(constraints, repertoire))], ()
+        return [SectionGoal(0, target_goal(constraints, repertoire), constraints.genre)], ()
     if not repertoire.has_vocabulary:
         return [], ()
     parts = likely_genres(request.song_features, repertoire, constraints)
     if parts[0][1] == ALL_GENRES:
         return [], ()
-    goals = [SectionGoal(second, target_goal(constraints, repertoire, genre)) for second, genre in parts]
+    goals = [
+        SectionGoal(second, target_goal(constraints, repertoire, genre), genre) for second, genre in parts
+    ]
     return goals, (genre_note([genre for _, genre in parts]),)

@@ -57,13 +57,13 @@ VARIANTS: dict[str, Variant] = {
         _variant(
             "motion-graph", "the paper's Motion Graph variant: first warped seconds, transition cost only, "
             "linear blending, transitions on seconds", seeded=False, planner="motion-graph",
-            blending="linear", transitions="seconds", weights=published.WEIGHTS,
+            selection="style", blending="linear", transitions="seconds", weights=published.WEIGHTS,
         ),
         _variant(
             "greedy-published", "ChoreoGraph's graph as published: greedy planner, unweighted style, "
-            "completeness and transition costs, linear blending, transitions on seconds; with our selection, "
-            "warping and foot lock",
-            seeded=False, planner="greedy", blending="linear", transitions="seconds",
+            "completeness and transition costs, linear blending, transitions on seconds; with our warping "
+            "and foot lock",
+            seeded=False, planner="greedy", selection="style", blending="linear", transitions="seconds",
             weights=published.WEIGHTS,
         ),
         _published(
@@ -86,6 +86,7 @@ VARIANTS: dict[str, Variant] = {
             "no-selection", "ours with random candidates and without the style cost", selection="random",
             weights={"style": 0.0},
         ),
+        _variant("style-selection", "ours with the clips nearest in style, the paper's", selection="style"),
         _variant(
             "no-graph", "ours without costs between seconds: the best node for each second alone",
             weights=_NO_EDGES,
@@ -100,7 +101,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "paper": ("ours", "greedy-published", "motion-graph", "random"),
     "published": ("as-published", "as-published-motion-graph", "as-published-no-retempo"),
     "ablations": (
-        "ours", "no-selection", "no-retempo", "no-graph", "greedy", "linear", "transitions-on-seconds",
+        "ours", "no-selection", "style-selection", "no-retempo", "no-graph", "greedy", "linear",
+        "transitions-on-seconds",
         *(f"no-{cost}" for cost in DEFAULT_WEIGHTS),
     ),
     "engines": ("ours", "mixer", "rollout"),

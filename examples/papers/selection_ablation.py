@@ -1,7 +1,7 @@
-"""What selection by style and the style cost are worth, where there are many clips to a candidate or few.
+"""What ways of selection and the style cost are worth, where there are many clips to a candidate or few.
 
     python examples/papers/selection_ablation.py dance-with-melody/ r0.h5 r1.h5 … -o results.md \\
-        [--songs A.txt B.txt …] [--candidates 512 64] [--counted-by choreonet/]
+        [--songs A.txt B.txt …] [--candidates 512 64 16] [--counted-by choreonet/]
 
 A library of 31 takes has 1,664 clips: of these 512 candidates a second are a third, and any third has clips
 for every song. 64 are as many as 512 in a library of 13,000 clips. Every repertoire dances to the songs of
@@ -29,10 +29,9 @@ from choreograph.evaluation import (
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 WAYS = {
-    "selection and cost": ("style", {}),
-    "selection alone": ("style", {"style": 0.0}),
-    "cost alone": ("random", {}),
-    "neither": ("random", {"style": 0.0}),
+    f"{selection}{', cost' if cost else ''}": (selection, {} if cost else {"style": 0.0})
+    for selection in ("genre", "style", "random")
+    for cost in (True, False)
 }
 SHOWN = (
     "own_genre", "signature_chi2", "fpd_all", "energy_response", "energy_response_space", "foot_slide_cm_s",
@@ -72,7 +71,7 @@ def main() -> None:
     parser.add_argument("repertoires", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--songs", type=Path, nargs="+", default=[HELD_OUT], help="one file, or one for each")
-    parser.add_argument("--candidates", type=int, nargs="+", default=[512, 64])
+    parser.add_argument("--candidates", type=int, nargs="+", default=[512, 64, 16])
     parser.add_argument("--counted-by", type=Path, nargs="*", default=[])
     given = parser.parse_args()
     variants = variants_of(given.candidates)

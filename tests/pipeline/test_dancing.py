@@ -250,4 +250,4 @@ def test_without_selection_any_clip_is_a_candidate(repertoire, song):
 
     drawn = takes(selection="random", seed=1)
     assert drawn == takes(selection="random", seed=1) != takes(selection="random", seed=2)
-    assert drawn != takes(seed=1)
+    assert drawn != takes(selection="style", seed=1)
