@@ -1,12 +1,13 @@
 """Do dances keep the counts and bars of the music? The table of targets, with chance, experts and real takes.
 
     python examples/papers/on_the_count.py path/to/dance-with-melody s0.h5 s1.h5 … -o results.md \\
-        [--counted-by path/to/choreonet] [--experts FOLDER] [--engines graph mixer] [--weights JSON]
+        [--counted-by path/to/choreonet] [--experts FOLDER] [--engines graph mixer] \\
+        [--weights JSON] [--dances 3]
 
 Each repertoire was built by `build-db --seed N --leave-out @examples/papers/dance_with_melody_held_out.txt`;
-its number is also the seed of its dances, and its motif signatures are judged by the next one's network.
-FOLDER holds experts' dances to the held-out songs (SONG.bvh with SONG.counts.csv beside it), laid on the
-tracked beats as their choreographies say. With a file of songs for each repertoire (--songs A.txt B.txt …)
+its number is also the seed of its dances (of several each: --dances), and its motif signatures are judged by
+the next one's network. FOLDER holds experts' dances to the held-out songs (SONG.bvh with SONG.counts.csv
+beside it), laid on the tracked beats as their choreographies say. With a file of songs for each repertoire (--songs A.txt B.txt …)
 every one dances those that it was built without. "Real" are the takes as recorded: never synchronised with
 their songs. Built-in takes dance to the benchmark songs, whose beats and bars are known exactly, and to the
 spliced songs. No network was trained on any of these songs.
@@ -19,7 +20,7 @@ import json
 import runpy
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -111,12 +112,14 @@ def dances_of(
     found = evaluate(
         cg.Repertoire.open(path),
         songs,
-        EvaluationConfig(variants, seeds=1, beats=given.beats, first_seed=seed),
+        EvaluationConfig(variants, seeds=given.dances, beats=given.beats, first_seed=seed * given.dances),
         references=read_experts(given.experts, songs) if given.experts else (),
         judge=None if judge == path else cg.Repertoire.open(judge),
     )
     print(f"{path.name}: measured, motifs judged by {found.facts['motifs_judged_by']}", flush=True)
-    return [*found.dances, *found.sets], list(found.expert_phases)
+    # The spread is that of repertoires, however often each dances.
+    dances = [replace(dance, seed=seed) for dance in (*found.dances, *found.sets)]
+    return dances, list(found.expert_phases)
 
 
 def mean_by_seed(
@@ -272,6 +275,7 @@ def main() -> None:
     parser.add_argument("--weights", type=json.loads, default={}, help='of the graph\'s, as {"accents": 1}')
     parser.add_argument("--beats", default=DEFAULT_TRACKER, help="to measure by")
     parser.add_argument("--built-in", type=Path, help="repertoire in place of the built-in one")
+    parser.add_argument("--dances", type=int, default=1, help="to each real song by each repertoire")
     parser.add_argument("--seeds", type=int, default=1, help="of the dances to spliced songs")
     parser.add_argument("--skip", nargs="*", default=[], choices=["built-in", "spliced", "metre"])
     parser.add_argument("--jobs", type=int, default=1)
