@@ -7,10 +7,10 @@
 Each repertoire was built by `build-db --seed N --leave-out @examples/papers/dance_with_melody_held_out.txt`;
 its number is also the seed of its dances (of several each: --dances), and its motif signatures are judged by
 the next one's network. FOLDER holds experts' dances to the held-out songs (SONG.bvh with SONG.counts.csv
-beside it), laid on the tracked beats as their choreographies say. With a file of songs for each repertoire (--songs A.txt B.txt …)
-every one dances those that it was built without. "Real" are the takes as recorded: never synchronised with
-their songs. Built-in takes dance to the benchmark songs, whose beats and bars are known exactly, and to the
-spliced songs. No network was trained on any of these songs.
+beside it), laid on the tracked beats as their choreographies say. With a file of songs for each repertoire
+(--songs A.txt B.txt …) every one dances those that it was built without. "Real" are the takes as recorded:
+never synchronised with their songs. Built-in takes dance to the benchmark songs, whose beats and bars are
+known exactly, and to the spliced songs. No network was trained on any of these songs.
 """
 
 from __future__ import annotations
