@@ -17,6 +17,7 @@ from choreograph.constraints.spec import Constraints
 from choreograph.engines.base import DanceRequest, EngineResult
 from choreograph.engines.mixer import sequence_notes
 from choreograph.errors import ParameterError
+from choreograph.features.count_phase import count_phase
 from choreograph.features.mel import log_mel
 from choreograph.features.music_beats import get_beat_tracker
 from choreograph.features.word_audio import rhythm_from, word_spectra
@@ -83,11 +84,13 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
         if request.style_song is None
         else _repeated_spectra(request.style_song, len(motifs))
     )
+    times_s = np.arange(0.0, features.duration_s, 1.0 / ROLLOUT_FPS)
     sequence = MotifSequence(
         start_s=bounds_s[:-1],
         end_s=bounds_s[1:],
         motif=repertoire.vocabulary.motifs.embeddings[motifs],
         rhythm=rhythm_from(request.song, features.beat_times_s, 0.0),
+        count_phase=count_phase(features.counts, times_s),
         spectral=spectral,
     )
     report = request.report

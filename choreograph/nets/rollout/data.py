@@ -10,7 +10,8 @@ negative.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import torch
@@ -19,7 +20,7 @@ from torch import Tensor
 
 from choreograph.errors import ParameterError
 from choreograph.features.contacts import foot_contacts
-from choreograph.features.frame_rhythm import FRAME_RHYTHM_FPS
+from choreograph.features.frame_rhythm import FRAME_RHYTHM_FPS, FRAME_RHYTHM_NAMES
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
@@ -28,6 +29,7 @@ from choreograph.nets.rollout.model import N_FEET, ROOT_DIM, RolloutConditions
 from choreograph.timebase import WORD_FRAMES, frame_times_s
 
 ROLLOUT_FPS = FRAME_RHYTHM_FPS
+BEAT = FRAME_RHYTHM_NAMES.index("beat")
 LOOKAHEAD_FRAMES = 9  # of the rhythm: the whole window of `features.frame_rhythm`
 
 Floats = NDArray[np.floating]
@@ -39,7 +41,8 @@ class RolloutTake:
 
     name: str
     motion: Motion  # at 30 fps
-    rhythm: Floats  # (T', 4) at 30 fps, to the end of the song
+    rhythm: Floats  # (T', 4) at 30 fps, to the end of the take or of the song
+    count_phase: Floats  # (T', 4) at 30 fps
     start_s: Floats  # (N,) of the words
     end_s: Floats  # (N,)
     motif: Floats  # (N, 184) embedding of each word's motif, that is of its medoid
@@ -91,23 +94,32 @@ def to_motion(poses: Floats, skeleton: Skeleton, *, heading_rad: float = 0.0) ->
 
 
 def word_conditions(
-    start_s: Floats, end_s: Floats, n_frames: int, rhythm: Floats, motif: Floats, spectral: Floats | None
+    start_s: Floats,
+    end_s: Floats,
+    n_frames: int,
+    rhythm: Floats,
+    count_phase: Floats,
+    motif: Floats,
+    spectral: Floats | None,
 ) -> RolloutConditions:
     """Conditioning (1, T, ...) of frames 0 … T - 1 on their words; frames before the first word belong to it.
 
-    `start_s`, `end_s` (N,), `motif` (N, 184) and `spectral` (N, 87) are of the words, `rhythm` (T', 4) of the
-    song from the dance's first frame on. The last row of `rhythm` is repeated after its end.
+    `start_s`, `end_s` (N,), `motif` (N, 184) and `spectral` (N, 87) are of the words, `rhythm` and
+    `count_phase` (T', 4) of the song from the dance's first frame on. Their last rows are repeated after
+    their end.
     """
     times = frame_times_s(n_frames, ROLLOUT_FPS)
     word = word_of_frames(start_s, n_frames)
     word_s = np.asarray(end_s - start_s)[word]
     progress = ((times - start_s[word]) / word_s).clip(0.0, 1.0)
-    rhythm_frame = np.minimum(np.arange(n_frames) + LOOKAHEAD_FRAMES, len(rhythm) - 1)
+    frame = np.arange(n_frames)
+    ahead = np.minimum(frame + LOOKAHEAD_FRAMES, len(rhythm) - 1)
     return RolloutConditions(
         motif=_batch_of_one(motif[word]),
-        rhythm=_batch_of_one(rhythm[rhythm_frame]),
+        rhythm=_batch_of_one(rhythm[ahead]),
         progress=_batch_of_one(progress),
         word_s=_batch_of_one(word_s),
+        count_phase=_batch_of_one(count_phase[np.minimum(frame, len(count_phase) - 1)]),
         spectral=None if spectral is None else _batch_of_one(spectral[word]),
     )
 
@@ -119,13 +131,13 @@ def word_of_frames(start_s: Floats, n_frames: int) -> NDArray[np.int64]:
 
 
 class RolloutData:
-    """All takes as tensors, and random batches of sequences."""
+    """All takes as tensors, at each of some tempi, and random batches of sequences."""
 
-    def __init__(self, takes: Sequence[RolloutTake], n_frames: int) -> None:
+    def __init__(self, takes: Sequence[RolloutTake], n_frames: int, tempi: Sequence[float] = (1.0,)) -> None:
         self._n_frames = n_frames
         self._takes: list[_TakeTensors] = []
-        for take in takes:
-            tensors = _take_tensors(take)
+        for take, tempo in product(takes, tempi):
+            tensors = _take_tensors(at_tempo(take, tempo))
             if tensors is not None and tensors.stop - tensors.start > n_frames:
                 self._takes.append(tensors)
         if not self._takes:
@@ -162,8 +174,12 @@ class RolloutData:
             word_frames.append(first + (last - first) * even)  # (m, 13)
             word_sequence.append(np.full(len(inside), row))
             word_motif.append(embeddings[inside])
-        pose, motif, rhythm, progress, word_s, spectral = (torch.stack(p) for p in zip(*parts, strict=True))
-        conditions = RolloutConditions(motif, rhythm, progress, word_s, spectral if with_style else None)
+        pose, motif, rhythm, progress, word_s, count_phase, spectral = (
+            torch.stack(p) for p in zip(*parts, strict=True)
+        )
+        conditions = RolloutConditions(
+            motif, rhythm, progress, word_s, count_phase, spectral if with_style else None
+        )
         return RolloutBatch(
             pose, conditions, torch.from_numpy(np.concatenate(word_frames)).float(),
             torch.from_numpy(np.concatenate(word_sequence)), torch.cat(word_motif),
@@ -189,8 +205,39 @@ class _TakeTensors:
         assert conditions.spectral is not None  # `_take_tensors` sets it
         return tuple(
             v[0, span]
-            for v in (conditions.rhythm, conditions.progress, conditions.word_s, conditions.spectral)
-        )
+            for v in (
+                conditions.rhythm, conditions.progress, conditions.word_s, conditions.count_phase,
+                conditions.spectral,
+            )
+        )  # fmt: skip
+
+
+def at_tempo(take: RolloutTake, tempo: float) -> RolloutTake:
+    """The take as if it had been danced, and its music played, at a multiple of its tempo."""
+    if tempo == 1.0:
+        return take
+    n_frames = int((take.motion.n_frames - 1) / tempo) + 1
+    return replace(
+        take,
+        motion=take.motion.sampled(np.arange(n_frames, dtype=np.float64) * tempo, fps=ROLLOUT_FPS),
+        rhythm=_with_beats_of(_played_at(take.rhythm, tempo), take.rhythm, tempo),
+        count_phase=_played_at(take.count_phase, tempo),
+        start_s=take.start_s / tempo,
+        end_s=take.end_s / tempo,
+    )
+
+
+def _with_beats_of(played: Floats, rhythm: Floats, tempo: float) -> Floats:
+    """The rhythm at another tempo with every beat in it: frames left out, or played twice, may be beats."""
+    beats = np.rint(np.flatnonzero(rhythm[:, BEAT] > 0) / tempo).astype(np.int64)
+    is_beat = np.isin(np.arange(len(played)), beats)
+    return np.concatenate([played[:, :BEAT], is_beat[:, None]], axis=1)
+
+
+def _played_at(rows: Floats, tempo: float) -> Floats:
+    """The rows (T, D) nearest to each frame at another tempo."""
+    frames = np.rint(np.arange(int((len(rows) - 1) / tempo) + 1) * tempo).astype(np.int64)
+    return rows[np.minimum(frames, len(rows) - 1)]
 
 
 def _take_tensors(take: RolloutTake) -> _TakeTensors | None:
@@ -202,7 +249,9 @@ def _take_tensors(take: RolloutTake) -> _TakeTensors | None:
     first_frame, last_frame = take.start_s * ROLLOUT_FPS, take.end_s * ROLLOUT_FPS
     return _TakeTensors(
         torch.from_numpy(to_poses(take.motion)),
-        word_conditions(take.start_s, take.end_s, n_frames, take.rhythm, take.motif, take.spectral),
+        word_conditions(
+            take.start_s, take.end_s, n_frames, take.rhythm, take.count_phase, take.motif, take.spectral
+        ),
         word_of_frames(take.start_s, n_frames), motif, embedding, first_frame, last_frame,
         start=int(np.ceil(first_frame[0])), stop=min(n_frames, int(last_frame[-1]) + 1),
     )  # fmt: skip

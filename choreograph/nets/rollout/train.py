@@ -31,7 +31,7 @@ def train_rollout(
 
     Raises `ParameterError` if no take has motion words for longer than a training sequence.
     """
-    data = RolloutData(takes, config.frames)
+    data = RolloutData(takes, config.frames, config.tempi)
     skeleton = takes[0].motion.skeleton
     config = replace(config, n_joints=skeleton.n_joints)
     with torch.random.fork_rng():

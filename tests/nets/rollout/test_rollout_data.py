@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic_rollouts import random_motion
+from synthetic_rollouts import random_motion, synthetic_takes
 
 from choreograph.motion import rotations as rot
-from choreograph.motion.body import body_pos_m
-from choreograph.nets.rollout.data import to_motion, to_poses, word_conditions
+from choreograph.motion.body import BODY_JOINTS, body_pos_m
+from choreograph.nets.rollout.data import ROLLOUT_FPS, at_tempo, to_motion, to_poses, word_conditions
 from choreograph.nets.rollout.model import N_FEET, ROOT_DIM
 
 
@@ -36,8 +36,9 @@ def test_rotations_of_poses_mostly_have_no_negative_w():
 def test_every_frame_is_conditioned_on_its_word():
     motif = np.arange(3)[:, None] * np.ones(184)
     rhythm = np.arange(60)[:, None] * np.ones(4)
+    phase = np.arange(60)[:, None] * np.ones(4)
     conditions = word_conditions(
-        np.array([0.5, 1.0, 1.5]), np.array([1.0, 1.5, 2.0]), 70, rhythm, motif, None
+        np.array([0.5, 1.0, 1.5]), np.array([1.0, 1.5, 2.0]), 70, rhythm, phase, motif, None
     )
     assert conditions.motif[0, :, 0].tolist() == [0] * 30 + [1] * 15 + [2] * 25
     assert float(conditions.progress[0, 15]) == 0.0
@@ -46,3 +47,27 @@ def test_every_frame_is_conditioned_on_its_word():
     # Rhythm is looked up ahead, and its last row is repeated.
     assert conditions.rhythm[0, 0, 0] == 9
     assert conditions.rhythm[0, -1, 0] == 59
+    # Phases are those of the frame itself.
+    assert conditions.count_phase[0, :, 0].tolist() == [*range(60), *[59] * 10]
+
+
+@pytest.mark.parametrize("tempo", [0.8, 1.25])
+def test_a_take_at_another_tempo_is_danced_and_sounds_faster_together(tempo):
+    take = synthetic_takes(1)[0]
+    played = at_tempo(take, tempo)
+    assert played.motion.n_frames == pytest.approx(take.motion.n_frames / tempo, abs=1)
+    assert played.end_s == pytest.approx(take.end_s / tempo)
+    beats = np.flatnonzero(played.rhythm[:, 3]) / ROLLOUT_FPS
+    assert beats == pytest.approx(np.append(played.start_s, played.end_s[-1]), abs=0.5 / ROLLOUT_FPS + 1e-6)
+    on_beats = played.count_phase[np.rint(beats * ROLLOUT_FPS).astype(int)]
+    assert (on_beats[:, 0] > 0.9).all()  # cos of the phase of the beat
+    # Arms are raised in the middle of a beat, and down on it.
+    for take_, of in ((take, take.start_s), (played, played.start_s)):
+        hands = body_pos_m(take_.motion)[:, BODY_JOINTS.index("left_wrist"), 1]
+        frames = np.rint(of * ROLLOUT_FPS).astype(int)
+        assert hands[frames].max() < hands.max() - 0.1
+
+
+def test_the_take_at_its_own_tempo_is_itself():
+    take = synthetic_takes(1)[0]
+    assert at_tempo(take, 1.0) is take
