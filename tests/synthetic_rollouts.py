@@ -9,7 +9,8 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.nets.rollout.data import ROLLOUT_FPS, RolloutTake
+from choreograph.nets.rollout.data import ROLLOUT_FPS
+from choreograph.nets.rollout.training_data import RolloutTake
 from choreograph.nets.words.config import word_config
 from choreograph.nets.words.data import WordTake
 from choreograph.nets.words.model import WordNet

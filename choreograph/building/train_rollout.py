@@ -11,9 +11,10 @@ from choreograph.building.segmentation import SegmentedTake
 from choreograph.building.song_cache import SongCache
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.nets.rollout.config import RolloutConfig
-from choreograph.nets.rollout.data import ROLLOUT_FPS, RolloutTake
+from choreograph.nets.rollout.data import ROLLOUT_FPS
 from choreograph.nets.rollout.model import RolloutNet
 from choreograph.nets.rollout.train import train_rollout
+from choreograph.nets.rollout.training_data import RolloutTake
 from choreograph.nets.training import TrainingContext
 from choreograph.nets.words.model import WordNet
 from choreograph.progress import ProgressReport

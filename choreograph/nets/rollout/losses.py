@@ -12,8 +12,9 @@ from choreograph.motion.body import BODY_JOINTS
 from choreograph.motion.skeleton import Skeleton
 from choreograph.nets.kinematics import BodyKinematics, geodesic_rad
 from choreograph.nets.rollout.config import RolloutConfig
-from choreograph.nets.rollout.data import ROLLOUT_FPS, RolloutBatch
+from choreograph.nets.rollout.data import ROLLOUT_FPS
 from choreograph.nets.rollout.model import N_FEET, ROOT_DIM, RolloutNet
+from choreograph.nets.rollout.training_data import RolloutBatch
 from choreograph.nets.words.model import WordNet
 
 _FEET = [[BODY_JOINTS.index(f"{side}_{part}") for part in ("ankle", "foot")] for side in ("left", "right")]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from choreograph.nets.rollout.config import RolloutConfig
-from choreograph.nets.rollout.data import RolloutBatch, RolloutData, RolloutTake
 from choreograph.nets.rollout.losses import RolloutLosses
 from choreograph.nets.rollout.model import N_FEET, ROOT_DIM, RolloutNet
+from choreograph.nets.rollout.training_data import RolloutBatch, RolloutData, RolloutTake
 from choreograph.nets.training import TrainingContext, load_pretrained, train
 from choreograph.nets.words.model import WordNet
 

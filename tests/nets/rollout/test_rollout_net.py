@@ -7,9 +7,10 @@ from synthetic_rollouts import random_motion, synthetic_takes, synthetic_words
 
 from choreograph.errors import ParameterError
 from choreograph.nets.rollout.config import rollout_config
-from choreograph.nets.rollout.data import RolloutData, to_poses, word_conditions
+from choreograph.nets.rollout.data import to_poses, word_conditions
 from choreograph.nets.rollout.model import N_FEET, ROOT_DIM, RolloutNet
 from choreograph.nets.rollout.train import train_rollout, unroll
+from choreograph.nets.rollout.training_data import RolloutData
 from choreograph.nets.training import TrainingContext
 
 pytestmark = pytest.mark.slow
