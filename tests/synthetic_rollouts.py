@@ -2,12 +2,15 @@
 
 import numpy as np
 
+from choreograph.counts import make_counts, numbers_in_bar
+from choreograph.features.count_phase import count_phase
 from choreograph.motifs.words import segment_words
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.nets.rollout.data import ROLLOUT_FPS, RolloutTake
+from choreograph.nets.rollout.data import ROLLOUT_FPS
+from choreograph.nets.rollout.training_data import RolloutTake
 from choreograph.nets.words.config import word_config
 from choreograph.nets.words.data import WordTake
 from choreograph.nets.words.model import WordNet
@@ -53,10 +56,15 @@ def synthetic_takes(n_takes: int = 3) -> list[RolloutTake]:
         bounds = np.arange(N_BEATS + 1) * BEAT_S
         rhythm = np.zeros((motion.n_frames, 4), np.float32)
         rhythm[:: round(BEAT_S * ROLLOUT_FPS), 3] = 1.0
+        phase = count_phase(
+            make_counts(bounds, numbers_in_bar(len(bounds), 4), 4), np.arange(motion.n_frames) / ROLLOUT_FPS
+        )
         empty = np.zeros((N_BEATS, 184), np.float32)
         spectral = rng.normal(size=(N_BEATS, 87)).astype(np.float32)
         takes.append(
-            RolloutTake(f"take {seed}", motion, rhythm, bounds[:-1], bounds[1:], empty, empty, spectral)
+            RolloutTake(
+                f"take {seed}", motion, rhythm, phase, bounds[:-1], bounds[1:], empty, empty, spectral
+            )
         )
     return takes
 

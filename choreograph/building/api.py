@@ -25,6 +25,7 @@ def build(
     density: str = "analytic",
     seed: int = 0,
     device: str = "auto",
+    beats: str = BuildOptions.beats,
     resume: bool = False,
     init_from: str | Path | None = None,
     pretrained: str = BuildOptions.pretrained,
@@ -47,7 +48,7 @@ def build(
     ----------
     sources : a folder or file of takes, or several
     output : the file to write; work in progress lies beside it in `OUTPUT.build/`
-    preset, density, seed, device, resume, keep_networks, compress, rollout, leave_out, lock_feet,
+    preset, density, seed, device, beats, resume, keep_networks, compress, rollout, leave_out, lock_feet,
         augment_mirror, words, pretrained, style_changes, density_changes, method : as in `BuildOptions`;
         `choreograph.published.published_build` gives those of the method as published
     init_from : repertoire whose networks training starts from
@@ -65,7 +66,7 @@ def build(
         raise ParameterError(f"expected sources as paths, got {reprlib.repr(sources)}")
     paths = [_as_path("sources", path) for path in paths]
     options = BuildOptions(
-        preset=preset, density=density, seed=seed, device=device, resume=resume,
+        preset=preset, density=density, seed=seed, device=device, beats=beats, resume=resume,
         init_from=None if init_from is None else _as_path("init_from", init_from),
         pretrained=pretrained, keep_networks=keep_networks,
         compress=compress, rollout=rollout, leave_out=tuple(leave_out), lock_feet=lock_feet,

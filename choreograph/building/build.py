@@ -64,7 +64,7 @@ def build_repertoire(
     pretrained = PretrainedWeights.of(options, shipped)
     measured, notes = measured_takes(sources, options, report)
     context = training_context(output.with_name(output.name + ".build"), options, training_report)
-    songs = SongCache(keep_samples=options.rollout)
+    songs = SongCache(options.beats, keep_samples=options.rollout)
     measured, count_notes = counted_takes(measured, songs, motion_reader(shipped))
     heard: tuple[str, ...] = ()  # songs whose counts the network learned, where it has counted a take
     uses = []
@@ -112,6 +112,7 @@ def _provenance(
         "seed": options.seed,
         "init_from": options.init_from.name if options.init_from else None,
         "pretrained": options.pretrained,
+        "beats": options.beats,
         "feet_locked": options.lock_feet,
         "left_out": sorted(options.leave_out),
         "trained_on": sorted(set(trained_on)),

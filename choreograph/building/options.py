@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from choreograph.errors import ParameterError
+from choreograph.song_counts import DEFAULT_BEATS, TRACKER_NAMES, names_a_tracker
 
 DENSITIES = ("analytic", "learned")
 
@@ -20,6 +21,7 @@ class BuildOptions:
     density: str = "analytic"  # which tempo-density clips carry: analytic, or "learned" by two more networks
     seed: int = 0
     device: str = "auto"  # where networks are trained: auto, cpu, cuda
+    beats: str = DEFAULT_BEATS  # tracker of the takes' songs: see `song_counts`
     resume: bool = False  # continue from the checkpoints of a build that was stopped
     init_from: Path | None = None  # repertoire whose networks training starts from
     # Which shipped networks count takes by their motion, and with preset small begin the training of style:
@@ -38,6 +40,8 @@ class BuildOptions:
     method: str = "ours"  # what the file says of how it was built: see `choreograph.published`
 
     def __post_init__(self) -> None:
+        if not names_a_tracker(self.beats):
+            raise ParameterError(f"expected beats among {', '.join(TRACKER_NAMES)}, got {self.beats!r}")
         if self.density not in DENSITIES:
             raise ParameterError(
                 f"expected a tempo-density among {', '.join(DENSITIES)}, got {self.density!r}"

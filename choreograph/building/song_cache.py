@@ -20,7 +20,7 @@ class AnalysedSong:
 
     duration_s: float
     log_mel: NDArray[np.float32]  # (T, 96) at 60 fps
-    counts: Counts  # beats and bars by the default tracker
+    counts: Counts  # beats and bars
     song: Song | None  # with its samples, if the cache keeps them
 
     @property
@@ -32,10 +32,12 @@ class AnalysedSong:
 class SongCache:
     """Decodes and analyses a song when it is first needed; several takes may dance to one song.
 
-    Samples are dropped after the analysis unless `keep_samples`: they take 5 MB a minute.
+    `beats` names the tracker. Samples are dropped after the analysis unless `keep_samples`: they take 5 MB a
+    minute.
     """
 
-    def __init__(self, *, keep_samples: bool = False) -> None:
+    def __init__(self, beats: str = DEFAULT_BEATS, *, keep_samples: bool = False) -> None:
+        self._beats = beats
         self._keep_samples = keep_samples
         self._analysed: dict[Path, AnalysedSong] = {}
 
@@ -44,7 +46,7 @@ class SongCache:
         if path not in self._analysed:
             song = load_song(path)
             mel = log_mel(song.samples)
-            counts = song_counts(song, mel, DEFAULT_BEATS)
+            counts = song_counts(song, mel, self._beats)
             kept = song if self._keep_samples else None
             self._analysed[path] = AnalysedSong(song.duration_s, mel, counts, kept)
         return self._analysed[path]

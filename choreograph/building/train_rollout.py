@@ -6,14 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from choreograph.building.music_in_step import music_of_take
 from choreograph.building.segmentation import SegmentedTake
 from choreograph.building.song_cache import SongCache
-from choreograph.features.word_audio import rhythm_from, word_spectra
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.nets.rollout.config import RolloutConfig
-from choreograph.nets.rollout.data import ROLLOUT_FPS, RolloutTake
+from choreograph.nets.rollout.data import ROLLOUT_FPS
 from choreograph.nets.rollout.model import RolloutNet
 from choreograph.nets.rollout.train import train_rollout
+from choreograph.nets.rollout.training_data import RolloutTake
 from choreograph.nets.training import TrainingContext
 from choreograph.nets.words.model import WordNet
 from choreograph.progress import ProgressReport
@@ -58,8 +59,7 @@ def rollout_takes(
 ) -> list[RolloutTake]:
     """The takes with music, as the network is trained on them.
 
-    The music's rhythm is as recorded: where a take is not in step with its song, its words, which are cut on
-    its counts, are not in step with the rhythm either.
+    The music is in step with a take's counts, whether it was recorded so or not (`music_in_step`).
 
     `segmented` are the words of `measured`; `songs` must keep samples.
     """
@@ -69,19 +69,19 @@ def rollout_takes(
         if take.song_path is None or len(bounds) == 0:
             continue
         analysed = songs.analysed(take.song_path)
-        assert analysed.song is not None  # the cache keeps samples
-        times_s = take.song_start_s + np.append(bounds.start_s, bounds.end_s[-1])
+        music = music_of_take(take, analysed, np.append(bounds.start_s, bounds.end_s[-1]))
         motif = vocabulary.word_motif[vocabulary.words_of_take(index)]
         takes.append(
             RolloutTake(
                 name=take.name,
                 motion=take.motion.resampled(ROLLOUT_FPS),
-                rhythm=rhythm_from(analysed.song, analysed.beat_times_s, take.song_start_s),
+                rhythm=music.rhythm,
+                count_phase=music.count_phase,
                 start_s=bounds.start_s,
                 end_s=bounds.end_s,
                 motif=vocabulary.motifs.embeddings[motif],
                 embedding=words.embed(bounds.body_pos_m),
-                spectral=word_spectra(analysed.song, times_s),
+                spectral=music.spectral,
             )
         )
         if report is not None:

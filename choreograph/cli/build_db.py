@@ -50,6 +50,13 @@ _DECIDED = {
     help="Tempo-density of the clips: from their motion beats (analytic), or of two networks, which are "
     "trained for it alone.",
 )  # fmt: skip
+@optgroup.option(
+    "--beats",
+    default="network",
+    show_default=True,
+    metavar="network|tempo-path|librosa|beat-this",
+    help="Beat tracker of the takes' songs.",
+)
 @optgroup.group("Networks")
 @optgroup.option(
     "--preset", default="small", show_default=True, metavar="tiny|small|paper",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.counts import Counts
 from choreograph.engines.word_bank import WordBank
-from choreograph.motifs.bar_positions import UNKNOWN, bar_positions, word_positions
+from choreograph.motifs.bar_positions import bar_positions, possible_motifs, word_positions, words_on_count
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.plan import PlannedWord
 from choreograph.repertoire import Repertoire
@@ -108,16 +108,11 @@ class CandidatePool:
         """Motifs (N, K) that have a word, of a take that may be danced, on the count of each slot."""
         v = self.vocabulary
         words = np.flatnonzero(self.constraints.take_allowed[v.word_take])
-        possible = np.zeros((self.constraints.n_words, v.n_motifs), bool)
-        for slot in range(len(possible)):
-            possible[slot, v.word_motif[words[self._on_count(slot, words)]]] = True
-        return possible
+        return possible_motifs(self.slot_position, self.word_position, words, v)
 
     def _on_count(self, slot: int, words: Indices) -> NDArray[np.bool_]:
         """Which words (M,) begin where the slot does in its bar; all where that is not known of any word."""
-        wanted = self.slot_position[slot]
-        known = wanted != UNKNOWN and bool((self.word_position != UNKNOWN).any())
-        return self.word_position[words] == wanted if known else np.ones(len(words), bool)
+        return words_on_count(self.slot_position[slot], self.word_position, words)
 
     def planned(self, slot: int, word: int, *, pinned: bool) -> PlannedWord:
         """A word in its slot of the dance."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +18,18 @@ from choreograph.constraints.spec import Constraints
 from choreograph.engines.base import DanceRequest, EngineResult
 from choreograph.engines.mixer import sequence_notes
 from choreograph.errors import ParameterError
+from choreograph.features.count_phase import count_phase
 from choreograph.features.mel import log_mel
-from choreograph.features.music_beats import get_beat_tracker
 from choreograph.features.word_audio import rhythm_from, word_spectra
 from choreograph.graph import Cost
+from choreograph.motifs.bar_positions import bar_positions, possible_motifs, word_positions
 from choreograph.motifs.choreography import draw_motifs
 from choreograph.motifs.goals import MotifGoal
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.motion import Motion
 from choreograph.plan import PlannedWord
 from choreograph.repertoire import Repertoire
+from choreograph.song_counts import DEFAULT_BEATS, names_a_tracker, song_counts
 from choreograph.takes import Credits
 
 Indices = NDArray[np.int64]
@@ -69,6 +72,7 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
     from choreograph.rollout.generation import MotifSequence, generate_motion
 
     repertoire, features, config = request.repertoire, request.song_features, request.config
+    vocabulary = repertoire.vocabulary
     net = repertoire.rollout_net()
     inner_s = request.constraints.bounds_s[1:-1]
     bounds_s = np.concatenate([[0.0], inner_s, [features.duration_s]])
@@ -77,17 +81,23 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
     motifs = draw_motifs(
         constraints.n_words, goal.signature, goal.transitions, rng=np.random.default_rng(config.seed),
         pins=constraints.motifs, banned=np.flatnonzero(constraints.motif_banned).tolist(),
+        possible=possible_motifs(
+            bar_positions(bounds_s[:-1], features.counts), word_positions(vocabulary, repertoire.counts),
+            np.arange(len(vocabulary.word_motif)), vocabulary,
+        ),
     )  # fmt: skip
     spectral = (
         word_spectra(request.song, bounds_s)
         if request.style_song is None
-        else _repeated_spectra(request.style_song, len(motifs))
+        else _repeated_spectra(request.style_song, len(motifs), config.beats)
     )
+    times_s = np.arange(0.0, features.duration_s, 1.0 / ROLLOUT_FPS)
     sequence = MotifSequence(
         start_s=bounds_s[:-1],
         end_s=bounds_s[1:],
-        motif=repertoire.vocabulary.motifs.embeddings[motifs],
+        motif=vocabulary.motifs.embeddings[motifs],
         rhythm=rhythm_from(request.song, features.beat_times_s, 0.0),
+        count_phase=count_phase(features.counts, times_s),
         spectral=spectral,
     )
     report = request.report
@@ -133,8 +143,12 @@ def _lead_in(motif: int, repertoire: Repertoire, fps: float) -> Motion:
     return motion.sampled((times_s - first_s) * motion.fps, fps=fps)
 
 
-def _repeated_spectra(song: Song, n_words: int) -> NDArray[np.float32]:
-    """Spectral features (N, 87) of a song from beat to beat, repeated where it ends."""
-    beats = get_beat_tracker().beats(song, log_mel(song.samples))
-    spectra = word_spectra(song, dance_bounds_s(beats, song.duration_s))
+def _repeated_spectra(song: Song, n_words: int, beats: str | Path) -> NDArray[np.float32]:
+    """Spectral features (N, 87) of a song from beat to beat, repeated where it ends.
+
+    `beats` is the dance's setting; a file is of the song danced to, so that this one is tracked.
+    """
+    tracker = beats if names_a_tracker(beats) else DEFAULT_BEATS
+    tracked_s = song_counts(song, log_mel(song.samples), tracker).times_s
+    spectra = word_spectra(song, dance_bounds_s(tracked_s, song.duration_s))
     return spectra[np.arange(n_words) % len(spectra)]

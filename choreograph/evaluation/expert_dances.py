@@ -19,7 +19,7 @@ from choreograph.blending.laid_pieces import Piece, lay_pieces
 from choreograph.counts import Counts
 from choreograph.errors import ParameterError
 from choreograph.features.mel import log_mel
-from choreograph.features.metrical_level import choose_level, metrical_levels, tempo_bpm
+from choreograph.features.metrical_level import level_at_tempo, tempo_bpm
 from choreograph.features.music_beats import DEFAULT_TRACKER
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
@@ -120,8 +120,7 @@ def _laid(
 ) -> ExpertDance:
     """Pieces laid on a song's beats, counted at the level nearest to their own tempo."""
     mel = log_mel(song.samples)
-    levels = metrical_levels(song.samples, mel, song_counts(song, mel, tracker))
-    counts = choose_level(levels, {metre: np.array([bpm])}, {metre: np.ones(1)})
+    counts = level_at_tempo(song.samples, mel, song_counts(song, mel, tracker), metre, bpm)
     downbeats = np.flatnonzero(counts.numbers == 1)
     first = int(downbeats[0]) if len(downbeats) else 0
     motion = lay_pieces(

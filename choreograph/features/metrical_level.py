@@ -83,6 +83,14 @@ def choose_level(
     return levels[nearest] if distances[nearest] < distances[0] - _CLEARLY_NEARER else levels[0]
 
 
+def level_at_tempo(
+    samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts, metre: int, bpm: float
+) -> Counts:
+    """A song's counts at the level nearest to one tempo in one metre; see `metrical_levels`."""
+    levels = metrical_levels(samples, log_mel, tracked)
+    return choose_level(levels, {metre: np.array([bpm])}, {metre: np.ones(1)})
+
+
 def between(counts: Counts, start_s: float, stop_s: float) -> Counts:
     """The counts of a part of a song, at their times in the song; its metre is that of its bars.
 

@@ -44,3 +44,22 @@ def word_positions(vocabulary: Vocabulary, counts_of: Callable[[int], Counts]) -
         words = vocabulary.words_of_take(int(take))
         positions[words] = bar_positions(vocabulary.word_start_s[words], counts_of(int(take)))
     return positions
+
+
+def words_on_count(wanted: int, word_position: Indices, words: Indices) -> NDArray[np.bool_]:
+    """Which of the words (M,) begin on a position in the bar; all where it is not known, or known of no word.
+
+    `word_position` (W,) is that of all words, `wanted` that of a slot of the dance.
+    """
+    known = wanted != UNKNOWN and bool((word_position != UNKNOWN).any())
+    return word_position[words] == wanted if known else np.ones(len(words), bool)
+
+
+def possible_motifs(
+    slot_position: Indices, word_position: Indices, words: Indices, vocabulary: Vocabulary
+) -> NDArray[np.bool_]:
+    """Motifs (N, K) that have one of the words (M,) on the count of each slot (N,)."""
+    possible = np.zeros((len(slot_position), vocabulary.n_motifs), bool)
+    for slot, wanted in enumerate(slot_position):
+        possible[slot, vocabulary.word_motif[words[words_on_count(wanted, word_position, words)]]] = True
+    return possible

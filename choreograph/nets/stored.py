@@ -21,6 +21,7 @@ class StoredNet(nn.Module):
 
     config_class: ClassVar[type]
     renamed_fields: ClassVar[Mapping[str, str]] = {}  # of the configuration, old to new: for older files
+    added_fields: ClassVar[Mapping[str, Any]] = {}  # values of fields that older files do not have
     config: Any  # of `config_class`
 
     def to_arrays(self) -> tuple[dict[str, NDArray], dict[str, Any]]:
@@ -31,9 +32,13 @@ class StoredNet(nn.Module):
     def from_arrays(cls, arrays: Mapping[str, NDArray], config: Mapping[str, Any]) -> Self:
         """The network of `to_arrays`; `ParameterError` if weights and config disagree.
 
-        Fields of the configuration may have the names that older files store (`renamed_fields`).
+        Fields of the configuration may have the names that older files store (`renamed_fields`), or be
+        missing there (`added_fields`).
         """
-        values = {cls.renamed_fields.get(key, key): value for key, value in config.items()}
+        values = {
+            **cls.added_fields,
+            **{cls.renamed_fields.get(key, key): value for key, value in config.items()},
+        }
         unknown = set(values) - {field.name for field in fields(cls.config_class)}
         if unknown:
             raise ParameterError(

@@ -38,6 +38,7 @@ class MotifSequence:
     end_s: Floats  # (N,)
     motif: NDArray[np.floating]  # (N, 184) embedding of each word's motif
     rhythm: NDArray[np.floating]  # (T', 4) of the song, `features.frame_rhythm`
+    count_phase: NDArray[np.floating]  # (T', 4) of the song, `features.count_phase`
     spectral: NDArray[np.floating] | None  # (N, 87) of each word's music; None: no style
 
 
@@ -88,7 +89,13 @@ def generate_poses(
         )
     n_frames = max(1, seconds_to_frames(float(sequence.end_s[-1]), ROLLOUT_FPS))
     conditions = word_conditions(
-        sequence.start_s, sequence.end_s, n_frames, sequence.rhythm, sequence.motif, sequence.spectral
+        sequence.start_s,
+        sequence.end_s,
+        n_frames,
+        sequence.rhythm,
+        sequence.count_phase,
+        sequence.motif,
+        sequence.spectral,
     )
     gate_inputs, condition = (values[0] for values in net.embed_conditions(conditions))  # (T, ...)
     seed_poses = torch.from_numpy(to_poses(seed_motion)[-SEED_FRAMES:])

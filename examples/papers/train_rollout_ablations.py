@@ -1,4 +1,4 @@
-"""Train what the rollout network is compared with: it without the perceptual loss, audio, or motifs.
+"""Train what the rollout network is compared with: it without one of its conditions, losses or augmentations.
 
     python examples/papers/train_rollout_ablations.py path/to/dance-with-melody REPERTOIRE… -o FOLDER
 
@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import torch
 
 import choreograph as cg
 from choreograph.building.segmentation import segment_takes
+from choreograph.building.song_cache import SongCache
 from choreograph.building.train_rollout import rollout_takes
 from choreograph.importers.dance_with_melody import read
 from choreograph.nets.rollout.config import rollout_config
@@ -30,6 +31,14 @@ ABLATIONS = {
     "no-perceptual-loss": {"perceptual_weight": 0.0},
     "no-audio": {"use_audio": False},
     "acLSTM-no-motifs": {"motifs": False, "perceptual_weight": 0.0},
+    "no-word-phase": {"phase": False},
+    "no-count-phase": {"count_phase": False},
+    "no-own-words": {"own_embedding_share": 0.0},
+    "no-position-loss": {"position_weight": 0.0},
+    "no-velocity-loss": {"velocity_weight": 0.0},
+    "no-slide-loss": {"slide_weight": 0.0},
+    "no-border-speed-loss": {"border_speed_weight": 0.0},
+    "no-other-tempi": {"tempi": (1.0,)},
 }
 
 
@@ -40,10 +49,15 @@ def train(takes: Mapping[str, Take], repertoire: cg.Repertoire, folder: Path, na
         return
     folder.mkdir(parents=True, exist_ok=True)
     own = [
-        MeasuredTake(takes[t.name], np.zeros((0, 21, 3), np.float32), np.zeros(0)) for t in repertoire.takes
-    ]
-    words = repertoire.word_net()
-    learned = rollout_takes(own, segment_takes(own)[0], repertoire.vocabulary, words)
+        MeasuredTake(
+            replace(takes[t.name], motion=repertoire.motion(index)[0], counts=repertoire.counts(index)),
+            repertoire.body_pos_m(index), repertoire.motion_beats_s(index),
+        )
+        for index, t in enumerate(repertoire.takes)
+    ]  # fmt: skip
+    words, songs = repertoire.word_net(), SongCache(keep_samples=True)
+    segmented, _ = segment_takes(own, songs)
+    learned = rollout_takes(own, segmented, repertoire.vocabulary, words, songs=songs)
     for name in lacking:
         config = rollout_config(str(repertoire.provenance["preset"]), **ABLATIONS[name])
         context = TrainingContext(folder / name, resume=True, report=show)

@@ -24,7 +24,7 @@ def test_generation(benchmark, preset):
     rng = np.random.default_rng(0)
     n_words = len(bounds) - 1
     sequence = MotifSequence(
-        bounds[:-1], bounds[1:], rng.normal(0, 0.1, (n_words, 184)), rng.random((round(SONG_S * 30), 4)),
+        bounds[:-1], bounds[1:], rng.normal(0, 0.1, (n_words, 184)), *rng.random((2, round(SONG_S * 30), 4)),
         rng.random((n_words, 87)),
     )  # fmt: skip
     seed = synthetic_motion(np.array([0, 1]))

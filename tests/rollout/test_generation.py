@@ -5,7 +5,9 @@ import pytest
 import torch
 from synthetic_rollouts import BEAT_S, synthetic_motion, synthetic_takes, synthetic_words
 
+from choreograph.counts import make_counts, numbers_in_bar
 from choreograph.errors import ParameterError
+from choreograph.features.count_phase import count_phase
 from choreograph.features.frame_rhythm import FRAME_RHYTHM_FPS
 from choreograph.metrics.physical import foot_slide_cm_s
 from choreograph.motifs.words import segment_words
@@ -58,7 +60,9 @@ def motif_sequence(kinds, embeddings, beat_s=BEAT_S):
     bounds = np.arange(len(kinds) + 1) * beat_s
     rhythm = np.zeros((round(bounds[-1] * FRAME_RHYTHM_FPS) + 1, 4))
     rhythm[np.rint(bounds * FRAME_RHYTHM_FPS).astype(int), 3] = 1.0
-    return MotifSequence(bounds[:-1], bounds[1:], embeddings[kinds], rhythm, None)
+    counts = make_counts(bounds, numbers_in_bar(len(bounds), 4), 4)
+    phase = count_phase(counts, np.arange(len(rhythm)) / FRAME_RHYTHM_FPS)
+    return MotifSequence(bounds[:-1], bounds[1:], embeddings[kinds], rhythm, phase, None)
 
 
 @pytest.mark.slow
@@ -114,7 +118,7 @@ def test_a_dance_that_walks_away_is_steered_back():
     poses = to_poses(synthetic_motion(np.zeros(120, int)))  # a minute
     poses[:, 1] = 0.6 / ROLLOUT_FPS  # straight ahead
     bounds = np.arange(0.0, 60.1, 0.5)
-    walk = MotifSequence(bounds[:-1], bounds[1:], np.zeros((120, 184)), np.zeros((1800, 4)), None)
+    walk = MotifSequence(bounds[:-1], bounds[1:], np.zeros((120, 184)), *np.zeros((2, 1800, 4)), None)
     skeleton = synthetic_motion(np.zeros(2, int)).skeleton
     away = np.linalg.norm(to_motion(poses, skeleton).root_pos_m[:, [0, 2]], axis=1).max()
     home = np.linalg.norm(generation._on_stage(poses, walk, skeleton).root_pos_m[:, [0, 2]], axis=1).max()

@@ -21,9 +21,10 @@ class RolloutConfig:
     width: int = 256
     n_layers: int = 2
     condition_width: int = 192
-    use_audio: bool = True  # rhythm and word phase; False is the ablation without audio
+    use_audio: bool = True  # rhythm and phases; False is the ablation without audio
     motifs: bool = True  # False is the acLSTM baseline
     phase: bool = True  # condition on the phase in the word and its duration; ours
+    count_phase: bool = True  # and on the phase in the beat and in the bar
     own_embedding_share: float = 0.5  # of sequences conditioned on their own words, not on medoids
     style_strength: float = 1.5  # β of equation 4
     style_fade_s: float = 1.0  # of the transition between styles of words; 0: the paper's window
@@ -34,6 +35,14 @@ class RolloutConfig:
     root_weight: float = 0.1
     contact_weight: float = 0.05
     slide_weight: float = 0.2
+    border_speed_weight: float = 0.3  # of the speed of joints where words meet
+    tempi: tuple[float, ...] = (
+        0.8,
+        0.9,
+        1.0,
+        1.11,
+        1.25,
+    )  # that takes are played at, of their own; 1 alone: none
     frames: int = 75  # of a training sequence
     teacher_frames: int = 5  # with teacher forcing, before each run of self-fed frames
     self_fed_frames: tuple[int, ...] = (5, 15, 60)  # with the network's own poses as input; drawn per batch
@@ -46,6 +55,8 @@ class RolloutConfig:
         sizes = (self.n_joints, self.width, self.n_layers, self.condition_width, self.teacher_frames)
         if min(*sizes, *self.self_fed_frames, self.batch_size, self.steps) < 1 or self.frames < 2:
             raise ParameterError(f"expected sizes of 1 or more and sequences of 2 frames or more, got {self}")
+        if not self.tempi or min(self.tempi) <= 0:
+            raise ParameterError(f"expected tempi above 0, got {self.tempi}")
         if not (0 <= self.own_embedding_share <= 1 and 0 <= self.style_dropout <= 1):
             raise ParameterError(
                 f"expected shares from 0 to 1, got {self.own_embedding_share} and {self.style_dropout}"

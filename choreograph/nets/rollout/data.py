@@ -1,4 +1,4 @@
-"""Motion as pose rows, and training sequences of them for the rollout network.
+"""Motion as pose rows and back, and what the frames of a dance are conditioned on, for the rollout network.
 
 Root motion is relative to the dancer: the shift on the ground since the last frame, seen from the heading of
 the last frame, the height, and the change of heading. (The paper has shifts in the world and leaves the
@@ -9,7 +9,6 @@ negative.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from choreograph.errors import ParameterError
 from choreograph.features.contacts import foot_contacts
 from choreograph.features.frame_rhythm import FRAME_RHYTHM_FPS
 from choreograph.motion import rotations as rot
@@ -25,37 +23,12 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 from choreograph.nets.rollout.model import N_FEET, ROOT_DIM, RolloutConditions
-from choreograph.timebase import WORD_FRAMES, frame_times_s
+from choreograph.timebase import frame_times_s
 
 ROLLOUT_FPS = FRAME_RHYTHM_FPS
 LOOKAHEAD_FRAMES = 9  # of the rhythm: the whole window of `features.frame_rhythm`
 
 Floats = NDArray[np.floating]
-
-
-@dataclass(frozen=True, eq=False)
-class RolloutTake:
-    """One take as training data; all arrays begin at the motion's first frame."""
-
-    name: str
-    motion: Motion  # at 30 fps
-    rhythm: Floats  # (T', 4) at 30 fps, to the end of the song
-    start_s: Floats  # (N,) of the words
-    end_s: Floats  # (N,)
-    motif: Floats  # (N, 184) embedding of each word's motif, that is of its medoid
-    embedding: Floats  # (N, 184) of each word
-    spectral: Floats  # (N, 87) of each word's music
-
-
-@dataclass(frozen=True, eq=False)
-class RolloutBatch:
-    """Sequences of T frames: the poses danced, their conditioning, and the words that lie within."""
-
-    pose: Tensor  # (B, T, P)
-    conditions: RolloutConditions
-    word_frames: Tensor  # (M, 13) fractional frames of the words, in 0 … T - 1
-    word_sequence: Tensor  # (M,) the sequence of each word
-    word_motif: Tensor  # (M, 184) the embedding that each word is conditioned on
 
 
 def to_poses(motion: Motion) -> NDArray[np.float32]:
@@ -91,24 +64,55 @@ def to_motion(poses: Floats, skeleton: Skeleton, *, heading_rad: float = 0.0) ->
 
 
 def word_conditions(
-    start_s: Floats, end_s: Floats, n_frames: int, rhythm: Floats, motif: Floats, spectral: Floats | None
+    start_s: Floats,
+    end_s: Floats,
+    n_frames: int,
+    rhythm: Floats,
+    count_phase: Floats,
+    motif: Floats,
+    spectral: Floats | None,
 ) -> RolloutConditions:
     """Conditioning (1, T, ...) of frames 0 … T - 1 on their words; frames before the first word belong to it.
 
-    `start_s`, `end_s` (N,), `motif` (N, 184) and `spectral` (N, 87) are of the words, `rhythm` (T', 4) of the
-    song from the dance's first frame on. The last row of `rhythm` is repeated after its end.
+    `start_s`, `end_s` (N,), `motif` (N, 184) and `spectral` (N, 87) are of the words, `rhythm` and
+    `count_phase` (T', 4) of the song from the dance's first frame on. Their last rows are repeated after
+    their end.
     """
-    times = frame_times_s(n_frames, ROLLOUT_FPS)
+    of = conditions_of_frames(start_s, end_s, n_frames, rhythm, count_phase)
+    return RolloutConditions(
+        motif=_batch_of_one(motif[of.word]),
+        rhythm=_batch_of_one(of.rhythm),
+        progress=_batch_of_one(of.progress),
+        word_s=_batch_of_one(of.word_s),
+        count_phase=_batch_of_one(of.count_phase),
+        spectral=None if spectral is None else _batch_of_one(spectral[of.word]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FrameConditions:
+    """What frames are conditioned on, save what they have of their word: see `RolloutConditions`."""
+
+    word: NDArray[np.int64]  # (T,)
+    rhythm: Floats  # (T, 4)
+    progress: Floats  # (T,)
+    word_s: Floats  # (T,)
+    count_phase: Floats  # (T, 4)
+
+
+def conditions_of_frames(
+    start_s: Floats, end_s: Floats, n_frames: int, rhythm: Floats, count_phase: Floats
+) -> FrameConditions:
+    """The conditions of frames 0 … T - 1; arguments as of `word_conditions`."""
     word = word_of_frames(start_s, n_frames)
     word_s = np.asarray(end_s - start_s)[word]
-    progress = ((times - start_s[word]) / word_s).clip(0.0, 1.0)
-    rhythm_frame = np.minimum(np.arange(n_frames) + LOOKAHEAD_FRAMES, len(rhythm) - 1)
-    return RolloutConditions(
-        motif=_batch_of_one(motif[word]),
-        rhythm=_batch_of_one(rhythm[rhythm_frame]),
-        progress=_batch_of_one(progress),
-        word_s=_batch_of_one(word_s),
-        spectral=None if spectral is None else _batch_of_one(spectral[word]),
+    frame = np.arange(n_frames)
+    return FrameConditions(
+        word=word,
+        rhythm=rhythm[np.minimum(frame + LOOKAHEAD_FRAMES, len(rhythm) - 1)],
+        progress=((frame_times_s(n_frames, ROLLOUT_FPS) - start_s[word]) / word_s).clip(0.0, 1.0),
+        word_s=word_s,
+        count_phase=count_phase[np.minimum(frame, len(count_phase) - 1)],
     )
 
 
@@ -116,96 +120,6 @@ def word_of_frames(start_s: Floats, n_frames: int) -> NDArray[np.int64]:
     """The word that each frame lies in, (T,)."""
     times = frame_times_s(n_frames, ROLLOUT_FPS) + 1e-6
     return (np.searchsorted(start_s, times, side="right") - 1).clip(0)
-
-
-class RolloutData:
-    """All takes as tensors, and random batches of sequences."""
-
-    def __init__(self, takes: Sequence[RolloutTake], n_frames: int) -> None:
-        self._n_frames = n_frames
-        self._takes: list[_TakeTensors] = []
-        for take in takes:
-            tensors = _take_tensors(take)
-            if tensors is not None and tensors.stop - tensors.start > n_frames:
-                self._takes.append(tensors)
-        if not self._takes:
-            raise ParameterError(
-                f"expected a take of motion words for over {n_frames / ROLLOUT_FPS:.1f} s, got none"
-            )
-        n_starts = np.array([t.stop - t.start - n_frames for t in self._takes])
-        self._probability = n_starts / n_starts.sum()
-
-    def all_poses(self) -> Tensor:
-        """Every training frame, (T, P)."""
-        return torch.cat([t.pose[t.start : t.stop] for t in self._takes])
-
-    def all_conditions(self, name: str) -> Tensor:
-        """One field of `RolloutConditions` for every training frame, (T, D)."""
-        return torch.cat([getattr(t.conditions, name)[0, t.start : t.stop] for t in self._takes])
-
-    def batch(
-        self, size: int, rng: np.random.Generator, *, own_embedding_share: float, with_style: bool
-    ) -> RolloutBatch:
-        """Random sequences, `own_embedding_share` of them conditioned on the words' own embeddings."""
-        parts, word_frames, word_sequence, word_motif = [], [], [], []
-        for row in range(size):
-            take = self._takes[rng.choice(len(self._takes), p=self._probability)]
-            start = int(rng.integers(take.start, take.stop - self._n_frames))
-            span = slice(start, start + self._n_frames)
-            embeddings = take.embedding if rng.random() < own_embedding_share else take.motif
-            parts.append((take.pose[span], embeddings[take.word[span]], *take.rows(span)))
-            inside = np.flatnonzero(
-                (take.first_frame >= start) & (take.last_frame <= start + self._n_frames - 1)
-            )
-            even = np.linspace(0.0, 1.0, WORD_FRAMES)
-            first, last = take.first_frame[inside, None] - start, take.last_frame[inside, None] - start
-            word_frames.append(first + (last - first) * even)  # (m, 13)
-            word_sequence.append(np.full(len(inside), row))
-            word_motif.append(embeddings[inside])
-        pose, motif, rhythm, progress, word_s, spectral = (torch.stack(p) for p in zip(*parts, strict=True))
-        conditions = RolloutConditions(motif, rhythm, progress, word_s, spectral if with_style else None)
-        return RolloutBatch(
-            pose, conditions, torch.from_numpy(np.concatenate(word_frames)).float(),
-            torch.from_numpy(np.concatenate(word_sequence)), torch.cat(word_motif),
-        )  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class _TakeTensors:
-    """A take as tensors, with the range of frames that words cover."""
-
-    pose: Tensor  # (T, P)
-    conditions: RolloutConditions  # (1, T, ...)
-    word: NDArray[np.int64]  # (T,)
-    motif: Tensor  # (N, 184)
-    embedding: Tensor  # (N, 184)
-    first_frame: Floats  # (N,) fractional
-    last_frame: Floats  # (N,)
-    start: int  # first frame of the first word
-    stop: int  # after the last frame of the last word
-
-    def rows(self, span: slice) -> tuple[Tensor, ...]:
-        conditions = self.conditions
-        assert conditions.spectral is not None  # `_take_tensors` sets it
-        return tuple(
-            v[0, span]
-            for v in (conditions.rhythm, conditions.progress, conditions.word_s, conditions.spectral)
-        )
-
-
-def _take_tensors(take: RolloutTake) -> _TakeTensors | None:
-    """The take as tensors; None for a take without words."""
-    if len(take.start_s) == 0 or take.motion.n_frames < 2:
-        return None
-    n_frames = take.motion.n_frames
-    motif, embedding = (torch.from_numpy(np.asarray(v, np.float32)) for v in (take.motif, take.embedding))
-    first_frame, last_frame = take.start_s * ROLLOUT_FPS, take.end_s * ROLLOUT_FPS
-    return _TakeTensors(
-        torch.from_numpy(to_poses(take.motion)),
-        word_conditions(take.start_s, take.end_s, n_frames, take.rhythm, take.motif, take.spectral),
-        word_of_frames(take.start_s, n_frames), motif, embedding, first_frame, last_frame,
-        start=int(np.ceil(first_frame[0])), stop=min(n_frames, int(last_frame[-1]) + 1),
-    )  # fmt: skip
 
 
 def _batch_of_one(values: Floats) -> Tensor:

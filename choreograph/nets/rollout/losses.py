@@ -12,8 +12,9 @@ from choreograph.motion.body import BODY_JOINTS
 from choreograph.motion.skeleton import Skeleton
 from choreograph.nets.kinematics import BodyKinematics, geodesic_rad
 from choreograph.nets.rollout.config import RolloutConfig
-from choreograph.nets.rollout.data import ROLLOUT_FPS, RolloutBatch
+from choreograph.nets.rollout.data import ROLLOUT_FPS
 from choreograph.nets.rollout.model import N_FEET, ROOT_DIM, RolloutNet
+from choreograph.nets.rollout.training_data import RolloutBatch
 from choreograph.nets.words.model import WordNet
 
 _FEET = [[BODY_JOINTS.index(f"{side}_{part}") for part in ("ankle", "foot")] for side in ("left", "right")]
@@ -42,13 +43,14 @@ class RolloutLosses:
         velocity = (styled_m.diff(dim=1) - target_m.diff(dim=1)).norm(dim=-1).mean() * ROLLOUT_FPS
         root = ((styled - target)[..., :ROOT_DIM] / net.root_std).abs().mean()
         contact = functional.binary_cross_entropy_with_logits(predicted[..., -N_FEET:], target[..., -N_FEET:])
-        world_m = self._world_pos_m(net, styled)
+        world_m, target_world_m = self._world_pos_m(net, styled), self._world_pos_m(net, target)
         loss = (
             coherence
             + config.position_weight * position
             + config.velocity_weight * velocity
             + config.root_weight * root
             + config.contact_weight * contact
+            + config.border_speed_weight * _border_speed_m_s(world_m, target_world_m, batch)
             + config.slide_weight * _foot_slide_m_s(world_m, target[..., -N_FEET:])
         )
         if config.perceptual_weight > 0 and len(batch.word_motif):
@@ -97,3 +99,24 @@ def _foot_slide_m_s(world_m: Tensor, contact: Tensor) -> Tensor:
     throughout = torch.minimum(contact[:, 1:], contact[:, :-1])
     per_foot = torch.stack([speed[..., foot].amin(dim=-1) for foot in _FEET], dim=-1)
     return (throughout * per_foot).mean()
+
+
+def _border_speed_m_s(world_m: Tensor, target_m: Tensor, batch: RolloutBatch) -> Tensor:
+    """Mean difference of joint speed where words begin, of positions (B, T, 21, 3) of frames 1 … T.
+
+    What is asked for is the dancer's own speed on the count, not rest: not all come to rest there.
+    """
+    if len(batch.word_frames) == 0:
+        return world_m.new_zeros(())
+    speeds = [
+        pos.diff(dim=1).norm(dim=-1).mean(dim=-1) * ROLLOUT_FPS for pos in (world_m, target_m)
+    ]  # (B, T - 1)
+    # Speed i is that from frame i + 1 to i + 2 of the sequence, whose frame 0 is not predicted.
+    frames = (batch.word_frames[:, 0] - 1.5).clamp(0.0, speeds[0].shape[1] - 1.001)
+    low = frames.floor().long()
+    weight = frames - low
+    rows = batch.word_sequence
+    predicted, danced = (
+        speed[rows, low] * (1 - weight) + speed[rows, low + 1] * weight for speed in speeds
+    )  # (M,)
+    return (predicted - danced).abs().mean()

@@ -2,7 +2,7 @@
 
 A pose is a row of 4 + 4 J + 2 numbers: root motion, rotations, contacts of both feet (`nets.rollout.data`).
 Each frame is conditioned on the embedding of its motif, the four rhythmic features and (ours) the phase in
-its word.
+its word, in the beat and in the bar.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from choreograph.features.count_phase import COUNT_PHASE_DIM
 from choreograph.features.frame_rhythm import FRAME_RHYTHM_FPS, FRAME_RHYTHM_NAMES
 from choreograph.features.spectral import SPECTRAL_DIM
 from choreograph.nets.rollout.config import RolloutConfig
@@ -36,6 +37,7 @@ class RolloutConditions:
     rhythm: Tensor  # (B, T, 4) `features.frame_rhythm`, some frames ahead
     progress: Tensor  # (B, T) phase in the frame's word, 0 to 1
     word_s: Tensor  # (B, T) duration of the word
+    count_phase: Tensor  # (B, T, 4) `features.count_phase`
     spectral: Tensor | None  # (B, T, 87) of the music of the word; None: no style
 
 
@@ -50,6 +52,7 @@ class RolloutNet(StoredNet):
         "own_frames": "self_fed_frames",
         "own_words": "own_embedding_share",
     }
+    added_fields: ClassVar = {"count_phase": False}
     root_mean: Tensor
     root_std: Tensor
     rhythm_mean: Tensor
@@ -62,8 +65,9 @@ class RolloutNet(StoredNet):
         super().__init__()
         self.config = config
         width, n_pose = config.width, ROOT_DIM + 4 * config.n_joints + N_FEET
+        n_conditions = WORD_DIM + RHYTHM_DIM + PHASE_DIM + COUNT_PHASE_DIM * config.count_phase
         self.conditions = nn.Sequential(
-            nn.Linear(WORD_DIM + RHYTHM_DIM + PHASE_DIM, config.condition_width), nn.GELU(),
+            nn.Linear(n_conditions, config.condition_width), nn.GELU(),
             nn.Linear(config.condition_width, config.condition_width), nn.GELU(),
         )  # fmt: skip
         self.into = nn.Linear(config.condition_width, 4 * width)
@@ -98,7 +102,10 @@ class RolloutNet(StoredNet):
         angle = 2 * torch.pi * conditions.progress
         phase = torch.stack([angle.sin(), angle.cos(), conditions.word_s], dim=-1)  # (B, T, 3)
         rhythm, phase = rhythm * config.use_audio, phase * (config.use_audio and config.phase)
-        condition = self.conditions(torch.cat([motif, rhythm, phase], dim=-1))
+        inputs = [motif, rhythm, phase]
+        if config.count_phase:
+            inputs.append(conditions.count_phase * config.use_audio)
+        condition = self.conditions(torch.cat(inputs, dim=-1))
         return self.into(condition), condition
 
     def step(

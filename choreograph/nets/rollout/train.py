@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from choreograph.nets.rollout.config import RolloutConfig
-from choreograph.nets.rollout.data import RolloutBatch, RolloutData, RolloutTake
 from choreograph.nets.rollout.losses import RolloutLosses
 from choreograph.nets.rollout.model import N_FEET, ROOT_DIM, RolloutNet
+from choreograph.nets.rollout.training_data import RolloutBatch, RolloutData, RolloutTake
 from choreograph.nets.training import TrainingContext, load_pretrained, train
 from choreograph.nets.words.model import WordNet
 
@@ -31,7 +31,7 @@ def train_rollout(
 
     Raises `ParameterError` if no take has motion words for longer than a training sequence.
     """
-    data = RolloutData(takes, config.frames)
+    data = RolloutData(takes, config.frames, config.tempi)
     skeleton = takes[0].motion.skeleton
     config = replace(config, n_joints=skeleton.n_joints)
     with torch.random.fork_rng():

@@ -36,8 +36,9 @@ def test_rotations_of_poses_mostly_have_no_negative_w():
 def test_every_frame_is_conditioned_on_its_word():
     motif = np.arange(3)[:, None] * np.ones(184)
     rhythm = np.arange(60)[:, None] * np.ones(4)
+    phase = np.arange(60)[:, None] * np.ones(4)
     conditions = word_conditions(
-        np.array([0.5, 1.0, 1.5]), np.array([1.0, 1.5, 2.0]), 70, rhythm, motif, None
+        np.array([0.5, 1.0, 1.5]), np.array([1.0, 1.5, 2.0]), 70, rhythm, phase, motif, None
     )
     assert conditions.motif[0, :, 0].tolist() == [0] * 30 + [1] * 15 + [2] * 25
     assert float(conditions.progress[0, 15]) == 0.0
@@ -46,3 +47,5 @@ def test_every_frame_is_conditioned_on_its_word():
     # Rhythm is looked up ahead, and its last row is repeated.
     assert conditions.rhythm[0, 0, 0] == 9
     assert conditions.rhythm[0, -1, 0] == 59
+    # Phases are those of the frame itself.
+    assert conditions.count_phase[0, :, 0].tolist() == [*range(60), *[59] * 10]

@@ -6,9 +6,9 @@ import torch
 from synthetic_rollouts import synthetic_takes, synthetic_words
 
 from choreograph.nets.rollout.config import rollout_config
-from choreograph.nets.rollout.data import RolloutData
 from choreograph.nets.rollout.losses import RolloutLosses
 from choreograph.nets.rollout.model import N_FEET, RolloutNet
+from choreograph.nets.rollout.training_data import RolloutData
 
 pytestmark = pytest.mark.slow
 

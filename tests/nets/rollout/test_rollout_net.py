@@ -7,9 +7,10 @@ from synthetic_rollouts import random_motion, synthetic_takes, synthetic_words
 
 from choreograph.errors import ParameterError
 from choreograph.nets.rollout.config import rollout_config
-from choreograph.nets.rollout.data import RolloutData, to_poses, word_conditions
+from choreograph.nets.rollout.data import to_poses, word_conditions
 from choreograph.nets.rollout.model import N_FEET, ROOT_DIM, RolloutNet
 from choreograph.nets.rollout.train import train_rollout, unroll
+from choreograph.nets.rollout.training_data import RolloutData
 from choreograph.nets.training import TrainingContext
 
 pytestmark = pytest.mark.slow
@@ -43,7 +44,7 @@ def test_the_papers_style_does_not_change_the_bounds_of_words_and_the_root():
     net = RolloutNet(rollout_config("tiny", style_fade_s=0.0))
     poses = torch.from_numpy(to_poses(random_motion(1, 45)))[None]
     conditions = word_conditions(
-        np.array([0.0, 0.5, 1.0]), np.array([0.5, 1.0, 1.5]), 45, np.zeros((45, 4)), np.zeros((3, 184)),
+        np.array([0.0, 0.5, 1.0]), np.array([0.5, 1.0, 1.5]), 45, *np.zeros((2, 45, 4)), np.zeros((3, 184)),
         np.random.default_rng(0).normal(size=(3, 87)),
     )  # fmt: skip
     with torch.no_grad():
@@ -59,7 +60,7 @@ def test_style_changes_smoothly_from_word_to_word():
     poses = torch.from_numpy(to_poses(random_motion(1, 1)))[None].expand(1, 60, -1)  # one pose throughout
     spectra = np.random.default_rng(0).normal(size=(2, 87))
     conditions = word_conditions(
-        np.array([0.0, 1.0]), np.array([1.0, 2.0]), 60, np.zeros((60, 4)), np.zeros((2, 184)), spectra
+        np.array([0.0, 1.0]), np.array([1.0, 2.0]), 60, *np.zeros((2, 60, 4)), np.zeros((2, 184)), spectra
     )
     with torch.no_grad():
         quat = net.apply_style(poses, conditions)[0, :, ROOT_DIM:-N_FEET]
@@ -68,23 +69,24 @@ def test_style_changes_smoothly_from_word_to_word():
     assert 0 < steps.max() < 0.15 * (quat[0] - quat[-1]).norm()  # and does not jump between words
 
 
-@pytest.mark.parametrize("off", ["use_audio", "motifs"])
+@pytest.mark.parametrize("off", ["use_audio", "motifs", "count_phase"])
 def test_conditions_that_are_switched_off_have_no_effect(off):
     net = RolloutNet(rollout_config("tiny", **{off: False}))
     starts, ends = np.array([0.0, 0.5]), np.array([0.5, 1.0])
     rng = np.random.default_rng(0)
 
-    def gate_inputs(motif, rhythm):
-        conditions = word_conditions(starts, ends, 30, rhythm, motif, None)
+    def gate_inputs(motif, rhythm, phase):
+        conditions = word_conditions(starts, ends, 30, rhythm, phase, motif, None)
         with torch.no_grad():
             return net.embed_conditions(conditions)[0]
 
-    motif, rhythm = rng.normal(size=(2, 184)), rng.normal(size=(30, 4))
-    if off == "use_audio":
-        other = gate_inputs(motif, rng.normal(size=(30, 4)))
-    else:
-        other = gate_inputs(rng.normal(size=(2, 184)), rhythm)
-    assert torch.equal(gate_inputs(motif, rhythm), other)
+    motif, rhythm, phase = rng.normal(size=(2, 184)), rng.normal(size=(30, 4)), rng.normal(size=(30, 4))
+    other = {
+        "use_audio": (motif, *rng.normal(size=(2, 30, 4))),
+        "motifs": (rng.normal(size=(2, 184)), rhythm, phase),
+        "count_phase": (motif, rhythm, rng.normal(size=(30, 4))),
+    }[off]
+    assert torch.equal(gate_inputs(motif, rhythm, phase), gate_inputs(*other))
 
 
 def test_training_lowers_the_loss_and_is_deterministic(synthetic, tmp_path):
