@@ -6,7 +6,8 @@ import torch
 from synthetic_rollouts import synthetic_takes, synthetic_words
 
 from choreograph.nets.rollout.config import rollout_config
-from choreograph.nets.rollout.losses import RolloutLosses
+from choreograph.nets.rollout.data import ROLLOUT_FPS
+from choreograph.nets.rollout.losses import RolloutLosses, _border_speed_m_s
 from choreograph.nets.rollout.model import N_FEET, RolloutNet
 from choreograph.nets.rollout.training_data import RolloutData
 
@@ -40,3 +41,16 @@ def test_the_perceptual_loss_is_lower_where_words_match_their_motifs():
     shuffled = torch.roll(batch.word_motif, 1, dims=0)
     wrong = float((batch.word_motif - shuffled).norm(dim=-1).mean())
     assert right < 0.3 * wrong
+
+
+def test_the_speed_at_borders_is_the_dancers_own():
+    takes = synthetic_takes()
+    data = RolloutData(takes, 60)
+    batch = data.batch(4, np.random.default_rng(0), own_embedding_share=1.0, with_style=False)
+    config = rollout_config("tiny")
+    losses = RolloutLosses(takes[0].motion.skeleton, synthetic_words(takes), config)
+    target_m = losses._world_pos_m(RolloutNet(config), batch.pose[:, 1:])
+    assert float(_border_speed_m_s(target_m, target_m, batch)) == 0
+    # Arms are at rest where words meet: half a word later they are not.
+    late_m = torch.roll(target_m, round(0.25 * ROLLOUT_FPS), dims=1)
+    assert float(_border_speed_m_s(late_m, target_m, batch)) > 0.02

@@ -122,3 +122,9 @@ def test_takes_too_short_are_refused_in_one_line(synthetic):
     takes, words = synthetic
     with pytest.raises(ParameterError, match=r"motion words for over 333\.3 s"):
         train_rollout(takes, words, rollout_config("tiny", frames=10_000), seed=0)
+
+
+def test_a_network_of_an_older_file_has_no_phase_of_counts():
+    weights, config = RolloutNet(rollout_config("tiny", count_phase=False)).to_arrays()
+    old = {key: value for key, value in config.items() if key not in ("count_phase", "tempi")}
+    assert not RolloutNet.from_arrays(weights, old).config.count_phase
