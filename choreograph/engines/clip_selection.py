@@ -11,7 +11,6 @@ from choreograph.constraints.likely_genre import song_metre_at
 from choreograph.engines.allowed_nodes import AllowedNodes
 from choreograph.engines.base import DanceRequest
 from choreograph.engines.section_goals import SectionGoal
-from choreograph.errors import RepertoireError
 from choreograph.graph import Energy, Signature, Steps, WeightedCost, words_between
 from choreograph.selection import (
     Alignments,
@@ -54,8 +53,6 @@ def _drawn(
 ) -> NDArray[np.int64]:
     """Clips drawn at random; with selection by genre at least half are of the music's genre and metre."""
     config, repertoire, n_seconds = request.config, request.repertoire, request.song_features.n_seconds
-    if repertoire.n_clips == 0:
-        raise RepertoireError(f"{repertoire.path}: expected clips, got none: its takes are shorter than 8 s")
     rng = np.random.default_rng(config.seed)
     return draw_clips(
         Alignments(repertoire.clip_take, n_seconds, rng), n_seconds,

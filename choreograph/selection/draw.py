@@ -19,9 +19,13 @@ class Alignments:
 
     The clip of a take that begins a second later, a second later, has the number that this one has: so that
     a take that is drawn can be danced to its end, however few candidates are drawn.
+
+    Raises `ParameterError` if there are no clips.
     """
 
     def __init__(self, clip_take: NDArray[np.integer], n_seconds: int, rng: np.random.Generator) -> None:
+        if len(clip_take) == 0:
+            raise ParameterError("expected clips to draw from, got none: every take is shorter than 8 s")
         n_clips = np.bincount(clip_take)  # of each take
         first_clip = np.cumsum(n_clips) - n_clips
         first_slot = first_clip + n_seconds * np.arange(len(n_clips))
@@ -57,7 +61,7 @@ def draw_clips(
 
     Raises
     ------
-    ParameterError   if there are no clips, or `candidates` is less than 1
+    ParameterError   if `candidates` is less than 1
     """
     if candidates < 1:
         raise ParameterError(f"expected at least 1 candidate, got {candidates}")

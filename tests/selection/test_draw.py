@@ -84,6 +84,8 @@ def test_another_seed_draws_other_clips():
     assert same[0] == same[1] != same[2]
 
 
-def test_no_candidate_is_an_error():
+def test_no_candidate_and_no_clip_are_errors():
+    with pytest.raises(ParameterError, match="expected clips"):
+        draw(np.zeros(0, int))
     with pytest.raises(ParameterError, match="at least 1 candidate, got 0"):
         draw(take_of_clip([3]), candidates=0)
