@@ -10,7 +10,7 @@ import click
 from choreograph.cli.dance_options import dance_options
 from choreograph.cli.dance_results import numbered, outputs_for, present
 from choreograph.cli.present import examples, given_options, stages
-from choreograph.errors import ParameterError
+from choreograph.errors import NoPathError, ParameterError
 
 _BESIDE_A_PLAN = {"song", "db", "output", "with_clicks", "opened", "plan_path", "as_json", "quiet"}
 
@@ -32,7 +32,7 @@ _BESIDE_A_PLAN = {"song", "db", "output", "with_clicks", "opened", "plan_path", 
 @dance_options
 def command(
     song, db, output, with_clicks, opened, as_json, quiet, plan_path, variations, start, duration, weight,
-    config, published, genre, signature, motif_file, recreate, pin, ban, **settings,
+    config, published, genre, signature, motif_file, recreate, pin, ban, strict, **settings,
 ) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file)."""
     import choreograph as cg
@@ -63,6 +63,9 @@ def command(
                 dances = [cg.dance(song, repertoire, **options)]
             else:
                 dances = cg.vary(song, repertoire, variations, **options)
+        unmet = [line for made in dances for line in made.unmet]
+        if strict and unmet:
+            raise NoPathError(unmet[0])
         for made, paths in zip(dances, outputs, strict=True):
             for path in paths:
                 made.save(path, click=with_clicks and path.suffix.lower() == ".mp4", report=shown.report)

@@ -67,6 +67,10 @@ _CONSTRAINTS = (
         help="Never dance this. Repeat for more.",
     ),
     optgroup.option(
+        "--strict", is_flag=True,
+        help="Fail, and write nothing, if a pin, ban or given motif is not danced; without, a note says so.",
+    ),
+    optgroup.option(
         "--plan", "plan_path", type=_FILE,
         help="Render this plan, edited or not. SONG is then only the sound of a page or video.",
     ),

@@ -78,6 +78,7 @@ class EngineResult:
     plan: Plan
     notes: tuple[str, ...] = ()  # one line each
     motion: Motion | None = None  # the plan rendered, where the engine had to; None: render it
+    unmet: tuple[str, ...] = ()  # what was requested and is not danced, one line each
 
 
 class Engine(Protocol):

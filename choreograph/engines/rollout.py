@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,8 @@ from choreograph.constraints.likely_genre import choose_goal
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.constraints.spec import Constraints
 from choreograph.engines.base import DanceRequest, EngineResult
+from choreograph.engines.danced_motifs import danced_motifs
+from choreograph.engines.enforce_motifs import is_danced, violated_slots
 from choreograph.engines.mixer import sequence_notes
 from choreograph.errors import ParameterError
 from choreograph.features.count_phase import count_phase
@@ -27,12 +29,14 @@ from choreograph.motifs.choreography import draw_motifs
 from choreograph.motifs.goals import MotifGoal
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.motion import Motion
-from choreograph.plan import PlannedWord
+from choreograph.plan import Plan, PlannedWord
 from choreograph.repertoire import Repertoire
 from choreograph.song_counts import DEFAULT_BEATS, names_a_tracker, song_counts
 from choreograph.takes import Credits
 
 Indices = NDArray[np.int64]
+
+_ATTEMPTS = 4  # at a dance that shows what is requested
 
 
 class RolloutEngine:
@@ -60,54 +64,149 @@ class RolloutEngine:
         return replace(result, notes=(*notes, *sequence_notes(constraints, len(result.plan.words))))
 
 
+@dataclass(frozen=True, eq=False)
+class _Rollout:
+    """One try at a dance."""
+
+    motifs: Indices  # (N,) asked of the network
+    motion: Motion
+    danced: Indices  # (N,) motifs that the motion shows
+    wrong: tuple[int, ...]  # slots that do not show what was requested
+
+
 def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
     """Motifs drawn towards a goal and danced by the network, with the plan's motion.
 
     The style of the motion (equation 4) is the song's, or another song's (`style_song`), from beat to beat.
+    The motion is looked at: where a requested motif is not danced, or a banned one is, the dance is drawn
+    anew, and a requested motif is begun earlier and held longer. What no try has met is in `unmet`.
 
     Raises `ParameterError` if constraints name takes, `RepertoireError` without a vocabulary or a rollout
     network.
     """
+    features = request.song_features
+    bounds_s = np.concatenate([[0.0], request.constraints.bounds_s[1:-1], [features.duration_s]])
+    constraints = replace(request.constraints, bounds_s=bounds_s)
+    _refuse_takes(constraints)
+    credits = Credits(performer=f"learned from {len(request.repertoire.takes)} takes")
+    plan = request.new_plan(engine=RolloutEngine.name)
+    dance = _rolled_out(request, goal, plan, constraints)
+    words = _planned_words(dance.motifs, constraints, credits)
+    return EngineResult(
+        replace(plan, words=words), motion=dance.motion,
+        unmet=_unmet(dance, constraints),
+    )  # fmt: skip
+
+
+def _rolled_out(
+    request: DanceRequest, goal: MotifGoal, plan: Plan, constraints: ResolvedConstraints
+) -> _Rollout:
+    """The first try that shows all motifs requested and none banned, or that with the fewest wrong ones."""
+    best: _Rollout | None = None
+    for attempt in range(_ATTEMPTS if constraints.constrains_motifs else 1):
+        wrong = best.wrong if best else ()
+        motifs = _drawn_motifs(request, goal, constraints, attempt, _held_longer(wrong, attempt, constraints))
+        if best is not None and np.array_equal(motifs, best.motifs):
+            break  # the network would dance the same
+        motion = hold_ends(_generated(request, constraints, motifs), plan.opening_s, plan.closing_s)
+        dance = _looked_at(motifs, motion, plan, constraints, request.repertoire)
+        if best is None or len(dance.wrong) < len(best.wrong):
+            best = dance
+        if not best.wrong:
+            break
+    assert best is not None
+    return best
+
+
+def _looked_at(
+    motifs: Indices, motion: Motion, plan: Plan, constraints: ResolvedConstraints, repertoire: Repertoire
+) -> _Rollout:
+    """The try with what its motion shows; a motion is only segmented where something was requested."""
+    if not constraints.constrains_motifs:
+        return _Rollout(motifs, motion, motifs, ())
+    danced = danced_motifs(motion, constraints.bounds_s, repertoire)
+    wrong = [slot for slot in violated_slots(danced, constraints) if is_danced(slot, plan, constraints)]
+    return _Rollout(motifs, motion, danced, tuple(wrong))
+
+
+def _held_longer(wrong: Sequence[int], slots: int, constraints: ResolvedConstraints) -> dict[int, int]:
+    """The motifs of slots before each wrong one, which begin its motif, and of the one after, where free."""
+    held: dict[int, int] = {}
+    for slot in set(wrong) & set(constraints.motifs):
+        near = range(max(0, slot - slots), min(constraints.n_words, slot + 2))
+        held |= dict.fromkeys(set(near) - set(constraints.motifs), constraints.motifs[slot])
+    return held
+
+
+def _unmet(dance: _Rollout, constraints: ResolvedConstraints) -> tuple[str, ...]:
+    """A line on each pin and ban that no try has kept, and one on the other motifs of a given sequence."""
+    lines, others = [], []
+    for slot in dance.wrong:
+        shown = int(dance.danced[slot])
+        there = f"{'no motif' if shown < 0 else f'motif {shown}'} at {constraints.bounds_s[slot]:.1f} s"
+        if slot not in constraints.motifs:
+            lines.append(f"expected no banned motif, but the network dances {there}: use --engine mixer")
+        elif slot in constraints.pinned:
+            lines.append(
+                f"expected motif {constraints.motifs[slot]}, but the network dances {there}: pin it "
+                "elsewhere, or use --engine mixer"
+            )
+        else:
+            others.append(there)
+    if others:
+        lines.append(
+            f"expected {len(constraints.motifs)} motifs as given, but {len(others)} are danced as others "
+            f"({', '.join(others[:3])}{', …' if len(others) > 3 else ''}): use --engine mixer"
+        )
+    return tuple(lines)
+
+
+def _drawn_motifs(
+    request: DanceRequest,
+    goal: MotifGoal,
+    constraints: ResolvedConstraints,
+    attempt: int,
+    held: Mapping[int, int],
+) -> Indices:
+    """The motifs of every slot (N,) towards a goal; another attempt draws others."""
+    repertoire, seed = request.repertoire, request.config.seed
+    vocabulary = repertoire.vocabulary
+    possible = possible_motifs(
+        bar_positions(constraints.bounds_s[:-1], request.song_features.counts),
+        word_positions(vocabulary, repertoire.counts), np.arange(len(vocabulary.word_motif)), vocabulary,
+    )  # fmt: skip
+    return draw_motifs(
+        constraints.n_words, goal.signature, goal.transitions,
+        rng=np.random.default_rng([seed, attempt] if attempt else seed),
+        pins={**held, **constraints.motifs}, banned=np.flatnonzero(constraints.motif_banned).tolist(),
+        possible=possible,
+    )  # fmt: skip
+
+
+def _generated(request: DanceRequest, constraints: ResolvedConstraints, motifs: Indices) -> Motion:
+    """The network's dance of a sequence of motifs (N,) to the song."""
     from choreograph.nets.rollout.data import ROLLOUT_FPS  # torch takes a second to import
     from choreograph.rollout.generation import MotifSequence, generate_motion
 
     repertoire, features, config = request.repertoire, request.song_features, request.config
-    vocabulary = repertoire.vocabulary
-    net = repertoire.rollout_net()
-    inner_s = request.constraints.bounds_s[1:-1]
-    bounds_s = np.concatenate([[0.0], inner_s, [features.duration_s]])
-    constraints = replace(request.constraints, bounds_s=bounds_s)
-    _refuse_takes(constraints)
-    motifs = draw_motifs(
-        constraints.n_words, goal.signature, goal.transitions, rng=np.random.default_rng(config.seed),
-        pins=constraints.motifs, banned=np.flatnonzero(constraints.motif_banned).tolist(),
-        possible=possible_motifs(
-            bar_positions(bounds_s[:-1], features.counts), word_positions(vocabulary, repertoire.counts),
-            np.arange(len(vocabulary.word_motif)), vocabulary,
-        ),
-    )  # fmt: skip
+    bounds_s, report = constraints.bounds_s, request.report
     spectral = (
         word_spectra(request.song, bounds_s)
         if request.style_song is None
         else _repeated_spectra(request.style_song, len(motifs), config.beats)
     )
-    times_s = np.arange(0.0, features.duration_s, 1.0 / ROLLOUT_FPS)
     sequence = MotifSequence(
         start_s=bounds_s[:-1],
         end_s=bounds_s[1:],
-        motif=vocabulary.motifs.embeddings[motifs],
+        motif=repertoire.vocabulary.motifs.embeddings[motifs],
         rhythm=rhythm_from(request.song, features.beat_times_s, 0.0),
-        count_phase=count_phase(features.counts, times_s),
+        count_phase=count_phase(features.counts, np.arange(0.0, features.duration_s, 1.0 / ROLLOUT_FPS)),
         spectral=spectral,
     )
-    report = request.report
-    motion = generate_motion(
-        net, sequence, _lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
+    return generate_motion(
+        repertoire.rollout_net(), sequence, _lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
         report=None if report is None else lambda done, total: report("dancing", done, total),
     )  # fmt: skip
-    credits = Credits(performer=f"learned from {len(repertoire.takes)} takes")
-    plan = request.new_plan(engine=RolloutEngine.name, words=_planned_words(motifs, constraints, credits))
-    return EngineResult(plan, motion=hold_ends(motion, plan.opening_s, plan.closing_s))
 
 
 def _refuse_takes(constraints: ResolvedConstraints) -> None:

@@ -48,6 +48,7 @@ class Dance:
     plan: Plan
     notes: tuple[str, ...] = ()  # one line each
     song_path: Path | None = None  # for the sound of pages and videos; None: they are silent
+    unmet: tuple[str, ...] = ()  # what was asked for and is not danced, one line each; also in notes
 
     @cached_property
     def motion_beats_s(self) -> NDArray[np.float64]:
@@ -218,4 +219,4 @@ def _danced(
         DanceRequest(song, song_features, repertoire, config, resolved, costs, style, start_s, report)
     )
     motion = render(result.plan, repertoire) if result.motion is None else result.motion
-    return Dance(motion, result.plan, (*notes, *result.notes), song.path)
+    return Dance(motion, result.plan, (*notes, *result.notes, *result.unmet), song.path, result.unmet)

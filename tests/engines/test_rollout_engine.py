@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from command_line import run
 from synthetic_motions import stepping
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 import choreograph as cg
 from choreograph.audio.song import Song
 from choreograph.building import BuildOptions, build_repertoire
+from choreograph.engines import rollout
+from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.errors import ParameterError, RepertoireError
 from choreograph.exporters import save_motion
 from choreograph.features.word_audio import rhythm_from, word_spectra
@@ -73,6 +77,54 @@ def test_given_and_pinned_motifs_are_planned(rolling, song):
     assert (word.motif, word.pinned) == (1, True)
     banned = cg.dance(song, rolling, engine="rollout", bans=[cg.Ban(motif=0)])
     assert all(word.motif != 0 for word in banned.plan.words)
+
+
+@pytest.mark.parametrize("motif", [0, 1])
+def test_what_is_said_of_a_pin_is_what_is_danced(rolling, song, motif):
+    made = cg.dance(song, rolling, engine="rollout", pins=[cg.MotifPin(4.1, motif)])
+    bounds_s = np.array([*(word.start_s for word in made.plan.words), made.plan.words[-1].end_s])
+    slot = int(np.searchsorted(bounds_s, 4.1, "right")) - 1
+    assert (danced_motifs(made.motion, bounds_s, rolling)[slot] == motif) == (not made.unmet)
+    assert set(made.unmet) <= set(made.notes)
+
+
+def test_a_pin_that_is_not_danced_is_tried_again_and_held_longer(rolling, song, rolled, monkeypatch):
+    before = next(word for word in rolled.plan.words if word.start_s > 3.5)
+    pinned = 1 - before.motif  # the motif that would not be danced there
+    shown, asked = [before.motif, pinned], []
+
+    def generated(request, constraints, motifs):
+        asked.append(motifs)
+        return request.repertoire.motion(0)[0]
+
+    monkeypatch.setattr(
+        rollout, "danced_motifs", lambda motion, bounds_s, _: np.full(len(bounds_s) - 1, shown.pop(0))
+    )
+    monkeypatch.setattr(rollout, "_generated", generated)
+    made = cg.dance(song, rolling, engine="rollout", pins=[cg.MotifPin(before.end_s + 0.1, pinned)])
+    assert made.unmet == () and len(asked) == 2
+    slot = next(i for i, word in enumerate(made.plan.words) if word.pinned)
+    assert asked[1][slot - 1 : slot + 2].tolist() == [pinned] * 3
+    assert [word.motif for word in made.plan.words] == asked[1].tolist()
+
+
+def test_what_no_try_dances_is_said_in_one_line(rolling, song, monkeypatch):
+    monkeypatch.setattr(rollout, "danced_motifs", lambda motion, bounds_s, _: np.full(len(bounds_s) - 1, -1))
+    pinned = cg.dance(song, rolling, engine="rollout", pins=[cg.MotifPin(4.1, 1)])
+    assert len(pinned.unmet) == 1
+    assert re.match(r"expected motif 1, but the network dances no motif at 4\.\d s", pinned.unmet[0])
+    given = cg.dance(song, rolling, engine="rollout", motifs=[1, 0, 1, 1, 0])
+    assert len(given.unmet) == 1 and "expected 5 motifs as given" in given.unmet[0]
+
+
+def test_strict_writes_nothing_that_is_not_as_asked(rolling, song, monkeypatch, tmp_path):
+    monkeypatch.setattr(rollout, "danced_motifs", lambda motion, bounds_s, _: np.full(len(bounds_s) - 1, -1))
+    out = tmp_path / "a.bvh"
+    asked = ("dance", song, "--db", rolling.path, "--engine", "rollout", "--pin", "4.1=motif:1", "-o", out)
+    strict = run(*asked, "--strict")
+    assert strict.exit_code == 2 and "expected motif 1" in strict.output and not out.exists()
+    lenient = run(*asked)
+    assert lenient.exit_code == 0 and "expected motif 1" in lenient.output and out.exists()
 
 
 def test_another_songs_style_changes_poses_but_not_motifs(rolling, song, rolled, tmp_path):
