@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from synthetic_repertoire import synthetic_takes, write_clicks
 
-from choreograph.building import song_cache
+from choreograph.building import BuildOptions, song_cache
 from choreograph.building.segmentation import segment_takes
 from choreograph.building.song_cache import SongCache
 from choreograph.building.train_networks import style_take
-from choreograph.errors import FormatError
+from choreograph.errors import FormatError, ParameterError
+from choreograph.features.mel import log_mel
+from choreograph.song_counts import song_counts
 
 
 @pytest.fixture
@@ -51,3 +53,16 @@ def test_samples_are_kept_only_where_they_are_needed(tmp_path):
 def test_a_song_that_cannot_be_read(tmp_path):
     with pytest.raises(FormatError, match="no such file"):
         SongCache().analysed(tmp_path / "gone.wav")
+
+
+def test_songs_are_tracked_as_asked(tmp_path):
+    path = write_clicks(tmp_path / "clicks.wav", duration_s=12.0)
+    song = song_cache.load_song(path)
+    for tracker in ("librosa", "tempo-path"):
+        expected = song_counts(song, log_mel(song.samples), tracker)
+        assert np.array_equal(SongCache(tracker).analysed(path).beat_times_s, expected.times_s)
+
+
+def test_a_build_takes_its_beats_from_a_tracker_and_not_from_a_file(tmp_path):
+    with pytest.raises(ParameterError, match=r"expected beats among .*librosa.*, got 'beats.txt'"):
+        BuildOptions(beats="beats.txt")

@@ -1,11 +1,13 @@
 """Words know on which count of the bar they begin."""
 
+from types import SimpleNamespace
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from choreograph.counts import NO_COUNTS, make_counts, numbers_in_bar
-from choreograph.motifs.bar_positions import UNKNOWN, bar_positions
+from choreograph.motifs.bar_positions import UNKNOWN, bar_positions, possible_motifs
 
 
 @given(st.integers(2, 6), st.integers(1, 40), st.floats(0.3, 1.2), st.data())
@@ -37,3 +39,13 @@ def test_a_bar_of_three_within_bars_of_four_is_no_bar_of_four():
     found = bar_positions(counts.times_s, counts)
     assert (found // 100).tolist() == [4, 4, 4, 4, 4, 4, 3, 3, 3, 4, 4, 4, 4, 4, 4]
     np.testing.assert_array_equal(found % 100, numbers)
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 3)), min_size=1, max_size=20), st.integers(0, 4))
+def test_a_motif_is_possible_where_one_of_its_words_begins(words, wanted):
+    position, motif = (np.array(column) for column in zip(*words, strict=True))
+    vocabulary = SimpleNamespace(word_motif=motif, n_motifs=4)
+    possible = possible_motifs(np.array([wanted]), position, np.arange(len(words)), vocabulary)[0]
+    known = wanted != UNKNOWN and (position != UNKNOWN).any()
+    fitting = motif[position == wanted] if known else motif
+    assert set(np.flatnonzero(possible)) == set(fitting)
