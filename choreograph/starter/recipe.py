@@ -36,7 +36,7 @@ def build_starter(
     # Feet of rendered takes never slide: no foot lock needed.
     options = BuildOptions(
         preset=preset, seed=seed, resume=True, lock_feet=False, pretrained="clean",
-        keep_networks=preset == "small", compress=True,
+        keep_networks=preset == "small", compress=True, rollout=True,
     )  # fmt: skip
     made, notes = build_repertoire(
         [takes], work / output.name, options, report=report, training_report=training_report
