@@ -82,7 +82,7 @@ def test_the_repertoire_contains_the_takes_alone(tmp_path, monkeypatch):
     made, _ = recipe.build_starter(tmp_path / "work", output, preset="tiny")
     assert made.path == output
     assert sorted(path.name for path in tmp_path.iterdir()) == ["made.h5", "work"]
-    assert set(made.net_names) == {"style", "words"}
+    assert set(made.net_names) == {"rollout", "style", "words"}
     assert made.vocabulary.genres == ("house", "waltz", "all")
     assert set(made.vocabulary.word_take.tolist()) == set(range(6))
 
