@@ -1,13 +1,16 @@
 """What the rollout network makes of motifs: ablations, re-created dances, variations, style, feet.
 
-    python examples/papers/rollout.py path/to/dance-with-melody REPERTOIRE… [--ablations FOLDER]
+    python examples/papers/rollout.py SONGS REPERTOIRE… [--only NAMES] [--beats FOLDER] [--ablations FOLDER]
 
-Each REPERTOIRE must have been built with `--rollout`, with
-`--leave-out @examples/papers/dance_with_melody_held_out.txt` and with its own seed: numbers are mean ± spread
-over repertoires. A repertoire's χ² is also judged by the word network of the next one ("chi2 judged"), which
-neither asked for its motifs nor taught its network. FOLDER was written by `train_rollout_ablations.py`. The
-songs are the held-out ones and those of DATA without motion, up to 80 s of each, danced with their genre
-given.
+SONGS are dance-with-melody, with repertoires built with `--rollout` and
+`--leave-out @examples/papers/dance_with_melody_held_out.txt`: the held-out songs and those without motion. Or
+they are takes that `unseen_starter_takes.py` made, with repertoires of `build-starter --seed N`, and then
+NAMES and FOLDER are as it says. Up to 80 s of each song, danced with its genre given.
+
+Each repertoire has its own seed: numbers are mean ± spread over repertoires. A repertoire's χ² is also judged
+by the word network of the next one ("chi2 judged"), which neither asked for its motifs nor taught it.
+The ablations' FOLDER was written by `train_rollout_ablations.py`. "landed" is the finished rollout, warped so
+that its accents lie on the beats. "read" are counts that a network reads from the motion alone.
 """
 
 from __future__ import annotations
@@ -28,9 +31,12 @@ import choreograph as cg
 from choreograph.audio.song import Song, load_song
 from choreograph.engines import rollout as rolling
 from choreograph.engines.danced_motifs import danced_motifs
-from choreograph.importers.dance_with_melody import read
+from choreograph.evaluation import find_songs
+from choreograph.evaluation.read_counts import read_count_scores
+from choreograph.evaluation.song_music import SongMusic, song_music
+from choreograph.features.music_beats import DEFAULT_TRACKER
 from choreograph.metrics import beat
-from choreograph.metrics.motion_beat_detectors import savitzky_golay_beats_s
+from choreograph.metrics.motion_beat_detectors import beats_by_detector, our_beats_s, scores_of
 from choreograph.metrics.physical import foot_slide_cm_s, joint_jerk_m_s3
 from choreograph.motifs.signatures import chi_square_distance, signature
 from choreograph.motifs.words import dance_bounds_s
@@ -40,11 +46,13 @@ from choreograph.motion.pose import to_root_frame
 from choreograph.nets.rollout.model import RolloutNet
 from choreograph.rollout import generation
 from choreograph.takes import Take
+from choreograph.warping.micro_timing import accent_shifts_s
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 WITHOUT_MOTION = {"DANCE_C_1": "cha-cha", "DANCE_C_3": "cha-cha", "DANCE_R_6": "rumba", "DANCE_R_10": "rumba"}
-MAX_WORD_S = 80.0
+MAX_SONG_S = 80.0
 STILL_M_S = 0.15
+TITLES = ("ablations", "re-created", "variations", "style", "feet", "long")
 
 Row = dict[str, float]
 Table = dict[str, Row]  # a row by name
@@ -58,6 +66,7 @@ class Piece:
     song: Song
     genre: str
     take: Take | None
+    music: SongMusic  # that dances are measured against
 
 
 class WithNet(cg.Repertoire):
@@ -69,16 +78,15 @@ class WithNet(cg.Repertoire):
         return self.swapped or super().rollout_net()
 
 
-def pieces_of(data: Path, takes: Mapping[str, Take]) -> list[Piece]:
+def pieces_of(data: Path, only: Path, beats: str) -> list[Piece]:
     pieces = []
-    for name in HELD_OUT.read_text(encoding="utf-8").split():
-        take = takes[name]
-        length_s = min(MAX_WORD_S, take.motion.duration_s)
-        song = load_song(take.song_path, start_s=take.song_start_s, duration_s=length_s)
-        pieces.append(Piece(name, song, take.credits.genre, take))
+    for found in find_songs(data, only=only.read_text(encoding="utf-8").split(), duration_s=MAX_SONG_S):
+        song = found.load()
+        pieces.append(Piece(found.name, song, found.genre, found.take, song_music(song, beats)))
     for name, genre in WITHOUT_MOTION.items():
-        song = load_song(data / name / "audio.mp3", duration_s=MAX_WORD_S)
-        pieces.append(Piece(name, song, genre, None))
+        if (data / name).is_dir():
+            song = load_song(data / name / "audio.mp3", duration_s=MAX_SONG_S)
+            pieces.append(Piece(name, song, genre, None, song_music(song, beats)))
     return pieces
 
 
@@ -118,16 +126,18 @@ def ablated(
             dance = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre)
             motions[name] = dance.motion
         repertoire.swapped = None
+        beats, bounds = piece.music.beats_s, bounds_of(dance)
+        motions["rollout, landed"] = landed(motions["rollout"], np.array(dance.plan.music_beats_s))
         if piece.take is not None:
             motions["real"] = piece.take.motion
-        beats, bounds = np.array(dance.plan.music_beats_s), bounds_of(dance)
         asked = np.array([word.motif for word in dance.plan.words])
         for name, motion in motions.items():
             inside = bounds[bounds <= motion.duration_s + 0.04]
             danced = danced_motifs(motion, inside, repertoire)
             body = body_pos_m(motion)
-            made = cg.Dance(motion, dance.plan).motion_beats_s
-            kinematic = savitzky_golay_beats_s(body, motion.fps)
+            by_detector = beats_by_detector(body, motion.fps)
+            kinematic = by_detector["savitzky_golay"]
+            read = read_count_scores(motion, piece.music, np.random.default_rng(0)).values
             rows[name].append(
                 {
                     "chi2": chi_square_distance(signature(danced[danced >= 0], k), goal),
@@ -135,13 +145,23 @@ def ablated(
                     "motifs as asked": np.nan if name == "real" else np.mean(danced == asked[: len(danced)]),
                     "aligned": beat.aligned_share(kinematic, beats),
                     "ratio": beat.beat_ratio(kinematic, beats),
-                    "F": beat.f_score(made, beats),
+                    "F": scores_of(by_detector, beats)["f_score_mean"],
+                    "read": read.get("counts_read_within", np.nan),
+                    "read 1": read.get("downbeat_share_read", np.nan),
                     "slide cm/s": foot_slide_cm_s(body, motion.fps),
                     "speed m/s": np.linalg.norm(np.diff(body, axis=0), axis=-1).mean() * motion.fps,
                     "jerk p95": np.percentile(joint_jerk_m_s3(body, motion.fps)[1], 95),
                 }
             )
     return means(rows)
+
+
+def landed(motion: Motion, beats_s: np.ndarray) -> Motion:
+    """The motion, warped a little so that its accents lie on the beats, where they gather near them."""
+    shifts_s = accent_shifts_s(our_beats_s(body_pos_m(motion), motion.fps), beats_s)
+    times_s = np.arange(motion.n_frames) / motion.fps
+    times_s += np.interp(times_s, beats_s, shifts_s)
+    return motion.sampled_smooth(times_s.clip(0.0, motion.duration_s) * motion.fps)
 
 
 def judged_chi2(motion: Motion, bounds_s: np.ndarray, genre: str, judge: cg.Repertoire) -> float:
@@ -247,7 +267,7 @@ def feet(pieces: list[Piece], repertoire: WithNet) -> Table:
         if piece.take is None:
             continue
         held = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre).motion
-        with patch.object(generation, "lock_feet", lambda motion, contacts: motion):
+        with patch.object(generation, "lock_feet", lambda motion, *contacts, **settings: motion):
             free = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre).motion
         motions = {"held": held, "not held": free, "real": piece.take.motion}
         rows.append({name: foot_slide_cm_s(body_pos_m(m), m.fps) for name, m in motions.items()})
@@ -264,20 +284,21 @@ def show(title: str, tables: Sequence[Table]) -> None:
         print(f"  {name} ({len(own)}):", ", ".join(texts), flush=True)
 
 
-def measured(path: Path, judge: Path, data: Path, ablations: Path | None) -> dict[str, Table]:
-    """All tables of one repertoire, by title."""
+def measured(path: Path, judge: Path, given: argparse.Namespace) -> dict[str, Table]:
+    """The tables of one repertoire, by title."""
     torch.set_num_threads(1)
-    pieces = pieces_of(data, {take.name: take for take in read(data)})
+    pieces = pieces_of(given.data, given.only, given.beats)
     repertoire = WithNet.open(path)
-    nets = ablated_nets(ablations / path.stem) if ablations else {}
-    found = {
-        "ablations": ablated(pieces, repertoire, cg.Repertoire.open(judge), nets),
-        "re-created": recreated(pieces, repertoire, nets),
-        "variations": varied(pieces, repertoire),
-        "style": styled(pieces, repertoire),
-        "feet": feet(pieces, repertoire),
-        "long": long_dances(pieces, repertoire),
+    nets = ablated_nets(given.ablations / path.stem) if given.ablations else {}
+    tables = {
+        "ablations": lambda: ablated(pieces, repertoire, cg.Repertoire.open(judge), nets),
+        "re-created": lambda: recreated(pieces, repertoire, nets),
+        "variations": lambda: varied(pieces, repertoire),
+        "style": lambda: styled(pieces, repertoire),
+        "feet": lambda: feet(pieces, repertoire),
+        "long": lambda: long_dances(pieces, repertoire),
     }
+    found = {title: make() for title, make in tables.items() if title in given.tables}
     print(f"{path.name} measured", flush=True)
     return found
 
@@ -287,9 +308,12 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     parser.add_argument("repertoires", type=Path, nargs="+")
     parser.add_argument("--ablations", type=Path, help="folder of the ablations' networks")
+    parser.add_argument("--only", type=Path, default=HELD_OUT, help="names of songs, a line each")
+    parser.add_argument("--beats", default=DEFAULT_TRACKER, help="a tracker, or a folder of SONG.txt")
+    parser.add_argument("--tables", nargs="+", default=TITLES, choices=TITLES)
     parser.add_argument("--jobs", type=int, default=1, help="repertoires measured at a time")
     given = parser.parse_args()
-    measure = partial(measured, data=given.data, ablations=given.ablations)
+    measure = partial(measured, given=given)
     with ProcessPoolExecutor(given.jobs) as pool:
         found = list(pool.map(measure, given.repertoires, given.repertoires[1:] + given.repertoires[:1]))
     for title in found[0]:

@@ -1,10 +1,11 @@
 """Train what the rollout network is compared with: it without one of its conditions, losses or augmentations.
 
-    python examples/papers/train_rollout_ablations.py path/to/dance-with-melody REPERTOIRE… -o FOLDER
+    python examples/papers/train_rollout_ablations.py TAKES REPERTOIRE… -o FOLDER
 
-Each REPERTOIRE was built with `--rollout`. Its ablations are trained on the same takes, with its preset and
-seed, and written to FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as
-the network itself. After a stop, the same command continues.
+Each REPERTOIRE was built with `--rollout` from TAKES: dance-with-melody, say, or the takes of `make starter`
+(build/starter/takes). Its ablations are trained on the same takes, with its preset and seed, and written to
+FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as the network itself.
+After a stop, the same command continues.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import choreograph as cg
 from choreograph.building.segmentation import segment_takes
 from choreograph.building.song_cache import SongCache
 from choreograph.building.train_rollout import rollout_takes
-from choreograph.importers.dance_with_melody import read
+from choreograph.importers import import_takes
 from choreograph.nets.rollout.config import rollout_config
 from choreograph.nets.rollout.train import train_rollout
 from choreograph.nets.training import TrainingContext, TrainingProgress
@@ -71,13 +72,13 @@ def show(progress: TrainingProgress) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("data", type=Path)
+    parser.add_argument("takes", type=Path)
     parser.add_argument("repertoires", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--networks", nargs="+", choices=list(ABLATIONS), default=list(ABLATIONS))
     given = parser.parse_args()
     torch.set_num_threads(1)
-    takes = {take.name: take for take in read(given.data)}
+    takes = {take.name: take for take in import_takes(given.takes)}
     for path in given.repertoires:
         train(takes, cg.Repertoire.open(path), given.output / path.stem, given.networks)
 
