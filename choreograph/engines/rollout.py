@@ -17,7 +17,7 @@ from choreograph.constraints.likely_genre import choose_goal
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.constraints.spec import Constraints
 from choreograph.engines.base import DanceRequest, EngineResult
-from choreograph.engines.danced_motifs import danced_motifs
+from choreograph.engines.danced_motifs import danced_embeddings, motifs_of_embeddings
 from choreograph.engines.enforce_motifs import enforce_motifs, is_danced, violated_slots
 from choreograph.engines.mixer import sequence_notes
 from choreograph.errors import NoPathError, ParameterError
@@ -36,6 +36,7 @@ from choreograph.song_counts import DEFAULT_BEATS, names_a_tracker, song_counts
 from choreograph.takes import Credits
 
 Indices = NDArray[np.int64]
+Floats = NDArray[np.float32]
 
 _ATTEMPTS = 4  # at a dance that shows what is requested
 
@@ -69,9 +70,11 @@ class RolloutEngine:
 class _Rollout:
     """One try at a dance."""
 
-    motifs: Indices  # (N,) asked of the network
+    motifs: Indices  # (N,) drawn or given
+    asked: Floats  # (N, D) embeddings that the network was conditioned on
     motion: Motion
-    danced: Indices  # (N,) motifs that the motion shows
+    shown: Floats  # (N, D) embeddings of what the motion shows; those asked where nothing was requested
+    danced: Indices  # (N,) motifs of these
     wrong: tuple[int, ...]  # slots that do not show what was requested
 
 
@@ -80,8 +83,9 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
 
     The style of the motion (equation 4) is the song's, or another song's (`style_song`), from beat to beat.
     The motion is looked at: where a requested motif is not danced, or a banned one is, the dance is drawn
-    anew, and a requested motif is begun earlier and held longer. Where no try has met a pin or a ban, a word
-    of a take is laid over the motion; what cannot be met so either is in `unmet`.
+    anew. A requested motif is then begun earlier and held longer, and asked for as much more as was missed of
+    it. Where no try has met a pin or a ban, a word of a take is laid over the motion; what cannot be met so
+    either is in `unmet`.
 
     Raises `ParameterError` if constraints name takes, `RepertoireError` without a vocabulary or a rollout
     network.
@@ -107,10 +111,11 @@ def _rolled_out(
     for attempt in range(_ATTEMPTS if constraints.constrains_motifs else 1):
         wrong = best.wrong if best else ()
         motifs = _drawn_motifs(request, goal, constraints, attempt, _held_longer(wrong, attempt, constraints))
-        if best is not None and np.array_equal(motifs, best.motifs):
+        asked = _asked(motifs, best, attempt, constraints, request.repertoire)
+        if best is not None and np.array_equal(asked, best.asked):
             break  # the network would dance the same
-        motion = hold_ends(_generated(request, constraints, motifs), plan.opening_s, plan.closing_s)
-        dance = _looked_at(motifs, motion, plan, constraints, request.repertoire)
+        motion = hold_ends(_generated(request, constraints, motifs, asked), plan.opening_s, plan.closing_s)
+        dance = _looked_at(motifs, asked, motion, plan, constraints, request.repertoire)
         if best is None or len(dance.wrong) < len(best.wrong):
             best = dance
         if not best.wrong:
@@ -119,15 +124,41 @@ def _rolled_out(
     return best
 
 
+def _asked(
+    motifs: Indices,
+    best: _Rollout | None,
+    attempt: int,
+    constraints: ResolvedConstraints,
+    repertoire: Repertoire,
+) -> Floats:
+    """Embeddings (N, D) to condition on: medoids, and for requests as far beyond as the best try fell short.
+
+    Later attempts go a part of that way.
+    """
+    medoids = repertoire.vocabulary.motifs.embeddings
+    asked = medoids[motifs].astype(np.float32)
+    if best is not None:
+        for slot in constraints.motifs:
+            missed = asked[slot] - best.shown[slot] if slot in best.wrong else np.zeros(1, np.float32)
+            asked[slot] = best.asked[slot] + np.nan_to_num(missed) / attempt
+    return asked
+
+
 def _looked_at(
-    motifs: Indices, motion: Motion, plan: Plan, constraints: ResolvedConstraints, repertoire: Repertoire
+    motifs: Indices,
+    asked: Floats,
+    motion: Motion,
+    plan: Plan,
+    constraints: ResolvedConstraints,
+    repertoire: Repertoire,
 ) -> _Rollout:
     """The try with what its motion shows; a motion is only segmented where something was requested."""
     if not constraints.constrains_motifs:
-        return _Rollout(motifs, motion, motifs, ())
-    danced = danced_motifs(motion, constraints.bounds_s, repertoire)
+        return _Rollout(motifs, asked, motion, asked, motifs, ())
+    shown = danced_embeddings(motion, constraints.bounds_s, repertoire)
+    danced = motifs_of_embeddings(shown, repertoire)
     wrong = [slot for slot in violated_slots(danced, constraints) if is_danced(slot, plan, constraints)]
-    return _Rollout(motifs, motion, danced, tuple(wrong))
+    return _Rollout(motifs, asked, motion, shown, danced, tuple(wrong))
 
 
 def _laid_over(
@@ -147,7 +178,7 @@ def _laid_over(
         )
     except NoPathError:
         return dance, plan
-    return _looked_at(dance.motifs, motion, plan, constraints, repertoire), plan
+    return _looked_at(dance.motifs, dance.asked, motion, plan, constraints, repertoire), plan
 
 
 def _held_longer(wrong: Sequence[int], slots: int, constraints: ResolvedConstraints) -> dict[int, int]:
@@ -204,8 +235,10 @@ def _drawn_motifs(
     )  # fmt: skip
 
 
-def _generated(request: DanceRequest, constraints: ResolvedConstraints, motifs: Indices) -> Motion:
-    """The network's dance of a sequence of motifs (N,) to the song."""
+def _generated(
+    request: DanceRequest, constraints: ResolvedConstraints, motifs: Indices, asked: Floats
+) -> Motion:
+    """The network's dance to the song of motifs (N,), conditioned on embeddings (N, D)."""
     from choreograph.nets.rollout.data import ROLLOUT_FPS  # torch takes a second to import
     from choreograph.rollout.generation import MotifSequence, generate_motion
 
@@ -219,7 +252,7 @@ def _generated(request: DanceRequest, constraints: ResolvedConstraints, motifs: 
     sequence = MotifSequence(
         start_s=bounds_s[:-1],
         end_s=bounds_s[1:],
-        motif=repertoire.vocabulary.motifs.embeddings[motifs],
+        motif=asked,
         rhythm=rhythm_from(request.song, features.beat_times_s, 0.0),
         count_phase=count_phase(features.counts, np.arange(0.0, features.duration_s, 1.0 / ROLLOUT_FPS)),
         spectral=spectral,

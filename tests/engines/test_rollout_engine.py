@@ -93,12 +93,12 @@ def test_a_pin_that_is_not_danced_is_tried_again_and_held_longer(rolling, song, 
     pinned = 1 - before.motif  # the motif that would not be danced there
     shown, asked = [before.motif, pinned], []
 
-    def generated(request, constraints, motifs):
+    def generated(request, constraints, motifs, embeddings):
         asked.append(motifs)
         return request.repertoire.motion(0)[0]
 
     monkeypatch.setattr(
-        rollout, "danced_motifs", lambda motion, bounds_s, _: np.full(len(bounds_s) - 1, shown.pop(0))
+        rollout, "motifs_of_embeddings", lambda embeddings, _: np.full(len(embeddings), shown.pop(0))
     )
     monkeypatch.setattr(rollout, "_generated", generated)
     made = cg.dance(song, rolling, engine="rollout", pins=[cg.MotifPin(before.end_s + 0.1, pinned)])
@@ -109,7 +109,7 @@ def test_a_pin_that_is_not_danced_is_tried_again_and_held_longer(rolling, song, 
 
 
 def test_what_no_try_dances_is_said_in_one_line(rolling, song, monkeypatch):
-    monkeypatch.setattr(rollout, "danced_motifs", lambda motion, bounds_s, _: np.full(len(bounds_s) - 1, -1))
+    monkeypatch.setattr(rollout, "motifs_of_embeddings", lambda embeddings, _: np.full(len(embeddings), -1))
     pinned = cg.dance(song, rolling, engine="rollout", pins=[cg.MotifPin(4.1, 1)])
     assert len(pinned.unmet) == 1
     assert re.match(r"expected motif 1, but the network dances no motif at 4\.\d s", pinned.unmet[0])
@@ -124,7 +124,7 @@ def test_a_pin_that_the_network_never_dances_is_laid_over_from_a_take(rolling, s
     medoid = int(rolling.vocabulary.motifs.words[1 - motif])
     start_s = float(rolling.vocabulary.word_start_s[medoid])
 
-    def generated(request, constraints, motifs):
+    def generated(*asked):
         """The other motif over and over, whatever is asked."""
         beat_s = float(bounds_s[slot + 1] - bounds_s[slot])
         frames = np.arange(0, bounds_s[-1], 1 / 60) % beat_s
@@ -141,12 +141,34 @@ def test_a_pin_that_the_network_never_dances_is_laid_over_from_a_take(rolling, s
     assert made.motion.n_frames == round(made.plan.duration_s * 60)
 
 
+def test_a_given_motif_that_is_missed_is_asked_for_beyond_its_medoid(rolling, song, monkeypatch):
+    medoids, asked = rolling.vocabulary.motifs.embeddings, []
+    missed = medoids[0] + 0.1
+
+    def generated(request, constraints, motifs, embeddings):
+        asked.append(embeddings)
+        return rolling.motion(0)[0]
+
+    monkeypatch.setattr(rollout, "_generated", generated)
+    monkeypatch.setattr(
+        rollout, "danced_embeddings", lambda motion, bounds_s, _: np.tile(missed, (len(bounds_s) - 1, 1))
+    )
+    made = cg.dance(song, rolling, engine="rollout", motifs=[1] * 6)
+    inner = [slot for slot in range(2, 5) if made.plan.words[slot].start_s >= made.plan.opening_s]
+    for slot in inner:
+        assert np.allclose(asked[0][slot], medoids[1])
+        assert np.allclose(asked[1][slot], medoids[1] + (medoids[1] - missed), atol=1e-5)
+        assert np.allclose(
+            asked[2][slot], medoids[1] + (medoids[1] - missed) / 2, atol=1e-5
+        )  # no better: less
+
+
 def word_bounds_s(dance):
     return np.array([*(word.start_s for word in dance.plan.words), dance.plan.words[-1].end_s])
 
 
 def test_strict_writes_nothing_that_is_not_as_asked(rolling, song, monkeypatch, tmp_path):
-    monkeypatch.setattr(rollout, "danced_motifs", lambda motion, bounds_s, _: np.full(len(bounds_s) - 1, -1))
+    monkeypatch.setattr(rollout, "motifs_of_embeddings", lambda embeddings, _: np.full(len(embeddings), -1))
     out = tmp_path / "a.bvh"
     asked = ("dance", song, "--db", rolling.path, "--engine", "rollout", "--pin", "4.1=motif:1", "-o", out)
     strict = run(*asked, "--strict")

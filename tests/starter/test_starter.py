@@ -40,7 +40,9 @@ def test_size_and_content(starter):
     assert set(Counter(take.credits.genre for take in starter.takes)) == set(GENRES)
     assert set(starter.skeleton.names) == set(CANONICAL_JOINTS)
     assert {take.credits.licence for take in starter.takes} == {"CC0-1.0"}
-    assert {"rollout", "style", "words"} == set(starter.net_names)  # the clips carry the analytic tempo-density
+    assert {"rollout", "style", "words"} == set(
+        starter.net_names
+    )  # the clips carry the analytic tempo-density
 
 
 def test_genres_are_recognised_by_their_motifs(starter):
