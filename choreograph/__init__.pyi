@@ -7,6 +7,7 @@ from .building import BuildResult as BuildResult
 from .building import build as build
 from .config import DanceConfig as DanceConfig
 from .constraints import Ban as Ban
+from .constraints import Keep as Keep
 from .constraints import MotifPin as MotifPin
 from .constraints import TakePin as TakePin
 from .errors import ChoreographError as ChoreographError
@@ -42,6 +43,7 @@ __all__ = [
     "Dance",
     "DanceConfig",
     "FormatError",
+    "Keep",
     "Layer",
     "MotifPin",
     "Motion",

@@ -18,7 +18,7 @@ from choreograph.takes import Credits
 from choreograph.timebase import NODE_FRAMES, SEGMENT_S
 
 FORMAT = "choreograph-plan"
-VERSION = 6  # every version before it is still read: see `_upgraded`
+VERSION = 7  # every version before it is still read: see `_upgraded`
 _TOUCH_S = 1e-3  # words that meet this closely leave no gap
 
 
@@ -45,12 +45,13 @@ class PlannedWord:
 
     start_s: float  # in the dance
     end_s: float
-    motif: int  # wanted
-    take: str  # empty if a network dances it
+    motif: int  # wanted; 0 where a part of another dance is kept
+    take: str  # empty if a network dances it, or it is kept of another dance
     source_start_s: float  # in the take
     source_end_s: float
     credits: Credits
     pinned: bool = False  # must keep its motif: transitions change its neighbours, not it
+    kept: str = ""  # the dance that this is a part of, if it is kept; source times are then of that dance
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,8 @@ class Plan:
     """A whole dance as decisions: render it again with `choreograph dance --plan`.
 
     The graph engine plans seconds, and words only where motifs are pinned or banned: those replace the
-    seconds there. The other engines plan words only, from start to end without a gap.
+    seconds there. The other engines plan words only, from start to end without a gap. What is kept of another
+    dance is a word, too, however long.
     """
 
     song: str
@@ -161,6 +163,8 @@ class Plan:
             data = {"music_beat_numbers": [], "metre": 0, "opening_s": 0.0, "closing_s": None, **data}
         if version < 6:
             data = {"lock_feet": True, "keep_on_stage": True, **data}
+        if version < 7 and isinstance(data.get("words"), list):
+            data["words"] = [{"kept": "", **w} if isinstance(w, dict) else w for w in data["words"]]
         data = {key: value for key, value in data.items() if key not in ("format", "version")}
         lists = {key: data.pop(key, None) for key in ("seconds", "words")}
         for key, entries in lists.items():
@@ -224,9 +228,11 @@ class Plan:
                 raise FormatError(f"{where}: expected it to begin at {done_s:g} s, got {word.start_s:g} s")
             if not word.start_s < word.end_s <= self.duration_s + _TOUCH_S:
                 raise FormatError(f"{where}: expected an end after its start and within the dance")
-            if bool(word.take) != (self.engine != "rollout"):
-                raise FormatError(f"{where}: the {self.engine} engine cannot dance take {word.take!r}")
-            if word.take and not 0 <= word.source_start_s < word.source_end_s:
+            if word.kept and word.take:
+                raise FormatError(f"{where}: expected no take where {word.kept} is kept, got {word.take!r}")
+            if not (word.take or word.kept or self.engine == "rollout"):
+                raise FormatError(f"{where}: the {self.engine} engine cannot dance without a take")
+            if (word.take or word.kept) and not 0 <= word.source_start_s < word.source_end_s:
                 raise FormatError(f"{where}: expected 0 <= source_start_s < source_end_s")
             done_s = word.end_s
         if not gap_allowed and done_s < self.duration_s - _TOUCH_S:

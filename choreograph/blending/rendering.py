@@ -31,8 +31,12 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
     """The motion of a plan, exactly as planned.
 
     Raises `RepertoireError` if the plan names a take that the repertoire does not have,
-    `ParameterError` if it wants a take beyond its end, or holds words without a take.
+    `ParameterError` if it wants a take beyond its end, or holds words without a take: a network's, or those
+    kept of another dance.
     """
+    kept = next((word.kept for word in plan.words if word.kept), None)
+    if kept is not None:
+        raise ParameterError(f"the plan holds no motion of {kept}, which it keeps parts of: dance it again")
     if not plan.from_takes:
         raise ParameterError("a plan of the rollout engine holds motifs, no takes: dance to its song again")
     indices = {block.planned.take: repertoire.take_index(block.planned.take) for block in plan.planned_blocks}

@@ -25,6 +25,7 @@ _BESIDE_A_PLAN = {"song", "db", "output", "with_clicks", "opened", "plan_path", 
         "choreograph dance song.mp3 --plan plan.json -o a.bvh   renders an edited plan",
         "choreograph dance song.mp3 --engine mixer --genre waltz",
         "choreograph dance song.mp3 --pin 12.0=motif:41 --pin 30-38=take:NAME --ban genre:tango",
+        "choreograph dance song.mp3 --existing a.bvh --keep 0-12 --keep 20-40   dances 12 to 20 s anew",
         "choreograph dance song.mp3 --recreate NAME          the motifs of a take, danced to this song",
     )
 )
@@ -32,7 +33,7 @@ _BESIDE_A_PLAN = {"song", "db", "output", "with_clicks", "opened", "plan_path", 
 @dance_options
 def command(
     song, db, output, with_clicks, opened, as_json, quiet, plan_path, variations, start, duration, weight,
-    config, published, genre, signature, motif_file, recreate, pin, ban, strict, **settings,
+    config, published, genre, signature, motif_file, recreate, pin, ban, keep, strict, **settings,
 ) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file)."""
     import choreograph as cg
@@ -54,7 +55,7 @@ def command(
         if plan_path is not None:
             dances = [_rendered(plan_path, song, repertoire)]
         else:
-            constraints = _constraints(repertoire, genre, signature, motif_file, recreate, pin, ban)
+            constraints = _constraints(repertoire, genre, signature, motif_file, recreate, pin, ban, keep)
             options = {
                 **settings, **constraints, "config": chosen, "weights": weights or None,
                 "start_s": start or 0.0, "duration_s": duration, "report": shown.report,
@@ -90,9 +91,9 @@ def _rendered(plan_path: Path, song: Path | None, repertoire):
     return cg.Dance(cg.render(plan, repertoire), plan, notes, song)
 
 
-def _constraints(repertoire, genre, signature, motif_file, recreate, pins, bans) -> dict[str, Any]:
+def _constraints(repertoire, genre, signature, motif_file, recreate, pins, bans, keeps) -> dict[str, Any]:
     """The constraints of a dance, from the command line's text and files."""
-    from choreograph.constraints.parse import parse_ban, parse_pin, read_motifs, read_signature
+    from choreograph.constraints.parse import parse_ban, parse_keep, parse_pin, read_motifs, read_signature
     from choreograph.pipeline.recreation import motifs_of
 
     if motif_file is not None and recreate is not None:
@@ -104,6 +105,7 @@ def _constraints(repertoire, genre, signature, motif_file, recreate, pins, bans)
         "motifs": motifs,
         "pins": tuple(parse_pin(text) for text in pins),
         "bans": tuple(parse_ban(text) for text in bans),
+        "keep": tuple(parse_keep(text) for text in keeps),
     }
 
 

@@ -67,6 +67,13 @@ _CONSTRAINTS = (
         help="Never dance this. Repeat for more.",
     ),
     optgroup.option(
+        "--keep", multiple=True, metavar="FROM-TO",
+        help="Keep these seconds of the dance of --existing, and dance the rest anew. Repeat for more.",
+    ),
+    optgroup.option(
+        "--existing", type=_FILE, help="The dance to keep parts of: a .bvh, a .npz or a plan (.json)."
+    ),
+    optgroup.option(
         "--strict", is_flag=True,
         help="Fail, and write nothing, if a pin, ban or given motif is not danced; without, a note says so.",
     ),

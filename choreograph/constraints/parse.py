@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.config import is_number
-from choreograph.constraints.spec import Ban, MotifPin, Pin, TakePin
+from choreograph.constraints.spec import Ban, Keep, MotifPin, Pin, TakePin
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import atomic_path, check_target
 from choreograph.motifs.signatures import checked_signature
@@ -33,6 +33,17 @@ def parse_pin(text: str) -> Pin:
     except ValueError:
         pass
     raise ParameterError(f"expected --pin SECOND=motif:NUMBER or FROM-TO=take:NAME, got {text!r}")
+
+
+def parse_keep(text: str) -> Keep:
+    """`12.5-30`; `ParameterError` for anything else."""
+    span = re.fullmatch(r"([\d.]+)-([\d.]+)", text)
+    try:
+        if span:
+            return Keep(float(span[1]), float(span[2]))
+    except ValueError:
+        pass
+    raise ParameterError(f"expected --keep FROM-TO in seconds, got {text!r}")
 
 
 def parse_ban(text: str) -> Ban:

@@ -38,6 +38,17 @@ class TakePin:
 
 
 @dataclass(frozen=True)
+class Keep:
+    """A stretch of another dance to the same song that is kept as it is."""
+
+    start_s: float
+    end_s: float
+
+    def __str__(self) -> str:
+        return f"{self.start_s:g}-{self.end_s:g}"
+
+
+@dataclass(frozen=True)
 class Ban:
     """One take, one genre or one motif that must not be danced: give exactly one of the three."""
 

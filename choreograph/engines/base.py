@@ -8,6 +8,7 @@ from typing import Protocol
 
 from choreograph.audio.song import Song
 from choreograph.config import DanceConfig
+from choreograph.constraints.kept import KeptDance
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.constraints.spec import Constraints
 from choreograph.errors import ParameterError
@@ -34,6 +35,7 @@ class DanceRequest:
     costs: tuple[Cost, ...] = ()  # the user's
     style_song: Song | None = None
     start_s: float = 0.0  # of the danced part in the song's file
+    kept: KeptDance | None = None  # of which stretches replace what is planned
     report: ProgressReport | None = None
 
     @property

@@ -17,6 +17,7 @@ from choreograph.constraints.spec import Constraints, TakePin
 from choreograph.engines.allowed_nodes import AllowedNodes
 from choreograph.engines.base import DanceRequest, EngineResult
 from choreograph.engines.enforce_motifs import enforce_motifs
+from choreograph.engines.kept_borders import KeptBorders
 from choreograph.engines.layer_source import make_layers
 from choreograph.engines.section_goals import SectionGoal, section_goals
 from choreograph.errors import NoPathError, ParameterError, RepertoireError
@@ -195,6 +196,8 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
     known = cost_weights(config, request.costs)
     weights = {cost.name: known[cost.name] for cost in costs}
     weighted = [WeightedCost(cost, weights[cost.name]) for cost in costs]
+    if request.kept is not None:
+        weighted.append(WeightedCost(KeptBorders(request.kept, features.duration_s), 1.0))
     allowed = AllowedNodes.of(request.constraints, request.repertoire, features.n_seconds)
     if allowed is not None:
         weighted.append(WeightedCost(allowed, 1.0))

@@ -16,6 +16,7 @@ from choreograph.engines.base import DanceRequest, EngineResult
 from choreograph.engines.candidates import CandidatePool, Candidates, consecutive_slots
 from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.engines.enforce_motifs import is_danced, no_word_left, violated_slots
+from choreograph.engines.kept_borders import with_border_costs
 from choreograph.engines.word_search import SEARCHES, search_words
 from choreograph.errors import NoPathError, ParameterError
 from choreograph.graph import Cost
@@ -109,6 +110,8 @@ def mix(request: DanceRequest, goal: MotifGoal) -> MixedDance:
     pool = CandidatePool.of(constraints, request.repertoire, request.song_features.counts, rng)
     wanted = _motifs(pool, config, goal)
     candidates = [pool.candidates(slot, int(motif)) for slot, motif in enumerate(wanted)]
+    if request.kept is not None:
+        candidates = with_border_costs(candidates, request.kept, constraints)
     locked = set(constraints.pinned)
     best: MixedDance | None = None
     rounds = 0

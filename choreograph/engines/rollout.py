@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from choreograph.constraints.likely_genre import choose_goal
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.constraints.spec import Constraints
 from choreograph.engines.base import DanceRequest, EngineResult
-from choreograph.engines.danced_motifs import danced_embeddings, motifs_of_embeddings
+from choreograph.engines.danced_motifs import danced_embeddings, danced_motifs, motifs_of_embeddings
 from choreograph.engines.enforce_motifs import enforce_motifs, is_danced, violated_slots
 from choreograph.engines.mixer import sequence_notes
 from choreograph.errors import NoPathError, ParameterError
@@ -230,9 +231,22 @@ def _drawn_motifs(
     return draw_motifs(
         constraints.n_words, goal.signature, goal.transitions,
         rng=np.random.default_rng([seed, attempt] if attempt else seed),
-        pins={**held, **constraints.motifs}, banned=np.flatnonzero(constraints.motif_banned).tolist(),
-        possible=possible,
+        pins={**_kept_motifs(request, constraints), **held, **constraints.motifs},
+        banned=np.flatnonzero(constraints.motif_banned).tolist(), possible=possible,
     )  # fmt: skip
+
+
+def _kept_motifs(request: DanceRequest, constraints: ResolvedConstraints) -> dict[int, int]:
+    """What is danced in the slots of a dance that are kept: the motifs in the gaps follow from it."""
+    if request.kept is None:
+        return {}
+    danced = danced_motifs(request.kept.motion, constraints.bounds_s, request.repertoire)
+    spans_s = pairwise(constraints.bounds_s.tolist())
+    return {
+        slot: int(motif)
+        for slot, (motif, span_s) in enumerate(zip(danced, spans_s, strict=True))
+        if motif >= 0 and request.kept.keeps(*span_s)
+    }
 
 
 def _generated(
@@ -240,7 +254,7 @@ def _generated(
 ) -> Motion:
     """The network's dance to the song of motifs (N,), conditioned on embeddings (N, D)."""
     from choreograph.nets.rollout.data import ROLLOUT_FPS  # torch takes a second to import
-    from choreograph.rollout.generation import MotifSequence, generate_motion
+    from choreograph.rollout.generation import HeldPoses, MotifSequence, generate_motion
 
     repertoire, features, config = request.repertoire, request.song_features, request.config
     bounds_s, report = constraints.bounds_s, request.report
@@ -259,6 +273,7 @@ def _generated(
     )
     return generate_motion(
         repertoire.rollout_net(), sequence, _lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
+        held=None if request.kept is None else HeldPoses.of(request.kept.motion, request.kept.frames),
         report=None if report is None else lambda done, total: report("dancing", done, total),
     )  # fmt: skip
 

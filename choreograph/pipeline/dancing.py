@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,9 +17,11 @@ from numpy.typing import NDArray
 from choreograph.audio.song import Song
 from choreograph.blending.rendering import render
 from choreograph.config import DanceConfig
+from choreograph.constraints.kept import KeptDance, check_pins_in_gaps, kept_dance
 from choreograph.constraints.resolve import resolve
-from choreograph.constraints.spec import Ban, Constraints, MotifPin, Pin, make_constraints
+from choreograph.constraints.spec import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
 from choreograph.engines import ENGINES, DanceRequest, check_settings, engine_name
+from choreograph.errors import ParameterError
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.graph import Cost
 from choreograph.motifs.words import dance_bounds_s
@@ -32,7 +35,9 @@ from choreograph.pipeline.arguments import (
     as_weights,
     check_span,
 )
+from choreograph.pipeline.keeping import ExistingDance, fill, read_existing
 from choreograph.pipeline.saving import SavedParts, save_dance
+from choreograph.pipeline.unlike import Unlike
 from choreograph.plan import Plan
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import Repertoire
@@ -109,6 +114,8 @@ def dance(
     motifs: Sequence[int] | Sequence[MotifPin] = (),
     pins: Sequence[Pin] = (),
     bans: Sequence[Ban] = (),
+    keep: Sequence[Keep] = (),
+    existing: str | Path | Dance | None = None,
     style_song: str | Path | Song | None = None,
     config: DanceConfig | None = None,
     weights: Mapping[str, float] | None = None,
@@ -136,6 +143,9 @@ def dance(
     motifs : of the dance's words from the first on, or with their times
     pins : `MotifPin`s and `TakePin`s, in seconds of the dance
     bans : takes, genres and motifs that must not be danced
+    keep : stretches of the `existing` dance that are kept to the bit; the gaps between them, of 2 s or more,
+        are danced anew
+    existing : a dance to the same part of the song, as made by `dance` or as the path of a .bvh, .npz or plan
     style_song : another song, whose style the rollout engine's motion takes on
     config : all settings in one object; default `DanceConfig()`. `choreograph.published.published_dance()`
         makes the one of the method as published
@@ -171,10 +181,16 @@ def dance(
     config = _configured(config, settings, weights, engine, requested, beside)
     check_span(start_s, duration_s)
     repertoire = as_repertoire(repertoire)
+    if existing is None and keep:
+        raise ParameterError("expected an existing dance beside the stretches to keep, got none")
+    known = None if existing is None else _as_existing(existing, repertoire)
+    if known is not None and fps is None:
+        config = replace(config, fps=known.motion.fps)
     ENGINES[config.engine].check(repertoire, config, requested, costs)
     loaded = as_song("a song", song, start_s=start_s, duration_s=duration_s)
     style = None if style_song is None else as_song("a style song", style_song)
-    return _danced(loaded, repertoire, config, requested, costs, style, start_s, report)
+    kept = None if known is None else (known, tuple(keep))
+    return _danced(loaded, repertoire, config, requested, costs, style, kept, start_s, report)
 
 
 def _configured(
@@ -206,6 +222,7 @@ def _danced(
     requested: Constraints,
     costs: tuple[Cost, ...],
     style: Song | None,
+    kept_of: tuple[ExistingDance, tuple[Keep, ...]] | None,
     start_s: float,
     report: ProgressReport | None,
 ) -> Dance:
@@ -215,8 +232,42 @@ def _danced(
     song_features, notes = analyse_song(song, repertoire, beats=config.beats, start_s=start_s)
     bounds_s = dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
     resolved = resolve(requested, repertoire, bounds_s, song_features.duration_s)
-    result = ENGINES[config.engine].plan(
-        DanceRequest(song, song_features, repertoire, config, resolved, costs, style, start_s, report)
+    kept = None if kept_of is None else _kept(*kept_of, requested, song_features.duration_s, config)
+    engine = ENGINES[config.engine]
+    if kept is not None and kept.plan is not None and "costs" in engine.settings:
+        costs = (*costs, Unlike([kept.plan]))
+    request = DanceRequest(
+        song, song_features, repertoire, config, resolved, costs, style, start_s, kept, report
     )
-    motion = render(result.plan, repertoire) if result.motion is None else result.motion
+    if kept is None:
+        result = engine.plan(request)
+        motion = render(result.plan, repertoire) if result.motion is None else result.motion
+    else:
+        result, motion = fill(request, engine)
     return Dance(motion, result.plan, (*notes, *result.notes, *result.unmet), song.path, result.unmet)
+
+
+def _as_existing(existing: object, repertoire: Repertoire) -> ExistingDance:
+    if isinstance(existing, Dance):
+        return ExistingDance(existing.motion, existing.plan, existing.plan.song)
+    if not isinstance(existing, str | Path):
+        raise ParameterError(f"expected an existing dance as a Dance or a path, got {reprlib.repr(existing)}")
+    return read_existing(existing, repertoire)
+
+
+def _kept(
+    existing: ExistingDance,
+    keep: tuple[Keep, ...],
+    requested: Constraints,
+    duration_s: float,
+    config: DanceConfig,
+) -> KeptDance:
+    """What is kept of an existing dance; `ParameterError` if that does not fit the new one."""
+    if existing.motion.fps != config.fps:
+        raise ParameterError(
+            f"expected the {existing.motion.fps:g} fps of the existing dance, which is kept as it is, got "
+            f"{config.fps:g}: leave out fps"
+        )
+    kept = kept_dance(existing.motion, keep, duration_s, name=existing.name, plan=existing.plan)
+    check_pins_in_gaps(requested, kept)
+    return kept

@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from choreograph.audio.song import Song
 from choreograph.engines import ENGINES
 from choreograph.errors import ParameterError
-from choreograph.features.song_features import SongFeatures
-from choreograph.graph import Cost, Layer
 from choreograph.pipeline.arguments import as_config, as_costs, as_song
 from choreograph.pipeline.dancing import Dance, dance
+from choreograph.pipeline.unlike import Unlike
 from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire
-from choreograph.timebase import NET_FPS
 
 _SEEDS = 3  # tried for each variation
-_SAME_S = 0.5  # parts of a take nearer than this look the same
 
 
 def vary(
@@ -52,21 +45,6 @@ def vary(
         if len(made) == n:
             return made
     raise ParameterError(f"expected {n} different dances, found {len(made)}: so little is left to chance")
-
-
-class Unlike(Cost):
-    """1 for what an earlier variation danced in this second: the same take within half a second."""
-
-    def __init__(self, earlier: Sequence[Plan]) -> None:
-        self._earlier = earlier
-
-    def node(self, layer: Layer, song_features: SongFeatures) -> NDArray[np.floating]:
-        same = np.zeros(layer.n_nodes, bool)
-        start_s = layer.take_frames[:, 0] / NET_FPS
-        for plan in self._earlier:
-            there = plan.seconds[layer.second]
-            same |= (layer.take_names == there.take) & (abs(start_s - there.source_times_s[0]) < _SAME_S)
-        return same.astype(np.float64)
 
 
 def _content(plan: Plan) -> list[tuple[object, ...]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,12 +43,29 @@ class MotifSequence:
     spectral: NDArray[np.floating] | None  # (N, 87) of each word's music; None: no style
 
 
+@dataclass(frozen=True, eq=False)
+class HeldPoses:
+    """Poses that the network is given instead of its own: it goes on from them."""
+
+    poses: NDArray[np.float32]  # (T, P) at 30 fps
+    held: NDArray[np.bool_]  # (T,) which of them are given
+
+    @classmethod
+    def of(cls, motion: Motion, stretches: Sequence[tuple[int, int]]) -> HeldPoses:
+        """Those of a motion within stretches of its frames: each the first, and the one after the last."""
+        poses = to_poses(motion.resampled(ROLLOUT_FPS))
+        frame = np.arange(len(poses)) * motion.fps / ROLLOUT_FPS
+        held = [(frame >= first) & (frame < stop) for first, stop in stretches]
+        return cls(poses, np.any(held, axis=0))
+
+
 def generate_motion(
     net: RolloutNet,
     sequence: MotifSequence,
     seed_motion: Motion,
     *,
     fps: float,
+    held: HeldPoses | None = None,
     report: Callable[[int, int], None] | None = None,
 ) -> Motion:
     """Dance a sequence of motifs, with locked feet, on the skeleton of `seed_motion`.
@@ -58,6 +75,7 @@ def generate_motion(
     seed_motion : two frames or more of recorded motion at 30 fps that leads up to the first word. The last 15
         frames initialise the network's state and are not part of the dance.
     fps : of the dance
+    held : poses of another dance to the song, to go on from
 
     Poses from the network are smoothed a little and the heading more. The path is steered back where it
     leaves the stage (ours). Feet are locked where the network predicts contact and they nearly stand
@@ -65,7 +83,7 @@ def generate_motion(
 
     Raises `ParameterError` if the sequence is empty or the skeleton is not the network's.
     """
-    poses, contacts = generate_poses(net, sequence, seed_motion, report=report)
+    poses, contacts = generate_poses(net, sequence, seed_motion, held=held, report=report)
     motion = _on_stage(poses, sequence, seed_motion.skeleton)
     motion, contacts = _at_rate(motion, contacts, fps, sequence.end_s[-1])
     contacts = contacts.repeat(2, axis=1) * foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4)
@@ -79,6 +97,7 @@ def generate_poses(
     sequence: MotifSequence,
     seed_motion: Motion,
     *,
+    held: HeldPoses | None = None,
     report: Callable[[int, int], None] | None = None,
 ) -> tuple[NDArray[np.float32], Floats]:
     """Pose rows (T, P) at 30 fps as the network predicts them, with style, and contacts (T, 2)."""
@@ -109,7 +128,8 @@ def generate_poses(
         now = slice(frame, frame + 1)
         pose, state = net.step(pose, gate_inputs[now], condition[now], state)
         generated.append(pose)
-        pose = net.as_input(pose)
+        is_held = held is not None and frame < len(held.held) and held.held[frame]
+        pose = torch.from_numpy(held.poses[now]) if held and is_held else net.as_input(pose)
         if report is not None and frame % ROLLOUT_FPS == 0:
             report(frame // ROLLOUT_FPS, n_frames // ROLLOUT_FPS)
     rows = net.as_input(net.apply_style(torch.stack(generated, dim=1), conditions))[0].numpy()

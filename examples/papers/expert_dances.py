@@ -3,7 +3,7 @@
 For dance-with-melody: every take laid on its own song's beats count by count. For songs of ChoreoNet's
 lists without a take: the listed figures, as far as they are recorded.
 
-    python examples/papers/expert_dances.py dance-with-melody/ choreonet/ -o experts/ --only @held_out.txt
+    python examples/papers/expert_dances.py dance-with-melody/ choreonet/ -o experts/ --only held_out.txt
 """
 
 from __future__ import annotations

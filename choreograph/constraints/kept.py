@@ -1,0 +1,92 @@
+"""A dance of which stretches are kept, held against the song that it is danced to."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from choreograph.constraints.spec import Constraints, Keep, MotifPin
+from choreograph.errors import ParameterError
+from choreograph.motion.motion import Motion
+from choreograph.plan import Plan
+from choreograph.timebase import seconds_to_frames
+
+SHORTEST_GAP_S = 2.0  # two transitions of half a second, and as long between them
+_TOUCH_S = 1e-6
+_SLACK_S = 0.1  # a motion file may be a few frames shorter or longer than the song
+
+
+@dataclass(frozen=True, eq=False)
+class KeptDance:
+    """Stretches of a dance that are kept; the gaps between them are danced anew."""
+
+    motion: Motion  # (T frames) the whole dance, at the rate of the new one
+    stretches: tuple[Keep, ...]  # in order, disjoint
+    name: str  # of its file, for the plan
+    plan: Plan | None = None  # that explains it, where it is known
+
+    @property
+    def frames(self) -> tuple[tuple[int, int], ...]:
+        """Each stretch as its first frame, and the one after its last."""
+        fps, n_frames = self.motion.fps, self.motion.n_frames
+        pairs = ((seconds_to_frames(k.start_s, fps), seconds_to_frames(k.end_s, fps)) for k in self.stretches)
+        return tuple((first, min(stop, n_frames)) for first, stop in pairs)
+
+    def keeps(self, start_s: float, end_s: float) -> bool:
+        """Whether any part of a span is kept."""
+        return any(start_s < k.end_s and k.start_s < end_s for k in self.stretches)
+
+
+def kept_dance(
+    motion: Motion, keeps: Sequence[Keep], duration_s: float, *, name: str, plan: Plan | None = None
+) -> KeptDance:
+    """The stretches of a dance that are kept in another one of `duration_s`.
+
+    Raises `ParameterError` if there is no stretch, one is empty or outside the dance, two overlap, a gap is
+    shorter than 2 s, nothing is left to dance, or the motion is not as long as the dance.
+    """
+    for keep in keeps:
+        if not isinstance(keep, Keep):
+            raise ParameterError(f"expected keep as a list of Keep, got {reprlib.repr(keep)}")
+        if not 0 <= keep.start_s < keep.end_s <= duration_s + _SLACK_S:
+            raise ParameterError(
+                f"keep {keep}: expected a start before its end, and both within the dance of {duration_s:g} s"
+            )
+    if not keeps:
+        raise ParameterError("expected a stretch to keep of the existing dance, got none")
+    if abs(motion.duration_s - duration_s) > _SLACK_S:
+        raise ParameterError(
+            f"expected a dance of {duration_s:.1f} s to keep parts of, got one of {motion.duration_s:.1f} s: "
+            "is it to another song, or another part of it?"
+        )
+    stretches = sorted((_to_the_ends(keep, duration_s) for keep in keeps), key=lambda keep: keep.start_s)
+    borders_s = [0.0, *(at for keep in stretches for at in (keep.start_s, keep.end_s)), duration_s]
+    gaps_s = [stop - start for start, stop in zip(borders_s[::2], borders_s[1::2], strict=True)]
+    if min(gaps_s) < -_TOUCH_S:
+        raise ParameterError(f"expected stretches that do not overlap, got {', '.join(map(str, stretches))}")
+    if max(gaps_s) < SHORTEST_GAP_S:
+        raise ParameterError("expected a part of the dance that is not kept, got none: it is all kept")
+    short = [gap for gap in gaps_s if _TOUCH_S < gap < SHORTEST_GAP_S]
+    if short:
+        raise ParameterError(
+            f"expected gaps of {SHORTEST_GAP_S:g} s or more between what is kept, got one of {short[0]:.2f} "
+            "s: keep less, or all of it"
+        )
+    return KeptDance(motion, tuple(stretches), name, plan)
+
+
+def _to_the_ends(keep: Keep, duration_s: float) -> Keep:
+    """The stretch, to the dance's very start or end where it all but reaches it."""
+    return Keep(
+        0.0 if keep.start_s < _SLACK_S else keep.start_s,
+        duration_s if keep.end_s > duration_s - _SLACK_S else keep.end_s,
+    )
+
+
+def check_pins_in_gaps(constraints: Constraints, kept: KeptDance) -> None:
+    """Raise `ParameterError` for a pin in a stretch that is kept."""
+    for pin in constraints.pins:
+        span_s = (pin.at_s, pin.at_s) if isinstance(pin, MotifPin) else (pin.start_s, pin.end_s)
+        if kept.keeps(span_s[0] - 1e-6, span_s[1] + 1e-6):
+            raise ParameterError(f"pin {pin} lies where the existing dance is kept: move it into a gap")

@@ -1,0 +1,153 @@
+"""Stretches of an existing dance kept in a new one to the same song: the motion filled, and the plan."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from choreograph.blending.filled_gaps import fill_gaps, led_m_s
+from choreograph.blending.rendering import render
+from choreograph.constraints.kept import KeptDance
+from choreograph.constraints.resolve import ResolvedConstraints
+from choreograph.constraints.spec import Keep
+from choreograph.engines.base import DanceRequest, Engine, EngineResult
+from choreograph.engines.danced_motifs import danced_motifs
+from choreograph.engines.enforce_motifs import is_danced, violated_slots
+from choreograph.errors import ParameterError
+from choreograph.importers.bvh import read_bvh
+from choreograph.importers.npz import read_npz
+from choreograph.motion.motion import Motion
+from choreograph.plan import Plan, PlannedWord
+from choreograph.repertoire import Repertoire
+from choreograph.takes import Credits
+
+_ATTEMPTS = 4  # at a filling that ends near where it should
+_LED_M_S = 0.08  # standing feet that are led no faster hardly slide
+_SEEDS_APART = 1_000_003  # so that attempts of neighbouring seeds differ
+
+
+@dataclass(frozen=True, eq=False)
+class ExistingDance:
+    """A dance that was made before: its motion, and its plan where it is known."""
+
+    motion: Motion
+    plan: Plan | None
+    name: str
+
+
+def read_existing(path: str | Path, repertoire: Repertoire) -> ExistingDance:
+    """The dance in a motion file (.bvh, .npz), or that of a plan (.json), which is rendered.
+
+    Raises `FormatError` if the file cannot be read, `ParameterError` for another suffix or a plan that cannot
+    be rendered, `RepertoireError` for a plan of another repertoire.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".json":
+        plan = Plan.read(path)
+        return ExistingDance(render(plan, repertoire), plan, path.name)
+    if suffix == ".bvh":
+        return ExistingDance(read_bvh(path)[0], None, path.name)
+    if suffix == ".npz":
+        return ExistingDance(read_npz(path), None, path.name)
+    raise ParameterError(
+        f"expected an existing dance as .bvh, .npz or .json (its plan), got {reprlib.repr(str(path))}"
+    )
+
+
+def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
+    """A new dance with stretches of another one in it: its plan, with what it does not meet, and its motion.
+
+    A filling ends wherever it does, and has to be led to where what is kept goes on: the one that is led the
+    least, of a few by different seeds.
+
+    Raises as the engine does, and `ParameterError` if the dances are of different skeletons.
+    """
+    kept, config = request.kept, request.config
+    assert kept is not None
+    best: tuple[float, EngineResult, Motion] | None = None
+    for attempt in range(_ATTEMPTS):
+        seed = config.seed + attempt * _SEEDS_APART
+        result = engine.plan(replace(request, config=replace(config, seed=seed)))
+        motion = render(result.plan, request.repertoire) if result.motion is None else result.motion
+        existing = _of_length(kept.motion, motion.n_frames)
+        fast_m_s = led_m_s(existing, motion, kept.frames)
+        if best is None or (len(result.unmet), fast_m_s) < (len(best[1].unmet), best[0]):
+            best = fast_m_s, result, motion
+        if fast_m_s <= _LED_M_S and not result.unmet:
+            break
+    assert best is not None
+    _, result, motion = best
+    filled = fill_gaps(existing, motion, kept.frames)
+    broken = _unmet(filled, result.plan, kept, request.constraints, request.repertoire)
+    unmet = tuple(dict.fromkeys((*result.unmet, *broken)))
+    return replace(result, plan=_with_kept(result.plan, kept), unmet=unmet), filled
+
+
+def _of_length(motion: Motion, n_frames: int) -> Motion:
+    """The motion cut to a number of frames, or with its last pose held to it."""
+    if motion.n_frames >= n_frames:
+        return motion.sliced(0, n_frames)
+    return motion.sampled(np.minimum(np.arange(n_frames), motion.n_frames - 1).astype(np.float64))
+
+
+def _with_kept(plan: Plan, kept: KeptDance) -> Plan:
+    """The plan with what is kept as words, which replace what is planned there."""
+    words = [part for word in plan.words for part in _in_gaps(word, kept.stretches)]
+    words += [word for keep in kept.stretches for word in _kept_words(keep, kept, plan.duration_s)]
+    return replace(plan, words=tuple(sorted(words, key=lambda word: word.start_s)))
+
+
+def _in_gaps(word: PlannedWord, stretches: tuple[Keep, ...]) -> Iterator[PlannedWord]:
+    """The parts of a word that lie in no stretch."""
+    start_s = word.start_s
+    for keep in (*stretches, Keep(word.end_s, word.end_s)):
+        end_s = min(keep.start_s, word.end_s)
+        if end_s > start_s:
+            yield _part(word, start_s, end_s)
+        start_s = max(start_s, keep.end_s)
+
+
+def _part(word: PlannedWord, start_s: float, end_s: float) -> PlannedWord:
+    span_s, source_s = (word.start_s, word.end_s), (word.source_start_s, word.source_end_s)
+    first_s, last_s = np.interp([start_s, end_s], span_s, source_s).round(6).tolist()
+    return replace(word, start_s=start_s, end_s=end_s, source_start_s=first_s, source_end_s=last_s)
+
+
+def _kept_words(keep: Keep, kept: KeptDance, duration_s: float) -> Iterator[PlannedWord]:
+    """What is kept, with the credits of each take that the existing dance is made of there, if known."""
+    end_s = min(keep.end_s, duration_s)
+    spans = [(keep.start_s, end_s, Credits())]
+    if kept.plan is not None:
+        spans = [
+            (max(b.start_s, keep.start_s), min(b.end_s, end_s), b.planned.credits)
+            for b in kept.plan.blocks
+            if b.start_s < end_s and b.end_s > keep.start_s
+        ]
+    for first_s, last_s, credits in spans:
+        yield PlannedWord(first_s, last_s, 0, "", first_s, last_s, credits, kept=kept.name)
+
+
+def _unmet(
+    motion: Motion, plan: Plan, kept: KeptDance, constraints: ResolvedConstraints, repertoire: Repertoire
+) -> tuple[str, ...]:
+    """A line on each pin and ban that transitions from and to what is kept have broken."""
+    if not constraints.constrains_motifs:
+        return ()
+    pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
+    danced = danced_motifs(motion, constraints.bounds_s, repertoire)
+    broken = violated_slots(danced, replace(constraints, motifs=pinned))
+    lines = []
+    for slot in broken:
+        start_s, end_s = constraints.bounds_s[slot : slot + 2].tolist()
+        if is_danced(slot, plan, constraints) and not kept.keeps(start_s, end_s):
+            wanted = f"motif {pinned[slot]}" if slot in pinned else "no banned motif"
+            lines.append(
+                f"expected {wanted} at {start_s:.1f} s, but a transition from or to what is kept changes it: "
+                "move it, or keep less"
+            )
+    return tuple(lines)
