@@ -61,7 +61,7 @@ class RhythmStream:
         self._n_fed += len(block)
 
     def finish(self) -> None:
-        """Say that no more music follows: then silence is heard, and after the last frame its features stay."""
+        """Say that no more music follows: silence is heard then, and the last row is repeated."""
         if not self.has_ended:
             self._samples = np.concatenate([self._samples, np.zeros(MEL_WINDOW, np.float32)])
             self.has_ended = True

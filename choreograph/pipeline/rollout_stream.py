@@ -55,9 +55,9 @@ class RolloutStream:
     fps : of the frames
     beats : of a song, as `dance` takes them
 
-    Iterating gives a `RolloutFrame` every 1 / fps of the song. Counts are known from the start: tracked in the
-    whole song, or given, as a DJ's clock or a metronome does; so is the genre. All else is as a song plays:
-    a frame depends on no sound later than `look_ahead_s` after it, a motif is drawn when its word begins
+    Iterating gives a `RolloutFrame` every 1 / fps of the song. Counts are known from the start: tracked in
+    the whole song, or given, as a DJ's clock gives them; so is the genre. All else is as a song plays: a
+    frame depends on no sound later than `look_ahead_s` after it, a motif is drawn when its word begins
     (equation 5), and smoothing, stage and feet see four poses (133 ms) ahead. A song, and its counts with its
     sound fed in any blocks, are the same dance to the bit.
 

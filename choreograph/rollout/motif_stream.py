@@ -1,4 +1,4 @@
-"""Motifs drawn word by word while a song plays: `motifs.choreography`, on demand (Rhythm is a Dancer, 4.3)."""
+"""Motifs drawn word by word as a song plays: `motifs.choreography`, on demand (Rhythm is a Dancer, 4.3)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from choreograph.motifs.bar_positions import UNKNOWN, bar_positions, possible_mo
 from choreograph.motifs.choreography import draw_next_motif
 from choreograph.motifs.goals import motif_goal
 from choreograph.motifs.signatures import checked_sequence
-from choreograph.motifs.vocabulary import ALL_GENRES
 from choreograph.motifs.words import DEFAULT_WORD_S, dance_bounds_s
 from choreograph.repertoire import Repertoire
 

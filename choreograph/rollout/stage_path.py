@@ -40,7 +40,7 @@ class Poses:
 
 
 class StagePath:
-    """Poses in the world from pose rows (P,), added one by one from frame 0 on; it begins above the origin."""
+    """Poses in the world from pose rows (P,), added one by one from frame 0 on, above the origin."""
 
     def __init__(self) -> None:
         self._row: Floats | None = None  # the last one added
@@ -55,7 +55,7 @@ class StagePath:
         self._contacts: list[Floats] = []
 
     def begin_word(self, n_frames: int) -> None:
-        """Say that the next frames are a word: it is bent towards the middle of the stage where it leaves."""
+        """Say that the next frames are a word: a path that leaves the stage is bent back in it."""
         before = self._travelled[0] if self._travelled else self._pos_m
         window = np.hanning(n_frames + 2)[1:-1]
         angle = steer_rad(self._pos_m, self._pos_m - before)

@@ -1,0 +1,38 @@
+"""Dance while a song plays: frames by the rollout network, steered by motifs, and how long each takes.
+
+Run: OMP_NUM_THREADS=1 python examples/08_rollout_stream.py REPERTOIRE [SONG [OUT.bvh]]
+The repertoire needs a rollout network (`choreograph build-db --rollout`).
+"""
+
+import sys
+import time
+
+import numpy as np
+
+import choreograph as cg
+
+BLOCK = 2048  # samples at a time, as from a sound card
+
+
+def main(db: str, song: str = "", out: str = "stream.bvh") -> None:
+    sound = cg.load_song(song or cg.example_songs()["house"])
+    stream = cg.RolloutStream(cg.RolloutStream(sound, db).counts, db, fps=60.0)  # known: the counts alone
+    frames, took_ms = [], []
+    for start in range(0, len(sound.samples), BLOCK):  # a live program would wait for the sound card here
+        stream.feed(sound.samples[start : start + BLOCK])
+        began = time.perf_counter()
+        for frame in stream:
+            frames.append(frame)
+            took_ms.append(1000 * (time.perf_counter() - began))
+            if len(frames) == 300:
+                stream.request(0, n_words=4)  # the most frequent motif
+            began = time.perf_counter()
+    root_pos_m, local_quat = (np.stack([getattr(f, n) for f in frames]) for n in ("root_pos_m", "local_quat"))
+    cg.save_motion(out, cg.Motion(stream.skeleton, root_pos_m, local_quat, stream.fps))
+    median, p99, worst = np.percentile(took_ms, [50, 99, 100])
+    print(f"{out}: {len(frames)} frames, motifs {[word.motif for word in stream.words]}")
+    print(f"ms a frame: mean {np.mean(took_ms):.2f}, median {median:.2f}, 99 % {p99:.2f}, worst {worst:.2f}")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
