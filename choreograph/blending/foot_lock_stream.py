@@ -2,8 +2,8 @@
 
 The same least squares are solved again and again, over the frames that are known and 0.3 s beyond them, in
 which no contact is expected, so that a shift has time to go. Shifts of earlier frames are given; only the
-first frames of a solution are used. A shift comes and goes within 0.1 s: with so little future, one of 0.2 s
-comes too late (feet slide by 15 instead of 7 cm/s on a built-in song, 10 with all the future).
+first frames of a solution are used. The less future there is, the shorter `shift_s` has to be: with 0.1 s,
+a shift within 0.2 s comes too late for most steps.
 """
 
 from __future__ import annotations
@@ -34,16 +34,15 @@ from choreograph.timebase import seconds_to_frames
 Floats = NDArray[np.float64]
 
 _GIVEN = 3  # shifts before the first free one: as many as the third derivative reaches back
-_SHIFT_S = 0.1
 _BEYOND_S = 0.3
 _FLOOR_S = 10.0  # of the past that says how high a foot in contact is
 
 
 class FootLockStream:
-    """Locks the feet of frames as they come in, given at `fps`, on the floor at height 0."""
+    """Locks the feet of frames as they come in, given at `fps`, on the floor at height 0; `shift_s` as of `lock_feet`."""
 
-    def __init__(self, skeleton: Skeleton, fps: float) -> None:
-        self._skeleton, self._fps = skeleton, fps
+    def __init__(self, skeleton: Skeleton, fps: float, shift_s: float) -> None:
+        self._skeleton, self._fps, self._shift_s = skeleton, fps, shift_s
         self._roles = joint_roles(skeleton)
         self._joints = body_indices(skeleton, CONTACT_JOINTS)
         ends = [self._roles.get(f"{side}_foot", self._roles[f"{side}_ankle"]) for side in SIDES]
@@ -95,7 +94,7 @@ class FootLockStream:
             [np.stack([before] * _GIVEN), points_m[first:], np.stack([points_m[-1]] * beyond)]
         )
         contacts = np.pad(confidence, ((_GIVEN - 1, beyond), (0, 0)))
-        shift = locking_shift(known, contacts, self._fps, _SHIFT_S, self._shifts[side])
+        shift = locking_shift(known, contacts, self._fps, self._shift_s, self._shifts[side])
         self._shifts[side] = shift[n_frames : n_frames + _GIVEN]
         moved = shift[_GIVEN : _GIVEN + n_frames].copy()
         soles_m = foot_sole_pos_m(self._skeleton, self._pos_m, self._quat, side)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from choreograph.blending.assembly import assemble
@@ -18,8 +20,9 @@ from choreograph.blending.runs import (
 from choreograph.blending.sampled_runs import MotionReader
 from choreograph.errors import ParameterError
 from choreograph.motion.motion import Motion
-from choreograph.plan import Plan
+from choreograph.plan import Plan, PlannedWord
 from choreograph.repertoire import Repertoire
+from choreograph.timebase import NET_FPS
 
 _LENGTH_SLACK_S = 0.1  # the first and last frames of a take are repeated for that long
 
@@ -52,18 +55,41 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
     return lock_feet(held, shift_s=DANCE_SHIFT_S) if plan.lock_feet else held
 
 
+def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repertoire) -> Motion:
+    """A generated motion with words of takes, in order of time, in place of what it shows there.
+
+    What follows a word goes on from where the word ends. Feet are locked again. Raises `RepertoireError` if
+    the repertoire lacks a word's take.
+    """
+    read_take, end_s = motion_reader(repertoire), motion.duration_s
+
+    def read(take: str, start_s: float, stop_s: float) -> tuple[Motion, float]:
+        return read_take(take, start_s, stop_s) if take else (motion, 0.0)
+
+    for word in words:
+        repertoire.take_index(word.take)
+    knots_s = np.linspace(0.0, end_s, max(2, round(end_s * NET_FPS)) + 1)
+    runs = overlay_runs([Run("", 0.0, end_s, knots_s)], _runs_of_words(words))
+    made, _ = assemble(runs, read, fps=motion.fps, duration_s=end_s, blending="inertial")
+    return lock_feet(made, shift_s=DANCE_SHIFT_S)
+
+
 def plan_runs(plan: Plan) -> list[Run]:
     """The runs of a plan: its seconds with their transitions, and its words in place of them."""
-    words = words_to_runs(
-        [word.take for word in plan.words],
-        np.array([(word.start_s, word.end_s) for word in plan.words]),
-        np.array([(word.source_start_s, word.source_end_s) for word in plan.words]),
-        [word.pinned for word in plan.words],
-    )
+    words = _runs_of_words(plan.words)
     seconds = runs_of_seconds(plan)
     firsts = [plan.seconds[round(run.start_s)] for run in seconds]
     timings = [TransitionTiming(first.start_s, first.transition_s) for first in firsts]
     return overlay_runs(with_transitions(seconds, timings), words)
+
+
+def _runs_of_words(words: Sequence[PlannedWord]) -> list[Run]:
+    return words_to_runs(
+        [word.take for word in words],
+        np.array([(word.start_s, word.end_s) for word in words]),
+        np.array([(word.source_start_s, word.source_end_s) for word in words]),
+        [word.pinned for word in words],
+    )
 
 
 def runs_of_seconds(plan: Plan) -> list[Run]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.counts import Counts
-from choreograph.engines.word_bank import WordBank
+from choreograph.engines.word_bank import WordBank, accented_bounds_s
 from choreograph.motifs.bar_positions import bar_positions, possible_motifs, word_positions, words_on_count
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.plan import PlannedWord
@@ -70,7 +70,8 @@ class CandidatePool:
     ) -> CandidatePool:
         """The pool of a repertoire; `RepertoireError` if it has no vocabulary."""
         vocabulary = repertoire.vocabulary
-        bank = WordBank(vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
+        embed = repertoire.word_net().embed
+        bank = WordBank(vocabulary, repertoire.body_pos_m, embed, accented_bounds_s(repertoire))
         slots = bar_positions(constraints.bounds_s[:-1], song_counts)
         return cls(constraints, repertoire, bank, rng, slots, word_positions(vocabulary, repertoire.counts))
 
@@ -117,13 +118,12 @@ class CandidatePool:
     def planned(self, slot: int, word: int, *, pinned: bool) -> PlannedWord:
         """A word in its slot of the dance."""
         v, bounds_s = self.vocabulary, self.constraints.bounds_s
-        take = self.repertoire.takes[v.word_take[word]]
+        take, source_s = self.repertoire.takes[v.word_take[word]], self.bank.bounds_s[word]
         return PlannedWord(
             start_s=round(float(bounds_s[slot]), 6), end_s=round(float(bounds_s[slot + 1]), 6),
             motif=int(v.word_motif[word]), take=take.name,
-            source_start_s=round(float(v.word_start_s[word]), 6),
-            source_end_s=round(float(v.word_end_s[word]), 6), credits=take.credits,
-            pinned=pinned,
+            source_start_s=round(float(source_s[0]), 6), source_end_s=round(float(source_s[1]), 6),
+            credits=take.credits, pinned=pinned,
         )  # fmt: skip
 
 

@@ -1,13 +1,13 @@
-"""Pinned and banned motifs in a graph dance: words replace the parts that violate them, until none does."""
+"""Pinned and banned motifs in a dance: words of takes replace what violates them, until nothing does."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.blending.rendering import render
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.counts import Counts
 from choreograph.engines.candidates import CandidatePool, Candidates, consecutive_slots
@@ -20,20 +20,25 @@ from choreograph.motifs.words import poses_at
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import clips_to_root_frame
-from choreograph.plan import Plan
+from choreograph.plan import Plan, PlannedWord
 from choreograph.repertoire import Repertoire
 
 Indices = NDArray[np.int64]
+WithWords = Callable[[tuple[PlannedWord, ...]], tuple[Plan, Motion]]
 
 
 def enforce_motifs(
-    plan: Plan, motion: Motion, constraints: ResolvedConstraints, repertoire: Repertoire
+    plan: Plan,
+    motion: Motion,
+    constraints: ResolvedConstraints,
+    repertoire: Repertoire,
+    with_words: WithWords,
 ) -> tuple[Plan, Motion]:
     """The plan with words wherever pinned motifs are not danced, or banned ones are, and its motion.
 
     Each word is the one with the best transitions from and to what is danced around it. The result is
-    rendered and checked: a word that no longer shows its motif, or makes another slot wrong, is replaced by
-    the next best.
+    rendered, by `with_words`, and checked: a word that no longer shows its motif, or makes another slot
+    wrong, is replaced by the next best.
 
     Raises `NoPathError` naming the motif and the time for which no word is left.
     """
@@ -55,8 +60,7 @@ def enforce_motifs(
                 raise NoPathError(no_word_left(slot, constraints))
         chosen = _chosen(candidates)
         words = tuple(pool.planned(slot, word, pinned=True) for slot, word in sorted(chosen.items()))
-        enforced = replace(plan, words=words)
-        motion = render(enforced, repertoire)
+        enforced, motion = with_words(words)
 
 
 def is_danced(slot: int, plan: Plan, constraints: ResolvedConstraints) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -34,7 +35,8 @@ from choreograph.graph import (
     plan_exact,
     plan_greedy,
 )
-from choreograph.plan import Plan, PlannedSecond
+from choreograph.motion.motion import Motion
+from choreograph.plan import Plan, PlannedSecond, PlannedWord
 from choreograph.progress import substage
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import CLIP_S, NET_FPS
@@ -107,8 +109,15 @@ class GraphEngine:
             plan = with_transitions_on_counts(plan, request)
         motion = None
         if constraints.constrains_motifs:
-            plan, motion = enforce_motifs(plan, render(plan, repertoire), constraints, repertoire)
+            with_words = partial(_with_words, plan, repertoire)
+            plan, motion = enforce_motifs(*with_words(()), constraints, repertoire, with_words)
         return EngineResult(plan, (*notes, *goal_notes), motion)
+
+
+def _with_words(plan: Plan, repertoire: Repertoire, words: tuple[PlannedWord, ...]) -> tuple[Plan, Motion]:
+    """The plan with words in place of what it dances there, and its motion."""
+    enforced = replace(plan, words=words)
+    return enforced, render(enforced, repertoire)
 
 
 def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]:

@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
 from choreograph.blending.held_ends import hold_ends
+from choreograph.blending.rendering import render_over
 from choreograph.config import DanceConfig
 from choreograph.constraints.likely_genre import choose_goal
 from choreograph.constraints.resolve import ResolvedConstraints
 from choreograph.constraints.spec import Constraints
 from choreograph.engines.base import DanceRequest, EngineResult
 from choreograph.engines.danced_motifs import danced_motifs
-from choreograph.engines.enforce_motifs import is_danced, violated_slots
+from choreograph.engines.enforce_motifs import enforce_motifs, is_danced, violated_slots
 from choreograph.engines.mixer import sequence_notes
-from choreograph.errors import ParameterError
+from choreograph.errors import NoPathError, ParameterError
 from choreograph.features.count_phase import count_phase
 from choreograph.features.mel import log_mel
 from choreograph.features.word_audio import rhythm_from, word_spectra
@@ -79,7 +80,8 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
 
     The style of the motion (equation 4) is the song's, or another song's (`style_song`), from beat to beat.
     The motion is looked at: where a requested motif is not danced, or a banned one is, the dance is drawn
-    anew, and a requested motif is begun earlier and held longer. What no try has met is in `unmet`.
+    anew, and a requested motif is begun earlier and held longer. Where no try has met a pin or a ban, a word
+    of a take is laid over the motion; what cannot be met so either is in `unmet`.
 
     Raises `ParameterError` if constraints name takes, `RepertoireError` without a vocabulary or a rollout
     network.
@@ -91,11 +93,10 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
     credits = Credits(performer=f"learned from {len(request.repertoire.takes)} takes")
     plan = request.new_plan(engine=RolloutEngine.name)
     dance = _rolled_out(request, goal, plan, constraints)
-    words = _planned_words(dance.motifs, constraints, credits)
-    return EngineResult(
-        replace(plan, words=words), motion=dance.motion,
-        unmet=_unmet(dance, constraints),
-    )  # fmt: skip
+    plan = replace(plan, words=_planned_words(dance.motifs, constraints, credits))
+    if dance.wrong:
+        dance, plan = _laid_over(dance, plan, constraints, request.repertoire)
+    return EngineResult(plan, motion=dance.motion, unmet=_unmet(dance, constraints))
 
 
 def _rolled_out(
@@ -127,6 +128,26 @@ def _looked_at(
     danced = danced_motifs(motion, constraints.bounds_s, repertoire)
     wrong = [slot for slot in violated_slots(danced, constraints) if is_danced(slot, plan, constraints)]
     return _Rollout(motifs, motion, danced, tuple(wrong))
+
+
+def _laid_over(
+    dance: _Rollout, plan: Plan, constraints: ResolvedConstraints, repertoire: Repertoire
+) -> tuple[_Rollout, Plan]:
+    """The try and its plan with words of takes where it breaks pins and bans; as they are if none help."""
+    pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
+
+    def with_words(words: tuple[PlannedWord, ...]) -> tuple[Plan, Motion]:
+        by_start = {word.start_s: word for word in words}
+        laid = tuple(by_start.get(word.start_s, word) for word in plan.words)
+        return replace(plan, words=laid), render_over(dance.motion, words, repertoire)
+
+    try:
+        plan, motion = enforce_motifs(
+            plan, dance.motion, replace(constraints, motifs=pinned), repertoire, with_words
+        )
+    except NoPathError:
+        return dance, plan
+    return _looked_at(dance.motifs, motion, plan, constraints, repertoire), plan
 
 
 def _held_longer(wrong: Sequence[int], slots: int, constraints: ResolvedConstraints) -> dict[int, int]:

@@ -16,6 +16,7 @@ from choreograph.evaluation.motion_scores import (
     second_opinion_scores,
 )
 from choreograph.evaluation.plan_scores import plan_scores, transition_scores, transition_times_s
+from choreograph.evaluation.read_counts import read_count_scores
 from choreograph.evaluation.scores import Scores
 from choreograph.evaluation.song_music import SongMusic
 
@@ -38,6 +39,7 @@ def dance_scores(
     scores |= physical_scores(motion, transition_times_s(plan) if plan else ())
     scores |= second_opinion_scores(motion, dance.counts, music.second_beats_s)
     scores |= count_scores(dance.counts, counts, music.duration_s, rng)
+    scores |= read_count_scores(motion, music, rng)
     scores |= ending_scores(motion, counts)
     danced_s = (plan.opening_s, plan.danced_until_s) if plan else (0.0, motion.duration_s)
     scores |= energy_scores(motion, danced_s, music.sections.bounds_s, music.section_loudness_db)

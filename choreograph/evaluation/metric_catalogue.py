@@ -83,6 +83,20 @@ METRICS: dict[str, Metric] = {
             ("count_drift", "drift of the counts", "beats/min", "lower", "ours"),
             ("counts_per_beat", "counts per beat", "", "real", "ours"),
             ("counted_share", "danced from takes with counts", "share", "higher", "ours"),
+            (
+                "counts_read_within",
+                "counts read from the motion, within 0.15 beat",
+                "share",
+                "higher",
+                "ours",
+            ),
+            (
+                "downbeat_share_read",
+                "count 1 read, within 0.15 beat of a downbeat",
+                "share",
+                "higher",
+                "ours",
+            ),
         ),
         *_family(
             "transitions",

@@ -19,6 +19,8 @@ LIMITS: Mapping[str, str] = {
     "count_error_s": "slow songs allow larger errors",
     "count_drift": "joins that set the count right hide drift within the takes",
     "counts_per_beat": "½ or 2 may be the tracker's octave, not the dance's",
+    "counts_read_within": "no higher than the reader is right: compare with the real dances",
+    "downbeat_share_read": "bars are what the reader takes for each other most",
     "counted_share": "says that counts are known, not that they are right",
     "transitions_per_minute": "few may mean smooth, or one take played through",
     "transition_gap_s": "a mean: says nothing of the shortest",

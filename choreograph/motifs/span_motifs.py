@@ -68,11 +68,12 @@ class SpanMotifLookup:
         takes, bins = np.divmod(keys, _STARTS * _LENGTHS)
         middle_s = bins // _LENGTHS * _START_STEP_S
         length_s = _MIN_LENGTH_S * _LENGTH_STEP ** (bins % _LENGTHS)
-        embedded = [
-            self._embed(self._words(int(take), middle_s[takes == take], length_s[takes == take]))
+        # Keys are sorted, so words stay in their order. All takes' words are embedded together.
+        words = [
+            self._words(int(take), middle_s[takes == take], length_s[takes == take])
             for take in np.unique(takes)
         ]
-        return self._motifs.nearest(np.concatenate(embedded)).astype(np.int16)
+        return self._motifs.nearest(self._embed(np.concatenate(words))).astype(np.int16)
 
     def _words(self, take: int, middle_s: Floats, length_s: Floats) -> Floats:
         """Words (N, 13, 21, 3) around the given middles, in their root frames."""

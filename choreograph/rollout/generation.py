@@ -27,6 +27,7 @@ SEED_FRAMES = 15  # recorded poses before the first generated one, as in the pap
 # Gaussian deviations. The network jumps at a new motif; smoothing brings its jerk down to that of people.
 _SMOOTH_S = 0.02
 SMOOTH_HEADING_S = 0.08
+SHIFT_S = 0.1  # of locked feet: generated motion is so smooth that quick shifts add no motion beats to it
 STEER_FRAMES = 2 * ROLLOUT_FPS  # the direction of travel is that of the next two seconds
 
 
@@ -68,7 +69,8 @@ def generate_motion(
     motion = _on_stage(poses, sequence, seed_motion.skeleton)
     motion, contacts = _at_rate(motion, contacts, fps, sequence.end_s[-1])
     contacts = contacts.repeat(2, axis=1) * foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4)
-    return lock_feet(motion, np.sqrt(contacts))
+    locked = lock_feet(motion, np.sqrt(contacts), shift_s=SHIFT_S)
+    return lock_feet(locked)  # more feet nearly stand now
 
 
 @torch.no_grad()

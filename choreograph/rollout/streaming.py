@@ -13,7 +13,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.nets.rollout.data import LOOKAHEAD_FRAMES, ROLLOUT_FPS, to_poses
 from choreograph.nets.rollout.model import RolloutConditions, RolloutNet
-from choreograph.rollout.generation import SEED_FRAMES, check_skeleton
+from choreograph.rollout.generation import SEED_FRAMES, SHIFT_S, check_skeleton
 from choreograph.rollout.stage_path import FUTURE_FRAMES, Poses, StagePath
 
 Floats = NDArray[np.float64]
@@ -72,7 +72,7 @@ class DanceStream:
     def __init__(self, net: RolloutNet, seed_motion: Motion, fps: float) -> None:
         self._poses = PoseStream(net, seed_motion)
         self._path = StagePath()
-        self._feet = FootLockStream(seed_motion.skeleton, fps)
+        self._feet = FootLockStream(seed_motion.skeleton, fps, SHIFT_S)
         self._fps = fps
         self._n_predicted, self._n_sampled = 0, 0  # poses at 30 fps, frames at `fps`
         self._pending: list[Poses] = []

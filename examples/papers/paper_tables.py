@@ -65,6 +65,12 @@ TABLES = {
     ),
     "Physics": ("paper", PHYSICS),
     "Structure": ("paper", STRUCTURE),
+    "Rhythm is a Dancer": (
+        "engines",
+        ("counts_within", "downbeat_share", "counts_read_within", "downbeat_share_read",
+         "aligned_share_published", "beat_ratio_published", "f_score_mean", "signature_chi2", "fpd_all",
+         "foot_slide_cm_s", "jerk_p95_m_s3"),
+    ),
 }  # fmt: skip
 RECORDED = "takes-as-recorded"  # those that ours danced with, before their feet were held
 GROUPS = {
@@ -72,6 +78,7 @@ GROUPS = {
         "random", "as-published-motion-graph", "as-published", "motion-graph", "greedy-published", "ours",
         "mixer", EXPERT, REAL, TAKES, RECORDED,
     ),
+    "engines": ("random", "ours", "mixer", "rollout", EXPERT, REAL, TAKES),
     "retempo": ("as-published-no-retempo", "as-published", "no-retempo", "ours"),
 }  # fmt: skip
 

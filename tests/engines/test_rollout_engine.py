@@ -117,6 +117,34 @@ def test_what_no_try_dances_is_said_in_one_line(rolling, song, monkeypatch):
     assert len(given.unmet) == 1 and "expected 5 motifs as given" in given.unmet[0]
 
 
+@pytest.mark.parametrize("motif", [0, 1])
+def test_a_pin_that_the_network_never_dances_is_laid_over_from_a_take(rolling, song, motif, monkeypatch):
+    bounds_s = word_bounds_s(cg.dance(song, rolling, engine="rollout"))
+    slot = len(bounds_s) // 2
+    medoid = int(rolling.vocabulary.motifs.words[1 - motif])
+    start_s = float(rolling.vocabulary.word_start_s[medoid])
+
+    def generated(request, constraints, motifs):
+        """The other motif over and over, whatever is asked."""
+        beat_s = float(bounds_s[slot + 1] - bounds_s[slot])
+        frames = np.arange(0, bounds_s[-1], 1 / 60) % beat_s
+        return rolling.motion(0)[0].sampled((start_s + frames) * rolling.motion(0)[0].fps, fps=60.0)
+
+    monkeypatch.setattr(rollout, "_generated", generated)
+    at_s = float(bounds_s[slot : slot + 2].mean())
+    made = cg.dance(song, rolling, engine="rollout", pins=[cg.MotifPin(at_s, motif)])
+    assert made.unmet == ()
+    assert danced_motifs(made.motion, bounds_s, rolling)[slot] == motif
+    word = made.plan.words[slot]
+    assert (word.take, word.motif, word.pinned) == ("steps", motif, True)
+    assert {w.take for w in made.plan.words if w is not word} == {""}
+    assert made.motion.n_frames == round(made.plan.duration_s * 60)
+
+
+def word_bounds_s(dance):
+    return np.array([*(word.start_s for word in dance.plan.words), dance.plan.words[-1].end_s])
+
+
 def test_strict_writes_nothing_that_is_not_as_asked(rolling, song, monkeypatch, tmp_path):
     monkeypatch.setattr(rollout, "danced_motifs", lambda motion, bounds_s, _: np.full(len(bounds_s) - 1, -1))
     out = tmp_path / "a.bvh"
