@@ -39,7 +39,7 @@ _FLOOR_S = 10.0  # of the past that says how high a foot in contact is
 
 
 class FootLockStream:
-    """Locks the feet of frames as they come in, given at `fps`, on the floor at height 0; `shift_s` as of `lock_feet`."""
+    """Locks the feet of frames that come in at `fps`, on a floor at height 0; `shift_s`: see `lock_feet`."""
 
     def __init__(self, skeleton: Skeleton, fps: float, shift_s: float) -> None:
         self._skeleton, self._fps, self._shift_s = skeleton, fps, shift_s
