@@ -11,7 +11,7 @@ import numpy as np
 import choreograph as cg
 from choreograph.exporters import save_motion
 
-BLOCK = 2048  # samples at a time, as from a sound card
+BLOCK = 2048  # samples at a time
 
 
 def main(song: str = "", db: str = "", out: str = "stream.bvh") -> None:
@@ -32,8 +32,7 @@ def main(song: str = "", db: str = "", out: str = "stream.bvh") -> None:
     root_pos_m, local_quat = (np.stack([getattr(f, n) for f in frames]) for n in ("root_pos_m", "local_quat"))
     save_motion(out, cg.Motion(stream.skeleton, root_pos_m, local_quat, stream.fps))
     median, p99, worst = np.percentile(took_ms, [50, 99, 100])
-    print(f"{out}: {len(frames)} frames, motifs {[word.motif for word in stream.words]}")
-    print(f"ms a frame: mean {np.mean(took_ms):.2f}, median {median:.2f}, 99 % {p99:.2f}, worst {worst:.2f}")
+    print(f"{out}: {len(frames)} frames; ms each: mean {np.mean(took_ms):.2f}, median {median:.2f}, 99 % {p99:.2f}, worst {worst:.2f}")
 
 
 if __name__ == "__main__":
