@@ -11,17 +11,15 @@ import numpy as np
 import choreograph as cg
 from choreograph.exporters import save_motion
 
-BLOCK = 2048  # samples at a time
-
 
 def main(song: str = "", db: str = "", out: str = "stream.bvh") -> None:
     sound = cg.load_song(song or cg.example_songs()["house"])
     repertoire = cg.Repertoire.open(db) if db else cg.starter_repertoire()  # with a rollout network
-    whole = cg.RolloutStream(sound, repertoire)  # only for its counts and its genre, which a DJ knows
-    stream = cg.RolloutStream(whole.counts, repertoire, genre=whole.genre)
+    counts = cg.RolloutStream(sound, repertoire).counts  # known from the start, as to a DJ
+    stream = cg.RolloutStream(counts, repertoire)
     frames, took_ms = [], []
-    for start in range(0, len(sound.samples), BLOCK):  # a live program would wait for the sound card here
-        stream.feed(sound.samples[start : start + BLOCK])
+    for start in range(0, len(sound.samples), 2048):  # a live program would wait for the sound card here
+        stream.feed(sound.samples[start : start + 2048])
         began = time.perf_counter()
         for frame in stream:
             frames.append(frame)
@@ -31,8 +29,8 @@ def main(song: str = "", db: str = "", out: str = "stream.bvh") -> None:
             began = time.perf_counter()
     root_pos_m, local_quat = (np.stack([getattr(f, n) for f in frames]) for n in ("root_pos_m", "local_quat"))
     save_motion(out, cg.Motion(stream.skeleton, root_pos_m, local_quat, stream.fps))
-    median, p99, worst = np.percentile(took_ms, [50, 99, 100])
-    print(f"{out}: {len(frames)} frames; ms each: mean {np.mean(took_ms):.2f}, median {median:.2f}, 99 % {p99:.2f}, worst {worst:.2f}")
+    shown = ", ".join(f"{p} %: {np.percentile(took_ms, p):.2f}" for p in (50, 99, 100))
+    print(f"{out}: {len(frames)} frames; ms each: mean {np.mean(took_ms):.2f}, {shown}")
 
 
 if __name__ == "__main__":
