@@ -4,6 +4,7 @@
 - `build` — takes and their songs to a repertoire file
 - `Repertoire` — an opened repertoire file; `starter_repertoire`, `example_songs` — the built-in ones
 - `load_song` — a `Song`, decoded once for several dances
+- `RolloutStream` — a dance of the rollout network frame by frame, while its song plays
 - `render` — the motion of a (perhaps edited) `Plan`
 - `MotifPin`, `TakePin`, `Ban` — constraints: what must be danced, and what must not
 - `motifs_of`, `signature_of` — of an existing dance, to be danced again

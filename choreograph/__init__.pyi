@@ -26,6 +26,8 @@ from .pipeline import render as render
 from .pipeline import vary as vary
 from .pipeline.recreation import motifs_of as motifs_of
 from .pipeline.recreation import signature_of as signature_of
+from .pipeline.rollout_stream import RolloutFrame as RolloutFrame
+from .pipeline.rollout_stream import RolloutStream as RolloutStream
 from .plan import Plan as Plan
 from .repertoire import Repertoire as Repertoire
 from .starter import example_songs as example_songs
@@ -52,6 +54,8 @@ __all__ = [
     "Plan",
     "Repertoire",
     "RepertoireError",
+    "RolloutFrame",
+    "RolloutStream",
     "Skeleton",
     "Song",
     "SongFeatures",

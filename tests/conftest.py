@@ -55,6 +55,22 @@ def made(repertoire, song):
     return cg.dance(song, repertoire)
 
 
+@pytest.fixture(scope="session")
+def rolling(tmp_path_factory):
+    """A repertoire of one dance to clicks, with a rollout network that has hardly learned."""
+    from synthetic_motions import stepping
+    from synthetic_repertoire import write_clicks
+
+    from choreograph.building import BuildOptions, build_repertoire
+    from choreograph.exporters import save_motion
+
+    folder = tmp_path_factory.mktemp("rolling")
+    save_motion(folder / "steps.bvh", stepping(30 * 30, period_s=0.5, seed=1))
+    write_clicks(folder / "steps.wav", duration_s=30.0)
+    built, _ = build_repertoire([folder], folder / "rep.h5", BuildOptions(preset="tiny", rollout=True))
+    return built
+
+
 @pytest.fixture(scope="module")
 def few_density_steps():
     """Trains the tempo-density networks of the preset `tiny` for a moment only."""

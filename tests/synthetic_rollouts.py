@@ -4,6 +4,7 @@ import numpy as np
 
 from choreograph.counts import make_counts, numbers_in_bar
 from choreograph.features.count_phase import count_phase
+from choreograph.features.frame_rhythm import FRAME_RHYTHM_FPS
 from choreograph.motifs.words import segment_words
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
@@ -15,6 +16,7 @@ from choreograph.nets.words.config import word_config
 from choreograph.nets.words.data import WordTake
 from choreograph.nets.words.model import WordNet
 from choreograph.nets.words.train import train_word_net
+from choreograph.rollout.generation import MotifSequence
 
 BEAT_S = 0.5
 N_BEATS = 24
@@ -81,3 +83,13 @@ def synthetic_words(takes: list[RolloutTake]) -> WordNet:
         take.embedding[:] = net.embed(segment_words(body, ROLLOUT_FPS, bounds).body_pos_m)
         take.motif[:] = take.embedding
     return net
+
+
+def motif_sequence(kinds, embeddings, beat_s=BEAT_S) -> MotifSequence:
+    """The beats' kinds as motifs, with music that has a beat where each begins."""
+    bounds = np.arange(len(kinds) + 1) * beat_s
+    rhythm = np.zeros((round(bounds[-1] * FRAME_RHYTHM_FPS) + 1, 4))
+    rhythm[np.rint(bounds * FRAME_RHYTHM_FPS).astype(int), 3] = 1.0
+    counts = make_counts(bounds, numbers_in_bar(len(bounds), 4), 4)
+    phase = count_phase(counts, np.arange(len(rhythm)) / FRAME_RHYTHM_FPS)
+    return MotifSequence(bounds[:-1], bounds[1:], embeddings[kinds], rhythm, phase, None)

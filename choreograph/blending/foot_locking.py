@@ -63,26 +63,34 @@ def lock_feet(
         raise ParameterError("expected contacts from 0 to 1, got values outside")
     skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
     pos_m, global_quat = forward(skeleton, motion.root_pos_m, motion.local_quat)
-    ease = max(2, round(_LIFT_S * motion.fps))
+    ease = lift_frames(motion.fps)
     targets = {}
     for index, side in enumerate(SIDES):
         ankle = roles[f"{side}_ankle"]
         points_m = pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]]  # (T, 2, 3)
-        shift = _locking_shift(points_m, confidence[:, 2 * index : 2 * index + 2], motion.fps, shift_s)
-        shift[:, 1] = _lift(foot_sole_pos_m(skeleton, pos_m, global_quat, side), floor_m, ease)
-        wrong = _wrong_knee(skeleton, roles, side, pos_m, global_quat)
-        targets[side] = pos_m[:, ankle] + shift * (1.0 - _smooth_cover(wrong, ease))[:, None]
+        shift = locking_shift(points_m, confidence[:, 2 * index : 2 * index + 2], motion.fps, shift_s)
+        shift[:, 1] = lift(foot_sole_pos_m(skeleton, pos_m, global_quat, side), floor_m, ease)
+        wrong = wrong_knee(skeleton, roles, side, pos_m, global_quat)
+        targets[side] = pos_m[:, ankle] + shift * (1.0 - smooth_cover(wrong, ease))[:, None]
     for side, target in targets.items():
-        _move_leg(skeleton, roles, side, pos_m, global_quat, target)
+        move_leg(skeleton, roles, side, pos_m, global_quat, target)
     return replace(motion, local_quat=rot.make_continuous(to_local(skeleton, global_quat)))
 
 
-def _locking_shift(points_m: Floats, contacts: Floats, fps: float, shift_s: float) -> Floats:
+def lift_frames(fps: float) -> int:
+    """Frames over which a foot is lifted, or let go, to each side."""
+    return max(2, round(_LIFT_S * fps))
+
+
+def locking_shift(
+    points_m: Floats, contacts: Floats, fps: float, shift_s: float, given_m: Floats | None = None
+) -> Floats:
     """How far a foot is shifted each frame, (T, 3): the smoothest small shift that stops it in contacts.
 
     `points_m` (T, P, 3) are points of the foot, `contacts` (T, P) their contact confidence. Of all
     shifts d, with v the points' velocities, it has the least sum of contact * |v + d'|^2 + a * |d|^2
     + b * |third derivative of d|^2: one banded system, so that no correction starts or stops at a frame.
+    `given_m` (N, 3) are shifts of the first N frames that are decided already.
     """
     n_frames = len(points_m)
     if n_frames <= _ORDER:
@@ -96,7 +104,14 @@ def _locking_shift(points_m: Floats, contacts: Floats, fps: float, shift_s: floa
     _add_differences(bands, np.full(n_frames - _ORDER, bending), _ORDER)
     steps = np.einsum("tp,tpi->ti", confidence, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
     wanted = np.diff(steps, axis=0, prepend=0.0, append=0.0)  # (T, 3)
-    return solveh_banded(bands, wanted, lower=True)
+    if given_m is None:
+        return solveh_banded(bands, wanted, lower=True)
+    n_given = len(given_m)
+    for below in range(1, _ORDER + 1):  # what given shifts want of the frames after them
+        for given in range(max(0, n_given - below), n_given):
+            wanted[given + below] -= bands[below, given] * given_m[given]
+    rest = solveh_banded(bands[:, n_given:], wanted[n_given:], lower=True)
+    return np.concatenate([given_m, rest])
 
 
 def _add_differences(bands: Floats, weights: Floats, order: int) -> None:
@@ -107,12 +122,12 @@ def _add_differences(bands: Floats, weights: Floats, order: int) -> None:
             bands[j - i, i : i + len(weights)] += weights * a * b
 
 
-def _lift(sole_m: Floats, floor_m: float, ease: int) -> Floats:
+def lift(sole_m: Floats, floor_m: float, ease: int) -> Floats:
     """How far a foot is lifted, (T,), so that no point of its sole (T, F, 3) is under the floor."""
-    return _smooth_cover(np.maximum(floor_m - sole_m[..., 1].min(axis=1), 0.0), ease)
+    return smooth_cover(np.maximum(floor_m - sole_m[..., 1].min(axis=1), 0.0), ease)
 
 
-def _wrong_knee(
+def wrong_knee(
     skeleton: Skeleton, roles: dict[str, int], side: str, pos_m: Floats, global_quat: Floats
 ) -> Floats:
     """How wrong the knee is bent, (T,) from 0 to 1: there the foot stays on its path, whatever it touches.
@@ -133,14 +148,14 @@ def _hinge_axis(skeleton: Skeleton, roles: dict[str, int], knee_quat: Floats) ->
     return rot.rotate(knee_quat, left / np.linalg.norm(left))
 
 
-def _smooth_cover(amount: Floats, ease: int) -> Floats:
+def smooth_cover(amount: Floats, ease: int) -> Floats:
     """A smooth curve (T,) that is nowhere below `amount`, up to the tails of its smoothing."""
     if not amount.any():
         return amount
     return gaussian_filter1d(maximum_filter1d(amount, 2 * ease + 1), ease / 2.0, mode="nearest")
 
 
-def _move_leg(
+def move_leg(
     skeleton: Skeleton, roles: dict[str, int], side: str, pos_m: Floats, global_quat: Floats, target: Floats
 ) -> None:
     """Rotate thigh and shin in `global_quat` (T, J, 4) to bring the ankle to `target`, but not the foot."""
@@ -148,13 +163,13 @@ def _move_leg(
     hinge = _hinge_axis(skeleton, roles, global_quat[:, knee])
     upper, lower = two_bone(pos_m[:, hip], pos_m[:, knee], pos_m[:, ankle], target, hinge)
     for joint in range(hip, skeleton.n_joints):
-        path = _ancestors(skeleton, joint)
+        path = ancestors(skeleton, joint)
         if ankle in path or hip not in path:
             continue
         global_quat[:, joint] = rot.multiply(lower if knee in path else upper, global_quat[:, joint])
 
 
-def _ancestors(skeleton: Skeleton, joint: int) -> list[int]:
+def ancestors(skeleton: Skeleton, joint: int) -> list[int]:
     path = [joint]
     while skeleton.parents[path[-1]] >= 0:
         path.append(int(skeleton.parents[path[-1]]))

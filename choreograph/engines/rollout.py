@@ -272,7 +272,7 @@ def _generated(
         spectral=spectral,
     )
     return generate_motion(
-        repertoire.rollout_net(), sequence, _lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
+        repertoire.rollout_net(), sequence, lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
         held=None if request.kept is None else HeldPoses.of(request.kept.motion, request.kept.frames),
         report=None if report is None else lambda done, total: report("dancing", done, total),
     )  # fmt: skip
@@ -298,7 +298,7 @@ def _planned_words(
     )  # fmt: skip
 
 
-def _lead_in(motif: int, repertoire: Repertoire, fps: float) -> Motion:
+def lead_in(motif: int, repertoire: Repertoire, fps: float) -> Motion:
     """The recorded motion that leads up to a motif's medoid; at a take's very beginning, into it."""
     from choreograph.rollout.generation import SEED_FRAMES
 

@@ -11,7 +11,7 @@ from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 
 CONTACT_JOINTS = ("left_ankle", "left_foot", "right_ankle", "right_foot")
 
-_FLOOR_PERCENT = 10.0  # of frames: a joint's height while its foot is on the floor
+FLOOR_PERCENT = 10.0  # of frames: a joint's height while its foot is on the floor
 _LOW_M, _LOW_WIDTH_M = 0.045, 0.007  # above that height: contact and no contact are equally likely
 _SLOW_M_S = 0.4  # at that speed the confidence is halved
 _SMOOTH_S = 0.04  # against noise in the speed and flickering contacts
@@ -28,7 +28,14 @@ def foot_contacts(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.fl
     """
     pos = checked_body_pos_m(body_pos_m, fps)
     feet = pos[:, [BODY_JOINTS.index(name) for name in CONTACT_JOINTS]]  # (T, 4, 3)
-    height = feet[..., 1] - np.percentile(feet[..., 1], _FLOOR_PERCENT, axis=0)  # (T, 4)
+    return contacts_above(feet, np.percentile(feet[..., 1], FLOOR_PERCENT, axis=0), fps)
+
+
+def contacts_above(
+    feet: NDArray[np.float64], floor_m: NDArray[np.float64], fps: float
+) -> NDArray[np.float64]:
+    """`foot_contacts` (T, 4) of the joints alone (T, 4, 3), with the height of each, (4,), in contact."""
+    height = feet[..., 1] - floor_m  # (T, 4)
     smooth = gaussian_filter1d(feet, _SMOOTH_S * fps, axis=0, mode="nearest")
     step = np.gradient(smooth, axis=0) if len(feet) > 1 else np.zeros_like(feet)
     speed = np.linalg.norm(step, axis=-1) * fps  # (T, 4)

@@ -9,7 +9,7 @@ from choreograph.audio.song import SILENCE_PEAK
 from choreograph.errors import ParameterError
 
 _BLOCK = 735  # samples, 1/30 s: the unit that is gated as sound or pause
-_GATE = 1e-6  # of the loudest block's power (-60 dB): quieter blocks are pauses and do not count
+PAUSE_GATE = 1e-6  # of the loudest block's power (-60 dB): quieter blocks are pauses and do not count
 
 
 def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -30,6 +30,6 @@ def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
     starts = np.arange(0, len(samples), _BLOCK)
     energy = np.add.reduceat(np.square(samples / peak, dtype=np.float64), starts)  # (B,)
     size = np.diff(starts, append=len(samples))
-    is_sound = energy > _GATE * size * (energy / size).max()
+    is_sound = energy > PAUSE_GATE * size * (energy / size).max()
     level = peak * np.sqrt(energy[is_sound].sum() / size[is_sound].sum())
     return (samples / level).astype(np.float32)

@@ -17,7 +17,7 @@ from choreograph.errors import ParameterError
 from choreograph.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, seconds_to_frames
 
 MEL_BANDS = 96
-_WINDOW = 2048  # samples, 93 ms
+MEL_WINDOW = 2048  # samples, 93 ms
 _POWER_FLOOR = 1e-6  # about 99 dB below a full-scale sine: quieter than 16-bit dither
 _BLOCK_FRAMES = 2048
 
@@ -46,17 +46,25 @@ def log_mel(samples: NDArray[np.floating]) -> NDArray[np.float32]:
         raise ParameterError(f"expected mono samples (S,), got an array of shape {samples.shape}")
     n_frames = max(1, seconds_to_frames(len(samples) / SAMPLE_RATE_HZ, MUSIC_FPS))
     centres = np.rint(np.arange(n_frames) * (SAMPLE_RATE_HZ / MUSIC_FPS)).astype(np.int64)  # (T,)
-    padded = np.pad(samples, (_WINDOW // 2, _WINDOW // 2 + SAMPLE_RATE_HZ // MUSIC_FPS))
-    windows = np.lib.stride_tricks.sliding_window_view(padded, _WINDOW)
-    hann = np.hanning(_WINDOW + 1)[:-1].astype(np.float32)
-    bank = mel_filterbank().T  # (F, 96)
+    padded = np.pad(samples, (MEL_WINDOW // 2, MEL_WINDOW // 2 + SAMPLE_RATE_HZ // MUSIC_FPS))
+    windows = np.lib.stride_tricks.sliding_window_view(padded, MEL_WINDOW)
     out = np.empty((n_frames, MEL_BANDS), np.float32)
     for start in range(0, n_frames, _BLOCK_FRAMES):
         block = slice(start, start + _BLOCK_FRAMES)
-        spectrum = fft.rfft(windows[centres[block]] * hann, axis=1)  # (T_b, F)
-        power = spectrum.real**2 + spectrum.imag**2
-        out[block] = np.log(np.maximum(power @ bank, _POWER_FLOOR))
+        out[block] = log_mel_of_windows(windows[centres[block]])
     return out
+
+
+def log_mel_of_windows(windows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """`log_mel` (T, 96) of the `MEL_WINDOW` samples around each frame, (T, W)."""
+    spectrum = fft.rfft(windows * _hann(), axis=1)  # (T, F)
+    power = spectrum.real**2 + spectrum.imag**2
+    return np.log(np.maximum(power @ mel_filterbank().T, _POWER_FLOOR))
+
+
+@lru_cache(maxsize=1)
+def _hann() -> NDArray[np.float32]:
+    return np.hanning(MEL_WINDOW + 1)[:-1].astype(np.float32)
 
 
 @lru_cache(maxsize=1)
@@ -65,7 +73,7 @@ def mel_filterbank() -> NDArray[np.float32]:
     from librosa.filters import mel  # a second to import
 
     # Rounded to float32 once, at the end: librosa's default rounds before it normalises the area, too.
-    filters = mel(sr=SAMPLE_RATE_HZ, n_fft=_WINDOW, n_mels=MEL_BANDS, norm="slaney", dtype=np.float64)
+    filters = mel(sr=SAMPLE_RATE_HZ, n_fft=MEL_WINDOW, n_mels=MEL_BANDS, norm="slaney", dtype=np.float64)
     return filters.astype(np.float32)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -14,6 +15,7 @@ from choreograph.timebase import MUSIC_FPS, SEGMENT_S, seconds_to_frames
 
 _BAND_EDGES_HZ = (0.0, 250.0, 2000.0, 11025.0)  # bass, melody, percussion
 N_BANDS = len(_BAND_EDGES_HZ) - 1
+ONSET_RANGE = 60.0 / (10.0 / np.log(10.0))  # 60 dB in natural log of power
 
 
 def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -23,13 +25,21 @@ def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
     and within 60 dB of the song's maximum, so noise in a pause is not an onset.
     """
     log_mel = _checked(log_mel)
-    floor = log_mel.max() - 60.0 / (10.0 / np.log(10.0))  # 60 dB in natural log of power
-    level = np.maximum(log_mel, floor)
+    level = np.maximum(log_mel, log_mel.max() - ONSET_RANGE)
     rise = np.zeros_like(level)
     rise[2:] = np.maximum(0.0, level[2:] - level[:-2])
+    return band_means(rise)
+
+
+def band_means(rise: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Means (T, 3) of the rise of log power (T, 96) over bass, melody and percussion."""
+    return np.stack([rise[:, band].mean(axis=1) for band in _bands()], axis=1)
+
+
+@lru_cache(maxsize=1)
+def _bands() -> tuple[NDArray[np.bool_], ...]:
     hz = mel_band_hz()
-    bands = [(hz >= low) & (hz < high) for low, high in pairwise(_BAND_EDGES_HZ)]
-    return np.stack([rise[:, band].mean(axis=1) for band in bands], axis=1)  # (T, 3)
+    return tuple((hz >= low) & (hz < high) for low, high in pairwise(_BAND_EDGES_HZ))
 
 
 def onset_density(log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:

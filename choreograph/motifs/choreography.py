@@ -75,15 +75,43 @@ def draw_motifs(
             motifs[position] = pins[position]
             continue
         prior = transitions[motifs[position - 1]] if position else target
-        feasible = prior * messages[position] * allowed[position]
-        weighted = feasible * _need(counts, target, need)
-        if weighted.sum() > _DEAD_END * feasible.sum():
-            weights = weighted
-        else:
-            weights = feasible if feasible.sum() > 0 else messages[position] * allowed[position]
-        motifs[position] = rng.choice(n_motifs, p=weights / weights.sum())
+        possible_now = messages[position] * allowed[position]
+        motifs[position] = _drawn(prior, possible_now, _need(counts, target, need), rng)
         counts[motifs[position]] += 1
     return motifs
+
+
+def draw_next_motif(
+    danced: NDArray[np.floating],
+    signature: Floats,
+    transitions: Floats,
+    *,
+    rng: np.random.Generator,
+    previous: int | None,
+    possible: NDArray[np.bool_],
+    need: str = "missing",
+) -> int:
+    """The motif of one more word of a dance that goes on: `draw_motifs` without pins, word by word.
+
+    `danced` (K,) is how often each motif was danced so far and `previous` the last one, None before the first
+    word. `possible` (2, K) is which motifs this word and the one after it may be; no word beyond is
+    considered. A row without any means all. `signature` (K,) and `transitions` (K, K) are of a checked goal.
+    """
+    allowed = np.where(possible.any(axis=1, keepdims=True), possible, True)
+    n_motifs = len(signature)
+    onwards = ((1.0 - _UNSEEN) * transitions + _UNSEEN / n_motifs) @ allowed[1]
+    prior = signature if previous is None else transitions[previous]
+    missing = _need(np.asarray(danced, np.float64), signature, need)
+    return _drawn(prior, onwards / onwards.max() * allowed[0], missing, rng)
+
+
+def _drawn(prior: Floats, possible: Floats, need: Floats, rng: np.random.Generator) -> int:
+    """A motif by equation 5: of those that may follow and are needed, else may follow, else are possible."""
+    feasible = prior * possible
+    weights = feasible * need
+    if weights.sum() <= _DEAD_END * feasible.sum():
+        weights = feasible if feasible.sum() > 0 else possible
+    return int(rng.choice(len(weights), p=weights / weights.sum()))
 
 
 def _need(counts: Floats, target: Floats, need: str) -> Floats:

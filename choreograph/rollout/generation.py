@@ -26,9 +26,9 @@ Floats = NDArray[np.float64]
 SEED_FRAMES = 15  # recorded poses before the first generated one, as in the paper
 # Gaussian deviations. The network jumps at a new motif; smoothing brings its jerk down to that of people.
 _SMOOTH_S = 0.02
-_SMOOTH_HEADING_S = 0.08
-_SHIFT_S = 0.1  # of locked feet: generated motion is so smooth that quick shifts add no motion beats to it
-_STEER_FRAMES = 2 * ROLLOUT_FPS  # the direction of travel is that of the next two seconds
+SMOOTH_HEADING_S = 0.08
+SHIFT_S = 0.1  # of locked feet: generated motion is so smooth that quick shifts add no motion beats to it
+STEER_FRAMES = 2 * ROLLOUT_FPS  # the direction of travel is that of the next two seconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ def generate_motion(
     motion = _on_stage(poses, sequence, seed_motion.skeleton)
     motion, contacts = _at_rate(motion, contacts, fps, sequence.end_s[-1])
     contacts = contacts.repeat(2, axis=1) * foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4)
-    locked = lock_feet(motion, np.sqrt(contacts), shift_s=_SHIFT_S)
+    locked = lock_feet(motion, np.sqrt(contacts), shift_s=SHIFT_S)
     return lock_feet(locked)  # more feet nearly stand now
 
 
@@ -103,11 +103,7 @@ def generate_poses(
     """Pose rows (T, P) at 30 fps as the network predicts them, with style, and contacts (T, 2)."""
     if len(sequence.start_s) == 0:
         raise ParameterError("expected a sequence of one motion word or more, got none")
-    if seed_motion.skeleton.n_joints != net.config.n_joints:
-        raise ParameterError(
-            f"expected a skeleton of {net.config.n_joints} joints, which the rollout network was trained on, "
-            f"got one of {seed_motion.skeleton.n_joints}"
-        )
+    check_skeleton(net, seed_motion.skeleton)
     n_frames = max(1, seconds_to_frames(float(sequence.end_s[-1]), ROLLOUT_FPS))
     conditions = word_conditions(
         sequence.start_s,
@@ -136,16 +132,25 @@ def generate_poses(
     return rows, rows[:, -N_FEET:].astype(np.float64)
 
 
+def check_skeleton(net: RolloutNet, skeleton: Skeleton) -> None:
+    """Raise `ParameterError` unless the network was trained on a skeleton of as many joints."""
+    if skeleton.n_joints != net.config.n_joints:
+        raise ParameterError(
+            f"expected a skeleton of {net.config.n_joints} joints, which the rollout network was trained on, "
+            f"got one of {skeleton.n_joints}"
+        )
+
+
 def _on_stage(poses: NDArray[np.float32], sequence: MotifSequence, skeleton: Skeleton) -> Motion:
     """The motion of pose rows (T, P), smoothed, and steered back to the stage word by word."""
     rows = gaussian_filter1d(poses.astype(np.float64), _SMOOTH_S * ROLLOUT_FPS, axis=0, mode="nearest")
-    rows[:, 3] = gaussian_filter1d(rows[:, 3], _SMOOTH_HEADING_S * ROLLOUT_FPS, mode="nearest")
+    rows[:, 3] = gaussian_filter1d(rows[:, 3], SMOOTH_HEADING_S * ROLLOUT_FPS, mode="nearest")
     rows[0, 3] = 0.0
     bounds = np.rint(times_to_frames([*sequence.start_s, sequence.end_s[-1]], ROLLOUT_FPS)).astype(np.int64)
     position, heading = np.zeros(3), 0.0  # of the frame before the word
     for first, stop in zip(bounds[:-1], bounds[1:].clip(max=len(rows)), strict=True):
         before = max(first - 1, 0)
-        ahead = rows[before : max(stop, first + _STEER_FRAMES)]
+        ahead = rows[before : max(stop, first + STEER_FRAMES)]
         travel = to_motion(ahead, skeleton, heading_rad=heading).root_pos_m[-1] * [1.0, 0.0, 1.0]
         window = np.hanning(stop - before + 2)[1:-1]
         window[0] = 0.0

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import run
-from synthetic_motions import stepping
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 import choreograph as cg
@@ -17,20 +16,9 @@ from choreograph.building import BuildOptions, build_repertoire
 from choreograph.engines import rollout
 from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.errors import ParameterError, RepertoireError
-from choreograph.exporters import save_motion
 from choreograph.features.word_audio import rhythm_from, word_spectra
 
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope="module")
-def rolling(tmp_path_factory):
-    """A repertoire of one dance to clicks, with a rollout network that has hardly learned."""
-    folder = tmp_path_factory.mktemp("rolling")
-    save_motion(folder / "steps.bvh", stepping(30 * 30, period_s=0.5, seed=1))
-    write_clicks(folder / "steps.wav", duration_s=30.0)
-    built, _ = build_repertoire([folder], folder / "rep.h5", BuildOptions(preset="tiny", rollout=True))
-    return built
 
 
 @pytest.fixture(scope="module")

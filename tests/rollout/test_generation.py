@@ -2,13 +2,9 @@
 
 import numpy as np
 import pytest
-import torch
-from synthetic_rollouts import BEAT_S, synthetic_motion, synthetic_takes, synthetic_words
+from synthetic_rollouts import motif_sequence, synthetic_motion
 
-from choreograph.counts import make_counts, numbers_in_bar
 from choreograph.errors import ParameterError
-from choreograph.features.count_phase import count_phase
-from choreograph.features.frame_rhythm import FRAME_RHYTHM_FPS
 from choreograph.metrics.physical import foot_slide_cm_s
 from choreograph.motifs.words import segment_words
 from choreograph.motion.body import body_pos_m
@@ -16,7 +12,6 @@ from choreograph.motion.skeleton import Skeleton
 from choreograph.nets.rollout.config import rollout_config
 from choreograph.nets.rollout.data import ROLLOUT_FPS, to_motion, to_poses
 from choreograph.nets.rollout.model import ROOT_DIM, RolloutNet
-from choreograph.nets.rollout.train import train_rollout
 from choreograph.rollout import generation
 from choreograph.rollout.generation import MotifSequence, generate_motion, generate_poses
 
@@ -24,45 +19,10 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def trained():
-    """A network trained on three kinds of beats, its word network, and the embedding of each kind."""
-    takes = synthetic_takes()
-    words = synthetic_words(takes)
-    config = rollout_config(
-        "tiny",
-        steps=200,
-        width=64,
-        learning_rate=4e-3,
-        own_embedding_share=1.0,
-        self_fed_frames=(15, 30),
-        style_dropout=1.0,
-    )
-    torch.set_num_threads(1)
-    net = train_rollout(takes, words, config, seed=0)
-    bounds = np.arange(2) * BEAT_S
-    kinds = [
-        words.embed(
-            segment_words(body_pos_m(synthetic_motion(np.array([k, k]))), ROLLOUT_FPS, bounds).body_pos_m
-        )
-        for k in range(3)
-    ]
-    return net, words, np.concatenate(kinds)
-
-
-@pytest.fixture(scope="module")
 def untrained():
     """An untrained network, no word network, and embeddings of three motifs."""
     net = RolloutNet(rollout_config("tiny")).eval()
     return net, None, np.random.default_rng(0).normal(size=(3, 184))
-
-
-def motif_sequence(kinds, embeddings, beat_s=BEAT_S):
-    bounds = np.arange(len(kinds) + 1) * beat_s
-    rhythm = np.zeros((round(bounds[-1] * FRAME_RHYTHM_FPS) + 1, 4))
-    rhythm[np.rint(bounds * FRAME_RHYTHM_FPS).astype(int), 3] = 1.0
-    counts = make_counts(bounds, numbers_in_bar(len(bounds), 4), 4)
-    phase = count_phase(counts, np.arange(len(rhythm)) / FRAME_RHYTHM_FPS)
-    return MotifSequence(bounds[:-1], bounds[1:], embeddings[kinds], rhythm, phase, None)
 
 
 @pytest.mark.slow

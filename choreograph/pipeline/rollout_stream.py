@@ -1,0 +1,194 @@
+"""`RolloutStream`: the rollout network dances a song as it plays."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.audio.song import Song
+from choreograph.config import DanceConfig
+from choreograph.constraints.likely_genre import genre_note, likely_genre
+from choreograph.constraints.spec import make_constraints
+from choreograph.counts import Counts
+from choreograph.engines.rollout import lead_in
+from choreograph.errors import ParameterError
+from choreograph.features.count_phase import count_phase
+from choreograph.features.rhythm_stream import RhythmStream
+from choreograph.motifs.vocabulary import ALL_GENRES
+from choreograph.pipeline.arguments import as_repertoire, as_song
+from choreograph.repertoire import Repertoire
+from choreograph.rollout.motif_stream import MotifStream, StreamedWord
+from choreograph.song_analysis import analyse_song
+from choreograph.song_counts import DEFAULT_BEATS
+from choreograph.timebase import seconds_to_frames
+
+if TYPE_CHECKING:
+    from choreograph.rollout.streaming import DanceStream, FrameCondition
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutFrame:
+    """One frame of a streamed dance; it never changes."""
+
+    time_s: float  # in the song
+    root_pos_m: Floats  # (3,)
+    local_quat: Floats  # (J, 4) on `RolloutStream.skeleton`; signs are continuous in time
+
+
+class RolloutStream:
+    """A dance by the rollout network, made while its song plays (Rhythm is a Dancer, section 4).
+
+    Parameters
+    ----------
+    song : path, `Song` or `Counts`   a song whose sound is all there, or counts alone: its sound is fed
+    repertoire : with a rollout network; by default the built-in one
+    genre : danced; by default the one nearest to the whole song, or with counts alone all together
+    seed : of the choice of motifs
+    fps : of the frames
+    beats : of a song, as `dance` takes them
+
+    Iterating gives a `RolloutFrame` every 1 / fps of the song. Counts are known from the start: tracked in
+    the whole song, or given, as a DJ's clock gives them; so is the genre. All else is as a song plays: a
+    frame depends on no sound later than `look_ahead_s` after it, a motif is drawn when its word begins
+    (equation 5), and smoothing, stage and feet see four poses (133 ms) ahead. A song, and its counts with its
+    sound fed in any blocks, are the same dance to the bit.
+
+    What `dance` does and a stream cannot: poses have no style (equation 4 takes the music of a word to its
+    end), loudness is relative to what was heard so far, no pose is held until the first count, and no try
+    is repeated that does not show a motif.
+
+    Torch gains nothing from threads here: set OMP_NUM_THREADS=1 (or `torch.set_num_threads(1)`).
+
+    Raises `ParameterError` for an unknown genre or invalid settings, `FormatError` for a song that cannot be
+    read, `RepertoireError` without motifs or a rollout network.
+    """
+
+    look_ahead_s = 0.5
+
+    def __init__(
+        self,
+        song: str | Path | Song | Counts,
+        repertoire: str | Path | Repertoire | None = None,
+        *,
+        genre: str | None = None,
+        seed: int = 0,
+        fps: float = 60.0,
+        beats: str | Path = DEFAULT_BEATS,
+    ) -> None:
+        DanceConfig(seed=seed, fps=fps)  # checks them
+        self._repertoire = as_repertoire(repertoire)
+        self._net = self._repertoire.rollout_net()
+        if genre is not None:
+            self._repertoire.vocabulary.genre_index(genre)
+        self.fps, self.skeleton = fps, self._repertoire.skeleton
+        self.notes: tuple[str, ...] = ()  # what is unusual about the song, one line each
+        loaded: Song | None = None
+        if isinstance(song, Counts):
+            self.counts = song
+        else:
+            loaded = as_song("a song", song)
+            features, self.notes = analyse_song(loaded, self._repertoire, beats=beats)
+            self.counts = features.counts
+            if genre is None:
+                genre = likely_genre(features, self._repertoire, make_constraints())
+                self.notes += (genre_note([genre]),)
+        self._motifs = MotifStream(self.counts, self._repertoire, genre=genre or ALL_GENRES, seed=seed)
+        self._rhythm = RhythmStream(self.counts.times_s)
+        self._conditions: deque[FrameCondition] = deque()  # of the rest of a word, rhythm left out
+        self._dance: DanceStream | None = None  # from the first word on
+        self._final: deque[tuple[Floats, Floats]] = deque()  # frames that are made but not given out
+        self._n_rows = self._n_poses = self._n_frames = 0  # heard and predicted at 30 fps, given out at `fps`
+        if loaded is not None:
+            self.feed(loaded.samples)
+            self.finish()
+
+    @property
+    def genre(self) -> str:
+        """The genre danced. A new one is danced from the next word that begins, with a signature anew."""
+        return self._motifs.genre
+
+    @genre.setter
+    def genre(self, genre: str) -> None:
+        self._motifs.genre = genre
+
+    @property
+    def words(self) -> tuple[StreamedWord, ...]:
+        """The words that have begun, with the motifs asked of the network; the last may begin soon."""
+        return tuple(self._motifs.words)
+
+    def request(self, motif: int, n_words: int = 1) -> None:
+        """Dance a motif in the next words that begin; a motif held for two words is more surely seen.
+
+        A later request replaces what is left of this one. Frames up to 0.17 s ahead are decided already.
+        Raises `ParameterError` for an unknown motif, or for fewer words than one.
+        """
+        if n_words < 1:
+            raise ParameterError(f"expected a motif for 1 word or more, got {n_words}")
+        self._motifs.request(motif, n_words)
+
+    def feed(self, samples: NDArray[np.floating]) -> None:
+        """Add sound (S,), mono at 22.05 kHz, that follows what was fed before.
+
+        Raises `ParameterError` unless it is finite, or after `finish`.
+        """
+        self._rhythm.feed(samples)
+
+    def finish(self) -> None:
+        """Say that the song ends with what was fed: the rest of its frames can be given out."""
+        self._rhythm.finish()
+
+    def __iter__(self) -> Iterator[RolloutFrame]:
+        """Frames from the next one on, until the song ends or more sound is needed: iterate again then."""
+        while True:
+            while not self._final and self._rhythm.has_row() and not self._has_ended():
+                self._advance()
+            if not self._final or self._has_ended():
+                return
+            root_pos_m, local_quat = self._final.popleft()
+            frame = RolloutFrame(self._n_frames / self.fps, root_pos_m, local_quat)
+            self._n_frames += 1
+            yield frame
+
+    def _has_ended(self) -> bool:
+        n_frames = max(1, seconds_to_frames(self._rhythm.heard_s, self.fps))
+        return self._rhythm.has_ended and self._n_frames >= n_frames
+
+    def _advance(self) -> None:
+        """Hear one more row of the rhythm and, once the network's look-ahead is heard, predict a pose."""
+        from choreograph.nets.rollout.data import LOOKAHEAD_FRAMES  # torch takes a second to import
+
+        rhythm = self._rhythm.next_row()
+        self._n_rows += 1
+        if self._n_rows <= LOOKAHEAD_FRAMES:
+            return
+        while not self._conditions:
+            self._begin_word()
+        assert self._dance is not None
+        self._final.extend(self._dance.advance(self._conditions.popleft(), rhythm))
+        self._n_poses += 1
+
+    def _begin_word(self) -> None:
+        from choreograph.nets.rollout.data import ROLLOUT_FPS
+        from choreograph.rollout.streaming import DanceStream, FrameCondition
+
+        word = self._motifs.begin_word()
+        frames = np.arange(self._n_poses, int(np.ceil((word.end_s - 1e-6) * ROLLOUT_FPS)))
+        times_s = frames / ROLLOUT_FPS
+        word_s = word.end_s - word.start_s
+        progress = np.clip((times_s - word.start_s) / word_s, 0.0, 1.0)
+        phase = count_phase(self.counts, times_s)  # (T, 4)
+        embedding = self._repertoire.vocabulary.motifs.embeddings[word.motif]
+        for of_frame, of_count in zip(progress, phase, strict=True):
+            self._conditions.append(FrameCondition(embedding, float(of_frame), word_s, of_count))
+        if self._dance is None:
+            seed_motion = lead_in(word.motif, self._repertoire, ROLLOUT_FPS)
+            self._dance = DanceStream(self._net, seed_motion, self.fps)
+        self._dance.begin_word(len(frames))
