@@ -19,6 +19,8 @@ BLENDINGS = ("inertial", "linear")
 TRANSITION_PLACEMENTS = ("beats", "seconds")
 DENSITIES = ("repertoire", "learned")
 TIME_MAPS = ("smooth", "raw")
+MOTIF_DRAWS = ("missing", "absolute")
+STYLE_WINDOWS = ("smooth", "hamming")
 # Lengths a transition may have: inertial to each side, linear in all; the first where none is chosen.
 TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
 # The first ten but completeness and velocity were weighed on dances to training songs, left out in five
@@ -49,6 +51,11 @@ class DanceConfig:
     lock_feet: bool = True  # of the finished dance (graph)
     hold_ends: bool = True  # a pose before the song's first count, and one after its last (graph)
     keep_on_stage: bool = True  # by small rotations at transitions (graph)
+    motif_draw: str = "missing"  # motifs that the dance lacks, or as far from the signature either way, the
+    # "absolute" difference of the paper's equation 5 (mixer, rollout)
+    style_strength: float | None = None  # β of equation 4, 40 in the paper; None: the network's (rollout)
+    style_window: str | None = None  # equation 4's γ: "smooth" from word to word, or the paper's "hamming"
+    # in each; None: the network's (rollout)
     fps: float = 60.0
     seed: int = 0
     beats: str | Path = "network"  # a tracker (`song_counts`), or a file of the song's beats
@@ -67,6 +74,12 @@ class DanceConfig:
         _choice("time_maps", self.time_maps, TIME_MAPS)
         _choice("blending", self.blending, BLENDINGS)
         _choice("transitions", self.transitions, TRANSITION_PLACEMENTS)
+        _choice("motif_draw", self.motif_draw, MOTIF_DRAWS)
+        if self.style_window is not None:
+            _choice("style_window", self.style_window, STYLE_WINDOWS)
+        strength = self.style_strength
+        if strength is not None and not (is_number(strength) and 0 <= strength <= 1000):
+            raise ParameterError(f"expected a style_strength from 0 to 1000, got {strength!r}")
         for name in ("lock_feet", "hold_ends", "keep_on_stage"):
             if not isinstance(getattr(self, name), bool):
                 raise ParameterError(f"expected {name} as true or false, got {getattr(self, name)!r}")

@@ -142,7 +142,25 @@ _GRAPH = (
     ),
 )  # fmt: skip
 
-_ROLLOUT = (optgroup.option("--style-song", type=_FILE, help="Move in the style of this other song."),)
+_MIXER_AND_ROLLOUT = (
+    optgroup.option(
+        "--motif-draw", metavar="missing|absolute",
+        help="Draw motifs that the dance lacks (missing, the default), or by the absolute difference from "
+        "the signature, as published.",
+    ),
+)  # fmt: skip
+
+_ROLLOUT = (
+    optgroup.option("--style-song", type=_FILE, help="Move in the style of this other song."),
+    optgroup.option(
+        "--style-strength", type=float,
+        help="How much the song's style changes the motion (1.5; published: 40, with hamming).",
+    ),
+    optgroup.option(
+        "--style-window", metavar="smooth|hamming",
+        help="Smooth the style from word to word (default), or fade it in each, as published.",
+    ),
+)  # fmt: skip
 
 _GROUPS = (
     ("Output", _OUTPUT),
@@ -151,6 +169,7 @@ _GROUPS = (
     ("Engine", _ENGINE),
     ("Graph and mixer engines", _GRAPH_AND_MIXER),
     ("Graph engine", _GRAPH),
+    ("Mixer and rollout engines", _MIXER_AND_ROLLOUT),
     ("Rollout engine", _ROLLOUT),
 )
 

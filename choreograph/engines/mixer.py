@@ -36,7 +36,7 @@ class MixerEngine:
     """Motion words of takes (Rhythm is a Dancer, sections 4.3 and 5.2.5)."""
 
     name = "mixer"
-    settings = frozenset({"planner", "blending"})
+    settings = frozenset({"planner", "blending", "motif_draw"})
 
     def check(
         self,
@@ -179,6 +179,7 @@ def _motifs(pool: CandidatePool, config: DanceConfig, goal: MotifGoal) -> Indice
     return draw_motifs(
         constraints.n_words, goal.signature, goal.transitions, rng=pool.rng, pins=motifs,
         banned=np.flatnonzero(~pool.motif_allowed()).tolist(), possible=pool.motif_possible(),
+        need=config.motif_draw,
     )  # fmt: skip
 
 

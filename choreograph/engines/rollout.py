@@ -46,7 +46,7 @@ class RolloutEngine:
     """A network's motion (Rhythm is a Dancer, section 4)."""
 
     name = "rollout"
-    settings = frozenset({"style_song"})
+    settings = frozenset({"motif_draw", "style_song", "style_strength", "style_window"})
 
     def check(
         self,
@@ -233,6 +233,7 @@ def _drawn_motifs(
         rng=np.random.default_rng([seed, attempt] if attempt else seed),
         pins={**_kept_motifs(request, constraints), **held, **constraints.motifs},
         banned=np.flatnonzero(constraints.motif_banned).tolist(), possible=possible,
+        need=request.config.motif_draw,
     )  # fmt: skip
 
 
@@ -271,8 +272,9 @@ def _generated(
         count_phase=count_phase(features.counts, np.arange(0.0, features.duration_s, 1.0 / ROLLOUT_FPS)),
         spectral=spectral,
     )
+    net = repertoire.rollout_net().with_style(config.style_strength, config.style_window)
     return generate_motion(
-        repertoire.rollout_net(), sequence, lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
+        net, sequence, lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
         held=None if request.kept is None else HeldPoses.of(request.kept.motion, request.kept.frames),
         report=None if report is None else lambda done, total: report("dancing", done, total),
     )  # fmt: skip

@@ -94,6 +94,10 @@ VARIANTS: dict[str, Variant] = {
         _variant("transitions-on-seconds", "ours with transitions on seconds", transitions="seconds"),
         *(_without_cost(cost) for cost in DEFAULT_WEIGHTS),
         _variant("mixer", "the mixer engine: motion words of takes", engine="mixer"),
+        _variant(
+            "mixer-absolute", "the mixer with equation 5 as published: the absolute difference of signatures",
+            engine="mixer", motif_draw="absolute",
+        ),
         _variant("rollout", "the rollout engine: motion from a network", engine="rollout"),
     )
 }  # fmt: skip

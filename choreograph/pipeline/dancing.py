@@ -106,6 +106,9 @@ def dance(
     lock_feet: bool | None = None,
     hold_ends: bool | None = None,
     keep_on_stage: bool | None = None,
+    motif_draw: str | None = None,
+    style_strength: float | None = None,
+    style_window: str | None = None,
     fps: float | None = None,
     seed: int | None = None,
     beats: str | Path | None = None,
@@ -133,9 +136,9 @@ def dance(
     engine : "graph" (seconds of takes), "mixer" (motion words of takes) or "rollout" (a network); default
         `config`'s, or "mixer" if `motifs` has one for every word
     planner, candidates, selection, warping, density, time_maps, blending, transitions, lock_feet, hold_ends,
-        keep_on_stage, fps, seed, beats : settings, as in `DanceConfig`; those given here replace `config`'s.
-        `beats` is a tracker's name or the path of a file of beats (`features.beat_files`), with times in the
-        song file
+        keep_on_stage, motif_draw, style_strength, style_window, fps, seed, beats : settings, as in
+        `DanceConfig`; those given here replace `config`'s. `beats` is a tracker's name or the path of a file
+        of beats (`features.beat_files`), with times in the song file
     genre : whose signature and motif transitions the dance follows; by default the genre whose takes are
         nearest to the song in style. With weights 0 of "signature" and "motif_transition" a graph dance
         follows none
@@ -172,7 +175,8 @@ def dance(
     settings = {
         "planner": planner, "candidates": candidates, "selection": selection, "warping": warping,
         "density": density, "time_maps": time_maps, "blending": blending, "transitions": transitions,
-        "lock_feet": lock_feet, "hold_ends": hold_ends, "keep_on_stage": keep_on_stage, "fps": fps,
+        "lock_feet": lock_feet, "hold_ends": hold_ends, "keep_on_stage": keep_on_stage,
+        "motif_draw": motif_draw, "style_strength": style_strength, "style_window": style_window, "fps": fps,
         "seed": seed, "beats": beats,
     }  # fmt: skip
     requested = make_constraints(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)

@@ -212,14 +212,16 @@ def varied(pieces: list[Piece], repertoire: WithNet) -> Table:
 
 
 def styled(pieces: list[Piece], repertoire: WithNet) -> Table:
-    """The song's style against another's, and noise: with ours and with the paper's window."""
+    """The song's style against another's, and noise: ours, with the paper's window, and with its β, too."""
+    settings = {
+        "ours": {}, "the paper's window": {"style_window": "hamming"},
+        "the paper's window and β": {"style_window": "hamming", "style_strength": 40.0},
+    }  # fmt: skip
     net = repertoire.rollout_net()
     rows = defaultdict(list)
-    for transition_s, window in ((net.config.style_fade_s, "our window"), (0.0, "the paper's window")):
-        repertoire.swapped = RolloutNet(replace(net.config, style_fade_s=transition_s))
-        repertoire.swapped.load_state_dict(net.state_dict())
+    for title, given in settings.items():
         for piece, other in zip(pieces, pieces[1:] + pieces[:1], strict=True):
-            asked = {"genre": piece.genre, "engine": "rollout"}
+            asked = {"genre": piece.genre, "engine": "rollout", **given}
             own = cg.dance(piece.song, repertoire, **asked)
             motifs = danced_motifs(own.motion, bounds_of(own), repertoire)
             dances = {"another song": cg.dance(piece.song, repertoire, **asked, style_song=other.song)}
@@ -228,11 +230,10 @@ def styled(pieces: list[Piece], repertoire: WithNet) -> Table:
             for name, dance in dances.items():
                 same = danced_motifs(dance.motion, bounds_of(dance), repertoire) == motifs
                 kept = beat.f_score(dance.motion_beats_s, own.motion_beats_s, window_s=beat.FRAME_S)
-                rows[f"{name}, {window}"].append(
+                rows[f"{name}, {title}"].append(
                     {"apart cm": apart_cm(dance.motion, own.motion), "motifs kept": same.mean(),
                      "beats kept": kept}
                 )  # fmt: skip
-    repertoire.swapped = None
     return means(rows)
 
 

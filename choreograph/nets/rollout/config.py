@@ -66,7 +66,7 @@ class RolloutConfig:
 _PRESETS = {
     "paper": RolloutConfig(
         width=1024, n_layers=3, condition_width=512, frames=100, self_fed_frames=(5,), steps=500_000,
-        learning_rate=1e-4, style_fade_s=0.0,
+        learning_rate=1e-4, style_fade_s=0.0, style_strength=40.0,
     ),
     "small": RolloutConfig(),
     "tiny": RolloutConfig(

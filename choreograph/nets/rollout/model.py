@@ -7,7 +7,7 @@ its word, in the beat and in the bar.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import torch
@@ -133,10 +133,11 @@ class RolloutNet(StoredNet):
     def apply_style(self, pose: Tensor, conditions: RolloutConditions) -> Tensor:
         """Poses (B, T, P) with the style of their songs (equation 4); unchanged without one.
 
-        The MLP's vector has length 1, as the paper's is "normalized". The paper fades it in and out in every
-        word with a Hamming window γ, so that words meet (here without the window's pedestal: the first and
-        the last pose of a word do not change). The fades move the body and shift its motion beats. Ours
-        smooths the vectors from word to word over `style_fade_s` instead.
+        The MLP's vector has length 1 in each pose. The paper's is "normalized", over all poses of a word, and
+        faded in and out in every word with a Hamming window γ, so that words meet (here without the window's
+        pedestal: the first and the last pose of a word do not change): so it is here with a `style_fade_s` of
+        0. The fades move the body and shift its motion beats. Ours smooths the vectors from word to word over
+        `style_fade_s` instead.
         """
         if conditions.spectral is None:
             return pose
@@ -145,11 +146,29 @@ class RolloutNet(StoredNet):
         if self.config.style_fade_s > 0:
             vector = _smoothed(vector, round(self.config.style_fade_s * FRAME_RHYTHM_FPS))
         else:
-            vector = vector * (0.5 - 0.5 * torch.cos(2 * torch.pi * conditions.progress[..., None]))
+            window = 0.5 - 0.5 * torch.cos(2 * torch.pi * conditions.progress)  # (B, T)
+            n_frames = (conditions.word_s * FRAME_RHYTHM_FPS).clamp_min(1.0)
+            vector = vector * (window / n_frames.sqrt())[..., None]
         scale, shift = (self.config.style_strength * vector).chunk(2, dim=-1)  # (B, T, 4 J) each
         quat = pose[..., ROOT_DIM:-N_FEET]
         quat = functional.normalize(((1 + scale) * quat + shift).unflatten(-1, (-1, 4)), dim=-1)
         return torch.cat([pose[..., :ROOT_DIM], quat.flatten(-2), pose[..., -N_FEET:]], dim=-1)
+
+    def with_style(self, strength: float | None, window: str | None) -> RolloutNet:
+        """The same network with another β of equation 4, or another window: "smooth" or "hamming".
+
+        None leaves its own. The paper's are 40 and hamming.
+        """
+        config, smooth_s = self.config, RolloutConfig().style_fade_s
+        if strength is not None:
+            config = replace(config, style_strength=strength)
+        if window is not None:
+            config = replace(config, style_fade_s=smooth_s if window == "smooth" else 0.0)
+        if config == self.config:
+            return self
+        styled = RolloutNet(config)
+        styled.load_state_dict(self.state_dict())
+        return styled
 
     def as_input(self, pose: Tensor) -> Tensor:
         """A predicted pose (..., P) as the next input: contacts as probabilities instead of logits."""

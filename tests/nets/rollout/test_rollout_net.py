@@ -55,6 +55,27 @@ def test_the_papers_style_does_not_change_the_bounds_of_words_and_the_root():
     assert change[:, :ROOT_DIM].max() == 0 and change[:, -N_FEET:].max() == 0
 
 
+def test_style_as_published_is_of_length_one_in_a_word_and_grows_with_its_strength():
+    net = RolloutNet(rollout_config("tiny"))
+    poses = torch.from_numpy(to_poses(random_motion(1, 30)))[None]
+    conditions = word_conditions(
+        np.array([0.0]), np.array([1.0]), 30, *np.zeros((2, 30, 4)), np.zeros((1, 184)),
+        np.random.default_rng(0).normal(size=(1, 87)),
+    )  # fmt: skip
+    assert net.with_style(None, None) is net and net.with_style(1.5, "smooth") is net
+
+    def change(strength, window):
+        with torch.no_grad():
+            styled = net.with_style(strength, window).apply_style(poses, conditions)
+        return (styled - poses)[0, :, ROOT_DIM:-N_FEET].norm(dim=-1)  # (T,)
+
+    assert change(0.0, "hamming").max() < 1e-6
+    small, twice = change(0.1, "hamming"), change(0.2, "hamming")
+    assert torch.allclose(twice[10:20], 2 * small[10:20], rtol=0.05)
+    assert change(0.1, "smooth")[15] > 3 * small[15]  # of length one in every pose, not in the word
+    assert change(40.0, "hamming")[15] > change(1.5, "smooth")[15]
+
+
 def test_style_changes_smoothly_from_word_to_word():
     net = RolloutNet(rollout_config("tiny", style_fade_s=0.5))
     poses = torch.from_numpy(to_poses(random_motion(1, 1)))[None].expand(1, 60, -1)  # one pose throughout
