@@ -64,6 +64,16 @@ class Block:
     source_end_s: float
     planned: PlannedSecond | PlannedWord
 
+    @property
+    def kept(self) -> str:
+        """The dance that it is kept of; empty if it is danced anew."""
+        return self.planned.kept if isinstance(self.planned, PlannedWord) else ""
+
+    @property
+    def source(self) -> str:
+        """The take that is danced, or the dance that it is kept of; empty if a network dances."""
+        return self.kept or self.planned.take
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -128,10 +138,10 @@ class Plan:
         return all(block.planned.take for block in self.blocks)
 
     def takes_s(self) -> dict[str, float]:
-        """Take -> how many seconds of the dance are from it, in order of first appearance."""
+        """Take, or dance kept of -> seconds of the dance that are from it, in order of first appearance."""
         danced: dict[str, float] = {}
         for block in self.blocks:
-            danced[block.planned.take] = danced.get(block.planned.take, 0.0) + block.end_s - block.start_s
+            danced[block.source] = danced.get(block.source, 0.0) + block.end_s - block.start_s
         return danced
 
     @property

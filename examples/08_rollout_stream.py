@@ -18,8 +18,10 @@ def main(song: str = "", db: str = "", out: str = "stream.bvh") -> None:
     counts = cg.RolloutStream(sound, repertoire).counts  # known from the start, as to a DJ
     stream = cg.RolloutStream(counts, repertoire)
     frames, took_ms = [], []
-    for start in range(0, len(sound.samples), 2048):  # a live program would wait for the sound card here
-        stream.feed(sound.samples[start : start + 2048])
+    for start in range(0, len(sound.samples) + 2048, 2048):
+        # A live program would wait for the sound card here.
+        block = sound.samples[start : start + 2048]
+        stream.feed(block) if len(block) else stream.finish()
         began = time.perf_counter()
         for frame in stream:
             frames.append(frame)

@@ -51,9 +51,14 @@ def present(
 
 
 def _summary(plan: Plan, outputs: Outputs) -> str:
-    takes = {block.planned.take for block in plan.blocks}
-    of = f"{len(takes)} takes" if plan.from_takes else "the rollout network"
-    words = f", {len(plan.words)} motion words" if plan.words else ""
+    takes = {block.planned.take for block in plan.blocks if block.planned.take}
+    sources = [f"{len(takes)} takes"] if takes else []
+    if any(not block.source for block in plan.blocks):
+        sources.append("the rollout network")
+    sources += sorted({block.kept for block in plan.blocks if block.kept})
+    of = " and ".join(sources)
+    n_words = sum(not word.kept for word in plan.words)
+    words = f", {n_words} motion words" if n_words else ""
     return (
         f"{', '.join(str(path) for path in outputs)}: {plan.duration_s:.1f} s from {of}, "
         f"{len(plan.music_beats_s)} music beats{words}"
@@ -62,7 +67,7 @@ def _summary(plan: Plan, outputs: Outputs) -> str:
 
 def _facts(dance: Dance, outputs: Outputs) -> dict[str, Any]:
     plan = dance.plan
-    credits = {block.planned.take: block.planned.credits for block in plan.blocks}
+    credits = {block.source: block.planned.credits for block in plan.blocks}
     takes_s = sorted(plan.takes_s().items(), key=lambda item: -item[1])
     return {
         "outputs": [str(path) for path in outputs],
@@ -75,7 +80,7 @@ def _facts(dance: Dance, outputs: Outputs) -> dict[str, Any]:
             {"name": name, "seconds": round(danced_s, 3), **vars(credits[name])} for name, danced_s in takes_s
         ],
         "engine": plan.engine,
-        "motifs": [word.motif for word in plan.words],
+        "motifs": [word.motif for word in plan.words if not word.kept],
         "cost": round(plan.total_cost, 4),
         "notes": list(dance.notes),
     }

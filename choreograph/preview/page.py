@@ -153,7 +153,7 @@ def _shown_numbers(plan: Plan, duration_s: float) -> list[int]:
 def _sources(plan: Plan, duration_s: float) -> dict[str, Any]:
     """The timeline's blocks, and the table of takes (names and credits) that they refer to by index."""
     shown = [block for block in plan.blocks if block.start_s < duration_s]
-    credits = {block.planned.take: block.planned.credits for block in shown}
+    credits = {block.source: block.planned.credits for block in shown}
     names = sorted(credits)
     takes = [
         {
@@ -168,7 +168,7 @@ def _sources(plan: Plan, duration_s: float) -> dict[str, Any]:
     index = {name: i for i, name in enumerate(names)}
     return {
         "takes": takes,
-        "blocks": [_block(block, index[block.planned.take], duration_s) for block in shown],
+        "blocks": [_block(block, index[block.source], duration_s) for block in shown],
     }
 
 
@@ -179,7 +179,7 @@ def _block(block: Block, take: int, duration_s: float) -> dict[str, Any]:
         "end_s": round(min(block.end_s, duration_s), 4),
     }
     planned = block.planned
-    if planned.take:
+    if block.source:
         shown |= {"from_s": round(block.source_start_s, 3), "to_s": round(block.source_end_s, 3)}
         shown |= {
             "speed": round((block.source_end_s - block.source_start_s) / (block.end_s - block.start_s), 4)
@@ -187,6 +187,8 @@ def _block(block: Block, take: int, duration_s: float) -> dict[str, Any]:
     if isinstance(planned, PlannedSecond):
         shown |= {"clip": planned.clip, "clip_start_s": round(planned.clip_start_s, 3)}
         return shown | {"costs": {name: round(cost, 4) for name, cost in planned.costs.items()}}
+    if block.kept:
+        return shown | {"kept": True, "costs": {}}
     return shown | {"motif": planned.motif, "pinned": planned.pinned, "costs": {}}
 
 

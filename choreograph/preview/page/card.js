@@ -35,10 +35,10 @@ export class Card {
     const title = createElement("h2", "", [createElement("i", "dot"), createElement("span", "", [take.name])]);
     const sub = [take.genre, take.performer, take.licence && `licence: ${take.licence}`].filter(Boolean).join(" · ");
     const facts = [
-      [isWord ? "Word" : "Second", `${clockText(block.start_s, true)} – ${clockText(block.end_s, true)}`],
-      isWord ? ["Motif", `${block.motif}${block.pinned ? ", pinned" : ""}`]
-        : ["Clip", `${block.clip}, from ${clockText(block.clip_start_s, true)}`],
+      [block.kept ? "Kept" : isWord ? "Word" : "Second", `${clockText(block.start_s, true)} – ${clockText(block.end_s, true)}`],
     ];
+    if (isWord) facts.push(["Motif", `${block.motif}${block.pinned ? ", pinned" : ""}`]);
+    else if (!block.kept) facts.push(["Clip", `${block.clip}, from ${clockText(block.clip_start_s, true)}`]);
     const count = this.counts.textAt(block.start_s + NEAR_S);
     if (count) facts.push(["From", count]);
     if ("speed" in block) {

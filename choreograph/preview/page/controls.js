@@ -82,11 +82,14 @@ export function showCredits(dance, colours) {
   const danced = dance.takes.map(() => 0);
   dance.blocks.forEach((block) => (danced[block.take] += block.end_s - block.start_s));
   const clips = new Set(dance.blocks.filter((block) => "clip" in block).map((block) => block.clip)).size;
+  const takes = new Set(dance.blocks.filter((block) => "speed" in block && !block.kept).map((block) => block.take)).size;
   const words = dance.blocks.filter((block) => "motif" in block).length;
   const count = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
   document.getElementById("totals").textContent =
     `· ${Math.round(dance.duration_s)} s from ${[
-      dance.blocks.some((block) => "speed" in block) ? count(dance.takes.length, "take") : "a network",
+      takes && count(takes, "take"),
+      dance.blocks.some((block) => !("speed" in block)) && "a network",
+      dance.blocks.some((block) => block.kept) && "a dance that is kept",
       clips && count(clips, "clip"), words && count(words, "motion word"),
     ].filter(Boolean).join(", ")}`;
   const rows = dance.takes.map((take, i) => {
