@@ -4,8 +4,9 @@
 
 Each REPERTOIRE was built with `--rollout` from TAKES: dance-with-melody, say, or the takes of `make starter`
 (build/starter/takes). Its ablations are trained on the same takes, with its preset and seed, and written to
-FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as the network itself.
-After a stop, the same command continues.
+FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as the network itself,
+or as `--steps` says: compare then with `as-built`, which has all of it. `graph-dances-too` learns from the
+takes and from what `graph_teacher.py` makes of them. After a stop, the same command continues.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
+from graph_teacher import graph_dances, with_motifs
 
 import choreograph as cg
 from choreograph.building.segmentation import segment_takes
@@ -28,10 +30,18 @@ from choreograph.nets.training import TrainingContext, TrainingProgress
 from choreograph.repertoire.contents import MeasuredTake
 from choreograph.takes import Take
 
+WITH_GRAPH_DANCES = "graph-dances-too"
 ABLATIONS = {
+    "as-built": {},
     "no-perceptual-loss": {"perceptual_weight": 0.0},
     "no-audio": {"use_audio": False},
     "acLSTM-no-motifs": {"motifs": False, "perceptual_weight": 0.0},
+    "acLSTM-5-frames": {"motifs": False, "perceptual_weight": 0.0, "self_fed_frames": (5,)},
+    "acLSTM-5-frames-rotations": {
+        "motifs": False, "perceptual_weight": 0.0, "self_fed_frames": (5,), "position_weight": 0.0,
+        "velocity_weight": 0.0, "slide_weight": 0.0, "border_speed_weight": 0.0,
+    },
+    "acLSTM-15-frames": {"motifs": False, "perceptual_weight": 0.0, "self_fed_frames": (15,)},
     "no-word-phase": {"phase": False},
     "no-count-phase": {"count_phase": False},
     "no-own-words": {"own_embedding_share": 0.0},
@@ -40,15 +50,23 @@ ABLATIONS = {
     "no-slide-loss": {"slide_weight": 0.0},
     "no-border-speed-loss": {"border_speed_weight": 0.0},
     "no-other-tempi": {"tempi": (1.0,)},
-}
+    WITH_GRAPH_DANCES: {},
+}  # fmt: skip
 
 
-def train(takes: Mapping[str, Take], repertoire: cg.Repertoire, folder: Path, names: Sequence[str]) -> None:
-    """Train those of `names` that `folder` lacks."""
+def train(
+    takes: Mapping[str, Take],
+    repertoire: cg.Repertoire,
+    folder: Path,
+    names: Sequence[str],
+    steps: int | None,
+) -> None:
+    """Train those of `names` that `folder` lacks, for `steps` or as long as the repertoire's network."""
     lacking = [name for name in names if not (folder / f"{name}.pt").exists()]
     if not lacking:
         return
     folder.mkdir(parents=True, exist_ok=True)
+    seed = int(repertoire.provenance["seed"])
     own = [
         MeasuredTake(
             replace(takes[t.name], motion=repertoire.motion(index)[0], counts=repertoire.counts(index)),
@@ -59,10 +77,16 @@ def train(takes: Mapping[str, Take], repertoire: cg.Repertoire, folder: Path, na
     words, songs = repertoire.word_net(), SongCache(keep_samples=True)
     segmented, _ = segment_takes(own, songs)
     learned = rollout_takes(own, segmented, repertoire.vocabulary, words, songs=songs)
+    length = {} if steps is None else {"steps": steps}
     for name in lacking:
-        config = rollout_config(str(repertoire.provenance["preset"]), **ABLATIONS[name])
+        config = rollout_config(str(repertoire.provenance["preset"]), **ABLATIONS[name], **length)
         context = TrainingContext(folder / name, resume=True, report=show)
-        net = train_rollout(learned, words, config, seed=int(repertoire.provenance["seed"]), context=context)
+        data = learned
+        if name == WITH_GRAPH_DANCES:
+            dances = graph_dances(repertoire, [m.take for m in own], folder / "songs", seed)
+            danced_words = with_motifs(dances, repertoire.vocabulary, words, songs)
+            data = [*learned, *rollout_takes(dances, *danced_words, words, songs=songs)]
+        net = train_rollout(data, words, config, seed=seed, context=context)
         torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, folder / f"{name}.pt")
 
 
@@ -75,12 +99,13 @@ def main() -> None:
     parser.add_argument("takes", type=Path)
     parser.add_argument("repertoires", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--steps", type=int, help="of every training; default: the preset's")
     parser.add_argument("--networks", nargs="+", choices=list(ABLATIONS), default=list(ABLATIONS))
     given = parser.parse_args()
     torch.set_num_threads(1)
     takes = {take.name: take for take in import_takes(given.takes)}
     for path in given.repertoires:
-        train(takes, cg.Repertoire.open(path), given.output / path.stem, given.networks)
+        train(takes, cg.Repertoire.open(path), given.output / path.stem, given.networks, given.steps)
 
 
 if __name__ == "__main__":
