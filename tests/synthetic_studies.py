@@ -24,11 +24,14 @@ def small_study(folder: Path, *, n_songs: int = 3, duration_s: float = 1.5, seed
     fps = {VARIANTS[0]: 60.0, VARIANTS[1]: 30.0, VARIANTS[2]: 60.0}
     dances = {
         variant: [
-            StudyDance(swaying(round(duration_s * fps[variant]), fps=fps[variant], seed=number), song)
+            StudyDance(
+                swaying(round(duration_s * fps[variant]), fps=fps[variant], seed=number), song,
+                genre="waltz" if number == 0 else "",
+            )
             for number, song in enumerate(songs)
         ]
         for variant in VARIANTS
-    }
+    }  # fmt: skip
     study = folder / f"study-{seed}"
     write_study(dances, study, seed=seed, **options)
     return study
@@ -41,7 +44,7 @@ def read_key(study: Path) -> dict:
 def rating(key: Mapping, answers: Mapping, *, rater: int = 1, save: int = 1, **changed) -> dict:
     """A rater's file, as the page saves it."""
     return {
-        "format": "choreograph-rating", "version": 1, "study": key["study"], "rater_id": f"{rater:016x}",
+        "format": "choreograph-rating", "version": 2, "study": key["study"], "rater_id": f"{rater:016x}",
         "rater_name": "", "save": save, "answers": answers, **changed,
     }  # fmt: skip
 
@@ -72,4 +75,19 @@ def rate_all(
             }
             for dance in key["dances"]
         }  # fmt: skip
+        write_rating(study, rating(key, answers, rater=rater))
+
+
+def choose_all(study: Path, favour: Mapping[str, float], *, n_raters: int, seed: int = 0) -> None:
+    """Write answers about pairs: the odds of two variants are as their numbers in `favour`."""
+    rng = np.random.default_rng(seed)
+    key = read_key(study)
+    variant = {dance["dance"]: dance["variant"] for dance in key["dances"]}
+    for rater in range(1, n_raters + 1):
+        answers: dict[str, dict[str, str]] = {}
+        for pair in key["pairs"]:
+            weights = np.array([favour[variant[dance]] for dance in pair["dances"]])
+            for question in pair["questions"]:
+                chosen = rng.choice(pair["dances"], p=weights / weights.sum())
+                answers.setdefault(pair["pair"], {})[question] = str(chosen)
         write_rating(study, rating(key, answers, rater=rater))

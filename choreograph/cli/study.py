@@ -1,4 +1,4 @@
-"""`choreograph study`: a page on which people rate dances, and the table of their ratings."""
+"""`choreograph study`: a page on which people rate or compare dances, and the table of their answers."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ _FILE = click.Path(path_type=Path)
     short_help="Let people rate dances.",
     epilog=examples(
         "choreograph study write --songs heldout/ --variants paper -o study/",
+        "choreograph study write --songs heldout/ --variants rollout --ask pairs -o pairs/",
         "choreograph study show study/",
     ),
 )
 def command() -> None:
-    """Let people rate dances, blinded: write a page for raters, then show their ratings."""
+    """Let people rate or compare dances, blinded: write a page for raters, then show their answers."""
 
 
 @command.command("write", short_help="Write a page for raters.")
@@ -41,11 +42,16 @@ def command() -> None:
 @click.option(
     "--excerpt", default=6.0, show_default=True, help="Seconds of each dance to show, from its middle."
 )
+@click.option(
+    "--ask", type=click.Choice(("ratings", "pairs", "both")), default="ratings", show_default=True,
+    help="Rate each dance by four questions; or compare two to a song: which is more of the genre, "
+    "and which was made by a computer.",
+)  # fmt: skip
 @click.option("--silent", is_flag=True, help="No sound, and no question about music.")
 @click.option("--order-seed", default=0, show_default=True, help="Seed of the order of the dances.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, no summary.")
 def write(
-    folder, output, db, only, variants, seen, duration, excerpt, silent, order_seed, quiet,
+    folder, output, db, only, variants, seen, duration, excerpt, ask, silent, order_seed, quiet,
 ) -> None:  # fmt: skip
     """Dance in every variant to every song of DIR, and write one page that shows them in random order."""
     from choreograph.evaluation import find_songs, variants_named
@@ -61,7 +67,7 @@ def write(
         songs = find_songs(folder, only=names_of(only), duration_s=duration)
         dances = make_study_dances(repertoire, songs, chosen, seen=seen, report=shown.report)
         shown.report("writing the study", 0, 0)
-        write_study(dances, output, seed=order_seed, sound=not silent, excerpt_s=excerpt)
+        write_study(dances, output, seed=order_seed, sound=not silent, excerpt_s=excerpt, ask=ask)
     if not quiet:
         n_dances = sum(len(own) for own in dances.values())
         click.echo(
@@ -76,7 +82,7 @@ def write(
 @click.option("--json", "json_path", metavar="FILE", help="Write the ratings as JSON; - prints them.")
 @click.option("-q", "--quiet", is_flag=True, help="No table.")
 def show(study, json_path, quiet) -> None:
-    """Show the ratings in the folder STUDY: means with 95 % intervals, and which variants differ."""
+    """Show the answers in the folder STUDY: means with 95 % intervals, and which variants differ."""
     from choreograph.evaluation.study_results import read_study
     from choreograph.files import atomic_path
 
@@ -96,17 +102,16 @@ def _show_tables(results: StudyResults) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from choreograph.evaluation.study import QUESTIONS
+    from choreograph.evaluation.study_questions import PAIR_QUESTIONS, QUESTIONS
 
     console = Console(highlight=False)
-    click.echo(f"{results.n_raters} raters, {results.n_songs} songs; 0 to 5, 95 % intervals in brackets")
+    click.echo(f"{results.n_raters} raters, {results.n_songs} songs; 95 % intervals in brackets")
     for question in QUESTIONS:
         scores = [score for score in results.scores if score.question == question.id]
         if not scores:
             continue
-        table = Table(
-            title=question.title, title_justify="left", title_style="bold", box=None, pad_edge=False
-        )
+        title = f"{question.title}, 0 to 5"
+        table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
         for name in ("", "mean", "ratings"):
             table.add_column(name, justify="right" if name else "left")
         for score in scores:
@@ -118,9 +123,21 @@ def _show_tables(results: StudyResults) -> None:
             console.print(
                 f"  {difference.variant} over {difference.other}: {_with_interval(difference, '+')}{unclear}"
             )
+    for pair_question in PAIR_QUESTIONS:
+        preferences = [p for p in results.preferences if p.question == pair_question.id]
+        if preferences:
+            console.print(f"\n[bold]{pair_question.text.format(genre='of the genre')}[/bold] 0.50 by chance")
+        for p in preferences:
+            unclear = "" if p.is_clear else ", not significant"
+            shares = _interval(p.share, p.low, p.high)
+            console.print(f"  {p.variant}, not {p.other}: {shares}, {p.n_answers} answers{unclear}")
 
 
 def _with_interval(estimate, sign: str = "") -> str:
-    if estimate.low is None:
-        return f"{estimate.mean:{sign}.2f}"
-    return f"{estimate.mean:{sign}.2f} ({estimate.low:{sign}.2f} to {estimate.high:{sign}.2f})"
+    return _interval(estimate.mean, estimate.low, estimate.high, sign)
+
+
+def _interval(mean: float, low: float | None, high: float | None, sign: str = "") -> str:
+    if low is None:
+        return f"{mean:{sign}.2f}"
+    return f"{mean:{sign}.2f} ({low:{sign}.2f} to {high:{sign}.2f})"

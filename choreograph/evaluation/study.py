@@ -1,9 +1,7 @@
-"""A rating study: a blinded web page on which people rate dances of several variants by four questions.
+"""A study: a blinded web page on which people rate dances of several variants, or compare two at a time.
 
-In ChoreoGraph, section 4.4, 20 judges rated 10 dances of 6 s from each of four systems, from 0 to 5, by
-variation, naturalness, style match and rhythm alignment. We differ in one point: variation is rated for each
-dance, because raters who see mixed, unnamed variants cannot compare the dances of one system with each other.
-Without sound, only the first two questions are used; the others are about the music.
+What is asked stands in `study_questions`: four questions of ChoreoGraph about each dance, and two of Rhythm
+is a Dancer about each pair of dances to one song.
 
 `write_study` writes two files to a folder. `study.html` is all that a rater gets: an offline page for any
 browser that plays the dances with the preview's player and saves the answers as a small file. It contains no
@@ -26,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from choreograph.errors import ParameterError
+from choreograph.evaluation.study_questions import ASKED, QUESTIONS, mixed_order, pair_questions, paired
 from choreograph.files import atomic_path
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget, share_skeleton
@@ -38,39 +37,14 @@ from choreograph.preview.sound import encode_mp4, song_part
 PAGE_NAME = "study.html"
 KEY_NAME = "key.json"
 KEY_FORMAT = "choreograph-study-key"
-VERSION = 1
+VERSION = 2  # of key and ratings; 1 has no pairs
 _KEY_NOTE = "Which dance is of which variant: keep this file from the raters, and give them study.html only."
 _FPS = 60.0
-_ORDERS_TRIED = 200
 _PLAYER = (
     "math.js", "decompress.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
     "renderer.js", "stage.js", "orbit.js", "elements.js", "player.js",
 )  # fmt: skip
 _SCRIPTS = ("answers.js", "questions.js", "study.js")
-
-
-@dataclass(frozen=True)
-class Question:
-    """A question about every dance, answered from 0 to 5."""
-
-    id: str
-    title: str
-    text: str
-    needs_sound: bool
-
-
-QUESTIONS = (
-    Question("variation", "Variation", "Is the dance varied, without repeating itself?", False),
-    Question(
-        "naturalness", "Naturalness",
-        "Is the motion natural and realistic, as if danced by a person and not a machine?", False,
-    ),
-    Question(
-        "style", "Style match",
-        "Does the style of the dance match the style of the music? Ignore the beat here.", True,
-    ),
-    Question("rhythm", "Rhythm", "Does the dance follow the beat of the music?", True),
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +54,7 @@ class StudyDance:
     motion: Motion
     song_path: Path
     start_s: float = 0.0  # start of the motion in the song file
+    genre: str = ""  # that pairs are compared by
 
 
 def write_study(
@@ -89,8 +64,9 @@ def write_study(
     seed: int,
     sound: bool = True,
     excerpt_s: float | None = None,
+    ask: str = "ratings",
 ) -> None:
-    """Write a blinded rating page for the dances, `study.html`, and its key, `key.json`.
+    """Write a blinded page for the dances, `study.html`, and its key, `key.json`.
 
     Parameters
     ----------
@@ -100,6 +76,8 @@ def write_study(
     seed : of the order of the dances, in which the same song is not used twice in a row if possible
     sound : whether to play the songs and to ask the questions about music
     excerpt_s : seconds from the middle of each dance (6 in the paper); the whole dance if None
+    ask : "ratings" of each dance, "pairs" to compare, or "both". Pairs are the n-th dances of two variants to
+        a song, every two variants; the first of a pair is drawn
 
     The same dances and seed give the same bytes. Raters cannot recognise a variant by its body, frame rate or
     length: dances on different skeletons are retargeted to the canonical one, all play at 60 fps, and dances
@@ -108,37 +86,44 @@ def write_study(
     Raises
     ------
     ParameterError     no variant or dance, a folder that already holds a study, an excerpt below 1 s, a
-                       skeleton that cannot be retargeted
+                       skeleton that cannot be retargeted, pairs without two variants to a song
     FormatError        a song cannot be read
     ChoreographError   the disk is full or not writable
     """
     folder = Path(folder)
-    ordered = _shuffled(dances, np.random.default_rng(_checked_seed(seed)))
+    rng = np.random.default_rng(_checked_seed(seed))
+    if ask not in ASKED:
+        raise ParameterError(f"expected to ask one of {', '.join(ASKED)}, got {ask!r}")
+    ordered = _shuffled(dances, rng)
+    pairs = paired(ordered, rng) if ask != "ratings" else []
     check_study_folder(folder)
-    questions = [question for question in QUESTIONS if sound or not question.needs_sound]
+    questions = [q for q in QUESTIONS if ask != "pairs" and (sound or not q.needs_sound)]
     excerpts = _excerpts([dance for _, _, dance in ordered], excerpt_s)
     data, texts = _page_data(excerpts, sound=sound)
-    question_data = [{"id": q.id, "title": q.title, "text": q.text} for q in questions]
-    study = hashlib.sha256(json.dumps([question_data, data, texts], sort_keys=True).encode()).hexdigest()[:16]
-    page = _page({"study": study, "questions": question_data, "sound": sound, **data}, texts)
+    ids = [entry["id"] for entry in data["dances"]]
+    pair_data: list[dict[str, Any]] = [
+        {"id": f"p{number}", "dances": [ids[i] for i in pair], "questions": pair_questions(genre)}
+        for number, (pair, genre) in enumerate(pairs, start=1)
+    ]
+    asked = {
+        "questions": [{"id": q.id, "title": q.title, "text": q.text} for q in questions],
+        "pairs": pair_data,
+    }
+    study = hashlib.sha256(json.dumps([asked, data, texts], sort_keys=True).encode()).hexdigest()[:16]
+    page = _page({"study": study, "sound": sound, **asked, **data}, texts)
     key = {
-        "format": KEY_FORMAT,
-        "version": VERSION,
-        "note": _KEY_NOTE,
-        "study": study,
-        "seed": seed,
+        "format": KEY_FORMAT, "version": VERSION, "note": _KEY_NOTE, "study": study, "seed": seed,
         "questions": [question.id for question in questions],
         "dances": [
-            {
-                "dance": entry["id"],
-                "variant": variant,
-                "song": excerpt.song_path.name,
-                "number": number,
-                "start_s": excerpt.start_s,
-            }
-            for entry, (variant, number, _), excerpt in zip(data["dances"], ordered, excerpts, strict=True)
+            {"dance": name, "variant": variant, "song": excerpt.song_path.name, "number": number,
+             "start_s": excerpt.start_s}
+            for name, (variant, number, _), excerpt in zip(ids, ordered, excerpts, strict=True)
         ],
-    }
+        "pairs": [
+            {"pair": pair["id"], "dances": pair["dances"], "questions": [q["id"] for q in pair["questions"]]}
+            for pair in pair_data
+        ],
+    }  # fmt: skip
     folder.mkdir(exist_ok=True)
     for name, text in ((PAGE_NAME, page), (KEY_NAME, json.dumps(key, indent=1, ensure_ascii=False) + "\n")):
         with atomic_path(folder / name) as temporary:
@@ -167,10 +152,7 @@ def _checked_seed(seed: int) -> int:
 def _shuffled(
     dances: Mapping[str, Sequence[StudyDance]], rng: np.random.Generator
 ) -> list[tuple[str, int, StudyDance]]:
-    """All dances as (variant, number among its dances to the song, dance), in random order.
-
-    The order is the one of many in which a song follows itself least often.
-    """
+    """All dances as (variant, number among its dances to the song, dance), in random order."""
     if not dances or not all(dances.values()):
         raise ParameterError("expected variants with at least one dance each, got none or an empty one")
     listed = []
@@ -179,10 +161,7 @@ def _shuffled(
         for dance in of_variant:
             listed.append((variant, count[dance.song_path.name], dance))
             count[dance.song_path.name] += 1
-    songs = np.unique([str(dance.song_path) for _, _, dance in listed], return_inverse=True)[1]  # (N,)
-    orders = [rng.permutation(len(listed)) for _ in range(_ORDERS_TRIED)]
-    best = min(orders, key=lambda order: int((np.diff(songs[order]) == 0).sum()))
-    return [listed[i] for i in best]
+    return [listed[i] for i in mixed_order([str(dance.song_path) for _, _, dance in listed], rng)]
 
 
 def _excerpts(dances: Sequence[StudyDance], excerpt_s: float | None) -> list[StudyDance]:
@@ -200,7 +179,8 @@ def _excerpts(dances: Sequence[StudyDance], excerpt_s: float | None) -> list[Stu
         n_frames = whole if excerpt_s is None else min(whole, round(excerpt_s * _FPS))
         first = (whole - n_frames) // 2
         start_s = round(dance.start_s + first / _FPS, 6)
-        excerpts.append(StudyDance(motion.sliced(first, first + n_frames), dance.song_path, start_s))
+        sliced = motion.sliced(first, first + n_frames)
+        excerpts.append(StudyDance(sliced, dance.song_path, start_s, dance.genre))
     return excerpts
 
 

@@ -34,9 +34,9 @@ def make_study_dances(
             if report is not None:
                 report("dancing", done, n_dances)
             dance = dance_variant(variant, loaded, repertoire, start_s=song.start_s)
-            dances[variant.name].append(StudyDance(dance.motion, song.path, song.start_s))
+            dances[variant.name].append(StudyDance(dance.motion, song.path, song.start_s, song.genre))
         if song.take is not None:
             motion = song.take.motion
             motion = motion.sliced(0, max(1, min(motion.n_frames, round(loaded.duration_s * motion.fps))))
-            dances.setdefault(REAL, []).append(StudyDance(motion, song.path, song.start_s))
+            dances.setdefault(REAL, []).append(StudyDance(motion, song.path, song.start_s, song.genre))
     return dances

@@ -1,17 +1,16 @@
-"""Results of a rating study: mean ratings, intervals and differences from its key and the raters' files.
+"""Results of a study: ratings, preferences, intervals and differences from its key and the raters' files.
 
 Intervals are percentiles of a bootstrap that draws both raters and songs with replacement and weights a
 rating by how often its rater and its song were drawn (Owen 2007, "The pigeonhole bootstrap"). So they cover
 other raters and other songs, not only other raters of these songs. With few raters or songs they are too
-narrow; counts are reported with them. Differences are between the ratings that one rater gave to two
+narrow; counts are reported with them. A preference is the share of a pair's answers that chose one of its
+variants; by chance, half. Differences are between the ratings that one rater gave to two
 variants' dances to the same song, so a rater's generosity cancels out. Intervals are not corrected for
 multiple comparisons.
 """
 
 from __future__ import annotations
 
-import json
-import re
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -22,16 +21,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.errors import FormatError
-from choreograph.evaluation.study import KEY_FORMAT, KEY_NAME, QUESTIONS, VERSION
+from choreograph.evaluation.study import KEY_NAME
+from choreograph.evaluation.study_files import Answers, StudyKey, read_key, read_ratings
 
-RATING_FORMAT = "choreograph-rating"
-MAX_POINTS = 5
 _RESAMPLES = 4000
-_RATING_KEYS = {"format", "version", "study", "rater_id", "rater_name", "save", "answers"}
-_DANCE_KEYS = {"dance", "variant", "song", "number", "start_s"}
 
-Points = NDArray[np.float64]  # (R, N) by rater and dance to a song; nan without a rating
+Points = NDArray[np.float64]  # (R, N) by rater and dance or pair to a song; nan without an answer
 
 
 @dataclass(frozen=True)
@@ -65,23 +60,36 @@ class Difference:
 
 
 @dataclass(frozen=True)
+class Preference:
+    """How often `variant` was chosen rather than `other` on a question about pairs."""
+
+    variant: str
+    other: str
+    question: str
+    share: float  # 0 to 1; 0.5 by chance
+    low: float | None  # end of the 95 % interval
+    high: float | None
+    n_answers: int
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the interval excludes chance."""
+        return self.low is not None and self.high is not None and not self.low <= 0.5 <= self.high
+
+
+@dataclass(frozen=True)
 class StudyResults:
-    """Scores by question and variant, best first, and differences of all pairs of variants."""
+    """Scores by question and variant, best first, differences of all pairs of variants, and preferences."""
 
     n_raters: int
     n_songs: int
     scores: tuple[Score, ...]
     differences: tuple[Difference, ...]
+    preferences: tuple[Preference, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The results as plain numbers and strings, for JSON."""
         return asdict(self)
-
-
-@dataclass(frozen=True)
-class _KeyEntry:
-    variant: str
-    item: tuple[str, int]  # song, and number among the variant's dances to it
 
 
 def read_study(folder: str | Path, *, seed: int = 0) -> StudyResults:
@@ -93,17 +101,25 @@ def read_study(folder: str | Path, *, seed: int = 0) -> StudyResults:
     rating, or from another study.
     """
     folder = Path(folder)
-    study, questions, entries = _read_key(folder / KEY_NAME)
-    ratings = _read_ratings(folder, study, questions, entries)
-    items = sorted({dance.item for dance in entries.values()})
+    key = read_key(folder / KEY_NAME)
+    answers = read_ratings(folder, key)
+    items = sorted({entry.item for entry in key.dances.values()})
     songs = np.unique([song for song, _ in items], return_inverse=True)[1]  # (N,)
-    points = _points(ratings, entries, questions, items)
-    bootstrap = _Bootstrap.from_rng(np.random.default_rng(seed), len(ratings), songs)
+    bootstrap = _Bootstrap.from_rng(np.random.default_rng(seed), len(answers), songs)
+    scores, differences = _rated(_points(answers, key, items), key, bootstrap)
+    return StudyResults(
+        len(answers), len(set(songs)), scores, differences, _preferences(answers, key, items, bootstrap)
+    )
+
+
+def _rated(
+    points: Mapping[tuple[str, str], Points], key: StudyKey, bootstrap: _Bootstrap
+) -> tuple[tuple[Score, ...], tuple[Difference, ...]]:
+    """Means of the variants by question, best first, and their differences."""
     scores, differences = [], []
-    variants = sorted({dance.variant for dance in entries.values()})
-    for question in questions:
+    for question in key.questions:
         of_question = []
-        for variant in variants:
+        for variant in key.variants:
             of_variant = points[variant, question]
             if n_ratings := int(np.isfinite(of_variant).sum()):
                 mean, low, high = bootstrap.interval(of_variant)
@@ -115,7 +131,30 @@ def read_study(folder: str | Path, *, seed: int = 0) -> StudyResults:
             if n_pairs := int(np.isfinite(difference).sum()):
                 interval = bootstrap.interval(difference)
                 differences.append(Difference(first, second, question, *interval, n_pairs))
-    return StudyResults(len(ratings), len(set(songs)), tuple(scores), tuple(differences))
+    return tuple(scores), tuple(differences)
+
+
+def _preferences(
+    answers: Answers, key: StudyKey, items: list[tuple[str, int]], bootstrap: _Bootstrap
+) -> tuple[Preference, ...]:
+    """How often each variant was chosen over each other, by question, those chosen most often first."""
+    chosen: dict[tuple[str, str, str], Points] = defaultdict(
+        lambda: np.full((len(answers), len(items)), np.nan)
+    )
+    for row, rater in enumerate(sorted(answers)):
+        for pair in set(answers[rater]) & set(key.pairs):
+            entries = sorted((key.dances[d] for d in key.pairs[pair].dances), key=lambda e: e.variant)
+            column = items.index(entries[0].item)
+            for question, dance in answers[rater][pair].items():
+                of_pair = chosen[question, entries[0].variant, entries[1].variant]
+                of_pair[row, column] = key.dances[str(dance)] == entries[0]
+    preferences = []
+    for (question, first, second), of_pair in chosen.items():
+        if np.nanmean(of_pair) < 0.5:
+            first, second, of_pair = second, first, 1.0 - of_pair
+        n_answers = int(np.isfinite(of_pair).sum())
+        preferences.append(Preference(first, second, question, *bootstrap.interval(of_pair), n_answers))
+    return tuple(sorted(preferences, key=lambda p: (p.question, -p.share, p.variant, p.other)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,103 +184,13 @@ class _Bootstrap:
         return mean, float(low), float(high)
 
 
-def _points(
-    ratings: Mapping[str, Mapping[str, Mapping[str, int]]],
-    entries: Mapping[str, _KeyEntry],
-    questions: tuple[str, ...],
-    items: list[tuple[str, int]],
-) -> dict[tuple[str, str], Points]:
+def _points(answers: Answers, key: StudyKey, items: list[tuple[str, int]]) -> dict[tuple[str, str], Points]:
     """Points (R, N) of raters and dances to songs, by variant and question."""
-    points: dict[tuple[str, str], Points] = defaultdict(lambda: np.full((len(ratings), len(items)), np.nan))
+    points: dict[tuple[str, str], Points] = defaultdict(lambda: np.full((len(answers), len(items)), np.nan))
     column = {item: index for index, item in enumerate(items)}
-    for row, rater in enumerate(sorted(ratings)):
-        for dance, answers in ratings[rater].items():
-            for question in set(answers) & set(questions):
-                points[entries[dance].variant, question][row, column[entries[dance].item]] = answers[question]
+    for row, rater in enumerate(sorted(answers)):
+        for dance in set(answers[rater]) & set(key.dances):
+            entry = key.dances[dance]
+            for question, given in answers[rater][dance].items():
+                points[entry.variant, question][row, column[entry.item]] = given
     return points
-
-
-def _read_json(path: Path, what: str) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FormatError(f"{path}: expected {what}, could not read it: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise FormatError(f"{path}: expected {what}, got no valid JSON: truncated or another file") from error
-    if not isinstance(data, dict):
-        raise FormatError(f"{path}: expected {what}, got a JSON {type(data).__name__}")
-    return data
-
-
-def _read_key(path: Path) -> tuple[str, tuple[str, ...], dict[str, _KeyEntry]]:
-    """The study's id, its questions, and its dances by id."""
-    data = _read_json(path, "the key of a rating study")
-    if (data.get("format"), data.get("version")) != (KEY_FORMAT, VERSION):
-        raise FormatError(f"{path}: expected a {KEY_FORMAT} of version {VERSION}, got something else")
-    questions, dances, study = data.get("questions"), data.get("dances"), data.get("study")
-    known = {question.id for question in QUESTIONS}
-    if not (isinstance(questions, list) and questions and all(q in known for q in map(str, questions))):
-        raise FormatError(f"{path}: expected questions among {', '.join(sorted(known))}")
-    if not (isinstance(study, str) and isinstance(dances, list) and dances):
-        raise FormatError(f"{path}: expected the id and the dances of a study: the key is damaged")
-    entries: dict[str, _KeyEntry] = {}
-    for entry in dances:
-        if not (isinstance(entry, dict) and set(entry) == _DANCE_KEYS and _is_whole(entry["number"])):
-            raise FormatError(
-                f"{path}: expected dances with {', '.join(sorted(_DANCE_KEYS))}: the key is damaged"
-            )
-        entries[str(entry["dance"])] = _KeyEntry(str(entry["variant"]), (str(entry["song"]), entry["number"]))
-    if not len(dances) == len(entries) == len(set(entries.values())):
-        raise FormatError(f"{path}: expected every dance once: the key is damaged")
-    return study, tuple(questions), entries
-
-
-def _read_ratings(
-    folder: Path, study: str, questions: tuple[str, ...], entries: Mapping[str, _KeyEntry]
-) -> dict[str, dict[str, dict[str, int]]]:
-    """Points by rater, dance and question, from the last save of each rater."""
-    last: dict[str, dict[str, Any]] = {}
-    for path in sorted(p for p in folder.glob("*.json") if p.name != KEY_NAME):
-        rating = _checked_rating(path, study, questions, entries)
-        before = last.get(rating["rater_id"])
-        if before and before["save"] == rating["save"] and before["answers"] != rating["answers"]:
-            raise FormatError(f"{path}: another file of this rater has other answers: one of them was edited")
-        if not before or before["save"] < rating["save"]:
-            last[rating["rater_id"]] = rating
-    if not any(points for rating in last.values() for points in rating["answers"].values()):
-        raise FormatError(
-            f"{folder}: expected answers in raters' files (rating-….json) next to {KEY_NAME}, got none"
-        )
-    return {rater: rating["answers"] for rater, rating in last.items()}
-
-
-def _checked_rating(
-    path: Path, study: str, questions: tuple[str, ...], entries: Mapping[str, _KeyEntry]
-) -> dict[str, Any]:
-    data = _read_json(path, "a rater's file")
-    if (data.get("format"), data.get("version")) != (RATING_FORMAT, VERSION):
-        raise FormatError(f"{path}: expected a {RATING_FORMAT} of version {VERSION}, got something else")
-    if set(data) != _RATING_KEYS:
-        wrong = sorted(set(data) ^ _RATING_KEYS)[0]
-        raise FormatError(f"{path}: the key {wrong!r} is {'unknown' if wrong in data else 'missing'}")
-    if data["study"] != study:
-        raise FormatError(f"{path}: expected a rating of study {study}, got one of {data['study']!r}")
-    if not (isinstance(data["rater_id"], str) and re.fullmatch(r"[0-9a-f]{16}", data["rater_id"])):
-        raise FormatError(f"{path}: expected a rater_id of 16 hexadecimal digits, got {data['rater_id']!r}")
-    kinds = _is_whole(data["save"]), isinstance(data["rater_name"], str), isinstance(data["answers"], dict)
-    if not all(kinds) or data["save"] < 1:
-        raise FormatError(f"{path}: expected a name, answers by dance and a save number of 1 or more")
-    for dance, answers in data["answers"].items():
-        if dance not in entries or not isinstance(answers, dict):
-            raise FormatError(f"{path}: expected answers for dances of the study, got {dance!r}")
-        for question, points in answers.items():
-            if question not in questions or not (_is_whole(points) and 0 <= points <= MAX_POINTS):
-                raise FormatError(
-                    f"{path}: dance {dance}: expected 0 to {MAX_POINTS} for a question, "
-                    f"got {points!r} for {question!r}"
-                )
-    return data
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)

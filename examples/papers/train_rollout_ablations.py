@@ -6,7 +6,8 @@ Each REPERTOIRE was built with `--rollout` from TAKES: dance-with-melody, say, o
 (build/starter/takes). Its ablations are trained on the same takes, with its preset and seed, and written to
 FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as the network itself,
 or as `--steps` says: compare then with `as-built`, which has all of it. `graph-dances-too` learns from the
-takes and from what `graph_teacher.py` makes of them. After a stop, the same command continues.
+takes and from what `graph_teacher.py` makes of them; `counts-at-accents` has words, and beats of the music,
+where the motion's accents lie beside the counts. After a stop, the same command continues.
 """
 
 from __future__ import annotations
@@ -29,8 +30,10 @@ from choreograph.nets.rollout.train import train_rollout
 from choreograph.nets.training import TrainingContext, TrainingProgress
 from choreograph.repertoire.contents import MeasuredTake
 from choreograph.takes import Take
+from choreograph.warping.micro_timing import accent_shifts_s
 
 WITH_GRAPH_DANCES = "graph-dances-too"
+AT_ACCENTS = "counts-at-accents"
 ABLATIONS = {
     "as-built": {},
     "no-perceptual-loss": {"perceptual_weight": 0.0},
@@ -51,6 +54,7 @@ ABLATIONS = {
     "no-border-speed-loss": {"border_speed_weight": 0.0},
     "no-other-tempi": {"tempi": (1.0,)},
     WITH_GRAPH_DANCES: {},
+    AT_ACCENTS: {},
 }  # fmt: skip
 
 
@@ -86,8 +90,20 @@ def train(
             dances = graph_dances(repertoire, [m.take for m in own], folder / "songs", seed)
             danced_words = with_motifs(dances, repertoire.vocabulary, words, songs)
             data = [*learned, *rollout_takes(dances, *danced_words, words, songs=songs)]
+        elif name == AT_ACCENTS:
+            moved = [at_accents(m) for m in own]
+            moved_words = with_motifs(moved, repertoire.vocabulary, words, songs)
+            data = rollout_takes(moved, *moved_words, words, songs=songs)
         net = train_rollout(data, words, config, seed=seed, context=context)
         torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, folder / f"{name}.pt")
+
+
+def at_accents(measured: MeasuredTake) -> MeasuredTake:
+    """The take with its counts moved to the accents that lie just beside them."""
+    counts = measured.take.counts
+    shifts_s = accent_shifts_s(measured.motion_beats_s, counts.times_s)
+    moved = replace(counts, times_s=counts.times_s + shifts_s)
+    return replace(measured, take=replace(measured.take, counts=moved))
 
 
 def show(progress: TrainingProgress) -> None:

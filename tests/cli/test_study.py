@@ -4,7 +4,7 @@ import json
 
 import pytest
 from command_line import assert_one_line, run
-from synthetic_studies import rate_all
+from synthetic_studies import choose_all, rate_all
 
 
 def test_a_study_is_written_rated_and_shown(tmp_path, db, song):
@@ -22,6 +22,17 @@ def test_a_study_is_written_rated_and_shown(tmp_path, db, song):
     assert run("study", "show", study, "--json", ratings).exit_code == 0
     assert json.loads(ratings.read_text()) == json.loads(run("study", "show", study, "--json", "-").stdout)
     assert_one_line(run("study", "write", *options), says="already")
+
+
+def test_pairs_are_written_answered_and_shown(tmp_path, db, song):
+    study = tmp_path / "study"
+    written = run("study", "write", "--db", db, "--songs", song.parent, "-o", study, "--variants", "random",
+                  "--variants", "ours", "--excerpt", 2.0, "--silent", "--ask", "pairs")  # fmt: skip
+    assert written.exit_code == 0, written.output
+    choose_all(study, {"random": 1e6, "ours": 1.0}, n_raters=3)
+    shown = run("study", "show", study)
+    assert shown.exit_code == 0, shown.output
+    assert "Which was made by a computer?" in shown.stdout and "random, not ours: 1.00" in shown.stdout
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ from synthetic_motions import swaying
 from synthetic_studies import VARIANTS, read_key, small_study
 
 from choreograph.errors import FormatError, ParameterError
-from choreograph.evaluation.study import QUESTIONS, StudyDance, write_study
+from choreograph.evaluation.study import StudyDance, write_study
+from choreograph.evaluation.study_questions import QUESTIONS
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 
@@ -112,6 +113,32 @@ def test_without_sound_there_are_two_questions(tmp_path):
     assert all(dance["sound"] is None for dance in data_of(page)["dances"])
 
 
+def test_pairs_are_of_two_variants_to_one_song_on_either_side(tmp_path):
+    study = small_study(tmp_path, n_songs=4, ask="pairs", sound=False)
+    page = (study / "study.html").read_text(encoding="utf-8")
+    data, key = data_of(page), read_key(study)
+    assert data["questions"] == [] == key["questions"]
+    assert not any(word in page for word in VARIANTS)
+    entries = {dance["dance"]: dance for dance in key["dances"]}
+    sides = [[entries[name] for name in pair["dances"]] for pair in key["pairs"]]
+    assert len(sides) == 4 * 3
+    assert all(a["song"] == b["song"] and a["variant"] != b["variant"] for a, b in sides)
+    assert {a["variant"] for a, _ in sides} == {b["variant"] for _, b in sides} == set(VARIANTS)
+    by_id = {pair["id"]: pair for pair in data["pairs"]}
+    for pair, (dance, _) in zip(key["pairs"], sides, strict=True):
+        texts = [question["text"] for question in by_id[pair["pair"]]["questions"]]
+        assert by_id[pair["pair"]]["dances"] == pair["dances"]
+        asks_genre = dance["song"] == "tune-0.wav"  # the only one whose genre is known
+        assert pair["questions"] == (["genre", "computer"] if asks_genre else ["computer"])
+        assert ("Which is more waltz?" in texts) == asks_genre
+
+
+def test_ratings_and_pairs_can_be_asked_in_one_study(tmp_path):
+    study = small_study(tmp_path, ask="both")
+    data = data_of((study / "study.html").read_text(encoding="utf-8"))
+    assert len(data["questions"]) == 4 and len(data["pairs"]) == 9 and len(data["dances"]) == 9
+
+
 def test_an_excerpt_is_the_middle(tmp_path):
     study = small_study(tmp_path, duration_s=3.0, excerpt_s=1.0)
     page = (study / "study.html").read_text(encoding="utf-8")
@@ -143,6 +170,8 @@ DANCE = StudyDance(swaying(60, fps=60.0), Path("no such song.wav"))
         ({"a": [DANCE]}, {"seed": -1}, ParameterError),
         ({"a": [DANCE]}, {"seed": 1.5}, ParameterError),
         ({"a": [DANCE]}, {"excerpt_s": 0.5}, ParameterError),
+        ({"a": [DANCE]}, {"ask": "pairs"}, ParameterError),
+        ({"a": [DANCE]}, {"ask": "nothing"}, ParameterError),
         ({"a": [DANCE]}, {"excerpt_s": np.nan}, ParameterError),
         ({"a": [DANCE]}, {}, FormatError),
     ],

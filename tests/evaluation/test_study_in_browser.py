@@ -56,22 +56,22 @@ def test_rate_by_key_reload_and_save(opened, study):
     first = {"variation": 4, "naturalness": 5, "style": 2}
     assert page.evaluate("choreograph.answers") == {"1": first}
     page.keyboard.press("n")
-    until(page, "choreograph.dance === '2'")
+    until(page, "choreograph.item === '2'")
     page.reload()
     until(page, "window.choreograph !== undefined", timeout_s=20)
     assert page.evaluate("choreograph.answers") == {"1": first}
-    assert page.evaluate("choreograph.dance") == "2"
+    assert page.evaluate("choreograph.item") == "2"
     assert page.input_value("#rater-name") == "Ann"
     page.click("#begin")
     page.keyboard.press("p")
-    until(page, "choreograph.dance === '1'")
+    until(page, "choreograph.item === '1'")
     page.keyboard.press("0")  # the unanswered question is highlighted
     for dance in "23":
         page.keyboard.press("n")
-        until(page, f"choreograph.dance === '{dance}'")
+        until(page, f"choreograph.item === '{dance}'")
         for key in "3333":
             page.keyboard.press(key)
-    assert page.inner_text("#done") == "all rated"
+    assert page.inner_text("#done") == "all answered"
     page.keyboard.press("n")
     path = saved(page, study)
     rating = json.loads(path.read_text(encoding="utf-8"))
@@ -82,7 +82,7 @@ def test_rate_by_key_reload_and_save(opened, study):
     score = {(s.variant, s.question): s.mean for s in read_study(study).scores}
     assert score[read_key(study)["dances"][0]["variant"], "naturalness"] == 5.0
     page.click("#another")
-    until(page, "window.choreograph !== undefined && choreograph.dance === '1'", timeout_s=20)
+    until(page, "window.choreograph !== undefined && choreograph.item === '1'", timeout_s=20)
     assert page.evaluate("choreograph.answers") == {}
 
 
@@ -100,7 +100,7 @@ def test_dances_play_in_sync_with_their_song_and_differ(opened):
     until(page, "!choreograph.playing")
     first = page.evaluate("choreograph.joints")
     page.click("#next")
-    until(page, "choreograph.dance === '2' && choreograph.playing && choreograph.time > 0.1")
+    until(page, "choreograph.item === '2' && choreograph.playing && choreograph.time > 0.1")
     assert page.evaluate("choreograph.joints") != first
     until(page, "!choreograph.playing && choreograph.time > 1.3")
     page.locator("#seek").fill("0.5")
@@ -112,14 +112,57 @@ def test_a_study_saved_half_way_lists_unrated_dances(opened, study):
     page.click("#begin")
     for _ in range(2):
         page.click("#next")
-    until(page, "choreograph.dance === '3'")
+    until(page, "choreograph.item === '3'")
     page.locator("fieldset").nth(1).locator("label").nth(4).click()
     page.click("#next")
     assert page.locator("#open-dances button").all_inner_texts() == ["1", "2", "3"]
     assert json.loads(saved(page, study).read_text(encoding="utf-8"))["answers"] == {"3": {"naturalness": 4}}
     page.locator("#open-dances button").nth(1).click()
-    until(page, "choreograph.dance === '2'")
+    until(page, "choreograph.item === '2'")
     assert not page.locator("#finish").is_visible()
+
+
+@pytest.fixture
+def compared(tmp_path) -> Path:
+    return small_study(tmp_path, n_songs=1, ask="pairs")
+
+
+def test_pairs_are_watched_in_turn_and_answered_by_key_and_mouse(browser, compared):
+    drawn = "window.choreograph !== undefined && choreograph.framesDrawn > 0"
+    with opening_pages(browser, drawn) as open_page:
+        page = open_page(compared / "study.html", viewport={"width": 1280, "height": 800})
+        assert "3 pairs of dances" in page.inner_text("#task")
+        page.click("#begin")
+        assert page.inner_text("#heading") == "Pair 1 of 3"
+        assert "Which is more waltz?" in page.inner_text("#questions")
+        page.click("#big-play")
+        until(page, "choreograph.playing && choreograph.time > 0.3")
+        first = page.evaluate("choreograph.joints")
+        page.keyboard.press("s")
+        until(page, "choreograph.side === 1 && choreograph.playing && choreograph.time > 0.4")
+        assert page.evaluate("choreograph.joints") != first
+        page.click("#side-0")
+        assert page.evaluate("choreograph.side") == 0
+        page.keyboard.press("b")
+        page.locator("fieldset").nth(1).locator("label").first.click()
+        sides = {pair["pair"]: pair["dances"] for pair in read_key(compared)["pairs"]}
+        answered = {"p1": {"genre": sides["p1"][1], "computer": sides["p1"][0]}}
+        assert page.evaluate("choreograph.answers") == answered
+        for pair in ("p2", "p3"):
+            page.keyboard.press("n")
+            until(page, f"choreograph.item === '{pair}'")
+            page.keyboard.press("a")
+            page.keyboard.press("a")
+        page.keyboard.press("p")
+        until(page, "choreograph.item === 'p2'")
+        assert page.locator("fieldset input:checked").count() == 2
+        page.keyboard.press("n")
+        until(page, "choreograph.item === 'p3'")
+        assert page.inner_text("#done") == "all answered"
+        page.keyboard.press("n")
+        rating = json.loads(saved(page, compared).read_text(encoding="utf-8"))
+    assert rating["answers"]["p1"] == answered["p1"] and rating["version"] == 2
+    assert sum(p.n_answers for p in read_study(compared).preferences) == 6
 
 
 def test_a_phone(opened):
@@ -136,4 +179,4 @@ def test_a_phone(opened):
         box = page.locator(f"#{name}").bounding_box()
         assert box["y"] + box["height"] <= 844
     page.tap("#next")
-    until(page, "choreograph.dance === '2'")
+    until(page, "choreograph.item === '2'")

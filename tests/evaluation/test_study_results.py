@@ -8,10 +8,10 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-from synthetic_studies import VARIANTS, rate_all, rating, read_key, small_study, write_rating
+from synthetic_studies import VARIANTS, choose_all, rate_all, rating, read_key, small_study, write_rating
 
 from choreograph.errors import FormatError
-from choreograph.evaluation.study import QUESTIONS
+from choreograph.evaluation.study_questions import QUESTIONS
 from choreograph.evaluation.study_results import _Bootstrap, read_study
 
 SCHEMA = json.loads(
@@ -131,7 +131,7 @@ BROKEN_RATINGS = {
     "not JSON": lambda key: "<html>",
     "a list": lambda key: [],
     "foreign": lambda key: {"format": "choreograph-plan", "version": 2},
-    "of a later version": lambda key: rating(key, {}, version=2),
+    "of a later version": lambda key: rating(key, {}, version=3),
     "without a key": lambda key: {k: v for k, v in rating(key, {}).items() if k != "save"},
     "with another key": lambda key: rating(key, {}, more=1),
     "of another study": lambda key: rating(key, {}, study="0" * 16),
@@ -158,6 +158,87 @@ def test_a_broken_rating_is_refused_in_a_line(study, broken):
     assert "\n" not in str(refused.value)
 
 
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory) -> Path:
+    return small_study(tmp_path_factory.mktemp("pairs"), n_songs=6, ask="both", sound=False)
+
+
+@pytest.fixture
+def pairs(compared, tmp_path) -> Path:
+    """A study of ratings and pairs, without answers."""
+    (tmp_path / "key.json").write_bytes((compared / "key.json").read_bytes())
+    return tmp_path
+
+
+def test_a_planted_preference_is_found_and_its_interval_covers_it(pairs):
+    choose_all(pairs, {BEST: 9.0, MIDDLE: 3.0, WORST: 1.0}, n_raters=20)
+    for path in pairs.glob("rating-*.json"):
+        jsonschema.validate(json.loads(path.read_text(encoding="utf-8")), SCHEMA)
+    results = read_study(pairs)
+    assert results.scores == () and results.n_raters == 20
+    found = {(p.variant, p.other): p for p in results.preferences if p.question == "computer"}
+    planted = {(BEST, MIDDLE): 0.75, (BEST, WORST): 0.9, (MIDDLE, WORST): 0.75}
+    assert set(found) == set(planted)
+    for pair, share in planted.items():
+        assert found[pair].low < share < found[pair].high and found[pair].is_clear
+        assert found[pair].n_answers == 20 * 6
+    assert sum(p.n_answers for p in results.preferences if p.question == "genre") == 20 * 3  # one song's
+
+
+def test_choices_by_chance_are_seldom_clear(pairs):
+    clear = 0
+    for seed in range(8):
+        choose_all(pairs, dict.fromkeys(VARIANTS, 1.0), n_raters=12, seed=seed)
+        of_computer = [p for p in read_study(pairs).preferences if p.question == "computer"]
+        clear += sum(p.is_clear for p in of_computer)
+        assert all(0.5 <= p.share < 0.75 for p in of_computer)
+    assert clear <= 0.15 * 8 * 3
+
+
+def test_a_preference_by_hand(pairs):
+    key = read_key(pairs)
+    variant = {dance["dance"]: dance["variant"] for dance in key["dances"]}
+    of_two = [p for p in key["pairs"] if {variant[d] for d in p["dances"]} == {BEST, WORST}]
+    worst = [next(d for d in p["dances"] if variant[d] == WORST) for p in of_two]
+    answers = {p["pair"]: {"computer": d} for p, d in zip(of_two[:3], worst, strict=False)}
+    best = next(d for d in of_two[3]["dances"] if variant[d] == BEST)
+    write_rating(pairs, rating(key, answers | {of_two[3]["pair"]: {"computer": best}}))
+    (preference,) = read_study(pairs).preferences
+    assert (preference.variant, preference.other) == (WORST, BEST)
+    assert (preference.share, preference.n_answers) == (0.75, 4)
+
+
+def test_a_study_of_version_1_is_still_read(study):
+    key = {k: v for k, v in read_key(study).items() if k != "pairs"} | {"version": 1}
+    write_rating(study, key, "key.json")
+    write_rating(study, rating(key, answers_for(key, dict.fromkeys(VARIANTS, 3)), version=1))
+    results = read_study(study)
+    assert {score.mean for score in results.scores} == {3.0} and results.preferences == ()
+
+
+BROKEN_PAIRS = {
+    "a dance of another pair": lambda key: {"p1": {"computer": "zebra"}},
+    "points": lambda key: {"p1": {"computer": 3}},
+    "a list": lambda key: {"p1": {"computer": key["pairs"][0]["dances"]}},
+    "an unknown question": lambda key: {"p1": {"looks": key["pairs"][0]["dances"][0]}},
+    "an unknown pair": lambda key: {"p99": {"computer": key["pairs"][0]["dances"][0]}},
+    "a dance for points": lambda key: {key["dances"][0]["dance"]: {"variation": "1"}},
+}
+
+
+@pytest.mark.parametrize("broken", BROKEN_PAIRS)
+def test_a_broken_choice_is_refused_in_a_line(pairs, broken):
+    key = read_key(pairs)
+    write_rating(pairs, rating(key, BROKEN_PAIRS[broken](key)))
+    with pytest.raises(FormatError) as refused:
+        read_study(pairs)
+    assert "\n" not in str(refused.value)
+
+
+def changed_pair(key: dict, **changed) -> dict:
+    return {**key, "pairs": [{**key["pairs"][0], **changed}, *key["pairs"][1:]]}
+
+
 def twice(key: dict) -> dict:
     return {**key, "dances": [*key["dances"], key["dances"][0]]}
 
@@ -170,16 +251,24 @@ BROKEN_KEYS = {
     "of an unknown question": lambda key: {**key, "questions": ["looks"]},
     "without a study": lambda key: {**key, "study": None},
     "with a dance twice": twice,
+    "without questions": lambda key: {**key, "questions": [], "pairs": []},
+    "with pairs that are no list": lambda key: {**key, "pairs": 3},
+    "with malformed pairs": lambda key: {**key, "pairs": [3]},
+    "with a pair of one dance": lambda key: changed_pair(key, dances=key["pairs"][0]["dances"][:1]),
+    "with a pair of itself": lambda key: changed_pair(key, dances=[key["dances"][0]["dance"]] * 2),
+    "with an unknown question about a pair": lambda key: changed_pair(key, questions=["looks"]),
+    "with a pair twice": lambda key: {**key, "pairs": [*key["pairs"], key["pairs"][0]]},
+    "with a pair named as a dance": lambda key: changed_pair(key, pair=key["dances"][0]["dance"]),
 }
 
 
 @pytest.mark.parametrize("broken", BROKEN_KEYS)
-def test_a_broken_key_is_refused_in_a_line(study, broken):
-    key = read_key(study)
-    write_rating(study, rating(key, answers_for(key, MEANS_WHOLE)))
-    write_rating(study, BROKEN_KEYS[broken](key), "key.json")
+def test_a_broken_key_is_refused_in_a_line(pairs, broken):
+    key = read_key(pairs)
+    write_rating(pairs, rating(key, answers_for(key, MEANS_WHOLE, ["variation"])))
+    write_rating(pairs, BROKEN_KEYS[broken](key), "key.json")
     with pytest.raises(FormatError) as refused:
-        read_study(study)
+        read_study(pairs)
     assert "\n" not in str(refused.value)
 
 

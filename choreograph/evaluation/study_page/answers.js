@@ -4,6 +4,7 @@ export class Answers extends EventTarget {
   constructor(study) {
     super();
     this.study = study;
+    this.items = itemsOf(study);
     this.storageKey = `choreograph-study-${study.study}`;
     this.state = this.#load() ?? newState();
   }
@@ -27,18 +28,19 @@ export class Answers extends EventTarget {
 
   get name() { return this.state.rater_name; }
   set name(name) { this.state.rater_name = name.trim(); this.#store(); }
-  get at() { return Math.min(this.state.at, this.study.dances.length - 1); }
+  get at() { return Math.min(this.state.at, this.items.length - 1); }
   set at(index) { this.state.at = index; this.#store(); }
 
   of(id) { return this.state.answers[id] ?? {}; }
 
-  give(id, question, points) {
-    this.state.answers[id] = { ...this.of(id), [question]: points };
+  // An answer is the points of a dance, or the chosen dance of a pair.
+  give(id, question, answer) {
+    this.state.answers[id] = { ...this.of(id), [question]: answer };
     this.#store();
   }
 
-  isDone(id) { return this.study.questions.every(({ id: question }) => question in this.of(id)); }
-  get open() { return this.study.dances.map(({ id }, i) => [id, i]).filter(([id]) => !this.isDone(id)).map(([, i]) => i); }
+  isDone({ id, questions }) { return questions.every(({ id: question }) => question in this.of(id)); }
+  get open() { return this.items.map((item, i) => [item, i]).filter(([item]) => !this.isDone(item)).map(([, i]) => i); }
 
   // Name and text of the rating file, see `data_schema/rating.schema.json`.
   file() {
@@ -46,7 +48,7 @@ export class Answers extends EventTarget {
     this.#store();
     const { rater_id, rater_name, save, answers } = this.state;
     const rating = {
-      format: "choreograph-rating", version: 1, study: this.study.study, rater_id, rater_name, save, answers,
+      format: "choreograph-rating", version: 2, study: this.study.study, rater_id, rater_name, save, answers,
     };
     return { name: `rating-${rater_id}.json`, text: `${JSON.stringify(rating, null, 1)}\n` };
   }
@@ -55,6 +57,12 @@ export class Answers extends EventTarget {
     this.state = newState();
     this.#store();
   }
+}
+
+// What is asked about, in order: every dance if there are questions about one, then the pairs.
+function itemsOf({ dances, questions, pairs }) {
+  const single = questions.length ? dances.map(({ id }) => ({ id, dances: [id], questions })) : [];
+  return [...single, ...pairs];
 }
 
 function newState() {

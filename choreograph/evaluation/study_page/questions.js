@@ -1,14 +1,14 @@
-// The questions as a form with a row of points each. Number keys answer the highlighted question.
+// The questions about a dance or a pair, a row of choices each. Keys answer the highlighted question.
 
 import { createElement } from "./elements.js";
 
 const POINTS = [0, 1, 2, 3, 4, 5];
+const ENDS = { 0: "0, very poor", 5: "5, excellent" };
+export const SIDES = ["A", "B"];
 
 export class Questions {
-  constructor(form, questions, onAnswer) {
-    Object.assign(this, { form, questions, onAnswer, marked: 0 });
-    this.rows = questions.map((question, i) => this.#row(question, i));
-    form.replaceChildren(...this.rows);
+  constructor(form, onAnswer) {
+    Object.assign(this, { form, onAnswer, item: null, rows: [], marked: 0 });
     form.addEventListener("change", ({ target }) => {
       this.#give(Number(target.name), Number(target.value));
       this.rows[Number(target.name) + 1]?.scrollIntoView({ block: "nearest" });
@@ -17,31 +17,42 @@ export class Questions {
     form.addEventListener("focusin", ({ target }) => { if (target.name) this.mark(Number(target.name)); });
   }
 
+  get isPair() { return this.item.dances.length > 1; }
+
   #row({ title, text }, i) {
-    const labels = POINTS.map((points) => {
+    const choices = this.isPair ? SIDES : POINTS;
+    const labels = choices.map((choice, number) => {
       const input = createElement("input");
-      Object.assign(input, { type: "radio", name: `${i}`, value: `${points}` });
-      const ends = { 0: "0, very poor", 5: "5, excellent" };
-      input.setAttribute("aria-label", ends[points] ?? `${points}`);
-      return createElement("label", "", [input, `${points}`]);
+      Object.assign(input, { type: "radio", name: `${i}`, value: `${number}` });
+      input.setAttribute("aria-label", ENDS[choice] ?? `${choice}`);
+      return createElement("label", "", [input, `${choice}`]);
     });
-    const ends = createElement("div", "ends", [createElement("span", "", ["very poor"]), createElement("span", "", ["excellent"])]);
-    ends.setAttribute("aria-hidden", "true");
-    return createElement("fieldset", "", [
-      createElement("legend", "", [title]), createElement("p", "", [text]), createElement("div", "scale", labels), ends,
-    ]);
+    const parts = [
+      createElement("legend", "", [title]), createElement("p", "", [text]),
+      createElement("div", this.isPair ? "scale two" : "scale", labels),
+    ];
+    if (!this.isPair) {
+      const ends = createElement("div", "ends", [createElement("span", "", ["very poor"]), createElement("span", "", ["excellent"])]);
+      ends.setAttribute("aria-hidden", "true");
+      parts.push(ends);
+    }
+    return createElement("fieldset", "", parts);
   }
 
-  // Shows the answers for a dance and highlights its first unanswered question.
-  show(answers) {
-    this.form.reset();
-    this.questions.forEach(({ id }, i) => {
-      if (id in answers) this.rows[i].querySelectorAll("input")[answers[id]].checked = true;
+  // Shows the questions about an item with its answers, and highlights the first unanswered one.
+  show(item, answers) {
+    this.item = item;
+    this.rows = item.questions.map((question, i) => this.#row(question, i));
+    this.form.replaceChildren(...this.rows);
+    item.questions.forEach(({ id }, i) => {
+      if (id in answers) this.#inputs(i)[this.isPair ? item.dances.indexOf(answers[id]) : answers[id]].checked = true;
     });
     this.form.scrollTop = 0;
-    const open = this.questions.findIndex(({ id }) => !(id in answers));
+    const open = item.questions.findIndex(({ id }) => !(id in answers));
     this.mark(Math.max(0, open));
   }
+
+  #inputs(index) { return this.rows[index].querySelectorAll("input"); }
 
   mark(index) {
     this.marked = Math.max(0, Math.min(this.rows.length - 1, index));
@@ -49,13 +60,16 @@ export class Questions {
     this.rows[this.marked].scrollIntoView({ block: "nearest" });
   }
 
-  // Answers the highlighted question and highlights the next.
-  answer(points) {
+  // Answers the highlighted question with its n-th choice and highlights the next.
+  answer(number) {
     const index = this.marked;
-    this.rows[index].querySelectorAll("input")[points].checked = true;
-    this.#give(index, points);
+    this.#inputs(index)[number].checked = true;
+    this.#give(index, number);
     this.mark(index + 1);
   }
 
-  #give(index, points) { this.onAnswer(this.questions[index].id, points); }
+  #give(index, number) {
+    const { item } = this;
+    this.onAnswer(item.questions[index].id, this.isPair ? item.dances[number] : number);
+  }
 }

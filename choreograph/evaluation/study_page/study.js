@@ -1,10 +1,10 @@
-// Plays the dances one after another, asks the questions and saves the answers.
+// Plays the dances and pairs of dances one after another, asks the questions and saves the answers.
 
 import { Answers } from "./answers.js";
 import { createElement } from "./elements.js";
 import { OrbitControls } from "./orbit.js";
 import { Player } from "./player.js";
-import { Questions } from "./questions.js";
+import { Questions, SIDES } from "./questions.js";
 import { Dancer } from "./skeleton.js";
 import { Stage } from "./stage.js";
 import { consumeText, decompressMesh, decompressMotion } from "./decompress.js";
@@ -16,10 +16,12 @@ class Study {
     this.study = study;
     this.answers = new Answers(study);
     this.stage = new Stage($("view"), mesh, (time) => { $("seek").value = time; });
-    this.questions = new Questions($("questions"), study.questions, (question, points) => {
-      this.answers.give(this.dance.id, question, points);
+    this.questions = new Questions($("questions"), (question, answer) => {
+      this.answers.give(this.item.id, question, answer);
     });
     this.player = null;
+    this.dancers = []; // of the item, one or two
+    this.side = 0; // the one that is shown
     if (!this.stage.renderer) notice("This browser does not support WebGL 2. Please use another one.");
     this.answers.addEventListener("change", () => this.#showProgress());
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => {
@@ -29,7 +31,7 @@ class Study {
     this.#listen();
   }
 
-  get dance() { return this.study.dances[this.answers.at]; }
+  get item() { return this.answers.items[this.answers.at]; }
 
   #listen() {
     const on = (id, act) => $(id).addEventListener("click", act);
@@ -40,15 +42,16 @@ class Study {
     on("help", () => this.welcome());
     on("save", () => this.save());
     on("another", () => { this.answers.startOver(); location.reload(); });
+    SIDES.forEach((side, i) => on(`side-${i}`, () => this.watch(i)));
     $("seek").addEventListener("input", () => this.player.seek(Number($("seek").value)));
     $("rater-name").addEventListener("change", () => { this.answers.name = $("rater-name").value; });
     addEventListener("keydown", (event) => this.#key(event));
   }
 
-  // Goes to a dance and plays it; past the last one, to the end of the study.
+  // Goes to a dance or pair and plays it; past the last one, to the end of the study.
   async go(index) {
     if (index < 0) return;
-    if (index >= this.study.dances.length) { this.finish(); return; }
+    if (index >= this.answers.items.length) { this.finish(); return; }
     this.answers.at = index;
     await this.show();
     this.player.play();
@@ -56,23 +59,33 @@ class Study {
   }
 
   async show() {
-    const { dance, study } = this;
+    const { item, study } = this;
+    const wholes = item.dances.map((id) => ({ ...study.body, ...study.dances.find((dance) => dance.id === id) }));
+    const [{ sound, duration_s }] = wholes; // the dances of a pair are to the same part of a song
     this.player?.close();
-    const whole = { ...study.body, ...dance };
-    const sound = dance.sound === null ? "" : $(`sound-${dance.sound}`).textContent;
-    this.player = new Player(whole, sound);
+    this.player = new Player(wholes[0], sound === null ? "" : $(`sound-${sound}`).textContent);
     this.player.addEventListener("change", () => this.#showPlayer());
     this.player.addEventListener("soundlost", () => {
       notice("This browser cannot play the song. Please use another one.");
     });
     document.body.classList.remove("started");
-    $("seek").max = dance.duration_s;
-    this.questions.show(this.answers.of(dance.id));
+    $("seek").max = duration_s;
+    this.questions.show(item, this.answers.of(item.id));
     this.#showProgress();
     this.#showPlayer();
     const { player } = this;
-    const motion = await decompressMotion($(`dance-${dance.id}`).textContent, whole);
-    if (player === this.player) this.stage.show(new Dancer(whole, motion), player);
+    const motions = await Promise.all(wholes.map((whole) => decompressMotion($(`dance-${whole.id}`).textContent, whole)));
+    if (player !== this.player) return;
+    this.dancers = motions.map((motion, i) => new Dancer(wholes[i], motion));
+    $("sides").hidden = this.dancers.length < 2;
+    this.watch(0);
+  }
+
+  // Shows the other dance of a pair at the same instant.
+  watch(side) {
+    this.side = side;
+    SIDES.forEach((_, i) => $(`side-${i}`).setAttribute("aria-pressed", `${i === side}`));
+    this.stage.show(this.dancers[side], this.player);
   }
 
   #showPlayer() {
@@ -85,19 +98,23 @@ class Study {
 
   #showProgress() {
     const { answers, study } = this;
-    const all = study.dances.length, done = all - answers.open.length;
-    $("heading").textContent = `Dance ${answers.at + 1} of ${all}`;
-    $("done").textContent = done === all ? "all rated" : `${done} rated`;
+    const all = answers.items.length, done = all - answers.open.length;
+    const pairs = study.pairs.length, single = all - pairs;
+    $("heading").textContent = this.questions.isPair
+      ? `Pair ${answers.at + 1 - single} of ${pairs}` : `Dance ${answers.at + 1} of ${single}`;
+    $("done").textContent = done === all ? "all answered" : `${done} of ${all} answered`;
     $("progress").firstElementChild.style.width = `${(100 * done) / all}%`;
     $("back").disabled = answers.at === 0;
-    $("next").textContent = answers.at === all - 1 ? "Finish" : "Next dance";
-    $("next").classList.toggle("ready", answers.isDone(this.dance.id));
+    $("next").textContent = answers.at === all - 1 ? "Finish" : "Next";
+    $("next").classList.toggle("ready", answers.isDone(this.item));
   }
 
   welcome() {
-    const count = this.study.dances.length, asked = this.study.questions.length;
-    const sound = this.study.sound ? "Please turn the sound on." : "There is no sound.";
-    $("task").textContent = `You will see ${count} short dances and answer ${asked} questions about each. ${sound}`;
+    const { questions, pairs, sound } = this.study, single = this.answers.items.length - pairs.length;
+    const parts = [];
+    if (single) parts.push(`${single} short dances and answer ${questions.length} questions about each, from 0 (very poor) to 5 (excellent)`);
+    if (pairs.length) parts.push(`${pairs.length} pair${pairs.length > 1 ? "s" : ""} of dances, A and B, and choose one of the two for each question`);
+    $("task").textContent = `You will see ${parts.join("; then ")}. ${sound ? "Please turn the sound on." : "There is no sound."}`;
     $("rater-name").value = this.answers.name;
     $("begin").textContent = Object.keys(this.answers.state.answers).length ? "Continue" : "Start";
     this.player.pause();
@@ -107,8 +124,8 @@ class Study {
   finish() {
     const { open } = this.answers;
     this.player.pause();
-    $("finish-title").textContent = open.length ? "Not all dances are rated yet" : "All dances are rated. Thank you!";
-    $("open-dances").replaceChildren(...(open.length ? ["Not rated yet:", createElement("br")] : []), ...open.map((i) => {
+    $("finish-title").textContent = open.length ? "Not all questions are answered yet" : "All questions are answered. Thank you!";
+    $("open-dances").replaceChildren(...(open.length ? ["Not answered yet:", createElement("br")] : []), ...open.map((i) => {
       const button = createElement("button", "", [`${i + 1}`]);
       button.type = "button";
       button.addEventListener("click", () => { $("finish").close(); this.go(i); });
@@ -145,7 +162,12 @@ class Study {
       p: () => this.go(answers.at - 1),
       "?": () => this.welcome(),
     };
-    for (const points of [0, 1, 2, 3, 4, 5]) acts[points] = () => questions.answer(points);
+    if (questions.isPair) {
+      SIDES.forEach((side, i) => { acts[side.toLowerCase()] = () => questions.answer(i); });
+      acts.s = () => this.watch(1 - this.side);
+    } else {
+      for (const points of [0, 1, 2, 3, 4, 5]) acts[points] = () => questions.answer(points);
+    }
     const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     const own = event.key.startsWith("Arrow") ? kind === "radio" || kind === "range"
       : event.key === " " && (kind === "button" || (kind === "radio" && !event.target.checked));
@@ -158,7 +180,8 @@ class Study {
   state() {
     const page = this;
     return Object.freeze({
-      get dance() { return page.dance.id; },
+      get item() { return page.item.id; },
+      get side() { return page.side; },
       get answers() { return structuredClone(page.answers.state.answers); },
       get time() { return page.player.time; },
       get playing() { return page.player.playing; },
