@@ -35,7 +35,7 @@ def synthesised_songs(genres: Sequence[str], folder: Path) -> Iterator[tuple[Pat
         for i, bpm in enumerate(np.linspace(*STYLES[genre].bpm, SONGS_PER_GENRE)):
             path = folder / f"{genre}-{i}.flac"
             if not path.exists():
-                write_song(render_song(genre, bpm=bpm, duration_s=SONG_S, seed=_SEEDS_FROM + i), path)
+                write_song(path, render_song(genre, bpm=bpm, duration_s=SONG_S, seed=_SEEDS_FROM + i))
             yield path, genre
 
 

@@ -1,4 +1,4 @@
-"""What the rollout network makes of motifs: ablations, re-created dances, variations, style, feet.
+"""What the rollout network makes of motifs: ablations, genres, re-created dances, variations, style, feet.
 
     python examples/papers/rollout.py SONGS REPERTOIRE… [--only NAMES] [--beats FOLDER] [--ablations FOLDER]
 
@@ -10,7 +10,8 @@ NAMES and FOLDER are as it says. Up to 80 s of each song, danced with its genre 
 Each repertoire has its own seed: numbers are mean ± spread over repertoires. A repertoire's χ² is also judged
 by the word network of the next one ("chi2 judged"), which neither asked for its motifs nor taught it.
 The ablations' FOLDER was written by `train_rollout_ablations.py`. "landed" is the finished rollout, warped so
-that its accents lie on the beats. "read" are counts that a network reads from the motion alone.
+that its accents lie on the beats. "read" are counts that a network reads from the motion alone. "by genre"
+is Table 1 of the paper: χ² to the genre's template; its intervals are over repertoires.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from unittest.mock import patch
 
 import numpy as np
 import torch
+from scipy.stats import t
 
 import choreograph as cg
 from choreograph.audio.song import Song, load_song
@@ -92,12 +94,13 @@ def pieces_of(data: Path, only: Path, beats: str) -> list[Piece]:
 
 def ablated_nets(folder: Path) -> dict[str, RolloutNet]:
     """The networks of a folder by what they lack."""
-    nets = {}
-    for path in sorted(folder.glob("*.pt")):
-        stored = torch.load(path, weights_only=True)
-        weights = {key: value.numpy() for key, value in stored.pop("weights").items()}
-        nets[path.stem] = RolloutNet.from_arrays(weights, stored)
-    return nets
+    return {path.stem: ablated_net(path) for path in sorted(folder.glob("*.pt"))}
+
+
+def ablated_net(path: Path) -> RolloutNet:
+    stored = torch.load(path, weights_only=True)
+    weights = {key: value.numpy() for key, value in stored.pop("weights").items()}
+    return RolloutNet.from_arrays(weights, stored)
 
 
 def bounds_of(dance: cg.Dance) -> np.ndarray:
@@ -114,10 +117,13 @@ def means(rows: Mapping[str, Sequence[Row]]) -> Table:
 
 def ablated(
     pieces: list[Piece], repertoire: WithNet, judge: cg.Repertoire, nets: Mapping[str, RolloutNet]
-) -> Table:
-    """Distance to the template, beats, and speeds, for every network, and of what was really danced."""
+) -> dict[str, Table]:
+    """Distance to the template, beats, and speeds, for every network, and of what was really danced.
+
+    And the distances by genre.
+    """
     k = repertoire.vocabulary.n_motifs
-    rows = defaultdict(list)
+    rows, by_genre = defaultdict(list), defaultdict(list)
     for piece in pieces:
         goal = repertoire.vocabulary.signatures[repertoire.vocabulary.genre_index(piece.genre)]
         motions: dict[str, Motion] = {}
@@ -153,7 +159,9 @@ def ablated(
                     "jerk p95": np.percentile(joint_jerk_m_s3(body, motion.fps)[1], 95),
                 }
             )
-    return means(rows)
+            of_genre = {key: rows[name][-1][key] for key in ("chi2 judged", "chi2")}
+            by_genre[f"{piece.genre}, {name}"].append(of_genre)
+    return {"ablations": means(rows), "by genre": means(by_genre)}
 
 
 def landed(motion: Motion, beats_s: np.ndarray) -> Motion:
@@ -276,13 +284,21 @@ def feet(pieces: list[Piece], repertoire: WithNet) -> Table:
 
 
 def show(title: str, tables: Sequence[Table]) -> None:
-    """Mean ± spread over repertoires; a row that one of them lacks is of the others."""
+    """Mean ± spread over repertoires, and half of its 95 % interval; a row that one lacks is of the others."""
     print(f"{title}, {len(tables)} repertoires")
     for name in dict.fromkeys(name for table in tables for name in table):
         own = [table[name] for table in tables if name in table]
         values = {key: [row[key] for row in own] for key in own[0]}
-        texts = (f"{key} {np.mean(v):.3f} ± {np.std(v):.3f}" for key, v in values.items())
+        texts = (f"{key} {np.mean(v):.3f} ± {np.std(v):.3f}{interval(v)}" for key, v in values.items())
         print(f"  {name} ({len(own)}):", ", ".join(texts), flush=True)
+
+
+def interval(values: Sequence[float]) -> str:
+    """Half of the 95 % interval of a mean (Student's t), from three values on."""
+    n = len(values)
+    if n < 3:
+        return ""
+    return f" (95 %: {t.ppf(0.975, n - 1) * np.std(values, ddof=1) / np.sqrt(n):.3f})"
 
 
 def measured(path: Path, judge: Path, given: argparse.Namespace) -> dict[str, Table]:
@@ -293,13 +309,16 @@ def measured(path: Path, judge: Path, given: argparse.Namespace) -> dict[str, Ta
     nets = ablated_nets(given.ablations / path.stem) if given.ablations else {}
     tables = {
         "ablations": lambda: ablated(pieces, repertoire, cg.Repertoire.open(judge), nets),
-        "re-created": lambda: recreated(pieces, repertoire, nets),
-        "variations": lambda: varied(pieces, repertoire),
-        "style": lambda: styled(pieces, repertoire),
-        "feet": lambda: feet(pieces, repertoire),
-        "long": lambda: long_dances(pieces, repertoire),
+        "re-created": lambda: {"re-created": recreated(pieces, repertoire, nets)},
+        "variations": lambda: {"variations": varied(pieces, repertoire)},
+        "style": lambda: {"style": styled(pieces, repertoire)},
+        "feet": lambda: {"feet": feet(pieces, repertoire)},
+        "long": lambda: {"long": long_dances(pieces, repertoire)},
     }
-    found = {title: make() for title, make in tables.items() if title in given.tables}
+    found: dict[str, Table] = {}
+    for title, make in tables.items():
+        if title in given.tables:
+            found |= make()
     print(f"{path.name} measured", flush=True)
     return found
 
