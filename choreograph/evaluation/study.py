@@ -26,11 +26,11 @@ import numpy as np
 from choreograph.errors import ParameterError
 from choreograph.evaluation.study_questions import ASKED, QUESTIONS, mixed_order, pair_questions, paired
 from choreograph.files import atomic_path
+from choreograph.mannequin.skinned_mesh import build_mannequin
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget, share_skeleton
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.preview.compression import ROTVEC_STEP_RAD, compress_mesh, compress_motion
-from choreograph.preview.mannequin import build_mannequin
 from choreograph.preview.page_assembly import bundle_scripts, fill_template, page_part, to_script_json
 from choreograph.preview.sound import encode_mp4, song_part
 

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.errors import ParameterError
+from choreograph.mannequin.skinned_mesh import Floats, SkinnedMesh, build_mannequin
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import ground_pos_m, heading_rad
-from choreograph.preview.mannequin import Floats, SkinnedMesh, build_mannequin
 from choreograph.preview.renderer import Camera, Pixels, render_pose
 
 _FOV_RAD = float(np.radians(28.0))

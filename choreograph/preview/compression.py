@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.mannequin.skinned_mesh import SkinnedMesh
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
-from choreograph.preview.mannequin import SkinnedMesh
 from choreograph.zigzag import zigzag_encode
 
 ROTVEC_STEP_RAD = 2.5e-4  # pi is 12,566 steps: any rotation fits into two bytes

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
 from choreograph.files import atomic_path, check_target
+from choreograph.mannequin.skinned_mesh import build_mannequin
 from choreograph.motion.motion import Motion
 from choreograph.plan import Block, Plan, PlannedSecond
 from choreograph.preview.compression import ROTVEC_STEP_RAD, compress_mesh, compress_motion, deflate_base64
-from choreograph.preview.mannequin import build_mannequin
 from choreograph.preview.page_assembly import bundle_scripts, fill_template, page_part, to_script_json
 from choreograph.preview.sound import Levels, encode_mp4, song_part
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
+from choreograph.mannequin.skinned_mesh import SkinnedMesh, skin_matrices
 from choreograph.preview import _raster_kernels as raster
 from choreograph.preview import _shading_kernels as shading
-from choreograph.preview.mannequin import SkinnedMesh, skin_matrices
 
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

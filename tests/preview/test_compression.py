@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_motions import swaying
 
+from choreograph.mannequin.skinned_mesh import build_mannequin
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.preview.compression import ROTVEC_STEP_RAD, CompressedMotion, compress_mesh, compress_motion
-from choreograph.preview.mannequin import build_mannequin
 
 
 def decompressed(compressed: CompressedMotion) -> tuple[np.ndarray, np.ndarray]:

@@ -7,10 +7,10 @@ import pytest
 from synthetic_motions import swaying
 
 from choreograph.errors import ParameterError
+from choreograph.mannequin.skinned_mesh import PARTS, build_mannequin
 from choreograph.motion import rotations as rot
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.preview.camera_path import follow_camera
-from choreograph.preview.mannequin import PARTS, build_mannequin
 from choreograph.preview.renderer import Camera, render_pose
 
 SKELETON = canonical_skeleton()

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
+from choreograph.mannequin._bind_pose import standing_body
+from choreograph.mannequin._limb_mesh import arm, hand, knob, leg, shoe, taper
+from choreograph.mannequin._lofting import Piece, vertex_normals
+from choreograph.mannequin._trunk_mesh import head, neck, trunk
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
-from choreograph.preview._bind_pose import standing_body
-from choreograph.preview._limb_mesh import arm, hand, knob, leg, shoe, taper
-from choreograph.preview._lofting import Piece, vertex_normals
-from choreograph.preview._trunk_mesh import head, neck, trunk
 
 Floats = NDArray[np.float64]
 
-# What a vertex belongs to: `Figure.parts` are indices into this, rows of `Figure.palette`.
+# What a vertex belongs to: `SkinnedMesh.parts` are indices into this, rows of its `palette`.
 PARTS = (
     "torso", "pelvis", "head", "hair", "left_arm", "right_arm", "left_hand", "right_hand", "left_leg",
     "right_leg", "left_shoe", "right_shoe", "extra",

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_motions import on_other_axes, swaying
 
+from choreograph.mannequin.skinned_mesh import PARTS, SkinnedMesh, build_mannequin, skin_matrices
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import rest_pose_is_upright
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
 from choreograph.preview import _raster_kernels as raster
-from choreograph.preview.mannequin import PARTS, SkinnedMesh, build_mannequin, skin_matrices
 
 _MIXAMO = {
     "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2", "neck": "Neck",

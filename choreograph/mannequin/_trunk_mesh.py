@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.preview._bind_pose import UP, Body
-from choreograph.preview._lofting import (
+from choreograph.mannequin._bind_pose import UP, Body
+from choreograph.mannequin._lofting import (
     Floats,
     Piece,
     Rings,

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from choreograph.preview._bind_pose import UP, Body
-from choreograph.preview._lofting import (
+from choreograph.mannequin._bind_pose import UP, Body
+from choreograph.mannequin._lofting import (
     Floats,
     Piece,
     Rings,
