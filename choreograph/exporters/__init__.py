@@ -2,6 +2,7 @@
 
 bvh   one skeleton, Euler angles
 npz   plain arrays, exact; SMPL's where the skeleton is the canonical one
+glb   glTF: a skinned body, its skeleton standing, and the motion as an animation
 
 A new format is one module here with a `Writer`.
 """
@@ -13,13 +14,23 @@ from pathlib import Path
 from choreograph.errors import ParameterError
 from choreograph.exporters._base import Writer
 from choreograph.exporters.bvh import BvhOptions, BvhWriter
+from choreograph.exporters.glb import GlbWriter
 from choreograph.exporters.npz import NpzWriter
 from choreograph.files import atomic_path
 from choreograph.motion.motion import Motion
 
-__all__ = ["FORMATS", "BvhOptions", "BvhWriter", "NpzWriter", "Writer", "get_writer", "save_motion"]
+__all__ = [
+    "FORMATS",
+    "BvhOptions",
+    "BvhWriter",
+    "GlbWriter",
+    "NpzWriter",
+    "Writer",
+    "get_writer",
+    "save_motion",
+]
 
-_WRITERS: dict[str, type[Writer]] = {writer.format: writer for writer in (BvhWriter, NpzWriter)}
+_WRITERS: dict[str, type[Writer]] = {writer.format: writer for writer in (BvhWriter, NpzWriter, GlbWriter)}
 FORMATS = tuple(_WRITERS)
 
 

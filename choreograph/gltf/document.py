@@ -1,0 +1,117 @@
+"""A glTF 2.0 document in memory: its JSON, and one binary buffer that arrays are read from and added to."""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.errors import FormatError
+
+_TYPE_OF_COMPONENT: dict[int, np.dtype] = {
+    5120: np.dtype("<i1"), 5121: np.dtype("<u1"), 5122: np.dtype("<i2"), 5123: np.dtype("<u2"),
+    5125: np.dtype("<u4"), 5126: np.dtype("<f4"),
+}  # fmt: skip
+_GREATEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}  # of integers that stand for 0 to 1
+_COMPONENT_OF_TYPE = {dtype: component for component, dtype in _TYPE_OF_COMPONENT.items()}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_VECTORS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_ALIGNMENT = 4  # bytes
+VERTICES, INDICES = 34962, 34963  # what a view is bound to, as OpenGL numbers it
+GLB_MAGIC, GLB_VERSION, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
+
+
+class GltfDocument:
+    """A document that grows: `json` is edited in place, `accessor` adds an array, `array` reads one."""
+
+    def __init__(self, data: dict[str, Any], binary: bytes = b"", name: str = "a new document") -> None:
+        self.json = data
+        self.name = name  # for errors
+        self._binary = bytearray(binary)
+
+    @classmethod
+    def empty(cls, generator: str) -> GltfDocument:
+        """A document with nothing in it."""
+        return cls({"asset": {"version": "2.0", "generator": generator}})
+
+    def entry(self, kind: str, index: Any) -> dict[str, Any]:
+        """Entry `index` of the document's array `kind`; `FormatError` if there is none."""
+        entries = self.json.get(kind)
+        if isinstance(index, int) and isinstance(entries, list) and 0 <= index < len(entries):
+            entry = entries[index]
+            if isinstance(entry, dict):
+                return entry
+        raise FormatError(f"{self.name}: expected {kind}[{index!r}], got none: the file is damaged")
+
+    def add(self, kind: str, entry: dict[str, Any]) -> int:
+        """Add an entry to the document's array `kind` ("nodes", "meshes", …); its index."""
+        entries = self.json.setdefault(kind, [])
+        entries.append(entry)
+        return len(entries) - 1
+
+    def view(self, data: bytes, **properties: Any) -> int:
+        """Add bytes; the buffer view's index."""
+        self._binary += bytes(-len(self._binary) % _ALIGNMENT)
+        entry = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": len(data), **properties}
+        self._binary += data
+        return self.add("bufferViews", entry)
+
+    def accessor(self, rows: NDArray, *, target: int | None = None, bounds: bool = False) -> int:
+        """Add an array (N,) or (N, D) of a type that glTF knows; the accessor's index.
+
+        `bounds` writes its least and greatest values, which positions and key times must have.
+        """
+        rows = np.ascontiguousarray(rows)
+        dtype = rows.dtype.newbyteorder("<")
+        view = self.view(rows.astype(dtype).tobytes(), **({} if target is None else {"target": target}))
+        entry: dict[str, Any] = {
+            "bufferView": view, "componentType": _COMPONENT_OF_TYPE[dtype], "count": len(rows),
+            "type": _VECTORS[1 if rows.ndim == 1 else rows.shape[1]],
+        }  # fmt: skip
+        if bounds:
+            entry["min"] = np.atleast_1d(rows.min(axis=0)).tolist()
+            entry["max"] = np.atleast_1d(rows.max(axis=0)).tolist()
+        return self.add("accessors", entry)
+
+    def array(self, index: Any) -> NDArray[np.float64]:
+        """The values of an accessor as floats, (N,) for scalars, else (N, D); normalised integers divided.
+
+        Raises `FormatError` if it does not lie within the file, or is sparse or compressed.
+        """
+        entry = self.entry("accessors", index)
+        component, kind, count = entry.get("componentType"), entry.get("type"), entry.get("count")
+        if component not in _TYPE_OF_COMPONENT or kind not in _WIDTHS or not isinstance(count, int):
+            raise FormatError(f"{self.name}: expected an accessor of a known type, got {component}, {kind!r}")
+        if "sparse" in entry or "bufferView" not in entry:
+            raise FormatError(f"{self.name}: expected plain accessors of bones, got a sparse one")
+        dtype, width = _TYPE_OF_COMPONENT[component], _WIDTHS[kind]
+        view = self.entry("bufferViews", entry["bufferView"])
+        if "EXT_meshopt_compression" in view.get("extensions", {}):
+            raise FormatError(f"{self.name}: expected plain data, got meshopt compression: export without it")
+        start = _whole(view.get("byteOffset", 0)) + _whole(entry.get("byteOffset", 0))
+        stride = _whole(view.get("byteStride", 0)) or dtype.itemsize * width
+        end = start + stride * (count - 1) + dtype.itemsize * width
+        if count < 1 or min(start, stride) < 0 or end > len(self._binary):
+            raise FormatError(f"{self.name}: expected {count} values of an accessor, the file ends before")
+        rows = np.ndarray((count, width), dtype, self._binary, start, (stride, dtype.itemsize))
+        values = rows.astype(np.float64)
+        if entry.get("normalized") and component in _GREATEST:
+            values = np.maximum(values / _GREATEST[component], -1.0)
+        return values[:, 0] if width == 1 else values
+
+    def to_glb(self) -> bytes:
+        """The document as one binary file."""
+        binary = bytes(self._binary) + bytes(-len(self._binary) % _ALIGNMENT)
+        whole = {**self.json, "buffers": [{"byteLength": len(binary)}]}
+        text = json.dumps(whole, separators=(",", ":"), ensure_ascii=False).encode("utf-8")
+        text += b" " * (-len(text) % _ALIGNMENT)
+        chunks = struct.pack("<II", len(text), JSON_CHUNK) + text
+        chunks += struct.pack("<II", len(binary), BINARY_CHUNK) + binary
+        return struct.pack("<III", GLB_MAGIC, GLB_VERSION, 12 + len(chunks)) + chunks
+
+
+def _whole(value: Any) -> int:
+    return value if isinstance(value, int) and not isinstance(value, bool) else -1
