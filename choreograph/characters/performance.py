@@ -1,0 +1,224 @@
+"""A dance on a character: its bones turned as the dancer's joints turn, its hips carried, its feet planted.
+
+The character's bind pose and the canonical body's rest pose are compared bone by bone, so that an A pose,
+another roll of a bone, or a figure that looks elsewhere in its file makes no difference. Trunk, neck and head
+turn as the dancer's do and keep the figure's own posture; arms and legs point where the dancer's point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.blending.foot_locking import DANCE_SHIFT_S, lock_feet
+from choreograph.characters.rig import Rig, rotations_of
+from choreograph.errors import ParameterError
+from choreograph.features.contacts import foot_contacts
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.floor import estimate_floor_m, sole_pos_m
+from choreograph.motion.kinematics import forward, to_local
+from choreograph.motion.motion import Motion
+from choreograph.motion.retargeting import retarget
+from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
+
+Floats = NDArray[np.float64]
+
+# Bones that point where the dancer's point, each with the joint that it leads to.
+_POINTING = {
+    f"{side}_{start}": f"{side}_{end}"
+    for side in ("left", "right")
+    for start, end in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
+}
+_SPINE = ("pelvis", "spine1", "spine2", "spine3")
+_UP = np.array([0.0, 1.0, 0.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """What a character's bones do: local rotations, and translations of those that travel."""
+
+    fps: float
+    n_frames: int
+    local_quat: dict[int, Floats]  # bone -> (T, 4), for bones that the dance turns
+    translation: dict[int, Floats]  # bone -> (T, 3), in its parent's units
+    motion: Motion  # the dance on the figure's bones, in the world, with canonical names where they are known
+
+
+def perform(motion: Motion, rig: Rig, bones: Mapping[str, int]) -> Performance:
+    """The motion on a rig whose bones are known by canonical name.
+
+    Raises `ParameterError` if hips, legs or arms are among the names that `bones` lacks.
+    """
+    canonical = canonical_skeleton()
+    dancer = motion if motion.skeleton.same_as(canonical) else retarget(motion, canonical)
+    skeleton, bone_of_joint = figure_skeleton(rig, bones)
+    facing = _facing(rig, bones)
+    _, world = forward(canonical, dancer.root_pos_m, dancer.local_quat)  # (T, 24, 4)
+    turned = _turned(world, skeleton, facing)
+    figure = _placed(dancer, Motion(skeleton, np.zeros_like(dancer.root_pos_m), turned, dancer.fps))
+    contacts = foot_contacts(body_pos_m(dancer), dancer.fps)
+    figure = lock_feet(figure, contacts, shift_s=DANCE_SHIFT_S)
+    return _on_bones(figure, rig, bone_of_joint, bones["pelvis"])
+
+
+def figure_skeleton(rig: Rig, bones: Mapping[str, int]) -> tuple[Skeleton, list[int]]:
+    """The rig from its pelvis down as a skeleton whose rest pose is the bind pose, all rotations identity.
+
+    Joints that are known have their canonical names. Also the bone of each joint.
+    """
+    top = bones["pelvis"]
+    inside = {top}
+    for bone in range(top + 1, rig.n_bones):
+        if int(rig.parents[bone]) in inside:
+            inside.add(bone)
+    order = sorted(inside)
+    outside = [name for name, bone in bones.items() if bone not in inside]
+    if outside:
+        raise ParameterError(f"expected all of the body below the pelvis, got {', '.join(outside)} elsewhere")
+    joint_of = {bone: joint for joint, bone in enumerate(order)}
+    role_of = {bone: role for role, bone in bones.items()}
+    names = tuple(role_of.get(bone, f"#{bone}") for bone in order)
+    parents = np.array([-1, *(joint_of[int(rig.parents[bone])] for bone in order[1:])])
+    offsets = rig.bind_pos_m[order].copy()
+    offsets[1:] -= rig.bind_pos_m[rig.parents[order[1:]]]
+    tip_parents, tips = _soles(rig, bones, joint_of)
+    return Skeleton(names, parents, offsets, tip_parents, tips), order
+
+
+def _soles(
+    rig: Rig, bones: Mapping[str, int], joint_of: Mapping[int, int]
+) -> tuple[NDArray[np.int64], Floats]:
+    """End sites at the sole below heel and ball of both feet: their joints (E,) and offsets (E, 3)."""
+    parents, tips = [], []
+    for side in ("left", "right"):
+        ankle = bones[f"{side}_ankle"]
+        ball = bones.get(f"{side}_foot", ankle)
+        for bone in (ankle, ball):
+            parents.append(joint_of[ankle])
+            tips.append(rig.bind_pos_m[bone] * [1, 0, 1] + [0, rig.floor_m, 0] - rig.bind_pos_m[ankle])
+    return np.array(parents), np.array(tips)
+
+
+def _facing(rig: Rig, bones: Mapping[str, int]) -> Floats:
+    """The turn about Y (4,) from +Z to where the figure looks in its bind pose."""
+    left = rig.bind_pos_m[bones["left_hip"]] - rig.bind_pos_m[bones["right_hip"]]
+    front = np.cross(left, _UP)
+    if np.linalg.norm(front) < 1e-9:
+        raise ParameterError("expected a character with hips side by side in its bind pose, got none")
+    return rot.about_y(np.arctan2(front[0], front[2]))
+
+
+def _alignments(skeleton: Skeleton, facing: Floats) -> Floats:
+    """The rotations (J, 4) that turn the canonical rest pose into the figure's, joint by joint.
+
+    Joints of trunk and feet are only turned to where the figure looks; those of arms and legs are also swung
+    from the canonical bone's direction to the figure's, beginning with what their parent was swung by.
+    """
+    canonical, rest = canonical_skeleton(), skeleton.rest_pos_m()
+    canonical_rest = canonical.rest_pos_m()
+    aligned = np.tile(facing, (skeleton.n_joints, 1))
+    for joint, name in enumerate(skeleton.names):
+        if name in _POINTING and _POINTING[name] in skeleton.names:
+            start, end = CANONICAL_JOINTS.index(name), CANONICAL_JOINTS.index(_POINTING[name])
+            own = rest[skeleton.index(_POINTING[name])] - rest[joint]
+            before = aligned[_known_parent(skeleton, joint)] if name.endswith(("knee", "elbow")) else facing
+            bone = rot.rotate(before, canonical_rest[end] - canonical_rest[start])
+            aligned[joint] = rot.multiply(rot.between(bone, own), before)
+        elif name.endswith(("wrist", "hand")):
+            aligned[joint] = aligned[_known_parent(skeleton, joint)]
+        elif name.endswith(("ankle", "_foot")):
+            aligned[joint] = rot.multiply(_toe_out(skeleton, name.split("_")[0], facing), facing)
+    return aligned
+
+
+def _toe_out(skeleton: Skeleton, side: str, facing: Floats) -> Floats:
+    """The turn about Y (4,) from where the figure looks to where a foot of it points."""
+    rest = skeleton.rest_pos_m()
+    if f"{side}_foot" not in skeleton.names:
+        return rot.IDENTITY
+    foot = rest[skeleton.index(f"{side}_foot")] - rest[skeleton.index(f"{side}_ankle")]
+    foot = rot.rotate(rot.invert(facing), foot)
+    return rot.about_y(np.arctan2(foot[0], foot[2]))
+
+
+def _known_parent(skeleton: Skeleton, joint: int) -> int:
+    """The nearest ancestor that has a canonical name, or the root."""
+    parent = int(skeleton.parents[joint])
+    while parent > 0 and skeleton.names[parent] not in CANONICAL_JOINTS:
+        parent = int(skeleton.parents[parent])
+    return parent
+
+
+def _turned(world: Floats, skeleton: Skeleton, facing: Floats) -> Floats:
+    """Local rotations (T, J, 4) of the figure's joints from world rotations (T, 24, 4) of the dancer's."""
+    back = rot.invert(_alignments(skeleton, facing))
+    turned = np.empty((len(world), skeleton.n_joints, 4))
+    spine = _spine_heights(skeleton)
+    for joint, name in enumerate(skeleton.names):
+        if joint in spine:
+            low = min(int(spine[joint]), len(_SPINE) - 2)
+            ends = [world[:, CANONICAL_JOINTS.index(part)] for part in _SPINE[low : low + 2]]
+            source = rot.slerp(ends[0], ends[1], spine[joint] - low)
+        elif name in CANONICAL_JOINTS:
+            source = world[:, CANONICAL_JOINTS.index(name)]
+        else:
+            turned[:, joint] = turned[:, skeleton.parents[joint]]
+            continue
+        turned[:, joint] = rot.multiply(source, back[joint])
+    return rot.make_continuous(to_local(skeleton, turned))
+
+
+def _spine_heights(skeleton: Skeleton) -> dict[int, float]:
+    """The joints from above the pelvis to where the arms meet, spread over the dancer's three: 0 … 3."""
+    path = [skeleton.index("left_shoulder")]
+    while path[-1]:
+        path.append(int(skeleton.parents[path[-1]]))
+    other = {skeleton.index("right_shoulder")}
+    joint = skeleton.index("right_shoulder")
+    while joint:
+        joint = int(skeleton.parents[joint])
+        other.add(joint)
+    trunk = [joint for joint in path[::-1] if joint in other and joint]
+    return {joint: 3.0 * (i + 1) / len(trunk) for i, joint in enumerate(trunk)}
+
+
+def _placed(dancer: Motion, figure: Motion) -> Motion:
+    """The figure, its hips on the dancer's path scaled by leg length, its soles on the floor."""
+    scale = _leg_m(figure.skeleton) / _leg_m(dancer.skeleton)
+    hips = [[skeleton.index(f"{side}_hip") for side in ("left", "right")]
+            for skeleton in (dancer.skeleton, figure.skeleton)]  # fmt: skip
+    path = scale * dancer.joint_pos_m()[:, hips[0]].mean(axis=1)
+    at_origin = figure.joint_pos_m()[:, hips[1]].mean(axis=1)
+    placed = replace(figure, root_pos_m=path - at_origin)
+    return placed.moved(shift_m=np.array([0.0, -estimate_floor_m(sole_pos_m(placed)), 0.0]))
+
+
+def _leg_m(skeleton: Skeleton) -> float:
+    """Mean length of both legs, hip to ankle along the bones."""
+    rest = skeleton.rest_pos_m()
+    chains = [
+        [skeleton.index(f"{side}_{part}") for part in ("hip", "knee", "ankle")] for side in ("left", "right")
+    ]
+    return float(np.linalg.norm(np.diff(rest[chains], axis=1), axis=-1).sum(axis=-1).mean())
+
+
+def _on_bones(figure: Motion, rig: Rig, bone_of_joint: list[int], pelvis: int) -> Performance:
+    """The figure's motion as local rotations of the rig's bones, and the pelvis' translation."""
+    pos_m, turned = forward(figure.skeleton, figure.root_pos_m, figure.local_quat)  # (T, J, 3), (T, J, 4)
+    world = rot.multiply(turned, rig.bind_quat[bone_of_joint])  # (T, J, 4)
+    rest = rig.rest_world()
+    above = int(rig.parents[pelvis])
+    outer = rest[above] if above >= 0 else np.eye(4)
+    joint_of = {bone: joint for joint, bone in enumerate(bone_of_joint)}
+    local: dict[int, Floats] = {}
+    for bone, joint in joint_of.items():
+        parent = joint_of.get(int(rig.parents[bone]))
+        over = rotations_of(outer)[None] if parent is None else world[:, parent]
+        local[bone] = rot.make_continuous(rot.multiply(rot.invert(over), world[:, joint]))
+    inverse = np.linalg.inv(outer)
+    translation = pos_m[:, 0] @ inverse[:3, :3].T + inverse[:3, 3]
+    return Performance(figure.fps, figure.n_frames, local, {pelvis: translation}, figure)
