@@ -75,6 +75,7 @@ class Spec:
     extra: dict[str, str] = field(default_factory=dict)
 
 
+NAMELESS = {name: f"bone_{i:02d}" for i, name in enumerate(canonical_skeleton().names)}
 CHARACTERS = {
     "mixamo": Spec(MIXAMO, units_per_m=100.0),
     "unreal": Spec(UNREAL, arms_down_rad=0.8, along="x", root=True, twist=True),
@@ -84,6 +85,8 @@ CHARACTERS = {
     "long arms": Spec(UNREAL, arms=1.4, along="x"),
     "rigify": Spec(RIGIFY, arms_down_rad=0.3),
     "posed": Spec(MIXAMO, posed=True),
+    "nameless": Spec(NAMELESS, arms_down_rad=0.5),
+    "nameless that looks aside": Spec(NAMELESS, heading_rad=np.pi / 2, root=True),
     "few spine bones": Spec(
         MIXAMO, left_out=("left_hand", "right_hand", "spine2", "spine3"), arms_down_rad=0.7
     ),

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from choreograph.characters.rig import Rig
+from choreograph.characters.structure import bones_by_structure, head_by_structure
 from choreograph.errors import ParameterError
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
@@ -33,8 +34,12 @@ def find_bones(rig: Rig, human_bones: Mapping[str, int] | None = None) -> dict[s
     # A root above all, since rigs may have several.
     names = ("", *_distinct(rig.names))
     parents = np.concatenate([[-1], rig.parents + 1])
-    roles = joint_roles(Skeleton(names, parents, np.zeros((len(names), 3))))
-    return {role: joint - 1 for role, joint in roles.items() if joint > 0}
+    try:
+        roles = joint_roles(Skeleton(names, parents, np.zeros((len(names), 3))))
+    except ParameterError:
+        return bones_by_structure(rig)
+    bones = {role: joint - 1 for role, joint in roles.items() if joint > 0}
+    return head_by_structure(rig, bones) | bones
 
 
 def _of_vrm(human_bones: Mapping[str, int]) -> dict[str, int]:

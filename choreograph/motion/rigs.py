@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -78,17 +78,28 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
         raise ParameterError(
             f"expected the joint names of a known rig, found no {', '.join(missing)} among {', '.join(names)}"
         )
-    chest = _common_ancestor(parents, [roles["left_shoulder"], roles["right_shoulder"]])
-    waist = _common_ancestor(parents, [roles["left_hip"], roles["right_hip"], chest])
-    above_waist = _path_from_root(parents, waist)
-    named = [parts.get(("", name), -1) for name in _MIDDLE_NAMES["pelvis"]]
-    roles["pelvis"] = max((joint for joint in named if joint in above_waist), default=waist)
     for role in ("neck", "head"):
         found = [parts[("", name)] for name in _MIDDLE_NAMES[role] if ("", name) in parts]
         if found:
             roles[role] = found[0]
-    roles |= _spine_roles([joint for joint in _path_from_root(parents, chest) if joint > roles["pelvis"]])
+    named = [parts[("", name)] for name in _MIDDLE_NAMES["pelvis"] if ("", name) in parts]
+    roles |= trunk_roles(parents, roles, named)
     return {name: roles[name] for name in CANONICAL_JOINTS if name in roles}
+
+
+def trunk_roles(
+    parents: tuple[int, ...], limbs: Mapping[str, int], named_pelvis: Sequence[int] = ()
+) -> dict[str, int]:
+    """Pelvis and spine by hierarchy: from where legs and trunk meet to where the arms of `limbs` meet.
+
+    Of joints that are named as a pelvis, the one nearest to there is taken.
+    """
+    chest = _common_ancestor(parents, [limbs["left_shoulder"], limbs["right_shoulder"]])
+    waist = _common_ancestor(parents, [limbs["left_hip"], limbs["right_hip"], chest])
+    above_waist = _path_from_root(parents, waist)
+    pelvis = max((joint for joint in named_pelvis if joint in above_waist), default=waist)
+    spine = [joint for joint in _path_from_root(parents, chest) if joint > pelvis]
+    return {"pelvis": pelvis, **_spine_roles(spine)}
 
 
 def _side_and_part(name: str) -> tuple[str, str]:
