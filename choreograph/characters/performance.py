@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.blending.foot_locking import DANCE_SHIFT_S, lock_feet
+from choreograph.characters.helper_bones import LIMB_ENDS, ik_bones, twist_bones, twist_turn
 from choreograph.characters.rig import Rig, rotations_of
 from choreograph.errors import ParameterError
 from choreograph.features.contacts import foot_contacts
@@ -62,7 +63,8 @@ def perform(motion: Motion, rig: Rig, bones: Mapping[str, int]) -> Performance:
     figure = _placed(dancer, Motion(skeleton, np.zeros_like(dancer.root_pos_m), turned, dancer.fps))
     contacts = foot_contacts(body_pos_m(dancer), dancer.fps)
     figure = lock_feet(figure, contacts, shift_s=DANCE_SHIFT_S)
-    return _on_bones(figure, rig, bone_of_joint, bones["pelvis"])
+    joint_of = {bone: joint for joint, bone in enumerate(bone_of_joint)}
+    return _on_bones(_with_twist(figure, rig, bones, joint_of), rig, bones, joint_of)
 
 
 def figure_skeleton(rig: Rig, bones: Mapping[str, int]) -> tuple[Skeleton, list[int]]:
@@ -206,19 +208,49 @@ def _leg_m(skeleton: Skeleton) -> float:
     return float(np.linalg.norm(np.diff(rest[chains], axis=1), axis=-1).sum(axis=-1).mean())
 
 
-def _on_bones(figure: Motion, rig: Rig, bone_of_joint: list[int], pelvis: int) -> Performance:
-    """The figure's motion as local rotations of the rig's bones, and the pelvis' translation."""
+def _with_twist(figure: Motion, rig: Rig, bones: Mapping[str, int], joint_of: Mapping[int, int]) -> Motion:
+    """The figure with the roll of its limbs shared by their twist bones."""
+    skeleton = figure.skeleton
+    _, turned = forward(skeleton, figure.root_pos_m, figure.local_quat)  # (T, J, 4)
+    for bone, (role, place) in twist_bones(rig, bones).items():
+        joint, end = skeleton.index(role), skeleton.index(LIMB_ENDS[role])
+        along = rig.bind_pos_m[bones[LIMB_ENDS[role]]] - rig.bind_pos_m[bones[role]]
+        above = turned[:, skeleton.parents[joint]]
+        turned[:, joint_of[bone]] = twist_turn(role, place, along, above, turned[:, joint], turned[:, end])
+    return replace(figure, local_quat=rot.make_continuous(to_local(skeleton, turned)))
+
+
+def _on_bones(figure: Motion, rig: Rig, bones: Mapping[str, int], joint_of: Mapping[int, int]) -> Performance:
+    """The figure's motion as local transforms of the rig's bones."""
     pos_m, turned = forward(figure.skeleton, figure.root_pos_m, figure.local_quat)  # (T, J, 3), (T, J, 4)
-    world = rot.multiply(turned, rig.bind_quat[bone_of_joint])  # (T, J, 4)
+    world = rot.multiply(turned, rig.bind_quat[list(joint_of)])  # (T, J, 4)
     rest = rig.rest_world()
-    above = int(rig.parents[pelvis])
-    outer = rest[above] if above >= 0 else np.eye(4)
-    joint_of = {bone: joint for joint, bone in enumerate(bone_of_joint)}
+    pelvis = bones["pelvis"]
     local: dict[int, Floats] = {}
     for bone, joint in joint_of.items():
-        parent = joint_of.get(int(rig.parents[bone]))
-        over = rotations_of(outer)[None] if parent is None else world[:, parent]
+        parent = int(rig.parents[bone])
+        over = world[:, joint_of[parent]] if parent in joint_of else _rotation_above(rest, parent)
         local[bone] = rot.make_continuous(rot.multiply(rot.invert(over), world[:, joint]))
-    inverse = np.linalg.inv(outer)
-    translation = pos_m[:, 0] @ inverse[:3, :3].T + inverse[:3, 3]
-    return Performance(figure.fps, figure.n_frames, local, {pelvis: translation}, figure)
+    translation = {pelvis: _in_space_of(rest, int(rig.parents[pelvis]), pos_m[:, 0])}
+    for bone, goal in ik_bones(rig, bones).items():
+        parent, joint = int(rig.parents[bone]), joint_of[goal]
+        if bone in joint_of or parent in joint_of:
+            continue
+        own = rot.multiply(turned[:, joint], rig.bind_quat[bone])
+        local[bone] = rot.make_continuous(rot.multiply(rot.invert(_rotation_above(rest, parent)), own))
+        offset = rot.rotate(turned[:, joint], rig.bind_pos_m[bone] - rig.bind_pos_m[goal])
+        translation[bone] = _in_space_of(rest, parent, pos_m[:, joint] + offset)
+    return Performance(figure.fps, figure.n_frames, local, translation, figure)
+
+
+def _rotation_above(rest: Floats, parent: int) -> Floats:
+    """World rotation (1, 4) of a bone that the dance does not turn; of none, the identity."""
+    return rotations_of(rest[parent])[None] if parent >= 0 else rot.IDENTITY[None]
+
+
+def _in_space_of(rest: Floats, parent: int, pos_m: Floats) -> Floats:
+    """World positions (T, 3) in the space of a bone that the dance does not move."""
+    if parent < 0:
+        return pos_m
+    inverse = np.linalg.inv(rest[parent])
+    return pos_m @ inverse[:3, :3].T + inverse[:3, 3]
