@@ -9,6 +9,7 @@
 - `MotifPin`, `TakePin`, `Ban` — constraints: what must be danced, and what must not
 - `motifs_of`, `signature_of` — of an existing dance, to be danced again
 - `Cost`, `Layer`, `SongFeatures` — for costs of your own
+- `read_character` — a character of yours, to dance in `Dance.save("a.glb", character=…)`
 - `Motion`, `Skeleton`, `Take` — motion and where it comes from
 - `metrics` — beat alignment, Fréchet distances, FID, foot slide, ... of any dance
 - `ChoreographError` and its kinds — every error that a caller can cause

@@ -5,6 +5,8 @@ from .audio.song import load_song as load_song
 from .building import BuildOptions as BuildOptions
 from .building import BuildResult as BuildResult
 from .building import build as build
+from .characters import GltfCharacter as GltfCharacter
+from .characters import read_character as read_character
 from .config import DanceConfig as DanceConfig
 from .constraints import Ban as Ban
 from .constraints import Keep as Keep
@@ -45,6 +47,7 @@ __all__ = [
     "Dance",
     "DanceConfig",
     "FormatError",
+    "GltfCharacter",
     "Keep",
     "Layer",
     "MotifPin",
@@ -68,6 +71,7 @@ __all__ = [
     "load_song",
     "metrics",
     "motifs_of",
+    "read_character",
     "render",
     "signature_of",
     "starter_repertoire",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -10,11 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.characters.performance import Performance
+from choreograph.characters.bone_map import find_bones
+from choreograph.characters.performance import Performance, perform
 from choreograph.characters.rig import Rig, rotations_of, world_matrices
-from choreograph.errors import FormatError
+from choreograph.errors import FormatError, ParameterError
 from choreograph.gltf import GltfDocument, read_gltf
 from choreograph.motion import rotations as rot
+from choreograph.motion.motion import Motion
 from choreograph.timebase import frame_times_s
 
 Floats = NDArray[np.float64]
@@ -32,11 +35,18 @@ class GltfCharacter:
     document: GltfDocument
     rig: Rig
     nodes: tuple[int, ...]  # (B,) of the document
-    human_bones: dict[str, int]  # the file's own names of parts of the body (VRM) -> bone
+    bones: dict[str, int]  # canonical name -> bone
+
+    def dancing(self, motion: Motion, name: str = "dance") -> GltfDocument:
+        """The document with a dance on the character as its only animation.
+
+        Raises `ParameterError` if the rig's body does not hang together below its pelvis.
+        """
+        return self.with_animation(perform(motion, self.rig, self.bones), name)
 
     def with_animation(self, performance: Performance, name: str) -> GltfDocument:
-        """The document with the performance as its only animation, the first that players play."""
-        document = self.document
+        """The document with the performance as its only animation, the one that players play."""
+        document = self.document.copy()
         document.json["animations"] = []
         times = document.accessor(
             frame_times_s(performance.n_frames, performance.fps).astype(np.float32), bounds=True
@@ -53,10 +63,13 @@ class GltfCharacter:
         return document
 
 
-def read_character(path: str | Path) -> GltfCharacter:
-    """The character of a file.
+def read_character(path: str | Path, bone_map: Mapping[str, str] | None = None) -> GltfCharacter:
+    """The character of a .glb, .gltf or .vrm file.
 
-    Raises `FormatError` if the file cannot be read, or holds no skeleton, or over 4096 bones.
+    `bone_map` are names of bones by canonical name (`read_bone_map`), instead of those that are found.
+
+    Raises `FormatError` if the file cannot be read, or holds no skeleton, two characters or over 4096 bones,
+    `ParameterError` if its bones cannot be found.
     """
     document = read_gltf(path)
     parents = _node_parents(document)
@@ -71,15 +84,19 @@ def read_character(path: str | Path) -> GltfCharacter:
     world = world_matrices(of_bones, translation, quat, scale)
     bind, lowest_m = world.copy(), []
     for index, of_skin in enumerate(joints):
-        bones = [bone_of[node] for node in of_skin]
-        inverse = _inverse_binds(document, index, len(bones))
-        in_world = _skin_in_world(world, bones, inverse, int(of_bones[min(bones)]))
-        bind[bones] = in_world @ np.linalg.inv(inverse)
+        own = [bone_of[node] for node in of_skin]
+        inverse = _inverse_binds(document, index, len(own))
+        in_world = _skin_in_world(world, own, inverse, int(of_bones[min(own)]))
+        bind[own] = in_world @ np.linalg.inv(inverse)
         lowest_m += _lowest_m(document, index, in_world)
     floor_m = min(lowest_m, default=float(bind[:, 1, 3].min()))
     rig = Rig(names, of_bones, bind[:, :3, 3], rotations_of(bind), translation, quat, scale, floor_m)
     human = {name: bone_of[node] for name, node in _human_bones(document).items() if node in bone_of}
-    return GltfCharacter(document, rig, tuple(order), human)
+    try:
+        bones = find_bones(rig, human, bone_map)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from None
+    return GltfCharacter(document, rig, tuple(order), bones)
 
 
 def _joints(document: GltfDocument) -> list[list[int]]:

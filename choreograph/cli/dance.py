@@ -12,7 +12,10 @@ from choreograph.cli.dance_results import numbered, outputs_for, present
 from choreograph.cli.present import examples, given_options, stages
 from choreograph.errors import NoPathError, ParameterError
 
-_BESIDE_A_PLAN = {"song", "db", "output", "with_clicks", "opened", "plan_path", "as_json", "quiet"}
+_BESIDE_A_PLAN = {
+    "song", "db", "output", "character", "map_path", "save_map", "with_clicks", "opened", "plan_path",
+    "as_json", "quiet",
+}  # fmt: skip
 
 
 @click.command(
@@ -21,6 +24,7 @@ _BESIDE_A_PLAN = {"song", "db", "output", "with_clicks", "opened", "plan_path", 
         "choreograph dance song.mp3 --open                   the same, and shows it in the browser",
         "choreograph dance song.mp3 --db rep.h5 -o a.mp4     your own takes, as a video",
         "choreograph dance song.mp3 -o a.mp4 --click         a video to count along with",
+        "choreograph dance song.mp3 --character hero.glb -o a.glb   on your character",
         "choreograph dance song.mp3 --start 30 --duration 20 --weight transition=8",
         "choreograph dance song.mp3 --plan plan.json -o a.bvh   renders an edited plan",
         "choreograph dance song.mp3 --engine mixer --genre waltz",
@@ -32,8 +36,9 @@ _BESIDE_A_PLAN = {"song", "db", "output", "with_clicks", "opened", "plan_path", 
 @click.argument("song", required=False, type=click.Path(path_type=Path))
 @dance_options
 def command(
-    song, db, output, with_clicks, opened, as_json, quiet, plan_path, variations, start, duration, weight,
-    config, published, genre, signature, motif_file, recreate, pin, ban, keep, strict, **settings,
+    song, db, output, character, map_path, save_map, with_clicks, opened, as_json, quiet, plan_path,
+    variations, start, duration, weight, config, published, genre, signature, motif_file, recreate, pin, ban,
+    keep, strict, **settings,
 ) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file)."""
     import choreograph as cg
@@ -47,6 +52,7 @@ def command(
         _refuse_beside_a_plan()
     outputs = numbered(outputs_for(output, (song or plan_path).stem, opened), variations)
     check_outputs([path for paths in outputs for path in paths], with_clicks=with_clicks)
+    figure = _character(character, map_path, save_map, outputs[0])
     base = published_dance() if published else None
     chosen = load_config(config, base) if config else base
     weights = _weights(weight)
@@ -69,11 +75,25 @@ def command(
             raise NoPathError(unmet[0])
         for made, paths in zip(dances, outputs, strict=True):
             for path in paths:
-                made.save(path, click=with_clicks and path.suffix.lower() == ".mp4", report=shown.report)
+                clicks = with_clicks and path.suffix.lower() == ".mp4"
+                made.save(path, click=clicks, character=figure, report=shown.report)
     present(dances, outputs, as_json=as_json, quiet=quiet, many=variations is not None)
     if opened:
         page = next(path for path in outputs[0] if path.suffix.lower() == ".html")
         click.launch(page.resolve().as_uri())
+
+
+def _character(path: Path | None, map_path: Path | None, save_map: Path | None, outputs: tuple[Path, ...]):
+    """The character that dances, or None; `ParameterError` if there is nothing for it to dance in."""
+    from choreograph.cli.characters import character_of
+
+    if path is None:
+        if map_path or save_map:
+            raise ParameterError("expected --character FILE beside --map or --save-map")
+        return None
+    if not any(output.suffix.lower() == ".glb" for output in outputs):
+        raise ParameterError("expected an .glb for the character to dance in: -o NAME.glb")
+    return character_of(path, map_path, save_map)
 
 
 def _refuse_beside_a_plan() -> None:

@@ -11,8 +11,9 @@ from choreograph.cli.present import examples
 from choreograph.errors import ChoreographError
 
 _COMMANDS = {
-    "build-db": "build_db", "build-starter": "build_starter", "dance": "dance", "evaluate": "evaluate",
-    "inspect": "inspect", "songs": "songs", "study": "study",
+    "build-db": "build_db", "build-starter": "build_starter", "convert": "characters:convert",
+    "dance": "dance", "evaluate": "evaluate", "inspect": "inspect", "retarget": "characters:retarget",
+    "songs": "songs", "study": "study",
 }  # fmt: skip
 
 
@@ -25,7 +26,8 @@ class _Commands(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in _COMMANDS:
             return None
-        return import_module(f"choreograph.cli.{_COMMANDS[name]}").command
+        module, _, command = _COMMANDS[name].partition(":")
+        return getattr(import_module(f"choreograph.cli.{module}"), command or "command")
 
     def invoke(self, ctx: click.Context):
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import struct
 from typing import Any
@@ -36,6 +37,10 @@ class GltfDocument:
     def empty(cls, generator: str) -> GltfDocument:
         """A document with nothing in it."""
         return cls({"asset": {"version": "2.0", "generator": generator}})
+
+    def copy(self) -> GltfDocument:
+        """The same document, to be changed."""
+        return GltfDocument(copy.deepcopy(self.json), bytes(self._binary), self.name)
 
     def entry(self, kind: str, index: Any) -> dict[str, Any]:
         """Entry `index` of the document's array `kind`; `FormatError` if there is none."""

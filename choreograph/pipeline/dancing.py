@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
 from choreograph.blending.rendering import render
+from choreograph.characters import GltfCharacter, read_character
 from choreograph.config import DanceConfig
 from choreograph.constraints.kept import KeptDance, check_pins_in_gaps, kept_dance
 from choreograph.constraints.resolve import resolve
@@ -60,15 +61,28 @@ class Dance:
         """Motion beats of the finished dance in seconds, (Q,)."""
         return motion_beat_times_s(body_pos_m(self.motion.resampled(STORE_FPS)), STORE_FPS)
 
-    def save(self, path: str | Path, *, click: bool = False, report: ProgressReport | None = None) -> None:
+    def save(
+        self,
+        path: str | Path,
+        *,
+        click: bool = False,
+        character: str | Path | GltfCharacter | None = None,
+        report: ProgressReport | None = None,
+    ) -> None:
         """Write the dance; the suffix says what: see `pipeline.saving.OUTPUT_FORMATS`.
 
-        bvh and npz hold the motion, json the plan, html the page that plays it with its song, mp4 a
-        video, png a strip of poses on the beats. `click` mixes a click on every count into the sound
-        of a video, higher on count 1. Raises `ParameterError` for another suffix, clicks in anything but
-        a video or a folder that does not exist, `FormatError` if the song can no longer be read.
+        bvh and npz hold the motion, glb the motion on a body, json the plan, html the page that plays it
+        with its song, mp4 a video, png a strip of poses on the beats. `click` mixes a click on every count
+        into the sound of a video, higher on count 1. `character`, a .glb, .gltf or .vrm file or what
+        `read_character` made of one, dances in a glb. Raises `ParameterError` for another suffix, clicks in
+        anything but a video, a folder that does not exist or a character whose bones cannot be found,
+        `FormatError` if the song or the character cannot be read.
         """
-        parts = SavedParts(self.motion, self.plan, lambda: self.motion_beats_s, self.song_path, click)
+        if isinstance(character, str | Path):
+            character = read_character(character)
+        parts = SavedParts(
+            self.motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character
+        )
         save_dance(path, parts, report)
 
     def __repr__(self) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.characters import GltfCharacter
 from choreograph.counts import bars_of
 from choreograph.errors import ParameterError
 from choreograph.exporters import FORMATS, save_motion
@@ -29,6 +30,7 @@ class SavedParts:
     motion_beats_s: Callable[[], NDArray[np.float64]]
     song_path: Path | None
     with_clicks: bool = False  # on the counts, in a video
+    character: GltfCharacter | None = None  # that dances in a .glb, instead of the mannequin
 
 
 def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | None = None) -> None:
@@ -39,10 +41,19 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
     """
     check_outputs([path], with_clicks=parts.with_clicks)
     suffix = _suffix(path)
-    if suffix in FORMATS:
+    if suffix == "glb" and parts.character is not None:
+        save_on_character(path, parts.motion, parts.character)
+    elif suffix in FORMATS:
         save_motion(path, parts.motion)
     else:
         _SAVERS[suffix](parts, Path(path), report)
+
+
+def save_on_character(path: str | Path, motion: Motion, character: GltfCharacter) -> None:
+    """Write the character's file again, as GLB, with the motion as its animation; raises as `save_dance`."""
+    content = character.dancing(motion).to_glb()
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def check_outputs(paths: Sequence[str | Path], *, with_clicks: bool = False) -> None:

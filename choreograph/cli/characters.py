@@ -1,0 +1,93 @@
+"""`choreograph convert` and `choreograph retarget`: motions to other files and onto characters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from choreograph.cli.present import examples
+from choreograph.errors import ParameterError
+
+if TYPE_CHECKING:
+    from choreograph.characters import GltfCharacter
+    from choreograph.motion.motion import Motion
+
+_FILE = click.Path(path_type=Path)
+
+
+@click.command(
+    short_help="A motion to a file of another format.",
+    epilog=examples(
+        "choreograph convert take.bvh take.glb     a body that moves, for Blender, Unreal, Godot, the web",
+        "choreograph convert recording.c3d take.bvh",
+    ),
+)
+@click.argument("motion", type=_FILE)
+@click.argument("output", type=_FILE)
+def convert(motion, output) -> None:
+    """Write MOTION, a file of any format that build-db reads, to OUTPUT: .bvh, .npz or .glb."""
+    from choreograph.exporters import FORMATS, save_motion
+    from choreograph.files import check_target
+
+    if output.suffix.lower().removeprefix(".") not in FORMATS:
+        raise ParameterError(f"{output}: expected one of {', '.join(f'.{name}' for name in FORMATS)}")
+    check_target(output)
+    moving = motion_of(motion)
+    save_motion(output, moving)
+    click.echo(f"{output}: {moving.duration_s:.1f} s, {moving.skeleton.n_joints} joints")
+
+
+@click.command(
+    short_help="A motion onto a character.",
+    epilog=examples(
+        "choreograph retarget dance.bvh hero.glb -o out.glb",
+        "choreograph retarget dance.bvh hero.glb -o out.glb --save-map map.json   which bones were found",
+        "choreograph retarget dance.bvh hero.glb -o out.glb --map map.json        says which they are",
+    ),
+)
+@click.argument("motion", type=_FILE)
+@click.argument("character", type=_FILE)
+@click.option("-o", "--output", required=True, type=_FILE, help="The character with the motion (.glb).")
+@click.option("--map", "map_path", type=_FILE, help="Which bone is which, as --save-map writes it (.json).")
+@click.option("--save-map", type=_FILE, help="Write which bones were found (.json), to be edited.")
+def retarget(motion, character, output, map_path, save_map) -> None:
+    """Put MOTION, a file of any format that build-db reads, onto CHARACTER (.glb, .gltf or .vrm)."""
+    from choreograph.files import check_target
+    from choreograph.pipeline.saving import save_on_character
+
+    if output.suffix.lower() != ".glb":
+        raise ParameterError(f"{output}: expected an .glb for the character to move in")
+    check_target(output)
+    figure = character_of(character, map_path, save_map)
+    moving = motion_of(motion)
+    save_on_character(output, moving, figure)
+    click.echo(
+        f"{output}: {moving.duration_s:.1f} s, {len(figure.bones)} bones of {figure.rig.n_bones} known"
+    )
+
+
+def character_of(path: Path, map_path: Path | None, save_map: Path | None) -> GltfCharacter:
+    """The character of a file, with the user's map; the map of what was found is written if wanted."""
+    from choreograph.characters import read_bone_map, read_character, write_bone_map
+    from choreograph.files import check_target
+
+    if save_map is not None:
+        check_target(save_map)
+    character = read_character(path, read_bone_map(map_path) if map_path else None)
+    if save_map is not None:
+        write_bone_map(save_map, character.rig, character.bones)
+    return character
+
+
+def motion_of(path: Path) -> Motion:
+    """The motion of a file that holds one take; `ParameterError` for a folder or several takes."""
+    from choreograph.importers import import_takes
+
+    if path.is_dir():
+        raise ParameterError(f"{path}: expected a file with a motion, got a folder")
+    takes = list(import_takes(path))
+    if len(takes) != 1:
+        raise ParameterError(f"{path}: expected a file with one motion, got {len(takes)}")
+    return takes[0].motion

@@ -1,0 +1,62 @@
+"""`choreograph convert`, `retarget` and `dance --character` as a user meets them."""
+
+from __future__ import annotations
+
+import pytest
+from command_line import assert_one_line, run
+from synthetic_characters import CHARACTERS, write_character
+from synthetic_motions import swaying
+
+from choreograph.exporters import save_motion
+from choreograph.gltf import read_gltf
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save_motion("dance.bvh", swaying(60))
+    write_character(tmp_path / "hero.glb", CHARACTERS["unreal"])
+    return tmp_path
+
+
+def test_a_motion_is_converted(folder):
+    converted = run("convert", "dance.bvh", "dance.glb")
+    assert converted.exit_code == 0 and "24 joints" in converted.stdout
+    assert read_gltf("dance.glb").json["animations"]
+    assert run("convert", "dance.bvh", "dance.npz").exit_code == 0
+
+
+def test_a_motion_is_put_onto_a_character_by_a_map_that_was_saved(folder):
+    first = run("retarget", "dance.bvh", "hero.glb", "-o", "a.glb", "--save-map", "map.json")
+    assert first.exit_code == 0 and "22 bones of 34 known" in first.stdout
+    again = run("retarget", "dance.bvh", "hero.glb", "-o", "b.glb", "--map", "map.json")
+    assert again.exit_code == 0
+    assert (folder / "a.glb").read_bytes() == (folder / "b.glb").read_bytes()
+
+
+def test_a_song_is_danced_by_a_character(folder, db, song):
+    danced = run(
+        "dance", song, "--db", db, "--duration", 8, "--character", "hero.glb", "-o", "a.glb", "-o", "a.bvh"
+    )
+    assert danced.exit_code == 0, danced.output
+    names = {node.get("name") for node in read_gltf("a.glb").json["nodes"]}
+    assert "thigh_l" in names and (folder / "a.bvh").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["convert", "dance.bvh", "dance.xyz"], "xyz"),
+        (["convert", "nothing.bvh", "a.glb"], "nothing.bvh"),
+        (["convert", ".", "a.glb"], "folder"),
+        (["retarget", "dance.bvh", "hero.glb", "-o", "a.bvh"], "glb"),
+        (["retarget", "dance.bvh", "dance.bvh", "-o", "a.glb"], "dance.bvh"),
+        (["retarget", "dance.bvh", "hero.glb", "-o", "a.glb", "--map", "dance.bvh"], "map"),
+        (["dance", "song.wav", "--character", "hero.glb"], "-o NAME.glb"),
+        (["dance", "song.wav", "--map", "map.json"], "--character"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_is_said_in_a_line(folder, arguments, says):
+    before = set(folder.iterdir())
+    assert_one_line(run(*arguments), says=says)
+    assert set(folder.iterdir()) == before
