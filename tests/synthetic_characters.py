@@ -186,7 +186,7 @@ def write_character(path: Path, spec: Spec) -> Made:
         node = {
             "name": made.names[bone],
             "translation": offset.tolist(),
-            "rotation": np.roll(quat, -1).tolist(),
+            "rotation": np.roll(quat, -1).clip(-1.0, 1.0).tolist(),
         }
         document.add("nodes", node | ({"children": children} if children else {}))
     inverse = np.tile(np.eye(4), (n, 1, 1))
@@ -208,7 +208,9 @@ def write_character(path: Path, spec: Spec) -> Made:
     document.json["scene"] = 0
     if spec.vrm:
         bones = {made.names[i]: {"node": i} for i in range(n) if made.part[i]}
-        document.json["extensions"] = {"VRMC_vrm": {"specVersion": "1.0", "humanoid": {"humanBones": bones}}}
+        meta = {"name": "test", "authors": ["tests"], "licenseUrl": "https://vrm.dev/licenses/1.0/"}
+        vrm = {"specVersion": "1.0", "meta": meta, "humanoid": {"humanBones": bones}}
+        document.json["extensions"] = {"VRMC_vrm": vrm}
         document.json["extensionsUsed"] = ["VRMC_vrm"]
     path.write_bytes(document.to_glb())
     return made

@@ -3,6 +3,7 @@
 bvh   one skeleton, Euler angles
 npz   plain arrays, exact; SMPL's where the skeleton is the canonical one
 glb   glTF: a skinned body, its skeleton standing, and the motion as an animation
+vrma  a VRM animation, for VRM avatars
 
 A new format is one module here with a `Writer`.
 """
@@ -16,6 +17,7 @@ from choreograph.exporters._base import Writer
 from choreograph.exporters.bvh import BvhOptions, BvhWriter
 from choreograph.exporters.glb import GlbWriter
 from choreograph.exporters.npz import NpzWriter
+from choreograph.exporters.vrma import VrmaWriter
 from choreograph.files import atomic_path
 from choreograph.motion.motion import Motion
 
@@ -30,7 +32,9 @@ __all__ = [
     "save_motion",
 ]
 
-_WRITERS: dict[str, type[Writer]] = {writer.format: writer for writer in (BvhWriter, NpzWriter, GlbWriter)}
+_WRITERS: dict[str, type[Writer]] = {
+    writer.format: writer for writer in (BvhWriter, NpzWriter, GlbWriter, VrmaWriter)
+}
 FORMATS = tuple(_WRITERS)
 
 

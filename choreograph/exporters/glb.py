@@ -76,7 +76,11 @@ def _add_joints(
     local = to_local(skeleton, mesh.bind_quat)  # (J, 4)
     for joint, name in enumerate(skeleton.names):
         offset = skeleton.offsets_m[joint] if joint else mesh.bind_pos_m[0] - floor_m
-        node = {"name": name, "translation": offset.tolist(), "rotation": gltf_quat(local[joint]).tolist()}
+        node = {
+            "name": name,
+            "translation": offset.tolist(),
+            "rotation": gltf_quat(local[joint]).clip(-1.0, 1.0).tolist(),
+        }
         children = np.flatnonzero(skeleton.parents == joint).tolist()
         document.add("nodes", node | ({"children": children} if children else {}))
 
