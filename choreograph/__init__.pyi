@@ -17,6 +17,7 @@ from .errors import FormatError as FormatError
 from .errors import NoPathError as NoPathError
 from .errors import ParameterError as ParameterError
 from .errors import RepertoireError as RepertoireError
+from .exporters import BvhOptions as BvhOptions
 from .features.song_features import SongFeatures as SongFeatures
 from .graph import Cost as Cost
 from .graph import Layer as Layer
@@ -41,6 +42,7 @@ __all__ = [
     "Ban",
     "BuildOptions",
     "BuildResult",
+    "BvhOptions",
     "ChoreographError",
     "Cost",
     "Credits",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,9 +13,33 @@ from choreograph.errors import ParameterError
 
 if TYPE_CHECKING:
     from choreograph.characters import GltfCharacter
+    from choreograph.exporters import BvhOptions
     from choreograph.motion.motion import Motion
 
 _FILE = click.Path(path_type=Path)
+NAMINGS = ("smpl", "mixamo", "ue", "vrm", "rigify")
+UNITS = {"cm": 100.0, "m": 1.0}  # units of a .bvh, of which a metre has so many
+
+
+def bvh_options(command: Callable) -> Callable:
+    """Adds the options of BVH files; the function gets them by the names of `bvh_of`'s arguments."""
+    options = (
+        click.option("--names", "naming", type=click.Choice(NAMINGS), help="Joint names of a .bvh (smpl)."),
+        click.option("--units", type=click.Choice(tuple(UNITS)), help="Units of a .bvh (cm)."),
+        click.option("--in-place", is_flag=True, help="The hips stay in one place, in a .bvh."),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def bvh_of(outputs: Sequence[Path], naming: str | None, units: str | None, in_place: bool) -> BvhOptions:
+    """How .bvh files are written; `ParameterError` if something is asked for, and none is written."""
+    from choreograph.exporters import BvhOptions
+
+    if (naming or units or in_place) and not any(path.suffix.lower() == ".bvh" for path in outputs):
+        raise ParameterError("expected a .bvh for --names, --units or --in-place: -o NAME.bvh")
+    return BvhOptions(UNITS[units or "cm"], naming=naming or "smpl", in_place=in_place)
 
 
 @click.command(
@@ -22,20 +47,26 @@ _FILE = click.Path(path_type=Path)
     epilog=examples(
         "choreograph convert take.bvh take.glb     a body that moves, for Blender, Unreal, Godot, the web",
         "choreograph convert recording.c3d take.bvh",
+        "choreograph convert take.bvh ue.bvh --names ue --fps 30",
     ),
 )
 @click.argument("motion", type=_FILE)
 @click.argument("output", type=_FILE)
-def convert(motion, output) -> None:
-    """Write MOTION, a file of any format that build-db reads, to OUTPUT: .bvh, .npz or .glb."""
-    from choreograph.exporters import FORMATS, save_motion
+@click.option("--fps", type=click.FloatRange(1, 1000), help="Frames per second. Default: MOTION's.")
+@bvh_options
+def convert(motion, output, fps, naming, units, in_place) -> None:
+    """Write MOTION, a file of any format that build-db reads, to OUTPUT: .bvh, .npz, .glb or .vrma."""
+    from choreograph.exporters import FORMATS, BvhWriter, save_motion
     from choreograph.files import check_target
 
     if output.suffix.lower().removeprefix(".") not in FORMATS:
         raise ParameterError(f"{output}: expected one of {', '.join(f'.{name}' for name in FORMATS)}")
     check_target(output)
+    bvh = bvh_of([output], naming, units, in_place)
     moving = motion_of(motion)
-    save_motion(output, moving)
+    if fps is not None:
+        moving = moving.resampled(fps)
+    save_motion(output, moving, writer=BvhWriter(bvh) if output.suffix.lower() == ".bvh" else None)
     click.echo(f"{output}: {moving.duration_s:.1f} s, {moving.skeleton.n_joints} joints")
 
 

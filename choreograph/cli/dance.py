@@ -7,14 +7,15 @@ from typing import Any
 
 import click
 
+from choreograph.cli.characters import bvh_of, character_of
 from choreograph.cli.dance_options import dance_options
 from choreograph.cli.dance_results import numbered, outputs_for, present
 from choreograph.cli.present import examples, given_options, stages
 from choreograph.errors import NoPathError, ParameterError
 
 _BESIDE_A_PLAN = {
-    "song", "db", "output", "character", "map_path", "save_map", "with_clicks", "opened", "plan_path",
-    "as_json", "quiet",
+    "song", "db", "output", "character", "map_path", "save_map", "naming", "units", "in_place", "with_clicks",
+    "opened", "plan_path", "as_json", "quiet",
 }  # fmt: skip
 
 
@@ -36,9 +37,9 @@ _BESIDE_A_PLAN = {
 @click.argument("song", required=False, type=click.Path(path_type=Path))
 @dance_options
 def command(
-    song, db, output, character, map_path, save_map, with_clicks, opened, as_json, quiet, plan_path,
-    variations, start, duration, weight, config, published, genre, signature, motif_file, recreate, pin, ban,
-    keep, strict, **settings,
+    song, db, output, character, map_path, save_map, naming, units, in_place, with_clicks, opened, as_json,
+    quiet, plan_path, variations, start, duration, weight, config, published, genre, signature, motif_file,
+    recreate, pin, ban, keep, strict, **settings,
 ) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file)."""
     import choreograph as cg
@@ -52,6 +53,7 @@ def command(
         _refuse_beside_a_plan()
     outputs = numbered(outputs_for(output, (song or plan_path).stem, opened), variations)
     check_outputs([path for paths in outputs for path in paths], with_clicks=with_clicks)
+    bvh = bvh_of(outputs[0], naming, units, in_place)
     figure = _character(character, map_path, save_map, outputs[0])
     base = published_dance() if published else None
     chosen = load_config(config, base) if config else base
@@ -76,7 +78,7 @@ def command(
         for made, paths in zip(dances, outputs, strict=True):
             for path in paths:
                 clicks = with_clicks and path.suffix.lower() == ".mp4"
-                made.save(path, click=clicks, character=figure, report=shown.report)
+                made.save(path, click=clicks, character=figure, bvh=bvh, report=shown.report)
     present(dances, outputs, as_json=as_json, quiet=quiet, many=variations is not None)
     if opened:
         page = next(path for path in outputs[0] if path.suffix.lower() == ".html")
@@ -85,8 +87,6 @@ def command(
 
 def _character(path: Path | None, map_path: Path | None, save_map: Path | None, outputs: tuple[Path, ...]):
     """The character that dances, or None; `ParameterError` if there is nothing for it to dance in."""
-    from choreograph.cli.characters import character_of
-
     if path is None:
         if map_path or save_map:
             raise ParameterError("expected --character FILE beside --map or --save-map")

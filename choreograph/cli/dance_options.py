@@ -12,6 +12,8 @@ from pathlib import Path
 import click
 from click_option_group import optgroup
 
+from choreograph.cli.characters import NAMINGS, UNITS
+
 _FILE = click.Path(path_type=Path)
 
 _OUTPUT = (
@@ -29,6 +31,11 @@ _OUTPUT = (
         "--map", "map_path", type=_FILE, help="Which bone of it is which, as --save-map writes it (.json)."
     ),
     optgroup.option("--save-map", type=_FILE, help="Write which bones were found (.json), to be edited."),
+    optgroup.option(
+        "--names", "naming", type=click.Choice(NAMINGS), help="Joint names of the .bvh (smpl)."
+    ),
+    optgroup.option("--units", type=click.Choice(tuple(UNITS)), help="Units of the .bvh (cm)."),
+    optgroup.option("--in-place", is_flag=True, help="The hips stay in one place, in the .bvh."),
     optgroup.option(
         "--click", "with_clicks", is_flag=True, help="Click on the counts in the video, higher on count 1."
     ),

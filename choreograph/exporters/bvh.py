@@ -10,6 +10,7 @@ import numpy as np
 
 from choreograph.errors import ParameterError
 from choreograph.exporters._base import Writer
+from choreograph.exporters.naming import NAMES, renamed
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
@@ -19,10 +20,12 @@ _ORDERS = tuple("".join(axes) for axes in itertools.permutations("XYZ"))
 
 @dataclass(frozen=True)
 class BvhOptions:
-    """Options of a BVH file. Raises `ParameterError` for an invalid order or scale."""
+    """Options of a BVH file. Raises `ParameterError` for an invalid order, scale or naming."""
 
     units_per_m: float = 100.0  # centimetres, as most programs expect
     order: str = "ZXY"  # of the rotation channels
+    naming: str = "smpl"  # of the joints: see `exporters.naming`
+    in_place: bool = False  # the hips stay above where they begin
 
     def __post_init__(self) -> None:
         if self.order not in _ORDERS:
@@ -31,6 +34,8 @@ class BvhOptions:
             )
         if not (np.isfinite(self.units_per_m) and self.units_per_m > 0):
             raise ParameterError(f"expected a positive number of units per metre, got {self.units_per_m}")
+        if self.naming not in NAMES:
+            raise ParameterError(f"expected names among {', '.join(NAMES)}, got {self.naming!r}")
 
 
 class BvhWriter(Writer):
@@ -43,10 +48,14 @@ class BvhWriter(Writer):
 
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`; Euler angles are unwrapped past 180 degrees so that curves can be edited."""
+        motion = renamed(motion, self.options.naming)
+        root_pos_m = motion.root_pos_m.copy()
+        if self.options.in_place:
+            root_pos_m[:, [0, 2]] = root_pos_m[0, [0, 2]]
         order = _file_order(motion.skeleton)
         angles = rot.to_euler(self.options.order, motion.local_quat[:, order])  # (T, J, 3)
         degrees = np.degrees(np.unwrap(angles, axis=0)).reshape(motion.n_frames, -1)  # (T, 3 J)
-        rows = np.hstack([motion.root_pos_m * self.options.units_per_m, degrees])  # (T, 3 + 3 J)
+        rows = np.hstack([root_pos_m * self.options.units_per_m, degrees])  # (T, 3 + 3 J)
         line = " ".join(["%.5f"] * rows.shape[1])
         with open(path, "w", encoding="utf-8", newline="\n") as file:
             file.write("HIERARCHY\n")

@@ -84,6 +84,8 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
             roles[role] = found[0]
     named = [parts[("", name)] for name in _MIDDLE_NAMES["pelvis"] if ("", name) in parts]
     roles |= trunk_roles(parents, roles, named)
+    if "head" not in roles:
+        roles |= _unnamed_head(parents, roles)
     return {name: roles[name] for name in CANONICAL_JOINTS if name in roles}
 
 
@@ -100,6 +102,19 @@ def trunk_roles(
     pelvis = max((joint for joint in named_pelvis if joint in above_waist), default=waist)
     spine = [joint for joint in _path_from_root(parents, chest) if joint > pelvis]
     return {"pelvis": pelvis, **_spine_roles(spine)}
+
+
+def _unnamed_head(parents: tuple[int, ...], roles: Mapping[str, int]) -> dict[str, int]:
+    """Neck and head of a rig that calls them spine, as Rigify does: the longest chain above the arms."""
+    arms = [_path_from_root(parents, roles[f"{side}_shoulder"]) for side in ("left", "right")]
+    chest = max(set(arms[0]) & set(arms[1]))
+    paths = [_path_from_root(parents, joint) for joint in range(len(parents))]
+    above = [path[path.index(chest) + 1 :] for path in paths if chest in path[:-1]]
+    above = [path for path in above if path[0] not in {*arms[0], *arms[1]}]
+    if not above:
+        return {}
+    chain = max(above, key=len)
+    return {"head": chain[-1]} | ({"neck": chain[0]} if len(chain) > 1 else {})
 
 
 def _side_and_part(name: str) -> tuple[str, str]:

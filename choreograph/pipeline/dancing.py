@@ -23,6 +23,7 @@ from choreograph.constraints.resolve import resolve
 from choreograph.constraints.spec import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
 from choreograph.engines import ENGINES, DanceRequest, check_settings, engine_name
 from choreograph.errors import ParameterError
+from choreograph.exporters import BvhOptions
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.graph import Cost
 from choreograph.motifs.words import dance_bounds_s
@@ -67,6 +68,7 @@ class Dance:
         *,
         click: bool = False,
         character: str | Path | GltfCharacter | None = None,
+        bvh: BvhOptions | None = None,
         report: ProgressReport | None = None,
     ) -> None:
         """Write the dance; the suffix says what: see `pipeline.saving.OUTPUT_FORMATS`.
@@ -74,14 +76,16 @@ class Dance:
         bvh and npz hold the motion, glb the motion on a body, json the plan, html the page that plays it
         with its song, mp4 a video, png a strip of poses on the beats. `click` mixes a click on every count
         into the sound of a video, higher on count 1. `character`, a .glb, .gltf or .vrm file or what
-        `read_character` made of one, dances in a glb. Raises `ParameterError` for another suffix, clicks in
-        anything but a video, a folder that does not exist or a character whose bones cannot be found,
-        `FormatError` if the song or the character cannot be read.
+        `read_character` made of one, dances in a glb; `bvh` says how a bvh is written.
+
+        Raises `ParameterError` for another suffix, clicks in anything but a video, a folder that does not
+        exist or a character whose bones cannot be found, `FormatError` if the song or the character cannot
+        be read.
         """
         if isinstance(character, str | Path):
             character = read_character(character)
         parts = SavedParts(
-            self.motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character
+            self.motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh
         )
         save_dance(path, parts, report)
 

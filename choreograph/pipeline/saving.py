@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from choreograph.characters import GltfCharacter
 from choreograph.counts import bars_of
 from choreograph.errors import ParameterError
-from choreograph.exporters import FORMATS, save_motion
+from choreograph.exporters import FORMATS, BvhOptions, BvhWriter, save_motion
 from choreograph.files import atomic_path, check_target
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
@@ -31,6 +31,7 @@ class SavedParts:
     song_path: Path | None
     with_clicks: bool = False  # on the counts, in a video
     character: GltfCharacter | None = None  # that dances in a .glb, instead of the mannequin
+    bvh: BvhOptions | None = None
 
 
 def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | None = None) -> None:
@@ -44,7 +45,7 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
     if suffix == "glb" and parts.character is not None:
         save_on_character(path, parts.motion, parts.character)
     elif suffix in FORMATS:
-        save_motion(path, parts.motion)
+        save_motion(path, parts.motion, writer=BvhWriter(parts.bvh) if suffix == "bvh" else None)
     else:
         _SAVERS[suffix](parts, Path(path), report)
 

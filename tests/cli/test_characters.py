@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from command_line import assert_one_line, run
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import swaying
 
+from choreograph.cli.characters import NAMINGS
 from choreograph.exporters import save_motion
+from choreograph.exporters.naming import NAMES
 from choreograph.gltf import read_gltf
 
 
@@ -54,9 +57,27 @@ def test_a_song_is_danced_by_a_character(folder, db, song):
         (["retarget", "dance.bvh", "hero.glb", "-o", "a.glb", "--map", "dance.bvh"], "map"),
         (["dance", "song.wav", "--character", "hero.glb"], "-o NAME.glb"),
         (["dance", "song.wav", "--map", "map.json"], "--character"),
+        (["dance", "song.wav", "-o", "a.glb", "--names", "ue"], "-o NAME.bvh"),
+        (["convert", "dance.bvh", "a.glb", "--units", "m"], "-o NAME.bvh"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_done_is_said_in_a_line(folder, arguments, says):
     before = set(folder.iterdir())
     assert_one_line(run(*arguments), says=says)
     assert set(folder.iterdir()) == before
+
+
+def test_a_bvh_has_the_names_units_and_rate_that_are_asked_for(folder):
+    converted = run(
+        "convert", "dance.bvh", "ue.bvh", "--names", "ue", "--units", "m", "--fps", 24, "--in-place"
+    )
+    assert converted.exit_code == 0, converted.output
+    text = (folder / "ue.bvh").read_text()
+    assert "ROOT pelvis" in text and "JOINT thigh_l" in text and f"Frame Time: {1 / 24:.10f}" in text
+    rows = np.array([line.split()[:3] for line in text.split("Frame Time:")[1].splitlines()[1:]], float)
+    assert np.ptp(rows[:, [0, 2]], axis=0).max() == 0 and 0.5 < rows[:, 1].mean() < 1.2
+    assert run("convert", "ue.bvh", "back.glb").exit_code == 0
+
+
+def test_namings_are_those_that_can_be_written():
+    assert tuple(NAMES) == NAMINGS

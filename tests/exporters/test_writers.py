@@ -13,11 +13,13 @@ from synthetic_motions import on_other_axes, swaying
 
 from choreograph.errors import ChoreographError, FormatError, ParameterError
 from choreograph.exporters import BvhOptions, BvhWriter, NpzWriter, get_writer, save_motion
+from choreograph.exporters.naming import NAMES
 from choreograph.files import atomic_path, sha256_of
 from choreograph.importers.bvh import read_bvh
 from choreograph.importers.npz import read_npz
 from choreograph.motion.motion import Motion
-from choreograph.motion.skeleton import Skeleton
+from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 
 
 def by_name(motion: Motion) -> dict[str, np.ndarray]:
@@ -54,6 +56,18 @@ def test_bvh_of_any_hierarchy(tmp_path_factory, seed, n_joints):
     # With unknown joint names the reader infers the size: compare up to scale.
     scale = np.ptp(np.stack(list(after.values()))) / np.ptp(np.stack(list(before.values())))
     assert max(np.abs(scale * before[j] - after[j]).max() for j in before) < 1e-3
+
+
+@pytest.mark.parametrize("naming", NAMES)
+def test_names_of_other_programs_are_known_again(tmp_path, naming):
+    motion = swaying(20)
+    save_motion(tmp_path / "a.bvh", motion, writer=BvhWriter(BvhOptions(naming=naming)))
+    back, _ = read_bvh(tmp_path / "a.bvh")
+    names = [NAMES[naming].get(name, name) for name in motion.skeleton.names]
+    assert set(back.skeleton.names) == set(names)
+    found = {role: back.skeleton.names[joint] for role, joint in joint_roles(back.skeleton).items()}
+    body = [role for role in CANONICAL_JOINTS if not role.endswith("_hand")]
+    assert {role: found.get(role) for role in body} == {role: NAMES[naming].get(role, role) for role in body}
 
 
 def test_npz_round_trip_is_exact(tmp_path):
