@@ -28,6 +28,7 @@ from unittest.mock import patch
 import numpy as np
 import torch
 from scipy.stats import t
+from swapped_net import WithNet, ablated_nets, bounds_of
 
 import choreograph as cg
 from choreograph.audio.song import Song, load_song
@@ -71,15 +72,6 @@ class Piece:
     music: SongMusic  # that dances are measured against
 
 
-class WithNet(cg.Repertoire):
-    """A repertoire with another rollout network."""
-
-    swapped: RolloutNet | None = None
-
-    def rollout_net(self) -> RolloutNet:
-        return self.swapped or super().rollout_net()
-
-
 def pieces_of(data: Path, only: Path, beats: str) -> list[Piece]:
     pieces = []
     for found in find_songs(data, only=only.read_text(encoding="utf-8").split(), duration_s=MAX_SONG_S):
@@ -90,21 +82,6 @@ def pieces_of(data: Path, only: Path, beats: str) -> list[Piece]:
             song = load_song(data / name / "audio.mp3", duration_s=MAX_SONG_S)
             pieces.append(Piece(name, song, genre, None, song_music(song, beats)))
     return pieces
-
-
-def ablated_nets(folder: Path) -> dict[str, RolloutNet]:
-    """The networks of a folder by what they lack."""
-    return {path.stem: ablated_net(path) for path in sorted(folder.glob("*.pt"))}
-
-
-def ablated_net(path: Path) -> RolloutNet:
-    stored = torch.load(path, weights_only=True)
-    weights = {key: value.numpy() for key, value in stored.pop("weights").items()}
-    return RolloutNet.from_arrays(weights, stored)
-
-
-def bounds_of(dance: cg.Dance) -> np.ndarray:
-    return np.array([*(word.start_s for word in dance.plan.words), dance.plan.words[-1].end_s])
 
 
 def means(rows: Mapping[str, Sequence[Row]]) -> Table:

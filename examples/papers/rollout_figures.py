@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from rollout import WithNet, ablated_net, bounds_of
 from sklearn.manifold import TSNE
+from swapped_net import WithNet, ablated_net, bounds_of
 
 import choreograph as cg
 from choreograph.engines.danced_motifs import danced_embeddings
