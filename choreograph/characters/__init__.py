@@ -3,7 +3,7 @@
 from choreograph.characters.bone_map import find_bones, read_bone_map, write_bone_map
 from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.characters.performance import Performance, perform
-from choreograph.characters.rig import Rig
+from choreograph.gltf.rig import Rig
 
 __all__ = [
     "GltfCharacter", "Performance", "Rig", "find_bones", "perform", "read_bone_map", "read_character",

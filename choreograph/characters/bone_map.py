@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from choreograph.characters.rig import Rig
 from choreograph.characters.structure import bones_by_structure, head_by_structure
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import atomic_path
+from choreograph.gltf.rig import Rig
 from choreograph.motion.rigs import joint_roles, trunk_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.characters.rig import Rig
+from choreograph.gltf.rig import Rig
 from choreograph.motion import rotations as rot
 
 Floats = NDArray[np.float64]

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from choreograph.blending.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.characters.helper_bones import LIMB_ENDS, ik_bones, twist_bones, twist_turn
-from choreograph.characters.rig import Rig, rotations_of
 from choreograph.errors import ParameterError
 from choreograph.features.contacts import foot_contacts
+from choreograph.gltf.rig import Rig, rotations_of
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m

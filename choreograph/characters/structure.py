@@ -12,8 +12,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.characters.rig import Rig
 from choreograph.errors import ParameterError
+from choreograph.gltf.rig import Rig
 from choreograph.motion.rigs import trunk_roles
 
 Floats = NDArray[np.float64]

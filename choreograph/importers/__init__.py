@@ -7,7 +7,8 @@ amass               AMASS
 npz                 motions written by this program
 bvh                 one BVH file
 c3d                 one C3D file
-folder              a folder of BVH or C3D files with songs and a manifest
+gltf                one glTF file (.glb, .gltf, .vrma): each of its animations
+folder              a folder of BVH, C3D or glTF files with songs and a manifest
 
 An importer is a module with `LAYOUT` (one line: what it reads), `detect(path) -> bool` and
 `read(path) -> Iterable[Take]`; with `annotate(takes, path) -> list[Take]` if it also knows something about
@@ -57,6 +58,7 @@ _BUILTIN = (
     "npz",
     "bvh",
     "c3d",
+    "gltf",
     "folder",
 )  # the first that detects its layout reads
 _FLOOR_NOTE_M = 0.05

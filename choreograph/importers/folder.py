@@ -1,4 +1,4 @@
-"""A folder of BVH or C3D files, optionally with a song of the same name each, and a manifest.csv."""
+"""A folder of BVH, C3D or glTF files, optionally with a song of the same name each, and a manifest.csv."""
 
 from __future__ import annotations
 
@@ -16,16 +16,18 @@ from choreograph.importers._bvh_text import read_text
 from choreograph.importers._count_annotation import check_within, with_counts_of
 from choreograph.importers.bvh import read_bvh
 from choreograph.importers.c3d import is_c3d, read_c3d_files
+from choreograph.importers.gltf import SUFFIXES, is_gltf, read_gltf_motions
+from choreograph.motion.motion import Motion
 from choreograph.takes import Credits, Take
 
-LAYOUT = "a folder of NAME.bvh or NAME.c3d with NAME.wav|mp3|flac|ogg|m4a and an optional manifest.csv"
+LAYOUT = "a folder of NAME.bvh, .c3d or .glb with NAME.wav|mp3|flac|ogg|m4a and an optional manifest.csv"
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a")
 _CREDITS = ("genre", "performer", "licence", "source")
 _COLUMNS = ("name", *_CREDITS, "audio_offset_s", "song", "counts", "beats")
 
 
 def detect(path: Path) -> bool:
-    """Whether `path` is a folder with a BVH or C3D file in it."""
+    """Whether `path` is a folder with a BVH, C3D or glTF file in it."""
     return path.is_dir() and bool(_motion_files(path))
 
 
@@ -45,7 +47,7 @@ def read(path: Path) -> Iterator[Take]:
     for name, file in files.items():
         row = rows.get(name, {})
         song = _song(path, name, row.get("song", ""))
-        motion, notes = fitted[file] if file in fitted else read_bvh(file)
+        motion, notes = fitted[file] if file in fitted else _read_motion(file)
         take = Take(
             name=name,
             motion=motion,
@@ -59,6 +61,19 @@ def read(path: Path) -> Iterator[Take]:
         yield _counted(take, path, row)
 
 
+def _read_motion(file: Path) -> tuple[Motion, tuple[str, ...]]:
+    """The motion of a BVH file, or the only animation of a glTF file."""
+    if not is_gltf(file):
+        return read_bvh(file)
+    motions = read_gltf_motions(file)
+    if len(motions) > 1:
+        raise FormatError(
+            f"{file}: expected one animation of each file in a folder, got {', '.join(motions)}: "
+            "give the file by itself, or export them one by one"
+        )
+    return next(iter(motions.values()))
+
+
 def song_beside(folder: Path, name: str) -> Path | None:
     """The file NAME with an audio suffix (in any case) in `folder`; None if there is none."""
     if not folder.is_dir():
@@ -68,10 +83,12 @@ def song_beside(folder: Path, name: str) -> Path | None:
 
 
 def _motion_files(path: Path) -> dict[str, Path]:
-    """The folder's BVH and C3D files by name; `FormatError` if two have the same."""
+    """The folder's BVH, C3D and glTF files by name; `FormatError` if two have the same."""
     # Hidden files come from other programs, such as macOS's "._NAME.bvh".
     files = sorted(
-        p for p in path.iterdir() if is_c3d(p) or (p.suffix.lower() == ".bvh" and p.name[0] != ".")
+        p
+        for p in path.iterdir()
+        if is_c3d(p) or is_gltf(p) or (p.suffix.lower() == ".bvh" and p.name[0] != ".")
     )
     by_name: dict[str, Path] = {}
     for file in files:
@@ -132,9 +149,11 @@ def _manifest(path: Path, names: set[str]) -> dict[str, dict[str, str]]:
         where = f"{path}, line {reader.line_num}"
         if None in row or None in row.values():
             raise FormatError(f"{where}: expected {len(columns)} cells: a cell with a comma needs quotes")
-        name = row["name"].removesuffix(".bvh").removesuffix(".c3d")
+        name = row["name"]
+        if Path(name).suffix.lower() in (".bvh", ".c3d", *SUFFIXES):
+            name = Path(name).stem
         if name not in names:
-            raise FormatError(f"{where}: there is no {name}.bvh or {name}.c3d in the folder")
+            raise FormatError(f"{where}: there is no {name}.bvh, {name}.c3d or {name}.glb in the folder")
         if name in rows:
             raise FormatError(f"{where}: {name!r} is listed twice")
         _check_offset(where, row.get("audio_offset_s", ""))

@@ -51,7 +51,7 @@ class Rig:
 
 
 def world_matrices(parents: NDArray[np.int64], translation: Floats, quat: Floats, scale: Floats) -> Floats:
-    """World matrices (B, 4, 4) of bones from their transforms against their parents."""
+    """World matrices (B, ..., 4, 4) of bones from their transforms (B, ..., D) against their parents."""
     local = matrices(translation, quat, scale)
     world = np.empty_like(local)
     for bone, parent in enumerate(parents):

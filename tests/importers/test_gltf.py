@@ -1,0 +1,143 @@
+"""glTF animations as takes: what was written comes back, on any rig; by every interpolation of the format."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic_characters import CHARACTERS, write_character
+from synthetic_motions import on_other_axes, stepping, swaying
+
+from choreograph.characters import perform, read_character
+from choreograph.errors import ChoreographError, FormatError
+from choreograph.exporters import save_motion
+from choreograph.gltf import GltfDocument, read_gltf
+from choreograph.importers import import_takes
+from choreograph.importers.gltf import _sampled, read_gltf_motions
+from choreograph.motion import rotations as rot
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".vrma"])
+def test_a_motion_comes_back(tmp_path, suffix):
+    motion = swaying(100, fps=50.0)
+    save_motion(tmp_path / f"a{suffix}", motion)
+    ((back, notes),) = read_gltf_motions(tmp_path / f"a{suffix}").values()
+    assert (back.fps, back.n_frames, notes) == (50.0, 100, ())
+    index = [back.skeleton.names.index(name) for name in back.skeleton.names]
+    np.testing.assert_allclose(back.joint_pos_m()[:, index], motion.joint_pos_m()[:, index], atol=1e-5)
+
+
+def test_a_rig_whose_rest_pose_does_not_stand_comes_back(tmp_path):
+    motion = on_other_axes(swaying(60), 3)
+    save_motion(tmp_path / "a.glb", motion)
+    ((back, _),) = read_gltf_motions(tmp_path / "a.glb").values()
+    where = [back.skeleton.names.index(name) for name in motion.skeleton.names]
+    np.testing.assert_allclose(back.joint_pos_m()[:, where], motion.joint_pos_m(), atol=1e-4)
+
+
+@pytest.mark.parametrize("name", CHARACTERS)
+def test_a_dance_comes_back_from_every_character(tmp_path, name):
+    motion = stepping(90, fps=60.0)
+    write_character(tmp_path / "a.glb", CHARACTERS[name])
+    character = read_character(tmp_path / "a.glb")
+    (tmp_path / "b.glb").write_bytes(character.dancing(motion).to_glb())
+    if name.startswith("nameless"):
+        with pytest.raises(FormatError, match="known rig"):
+            read_gltf_motions(tmp_path / "b.glb")
+        return
+    ((back, _),) = read_gltf_motions(tmp_path / "b.glb").values()
+    figure = perform(motion, character.rig, character.bones).motion
+    limbs = [("left_shoulder", "left_elbow"), ("right_knee", "right_ankle")]
+    own = {role: character.rig.names[bone] for role, bone in character.bones.items()}
+    for start, end in limbs:
+        found = [back.joint_pos_m()[:, back.skeleton.names.index(own[part])] for part in (start, end)]
+        expected = [figure.joint_pos_m()[:, figure.skeleton.index(part)] for part in (start, end)]
+        size = np.linalg.norm(found[1] - found[0], axis=1) / np.linalg.norm(expected[1] - expected[0], axis=1)
+        np.testing.assert_allclose(size, size[0], rtol=1e-4)
+        np.testing.assert_allclose(
+            (found[1] - found[0]) / size[:, None], expected[1] - expected[0], atol=1e-4
+        )
+
+
+def test_several_animations_are_several_takes(tmp_path):
+    save_motion(tmp_path / "a.glb", swaying(60))
+    document = read_gltf(tmp_path / "a.glb")
+    document.json["animations"] += [{**document.json["animations"][0], "name": "other"}] * 2
+    (tmp_path / "a.glb").write_bytes(document.to_glb())
+    assert [take.name for take in import_takes(tmp_path / "a.glb")] == ["a-dance", "a-other", "a-other 3"]
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (tmp_path / "a.glb").rename(folder / "a.glb")
+    with pytest.raises(FormatError, match="one animation"):
+        list(import_takes(folder))
+
+
+def test_a_folder_of_glb_files(tmp_path):
+    for name in ("a", "b"):
+        save_motion(tmp_path / f"{name}.glb", swaying(60))
+    (tmp_path / "manifest.csv").write_text("name,genre\na.glb,house\nb,waltz\n")
+    assert [(t.name, t.credits.genre) for t in import_takes(tmp_path)] == [("a", "house"), ("b", "waltz")]
+
+
+def test_interpolations_are_the_formats():
+    keys, times = np.array([0.0, 1.0, 3.0]), np.array([-1.0, 0.0, 0.5, 1.0, 2.0, 3.0, 9.0])
+    values = np.array([[0.0, 0, 0], [1.0, 2, 0], [3.0, 2, 0]])
+    linear = _sampled(keys, values, "LINEAR", "translation", times)
+    np.testing.assert_allclose(linear[:, 0], [0, 0, 0.5, 1, 2, 3, 3])
+    step = _sampled(keys, values, "STEP", "translation", times)
+    np.testing.assert_allclose(step[:, 0], [0, 0, 0, 1, 1, 3, 3])
+    # A parabola is its own cubic spline, if the tangents are its own.
+    curve, slope = keys[:, None] ** 2 * [1.0, 1, 1], 2 * keys[:, None] * [1.0, 1, 1]
+    triplets = np.stack([slope, curve, slope], axis=1).reshape(-1, 3)
+    cubic = _sampled(keys, triplets, "CUBICSPLINE", "translation", times)
+    np.testing.assert_allclose(cubic[:, 0], np.clip(times, 0, 3) ** 2, atol=1e-9)
+    turn = rot.from_rotvec(np.array([[0.0, 0, 0], [0, 1.0, 0], [0, 2.0, 0]]))
+    turned = _sampled(keys, turn, "LINEAR", "rotation", np.array([0.5, 2.0]))
+    np.testing.assert_allclose(rot.to_rotvec(turned)[:, 1], [0.5, 1.5], atol=1e-9)
+
+
+def shortened(document: GltfDocument) -> None:
+    document.json["animations"][0]["samplers"][0]["output"] = document.accessor(np.zeros((2, 3), np.float32))
+
+
+def backwards(document: GltfDocument) -> None:
+    times = document.accessor(np.array([1.0, 0.0], np.float32), bounds=True)
+    values = document.accessor(np.zeros((2, 3), np.float32))
+    document.json["animations"][0]["samplers"][0] = {"input": times, "output": values}
+
+
+def endless(document: GltfDocument) -> None:
+    times = document.accessor(np.array([0.0, 1e9], np.float32), bounds=True)
+    values = document.accessor(np.zeros((2, 3), np.float32))
+    document.json["animations"][0]["samplers"][0] = {"input": times, "output": values}
+
+
+def not_finite(document: GltfDocument) -> None:
+    n = document.json["accessors"][document.json["animations"][0]["samplers"][0]["input"]]["count"]
+    values = document.accessor(np.full((n, 3), np.nan, np.float32))
+    document.json["animations"][0]["samplers"][0]["output"] = values
+
+
+def without_animation(document: GltfDocument) -> None:
+    document.json["animations"] = []
+
+
+def of_nothing(document: GltfDocument) -> None:
+    document.json["animations"][0]["channels"] = []
+
+
+def of_no_sampler(document: GltfDocument) -> None:
+    document.json["animations"][0]["channels"][0]["sampler"] = 999
+
+
+@pytest.mark.parametrize(
+    "change", [shortened, backwards, endless, not_finite, without_animation, of_nothing, of_no_sampler],
+    ids=lambda change: change.__name__,
+)  # fmt: skip
+def test_a_damaged_animation_is_refused_in_a_line(tmp_path, change):
+    save_motion(tmp_path / "a.glb", swaying(20))
+    document = read_gltf(tmp_path / "a.glb")
+    change(document)
+    (tmp_path / "b.glb").write_bytes(document.to_glb())
+    with pytest.raises(ChoreographError) as refused:
+        list(import_takes(tmp_path / "b.glb"))
+    assert "\n" not in str(refused.value) and "b.glb" in str(refused.value)
