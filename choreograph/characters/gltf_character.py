@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from choreograph.characters.bone_map import find_bones
 from choreograph.characters.performance import Performance, perform
 from choreograph.errors import FormatError, ParameterError
+from choreograph.fbx import convert
 from choreograph.gltf import GltfDocument, Rig, read_gltf, read_rig
 from choreograph.motion.motion import Motion
 from choreograph.timebase import frame_times_s
@@ -56,14 +58,14 @@ class GltfCharacter:
 
 
 def read_character(path: str | Path, bone_map: Mapping[str, str] | None = None) -> GltfCharacter:
-    """The character of a .glb, .gltf or .vrm file.
+    """The character of a .glb, .gltf or .vrm file, or with Blender on this machine of an .fbx.
 
     `bone_map` are names of bones by canonical name (`read_bone_map`), instead of those that are found.
 
     Raises `FormatError` if the file cannot be read, or holds no skeleton, two characters or over 4096 bones,
-    `ParameterError` if its bones cannot be found.
+    `ParameterError` if its bones cannot be found, or an .fbx needs a Blender that is not there.
     """
-    document = read_gltf(path)
+    document = _document(Path(path))
     if not document.json.get("skins"):
         raise FormatError(f"{path}: expected a character with a skeleton, got none: export it with its skin")
     found = read_rig(document)
@@ -72,3 +74,15 @@ def read_character(path: str | Path, bone_map: Mapping[str, str] | None = None) 
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from None
     return GltfCharacter(document, found.rig, found.nodes, bones)
+
+
+def _document(path: Path) -> GltfDocument:
+    """The file as glTF."""
+    if path.suffix.lower() != ".fbx":
+        return read_gltf(path)
+    with tempfile.TemporaryDirectory() as folder:
+        converted = Path(folder) / "character.glb"
+        convert(path, converted)
+        document = read_gltf(converted)
+    document.name = str(path)
+    return document

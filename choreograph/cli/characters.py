@@ -55,13 +55,13 @@ def bvh_of(outputs: Sequence[Path], naming: str | None, units: str | None, in_pl
 @click.option("--fps", type=click.FloatRange(1, 1000), help="Frames per second. Default: MOTION's.")
 @bvh_options
 def convert(motion, output, fps, naming, units, in_place) -> None:
-    """Write MOTION, a file of any format that build-db reads, to OUTPUT: .bvh, .npz, .glb or .vrma."""
+    """Write MOTION, a file of any format that build-db reads, to OUTPUT: .bvh, .npz, .glb, .vrma or .fbx."""
     from choreograph.exporters import FORMATS, BvhWriter, save_motion
-    from choreograph.files import check_target
+    from choreograph.pipeline.saving import check_outputs
 
     if output.suffix.lower().removeprefix(".") not in FORMATS:
         raise ParameterError(f"{output}: expected one of {', '.join(f'.{name}' for name in FORMATS)}")
-    check_target(output)
+    check_outputs([output])
     bvh = bvh_of([output], naming, units, in_place)
     moving = motion_of(motion)
     if fps is not None:
@@ -80,17 +80,18 @@ def convert(motion, output, fps, naming, units, in_place) -> None:
 )
 @click.argument("motion", type=_FILE)
 @click.argument("character", type=_FILE)
-@click.option("-o", "--output", required=True, type=_FILE, help="The character with the motion (.glb).")
+@click.option(
+    "-o", "--output", required=True, type=_FILE, help="The character with the motion (.glb or .fbx)."
+)
 @click.option("--map", "map_path", type=_FILE, help="Which bone is which, as --save-map writes it (.json).")
 @click.option("--save-map", type=_FILE, help="Write which bones were found (.json), to be edited.")
 def retarget(motion, character, output, map_path, save_map) -> None:
-    """Put MOTION, a file of any format that build-db reads, onto CHARACTER (.glb, .gltf or .vrm)."""
-    from choreograph.files import check_target
-    from choreograph.pipeline.saving import save_on_character
+    """Put MOTION, a file of any format that build-db reads, onto CHARACTER (.glb, .gltf, .vrm or .fbx)."""
+    from choreograph.pipeline.saving import check_outputs, save_on_character
 
-    if output.suffix.lower() != ".glb":
-        raise ParameterError(f"{output}: expected an .glb for the character to move in")
-    check_target(output)
+    if output.suffix.lower() not in (".glb", ".fbx"):
+        raise ParameterError(f"{output}: expected a .glb or .fbx for the character to move in")
+    check_outputs([output])
     figure = character_of(character, map_path, save_map)
     moving = motion_of(motion)
     save_on_character(output, moving, figure)

@@ -91,8 +91,8 @@ def _character(path: Path | None, map_path: Path | None, save_map: Path | None, 
         if map_path or save_map:
             raise ParameterError("expected --character FILE beside --map or --save-map")
         return None
-    if not any(output.suffix.lower() == ".glb" for output in outputs):
-        raise ParameterError("expected an .glb for the character to dance in: -o NAME.glb")
+    if not any(output.suffix.lower() in (".glb", ".fbx") for output in outputs):
+        raise ParameterError("expected a .glb or .fbx for the character to dance in: -o NAME.glb")
     return character_of(path, map_path, save_map)
 
 

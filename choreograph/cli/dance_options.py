@@ -19,13 +19,13 @@ _FILE = click.Path(path_type=Path)
 _OUTPUT = (
     optgroup.option(
         "-o", "--output", multiple=True, type=_FILE,
-        help="File to write: .bvh or .npz (motion), .glb (a body that dances), .html (page to watch), .mp4 "
-        "(video), .png (poses on the beats) or .json (the plan). Repeat for more. Default: SONG.bvh and "
-        "SONG.html here.",
+        help="File to write: .bvh or .npz (motion), .glb or .fbx (a body that dances), .vrma (for VRM "
+        "avatars), .html (page to watch), .mp4 (video), .png (poses on the beats) or .json (the plan). "
+        "Repeat for more. Default: SONG.bvh and SONG.html here.",
     ),
     optgroup.option(
         "--character", type=_FILE,
-        help="Character (.glb, .gltf, .vrm) that dances in the .glb. Default: the body of the page.",
+        help="Character (.glb, .gltf, .vrm, .fbx) for the .glb or .fbx. Default: the body of the page.",
     ),
     optgroup.option(
         "--map", "map_path", type=_FILE, help="Which bone of it is which, as --save-map writes it (.json)."

@@ -4,6 +4,7 @@ bvh   one skeleton, Euler angles
 npz   plain arrays, exact; SMPL's where the skeleton is the canonical one
 glb   glTF: a skinned body, its skeleton standing, and the motion as an animation
 vrma  a VRM animation, for VRM avatars
+fbx   what a glb holds, by way of Blender
 
 A new format is one module here with a `Writer`.
 """
@@ -15,6 +16,7 @@ from pathlib import Path
 from choreograph.errors import ParameterError
 from choreograph.exporters._base import Writer
 from choreograph.exporters.bvh import BvhOptions, BvhWriter
+from choreograph.exporters.fbx import FbxWriter
 from choreograph.exporters.glb import GlbWriter
 from choreograph.exporters.npz import NpzWriter
 from choreograph.exporters.vrma import VrmaWriter
@@ -25,6 +27,7 @@ __all__ = [
     "FORMATS",
     "BvhOptions",
     "BvhWriter",
+    "FbxWriter",
     "GlbWriter",
     "NpzWriter",
     "Writer",
@@ -33,7 +36,7 @@ __all__ = [
 ]
 
 _WRITERS: dict[str, type[Writer]] = {
-    writer.format: writer for writer in (BvhWriter, NpzWriter, GlbWriter, VrmaWriter)
+    writer.format: writer for writer in (BvhWriter, NpzWriter, GlbWriter, VrmaWriter, FbxWriter)
 }
 FORMATS = tuple(_WRITERS)
 

@@ -8,6 +8,7 @@ npz                 motions written by this program
 bvh                 one BVH file
 c3d                 one C3D file
 gltf                one glTF file (.glb, .gltf, .vrma): each of its animations
+fbx                 one FBX file, by way of Blender
 folder              a folder of BVH, C3D or glTF files with songs and a manifest
 
 An importer is a module with `LAYOUT` (one line: what it reads), `detect(path) -> bool` and
@@ -59,6 +60,7 @@ _BUILTIN = (
     "bvh",
     "c3d",
     "gltf",
+    "fbx",
     "folder",
 )  # the first that detects its layout reads
 _FLOOR_NOTE_M = 0.05

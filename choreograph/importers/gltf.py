@@ -24,6 +24,8 @@ from choreograph.takes import Credits, Take
 from choreograph.timebase import STORE_FPS, frame_times_s
 
 Floats = NDArray[np.float64]
+# Key times (K,), values and interpolation by bone and property.
+Tracks = dict[tuple[int, str], tuple[Floats, Floats, str]]
 
 LAYOUT = "a single NAME.glb, .gltf or .vrma with animations of a skeleton"
 SUFFIXES = (".glb", ".gltf", ".vrma")
@@ -60,21 +62,22 @@ def read_gltf_motions(path: str | Path) -> dict[str, tuple[Motion, tuple[str, ..
     if not animations:
         raise FormatError(f"{path}: expected an animation, got none: export it with its animations")
     found = read_rig(document)
-    names: list[str] = []
+    motions: dict[str, tuple[Motion, tuple[str, ...]]] = {}
     for number, animation in enumerate(animations):
-        name = str(animation.get("name") or f"{number + 1}")
-        names.append(name if name not in names else f"{name} {number + 1}")
-    return {
-        name: _motion(document, found, animation) for name, animation in zip(names, animations, strict=True)
-    }
+        tracks = _tracks(document, found, animation)
+        if tracks:  # others move a camera or a prop
+            name = str(animation.get("name") or f"{number + 1}")
+            motions[name if name not in motions else f"{name} {number + 1}"] = _motion(
+                document, found, tracks
+            )
+    if not motions:
+        raise FormatError(f"{path}: expected an animation of the skeleton, got one of other things")
+    return motions
 
 
-def _motion(
-    document: GltfDocument, found: GltfRig, animation: dict[str, Any]
-) -> tuple[Motion, tuple[str, ...]]:
+def _motion(document: GltfDocument, found: GltfRig, tracks: Tracks) -> tuple[Motion, tuple[str, ...]]:
     """One animation on the rig's bones from the hips down."""
     rig = _with_human_names(found)
-    tracks = _tracks(document, found, animation)
     times_s, fps = _frame_times(document, tracks)
     local = {"translation": rig.rest_translation, "rotation": rig.rest_quat, "scale": rig.rest_scale}
     sampled = {path: np.repeat(rest[None], len(times_s), axis=0) for path, rest in local.items()}  # (T, B, …)
@@ -109,13 +112,11 @@ def _with_human_names(found: GltfRig) -> Rig:
     return replace(found.rig, names=tuple(names))
 
 
-def _tracks(
-    document: GltfDocument, found: GltfRig, animation: dict[str, Any]
-) -> dict[tuple[int, str], tuple[Floats, Floats, str]]:
-    """Key times (K,), values and interpolation of every animated property of a bone."""
+def _tracks(document: GltfDocument, found: GltfRig, animation: dict[str, Any]) -> Tracks:
+    """The tracks of an animation that move bones."""
     bone_of = {node: bone for bone, node in enumerate(found.nodes)}
     samplers = animation.get("samplers", [])
-    tracks = {}
+    tracks: Tracks = {}
     for channel in animation.get("channels", []):
         target, index = channel.get("target", {}), channel.get("sampler")
         bone, path = bone_of.get(target.get("node", -1)), target.get("path")
@@ -134,12 +135,10 @@ def _tracks(
         if path == "rotation":
             values = np.roll(values, 1, axis=-1)
         tracks[bone, path] = keys_s, values, kind
-    if not tracks:
-        raise FormatError(f"{document.name}: expected an animation of the skeleton, got one of other things")
     return tracks
 
 
-def _frame_times(document: GltfDocument, tracks: dict) -> tuple[Floats, float]:
+def _frame_times(document: GltfDocument, tracks: Tracks) -> tuple[Floats, float]:
     """Frame times (T,) from the first key to the last, and their rate."""
     keys = [keys_s for keys_s, _, _ in tracks.values()]
     start_s, end_s = min(k[0] for k in keys), max(k[-1] for k in keys)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,13 @@ from choreograph.characters import GltfCharacter
 from choreograph.counts import bars_of
 from choreograph.errors import ParameterError
 from choreograph.exporters import FORMATS, BvhOptions, BvhWriter, save_motion
+from choreograph.fbx import convert, require_blender
 from choreograph.files import atomic_path, check_target
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
 from choreograph.progress import ProgressReport
 
+CHARACTER_FORMATS = ("glb", "fbx")  # in which a character dances
 _STRIP_POSES = 40
 
 
@@ -42,7 +45,7 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
     """
     check_outputs([path], with_clicks=parts.with_clicks)
     suffix = _suffix(path)
-    if suffix == "glb" and parts.character is not None:
+    if suffix in CHARACTER_FORMATS and parts.character is not None:
         save_on_character(path, parts.motion, parts.character)
     elif suffix in FORMATS:
         save_motion(path, parts.motion, writer=BvhWriter(parts.bvh) if suffix == "bvh" else None)
@@ -51,10 +54,17 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
 
 
 def save_on_character(path: str | Path, motion: Motion, character: GltfCharacter) -> None:
-    """Write the character's file again, as GLB, with the motion as its animation; raises as `save_dance`."""
+    """Write the character again, as GLB or FBX, with the motion as its animation; raises as `save_dance`."""
     content = character.dancing(motion).to_glb()
     with atomic_path(path) as temporary:
-        temporary.write_bytes(content)
+        if _suffix(path) != "fbx":
+            temporary.write_bytes(content)
+            return
+        with TemporaryDirectory() as folder:
+            glb, fbx = Path(folder) / "a.glb", Path(folder) / "a.fbx"
+            glb.write_bytes(content)
+            convert(glb, fbx)
+            temporary.write_bytes(fbx.read_bytes())
 
 
 def check_outputs(paths: Sequence[str | Path], *, with_clicks: bool = False) -> None:
@@ -69,6 +79,8 @@ def check_outputs(paths: Sequence[str | Path], *, with_clicks: bool = False) -> 
             raise ParameterError(
                 f"{path}: unknown format {_suffix(path)!r}: expected one of {', '.join(OUTPUT_FORMATS)}"
             )
+        if _suffix(path) == "fbx":
+            require_blender(path)
         check_target(path)
     if with_clicks and not any(_suffix(path) == "mp4" for path in paths):
         raise ParameterError(
