@@ -8,15 +8,20 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+# A squared distance is the difference of sums: below this share of them it is their rounding error, which
+# depends on how many rows are multiplied at once.
+_ROUNDING = np.float32(2e-6)
+
 
 @njit(cache=True, nogil=True)
 def distances_from_product(product, sq_a, sq_b, scale):  # pragma: no cover - compiled
-    """√(scale · max(0, |a|² + |b|² - 2 a·b)) in place of the products a·b, (P, N) float32."""
+    """√(scale · (|a|² + |b|² - 2 a·b)) in place of the products a·b, (P, N) float32; 0 within rounding."""
     n_a, n_b = product.shape
     for i in range(n_a):
         for j in range(n_b):
-            d = (sq_a[i] + sq_b[j] - np.float32(2.0) * product[i, j]) * scale
-            product[i, j] = np.sqrt(d if d > np.float32(0.0) else np.float32(0.0))
+            both = sq_a[i] + sq_b[j]
+            d = both - np.float32(2.0) * product[i, j]
+            product[i, j] = np.sqrt(d * scale) if d > _ROUNDING * both else np.float32(0.0)
     return product
 
 
