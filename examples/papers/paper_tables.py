@@ -170,14 +170,16 @@ def main() -> None:
     parser.add_argument(
         "--beats", default=DEFAULT_TRACKER, help="to measure by: a tracker, or a folder of SONG.txt"
     )
+    parser.add_argument("--seen", action="store_true", help="also songs that networks were trained on")
     options = parser.parse_args()
     only = options.only.read_text(encoding="utf-8").split()
     songs = find_songs(options.data, only=only, counted_by=options.counted_by)
     variants = variants_named(options.variants)
     dances: list[MeasuredDance] = []
     groups = [("", options.repertoires), *((name, [Path(p) for p in paths]) for name, *paths in options.also)]
+    judges = options.repertoires  # of another seed
     jobs = [
-        (name, path, paths[(seed + 1) % len(paths)], seed)
+        (name, path, judges[(seed + 1) % len(judges)], seed)
         for name, paths in groups
         for seed, path in enumerate(paths)
     ]
@@ -186,7 +188,11 @@ def main() -> None:
         made = []
         for name, path, judge, seed in jobs:
             config = EvaluationConfig(
-                ours if name else variants, seeds=1, beats=options.beats, first_seed=seed
+                ours if name else variants,
+                seeds=1,
+                beats=options.beats,
+                seen=options.seen,
+                first_seed=seed,
             )
             made.append(pool.submit(danced, path, judge, songs, config, options))
         for (name, *_), found in zip(jobs, made, strict=True):

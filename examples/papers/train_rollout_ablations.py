@@ -52,6 +52,8 @@ ABLATIONS = {
     "no-velocity-loss": {"velocity_weight": 0.0},
     "no-slide-loss": {"slide_weight": 0.0},
     "no-border-speed-loss": {"border_speed_weight": 0.0},
+    "third-border-speed-loss": {"border_speed_weight": 0.1},
+    "half-border-speed-loss": {"border_speed_weight": 0.15},
     "no-other-tempi": {"tempi": (1.0,)},
     WITH_GRAPH_DANCES: {},
     AT_ACCENTS: {},
