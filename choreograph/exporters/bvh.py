@@ -11,6 +11,7 @@ import numpy as np
 from choreograph.errors import ParameterError
 from choreograph.exporters._base import Writer
 from choreograph.exporters.naming import NAMES, renamed
+from choreograph.exporters.rest_pose import REST_POSES, with_rest_pose
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
@@ -20,12 +21,13 @@ _ORDERS = tuple("".join(axes) for axes in itertools.permutations("XYZ"))
 
 @dataclass(frozen=True)
 class BvhOptions:
-    """Options of a BVH file. Raises `ParameterError` for an invalid order, scale or naming."""
+    """Options of a BVH file. Raises `ParameterError` for an invalid order, scale, naming or rest pose."""
 
     units_per_m: float = 100.0  # centimetres, as most programs expect
     order: str = "ZXY"  # of the rotation channels
     naming: str = "smpl"  # of the joints: see `exporters.naming`
     in_place: bool = False  # the hips stay above where they begin
+    rest: str | None = None  # pose of the hierarchy: see `exporters.rest_pose`; None: the skeleton's own
 
     def __post_init__(self) -> None:
         if self.order not in _ORDERS:
@@ -36,6 +38,8 @@ class BvhOptions:
             raise ParameterError(f"expected a positive number of units per metre, got {self.units_per_m}")
         if self.naming not in NAMES:
             raise ParameterError(f"expected names among {', '.join(NAMES)}, got {self.naming!r}")
+        if self.rest not in (None, *REST_POSES):
+            raise ParameterError(f"expected a rest pose among {', '.join(REST_POSES)}, got {self.rest!r}")
 
 
 class BvhWriter(Writer):
@@ -48,6 +52,8 @@ class BvhWriter(Writer):
 
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`; Euler angles are unwrapped past 180 degrees so that curves can be edited."""
+        if self.options.rest is not None:
+            motion = with_rest_pose(motion, self.options.rest)
         motion = renamed(motion, self.options.naming)
         root_pos_m = motion.root_pos_m.copy()
         if self.options.in_place:
@@ -65,7 +71,8 @@ class BvhWriter(Writer):
 
     def _hierarchy(self, skeleton: Skeleton, joint: int, indent: str) -> list[str]:
         # With a root offset of zero it does not matter whether a reader adds the position channels to it.
-        offset = skeleton.offsets_m[joint] if joint else np.zeros(3)
+        # A rest pose that was asked for stands on the floor, for the readers that take them as they are.
+        offset = skeleton.offsets_m[joint] if joint or self.options.rest else np.zeros(3)
         position = "Xposition Yposition Zposition " if joint == 0 else ""
         rotation = " ".join(f"{axis}rotation" for axis in self.options.order)
         lines = [
