@@ -110,6 +110,12 @@ class Plan:
         return self.duration_s if self.closing_s is None else self.closing_s
 
     @property
+    def danced_bars_s(self) -> tuple[float, ...]:
+        """When bars begin between the held poses; none if the song's bars are not known."""
+        beats = zip(self.music_beats_s, self.music_beat_numbers, strict=False)  # no numbers without bars
+        return tuple(s for s, number in beats if number == 1 and self.opening_s <= s <= self.danced_until_s)
+
+    @property
     def blocks(self) -> tuple[Block, ...]:
         """What is danced from when to when, in order: the words, and the seconds where there is no word.
 

@@ -73,7 +73,5 @@ def _most_alike(motion: Motion, frames: NDArray[np.int64]) -> tuple[int, int]:
     ahead_m = (poses_m[:, 1] - poses_m[:, 0]) * motion.fps * _LOOK_AHEAD_S
     states = np.concatenate([poses_m[:, 0], ahead_m], axis=1).reshape(len(frames), -1)  # (N, 126)
     shortest = max(1, int(np.ceil(_SHORTEST_SHARE * (len(frames) - 1))))
-    spans = [
-        (first, last) for first in range(len(frames)) for last in range(first + shortest, len(frames))
-    ]
+    spans = [(first, last) for first in range(len(frames)) for last in range(first + shortest, len(frames))]
     return min(spans, key=lambda span: float(np.sum((states[span[0]] - states[span[1]]) ** 2)))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _FILE = click.Path(path_type=Path)
 NAMINGS = ("smpl", "mixamo", "ue", "vrm", "rigify")
+RESTS = ("t", "a")
 UNITS = {"cm": 100.0, "m": 1.0}  # units of a .bvh, of which a metre has so many
 
 
@@ -26,6 +27,7 @@ def bvh_options(command: Callable) -> Callable:
     options = (
         click.option("--names", "naming", type=click.Choice(NAMINGS), help="Joint names of a .bvh (smpl)."),
         click.option("--units", type=click.Choice(tuple(UNITS)), help="Units of a .bvh (cm)."),
+        click.option("--rest", type=click.Choice(RESTS), help="A standing rest pose in a .bvh: T or A."),
         click.option("--in-place", is_flag=True, help="The hips stay in one place, in a .bvh."),
     )
     for option in reversed(options):
@@ -33,13 +35,16 @@ def bvh_options(command: Callable) -> Callable:
     return command
 
 
-def bvh_of(outputs: Sequence[Path], naming: str | None, units: str | None, in_place: bool) -> BvhOptions:
+def bvh_of(
+    outputs: Sequence[Path], naming: str | None, units: str | None, rest: str | None, in_place: bool
+) -> BvhOptions:
     """How .bvh files are written; `ParameterError` if something is asked for, and none is written."""
     from choreograph.exporters import BvhOptions
 
-    if (naming or units or in_place) and not any(path.suffix.lower() == ".bvh" for path in outputs):
-        raise ParameterError("expected a .bvh for --names, --units or --in-place: -o NAME.bvh")
-    return BvhOptions(UNITS[units or "cm"], naming=naming or "smpl", in_place=in_place)
+    wanted = naming or units or rest or in_place
+    if wanted and not any(path.suffix.lower() == ".bvh" for path in outputs):
+        raise ParameterError("expected a .bvh for --names, --units, --rest or --in-place: -o NAME.bvh")
+    return BvhOptions(UNITS[units or "cm"], naming=naming or "smpl", in_place=in_place, rest=rest)
 
 
 @click.command(
@@ -54,7 +59,7 @@ def bvh_of(outputs: Sequence[Path], naming: str | None, units: str | None, in_pl
 @click.argument("output", type=_FILE)
 @click.option("--fps", type=click.FloatRange(1, 1000), help="Frames per second. Default: MOTION's.")
 @bvh_options
-def convert(motion, output, fps, naming, units, in_place) -> None:
+def convert(motion, output, fps, naming, units, rest, in_place) -> None:
     """Write MOTION, a file of any format that build-db reads, to OUTPUT: .bvh, .npz, .glb, .vrma or .fbx."""
     from choreograph.exporters import FORMATS, BvhWriter, save_motion
     from choreograph.pipeline.saving import check_outputs
@@ -62,7 +67,7 @@ def convert(motion, output, fps, naming, units, in_place) -> None:
     if output.suffix.lower().removeprefix(".") not in FORMATS:
         raise ParameterError(f"{output}: expected one of {', '.join(f'.{name}' for name in FORMATS)}")
     check_outputs([output])
-    bvh = bvh_of([output], naming, units, in_place)
+    bvh = bvh_of([output], naming, units, rest, in_place)
     moving = motion_of(motion)
     if fps is not None:
         moving = moving.resampled(fps)

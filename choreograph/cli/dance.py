@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from choreograph.cli.characters import bvh_of, character_of
+from choreograph.cli.dance_jobs import Job, check_jobs, jobs_of, run_jobs
 from choreograph.cli.dance_options import dance_options
-from choreograph.cli.dance_results import numbered, outputs_for, present
+from choreograph.cli.dance_results import present
 from choreograph.cli.present import examples, given_options, stages
 from choreograph.errors import NoPathError, ParameterError
 
+if TYPE_CHECKING:
+    from choreograph.progress import ProgressReport
+
 _BESIDE_A_PLAN = {
-    "song", "db", "output", "character", "map_path", "save_map", "naming", "units", "in_place", "with_clicks",
-    "opened", "plan_path", "as_json", "quiet",
+    "songs", "db", "output", "character", "map_path", "save_map", "naming", "units", "rest", "in_place",
+    "loop", "with_clicks", "opened", "plan_path", "as_json", "quiet",
 }  # fmt: skip
 
 
@@ -26,6 +30,7 @@ _BESIDE_A_PLAN = {
         "choreograph dance song.mp3 --db rep.h5 -o a.mp4     your own takes, as a video",
         "choreograph dance song.mp3 -o a.mp4 --click         a video to count along with",
         "choreograph dance song.mp3 --character hero.glb -o a.glb   on your character",
+        "choreograph dance songs/*.mp3 -o out/{song}.glb     a dance for each, and a table",
         "choreograph dance song.mp3 --start 30 --duration 20 --weight transition=8",
         "choreograph dance song.mp3 --plan plan.json -o a.bvh   renders an edited plan",
         "choreograph dance song.mp3 --engine mixer --genre waltz",
@@ -34,55 +39,67 @@ _BESIDE_A_PLAN = {
         "choreograph dance song.mp3 --recreate NAME          the motifs of a take, danced to this song",
     )
 )
-@click.argument("song", required=False, type=click.Path(path_type=Path))
+@click.argument("songs", nargs=-1, metavar="[SONG]...", type=click.Path(path_type=Path))
 @dance_options
 def command(
-    song, db, output, character, map_path, save_map, naming, units, in_place, with_clicks, opened, as_json,
-    quiet, plan_path, variations, start, duration, weight, config, published, genre, signature, motif_file,
-    recreate, pin, ban, keep, strict, **settings,
+    songs, db, output, character, map_path, save_map, naming, units, rest, in_place, loop, with_clicks,
+    opened, as_json, quiet, plan_path, variations, start, duration, weight, config, published, genre,
+    signature, motif_file, recreate, pin, ban, keep, strict, **settings,
 ) -> None:  # fmt: skip
-    """Make a dance for SONG (any audio file)."""
+    """Make a dance for SONG (any audio file), or for each of several."""
     import choreograph as cg
     from choreograph.config import load_config
-    from choreograph.pipeline.saving import check_outputs
     from choreograph.published import published_dance
 
-    if song is None and plan_path is None:
-        raise ParameterError("expected a SONG, or --plan FILE; `choreograph songs` lists a few to begin with")
     if plan_path is not None:
-        _refuse_beside_a_plan()
-    outputs = numbered(outputs_for(output, (song or plan_path).stem, opened), variations)
-    check_outputs([path for paths in outputs for path in paths], with_clicks=with_clicks)
-    bvh = bvh_of(outputs[0], naming, units, in_place)
-    figure = _character(character, map_path, save_map, outputs[0])
+        _refuse_beside_a_plan(songs)
+    jobs = jobs_of(songs or ((plan_path,) if plan_path else ()), output, opened, variations)
+    check_jobs(jobs, with_clicks=with_clicks)
+    first = jobs[0].outputs[0]
+    _check_loop(loop, first)
+    bvh = bvh_of(first, naming, units, rest, in_place)
+    figure = _character(character, map_path, save_map, first)
     base = published_dance() if published else None
     chosen = load_config(config, base) if config else base
     weights = _weights(weight)
     repertoire = cg.starter_repertoire() if db is None else cg.Repertoire.open(db)
-    with stages(quiet=quiet or as_json) as shown:
+    if plan_path is None:
+        constraints = _constraints(repertoire, genre, signature, motif_file, recreate, pin, ban, keep)
+        options = {
+            **settings, **constraints, "config": chosen, "weights": weights or None,
+            "start_s": start or 0.0, "duration_s": duration,
+        }  # fmt: skip
+
+    def dances_of(job: Job, report: ProgressReport) -> list[cg.Dance]:
         if plan_path is not None:
-            dances = [_rendered(plan_path, song, repertoire)]
+            made = [_rendered(plan_path, songs[0] if songs else None, repertoire)]
+        elif variations is None:
+            made = [cg.dance(job.song, repertoire, **options, report=report)]
         else:
-            constraints = _constraints(repertoire, genre, signature, motif_file, recreate, pin, ban, keep)
-            options = {
-                **settings, **constraints, "config": chosen, "weights": weights or None,
-                "start_s": start or 0.0, "duration_s": duration, "report": shown.report,
-            }  # fmt: skip
-            if variations is None:
-                dances = [cg.dance(song, repertoire, **options)]
-            else:
-                dances = cg.vary(song, repertoire, variations, **options)
-        unmet = [line for made in dances for line in made.unmet]
+            made = cg.vary(job.song, repertoire, variations, **options, report=report)
+        unmet = [line for one in made for line in one.unmet]
         if strict and unmet:
             raise NoPathError(unmet[0])
-        for made, paths in zip(dances, outputs, strict=True):
+        for one, paths in zip(made, job.outputs, strict=True):
             for path in paths:
                 clicks = with_clicks and path.suffix.lower() == ".mp4"
-                made.save(path, click=clicks, character=figure, bvh=bvh, report=shown.report)
-    present(dances, outputs, as_json=as_json, quiet=quiet, many=variations is not None)
+                one.save(path, click=clicks, character=figure, bvh=bvh, loop=loop, report=report)
+        return made
+
+    with stages(quiet=quiet or as_json) as shown:
+        results = run_jobs(jobs, dances_of, shown)
+    present(results, as_json=as_json, quiet=quiet, looped=loop, many=variations is not None)
     if opened:
-        page = next(path for path in outputs[0] if path.suffix.lower() == ".html")
+        page = next(path for path in first if path.suffix.lower() == ".html")
         click.launch(page.resolve().as_uri())
+
+
+def _check_loop(loop: bool, outputs: tuple[Path, ...]) -> None:
+    """Raise `ParameterError` if no file is written that could loop."""
+    from choreograph.pipeline.saving import is_motion_file
+
+    if loop and not any(is_motion_file(path) for path in outputs):
+        raise ParameterError("expected a motion file to loop, such as -o NAME.bvh or -o NAME.glb")
 
 
 def _character(path: Path | None, map_path: Path | None, save_map: Path | None, outputs: tuple[Path, ...]):
@@ -96,8 +113,10 @@ def _character(path: Path | None, map_path: Path | None, save_map: Path | None, 
     return character_of(path, map_path, save_map)
 
 
-def _refuse_beside_a_plan() -> None:
-    """Raise `ParameterError` if an option is given that the plan already decides."""
+def _refuse_beside_a_plan(songs: tuple[Path, ...]) -> None:
+    """Raise `ParameterError` if an option or a song is given that the plan already decides."""
+    if len(songs) > 1:
+        raise ParameterError(f"expected one SONG beside --plan, got {len(songs)}")
     decided = given_options(except_for=_BESIDE_A_PLAN)
     if decided:
         raise ParameterError(f"--plan decides what is danced: leave out {', '.join(decided)}")

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 from click_option_group import optgroup
 
-from choreograph.cli.characters import NAMINGS, UNITS
+from choreograph.cli.characters import NAMINGS, RESTS, UNITS
 
 _FILE = click.Path(path_type=Path)
 
@@ -21,7 +21,7 @@ _OUTPUT = (
         "-o", "--output", multiple=True, type=_FILE,
         help="File to write: .bvh or .npz (motion), .glb or .fbx (a body that dances), .vrma (for VRM "
         "avatars), .html (page to watch), .mp4 (video), .png (poses on the beats) or .json (the plan). "
-        "Repeat for more. Default: SONG.bvh and SONG.html here.",
+        "Repeat for more. Default: SONG.bvh and SONG.html here. {song} in it stands for the song's name.",
     ),
     optgroup.option(
         "--character", type=_FILE,
@@ -35,7 +35,11 @@ _OUTPUT = (
         "--names", "naming", type=click.Choice(NAMINGS), help="Joint names of the .bvh (smpl)."
     ),
     optgroup.option("--units", type=click.Choice(tuple(UNITS)), help="Units of the .bvh (cm)."),
+    optgroup.option("--rest", type=click.Choice(RESTS), help="A standing rest pose in the .bvh: T or A."),
     optgroup.option("--in-place", is_flag=True, help="The hips stay in one place, in the .bvh."),
+    optgroup.option(
+        "--loop", is_flag=True, help="Motion files end where they begin, on a bar: to be played again."
+    ),
     optgroup.option(
         "--click", "with_clicks", is_flag=True, help="Click on the counts in the video, higher on count 1."
     ),

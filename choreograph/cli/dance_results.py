@@ -1,53 +1,82 @@
-"""What `choreograph dance` writes, and what it prints about it."""
+"""What `choreograph dance` prints about its dances."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from choreograph.cli.dance_jobs import Outputs, Result
 from choreograph.cli.present import show_notes
+from choreograph.errors import ChoreographError
 
 if TYPE_CHECKING:
     from choreograph.pipeline import Dance
     from choreograph.plan import Plan
 
-Outputs = tuple[Path, ...]  # the files of one dance
+_TABLE_COLUMNS = 2000  # of characters, where stdout is a file: rows are not wrapped
 
 
-def outputs_for(given: Outputs, stem: str, opened: bool) -> Outputs:
-    """The files to write: those given, else a motion and a page; a page in any case if it is to be opened."""
-    outputs = given or (Path(f"{stem}.bvh"), Path(f"{stem}.html"))
-    if opened and not any(path.suffix.lower() == ".html" for path in outputs):
-        outputs = (*outputs, Path(f"{stem}.html"))
-    return outputs
+def present(results: Sequence[Result], *, as_json: bool, quiet: bool, looped: bool, many: bool) -> None:
+    """Print the dances: as JSON (a list if `many` or of several songs), a line each, or a table of songs.
 
-
-def numbered(outputs: Outputs, variations: int | None) -> list[Outputs]:
-    """The files of every variation, NAME-1.bvh for NAME.bvh; without variations, `outputs` once."""
-    if variations is None:
-        return [outputs]
-    return [
-        tuple(path.with_name(f"{path.stem}-{number}{path.suffix}") for path in outputs)
-        for number in range(1, max(variations, 1) + 1)
-    ]
-
-
-def present(
-    dances: Sequence[Dance], outputs: Sequence[Outputs], *, as_json: bool, quiet: bool, many: bool
-) -> None:
-    """Print the dances as JSON (a list if `many`), or their notes and one line each."""
-    made = list(zip(dances, outputs, strict=True))
+    Raises `ChoreographError` at the end if some of several songs could not be danced.
+    """
+    made = [pair for result in results for pair in _dances(result)]
     if as_json:
         facts = [_facts(dance, paths) for dance, paths in made]
-        click.echo(json.dumps(facts if many else facts[0], indent=1))
+        facts += [{"song": str(result.job.song), "error": result.error} for result in results if result.error]
+        click.echo(json.dumps(facts if many or len(results) > 1 else facts[0], indent=1))
     elif not quiet:
-        show_notes(dict.fromkeys(note for dance in dances for note in dance.notes))
-        for dance, paths in made:
-            click.echo(_summary(dance.plan, paths))
+        if len(results) == 1:
+            show_notes(dict.fromkeys(note for dance, _ in made for note in dance.notes))
+        show_notes(_loop_note(dance) for dance, _ in made if looped)
+        if len(results) > 1:
+            _show_table(results)
+        else:
+            for dance, paths in made:
+                click.echo(_summary(dance.plan, paths))
+    failed = [result for result in results if result.error]
+    if failed:
+        raise ChoreographError(f"{len(failed)} of {len(results)} songs are not danced: {failed[0].error}")
+
+
+def _dances(result: Result) -> Iterator[tuple[Dance, Outputs]]:
+    """The dances and their files; none if the job failed."""
+    return zip(result.dances, result.job.outputs, strict=not result.error)
+
+
+def _show_table(results: Sequence[Result]) -> None:
+    """Print a row for each dance; where stdout is no terminal, as wide as it is."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=_TABLE_COLUMNS)
+    table = Table(box=None, pad_edge=False)
+    for name in ("song", "files", "seconds", "takes", "beats", "notes"):
+        right = name in ("seconds", "takes", "beats")
+        table.add_column(name, justify="right" if right else "left", no_wrap=name != "notes")
+    for result in results:
+        song = result.job.song.name
+        if result.error:
+            table.add_row(song, "-", "-", "-", "-", result.error)
+        for dance, paths in _dances(result):
+            plan = dance.plan
+            numbers = f"{plan.duration_s:.1f}", str(len(plan.takes_s())), str(len(plan.music_beats_s))
+            table.add_row(song, ", ".join(map(str, paths)), *numbers, "; ".join(dance.notes))
+    console.print(table)
+
+
+def _loop_note(dance: Dance) -> str:
+    loop = dance.loop
+    return (
+        f"{dance.plan.song}: motion files loop, {loop.n_bars} bars from {loop.start_s:.2f} to "
+        f"{loop.end_s:.2f} s of the dance"
+    )
 
 
 def _summary(plan: Plan, outputs: Outputs) -> str:

@@ -48,7 +48,7 @@ def with_rest_pose(motion: Motion, rest: str) -> Motion:
 
 
 def _arm_turns(skeleton: Skeleton, body: Body, side: str, below_rad: float) -> dict[int, Floats]:
-    """World rotations (4,) by joint that stretch an arm of the standing body sideways, and down by an angle."""
+    """World rotations (4,) by joint that stretch an arm of the standing body sideways, some way down."""
     outwards = body.place(f"{side}_shoulder") - body.place(
         f"{'right' if side == 'left' else 'left'}_shoulder"
     )

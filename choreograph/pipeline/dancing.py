@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.audio.song import Song
+from choreograph.blending.looping import Loop, looped
 from choreograph.blending.rendering import render
 from choreograph.characters import GltfCharacter, read_character
 from choreograph.config import DanceConfig
@@ -38,7 +39,7 @@ from choreograph.pipeline.arguments import (
     check_span,
 )
 from choreograph.pipeline.keeping import ExistingDance, fill, read_existing
-from choreograph.pipeline.saving import SavedParts, save_dance
+from choreograph.pipeline.saving import SavedParts, is_motion_file, save_dance
 from choreograph.pipeline.unlike import Unlike
 from choreograph.plan import Plan
 from choreograph.progress import ProgressReport
@@ -62,6 +63,11 @@ class Dance:
         """Motion beats of the finished dance in seconds, (Q,)."""
         return motion_beat_times_s(body_pos_m(self.motion.resampled(STORE_FPS)), STORE_FPS)
 
+    @cached_property
+    def loop(self) -> Loop:
+        """The dance cut to whole bars, ending where it begins; `ParameterError` if it has not two bars."""
+        return looped(self.motion, self.plan.danced_bars_s)
+
     def save(
         self,
         path: str | Path,
@@ -69,6 +75,7 @@ class Dance:
         click: bool = False,
         character: str | Path | GltfCharacter | None = None,
         bvh: BvhOptions | None = None,
+        loop: bool = False,
         report: ProgressReport | None = None,
     ) -> None:
         """Write the dance; the suffix says what: see `pipeline.saving.OUTPUT_FORMATS`.
@@ -76,16 +83,18 @@ class Dance:
         bvh and npz hold the motion, glb the motion on a body, json the plan, html the page that plays it
         with its song, mp4 a video, png a strip of poses on the beats. `click` mixes a click on every count
         into the sound of a video, higher on count 1. `character`, a .glb, .gltf or .vrm file or what
-        `read_character` made of one, dances in a glb; `bvh` says how a bvh is written.
+        `read_character` made of one, dances in a glb; `bvh` says how a bvh is written. With `loop` a motion
+        file holds the `loop` of the dance.
 
         Raises `ParameterError` for another suffix, clicks in anything but a video, a folder that does not
-        exist or a character whose bones cannot be found, `FormatError` if the song or the character cannot
-        be read.
+        exist, a character whose bones cannot be found or a loop without two bars, `FormatError` if the song
+        or the character cannot be read.
         """
         if isinstance(character, str | Path):
             character = read_character(character)
+        motion = self.loop.motion if loop and is_motion_file(path) else self.motion
         parts = SavedParts(
-            self.motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh
+            motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh
         )
         save_dance(path, parts, report)
 

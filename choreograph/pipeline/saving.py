@@ -88,6 +88,11 @@ def check_outputs(paths: Sequence[str | Path], *, with_clicks: bool = False) -> 
         )
 
 
+def is_motion_file(path: str | Path) -> bool:
+    """Whether the file that is written to `path` holds a motion, for other programs."""
+    return _suffix(path) in FORMATS
+
+
 def _suffix(path: str | Path) -> str:
     return Path(path).suffix.lower().removeprefix(".")
 
