@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from choreograph.motion.skeleton import Skeleton
 Floats = NDArray[np.float64]
 
 _SHORTEST_BONE_M = 0.01  # shorter bones have no reliable direction
+_TRUNK = ("spine1", "spine2", "spine3", "neck", "head")
+_NEUTRAL_RAD = 0.8  # that it may be bent at a joint in the rest pose, and turned on average in a motion
 _BENT = 0.1  # mean sine of the bend of knee or elbow above which its axis is reliable
 
 
@@ -34,8 +37,10 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     it aligns the target's rest-pose bones with the source's mean bone directions in the joint's frame. For
     a joint with a single bone this leaves the twist open; the bend axes of knees and elbows determine it,
     elsewhere the mean twist against the parent is set to zero. Single bones are then pointed exactly in
-    the source's direction. The hip path is scaled by leg length. If the target's rest pose is upright, so
-    that its soles are known, the soles are put on Y = 0.
+    the source's direction. Spine, neck and head turn as the source's do where its rest pose is straight
+    there: bones say little about a gaze, since necks lean forward in one rig and are upright in another. The
+    hip path is scaled by leg length. If the target's rest pose is upright, so that its soles are known, the
+    soles are put on Y = 0.
 
     Raises `ParameterError` if the joint names of either skeleton are unknown.
     """
@@ -43,6 +48,7 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     pos, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)  # (T, J, 3), (T, J, 4)
     bones = _bones(target, source_roles, target_roles)
     hinges = _hinge_axes(pos, source_roles, target, target_roles)
+    trunk, trunk_offset = _trunk(motion.skeleton, source_roles, quat, target, target_roles)
     world = np.empty((motion.n_frames, target.n_joints, 4))
     source_of = {target_roles[role]: source_roles[role] for role in target_roles if role in source_roles}
     for joint in range(target.n_joints):
@@ -53,6 +59,9 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
             world[:, joint] = parent
             continue
         source = source_of[joint]
+        if joint in trunk:
+            world[:, joint] = rot.multiply(quat[:, source], trunk_offset)
+            continue
         pairs = [
             (pos[:, bone.source_end] - pos[:, source], bone.rest_m) for bone in bones if bone.joint == joint
         ]
@@ -87,6 +96,36 @@ def _bones(target: Skeleton, source_roles: dict[str, int], target_roles: dict[st
         if parent >= 0 and np.linalg.norm(length) > _SHORTEST_BONE_M:
             bones.append(_Bone(parent, source_roles[role], length))
     return bones
+
+
+def _trunk(
+    skeleton: Skeleton, roles: dict[str, int], quat: Floats, target: Skeleton, target_roles: dict[str, int]
+) -> tuple[set[int], Floats]:
+    """Spine, neck and head of the target, and the rotation (4,) from the source's world rotations to theirs.
+
+    None of them if a rest pose is bent there, or the source's axes differ from joint to joint: what is its
+    neutral pose is then not known.
+    """
+    none: tuple[set[int], Floats] = set(), rot.IDENTITY
+    chain = [role for role in _TRUNK if role in roles and role in target_roles]
+    if not {"spine1", "neck"} <= set(chain):
+        return none
+    axes: list[list[Floats]] = []
+    for rest, known in ((target.rest_pos_m(), target_roles), (skeleton.rest_pos_m(), roles)):
+        bones = np.diff(rest[[known[role] for role in chain]], axis=0)
+        across = "collar" if {"left_collar", "right_collar"} <= known.keys() else "shoulder"
+        up = _unit(rest[known["neck"]] - rest[known["spine1"]])
+        left = rest[known[f"left_{across}"]] - rest[known[f"right_{across}"]]
+        left = left - up * (left @ up)
+        bent = bones @ up < np.cos(_NEUTRAL_RAD) * np.linalg.norm(bones, axis=-1) - _SHORTEST_BONE_M
+        if bent.any() or np.linalg.norm(left) < _SHORTEST_BONE_M:
+            return none
+        axes.append([up, _unit(left)])
+    for lower, upper in pairwise(chain):
+        relative = rot.multiply(rot.invert(quat[:, roles[lower]]), quat[:, roles[upper]])
+        if np.linalg.norm(rot.to_rotvec(_mean_rotation(relative))) > _NEUTRAL_RAD:
+            return none
+    return {target_roles[role] for role in chain}, _alignment(axes[0], axes[1], weights=[np.inf, 1.0])
 
 
 def _hinge_axes(

@@ -14,6 +14,9 @@ from choreograph.gltf import GltfDocument, read_gltf
 from choreograph.importers import import_takes
 from choreograph.importers.gltf import _sampled, read_gltf_motions
 from choreograph.motion import rotations as rot
+from choreograph.motion.kinematics import forward
+from choreograph.motion.retargeting import retarget
+from choreograph.motion.skeleton import canonical_skeleton
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".vrma"])
@@ -56,6 +59,32 @@ def test_a_dance_comes_back_from_every_character(tmp_path, name):
         np.testing.assert_allclose(
             (found[1] - found[0]) / size[:, None], expected[1] - expected[0], atol=1e-4
         )
+
+
+@pytest.mark.parametrize(
+    "name", ["mixamo", "unreal", "vrm that looks back", "child", "rigify", "few spine bones"]
+)
+def test_ours_onto_a_character_and_back_is_ours(tmp_path, name):
+    """At our size joints are where they were within a centimetre, head and chest look where they looked.
+
+    A spine of two bones cannot bend as one of three does.
+    """
+    motion = stepping(240, fps=60.0)
+    write_character(tmp_path / "a.glb", CHARACTERS[name])
+    (tmp_path / "b.glb").write_bytes(read_character(tmp_path / "a.glb").dancing(motion).to_glb())
+    ((back, _),) = read_gltf_motions(tmp_path / "b.glb").values()
+    ours = retarget(back, canonical_skeleton())
+    apart_m = ours.joint_pos_m() - motion.joint_pos_m()
+    apart_m[..., 1] -= apart_m[..., 1].mean()  # onto the floor, through which the made motion steps
+    assert np.linalg.norm(apart_m, axis=-1).mean() < (0.015 if name == "few spine bones" else 0.01)
+    for role in ("spine3", "head"):
+        looks = [
+            rot.rotate(forward(one.skeleton, one.root_pos_m, one.local_quat)[1], np.eye(3)[2])[
+                :, one.skeleton.index(role)
+            ]
+            for one in (motion, ours)
+        ]
+        assert np.min(np.sum(looks[0] * looks[1], axis=-1)) > np.cos(np.radians(5.0))
 
 
 def test_several_animations_are_several_takes(tmp_path):

@@ -107,3 +107,38 @@ def test_without_an_upright_rest_pose_soles_are_found_from_the_motion():
     assert estimate_floor_m(sole_pos_m(moved)) == pytest.approx(
         estimate_floor_m(sole_pos_m(motion)), abs=0.06
     )
+
+
+def apart_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.degrees(np.arccos(np.clip(np.sum(a * b, axis=-1), -1.0, 1.0)))
+
+
+def forward_of(motion, role: str, front: np.ndarray) -> np.ndarray:
+    """Where a joint looks, (T, 3); `front` (3,) in its rest pose."""
+    _, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
+    return rot.rotate(quat[:, joint_roles(motion.skeleton)[role]], front)
+
+
+def test_bandai_namco_keeps_gaze_and_spine(shared_data):
+    """In this rig's rest pose the spine lies along +X and looks along +Y."""
+    motion, _ = read_bvh(shared_data / "bvh" / "dance-short_normal_001.bvh")
+    moved = retarget(motion, canonical_skeleton())
+    for role in ("spine1", "spine3", "neck", "head"):
+        before, after = forward_of(motion, role, np.eye(3)[1]), forward_of(moved, role, np.eye(3)[2])
+        assert apart_deg(before, after).max() < 5.0, role
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("lean", [0.0, 0.4])
+def test_gaze_and_spine_are_kept_however_the_neck_leans(seed, lean):
+    """A rig like ours but for a neck that leans; and one whose joints have axes of their own."""
+    motion = swaying(seed=seed)
+    body = motion.skeleton
+    offsets_m = np.array(body.offsets_m)
+    offsets_m[body.index("head")] = 0.1 * np.array([0.0, np.cos(lean), np.sin(lean)])
+    leaning = replace(motion, skeleton=replace(body, offsets_m=offsets_m))
+    for source in (leaning, on_other_axes(motion, seed)):
+        moved = retarget(source, canonical_skeleton())
+        for role in ("spine3", "head"):
+            before, after = (forward_of(one, role, np.eye(3)[2]) for one in (motion, moved))
+            assert apart_deg(before, after).max() < 5.0, role
