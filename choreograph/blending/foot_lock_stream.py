@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from choreograph.blending.foot_locking import (
     SIDES,
-    ancestors,
     lift,
     lift_frames,
     locking_shift,
@@ -26,6 +25,7 @@ from choreograph.blending.foot_locking import (
 from choreograph.features.contacts import CONTACT_JOINTS, FLOOR_PERCENT, contacts_above
 from choreograph.motion.body import body_indices
 from choreograph.motion.floor import foot_sole_pos_m
+from choreograph.motion.inverse_kinematics import ancestors
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton

@@ -14,7 +14,7 @@ from choreograph.features.contacts import foot_contacts
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import foot_sole_pos_m
-from choreograph.motion.inverse_kinematics import flexion_rad, two_bone
+from choreograph.motion.inverse_kinematics import flexion_rad, move_limb
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
@@ -161,16 +161,4 @@ def move_leg(
     """Rotate thigh and shin in `global_quat` (T, J, 4) to bring the ankle to `target`, but not the foot."""
     hip, knee, ankle = (roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
     hinge = _hinge_axis(skeleton, roles, global_quat[:, knee])
-    upper, lower = two_bone(pos_m[:, hip], pos_m[:, knee], pos_m[:, ankle], target, hinge)
-    for joint in range(hip, skeleton.n_joints):
-        path = ancestors(skeleton, joint)
-        if ankle in path or hip not in path:
-            continue
-        global_quat[:, joint] = rot.multiply(lower if knee in path else upper, global_quat[:, joint])
-
-
-def ancestors(skeleton: Skeleton, joint: int) -> list[int]:
-    path = [joint]
-    while skeleton.parents[path[-1]] >= 0:
-        path.append(int(skeleton.parents[path[-1]]))
-    return path
+    move_limb(skeleton, (hip, knee, ankle), pos_m, global_quat, target, hinge)

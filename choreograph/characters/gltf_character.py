@@ -15,7 +15,7 @@ from choreograph.characters.bone_map import find_bones
 from choreograph.characters.performance import Performance, perform
 from choreograph.errors import FormatError, ParameterError
 from choreograph.fbx import convert
-from choreograph.gltf import GltfDocument, Rig, read_gltf, read_rig
+from choreograph.gltf import GltfDocument, Rig, SkinPoints, read_gltf, read_rig, read_skin_points
 from choreograph.motion.motion import Motion
 from choreograph.timebase import frame_times_s
 
@@ -30,13 +30,14 @@ class GltfCharacter:
     rig: Rig
     nodes: tuple[int, ...]  # (B,) of the document
     bones: dict[str, int]  # canonical name -> bone
+    skin: SkinPoints
 
     def dancing(self, motion: Motion, name: str = "dance") -> GltfDocument:
         """The document with a dance on the character as its only animation.
 
         Raises `ParameterError` if the rig's body does not hang together below its pelvis.
         """
-        return self.with_animation(perform(motion, self.rig, self.bones), name)
+        return self.with_animation(perform(motion, self.rig, self.bones, self.skin), name)
 
     def with_animation(self, performance: Performance, name: str) -> GltfDocument:
         """The document with the performance as its only animation, the one that players play."""
@@ -73,7 +74,7 @@ def read_character(path: str | Path, bone_map: Mapping[str, str] | None = None) 
         bones = find_bones(found.rig, found.human_bones, bone_map)
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from None
-    return GltfCharacter(document, found.rig, found.nodes, bones)
+    return GltfCharacter(document, found.rig, found.nodes, bones, read_skin_points(document, found))
 
 
 def _document(path: Path) -> GltfDocument:

@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.blending.foot_locking import DANCE_SHIFT_S, lock_feet
+from choreograph.characters.body_shape import body_parts
+from choreograph.characters.hands import keep_hands_out
 from choreograph.characters.helper_bones import LIMB_ENDS, ik_bones, twist_bones, twist_turn
 from choreograph.errors import ParameterError
 from choreograph.features.contacts import foot_contacts
+from choreograph.gltf import SkinPoints
 from choreograph.gltf.rig import Rig, rotations_of
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
@@ -36,6 +39,7 @@ _POINTING = {
 }
 _SPINE = ("pelvis", "spine1", "spine2", "spine3")
 _UP = np.array([0.0, 1.0, 0.0])
+_FRONT = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +53,10 @@ class Performance:
     motion: Motion  # the dance on the figure's bones, in the world, with canonical names where they are known
 
 
-def perform(motion: Motion, rig: Rig, bones: Mapping[str, int]) -> Performance:
-    """The motion on a rig whose bones are known by canonical name.
+def perform(
+    motion: Motion, rig: Rig, bones: Mapping[str, int], skin: SkinPoints | None = None
+) -> Performance:
+    """The motion on a rig whose bones are known by canonical name; hands stay out of its `skin`.
 
     Raises `ParameterError` if hips, legs or arms are among the names that `bones` lacks.
     """
@@ -63,6 +69,9 @@ def perform(motion: Motion, rig: Rig, bones: Mapping[str, int]) -> Performance:
     figure = _placed(dancer, Motion(skeleton, np.zeros_like(dancer.root_pos_m), turned, dancer.fps))
     contacts = foot_contacts(body_pos_m(dancer), dancer.fps)
     figure = lock_feet(figure, contacts, shift_s=DANCE_SHIFT_S)
+    if skin is not None:
+        front = rot.rotate(facing, _FRONT)
+        figure = keep_hands_out(figure, body_parts(skeleton, bone_of_joint, skin, front), front)
     joint_of = {bone: joint for joint, bone in enumerate(bone_of_joint)}
     return _on_bones(_with_twist(figure, rig, bones, joint_of), rig, bones, joint_of)
 

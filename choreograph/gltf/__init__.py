@@ -4,5 +4,16 @@ from choreograph.gltf.document import INDICES, VERTICES, GltfDocument
 from choreograph.gltf.reading import read_gltf
 from choreograph.gltf.rig import Rig
 from choreograph.gltf.rig_reading import GltfRig, read_rig
+from choreograph.gltf.skin_points import SkinPoints, read_skin_points
 
-__all__ = ["INDICES", "VERTICES", "GltfDocument", "GltfRig", "Rig", "read_gltf", "read_rig"]
+__all__ = [
+    "INDICES",
+    "VERTICES",
+    "GltfDocument",
+    "GltfRig",
+    "Rig",
+    "SkinPoints",
+    "read_gltf",
+    "read_rig",
+    "read_skin_points",
+]

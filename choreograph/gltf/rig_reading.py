@@ -29,6 +29,15 @@ class GltfRig:
     rig: Rig
     nodes: tuple[int, ...]  # (B,) of the document
     human_bones: dict[str, int]  # the file's own names of parts of the body (VRM's) -> bone
+    skins: tuple[SkinInWorld, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SkinInWorld:
+    """A skin of the document: its joints as bones, and how its own space lies in the world, bind pose."""
+
+    bones: tuple[int, ...]  # (J,)
+    matrix: Floats  # (4, 4)
 
 
 def read_rig(document: GltfDocument) -> GltfRig:
@@ -47,16 +56,18 @@ def read_rig(document: GltfDocument) -> GltfRig:
     translation, quat, scale = (np.array([part[i] for part in local]) for i in range(3))
     world = world_matrices(of_bones, translation, quat, scale)
     bind, lowest_m = world.copy(), []
+    skins = []
     for index, of_skin in enumerate(joints if "skins" in document.json else []):
         own = [bone_of[node] for node in of_skin]
         inverse = _inverse_binds(document, index, len(own))
         in_world = _skin_in_world(world, own, inverse, int(of_bones[min(own)]))
         bind[own] = in_world @ np.linalg.inv(inverse)
         lowest_m += _lowest_m(document, index, in_world)
+        skins.append(SkinInWorld(tuple(own), in_world))
     floor_m = min(lowest_m, default=float(bind[:, 1, 3].min()))
     rig = Rig(names, of_bones, bind[:, :3, 3], rotations_of(bind), translation, quat, scale, floor_m)
     human = {name: bone_of[node] for name, node in _human_bones(document).items() if node in bone_of}
-    return GltfRig(rig, tuple(order), human)
+    return GltfRig(rig, tuple(order), human, tuple(skins))
 
 
 def _joints(document: GltfDocument) -> list[list[int]]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.motion import rotations as rot
+from choreograph.motion.skeleton import Skeleton
 
 Floats = NDArray[np.float64]
 
@@ -38,6 +39,35 @@ def two_bone(
     turn = rot.multiply(rot.from_rotvec(new_bend), rot.from_rotvec(-bend))
     swing = rot.between(upper + rot.rotate(turn, lower), target_m - start_m)
     return swing, rot.multiply(swing, turn)
+
+
+def move_limb(
+    skeleton: Skeleton,
+    limb: tuple[int, int, int],
+    pos_m: Floats,
+    global_quat: Floats,
+    target_m: Floats,
+    hinge_axis: Floats,
+) -> None:
+    """Rotate both bones of a limb in `global_quat` (T, J, 4) so that its end comes to `target_m` (T, 3).
+
+    `limb` are its joints, such as hip, knee and ankle; what hangs on the end keeps its world rotation.
+    """
+    start, middle, end = limb
+    upper, lower = two_bone(pos_m[:, start], pos_m[:, middle], pos_m[:, end], target_m, hinge_axis)
+    for joint in range(start, skeleton.n_joints):
+        path = ancestors(skeleton, joint)
+        if end in path or start not in path:
+            continue
+        global_quat[:, joint] = rot.multiply(lower if middle in path else upper, global_quat[:, joint])
+
+
+def ancestors(skeleton: Skeleton, joint: int) -> list[int]:
+    """A joint, its parent, and so on up to the root."""
+    path = [joint]
+    while skeleton.parents[path[-1]] >= 0:
+        path.append(int(skeleton.parents[path[-1]]))
+    return path
 
 
 def flexion_rad(start_m: Floats, middle_m: Floats, end_m: Floats, hinge_axis: Floats) -> Floats:
