@@ -60,7 +60,10 @@ def bvh_of(
 @click.option("--fps", type=click.FloatRange(1, 1000), help="Frames per second. Default: MOTION's.")
 @bvh_options
 def convert(motion, output, fps, naming, units, rest, in_place) -> None:
-    """Write MOTION, a file of any format that build-db reads, to OUTPUT: .bvh, .npz, .glb, .vrma or .fbx."""
+    """Write MOTION, a file of any format that build-db reads, to OUTPUT.
+
+    .bvh, .npz, .glb, .vrma, .usda, .usdc or .fbx, by its suffix.
+    """
     from choreograph.exporters import FORMATS, BvhWriter, save_motion
     from choreograph.pipeline.saving import check_outputs
 

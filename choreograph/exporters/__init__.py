@@ -4,6 +4,7 @@ bvh   one skeleton, Euler angles
 npz   plain arrays, exact; SMPL's where the skeleton is the canonical one
 glb   glTF: a skinned body, its skeleton standing, and the motion as an animation
 vrma  a VRM animation, for VRM avatars
+usda  what a glb holds, for UsdSkel; usdc: the same in binary
 fbx   what a glb holds, by way of Blender
 
 A new format is one module here with a `Writer`.
@@ -19,6 +20,7 @@ from choreograph.exporters.bvh import BvhOptions, BvhWriter
 from choreograph.exporters.fbx import FbxWriter
 from choreograph.exporters.glb import GlbWriter
 from choreograph.exporters.npz import NpzWriter
+from choreograph.exporters.usd import UsdaWriter, UsdcWriter
 from choreograph.exporters.vrma import VrmaWriter
 from choreograph.files import atomic_path
 from choreograph.motion.motion import Motion
@@ -30,13 +32,17 @@ __all__ = [
     "FbxWriter",
     "GlbWriter",
     "NpzWriter",
+    "UsdaWriter",
+    "UsdcWriter",
+    "VrmaWriter",
     "Writer",
     "get_writer",
     "save_motion",
 ]
 
 _WRITERS: dict[str, type[Writer]] = {
-    writer.format: writer for writer in (BvhWriter, NpzWriter, GlbWriter, VrmaWriter, FbxWriter)
+    writer.format: writer
+    for writer in (BvhWriter, NpzWriter, GlbWriter, VrmaWriter, UsdaWriter, UsdcWriter, FbxWriter)
 }
 FORMATS = tuple(_WRITERS)
 

@@ -120,7 +120,7 @@ def _add_mesh(document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.flo
         material = {
             "name": PARTS[part],
             "pbrMetallicRoughness": {
-                "baseColorFactor": [*_linear(mesh.palette[part]).tolist(), 1.0],
+                "baseColorFactor": [*linear_light(mesh.palette[part]).tolist(), 1.0],
                 "metallicFactor": 0.0,
                 "roughnessFactor": _ROUGHNESS,
             },
@@ -135,7 +135,7 @@ def _add_mesh(document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.flo
     return document.add("meshes", {"name": "body", "primitives": primitives})
 
 
-def _linear(srgb: NDArray[np.floating]) -> NDArray[np.floating]:
+def linear_light(srgb: NDArray[np.floating]) -> NDArray[np.floating]:
     """sRGB colours, 0 to 1, as linear light."""
     low = srgb <= 0.04045
     return np.where(low, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4).round(6)

@@ -14,6 +14,7 @@ from choreograph.characters import GltfCharacter
 from choreograph.counts import bars_of
 from choreograph.errors import ParameterError
 from choreograph.exporters import FORMATS, BvhOptions, BvhWriter, save_motion
+from choreograph.exporters.usd import require_usd
 from choreograph.fbx import convert, require_blender
 from choreograph.files import atomic_path, check_target
 from choreograph.motion.motion import Motion
@@ -81,6 +82,8 @@ def check_outputs(paths: Sequence[str | Path], *, with_clicks: bool = False) -> 
             )
         if _suffix(path) == "fbx":
             require_blender(path)
+        if _suffix(path) in ("usda", "usdc"):
+            require_usd(path)
         check_target(path)
     if with_clicks and not any(_suffix(path) == "mp4" for path in paths):
         raise ParameterError(
