@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,12 @@ import click
 from choreograph.cli.characters import bvh_of, character_of
 from choreograph.cli.dance_options import dance_options
 from choreograph.cli.dance_results import numbered, outputs_for, present
-from choreograph.cli.present import examples, given_options, stages
+from choreograph.cli.present import StageLines, examples, given_options, stages
 from choreograph.errors import NoPathError, ParameterError
 
 _BESIDE_A_PLAN = {
     "song", "db", "output", "character", "map_path", "save_map", "naming", "units", "in_place", "with_clicks",
-    "opened", "plan_path", "as_json", "quiet",
+    "opened", "plan_path", "as_json", "as_lines", "quiet",
 }  # fmt: skip
 
 
@@ -38,8 +39,8 @@ _BESIDE_A_PLAN = {
 @dance_options
 def command(
     song, db, output, character, map_path, save_map, naming, units, in_place, with_clicks, opened, as_json,
-    quiet, plan_path, variations, start, duration, weight, config, published, genre, signature, motif_file,
-    recreate, pin, ban, keep, strict, **settings,
+    as_lines, quiet, plan_path, variations, start, duration, weight, config, published, genre, signature,
+    motif_file, recreate, pin, ban, keep, strict, **settings,
 ) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file)."""
     import choreograph as cg
@@ -59,7 +60,7 @@ def command(
     chosen = load_config(config, base) if config else base
     weights = _weights(weight)
     repertoire = cg.starter_repertoire() if db is None else cg.Repertoire.open(db)
-    with stages(quiet=quiet or as_json) as shown:
+    with nullcontext(StageLines()) if as_lines else stages(quiet=quiet or as_json) as shown:
         if plan_path is not None:
             dances = [_rendered(plan_path, song, repertoire)]
         else:
