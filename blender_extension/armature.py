@@ -22,7 +22,7 @@ def skeleton_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Skeleton:
     """The bones of an armature object at rest; `DanceError` if it is edited, empty or scaled unevenly."""
     bones = armature.data.bones
     if armature.mode == "EDIT" or not bones:
-        raise DanceError(f"expected {armature.name} with bones and out of Edit Mode")
+        raise DanceError(f"{armature.name}: expected an armature with bones, and not in Edit Mode")
     scale = armature.matrix_world.to_scale()
     if armature.matrix_world.determinant() <= 0 or max(scale) - min(scale) > _SAME_SCALE * max(scale):
         raise DanceError(

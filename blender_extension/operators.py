@@ -37,8 +37,8 @@ class _Job:
         run = Run(bpy.path.abspath(program), request, skeleton)
         return cls(run, request, skeleton, scene.name, armature.name, scene.frame_start)
 
-    def finish(self) -> list[str]:
-        """Put the dance on the armature and into the scene; what there is to say about it."""
+    def finish(self) -> tuple[list[str], list[str]]:
+        """Put the dance on the armature and into the scene; the program's notes, and bones held back."""
         dance = self.run.dance()
         scene, armature = bpy.data.scenes.get(self.scene), bpy.data.objects.get(self.armature)
         if not scene or not armature or not set(self.skeleton.names) <= set(armature.pose.bones.keys()):
@@ -46,11 +46,7 @@ class _Job:
         self._key(armature, dance)
         lay_out(scene, self.request, dance, self.first_frame)
         _remember(scene, self.request, dance)
-        notes = list(dance.facts["notes"])
-        held = constrained_bones(armature, self.skeleton, dance.tracks)
-        if held:
-            notes.append(f"constraints may hold back {', '.join(held[:3])}{' …' if len(held) > 3 else ''}")
-        return notes
+        return dance.facts["notes"], constrained_bones(armature, self.skeleton, dance.tracks)
 
     def _key(self, armature: bpy.types.Object, dance: Dance) -> None:
         name = self.request.song.stem
@@ -125,12 +121,15 @@ class _Dances:
 
     def _finish(self, job: _Job) -> set[str]:
         try:
-            notes = job.finish()
+            notes, held = job.finish()
         except DanceError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         for note in notes:
             self.report({"INFO"}, note)
+        if held:
+            some = ", ".join(held[:3]) + (" and others" if len(held) > 3 else "")
+            self.report({"WARNING"}, f"expected bones free to dance: mute the constraints of {some}")
         return {"FINISHED"}
 
 

@@ -106,7 +106,8 @@ class Run:
         self._listener.join()
         try:
             if status != 0:
-                raise DanceError(self._said or f"choreograph ended with status {status}")
+                said = self._said.removeprefix("choreograph: ")
+                raise DanceError(said or f"choreograph ended with status {status} and said nothing")
             plan, facts = (json.loads(path.read_text("utf-8")) for path in (self._plan, self._facts))
             return Dance(read_tracks(self._made), plan, facts)
         finally:

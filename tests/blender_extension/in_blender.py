@@ -6,8 +6,10 @@ python in_blender.py -- JOB.json      with what `job_of` in test_in_blender.py s
 import json
 import random
 import sys
+import time
 from math import radians
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import bpy
 from mathutils import Matrix, Vector
@@ -49,6 +51,7 @@ def main() -> None:
     bpy.ops.choreograph.unpin(index=0)
     bpy.ops.choreograph.again()
     seen["again"] = state(scene, armature) | {"joints_m": joints_m(scene, armature, PLACED.inverted())}
+    seen["interface"] = in_the_interface(scene)
     bpy.ops.preferences.addon_disable(module="bl_ext.user_default.choreograph")
     seen["left_registered"] = hasattr(bpy.types.Scene, "choreograph")
     Path(job["seen"]).write_text(json.dumps(seen))
@@ -99,6 +102,40 @@ def unusual(armature: bpy.types.Object) -> None:
         bone.bone.use_inherit_rotation = False
 
 
+def in_the_interface(scene: bpy.types.Scene) -> dict:
+    """What the modal operator and the panels do, with a stand-in for the window that there is not here."""
+    from bl_ext.user_default.choreograph import operators, panel
+
+    class Button(operators._Dances):
+        report = MagicMock()
+
+    context = MagicMock(scene=scene, preferences=bpy.context.preferences)
+    scene.choreograph.duration_s, scene.choreograph.pin = 2.0, ""
+    tick, escape = MagicMock(type="TIMER"), MagicMock(type="ESC")
+    stopped, button = Button(), Button()
+    answers = [stopped.invoke(context, tick), stopped.modal(context, tick), stopped.modal(context, escape)]
+    answers.append(button.invoke(context, tick))
+    busy = not Button.poll(context)
+    shown = [str(stage) for stage, _ in [operators.progress()]]
+    while "PASS_THROUGH" in (answer := button.modal(context, tick)):
+        time.sleep(0.05)
+        shown.append(operators.progress()[0])
+    drawn = MagicMock()
+    for name in ("dance", "pins", "sources"):
+        getattr(panel, f"CHOREOGRAPH_PT_{name}").draw(MagicMock(layout=drawn), context)
+    properties = [
+        call.args[1] for call in drawn.mock_calls if call.args and call.args[0] == scene.choreograph
+    ]
+    return {
+        "answers": [*map(list, answers), list(answer)],
+        "busy": busy,
+        "stages": list(dict.fromkeys(shown)),
+        "frame_end": scene.frame_end,
+        "drawn": properties,
+        "unknown": [name for name in properties if name not in scene.choreograph.bl_rna.properties],
+    }
+
+
 def state(scene: bpy.types.Scene, armature: bpy.types.Object) -> dict:
     """What a dance may change."""
     strips = scene.sequence_editor.strips
@@ -115,7 +152,7 @@ def state(scene: bpy.types.Scene, armature: bpy.types.Object) -> dict:
 
 
 def joints_m(scene: bpy.types.Scene, armature: bpy.types.Object, back: Matrix | None = None) -> dict:
-    """Heads of the bones at some frames of the dance (counted from 0), in the world or where `back` brings it."""
+    """Heads of the bones at some frames of the dance, counted from 0; moved by `back`, Y up."""
     frames = sorted(random.Random(0).sample(range(180), 20))
     heads: dict[str, list] = {bone.name: [] for bone in armature.pose.bones}
     for frame in frames:

@@ -77,9 +77,7 @@ def program(tmp_path_factory):
 @pytest.fixture(scope="module")
 def dances():
     """The dances that the program makes with seed 0 and 1."""
-    return [
-        cg.dance(SONG, seed=seed, fps=FPS, start_s=START_S, duration_s=N_FRAMES / FPS) for seed in (0, 1)
-    ]
+    return [cg.dance(SONG, seed=seed, fps=FPS, start_s=START_S, duration_s=N_FRAMES / FPS) for seed in (0, 1)]
 
 
 @pytest.fixture(scope="module", params=RIGS)
@@ -158,6 +156,26 @@ def test_a_song_that_cannot_be_read_is_said_and_nothing_changes(seen):
 def test_a_pin_takes_the_previews_range(seen):
     states, _ = seen
     assert states["pin"].startswith("1.000-4.000=take:house-")
+
+
+def test_in_the_interface_work_goes_on_and_escape_stops(seen):
+    shown = seen[0]["interface"]
+    assert shown["answers"] == [
+        ["RUNNING_MODAL"],
+        ["PASS_THROUGH"],
+        ["CANCELLED"],
+        ["RUNNING_MODAL"],
+        ["FINISHED"],
+    ]
+    assert shown["busy"] and {"starting", "planning"} & set(shown["stages"])
+    assert shown["frame_end"] == FIRST_FRAME + 2 * FPS - 1
+
+
+def test_panels_draw_what_there_is(seen):
+    shown = seen[0]["interface"]
+    assert shown["unknown"] == [] and {"song", "armature", "genre", "pin", "repertoire"} <= set(
+        shown["drawn"]
+    )
 
 
 def test_the_extension_leaves_nothing_when_it_is_disabled(seen):
