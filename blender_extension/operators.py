@@ -83,18 +83,12 @@ class _Dances:
         return settings.seed
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            job = _Job.begin(context, self.seed(context.scene.choreograph))
-        except DanceError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return self._finish(job)
+        job = self._begin(context)
+        return self._finish(job) if job else {"CANCELLED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        try:
-            self._job = _Job.begin(context, self.seed(context.scene.choreograph))
-        except DanceError as error:
-            self.report({"ERROR"}, str(error))
+        self._job = self._begin(context)
+        if self._job is None:
             return {"CANCELLED"}
         _Dances.running = self._job.run
         self._timer = context.window_manager.event_timer_add(_LOOK_EVERY_S, window=context.window)
@@ -103,7 +97,7 @@ class _Dances:
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC":
-            self._job.run.stop()
+            self.cancel(context)
             self._end(context)
             return {"CANCELLED"}
         if event.type != "TIMER":
@@ -113,6 +107,18 @@ class _Dances:
             return {"PASS_THROUGH"}
         self._end(context)
         return self._finish(self._job)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """End the program, also when Blender itself ends the operator: another file is opened."""
+        self._job.run.stop()
+        _Dances.running = None
+
+    def _begin(self, context: bpy.types.Context) -> _Job | None:
+        try:
+            return _Job.begin(context, self.seed(context.scene.choreograph))
+        except DanceError as error:
+            self.report({"ERROR"}, str(error))
+            return None
 
     def _end(self, context: bpy.types.Context) -> None:
         context.window_manager.event_timer_remove(self._timer)

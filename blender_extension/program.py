@@ -78,21 +78,30 @@ class Run:
             found, "dance", *request.arguments(), "--character", str(self._character),
             "-o", str(self._made), "-o", str(self._plan), "--json", "--progress-lines",
         ]  # fmt: skip
-        with self._facts.open("wb") as facts:
-            self._process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=facts, stderr=subprocess.PIPE, encoding="utf-8",
-                errors="replace", env=_environment(),
-                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),  # on Windows only
-            )  # fmt: skip
+        self._process = self._started(command)
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
+
+    def _started(self, command: list[str]) -> subprocess.Popen:
+        try:
+            with self._facts.open("wb") as facts:
+                return subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=facts, stderr=subprocess.PIPE, encoding="utf-8",
+                    errors="replace", env=_environment(),
+                    creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),  # on Windows only
+                )  # fmt: skip
+        except OSError as error:
+            self._folder.cleanup()
+            raise DanceError(
+                f"{command[0]}: expected the program choreograph, got {error.strerror}"
+            ) from error
 
     def _listen(self) -> None:
         for line in self._process.stderr:
             progress = _PROGRESS.fullmatch(line.strip())
             if progress:
                 self.stage = progress["stage"]
-                self.fraction = int(progress["done"]) / max(int(progress["total"]), 1)
+                self.fraction = min(int(progress["done"]) / max(int(progress["total"]), 1), 1.0)
             elif line.strip():
                 self._said = line.strip()
 
@@ -105,9 +114,9 @@ class Run:
         status = self._process.wait()
         self._listener.join()
         try:
-            if status != 0:
+            if status != 0 or not self._made.is_file():
                 said = self._said.removeprefix("choreograph: ")
-                raise DanceError(said or f"choreograph ended with status {status} and said nothing")
+                raise DanceError(said or f"expected a dance, got nothing: status {status} of the program")
             plan, facts = (json.loads(path.read_text("utf-8")) for path in (self._plan, self._facts))
             return Dance(read_tracks(self._made), plan, facts)
         finally:

@@ -1,7 +1,7 @@
 """Render a body that the extension lets dance in Blender: this is how examples/blender.webp was made.
 
 Run, with the extension installed:
-blender --background --python examples/blender_picture.py -- BODY.glb SONG OUT.webp
+blender --background --python examples/blender_picture.py -- BODY.glb SONG OUT.webp [SAMPLES]
 where BODY.glb is any character, such as `choreograph dance SONG -o BODY.glb` writes.
 """
 
@@ -13,7 +13,7 @@ import bpy
 BARS, APART_M, START_S, SIZE = (2, 3, 4, 5), 1.45, 8.0, (960, 400)
 
 
-def main(body: str, song: str, out: str) -> None:
+def main(body: str, song: str, out: str, samples: str = "64") -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.ops.preferences.addon_enable(module="bl_ext.user_default.choreograph")
     bpy.ops.import_scene.gltf(filepath=body)
@@ -25,7 +25,7 @@ def main(body: str, song: str, out: str) -> None:
     frames = [m.frame for m in scene.timeline_markers for bar in BARS if f"bar {bar}" in m.name.split(", ")]
     stand_in_a_row(scene, frames)
     light_and_look(scene)
-    scene.render.engine, scene.cycles.samples = "CYCLES", 64
+    scene.render.engine, scene.cycles.samples = "CYCLES", int(samples)
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.render.image_settings.file_format = "WEBP"
     scene.render.image_settings.quality, scene.render.filepath = 80, out

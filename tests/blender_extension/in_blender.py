@@ -152,15 +152,23 @@ def state(scene: bpy.types.Scene, armature: bpy.types.Object) -> dict:
 
 
 def joints_m(scene: bpy.types.Scene, armature: bpy.types.Object, back: Matrix | None = None) -> dict:
-    """Heads of the bones at some frames of the dance, counted from 0; moved by `back`, Y up."""
+    """Heads of the bones at some frames of the dance, counted from 0; moved by `back`, Y up.
+
+    Of a few frames also the skin, which shows how bones are rolled.
+    """
     frames = sorted(random.Random(0).sample(range(180), 20))
     heads: dict[str, list] = {bone.name: [] for bone in armature.pose.bones}
+    skin = []
+    to_y_up = Matrix(((1, 0, 0), (0, 0, 1), (0, -1, 0))).to_4x4() @ (back or Matrix())
+    (body,) = [each for each in scene.objects if each.type == "MESH" and each.find_armature() == armature]
     for frame in frames:
         scene.frame_set(scene.frame_start + frame)
         for bone in armature.pose.bones:
-            head = (back or Matrix()) @ armature.matrix_world @ bone.head
-            heads[bone.name].append([head.x, head.z, -head.y])
-    return {"frames": frames, "heads": heads}
+            heads[bone.name].append([*(to_y_up @ armature.matrix_world @ bone.head)])
+        if len(skin) < 3:
+            shown = body.evaluated_get(bpy.context.evaluated_depsgraph_get())
+            skin.append([[*(to_y_up @ shown.matrix_world @ vertex.co)] for vertex in shown.data.vertices])
+    return {"frames": frames, "heads": heads, "skin": skin}
 
 
 main()

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gltf_worlds import node_worlds, skinned_vertices_m
+from scipy.spatial import cKDTree
 from synthetic_characters import CHARACTERS, write_character
 
 import choreograph as cg
@@ -30,18 +32,18 @@ pytestmark = [
 ]
 
 
-def in_blender(script: Path, *arguments: object, user: Path) -> str:
-    """What a script says that Blender runs, with the user's folder in `user`."""
+def in_blender(script: Path, *arguments: object, user: Path, path: Path = ROOT) -> None:
+    """Let Blender run a script, with the user's folder in `user` and programs first looked for in `path`."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    environment |= {"BLENDER_USER_RESOURCES": str(user), "PATH": f"{path}{os.pathsep}{environment['PATH']}"}
     blender = [*find_blender()]
     if "--python" in blender:
         blender[1:1] = ["--python-exit-code", "1"]
     done = subprocess.run(
         [*blender, str(script), "--", *map(str, arguments)], capture_output=True, text=True, check=False,
-        env=environment | {"BLENDER_USER_RESOURCES": str(user)}, timeout=600,
+        env=environment, timeout=600,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +119,17 @@ def test_the_armature_dances_what_the_program_makes_for_the_character(seen, danc
     assert len(errors_m) >= 20 and max(errors_m.values()) < 1e-3
 
 
+@pytest.mark.parametrize(("which", "seed"), [("danced", 0), ("again", 1)])
+def test_the_skin_moves_as_in_the_programs_own_file(seen, dances, which, seed):
+    states, path = seen
+    document = read_character(path).dancing(dances[seed].motion)
+    shown = states[which]["joints_m"]
+    worlds = node_worlds(document, np.array(shown["frames"][:3]))
+    for points_m, expected_m in zip(shown["skin"], skinned_vertices_m(document, worlds), strict=True):
+        nearest_m, _ = cKDTree(expected_m).query(np.array(points_m))  # vertices may be in another order
+        assert nearest_m.max() < 1e-3
+
+
 def test_song_markers_credits_and_frame_range_are_there(seen, dances):
     danced, plan = seen[0]["danced"], dances[0].plan
     assert danced["frames"] == [FIRST_FRAME, FIRST_FRAME + N_FRAMES - 1]
@@ -176,6 +189,20 @@ def test_panels_draw_what_there_is(seen):
     assert shown["unknown"] == [] and {"song", "armature", "genre", "pin", "repertoire"} <= set(
         shown["drawn"]
     )
+
+
+def test_the_picture_can_be_made_again(package, program, tmp_path):
+    body, made = tmp_path / "body.glb", tmp_path / "made.webp"
+    write_character(body, CHARACTERS["mixamo"])
+    install = tmp_path / "install.py"
+    install.write_text(
+        "import sys, bpy\n"
+        "bpy.ops.extensions.package_install_files(filepath=sys.argv[-1], repo='user_default')\n"
+    )
+    in_blender(install, package, user=tmp_path / "user")
+    script = ROOT / "examples" / "blender_picture.py"
+    in_blender(script, body, SONG, made, 1, user=tmp_path / "user", path=program.parent)
+    assert made.stat().st_size > 1000
 
 
 def test_the_extension_leaves_nothing_when_it_is_disabled(seen):

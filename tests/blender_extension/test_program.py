@@ -137,6 +137,15 @@ def test_its_error_is_its_last_line(modules, program, skeleton):
     assert not running._character.parent.exists()
 
 
+@pytest.mark.parametrize(("content", "says"), [("#!/bin/sh\n", "got nothing"), ("no program", "Exec format")])
+def test_another_program_is_told_from_choreograph(modules, skeleton, tmp_path, content, says):
+    path = tmp_path / "choreograph"
+    path.write_text(content)
+    path.chmod(0o755)
+    with pytest.raises(modules[0].DanceError, match=says):
+        modules[0].Run(str(path), modules[0].Request(Path("song.mp3"), 30.0), skeleton).dance()
+
+
 def test_pythons_variables_stay_in_blender(modules, program, skeleton, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", "/blender")
     lines = ("print('choreograph:', os.environ.get('PYTHONPATH'), file=sys.stderr)", "sys.exit(2)")
