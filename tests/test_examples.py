@@ -27,7 +27,8 @@ EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 SCRIPTS = sorted((ROOT / "examples" / "papers").glob("*.py"))
 PAPERS = [path for path in SCRIPTS if "__main__" in path.read_text(encoding="utf-8")]  # not what they share
-PAGES = [ROOT / "README.md", *sorted((ROOT / "examples" / "results").glob("*.md"))]
+GUIDES = [ROOT / "README.md", ROOT / "blender_extension" / "README.md"]
+PAGES = [*GUIDES, *sorted((ROOT / "examples" / "results").glob("*.md"))]
 MODEL_CARDS = [ROOT / "choreograph" / folder / "MODEL_CARD.md" for folder in ("starter", "pretrained")]
 WRITTEN = {
     "01_own_library.py": ("rep.h5", "own.bvh"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from choreograph.cli.characters import bvh_of, character_of
 from choreograph.cli.dance_jobs import Job, check_jobs, jobs_of, run_jobs
 from choreograph.cli.dance_options import dance_options
 from choreograph.cli.dance_results import present
-from choreograph.cli.present import examples, given_options, stages
+from choreograph.cli.present import StageLines, examples, given_options, stages
 from choreograph.errors import NoPathError, ParameterError
 
 if TYPE_CHECKING:
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 
 _BESIDE_A_PLAN = {
     "songs", "db", "output", "character", "map_path", "save_map", "naming", "units", "rest", "in_place",
-    "loop", "with_clicks", "opened", "plan_path", "as_json", "quiet",
+    "loop", "with_clicks", "opened", "plan_path", "as_json", "as_lines",
+    "quiet",
 }  # fmt: skip
 
 
@@ -43,8 +45,8 @@ _BESIDE_A_PLAN = {
 @dance_options
 def command(
     songs, db, output, character, map_path, save_map, naming, units, rest, in_place, loop, with_clicks,
-    opened, as_json, quiet, plan_path, variations, start, duration, weight, config, published, genre,
-    signature, motif_file, recreate, pin, ban, keep, strict, **settings,
+    opened, as_json, as_lines, quiet, plan_path, variations, start, duration, weight, config, published,
+    genre, signature, motif_file, recreate, pin, ban, keep, strict, **settings,
 ) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file), or for each of several."""
     import choreograph as cg
@@ -86,7 +88,7 @@ def command(
                 one.save(path, click=clicks, character=figure, bvh=bvh, loop=loop, report=report)
         return made
 
-    with stages(quiet=quiet or as_json) as shown:
+    with nullcontext(StageLines()) if as_lines else stages(quiet=quiet or as_json) as shown:
         results = run_jobs(jobs, dances_of, shown)
     present(results, as_json=as_json, quiet=quiet, looped=loop, many=variations is not None)
     if opened:

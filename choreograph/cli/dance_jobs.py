@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from choreograph.errors import ChoreographError, ParameterError
 
 if TYPE_CHECKING:
-    from choreograph.cli.present import Stages
+    from choreograph.cli.present import StageLines, Stages
     from choreograph.pipeline import Dance
     from choreograph.progress import ProgressReport
 
@@ -67,7 +67,7 @@ def check_jobs(jobs: Sequence[Job], *, with_clicks: bool) -> None:
 
 
 def run_jobs(
-    jobs: Sequence[Job], dances_of: Callable[[Job, ProgressReport], list[Dance]], shown: Stages
+    jobs: Sequence[Job], dances_of: Callable[[Job, ProgressReport], list[Dance]], shown: Stages | StageLines
 ) -> list[Result]:
     """The jobs' dances. Of several songs, one that cannot be danced does not stop the others."""
     if len(jobs) == 1:

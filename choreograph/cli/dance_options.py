@@ -47,6 +47,10 @@ _OUTPUT = (
     optgroup.option("--fps", type=float, help="Frames per second of the dance (60)."),
     optgroup.option("--variations", type=int, metavar="N", help="N different dances: NAME-1.bvh, …"),
     optgroup.option("--json", "as_json", is_flag=True, help="Print what was made as JSON."),
+    optgroup.option(
+        "--progress-lines", "as_lines", is_flag=True,
+        help="Progress as lines on stderr, STAGE DONE/TOTAL, for a program that shows it.",
+    ),
     optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no summary."),
 )  # fmt: skip
 

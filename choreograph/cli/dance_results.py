@@ -108,6 +108,10 @@ def _facts(dance: Dance, outputs: Outputs) -> dict[str, Any]:
         "takes": [
             {"name": name, "seconds": round(danced_s, 3), **vars(credits[name])} for name, danced_s in takes_s
         ],
+        "blocks": [
+            {"start_s": round(block.start_s, 4), "end_s": round(block.end_s, 4), "source": block.source}
+            for block in plan.blocks
+        ],
         "engine": plan.engine,
         "motifs": [word.motif for word in plan.words if not word.kept],
         "cost": round(plan.total_cost, 4),

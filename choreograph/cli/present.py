@@ -72,6 +72,14 @@ class Stages:
         self.report(f"training {state.name}", state.step, state.n_steps, f"loss {state.loss:.4f}")
 
 
+class StageLines:
+    """A line on stderr for each report, `STAGE DONE/TOTAL`, for a program that runs this one."""
+
+    def report(self, stage: str, done: int, total: int, detail: str = "") -> None:
+        """Print how much of a stage is done, of `total` (0: not known)."""
+        click.echo(f"{stage} {done}/{total}", err=True)
+
+
 @contextmanager
 def stages(*, quiet: bool) -> Iterator[Stages]:
     """Show progress on stderr while the block runs; nothing if `quiet`, or if stderr is no terminal."""

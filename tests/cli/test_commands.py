@@ -1,8 +1,10 @@
 """`choreograph dance`, `build-db` and `inspect` as a user meets them, and how they fail."""
 
 import json
+import re
 import subprocess
 import sys
+from itertools import pairwise
 
 import h5py
 import numpy as np
@@ -67,6 +69,19 @@ def test_a_plan_is_rendered_again(tmp_path, song, db):
     result = run("dance", "--plan", plan, "--db", db, "-o", again)
     assert result.exit_code == 0, result.output
     assert again.read_bytes() == bvh.read_bytes()
+
+
+def test_progress_comes_as_lines_and_the_blocks_as_json(tmp_path, song, db):
+    made = run("dance", song, "--db", db, "-o", tmp_path / "p.json", "--json", "--progress-lines")
+    assert made.exit_code == 0, made.output
+    lines = made.stderr.strip().splitlines()
+    assert any(line.startswith("planning ") for line in lines)
+    assert all(re.fullmatch(r".+ \d+/\d+", line) for line in lines), lines
+    facts = json.loads(made.stdout)
+    edges = [(block["start_s"], block["end_s"]) for block in facts["blocks"]]
+    assert edges[0][0] == 0.0 and edges[-1][1] == pytest.approx(facts["duration_s"], abs=1e-3)
+    assert all(end == start for (_, end), (start, _) in pairwise(edges))
+    assert {block["source"] for block in facts["blocks"]} == {take["name"] for take in facts["takes"]}
 
 
 def test_inspect_prints_text_and_json(db):

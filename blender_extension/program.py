@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The program `choreograph` on this machine: asked for a dance, watched, its files read."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+from .errors import DanceError
+from .glb import Skeleton, Tracks, read_tracks, write_skeleton
+
+_PROGRESS = re.compile(r"(?P<stage>.+) (?P<done>\d+)/(?P<total>\d+)")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is to be danced."""
+
+    song: Path
+    fps: float
+    start_s: float = 0.0  # in the song
+    duration_s: float = 0.0  # 0: to the end of the song
+    seed: int = 0
+    genre: str = ""  # empty: the one nearest to the song
+    pins: tuple[str, ...] = ()  # as `choreograph dance --pin` takes them
+    repertoire: str = ""  # empty: the built-in one
+    bone_map: str = ""  # empty: bones are found by the program
+
+    def arguments(self) -> list[str]:
+        """The request as options of `choreograph dance`."""
+        given = {
+            "--start": self.start_s, "--duration": self.duration_s, "--genre": self.genre,
+            "--db": self.repertoire, "--map": self.bone_map,
+        }  # fmt: skip
+        options = ["--fps", f"{self.fps:.10g}", "--seed", str(self.seed)]
+        for option, value in given.items():
+            options += [option, str(value)] if value else []
+        for pin in self.pins:
+            options += ["--pin", pin]
+        return [str(self.song), *options]
+
+
+@dataclass(frozen=True)
+class Dance:
+    """What the program made."""
+
+    tracks: Tracks
+    plan: dict  # the file of the plan
+    facts: dict  # what the program prints about it
+
+
+class Run:
+    """The program at work; whoever starts it asks `ended` now and then, and takes the dance or `stop`s it."""
+
+    def __init__(self, program: str, request: Request, skeleton: Skeleton) -> None:
+        found = shutil.which(program)
+        if found is None:
+            raise DanceError(
+                f"expected the program choreograph, found none as {program!r}: `pip install choreograph`, or "
+                "say where it is in the add-on's preferences"
+            )
+        self.stage, self.fraction = "starting", 0.0
+        self._said = ""
+        self._folder = tempfile.TemporaryDirectory(prefix="choreograph-")
+        folder = Path(self._folder.name)
+        self._character, self._made, self._plan, self._facts = (
+            folder / name for name in ("character.glb", "dance.glb", "plan.json", "facts.json")
+        )
+        write_skeleton(self._character, skeleton)
+        command = [
+            found, "dance", *request.arguments(), "--character", str(self._character),
+            "-o", str(self._made), "-o", str(self._plan), "--json", "--progress-lines",
+        ]  # fmt: skip
+        self._process = self._started(command)
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+
+    def _started(self, command: list[str]) -> subprocess.Popen:
+        try:
+            with self._facts.open("wb") as facts:
+                return subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=facts, stderr=subprocess.PIPE, encoding="utf-8",
+                    errors="replace", env=_environment(),
+                    creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),  # on Windows only
+                )  # fmt: skip
+        except OSError as error:
+            self._folder.cleanup()
+            raise DanceError(
+                f"{command[0]}: expected the program choreograph, got {error.strerror}"
+            ) from error
+
+    def _listen(self) -> None:
+        for line in self._process.stderr:
+            progress = _PROGRESS.fullmatch(line.strip())
+            if progress:
+                self.stage = progress["stage"]
+                self.fraction = min(int(progress["done"]) / max(int(progress["total"]), 1), 1.0)
+            elif line.strip():
+                self._said = line.strip()
+
+    def ended(self) -> bool:
+        """Whether the program has ended, well or not."""
+        return self._process.poll() is not None and not self._listener.is_alive()
+
+    def dance(self) -> Dance:
+        """What it made, once it ends; `DanceError` with its own words if it failed."""
+        status = self._process.wait()
+        self._listener.join()
+        try:
+            if status != 0 or not self._made.is_file():
+                said = self._said.removeprefix("choreograph: ")
+                raise DanceError(said or f"expected a dance, got nothing: status {status} of the program")
+            plan, facts = (json.loads(path.read_text("utf-8")) for path in (self._plan, self._facts))
+            return Dance(read_tracks(self._made), plan, facts)
+        finally:
+            self._folder.cleanup()
+
+    def stop(self) -> None:
+        """End it before it is done."""
+        self._process.kill()
+        self._process.wait()
+        self._listener.join()
+        self._folder.cleanup()
+
+
+def _environment() -> dict[str, str]:
+    """The environment without what is meant for Blender's own Python."""
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    return kept | {"PYTHONUTF8": "1"}
