@@ -19,8 +19,8 @@ _FILE = click.Path(path_type=Path)
 _OUTPUT = (
     optgroup.option(
         "-o", "--output", multiple=True, type=_FILE,
-        help="File to write: .bvh or .npz (motion), .glb, .fbx, .usda or .usdc (a body that dances), .vrma "
-        "(for VRM avatars), .html (page to watch), .mp4 (video), .png (poses on the beats) or .json (the plan). "
+        help="File to write: .bvh or .npz (motion), .glb, .fbx, .usda, .usdc (a dancing body), .vrma (for "
+        "VRM avatars), .html (page to watch), .mp4 (video), .png (poses on the beats), .json (the plan). "
         "Repeat for more. Default: SONG.bvh and SONG.html here. {song} in it stands for the song's name.",
     ),
     optgroup.option(
