@@ -76,11 +76,11 @@ class Dance:
         bvh and npz hold the motion, glb the motion on a body, json the plan, html the page that plays it
         with its song, mp4 a video, png a strip of poses on the beats. `click` mixes a click on every count
         into the sound of a video, higher on count 1. `character`, a .glb, .gltf or .vrm file or what
-        `read_character` made of one, dances in a glb; `bvh` says how a bvh is written.
+        `read_character` made of one, dances in a glb, fbx or html; `bvh` says how a bvh is written.
 
         Raises `ParameterError` for another suffix, clicks in anything but a video, a folder that does not
-        exist or a character whose bones cannot be found, `FormatError` if the song or the character cannot
-        be read.
+        exist, or a character whose bones cannot be found or that a page cannot show, `FormatError` if the
+        song or the character cannot be read.
         """
         if isinstance(character, str | Path):
             character = read_character(character)
