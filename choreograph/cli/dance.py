@@ -31,7 +31,8 @@ _BESIDE_A_PLAN = {
         "choreograph dance song.mp3 --open                   the same, and shows it in the browser",
         "choreograph dance song.mp3 --db rep.h5 -o a.mp4     your own takes, as a video",
         "choreograph dance song.mp3 -o a.mp4 --click         a video to count along with",
-        "choreograph dance song.mp3 --character hero.glb -o a.glb   on your character",
+        "choreograph dance song.mp3 --character hero.glb     your character dances in the page",
+        "choreograph dance song.mp3 --character hero.glb -o a.glb   and in a file",
         "choreograph dance songs/*.mp3 -o out/{song}.glb     a dance for each, and a table",
         "choreograph dance song.mp3 --start 30 --duration 20 --weight transition=8",
         "choreograph dance song.mp3 --plan plan.json -o a.bvh   renders an edited plan",
@@ -106,13 +107,17 @@ def _check_loop(loop: bool, outputs: tuple[Path, ...]) -> None:
 
 def _character(path: Path | None, map_path: Path | None, save_map: Path | None, outputs: tuple[Path, ...]):
     """The character that dances, or None; `ParameterError` if there is nothing for it to dance in."""
+    from choreograph.pipeline.saving import CHARACTER_FORMATS, check_character
+
     if path is None:
         if map_path or save_map:
             raise ParameterError("expected --character FILE beside --map or --save-map")
         return None
-    if not any(output.suffix.lower() in (".glb", ".fbx") for output in outputs):
-        raise ParameterError("expected a .glb or .fbx for the character to dance in: -o NAME.glb")
-    return character_of(path, map_path, save_map)
+    if not any(output.suffix.lower().removeprefix(".") in CHARACTER_FORMATS for output in outputs):
+        raise ParameterError("expected a .html, .glb or .fbx for the character to dance in: -o NAME.html")
+    character = character_of(path, map_path, save_map)
+    check_character(character, outputs)
+    return character
 
 
 def _refuse_beside_a_plan(songs: tuple[Path, ...]) -> None:

@@ -25,7 +25,7 @@ _OUTPUT = (
     ),
     optgroup.option(
         "--character", type=_FILE,
-        help="Character (.glb, .gltf, .vrm, .fbx) for the .glb or .fbx. Default: the body of the page.",
+        help="Character (.glb, .gltf, .vrm, .fbx) for the .html, .glb or .fbx. Default: a mannequin.",
     ),
     optgroup.option(
         "--map", "map_path", type=_FILE, help="Which bone of it is which, as --save-map writes it (.json)."

@@ -41,8 +41,9 @@ VERSION = 2  # of key and ratings; 1 has no pairs
 _KEY_NOTE = "Which dance is of which variant: keep this file from the raters, and give them study.html only."
 _FPS = 60.0
 _PLAYER = (
-    "math.js", "decompress.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
-    "renderer.js", "stage.js", "orbit.js", "elements.js", "player.js",
+    "math.js", "decompress.js", "ground_path.js", "skeleton.js", "clock.js", "camera.js", "shaders.js",
+    "skin.js", "stage_colours.js", "resolution.js", "renderer.js", "stage.js", "orbit.js", "elements.js",
+    "player.js",
 )  # fmt: skip
 _SCRIPTS = ("answers.js", "questions.js", "study.js")
 

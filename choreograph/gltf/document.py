@@ -38,6 +38,11 @@ class GltfDocument:
         """A document with nothing in it."""
         return cls({"asset": {"version": "2.0", "generator": generator}})
 
+    @property
+    def n_bytes(self) -> int:
+        """Size of the binary buffer."""
+        return len(self._binary)
+
     def copy(self) -> GltfDocument:
         """The same document, to be changed."""
         return GltfDocument(copy.deepcopy(self.json), bytes(self._binary), self.name)

@@ -83,12 +83,12 @@ class Dance:
         bvh and npz hold the motion, glb the motion on a body, json the plan, html the page that plays it
         with its song, mp4 a video, png a strip of poses on the beats. `click` mixes a click on every count
         into the sound of a video, higher on count 1. `character`, a .glb, .gltf or .vrm file or what
-        `read_character` made of one, dances in a glb; `bvh` says how a bvh is written. With `loop` a motion
-        file holds the `loop` of the dance.
+        `read_character` made of one, dances in a glb, fbx or html; `bvh` says how a bvh is written. With
+        `loop` a motion file holds the `loop` of the dance.
 
         Raises `ParameterError` for another suffix, clicks in anything but a video, a folder that does not
-        exist, a character whose bones cannot be found or a loop without two bars, `FormatError` if the song
-        or the character cannot be read.
+        exist, a character whose bones cannot be found or that a page cannot show, or a loop without two bars,
+        `FormatError` if the song or the character cannot be read.
         """
         if isinstance(character, str | Path):
             character = read_character(character)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,10 @@ from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
 from choreograph.progress import ProgressReport
 
-CHARACTER_FORMATS = ("glb", "fbx")  # in which a character dances
+if TYPE_CHECKING:
+    from choreograph.preview.page_bodies import PageCharacter
+
+CHARACTER_FORMATS = ("glb", "fbx", "html")  # in which a character dances
 _STRIP_POSES = 40
 
 
@@ -34,7 +38,7 @@ class SavedParts:
     motion_beats_s: Callable[[], NDArray[np.float64]]
     song_path: Path | None
     with_clicks: bool = False  # on the counts, in a video
-    character: GltfCharacter | None = None  # that dances in a .glb, instead of the mannequin
+    character: GltfCharacter | None = None  # that dances in `CHARACTER_FORMATS`, not the mannequin
     bvh: BvhOptions | None = None
 
 
@@ -46,7 +50,7 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
     """
     check_outputs([path], with_clicks=parts.with_clicks)
     suffix = _suffix(path)
-    if suffix in CHARACTER_FORMATS and parts.character is not None:
+    if suffix in ("glb", "fbx") and parts.character is not None:
         save_on_character(path, parts.motion, parts.character)
     elif suffix in FORMATS:
         save_motion(path, parts.motion, writer=BvhWriter(parts.bvh) if suffix == "bvh" else None)
@@ -96,6 +100,14 @@ def is_motion_file(path: str | Path) -> bool:
     return _suffix(path) in FORMATS
 
 
+def check_character(character: GltfCharacter, paths: Sequence[str | Path]) -> None:
+    """Raise `ParameterError` before any work if one of the files is a page, and cannot show the character."""
+    from choreograph.preview.page_bodies import check_page_character
+
+    if any(_suffix(path) == "html" for path in paths):
+        check_page_character(character.document)
+
+
 def _suffix(path: str | Path) -> str:
     return Path(path).suffix.lower().removeprefix(".")
 
@@ -111,10 +123,18 @@ def _save_page(parts: SavedParts, path: Path, report: ProgressReport | None) -> 
     if report is not None:
         report("writing the page", 0, 1)
     write_page(
-        path, parts.motion, parts.plan, song_path=parts.song_path, motion_beats_s=parts.motion_beats_s()
-    )
+        path, parts.motion, parts.plan, song_path=parts.song_path, motion_beats_s=parts.motion_beats_s(),
+        character=None if parts.character is None else _in_page(parts.character, parts.motion),
+    )  # fmt: skip
     if report is not None:
         report("writing the page", 1, 1)
+
+
+def _in_page(character: GltfCharacter, motion: Motion) -> PageCharacter:
+    from choreograph.preview.page_bodies import PageCharacter
+
+    nodes = {name: character.nodes[bone] for name, bone in character.bones.items()}
+    return PageCharacter(character.dancing(motion), nodes)
 
 
 def _save_video(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:

@@ -1,9 +1,8 @@
 """The preview page: one HTML file with the dance, its song and a player, for any browser, offline.
 
-The page has its own small WebGL renderer (`page/renderer.js` and its shaders, 400 lines). The alternative, a
-general engine from an installed Python package, was rejected: packages that ship one (notebook viewers) have
-tens of megabytes, and every preview would carry 0.6 MB or more of it to draw one skinned body, a floor and
-a shadow.
+The page has its own small WebGL renderer for the mannequin (`page/renderer.js` and its shaders, 400 lines): a
+general engine would add 0.2 MB to every preview to draw one skinned body, a floor and a shadow. A character
+of the user's, with materials of any kind, is drawn by such an engine: see `page_bodies`.
 
 The parts of the page are in `page/`: ES modules, bundled in the order of `_SCRIPTS`, a style sheet and the
 template. Only data differs between dances: JSON, and compressed bytes in base64.
@@ -22,17 +21,17 @@ from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
 from choreograph.files import atomic_path, check_target
-from choreograph.mannequin.skinned_mesh import build_mannequin
 from choreograph.motion.motion import Motion
 from choreograph.plan import Block, Plan, PlannedSecond
-from choreograph.preview.compression import ROTVEC_STEP_RAD, compress_mesh, compress_motion, deflate_base64
+from choreograph.preview.compression import deflate_base64
 from choreograph.preview.page_assembly import bundle_scripts, fill_template, page_part, to_script_json
+from choreograph.preview.page_bodies import PageBody, PageCharacter, character_body, mannequin_body
 from choreograph.preview.sound import Levels, encode_mp4, song_part
 
 _SCRIPTS = (
-    "math.js", "decompress.js", "skeleton.js", "clock.js", "camera.js", "shaders.js", "skin.js",
-    "renderer.js", "stage.js", "orbit.js", "colours.js", "gestures.js", "counts.js", "timeline.js",
-    "elements.js", "card.js", "player.js", "controls.js", "main.js",
+    "math.js", "decompress.js", "ground_path.js", "clock.js", "camera.js", "shaders.js", "stage_colours.js",
+    "resolution.js", "stage.js", "orbit.js", "colours.js", "gestures.js", "counts.js", "timeline.js",
+    "elements.js", "card.js", "player.js", "controls.js", "page.js",
 )  # fmt: skip
 _LEVELS_PER_S = 50
 _NETWORK = "rollout network"  # shown in place of a take's name
@@ -49,6 +48,7 @@ def write_page(
     start_s: float | None = None,
     duration_s: float | None = None,
     title: str | None = None,
+    character: PageCharacter | None = None,
 ) -> None:
     """Write the dance as one self-contained HTML file; the same dance gives the same bytes.
 
@@ -61,16 +61,18 @@ def write_page(
     start_s : start of the dance in the song file; None: the plan's `start_s`
     duration_s : seconds to show, from the start; None: the whole motion
     title : heading of the page; None: the song's name
+    character : who dances the motion; None: the mannequin
 
     The page exposes its state to scripts as `window.choreograph`, read-only: time, duration and shownFrom,
     shownTo (of the timeline) in seconds; frame, fps, framesDrawn; playing, speed, loop {on, from, to},
     mirrored, following; audioTime (null without sound); take, the name of the current one; count, the current
     {bar, number} or null; pixelScale, below 1 on slow machines; joints, J positions [x, y, z] in metres, as
-    `motion.joint_pos_m()` has them.
+    `motion.joint_pos_m()` has them, or those of the character's bones that are known, in canonical order.
 
     Raises
     ------
-    ParameterError     the folder is missing; motion and plan differ in length; a time is out of range
+    ParameterError     the folder is missing; motion and plan differ in length; a time is out of range; the
+                       character is compressed or larger than 100 MB
     FormatError        the song cannot be read
     ChoreographError   the disk is full or not writable
     """
@@ -78,23 +80,18 @@ def write_page(
     beats_s = _checked_beats(motion_beats_s)
     duration_s = _checked_duration(motion, plan, duration_s)
     start_s = plan.start_s if start_s is None else start_s
-    shown = motion.sliced(0, min(motion.n_frames, int(np.ceil(duration_s * motion.fps)) + 1))
+    if character is None:
+        body = mannequin_body(
+            motion.sliced(0, min(motion.n_frames, int(np.ceil(duration_s * motion.fps)) + 1))
+        )
+    else:
+        body = character_body(character, motion.fps)
     sound, levels, levels_per_s = _sound(song_path, start_s, duration_s)
-    compressed = compress_motion(shown)
-    mesh, mesh_layout = compress_mesh(build_mannequin(motion.skeleton, motion))
     title = title or plan.song or "Dance"
     dance = {
         "title": title,
         "duration_s": round(duration_s, 6),
-        "fps": compressed.fps,
-        "frames": compressed.n_frames,
-        "root_step_m": compressed.root_step_m,
-        "root_origin_m": compressed.root_origin_m,
-        "rotvec_step_rad": ROTVEC_STEP_RAD,
-        "names": motion.skeleton.names,
-        "parents": motion.skeleton.parents.tolist(),
-        "offsets_m": np.round(motion.skeleton.offsets_m, 6).tolist(),
-        "mesh": mesh_layout,
+        **body.facts,
         "levels_per_s": levels_per_s,
         "music_beats_s": _rounded(plan.music_beats_s, duration_s),
         "music_beat_numbers": _shown_numbers(plan, duration_s),
@@ -102,7 +99,7 @@ def write_page(
         "motion_beats_s": _rounded(beats_s, duration_s),
         **_sources(plan, duration_s),
     }
-    text = _page_text(title, to_script_json(dance), compressed.text, mesh, levels, sound)
+    text = _page_text(title, body, to_script_json(dance), levels, sound)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
@@ -192,16 +189,17 @@ def _block(block: Block, take: int, duration_s: float) -> dict[str, Any]:
     return shown | {"motif": planned.motif, "pinned": planned.pinned, "costs": {}}
 
 
-def _page_text(title: str, dance: str, motion: str, mesh: str, levels: str, sound: str) -> str:
+def _page_text(title: str, body: PageBody, dance: str, levels: str, sound: str) -> str:
     """The page's template, filled."""
+    elements = [f'<script type="text/plain" id="{name}">{text}</script>' for name, text in body.data.items()]
     return fill_template(
         page_part("index.html"),
         title=html.escape(title),
         style=page_part("style.css"),
         dance=dance,
-        motion=motion,
-        mesh=mesh,
+        sources=body.sources,
+        body="\n".join(elements),
         levels=levels,
         sound=sound,
-        script=bundle_scripts([page_part(name) for name in _SCRIPTS]),
+        script=bundle_scripts([page_part(name) for name in (*_SCRIPTS, *body.scripts)]),
     )

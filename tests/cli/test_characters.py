@@ -55,7 +55,7 @@ def test_a_song_is_danced_by_a_character(folder, db, song):
         (["retarget", "dance.bvh", "hero.glb", "-o", "a.bvh"], "glb"),
         (["retarget", "dance.bvh", "dance.bvh", "-o", "a.glb"], "dance.bvh"),
         (["retarget", "dance.bvh", "hero.glb", "-o", "a.glb", "--map", "dance.bvh"], "map"),
-        (["dance", "song.wav", "--character", "hero.glb"], "-o NAME.glb"),
+        (["dance", "song.wav", "--character", "hero.glb", "-o", "a.mp4"], "-o NAME.html"),
         (["dance", "song.wav", "--map", "map.json"], "--character"),
         (["dance", "song.wav", "-o", "a.glb", "--names", "ue"], "-o NAME.bvh"),
         (["convert", "dance.bvh", "a.glb", "--units", "m"], "-o NAME.bvh"),

@@ -5,6 +5,7 @@ import { createElement } from "./elements.js";
 import { OrbitControls } from "./orbit.js";
 import { Player } from "./player.js";
 import { Questions, SIDES } from "./questions.js";
+import { Renderer } from "./renderer.js";
 import { Dancer } from "./skeleton.js";
 import { Stage } from "./stage.js";
 import { consumeText, decompressMesh, decompressMotion } from "./decompress.js";
@@ -15,7 +16,7 @@ class Study {
   constructor(study, mesh) {
     this.study = study;
     this.answers = new Answers(study);
-    this.stage = new Stage($("view"), mesh, (time) => { $("seek").value = time; });
+    this.stage = new Stage($("view"), Renderer.open($("view"), mesh), (time) => { $("seek").value = time; });
     this.questions = new Questions($("questions"), (question, answer) => {
       this.answers.give(this.item.id, question, answer);
     });

@@ -2,7 +2,7 @@
 
 import { clamp, lookAt, multiplyMatrices, perspective } from "./math.js";
 
-const FOV_Y = 0.5;
+export const FOV_Y = 0.5;
 const FIRST_PITCH = 0.14;
 const FIRST_TURN = 0.35; // a little from the side: a body seen straight from the front looks flat
 const BLEND_S = 0.45;
@@ -12,7 +12,7 @@ export class Camera {
   constructor(dancer) {
     this.dancer = dancer;
     this.height = dancer.height();
-    this.stage = dancer.stage();
+    this.stage = dancer.path.stage();
     this.front = dancer.heading();
     this.following = true;
     this.blend = 1; // 1: on the dancer, 0: on the stage
@@ -42,10 +42,10 @@ export class Camera {
     return this.blend !== goal;
   }
 
-  // What the renderer needs: eye, target, and the matrix from the world to the screen.
+  // What a renderer needs: eye, target, and the matrix from the world to the screen.
   at(timeS, aspect) {
     const eased = this.blend * this.blend * (3 - 2 * this.blend);
-    const stands = this.dancer.groundAt(timeS);
+    const stands = this.dancer.path.at(timeS);
     const [x, z] = stands.map((v, k) => v * eased + this.stage.middle[k] * (1 - eased));
     const tall = this.height * 0.62;
     const wide = this.height * 0.52 + this.stage.radius * (1 - eased);

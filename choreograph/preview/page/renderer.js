@@ -1,11 +1,13 @@
 // Draws the dancer on the floor with WebGL 2: one skinned mesh, its shadow, a disc.
 
 import { clamp, normalized } from "./math.js";
+import { Resolution, openWebgl } from "./resolution.js";
 import { Skin } from "./skin.js";
 import {
   BLUR_FRAGMENT, BLUR_VERTEX, FLOOR_FRAGMENT, GROUND_VERTEX, SHADE_FRAGMENT, SHADOW_FRAGMENT, SHADOW_VERTEX,
   bodyShaders,
 } from "./shaders.js";
+import { stageColours } from "./stage_colours.js";
 
 const SHADOW_SIZE = 80; // texels
 const SHADOW_HALF_M = 1.5;
@@ -13,27 +15,19 @@ const SHADOW_MARGIN_M = 0.45; // how much wider a shadow is than that of the joi
 const RIM_POINTS = 48;
 const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
 const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aCorner"];
-const MAX_PIXEL_RATIO = 2;
-const STILL_PIXEL_RATIO = 2; // where there is no other antialiasing
-const SMALLEST_SCALE = 0.6;
-const SLOW_FRAME_S = 1 / 48;
-const PATIENCE = 90; // a slow frame adds 3, a good one subtracts 1; at this sum the resolution is lowered
-const STEADY_FRAMES = 600; // good frames in a row before the resolution is raised; doubled after each try
 
 export class Renderer {
-  constructor(canvas, mesh) {
-    this.canvas = canvas;
-    this.mesh = mesh;
+  // A renderer on a canvas; null in a browser without WebGL 2.
+  static open(canvas, mesh) {
+    const resolution = new Resolution(canvas), gl = openWebgl(canvas, resolution);
+    return gl && new Renderer(gl, resolution, mesh);
+  }
+
+  constructor(gl, resolution, mesh) {
+    const { canvas } = gl;
+    Object.assign(this, { gl, canvas, resolution, mesh });
     this.skin = new Skin(mesh);
-    this.scale = 1;
-    this.slow = 0;
-    this.steady = 0;
-    this.steadyNeeded = STEADY_FRAMES;
     this.rim = [0.3, 0.3, 0.3];
-    // In software rendering only still pictures are antialiased.
-    this.slowMachine = rendersInSoftware();
-    this.gl = canvas.getContext("webgl2", { alpha: false, antialias: !this.slowMachine });
-    if (!this.gl) throw new Error("no WebGL 2");
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => { this.#build(); this.draw(this.last); });
     this.#build();
@@ -71,43 +65,18 @@ export class Renderer {
     this.readColours();
   }
 
-  // The stage's colours come from the style sheet, so that they follow the colour scheme.
   readColours() {
-    const style = getComputedStyle(document.documentElement);
-    const colour = (name) => {
-      const hex = style.getPropertyValue(name).trim();
-      return [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255);
-    };
-    this.colours = {
-      stage: colour("--stage"), floor: colour("--floor"), line: colour("--line"), shade: colour("--shadow"),
-    };
-    this.exposure = Number(style.getPropertyValue("--light"));
+    const { exposure, ...colours } = stageColours();
+    Object.assign(this, { colours, exposure });
   }
 
   // Fit the drawing buffer to the element; `still` for a picture that will not change.
   resize(still) {
     this.still = still;
-    const fine = Math.min(devicePixelRatio || 1, MAX_PIXEL_RATIO);
-    const ratio = still ? Math.max(fine, this.slowMachine ? STILL_PIXEL_RATIO : 0) : fine * this.scale;
-    const width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
-    const height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
+    const [width, height] = this.resolution.size(still);
     if (this.canvas.width === width && this.canvas.height === height) return;
     this.canvas.width = width;
     this.canvas.height = height;
-  }
-
-  // Report how long the last frame took: the resolution is lowered while frames are slow, then raised again.
-  reportFrameTime(elapsedS) {
-    const late = elapsedS > SLOW_FRAME_S;
-    this.slow = late ? this.slow + 3 : Math.max(0, this.slow - 1);
-    this.steady = late ? 0 : this.steady + 1;
-    if (this.slow >= PATIENCE && this.scale > SMALLEST_SCALE) {
-      this.scale = Math.max(SMALLEST_SCALE, this.scale * 0.8);
-    } else if (this.steady >= this.steadyNeeded && this.scale < 1) {
-      this.scale = Math.min(1, this.scale / 0.8);
-      this.steadyNeeded *= 2;
-    } else return;
-    this.slow = this.steady = 0;
   }
 
   draw(view) {
@@ -168,7 +137,7 @@ export class Renderer {
 
   #drawStage({ eye, target: at, matrix, mirrored, floorRadius }, centre) {
     const { gl, colours } = this;
-    const body = this.bodies[this.slowMachine && !this.still ? "quick" : "fine"];
+    const body = this.bodies[this.resolution.slowMachine && !this.still ? "quick" : "fine"];
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clearColor(...colours.stage, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -217,19 +186,6 @@ export class Renderer {
     gl.depthMask(true);
   }
 
-}
-
-// Whether there is no graphics card, or only one that the browser has blocked.
-function rendersInSoftware() {
-  const gl = document.createElement("canvas").getContext("webgl2");
-  if (!gl) return true;
-  let name = gl.getParameter(gl.RENDERER);
-  if (name === "WebKit WebGL") {
-    const more = gl.getExtension("WEBGL_debug_renderer_info");
-    if (more) name = gl.getParameter(more.UNMASKED_RENDERER_WEBGL);
-  }
-  gl.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }
 
 // A linked program and the locations of its uniforms by name.

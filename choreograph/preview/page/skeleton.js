@@ -1,9 +1,7 @@
 // The dancer at a time: interpolation between frames, forward kinematics, skinning matrices.
 
+import { GroundPath } from "./ground_path.js";
 import { clamp, matrixInto, multiplyInto, slerpInto } from "./math.js";
-
-const PATH_FPS = 10;
-const SMOOTHING_S = 0.35; // standard deviation of the Gaussian that smooths the camera path
 
 export class Dancer {
   constructor(dance, { roots, quats }) {
@@ -19,7 +17,7 @@ export class Dancer {
     this.positions = new Float64Array(3 * this.joints); // world, metres
     this.rotations = new Float64Array(4 * this.joints); // world
     this.skin = new Float32Array(12 * this.joints); // three rows of four a joint
-    this.path = smoothedPath(roots, this.frames, this.fps);
+    this.path = new GroundPath(roots, this.frames, this.fps);
     this.local = new Float64Array(4);
     this.turn = new Float64Array(4);
     this.matrix = new Float64Array(9);
@@ -64,25 +62,9 @@ export class Dancer {
     }
   }
 
-  // The smoothed position on the ground: [x, z].
-  groundAt(timeS) {
-    const at = clamp(timeS * PATH_FPS, 0, this.path.length / 2 - 1);
-    const low = Math.floor(at), high = Math.min(low + 1, this.path.length / 2 - 1), f = at - low;
-    return [0, 1].map((k) => this.path[2 * low + k] * (1 - f) + this.path[2 * high + k] * f);
-  }
-
   // Current heading about Y, 0 for +Z: the bind pose faces +Z.
   heading() {
     return Math.atan2(this.skin[2], this.skin[10]);
-  }
-
-  // Middle of the path on the ground, and its radius.
-  stage() {
-    const xs = this.path.filter((_, i) => i % 2 === 0), zs = this.path.filter((_, i) => i % 2 === 1);
-    const least = (v) => v.reduce((a, b) => Math.min(a, b)), most = (v) => v.reduce((a, b) => Math.max(a, b));
-    const middle = [xs, zs].map((v) => (least(v) + most(v)) / 2);
-    const radius = most(xs.map((x, i) => Math.hypot(x - middle[0], zs[i] - middle[1])));
-    return { middle, radius };
   }
 
   // Height of the standing body, metres.
@@ -94,25 +76,4 @@ export class Dancer {
     }
     return Math.max(high - low, 0.3) * 1.1;
   }
-}
-
-// Ground positions (N, 2) at PATH_FPS, smoothed by a centred Gaussian, so that the camera does not lag.
-function smoothedPath(roots, frames, fps) {
-  const count = Math.max(1, Math.ceil(((frames - 1) / fps) * PATH_FPS) + 1);
-  const reach = Math.ceil(3 * SMOOTHING_S * PATH_FPS);
-  const path = new Float32Array(2 * count);
-  const at = (i) => 3 * clamp(Math.round((i / PATH_FPS) * fps), 0, frames - 1);
-  for (let i = 0; i < count; i++) {
-    let x = 0, z = 0, sum = 0;
-    for (let d = -reach; d <= reach; d++) {
-      const weight = Math.exp(-0.5 * (d / (SMOOTHING_S * PATH_FPS)) ** 2);
-      const from = at(clamp(i + d, 0, count - 1));
-      x += weight * roots[from];
-      z += weight * roots[from + 2];
-      sum += weight;
-    }
-    path[2 * i] = x / sum;
-    path[2 * i + 1] = z / sum;
-  }
-  return path;
 }

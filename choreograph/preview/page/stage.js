@@ -1,15 +1,14 @@
-// The stage: draws the dancer at the player's time.
+// The stage: draws the dancer at the player's time. There are two kinds of dancers and of renderers: the mannequin's
+// (skeleton.js, renderer.js) and the user's character's (figure.js, character_renderer.js).
 
 import { Camera } from "./camera.js";
-import { Renderer } from "./renderer.js";
 
 const SETTLED_MS = 120;
 
 export class Stage {
   // onFrame gets the time shown, after each frame; the renderer is null without WebGL 2.
-  constructor(canvas, mesh, onFrame) {
-    Object.assign(this, { canvas, onFrame });
-    this.renderer = openRenderer(canvas, mesh);
+  constructor(canvas, renderer, onFrame) {
+    Object.assign(this, { canvas, renderer, onFrame });
     this.drawn = 0;
     this.lastAt = 0;
     this.frameRequested = false;
@@ -39,7 +38,7 @@ export class Stage {
 
   #frame(at) {
     this.frameRequested = false;
-    const { player, camera, renderer } = this;
+    const { canvas, player, camera, renderer } = this;
     if (!player) return;
     const elapsed = Math.min(0.1, at - this.lastAt);
     const running = this.lastAt > 0 && at - this.lastAt < 0.25;
@@ -48,22 +47,13 @@ export class Stage {
     this.dancer.pose(time);
     const moving = camera.settle(elapsed);
     if (renderer) {
-      if (running && player.playing) renderer.reportFrameTime(elapsed);
+      if (running && player.playing) renderer.resolution.reportFrameTime(elapsed);
       renderer.resize(this.still);
-      renderer.draw(camera.at(time, renderer.canvas.width / renderer.canvas.height));
+      renderer.draw(camera.at(time, canvas.width / canvas.height));
     }
     this.drawn += 1;
     this.onFrame(time);
     if (player.playing || moving) this.wake();
     else if (!this.still) this.settling = setTimeout(() => { this.still = true; this.#requestFrame(); }, SETTLED_MS);
-  }
-}
-
-function openRenderer(canvas, mesh) {
-  try {
-    return new Renderer(canvas, mesh);
-  } catch (error) {
-    if (error.message !== "no WebGL 2") throw error;
-    return null;
   }
 }
