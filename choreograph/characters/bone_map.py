@@ -110,4 +110,3 @@ def _of_vrm(human_bones: Mapping[str, int]) -> dict[str, int]:
     if missing:
         raise ParameterError(f"expected a humanoid VRM, its own list of bones lacks {', '.join(missing)}")
     return bones
-

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+MAX_ENTRIES = 100_000  # of a list: nodes, accessors, channels, … a character has some hundreds
 _LARGEST_INDEX = 1 << 53
 _LARGEST_FLOAT = 1e39  # above what 32 bits hold
 _LARGEST_NUMBER = 1e12  # of transforms, in any unit: sizes and products of a few stay finite
@@ -112,7 +113,7 @@ def _misfit_of_fields(value: Any, shape: dict[Any, Any]) -> str:
 
 
 def _misfit_of_entries(value: Any, shape: Any) -> str:
-    if not isinstance(value, list):
+    if not isinstance(value, list) or len(value) > MAX_ENTRIES:
         return "."
     for index, entry in enumerate(value):
         where = _misfit(entry, shape)

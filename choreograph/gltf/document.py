@@ -89,7 +89,9 @@ class GltfDocument:
         entry = self.entry("accessors", index)
         component, kind, count = entry.get("componentType"), entry.get("type", ""), entry.get("count", 0)
         if component not in _TYPE_OF_COMPONENT or kind not in _WIDTHS:
-            raise FormatError(f"{self.name}: expected an accessor of a known type, got {component}, {kind:.9}")
+            raise FormatError(
+                f"{self.name}: expected an accessor of a known type, got {component}, {kind:.9}"
+            )
         if "sparse" in entry or "bufferView" not in entry:
             raise FormatError(f"{self.name}: expected plain accessors of bones, got a sparse one")
         dtype, width = _TYPE_OF_COMPONENT[component], _WIDTHS[kind]
@@ -119,4 +121,3 @@ class GltfDocument:
         chunks = struct.pack("<II", len(text), JSON_CHUNK) + text
         chunks += struct.pack("<II", len(binary), BINARY_CHUNK) + binary
         return struct.pack("<III", GLB_MAGIC, GLB_VERSION, 12 + len(chunks)) + chunks
-

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from choreograph.errors import FormatError
-from choreograph.gltf._structure import misfit
+from choreograph.gltf._structure import MAX_ENTRIES, misfit
 from choreograph.gltf.document import (
     BINARY_CHUNK,
     GLB_MAGIC,
@@ -26,7 +26,6 @@ from choreograph.gltf.document import (
 
 MAX_BYTES = 1 << 30
 MAX_JSON_BYTES = 64 << 20
-MAX_ENTRIES = 100_000  # nodes, accessors, …: a character has some hundreds
 _MAX_OBJECTS = 2_000_000  # of all kinds in the JSON: Python takes up to 240 bytes for each
 _ARRAYS = (
     "nodes",

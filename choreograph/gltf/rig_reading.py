@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
+from choreograph.gltf._structure import MAX_ENTRIES
 from choreograph.gltf.document import GltfDocument
-from choreograph.gltf.reading import MAX_ENTRIES
 from choreograph.gltf.rig import Rig, rotations_of, world_matrices
 from choreograph.motion import rotations as rot
 from choreograph.motion.skeleton import MAX_JOINTS
@@ -61,7 +61,9 @@ def read_rig(document: GltfDocument) -> GltfRig:
             float((corners @ in_world[:3, :3].T + in_world[:3, 3])[:, 1].min()) for corners in boxes[index]
         ]
     if not (np.abs(bind) < _LARGEST).all():
-        raise FormatError(f"{document.name}: expected bones in reach, got some that are endlessly far: damaged")
+        raise FormatError(
+            f"{document.name}: expected bones in reach, got some that are endlessly far: damaged"
+        )
     floor_m = min(lowest_m, default=float(bind[:, 1, 3].min()))
     rig = Rig(names, of_bones, bind[:, :3, 3], rotations_of(bind), translation, quat, scale, floor_m)
     human = {name: bone_of[node] for name, node in _human_bones(document).items() if node in bone_of}

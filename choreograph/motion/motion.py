@@ -29,8 +29,8 @@ def check_length(n_frames: int, n_joints: int, fps: float) -> None:
         raise ParameterError(f"expected a motion of up to an hour, got {duration_s:.0f} s: cut it in parts")
     if duration_s * max(fps, STORE_FPS) * n_joints > MAX_FRAME_JOINTS:
         raise ParameterError(
-            f"expected at most {MAX_FRAME_JOINTS} poses of joints, got {n_frames} frames of {n_joints} joints: "
-            "cut it in parts, or leave out joints"
+            f"expected a motion of at most {MAX_FRAME_JOINTS} frames × joints, got {n_frames} frames of "
+            f"{n_joints} joints: cut it in parts, or leave out joints"
         )
 
 
