@@ -11,7 +11,7 @@ import numpy as np
 from choreograph.characters.structure import bones_by_structure, head_by_structure
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import atomic_path
-from choreograph.gltf.rig import Rig
+from choreograph.gltf.rig import Rig, distinct
 from choreograph.motion.rigs import joint_roles, trunk_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 
@@ -77,7 +77,7 @@ def _named(rig: Rig, name: str) -> int:
 def _by_names(rig: Rig) -> dict[str, int]:
     """By the names of known rigs, else by structure; neck and head by structure where they have no name."""
     # A root above all, since rigs may have several.
-    names = ("", *_distinct(rig.names))
+    names = distinct(("", *rig.names))
     parents = np.concatenate([[-1], rig.parents + 1])
     try:
         roles = joint_roles(Skeleton(names, parents, np.zeros((len(names), 3))))
@@ -110,13 +110,3 @@ def _of_vrm(human_bones: Mapping[str, int]) -> dict[str, int]:
     if missing:
         raise ParameterError(f"expected a humanoid VRM, its own list of bones lacks {', '.join(missing)}")
     return bones
-
-
-def _distinct(names: tuple[str, ...]) -> list[str]:
-    """The names, those that repeat with a number."""
-    seen: dict[str, int] = {}
-    distinct = []
-    for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        distinct.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
-    return distinct

@@ -37,7 +37,11 @@ class GltfCharacter:
 
         Raises `ParameterError` if the rig's body does not hang together below its pelvis.
         """
-        return self.with_animation(perform(motion, self.rig, self.bones, self.skin), name)
+        try:
+            performance = perform(motion, self.rig, self.bones, self.skin)
+        except ParameterError as error:
+            raise ParameterError(f"{self.document.name}: {error}") from None
+        return self.with_animation(performance, name)
 
     def with_animation(self, performance: Performance, name: str) -> GltfDocument:
         """The document with the performance as its only animation, the one that players play."""

@@ -21,6 +21,7 @@ _COMPONENT_OF_TYPE = {dtype: component for component, dtype in _TYPE_OF_COMPONEN
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _VECTORS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _ALIGNMENT = 4  # bytes
+_MAX_VALUES = 1 << 26  # of an accessor
 VERTICES, INDICES = 34962, 34963  # what a view is bound to, as OpenGL numbers it
 GLB_MAGIC, GLB_VERSION, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
 
@@ -47,14 +48,12 @@ class GltfDocument:
         """The same document, to be changed."""
         return GltfDocument(copy.deepcopy(self.json), bytes(self._binary), self.name)
 
-    def entry(self, kind: str, index: Any) -> dict[str, Any]:
+    def entry(self, kind: str, index: int | None) -> dict[str, Any]:
         """Entry `index` of the document's array `kind`; `FormatError` if there is none."""
-        entries = self.json.get(kind)
-        if isinstance(index, int) and isinstance(entries, list) and 0 <= index < len(entries):
-            entry = entries[index]
-            if isinstance(entry, dict):
-                return entry
-        raise FormatError(f"{self.name}: expected {kind}[{index!r}], got none: the file is damaged")
+        entries = self.json.get(kind, [])
+        if index is None or not 0 <= index < len(entries):
+            raise FormatError(f"{self.name}: expected {kind}[{index}], got none: the file is damaged")
+        return entries[index]
 
     def add(self, kind: str, entry: dict[str, Any]) -> int:
         """Add an entry to the document's array `kind` ("nodes", "meshes", …); its index."""
@@ -86,28 +85,34 @@ class GltfDocument:
             entry["max"] = np.atleast_1d(rows.max(axis=0)).tolist()
         return self.add("accessors", entry)
 
-    def array(self, index: Any) -> NDArray[np.float64]:
+    def array(self, index: int | None) -> NDArray[np.float64]:
         """The values of an accessor as floats, (N,) for scalars, else (N, D); normalised integers divided.
 
-        Raises `FormatError` if it does not lie within the file, or is sparse or compressed.
+        Raises `FormatError` if it does not lie within the file, has over 2²⁶ values, or is sparse or
+        compressed.
         """
         entry = self.entry("accessors", index)
-        component, kind, count = entry.get("componentType"), entry.get("type"), entry.get("count")
-        if component not in _TYPE_OF_COMPONENT or kind not in _WIDTHS or not isinstance(count, int):
-            raise FormatError(f"{self.name}: expected an accessor of a known type, got {component}, {kind!r}")
+        component, kind, count = entry.get("componentType"), entry.get("type", ""), entry.get("count", 0)
+        if component not in _TYPE_OF_COMPONENT or kind not in _WIDTHS:
+            raise FormatError(
+                f"{self.name}: expected an accessor of a known type, got {component}, {kind:.9}"
+            )
         if "sparse" in entry or "bufferView" not in entry:
             raise FormatError(f"{self.name}: expected plain accessors of bones, got a sparse one")
         dtype, width = _TYPE_OF_COMPONENT[component], _WIDTHS[kind]
         view = self.entry("bufferViews", entry["bufferView"])
         if "EXT_meshopt_compression" in view.get("extensions", {}):
             raise FormatError(f"{self.name}: expected plain data, got meshopt compression: export without it")
-        start = _whole(view.get("byteOffset", 0)) + _whole(entry.get("byteOffset", 0))
-        stride = _whole(view.get("byteStride", 0)) or dtype.itemsize * width
+        start = view.get("byteOffset", 0) + entry.get("byteOffset", 0)
+        stride = view.get("byteStride") or dtype.itemsize * width
         end = start + stride * (count - 1) + dtype.itemsize * width
-        if count < 1 or min(start, stride) < 0 or end > len(self._binary):
+        if count < 1 or end > len(self._binary):
             raise FormatError(f"{self.name}: expected {count} values of an accessor, the file ends before")
+        if count * width > _MAX_VALUES:
+            raise FormatError(f"{self.name}: expected at most {_MAX_VALUES} values of an accessor, got more")
         rows = np.ndarray((count, width), dtype, self._binary, start, (stride, dtype.itemsize))
-        values = rows.astype(np.float64)
+        with np.errstate(invalid="ignore"):  # of NaN
+            values = rows.astype(np.float64)
         if entry.get("normalized") and component in _GREATEST:
             values = np.maximum(values / _GREATEST[component], -1.0)
         return values[:, 0] if width == 1 else values
@@ -116,12 +121,8 @@ class GltfDocument:
         """The document as one binary file."""
         binary = bytes(self._binary) + bytes(-len(self._binary) % _ALIGNMENT)
         whole = {**self.json, "buffers": [{"byteLength": len(binary)}]}
-        text = json.dumps(whole, separators=(",", ":"), ensure_ascii=False).encode("utf-8")
+        text = json.dumps(whole, separators=(",", ":"), ensure_ascii=False).encode("utf-8", "replace")
         text += b" " * (-len(text) % _ALIGNMENT)
         chunks = struct.pack("<II", len(text), JSON_CHUNK) + text
         chunks += struct.pack("<II", len(binary), BINARY_CHUNK) + binary
         return struct.pack("<III", GLB_MAGIC, GLB_VERSION, 12 + len(chunks)) + chunks
-
-
-def _whole(value: Any) -> int:
-    return value if isinstance(value, int) and not isinstance(value, bool) else -1

@@ -15,6 +15,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from choreograph.errors import FormatError
+from choreograph.gltf._structure import MAX_ENTRIES, misfit
 from choreograph.gltf.document import (
     BINARY_CHUNK,
     GLB_MAGIC,
@@ -25,7 +26,7 @@ from choreograph.gltf.document import (
 
 MAX_BYTES = 1 << 30
 MAX_JSON_BYTES = 64 << 20
-MAX_ENTRIES = 100_000  # nodes, accessors, …: a character has some hundreds
+_MAX_OBJECTS = 2_000_000  # of all kinds in the JSON: Python takes up to 240 bytes for each
 _ARRAYS = (
     "nodes",
     "meshes",
@@ -89,8 +90,10 @@ def _parsed(path: Path, text: bytes) -> dict[str, Any]:
         raise FormatError(
             f"{path}: expected at most {MAX_JSON_BYTES >> 20} MiB of JSON, got {len(text) >> 20}"
         )
+    if text.count(b"{") + text.count(b"[") > _MAX_OBJECTS:
+        raise FormatError(f"{path}: expected at most {_MAX_OBJECTS} objects and lists in the JSON, got more")
     try:
-        data = json.loads(text.decode("utf-8"))
+        data = json.loads(text.decode("utf-8"), parse_constant=_refused)
     except (ValueError, RecursionError) as error:
         raise FormatError(
             f"{path}: expected a glTF file, got no valid JSON: damaged or another file"
@@ -102,9 +105,15 @@ def _parsed(path: Path, text: bytes) -> dict[str, Any]:
         entries = data.get(kind, [])
         if not isinstance(entries, list) or len(entries) > MAX_ENTRIES:
             raise FormatError(f"{path}: expected at most {MAX_ENTRIES} {kind}, got more, or no list")
-        if not all(isinstance(entry, dict) for entry in entries):
-            raise FormatError(f"{path}: expected {kind} that are objects: the file is damaged")
+    wrong = misfit(data)
+    if wrong:
+        raise FormatError(f"{path}: expected {wrong} as glTF has it, got something else: the file is damaged")
     return data
+
+
+def _refused(constant: str) -> None:
+    """Called for NaN and infinities, which JSON does not have and no player reads."""
+    raise ValueError(constant)
 
 
 def _merged_buffers(path: Path, data: dict[str, Any], binary: bytes) -> bytes:
@@ -118,12 +127,12 @@ def _merged_buffers(path: Path, data: dict[str, Any], binary: bytes) -> bytes:
         if len(merged) > MAX_BYTES:
             raise FormatError(f"{path}: expected at most {MAX_BYTES >> 20} MiB of buffers, got more")
     for view in data.get("bufferViews", []):
-        for holder in (view, *(e for e in view.get("extensions", {}).values() if isinstance(e, dict))):
-            buffer = holder.get("buffer")
-            if buffer is None and holder is not view:
+        for holder in (view, *view.get("extensions", {}).values()):
+            if "buffer" not in holder and holder is not view:
                 continue
-            if not isinstance(buffer, int) or not 0 <= buffer < len(starts):
-                raise FormatError(f"{path}: expected a buffer for every view, got {buffer!r}: damaged")
+            buffer = holder.get("buffer", -1)
+            if not 0 <= buffer < len(starts):
+                raise FormatError(f"{path}: expected a buffer for every view, got {buffer}: damaged")
             holder["byteOffset"] = holder.get("byteOffset", 0) + starts[buffer]
             holder["buffer"] = 0
     return bytes(merged)
@@ -131,10 +140,14 @@ def _merged_buffers(path: Path, data: dict[str, Any], binary: bytes) -> bytes:
 
 def _embed_images(path: Path, document: GltfDocument) -> None:
     """Images beside the file or in its text, brought into the buffer."""
+    left = MAX_BYTES
     for image in document.json.get("images", []):
         if "uri" not in image:
             continue
         content = _referenced(path, image["uri"])
+        left -= len(content)
+        if left < 0:
+            raise FormatError(f"{path}: expected at most {MAX_BYTES >> 20} MiB of images, got more")
         image.setdefault("mimeType", "image/png" if content[:4] == b"\x89PNG" else "image/jpeg")
         image["bufferView"] = document.view(content)
         del image["uri"]
@@ -149,7 +162,8 @@ def _referenced(path: Path, uri: Any) -> bytes:
             return base64.b64decode(uri.partition(",")[2], validate=True)
         except (binascii.Error, ValueError) as error:
             raise FormatError(f"{path}: expected base64 in a data URI, got something else") from error
-    file = (path.parent / unquote(uri)).resolve()
-    if "://" in uri or not file.is_relative_to(path.parent.resolve()):
+    name = unquote(uri)
+    file = (path.parent / name.replace("\0", "")).resolve()
+    if "://" in uri or "\0" in name or not file.is_relative_to(path.parent.resolve()):
         raise FormatError(f"{path}: expected files in its own folder, got {uri[:80]!r}: it is not read")
     return _read(file)

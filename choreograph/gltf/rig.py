@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +49,20 @@ class Rig:
         while self.parents[path[-1]] >= 0:
             path.append(int(self.parents[path[-1]]))
         return path[::-1]
+
+
+def distinct(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, those that repeat with their place: "arm", "arm #7"."""
+    taken = set(names)
+    seen: set[str] = set()
+    found = []
+    for place, name in enumerate(names):
+        own = name
+        while own in seen or (own != name and own in taken):
+            own = f"{own} #{place}"
+        seen.add(own)
+        found.append(own)
+    return tuple(found)
 
 
 def world_matrices(parents: NDArray[np.int64], translation: Floats, quat: Floats, scale: Floats) -> Floats:

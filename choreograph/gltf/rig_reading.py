@@ -10,15 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
+from choreograph.gltf._structure import MAX_ENTRIES
 from choreograph.gltf.document import GltfDocument
 from choreograph.gltf.rig import Rig, rotations_of, world_matrices
 from choreograph.motion import rotations as rot
+from choreograph.motion.skeleton import MAX_JOINTS
 
 Floats = NDArray[np.float64]
 
-MAX_BONES = 4096
+MAX_BONES = MAX_JOINTS
+_MAX_SKIN_JOINTS = 1 << 18  # of all skins: meshes that are worn on one body have a skin each
 _SAME = 0.01  # of the scale: joints agree within it on how the skin lies in the world
 _SMALLEST = 1e-6  # scale of a bone
+_LARGEST = 1e15  # place of a bone in any unit; what is computed from it stays finite
 _MAX_DEPTH = 512
 
 
@@ -55,15 +59,22 @@ def read_rig(document: GltfDocument) -> GltfRig:
     names = tuple(str(entry.get("name", f"node {node}")) for entry, node in zip(entries, order, strict=True))
     translation, quat, scale = (np.array([part[i] for part in local]) for i in range(3))
     world = world_matrices(of_bones, translation, quat, scale)
-    bind, lowest_m = world.copy(), []
+    bind, boxes = world.copy(), _boxes_of_skins(document)
+    lowest_m: list[float] = []
     skins = []
     for index, of_skin in enumerate(joints if "skins" in document.json else []):
         own = [bone_of[node] for node in of_skin]
         inverse = _inverse_binds(document, index, len(own))
         in_world = _skin_in_world(world, own, inverse, int(of_bones[min(own)]))
         bind[own] = in_world @ np.linalg.inv(inverse)
-        lowest_m += _lowest_m(document, index, in_world)
+        lowest_m += [
+            float((corners @ in_world[:3, :3].T + in_world[:3, 3])[:, 1].min()) for corners in boxes[index]
+        ]
         skins.append(SkinInWorld(tuple(own), in_world))
+    if not (np.abs(bind) < _LARGEST).all():
+        raise FormatError(
+            f"{document.name}: expected bones in reach, got some that are endlessly far: damaged"
+        )
     floor_m = min(lowest_m, default=float(bind[:, 1, 3].min()))
     rig = Rig(names, of_bones, bind[:, :3, 3], rotations_of(bind), translation, quat, scale, floor_m)
     human = {name: bone_of[node] for name, node in _human_bones(document).items() if node in bone_of}
@@ -72,19 +83,20 @@ def read_rig(document: GltfDocument) -> GltfRig:
 
 def _joints(document: GltfDocument) -> list[list[int]]:
     """The joints of every skin, or of none the nodes that are animated; `FormatError` if there are none."""
-    groups = [skin.get("joints") for skin in document.json.get("skins", [])]
+    groups = [skin.get("joints", []) for skin in document.json.get("skins", [])]
     if not groups:
-        turned = {c.get("target", {}).get("node") for a in document.json.get("animations", [])
-                  for c in a.get("channels", []) if isinstance(c, dict)}  # fmt: skip
-        groups = [sorted(node for node in turned if isinstance(node, int))]
-    for joints in groups:
-        if not (isinstance(joints, list) and joints and all(isinstance(j, int) for j in joints)):
-            raise FormatError(f"{document.name}: expected a skeleton, got none, or a damaged one")
+        animations = document.json.get("animations", [])
+        targets = [c.get("target", {}) for a in animations for c in a.get("channels", [])]
+        groups = [sorted({target["node"] for target in targets if "node" in target})]
+    if not all(groups):
+        raise FormatError(f"{document.name}: expected a skeleton, got none: export it with its bones")
+    if sum(map(len, groups)) > _MAX_SKIN_JOINTS:
+        raise FormatError(f"{document.name}: expected at most {_MAX_SKIN_JOINTS} joints of skins, got more")
     return groups
 
 
 def _node_parents(document: GltfDocument) -> dict[int, int]:
-    """The parent of every node that has one; `FormatError` for loops and two parents."""
+    """The parent of every node that has one; `FormatError` for two parents."""
     parents: dict[int, int] = {}
     for node, entry in enumerate(document.json.get("nodes", [])):
         for child in entry.get("children", []):
@@ -113,19 +125,17 @@ def _order(document: GltfDocument, joints: list[int], parents: dict[int, int]) -
 
 def _local(entry: dict[str, Any], name: str) -> tuple[Floats, Floats, Floats]:
     """Translation (3,), rotation (4,) `wxyz` and scale (3,) of a node."""
-    try:
-        if "matrix" in entry:
-            matrix = np.asarray(entry["matrix"], np.float64).reshape(4, 4).T
-            parts = matrix[:3, 3], rotations_of(matrix), np.linalg.norm(matrix[:3, :3], axis=0)
-        else:
-            translation = np.asarray(entry.get("translation", (0, 0, 0)), np.float64).reshape(3)
-            quat = np.roll(np.asarray(entry.get("rotation", (0, 0, 0, 1)), np.float64).reshape(4), 1)
-            parts = translation, quat, np.asarray(entry.get("scale", (1, 1, 1)), np.float64).reshape(3)
-        if not np.isfinite(np.concatenate(parts)).all() or np.linalg.norm(parts[1]) < _SMALLEST:
-            raise ValueError
-    except (ValueError, TypeError, np.linalg.LinAlgError) as error:
-        raise FormatError(f"{name}: expected numbers as a node's transform, got something else") from error
-    return parts[0], rot.normalize(parts[1]), parts[2]
+    if "matrix" in entry:
+        matrix = np.array(entry["matrix"], np.float64).reshape(4, 4).T
+        return matrix[:3, 3], rotations_of(matrix), np.linalg.norm(matrix[:3, :3], axis=0)
+    quat = np.roll(np.array(entry.get("rotation", (0, 0, 0, 1)), np.float64), 1)
+    if np.linalg.norm(quat) < _SMALLEST:
+        raise FormatError(f"{name}: expected a rotation of each node, got one of nothing: damaged")
+    translation, scale = (
+        np.array(entry.get(key, default), np.float64)
+        for key, default in (("translation", (0, 0, 0)), ("scale", (1, 1, 1)))
+    )
+    return translation, rot.normalize(quat), scale
 
 
 def _inverse_binds(document: GltfDocument, skin: int, n_joints: int) -> Floats:
@@ -137,7 +147,7 @@ def _inverse_binds(document: GltfDocument, skin: int, n_joints: int) -> Floats:
     if stored.shape != (n_joints, 16):
         raise FormatError(f"{document.name}: expected a bind matrix for every joint: the file is damaged")
     inverse = stored.reshape(-1, 4, 4).transpose(0, 2, 1)
-    if not np.isfinite(inverse).all() or (np.abs(np.linalg.det(inverse[:, :3, :3])) < _SMALLEST**3).any():
+    if not np.isfinite(inverse).all() or (np.abs(np.linalg.det(inverse)) < _SMALLEST**3).any():
         raise FormatError(f"{document.name}: expected bind matrices that can be inverted: damaged")
     return inverse
 
@@ -155,32 +165,31 @@ def _skin_in_world(world: Floats, bones: list[int], inverse: Floats, above: int)
     return world[above] if above >= 0 else np.eye(4)
 
 
-def _lowest_m(document: GltfDocument, skin: int, in_world: Floats) -> list[float]:
-    """Heights of the lowest points of a skin's meshes in the bind pose, by the bounds that the file says."""
-    heights = []
+def _boxes_of_skins(document: GltfDocument) -> dict[int, list[Floats]]:
+    """The corners (8, 3) of what is worn on each skin, by the bounds that the file says, in its own space."""
+    boxes: dict[int, list[Floats]] = {skin: [] for skin in range(len(document.json.get("skins", [])))}
+    left = MAX_ENTRIES
     for node in document.json.get("nodes", []):
-        if node.get("skin") != skin or "mesh" not in node:
+        if "mesh" not in node or node.get("skin") not in boxes:
             continue
-        for primitive in document.entry("meshes", node["mesh"]).get("primitives", []):
+        primitives = document.entry("meshes", node["mesh"]).get("primitives", [])
+        left -= len(primitives)
+        if left < 0:
+            raise FormatError(f"{document.name}: expected at most {MAX_ENTRIES} meshes on skins, got more")
+        for primitive in primitives:
             position = document.entry("accessors", primitive.get("attributes", {}).get("POSITION"))
-            bounds = np.array([position.get("min", []), position.get("max", [])], np.float64)
-            if bounds.shape == (2, 3) and np.isfinite(bounds).all():
-                corners = np.array(list(product(*bounds.T)))  # (8, 3)
-                heights.append(float((corners @ in_world[:3, :3].T + in_world[:3, 3])[:, 1].min()))
-    return heights
+            low, high = position.get("min", []), position.get("max", [])
+            if len(low) == len(high) == 3:
+                boxes[node["skin"]].append(np.array(list(product(*zip(low, high, strict=True))), np.float64))
+    return boxes
 
 
 def _human_bones(document: GltfDocument) -> dict[str, int]:
     """The nodes of a VRM's bones by VRM's names; empty for other files."""
     extensions = document.json.get("extensions", {})
-    if not isinstance(extensions, dict):
-        return {}
-    newer = (
-        (extensions.get("VRMC_vrm") or extensions.get("VRMC_vrm_animation") or {})
-        .get("humanoid", {})
-        .get("humanBones", {})
-    )
-    if isinstance(newer, dict) and newer:
-        return {name: b["node"] for name, b in newer.items() if isinstance(b, dict) and "node" in b}
+    newer = extensions.get("VRMC_vrm") or extensions.get("VRMC_vrm_animation") or {}
+    bones = newer.get("humanoid", {}).get("humanBones", {})
+    if bones:
+        return {name: bone["node"] for name, bone in bones.items() if "node" in bone}
     older = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
-    return {b["bone"]: b["node"] for b in older if isinstance(b, dict) and {"bone", "node"} <= set(b)}
+    return {bone["bone"]: bone["node"] for bone in older if {"bone", "node"} <= set(bone)}

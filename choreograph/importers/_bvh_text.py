@@ -10,11 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError, ParameterError
+from choreograph.motion.motion import check_length
+from choreograph.motion.skeleton import MAX_JOINTS
 
 _CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
 _COMMENT = re.compile(r"(?:#|//)[^\n]*")
 _MOTION = re.compile(r"^[ \t]*MOTION\b", re.MULTILINE | re.IGNORECASE)
+_SPACE = re.compile(r"\s")
 _TIMING = re.compile(r"\s*Frames\s*:\s*(\S+)\s+Frame\s+Time\s*:\s*(\S+)", re.IGNORECASE)
+_MAX_BYTES = 1 << 29
+_BLOCK_LETTERS = 1 << 20
 _LARGEST = 1e7  # bound on lengths and angles in any unit; keeps later arithmetic finite
 
 
@@ -42,6 +47,8 @@ def read_text(path: Path) -> str:
     if path.is_dir():
         raise FormatError(f"{path}: expected a BVH file, got a folder")
     try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise FormatError(f"{path}: expected at most {_MAX_BYTES >> 20} MiB of text, got more")
         data = path.read_bytes()
     except OSError as error:
         raise FormatError(f"{path}: cannot be read ({error.strerror})") from error
@@ -76,6 +83,7 @@ class _Hierarchy:
     def __init__(self, text: str) -> None:
         self.tokens = re.sub(r"([{}])", r" \1 ", text).split()[1:]
         self.position = 0
+        self.copies: dict[str, int] = {}  # name -> how often it was read
         self.bvh = BvhText()
 
     def parse(self) -> BvhText:
@@ -140,11 +148,13 @@ class _Hierarchy:
                 "expected one ROOT with every JOINT inside it; several bodies in a file are not read"
             )
         joint = len(bvh.names)
+        if joint == MAX_JOINTS:
+            raise FormatError(f"expected at most {MAX_JOINTS} joints, got more")
         name = base = self.name_until_brace() or f"joint{joint}"
-        copies = 1
-        while name in bvh.names:
-            copies += 1
-            name = f"{base}_{copies}"
+        while name in self.copies:
+            self.copies[base] += 1
+            name = f"{base}_{self.copies[base]}"
+        self.copies[name] = 1
         bvh.names.append(name)
         bvh.parents.append(stack[-1] if stack else -1)
         bvh.offsets.append([0.0, 0.0, 0.0])
@@ -180,15 +190,13 @@ def _parse_motion(body: str, bvh: BvhText) -> None:
     except ValueError:
         raise FormatError(f"expected a number of frames, got {timing[1]!r}") from None
     bvh.fps = _frame_rate(timing[2])
-    try:
-        values = np.array(list(map(float, body[timing.end() :].split())))
-    except ValueError as error:
-        raise FormatError(f"the motion contains something that is not a number: {error}") from None
-    if n_frames <= 0 or len(values) == 0:
-        raise FormatError(f"no motion: {n_frames} frames announced, {len(values)} numbers found")
-    if len(values) != n_frames * n_channels:
+    check_length(max(n_frames, 1), len(bvh.names), bvh.fps)
+    values, n_found = _numbers(body, timing.end(), n_frames * n_channels)
+    if n_frames <= 0 or n_found == 0:
+        raise FormatError(f"no motion: {n_frames} frames announced, {n_found} numbers found")
+    if n_found != n_frames * n_channels:
         raise FormatError(
-            f"expected {n_frames} frames of {n_channels} numbers, found {len(values) / n_channels:.6g}: "
+            f"expected {n_frames} frames of {n_channels} numbers, found {n_found / n_channels:.6g}: "
             "the frame count is wrong or the file is cut off"
         )
     bvh.values = values.reshape(n_frames, n_channels)  # (T, C)
@@ -198,6 +206,28 @@ def _parse_motion(body: str, bvh: BvhText) -> None:
         raise FormatError(
             f"frame {frame} holds {bvh.values[frame, channel]}, which is not a valid length or angle"
         )
+
+
+def _numbers(text: str, start: int, most: int) -> tuple[NDArray[np.float64], int]:
+    """The numbers between spaces from a letter on, and how many there are; those beyond `most` are counted.
+
+    Read block by block, since words take much more memory than their text or numbers.
+    """
+    blocks, n_found = [np.zeros(0)], 0
+    while start < len(text):
+        space = _SPACE.search(text, start + _BLOCK_LETTERS)
+        end = len(text) if space is None else space.start()
+        words = text[start:end].split()
+        if n_found <= most:
+            try:
+                blocks.append(np.array(list(map(float, words))))
+            except ValueError as error:
+                raise FormatError(
+                    f"the motion contains something that is not a number: {str(error)[:100]}"
+                ) from None
+        n_found += len(words)
+        start = end
+    return np.concatenate(blocks), n_found
 
 
 def _frame_rate(frame_time: str) -> float:

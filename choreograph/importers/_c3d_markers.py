@@ -25,6 +25,8 @@ _UNITS_M = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "": 0.001}  # most 
 _ALIASES = {
     "LASI": "LFWT", "RASI": "RFWT", "LPSI": "LBWT", "RPSI": "RBWT", "LTIB": "LSHN", "RTIB": "RSHN",
 }  # fmt: skip
+_MAX_BYTES = 1 << 28
+_ROOM_M = 1000.0
 _LONG_GAP_S = 0.25  # longer ones are noted
 _JUMP_FRAMES, _JUMP_M = 5, 0.02  # a sample so far from the median of so many around it is no motion
 _HEAD, _FEET = ("LFHD", "RFHD", "LBHD", "RBHD", "C7"), ("LTOE", "RTOE", "LHEE", "RHEE", "LANK", "RANK")
@@ -52,13 +54,14 @@ class Markers:
 def read_markers(path: Path) -> Markers:
     """The markers of a C3D file with any sample at all; gaps are interpolated, long ones noted.
 
-    Samples with a negative residual, exactly at the origin, or far from those before and after are missing.
-    Prefixes of labels, `subject:`,
-    are cut off. Raises `FormatError` if the file is damaged, has no labelled point, or several subjects.
+    Samples with a negative residual, exactly at the origin, beyond any room, or far from those before and
+    after are missing. Prefixes of labels, `subject:`, are cut off. Raises `FormatError` if the file is
+    damaged, over 256 MiB, has no labelled point, or several subjects.
     """
     labels, points, fps, unit = _read(path)
     names = _names(path, labels)
-    missing = (points[..., 3] < 0) | (points[..., :3] == 0).all(axis=-1) | ~np.isfinite(points).all(axis=-1)
+    in_room = (np.abs(unit * points[..., :3]) < _ROOM_M).all(axis=-1)  # (T, P), never where it is NaN
+    missing = (points[..., 3] < 0) | (points[..., :3] == 0).all(axis=-1) | ~in_room
     notes: list[str] = []
     pos_m: dict[str, Floats] = {}
     for column, name in names.items():
@@ -76,6 +79,8 @@ def read_markers(path: Path) -> Markers:
 
 def _read(path: Path) -> tuple[list[str], Floats, float, float]:
     """Labels, points (T, P, 5) in the file's unit with residual and cameras, frame rate, metres per unit."""
+    if path.is_file() and path.stat().st_size > _MAX_BYTES:
+        raise FormatError(f"{path}: expected at most {_MAX_BYTES >> 20} MiB, got more")
     try:
         with open(path, "rb") as file, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # on what we check below
@@ -93,6 +98,10 @@ def _read(path: Path) -> tuple[list[str], Floats, float, float]:
         ) from None
     if len(frames) < 2 or len(frames) != expected:
         raise FormatError(f"{path}: expected {expected} frames, at least 2, got {len(frames)}: cut short?")
+    if len(labels) > frames[0].shape[0]:
+        raise FormatError(
+            f"{path}: expected a point for each of {len(labels)} labels, got {len(frames[0])}: damaged?"
+        )
     if not (np.isfinite(fps) and fps > 0):
         raise FormatError(f"{path}: expected a frame rate above 0, got {fps}")
     if unit_name not in _UNITS_M:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.errors import FormatError
+from choreograph.errors import FormatError, ParameterError
 from choreograph.importers._axes_and_units import known_roles, rotation_to_y_up, to_rotated_axes, unit_m
 from choreograph.importers._bvh_text import BvhText, parse_bvh, read_text
 from choreograph.motion import rotations as rot
@@ -54,7 +54,7 @@ def read_bvh(path: str | Path) -> tuple[Motion, tuple[str, ...]]:
     text = read_text(path)
     try:
         return _to_motion(parse_bvh(text))
-    except FormatError as error:
+    except (FormatError, ParameterError) as error:
         raise FormatError(f"{path}: {error}") from None
 
 

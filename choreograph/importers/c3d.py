@@ -13,7 +13,7 @@ from choreograph.importers._c3d_markers import Markers, read_markers
 from choreograph.motion.floor import estimate_floor_m
 from choreograph.motion.joint_centres import joint_centres
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
-from choreograph.motion.motion import Motion
+from choreograph.motion.motion import Motion, check_length
 from choreograph.motion.skeleton import Skeleton
 from choreograph.motion.skeleton_calibration import measure_skeleton, resized, size_ratio
 from choreograph.takes import Credits, Take
@@ -21,6 +21,7 @@ from choreograph.takes import Credits, Take
 Floats = NDArray[np.float64]
 
 LAYOUT = "a single NAME.c3d of plug-in-gait markers"
+_SMALLEST_BODY_M, _LARGEST_BODY_M = 0.3, 10.0  # of a child to a giant on stilts
 _FEET = ("left_heel", "right_heel", "left_foot", "right_foot")
 
 
@@ -51,17 +52,30 @@ def read_c3d_files(paths: Sequence[Path]) -> list[tuple[Motion, tuple[str, ...]]
     centres = [_centres(path, markers) for path, markers in zip(paths, recordings, strict=True)]
     roles = centres[0][1]  # the same for all
     skeleton = measure_skeleton(np.concatenate([pos_m for pos_m, _ in centres]), roles)
-    return [
-        _fitted(skeleton, pos_m, roles, markers)
-        for (pos_m, _), markers in zip(centres, recordings, strict=True)
-    ]
+    fitted = []
+    for path, (pos_m, _), markers in zip(paths, centres, recordings, strict=True):
+        try:
+            fitted.append(_fitted(skeleton, pos_m, roles, markers))
+        except (ValueError, np.linalg.LinAlgError):  # axes of a body whose joints are in one place
+            raise FormatError(
+                f"{path}: expected markers on a body, got some in one place: damaged?"
+            ) from None
+    return fitted
 
 
 def _centres(path: Path, markers: Markers) -> tuple[Floats, tuple[str, ...]]:
+    """The joints of one recording, in metres, and their names."""
     try:
-        return joint_centres(markers.pos_m)
-    except ParameterError as error:
+        check_length(markers.n_frames, len(markers.pos_m), markers.fps)
+        pos_m, roles = joint_centres(markers.pos_m)
+    except (ParameterError, np.linalg.LinAlgError) as error:
         raise FormatError(f"{path}: {error}") from None
+    height_m = float(np.ptp(measure_skeleton(pos_m, roles).rest_pos_m()[:, 1]))
+    if not _SMALLEST_BODY_M < height_m < _LARGEST_BODY_M:
+        raise FormatError(
+            f"{path}: expected markers of a body, got one {height_m:.3g} m tall: is the unit right?"
+        )
+    return pos_m, roles
 
 
 def _fitted(

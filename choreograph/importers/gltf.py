@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from choreograph.errors import FormatError, ParameterError
 from choreograph.gltf import GltfDocument, GltfRig, Rig, read_gltf, read_rig
-from choreograph.gltf.rig import rotations_of, world_matrices
+from choreograph.gltf.rig import distinct, rotations_of, world_matrices
 from choreograph.importers._axes_and_units import unit_m
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import to_local
-from choreograph.motion.motion import Motion
+from choreograph.motion.motion import LONGEST_S, MAX_FRAME_JOINTS, Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
 from choreograph.takes import Credits, Take
@@ -29,7 +28,10 @@ Tracks = dict[tuple[int, str], tuple[Floats, Floats, str]]
 
 LAYOUT = "a single NAME.glb, .gltf or .vrma with animations of a skeleton"
 SUFFIXES = (".glb", ".gltf", ".vrma")
-_LONGEST_S = 3600.0
+_MAX_ANIMATIONS = 4096
+_MAX_KEYS = 1 << 25  # of a file's tracks
+_BLOCK_POSES = 1 << 18  # frames × bones at a time
+_LARGEST = 1e12  # place or scale in any unit; never so with NaN, which compares false
 _WIDTHS = {"rotation": 4, "translation": 3, "scale": 3}
 
 
@@ -61,91 +63,132 @@ def read_gltf_motions(path: str | Path) -> dict[str, tuple[Motion, tuple[str, ..
     animations = document.json.get("animations", [])
     if not animations:
         raise FormatError(f"{path}: expected an animation, got none: export it with its animations")
+    if len(animations) > _MAX_ANIMATIONS:
+        raise FormatError(f"{path}: expected at most {_MAX_ANIMATIONS} animations, got {len(animations)}")
     found = read_rig(document)
+    reader = _TrackReader(document, {node: bone for bone, node in enumerate(found.nodes)})
     motions: dict[str, tuple[Motion, tuple[str, ...]]] = {}
-    for number, animation in enumerate(animations):
-        tracks = _tracks(document, found, animation)
-        if tracks:  # others move a camera or a prop
-            name = str(animation.get("name") or f"{number + 1}")
-            motions[name if name not in motions else f"{name} {number + 1}"] = _motion(
-                document, found, tracks
-            )
+    try:
+        body = _Body.of(_with_human_names(found))
+        for number, animation in enumerate(animations):
+            tracks = reader.tracks(animation)
+            if tracks:  # others move a camera or a prop
+                name = animation.get("name") or f"{number + 1}"
+                while name in motions:
+                    name = f"{name} {number + 1}"
+                motions[name] = body.motion(tracks)
+    except (FormatError, ParameterError) as error:
+        raise FormatError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
     if not motions:
         raise FormatError(f"{path}: expected an animation of the skeleton, got one of other things")
     return motions
 
 
-def _motion(document: GltfDocument, found: GltfRig, tracks: Tracks) -> tuple[Motion, tuple[str, ...]]:
-    """One animation on the rig's bones from the hips down."""
-    rig = _with_human_names(found)
-    times_s, fps = _frame_times(document, tracks)
-    local = {"translation": rig.rest_translation, "rotation": rig.rest_quat, "scale": rig.rest_scale}
-    sampled = {path: np.repeat(rest[None], len(times_s), axis=0) for path, rest in local.items()}  # (T, B, …)
-    for (bone, path), (keys_s, values, kind) in tracks.items():
-        sampled[path][:, bone] = _sampled(keys_s, values, kind, path, times_s)
-    world = world_matrices(
-        rig.parents, *(np.moveaxis(sampled[p], 1, 0) for p in ("translation", "rotation", "scale"))
-    )
-    pelvis = _pelvis(document, rig)
-    below = _below(rig, pelvis)
-    joint_of = {bone: joint for joint, bone in enumerate(below)}
-    parents = np.array([-1, *(joint_of[int(rig.parents[bone])] for bone in below[1:])])
-    offsets = rig.bind_pos_m[below].copy()
-    offsets[1:] -= rig.bind_pos_m[rig.parents[below[1:]]]
-    skeleton = Skeleton(tuple(rig.names[bone] for bone in below), parents, offsets)
-    turned = rot.multiply(np.moveaxis(rotations_of(world[below]), 0, 1), rot.invert(rig.bind_quat[below]))
-    root = world[pelvis, :, :3, 3]
-    metres, note = unit_m(skeleton, rig.bind_pos_m[None, below])
-    if metres != 1.0:
-        skeleton, root = replace(skeleton, offsets_m=metres * offsets), metres * root
-    quat = rot.make_continuous(to_local(skeleton, turned))
-    return Motion(skeleton, root, quat, fps), (note,) if metres != 1.0 else ()
+@dataclass(eq=False)
+class _Body:
+    """The bones of a rig from the hips down, which its animations move."""
+
+    rig: Rig
+    below: list[int]  # (J,) bones, the pelvis first
+    skeleton: Skeleton  # in metres
+    metres: float  # per unit of the file
+    note: str  # on the unit
+    poses_left: int = MAX_FRAME_JOINTS  # frames × bones that the file may still have
+
+    @classmethod
+    def of(cls, rig: Rig) -> _Body:
+        """The body of a rig; `FormatError` or `ParameterError` if there is none."""
+        below = _below(rig, _pelvis(rig))
+        joint_of = {bone: joint for joint, bone in enumerate(below)}
+        parents = np.array([-1, *(joint_of[int(rig.parents[bone])] for bone in below[1:])])
+        offsets = rig.bind_pos_m[below].copy()
+        offsets[1:] -= rig.bind_pos_m[rig.parents[below[1:]]]
+        skeleton = Skeleton(tuple(rig.names[bone] for bone in below), parents, offsets)
+        metres, note = unit_m(skeleton, rig.bind_pos_m[None, below])
+        if metres == 1.0:
+            return cls(rig, below, skeleton, 1.0, "")
+        return cls(rig, below, replace(skeleton, offsets_m=metres * offsets), metres, note)
+
+    def motion(self, tracks: Tracks) -> tuple[Motion, tuple[str, ...]]:
+        """One animation, and a note where the unit is not the metre."""
+        times_s, fps = _frame_times(tracks)
+        self.poses_left -= len(times_s) * self.rig.n_bones
+        if self.poses_left < 0:
+            raise FormatError(f"expected at most {MAX_FRAME_JOINTS} frames of bones, got more: export parts")
+        n_block = max(1, _BLOCK_POSES // self.rig.n_bones)
+        blocks = [self._posed(tracks, times_s[at : at + n_block]) for at in range(0, len(times_s), n_block)]
+        root, turned = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+        quat = rot.make_continuous(to_local(self.skeleton, turned))
+        return Motion(self.skeleton, self.metres * root, quat, fps), (self.note,) if self.note else ()
+
+    def _posed(self, tracks: Tracks, times_s: Floats) -> tuple[Floats, Floats]:
+        """The pelvis (T, 3) and how far the bones have turned from their bind pose (T, J, 4)."""
+        rig, n_frames = self.rig, len(times_s)
+        local = {"translation": rig.rest_translation, "rotation": rig.rest_quat, "scale": rig.rest_scale}
+        sampled = {path: np.repeat(rest[:, None], n_frames, axis=1) for path, rest in local.items()}
+        for (bone, path), (keys_s, values, kind) in tracks.items():
+            sampled[path][bone] = _sampled(keys_s, values, kind, path, times_s)
+        with np.errstate(over="ignore", invalid="ignore"):
+            world = world_matrices(
+                rig.parents, sampled["translation"], sampled["rotation"], sampled["scale"]
+            )[self.below]  # (J, T, 4, 4)
+        if not (np.abs(world) < _LARGEST).all():
+            raise FormatError("expected bones in reach, got some that are endlessly far: damaged")
+        now = np.moveaxis(rotations_of(world), 0, 1)
+        return world[0, :, :3, 3], rot.multiply(now, rot.invert(rig.bind_quat[self.below]))
 
 
 def _with_human_names(found: GltfRig) -> Rig:
     """The rig with the names that a VRM file gives its bones, and every name once."""
     human = {bone: name for name, bone in found.human_bones.items()}
-    names: list[str] = []
-    for bone, name in enumerate(found.rig.names):
-        own = human.get(bone, name)
-        names.append(own if own not in names else f"{own} #{bone}")
-    return replace(found.rig, names=tuple(names))
+    names = [human.get(bone, name) for bone, name in enumerate(found.rig.names)]
+    return replace(found.rig, names=distinct(names))
 
 
-def _tracks(document: GltfDocument, found: GltfRig, animation: dict[str, Any]) -> Tracks:
-    """The tracks of an animation that move bones."""
-    bone_of = {node: bone for bone, node in enumerate(found.nodes)}
-    samplers = animation.get("samplers", [])
-    tracks: Tracks = {}
-    for channel in animation.get("channels", []):
-        target, index = channel.get("target", {}), channel.get("sampler")
-        bone, path = bone_of.get(target.get("node", -1)), target.get("path")
-        if bone is None or path not in _WIDTHS:
-            continue
-        if not (isinstance(index, int) and 0 <= index < len(samplers)):
-            raise FormatError(f"{document.name}: expected a sampler for every channel: the file is damaged")
-        keys_s = document.array(samplers[index].get("input"))
-        values = document.array(samplers[index].get("output"))
-        kind = samplers[index].get("interpolation", "LINEAR")
+@dataclass(eq=False)
+class _TrackReader:
+    """Reads the tracks of a document's animations."""
+
+    document: GltfDocument
+    bone_of: dict[int, int]  # node -> bone
+    keys_left: int = _MAX_KEYS  # that the file may still have
+
+    def tracks(self, animation: dict[str, Any]) -> Tracks:
+        """The tracks of an animation that move bones; of several of one bone and property the first."""
+        samplers = animation.get("samplers", [])
+        tracks: Tracks = {}
+        for channel in animation.get("channels", []):
+            target, index = channel.get("target", {}), channel.get("sampler", -1)
+            bone, path = self.bone_of.get(target.get("node", -1)), target.get("path", "")
+            if bone is None or path not in _WIDTHS or (bone, path) in tracks:
+                continue
+            if not 0 <= index < len(samplers):
+                raise FormatError("expected a sampler for every channel: the file is damaged")
+            tracks[bone, path] = self._track(samplers[index], path)
+        return tracks
+
+    def _track(self, sampler: dict[str, Any], path: str) -> tuple[Floats, Floats, str]:
+        kind = sampler.get("interpolation", "LINEAR")
+        self.keys_left -= self.document.entry("accessors", sampler.get("input")).get("count", 0)
+        if self.keys_left < 0:
+            raise FormatError(f"expected at most {_MAX_KEYS} keys of bones, got more: export parts")
+        keys_s, values = (self.document.array(sampler.get(end)) for end in ("input", "output"))
         n_values = len(keys_s) * (3 if kind == "CUBICSPLINE" else 1)
         if keys_s.ndim != 1 or values.shape != (n_values, _WIDTHS[path]) or (np.diff(keys_s) < 0).any():
-            raise FormatError(f"{document.name}: expected increasing keys with a {path} each: damaged")
-        if not (np.isfinite(keys_s).all() and np.isfinite(values).all()):
-            raise FormatError(f"{document.name}: expected finite keys and values: the file is damaged")
+            raise FormatError(f"expected increasing keys with a {path} each: damaged")
+        if not ((np.abs(keys_s) < _LARGEST).all() and (np.abs(values) < _LARGEST).all()):
+            raise FormatError("expected finite keys and values: the file is damaged")
         if path == "rotation":
             values = np.roll(values, 1, axis=-1)
-        tracks[bone, path] = keys_s, values, kind
-    return tracks
+        return keys_s, values, kind
 
 
-def _frame_times(document: GltfDocument, tracks: Tracks) -> tuple[Floats, float]:
+def _frame_times(tracks: Tracks) -> tuple[Floats, float]:
     """Frame times (T,) from the first key to the last, and their rate."""
     keys = [keys_s for keys_s, _, _ in tracks.values()]
     start_s, end_s = min(k[0] for k in keys), max(k[-1] for k in keys)
-    if end_s - start_s > _LONGEST_S:
-        raise FormatError(
-            f"{document.name}: expected an animation of up to an hour, got {end_s - start_s:.0f} s"
-        )
+    if end_s - start_s > LONGEST_S:
+        raise FormatError(f"expected an animation of up to an hour, got {end_s - start_s:.0f} s")
     longest = max(keys, key=len)
     steps = np.diff(longest)
     native = 1.0 / float(np.median(steps[steps > 0])) if (steps > 0).any() else STORE_FPS
@@ -173,26 +216,28 @@ def _sampled(keys_s: Floats, values: Floats, kind: str, path: str, times_s: Floa
 
 
 def _cubic(keys_s: Floats, values: Floats, into: Floats, out: Floats, path: str, times_s: Floats) -> Floats:
-    """Cubic splines whose tangents at a key differ on its two sides."""
+    """Cubic Hermite splines whose tangents at a key differ on its two sides."""
     inside = times_s.clip(keys_s[0], keys_s[-1])
-    index = np.searchsorted(keys_s, inside, side="right").clip(1, len(keys_s) - 1) - 1
-    found = np.empty((len(times_s), values.shape[1]))
-    for piece in np.unique(index):
-        ends = slice(piece, piece + 2)
-        tangents = np.stack([out[piece], into[piece + 1]])
-        spline = CubicHermiteSpline(keys_s[ends], values[ends], tangents)
-        found[index == piece] = spline(inside[index == piece])
+    low = np.searchsorted(keys_s, inside, side="right").clip(1, len(keys_s) - 1) - 1
+    gap = (keys_s[low + 1] - keys_s[low])[:, None]
+    u = (inside - keys_s[low])[:, None] / gap  # (T, 1) 0 to 1 between two keys
+    found = (
+        (1 + 2 * u) * (1 - u) ** 2 * values[low]
+        + u * (1 - u) ** 2 * gap * out[low]
+        + u**2 * (3 - 2 * u) * values[low + 1]
+        + u**2 * (u - 1) * gap * into[low + 1]
+    )
     return rot.normalize(found) if path == "rotation" else found
 
 
-def _pelvis(document: GltfDocument, rig: Rig) -> int:
-    """The bone from which the body hangs; `FormatError` if the bones' names are unknown."""
-    names = ("", *rig.names)
+def _pelvis(rig: Rig) -> int:
+    """The bone from which the body hangs; `ParameterError` if the bones' names are unknown."""
+    names = distinct(("", *rig.names))
     parents = np.concatenate([[-1], rig.parents + 1])
-    try:
-        return joint_roles(Skeleton(names, parents, np.zeros((len(names), 3))))["pelvis"] - 1
-    except ParameterError as error:
-        raise FormatError(f"{document.name}: {error}") from None
+    pelvis = joint_roles(Skeleton(names, parents, np.zeros((len(names), 3))))["pelvis"] - 1
+    if pelvis < 0:
+        raise ParameterError("expected one body, got limbs that hang under different roots")
+    return pelvis
 
 
 def _below(rig: Rig, top: int) -> list[int]:

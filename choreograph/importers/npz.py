@@ -10,12 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from choreograph.errors import FormatError, ParameterError
-from choreograph.motion.motion import Motion
+from choreograph.motion.motion import Motion, check_length
 from choreograph.motion.skeleton import Skeleton
 from choreograph.takes import Credits, Take
 
 LAYOUT = "a single NAME.npz written by this program"
-_KEYS = ("root_pos_m", "local_quat", "fps", "names", "parents", "offsets_m", "tip_parents", "tips_m")
+_NUMBERS = ("root_pos_m", "local_quat", "fps", "parents", "offsets_m", "tip_parents", "tips_m")
+_MAX_BYTES = 1 << 30  # of the arrays, unpacked
+_LARGEST = 1e6  # of positions in metres and all else that a motion holds
 
 
 def detect(path: Path) -> bool:
@@ -33,42 +35,52 @@ def array_names(path: Path) -> set[str]:
     try:
         with zipfile.ZipFile(path) as archive:
             return {name.removesuffix(".npy") for name in archive.namelist()}
-    except (OSError, zipfile.BadZipFile):
+    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile):
         return set()
 
 
 def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """The named arrays of an NPZ file, without unpickling; `FormatError` if damaged or one is missing."""
+    """The named arrays of an NPZ file, without unpickling.
+
+    Raises `FormatError` if it is damaged, one is missing, or they are over 1 GiB when unpacked.
+    """
     if not path.exists():
         raise ParameterError(f"no file {path}")
     try:
         with np.load(path, allow_pickle=False) as archive:
+            sizes = {entry.filename.removesuffix(".npy"): entry.file_size for entry in archive.zip.infolist()}
+            if sum(sizes.get(name, 0) for name in names) > _MAX_BYTES:
+                raise FormatError(f"{path}: expected at most {_MAX_BYTES >> 20} MiB of arrays, got more")
             return {name: archive[name] for name in names}
+    except FormatError:
+        raise
     except KeyError as error:
         raise FormatError(f"{path}: expected arrays {', '.join(names)}: {error.args[0]}") from None
     except (
-        OSError,
-        ValueError,
-        TypeError,
-        EOFError,
-        AttributeError,
-        zipfile.BadZipFile,
-        zlib.error,
-    ) as error:
+        OSError, ValueError, TypeError, EOFError, AttributeError, MemoryError, NotImplementedError,
+        zipfile.BadZipFile, zlib.error,
+    ) as error:  # fmt: skip
         raise FormatError(
-            f"{path}: not a valid NPZ file ({error}): damaged, cut off, or another format"
+            f"{path}: not a valid NPZ file ({str(error)[:200]}): damaged, cut off, or another format"
         ) from None
 
 
 def read_npz(path: str | Path) -> Motion:
     """The motion in `path`. `ParameterError` if it does not exist, `FormatError` if it is damaged."""
     path = Path(path)
-    arrays = load_arrays(path, _KEYS)
+    arrays = load_arrays(path, ("names", *_NUMBERS))
+    for key in _NUMBERS:
+        if arrays[key].dtype.kind not in "iuf" or not (np.abs(arrays[key]) < _LARGEST).all():
+            raise FormatError(f"{path}: expected numbers below {_LARGEST:g} in {key}, got something else")
     try:
+        fps = float(arrays["fps"])
+        if not fps > 0:
+            raise ValueError(f"expected a frame rate above 0, got {fps}")
+        check_length(len(arrays["root_pos_m"]), len(arrays["names"]), fps)
         names = tuple(map(str, arrays["names"].tolist()))
         skeleton = Skeleton(
             names, *(arrays[key] for key in ("parents", "offsets_m", "tip_parents", "tips_m"))
         )
-        return Motion(skeleton, arrays["root_pos_m"], arrays["local_quat"], float(arrays["fps"]))
-    except (TypeError, ValueError, IndexError) as error:
+        return Motion(skeleton, arrays["root_pos_m"], arrays["local_quat"], fps)
+    except (TypeError, ValueError, IndexError, ParameterError) as error:
         raise FormatError(f"{path}: {error}") from None

@@ -13,7 +13,25 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.interpolation import frame_weights, interpolate_frames
 from choreograph.motion.kinematics import forward
 from choreograph.motion.skeleton import Skeleton
-from choreograph.timebase import frame_times_s, seconds_to_frames
+from choreograph.timebase import STORE_FPS, frame_times_s, seconds_to_frames
+
+LONGEST_S = 3600.0  # of a recording
+MAX_FRAME_JOINTS = 1 << 24  # frames × joints of a recording: an hour at 60 fps of a body with fingers
+
+
+def check_length(n_frames: int, n_joints: int, fps: float) -> None:
+    """Raise `ParameterError` if a recording is too long to be read: before anything is made of it.
+
+    Few frames at a low rate count as many as they become at the rate of the program.
+    """
+    duration_s = n_frames / fps
+    if duration_s > LONGEST_S:
+        raise ParameterError(f"expected a motion of up to an hour, got {duration_s:.0f} s: cut it in parts")
+    if duration_s * max(fps, STORE_FPS) * n_joints > MAX_FRAME_JOINTS:
+        raise ParameterError(
+            f"expected a motion of at most {MAX_FRAME_JOINTS} frames × joints, got {n_frames} frames of "
+            f"{n_joints} joints: cut it in parts, or leave out joints"
+        )
 
 
 @dataclass(frozen=True, eq=False)

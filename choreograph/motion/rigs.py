@@ -39,6 +39,7 @@ _NOT_BODY_PARTS = frozenset(
 )  # "ik_foot_l" is an IK control
 
 _MIN_UPRIGHT_COS = 0.9  # cosine of the largest lean of an upright body
+_NAMED = 100  # letters of a name that are looked at; joints in an error
 
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 
@@ -76,7 +77,7 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
     missing = [role for role in _REQUIRED if role not in roles]
     if missing:
         raise ParameterError(
-            f"expected the joint names of a known rig, found no {', '.join(missing)} among {', '.join(names)}"
+            f"expected the joint names of a known rig, found no {', '.join(missing)} among {_some(names)}"
         )
     for role in ("neck", "head"):
         found = [parts[("", name)] for name in _MIDDLE_NAMES[role] if ("", name) in parts]
@@ -119,7 +120,7 @@ def _unnamed_head(parents: tuple[int, ...], roles: Mapping[str, int]) -> dict[st
 
 def _side_and_part(name: str) -> tuple[str, str]:
     """Side ("left", "right" or "") and body part of a joint name; part "" if unknown."""
-    words = [word.lower() for word in _WORDS.findall(name.rsplit(":", 1)[-1])]
+    words = [word.lower() for word in _WORDS.findall(name.rsplit(":", 1)[-1][-_NAMED:])]
     side = next((_SIDES[word] for word in words if word in _SIDES), "")
     words = [word for word in words if word not in _SIDES and not word.isdigit()]
     while words and words[-1] in _SUFFIX_WORDS:
@@ -157,9 +158,18 @@ def _path_from_root(parents: tuple[int, ...], joint: int) -> list[int]:
 
 
 def _common_ancestor(parents: tuple[int, ...], joints: list[int]) -> int:
-    """The lowest common ancestor of `joints`, possibly one of them."""
-    paths = [_path_from_root(parents, joint) for joint in joints]
-    return max(joint for joint in paths[0] if all(joint in path for path in paths))
+    """The lowest common ancestor of `joints`, possibly one of them; `ParameterError` if there is none."""
+    first, *others = (_path_from_root(parents, joint) for joint in joints)
+    shared = set(first).intersection(*others)
+    if not shared:
+        raise ParameterError("expected one body, got limbs that hang under different roots")
+    return max(shared)
+
+
+def _some(names: Sequence[str]) -> str:
+    """The names of a rig, for an error; of many the first."""
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(name[:_NAMED] for name in names[:_NAMED]) + more
 
 
 def _spine_roles(spine: list[int]) -> dict[str, int]:

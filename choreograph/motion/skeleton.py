@@ -31,13 +31,15 @@ _CANONICAL_OFFSETS_M = (
     (0.25, 0.0, 0.0), (-0.25, 0.0, 0.0), (0.085, 0.0, 0.0), (-0.085, 0.0, 0.0),
 )  # fmt: skip
 
+MAX_JOINTS = 4096  # a face and hands in detail have some hundreds
+
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
     """A joint hierarchy with its rest pose (all rest rotations are the identity).
 
     Raises `ParameterError` if shapes disagree, a parent does not come before its child, names
-    repeat, or an offset is not finite.
+    repeat, an offset is not finite, or there are over 4096 joints.
     """
 
     names: tuple[str, ...]  # (J,)
@@ -57,6 +59,14 @@ class Skeleton:
             raise ParameterError(
                 f"expected parents ({n},) and offsets ({n}, 3) for {n} joints, got "
                 f"{self.parents.shape} and {self.offsets_m.shape}"
+            )
+        if n > MAX_JOINTS:
+            raise ParameterError(f"expected a skeleton of at most {MAX_JOINTS} joints, got {n}")
+        n_tips = len(self.tip_parents)
+        if self.tips_m.shape != (n_tips, 3) or ((self.tip_parents < 0) | (self.tip_parents >= n)).any():
+            raise ParameterError(
+                f"expected end sites with an offset and a joint of {n}, got {n_tips} joints and "
+                f"{len(self.tips_m)} offsets"
             )
         if len(set(self.names)) != n:
             raise ParameterError("joint names repeat: each joint needs a unique name")

@@ -99,6 +99,32 @@ def test_damaged_npz_is_refused(tmp_path, keep):
         read_npz(cut)
 
 
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"root_pos_m": np.zeros((20, 3), complex)}, "numbers below 1e"),
+        ({"offsets_m": np.full((24, 3), 1e300)}, "numbers below 1e"),
+        ({"parents": np.full(24, np.nan)}, "numbers below 1e"),
+        ({"fps": np.float64(0)}, "frame rate above 0"),
+        ({"fps": np.float64(1e-6)}, "up to an hour"),
+        ({"tip_parents": np.full(5, 24)}, "end sites"),
+        ({"tip_parents": np.zeros(4, int)}, "end sites"),
+        ({"names": np.array([f"{i}" for i in range(5000)])}, "of at most 4096 joints"),
+        ({"root_pos_m": np.zeros((50_000_000, 3), np.float64)}, "at most 1024 MiB"),
+    ],
+)
+def test_npz_of_impossible_arrays_is_refused(tmp_path, changes, message):
+    save_motion(tmp_path / "a.npz", swaying(20))
+    with np.load(tmp_path / "a.npz") as archive:
+        arrays = dict(archive)
+    if len(changes.get("names", ())):
+        changes |= {"parents": np.arange(5000) - 1, "offsets_m": np.zeros((5000, 3))}
+    np.savez_compressed(tmp_path / "b.npz", **(arrays | changes))
+    with pytest.raises(FormatError, match=message) as refused:
+        read_npz(tmp_path / "b.npz")
+    assert "b.npz" in str(refused.value) and "\n" not in str(refused.value)
+
+
 def test_npz_of_something_else_or_with_objects_is_refused(tmp_path):
     np.savez(tmp_path / "b.npz", a=1)
     with pytest.raises(FormatError, match="root_pos_m"):

@@ -192,6 +192,14 @@ DAMAGED = {
     "unknown channel": (lambda t: t.replace("Xrotation", "Xscale"), "channels"),
     "no channels": (lambda t: re.sub(r"CHANNELS .*", "CHANNELS 0", t), "no motion"),
     "no size": (lambda t: re.sub(r"OFFSET .*", "OFFSET 0 0 0", t), "no bone lengths"),
+    "over an hour": (lambda t: re.sub(r"Time: \S+", "Time: 9", t).replace("s: 20", "s: 999"), "hour"),
+    "10⁴ joints": (lambda t: t.replace("JOINT", "JOINT x\n{\n}\n" * 10_000 + "JOINT", 1), "4096 joints"),
+    "10⁵ frames of 4000 joints": (
+        lambda t: rows(t)[0]
+        .replace("JOINT", "JOINT x\n{\nCHANNELS 0\n}\n" * 4000 + "JOINT", 1)
+        .replace("Frames: 20", "Frames: 100000"),
+        "frames × joints, got 100000 frames",
+    ),
     "huge": (lambda t: re.sub(r"OFFSET \S+", "OFFSET 1e300", t), "number"),
 }  # fmt: skip
 

@@ -92,6 +92,10 @@ def test_fingers_without_a_marker(tmp_path):
     [
         (lambda markers: {n: p for n, p in markers.items() if n != "LTHI"}, "missing LTHI"),
         (lambda markers: {n: 0.0 * p for n, p in markers.items()}, "none with a valid sample"),
+        (lambda markers: {n: 1e-6 * p for n, p in markers.items()}, r"a body, got one .* m tall"),
+        (lambda markers: {n: 90.0 * p for n, p in markers.items()}, r"a body, got one .* m tall"),
+        (lambda markers: {n: 1e30 * p for n, p in markers.items()}, "none with a valid sample"),
+        (lambda markers: markers | {"LKNE": 0 * markers["LKNE"] + 900}, r"damaged|a body"),
         (lambda markers: {f"{n[0]}:{n}": p for n, p in markers.items()}, "subjects C, L, R"),
     ],
 )
@@ -114,6 +118,21 @@ def test_files_that_are_cut_off(tmp_path, share):
     with pytest.raises(FormatError, match=r"damaged|cut short") as caught:
         list(import_takes(path))
     assert "\n" not in str(caught.value)
+
+
+def test_more_labels_than_points(tmp_path):
+    path = write_c3d(tmp_path / "a.c3d", MARKERS)
+    content = bytearray(path.read_bytes())
+    # After the name: two bytes to the next one, the type, two dimensions, the length and number of labels.
+    content[content.index(b"LABELS") + 11] += 1
+    path.write_bytes(bytes(content))
+    with pytest.raises(FormatError, match=r"a\.c3d: expected a point for each of 41 labels, got 40"):
+        list(import_takes(path))
+
+
+def test_a_recording_over_an_hour_is_refused(tmp_path):
+    with pytest.raises(FormatError, match="up to an hour"):
+        list(import_takes(write_c3d(tmp_path / "a.c3d", MARKERS, fps=0.05)))
 
 
 def test_bytes_that_are_no_c3d(tmp_path):

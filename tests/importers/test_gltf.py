@@ -107,6 +107,36 @@ def test_a_folder_of_glb_files(tmp_path):
     assert [(t.name, t.credits.genre) for t in import_takes(tmp_path)] == [("a", "house"), ("b", "waltz")]
 
 
+def test_bones_and_animations_of_one_name_are_told_apart(tmp_path):
+    save_motion(tmp_path / "a.glb", swaying(20))
+    document = read_gltf(tmp_path / "a.glb")
+    document.json["animations"] += [
+        {**document.json["animations"][0], "name": name} for name in ("a 3", "a", "a")
+    ]
+    for node in document.json["nodes"]:
+        if node.get("name") in ("left_hand", "right_hand"):
+            node["name"] = "head #23"
+    (tmp_path / "b.glb").write_bytes(document.to_glb())
+    motions = read_gltf_motions(tmp_path / "b.glb")
+    assert list(motions) == ["dance", "a 3", "a", "a 4"]
+    assert len(set(motions["a"][0].skeleton.names)) == 24
+
+
+@pytest.mark.parametrize("size", [1e5, 1e-5])
+def test_a_body_of_any_size_is_scaled_to_a_dancers(tmp_path, size):
+    save_motion(tmp_path / "a.glb", swaying(20))
+    document = read_gltf(tmp_path / "a.glb")
+    roots = document.json["scenes"][0]["nodes"]
+    document.json["scenes"][0]["nodes"] = [document.add("nodes", {"children": roots, "scale": [size] * 3})]
+    for skin in document.json["skins"]:
+        inverse = document.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4)
+        inverse[:, :3] /= size
+        skin["inverseBindMatrices"] = document.accessor(inverse.reshape(-1, 16).astype(np.float32))
+    (tmp_path / "b.glb").write_bytes(document.to_glb())
+    ((motion, notes),) = read_gltf_motions(tmp_path / "b.glb").values()
+    assert 1.0 < np.ptp(motion.joint_pos_m()[0, :, 1]) < 2.3 and len(notes) == 1
+
+
 def test_interpolations_are_the_formats():
     keys, times = np.array([0.0, 1.0, 3.0]), np.array([-1.0, 0.0, 0.5, 1.0, 2.0, 3.0, 9.0])
     values = np.array([[0.0, 0, 0], [1.0, 2, 0], [3.0, 2, 0]])
@@ -158,8 +188,46 @@ def of_no_sampler(document: GltfDocument) -> None:
     document.json["animations"][0]["channels"][0]["sampler"] = 999
 
 
+def of_no_accessor(document: GltfDocument) -> None:
+    del document.json["animations"][0]["samplers"][0]["input"]
+
+
+def endlessly_far(document: GltfDocument) -> None:
+    for node in document.json["nodes"]:
+        node |= {"translation": [1e11] * 3, "scale": [1e11] * 3}
+
+
+def with_an_hour_of_4000_bones(document: GltfDocument) -> None:
+    first = len(document.json["nodes"])
+    document.json["nodes"] += [{} for _ in range(4000)]
+    document.json["skins"].append({"joints": list(range(first, first + 4000))})
+    times = document.accessor(np.array([0.0, 3599.0], np.float32), bounds=True)
+    values = document.accessor(np.zeros((2, 3), np.float32))
+    document.json["animations"][0]["samplers"][0] = {"input": times, "output": values}
+
+
+def with_5000_animations(document: GltfDocument) -> None:
+    document.json["animations"] *= 5000
+
+
+def without_legs(document: GltfDocument) -> None:
+    for node in document.json["nodes"]:
+        node["name"] = node.get("name", "").replace("hip", "x")
+
+
+def with_two_bodies(document: GltfDocument) -> None:
+    """Limbs under other roots than the trunk: two armatures."""
+    for node in document.json["nodes"]:
+        node.pop("children", None)
+
+
 @pytest.mark.parametrize(
-    "change", [shortened, backwards, endless, not_finite, without_animation, of_nothing, of_no_sampler],
+    "change",
+    [
+        shortened, backwards, endless, not_finite, without_animation, of_nothing, of_no_sampler,
+        of_no_accessor, endlessly_far, with_an_hour_of_4000_bones, with_5000_animations,
+        without_legs, with_two_bodies,
+    ],
     ids=lambda change: change.__name__,
 )  # fmt: skip
 def test_a_damaged_animation_is_refused_in_a_line(tmp_path, change):
