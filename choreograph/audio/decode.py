@@ -5,14 +5,22 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
 
+if TYPE_CHECKING:
+    import av.container
+
 _BLOCK_FRAMES = 1 << 18
 _SOUNDFILE_MAGIC = (b"RIFF", b"RF64", b"fLaC", b"OggS", b"FORM")
+_FORMATS = (
+    "aac,ac3,eac3,aiff,amr,ape,asf,au,avi,caf,dsf,dts,flac,flv,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,mp3,mpeg,"
+    "mpegts,mpc,mpc8,ogg,rm,tak,tta,voc,w64,wav,wv,xwma"
+)
 # The length stated by a container is exact only to about a packet (lossy codecs pad both ends).
 _LENGTH_SLACK_S = 0.5
 
@@ -61,15 +69,29 @@ def _soundfile_blocks(path: Path, sound) -> Blocks:
             )
 
 
-def _av_blocks(path: Path) -> tuple[int, Blocks]:
+def has_sound(path: Path) -> bool:
+    """Whether a video has sound; False also for a file that is none."""
+    try:
+        with _opened(path) as container:
+            return bool(container.streams.audio)
+    except FormatError:
+        return False
+
+
+def _opened(path: Path) -> av.container.InputContainer:
+    """The container of a file; playlists, which open other files, are not among the formats."""
     import av
 
     try:
-        container = av.open(str(path), metadata_errors="ignore")
+        return av.open(str(path), metadata_errors="ignore", options={"format_whitelist": _FORMATS})
     except (av.FFmpegError, ValueError) as error:
         raise FormatError(
             f"expected a song in {path}, got a file that is not audio or is cut off ({_reason(error)})"
         ) from error
+
+
+def _av_blocks(path: Path) -> tuple[int, Blocks]:
+    container = _opened(path)
     streams = container.streams.audio
     if not streams or not streams[0].rate:
         container.close()

@@ -16,6 +16,7 @@ from choreograph.building.options import BuildOptions
 from choreograph.building.result import BuildResult
 from choreograph.building.segmentation import FEWEST_WORDS, make_motifs, segment_takes
 from choreograph.building.song_cache import SongCache
+from choreograph.building.song_notes import song_notes
 from choreograph.building.train_networks import (
     STYLE_NET,
     PretrainedWeights,
@@ -79,6 +80,7 @@ def build_repertoire(
     nets, trained_on, training_notes = train_music_networks(
         measured, songs, pretrained, options=options, context=context, report=report
     )
+    count_notes = (*count_notes, *song_notes([m.take for m in measured], songs))
     features, density_notes = _clip_features(nets, options)
     words, word_notes = _words(measured, songs, pretrained, options, context, report)
     arrays = to_arrays(

@@ -12,7 +12,7 @@ from choreograph.blending.foot_locking import lock_feet
 from choreograph.building.options import BuildOptions
 from choreograph.errors import ParameterError
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.importers import annotate_takes, import_takes
+from choreograph.importers import annotate_takes, import_takes, source_notes
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.despiking import without_jumps
 from choreograph.motion.retargeting import retarget
@@ -78,6 +78,7 @@ def _imported(
     if twice:
         raise ParameterError(f"two takes are called {twice[0]!r}: the sources overlap, or need other names")
     notes = [f"{take.name}: {note}" for take in takes for note in take.notes]
+    notes += [f"{source}: {note}" for source in sources for note in source_notes(source)]
     first = takes[0].motion.skeleton
     if all(take.motion.skeleton.same_as(first) for take in takes):
         return takes, tuple(notes)

@@ -41,6 +41,10 @@ class SongCache:
         self._keep_samples = keep_samples
         self._analysed: dict[Path, AnalysedSong] = {}
 
+    def known(self, path: Path) -> AnalysedSong | None:
+        """The song of a file if it has been analysed already."""
+        return self._analysed.get(path)
+
     def analysed(self, path: Path) -> AnalysedSong:
         """The song of a file; raises as `load_song`."""
         if path not in self._analysed:

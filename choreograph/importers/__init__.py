@@ -29,6 +29,7 @@ from typing import Protocol
 import numpy as np
 
 from choreograph.errors import FormatError, ParameterError
+from choreograph.foreign_formats import foreign_format
 from choreograph.importers._count_annotation import with_counts_beside
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m
@@ -102,6 +103,16 @@ def annotate_takes(takes: Sequence[Take], source: str | Path) -> list[Take]:
     return list(takes) if annotate is None else annotate(takes, source)
 
 
+def source_notes(source: str | Path) -> tuple[str, ...]:
+    """What a source holds that looks like motion or music and is not read, a line for each reason.
+
+    Raises as `import_takes` does if `source` has no known layout.
+    """
+    source = Path(source)
+    notes = getattr(_importer_of(source), "notes", None)
+    return () if notes is None else notes(source)
+
+
 def _as_stored(take: Take) -> Take:
     try:
         floor_m = estimate_floor_m(sole_pos_m(take.motion))
@@ -138,4 +149,9 @@ def _importer_of(source: Path) -> Importer:
     if source.is_dir() and not any(source.iterdir()):
         raise ParameterError(f"no takes at {source}: the folder is empty")
     layouts = "; ".join(importer.LAYOUT for importer in importers)
+    foreign = foreign_format(source)
+    if foreign is not None:
+        raise ParameterError(
+            f"{source}: expected a format that is read, got {foreign.what}: {foreign.motion}"
+        )
     raise ParameterError(f"no takes at {source}: expected {layouts}")

@@ -10,18 +10,24 @@ from pathlib import Path
 
 import numpy as np
 
+from choreograph.audio.decode import has_sound
 from choreograph.counts import ANNOTATED, make_counts
 from choreograph.errors import FormatError, ParameterError
 from choreograph.importers._bvh_text import read_text
 from choreograph.importers._count_annotation import check_within, with_counts_of
+from choreograph.importers._unread import unread_notes
 from choreograph.importers.bvh import read_bvh
 from choreograph.importers.c3d import is_c3d, read_c3d_files
 from choreograph.importers.gltf import SUFFIXES, is_gltf, read_gltf_motions
 from choreograph.motion.motion import Motion
 from choreograph.takes import Credits, Take
 
-LAYOUT = "a folder of NAME.bvh, .c3d or .glb with NAME.wav|mp3|flac|ogg|m4a and an optional manifest.csv"
+LAYOUT = (
+    "a folder of NAME.bvh, .c3d or .glb with NAME.wav|mp3|flac|ogg|m4a, or a video of that name, and an "
+    "optional manifest.csv"
+)
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a")
+VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".webm", ".avi")  # whose sound is taken where there is no song
 _CREDITS = ("genre", "performer", "licence", "source")
 _COLUMNS = ("name", *_CREDITS, "audio_offset_s", "song", "counts", "beats")
 
@@ -61,6 +67,26 @@ def read(path: Path) -> Iterator[Take]:
         yield _counted(take, path, row)
 
 
+def notes(path: Path) -> tuple[str, ...]:
+    """A line for each reason for which files in the folder that look like motion or music are not read."""
+    files = _motion_files(path)
+    rows = _manifest(path / "manifest.csv", set(files))
+    songs = {_song(path, name, rows.get(name, {}).get("song", "")) for name in files}
+    read = {*files.values(), *(song for song in songs if song is not None)}
+    return unread_notes(path, read, (".bvh", ".c3d", ".fbx", *SUFFIXES), _why_unread)
+
+
+def _why_unread(file: Path) -> str:
+    suffix = file.suffix.lower()
+    if suffix == ".fbx":
+        return "FBX is read by itself, not from a folder: give the files one by one"
+    if file.name.startswith("."):
+        return ""  # of other programs, such as macOS's "._NAME.bvh"
+    if suffix in VIDEO_SUFFIXES:
+        return "video without sound, or beside a song or no motion of its name"
+    return "music without motion of its name" if suffix in SONG_SUFFIXES else ""
+
+
 def _read_motion(file: Path) -> tuple[Motion, tuple[str, ...]]:
     """The motion of a BVH file, or the only animation of a glTF file."""
     if not is_gltf(file):
@@ -75,11 +101,13 @@ def _read_motion(file: Path) -> tuple[Motion, tuple[str, ...]]:
 
 
 def song_beside(folder: Path, name: str) -> Path | None:
-    """The file NAME with an audio suffix (in any case) in `folder`; None if there is none."""
+    """The file NAME with an audio suffix (in any case) in `folder`, else a video; None if there is none."""
     if not folder.is_dir():
         return None
-    found = (p for p in sorted(folder.iterdir()) if p.stem == name and p.suffix.lower() in SONG_SUFFIXES)
-    return next(found, None)
+    named = [p for p in sorted(folder.iterdir()) if p.stem == name]
+    songs = [p for p in named if p.suffix.lower() in SONG_SUFFIXES]
+    songs = songs or [p for p in named if p.suffix.lower() in VIDEO_SUFFIXES and has_sound(p)]
+    return songs[0] if songs else None
 
 
 def _motion_files(path: Path) -> dict[str, Path]:

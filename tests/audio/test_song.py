@@ -114,3 +114,10 @@ def test_real_mp3s_load_without_output_on_stderr(shared_data, capfd):
     song = load_song(shared_data / "dance-with-melody" / "DANCE_C_2" / "audio.mp3")
     assert song.duration_s == pytest.approx(80.0, abs=1.0)
     assert capfd.readouterr().err == ""
+
+
+def test_a_playlist_that_opens_other_files_is_no_song(tmp_path):
+    soundfile.write(tmp_path / "other.wav", np.zeros(44100), 44100)
+    (tmp_path / "song.mp3").write_text("ffconcat version 1.0\nfile 'other.wav'\n")
+    with pytest.raises(FormatError, match="not audio"):
+        load_song(tmp_path / "song.mp3")
