@@ -63,7 +63,7 @@ def test_many_files_are_counted(folder):
 
 
 def test_a_folder_of_takes_alone_has_nothing_to_say(folder):
-    write_clicks(folder / "a.wav")
+    write_clicks(folder / "a.wav", duration_s=2.0)
     (folder / "manifest.csv").write_text("name,genre\na,waltz\n")
     assert source_notes(folder) == ()
 
@@ -84,7 +84,7 @@ def test_the_sound_of_a_video_beside_motion_is_its_song(folder):
     (take,) = import_takes(folder)
     assert take.song_path == folder / "a.mp4"
     assert load_song(take.song_path).duration_s == pytest.approx(1.0, abs=0.05)
-    write_clicks(folder / "a.wav")
+    write_clicks(folder / "a.wav", duration_s=2.0)
     (take,) = import_takes(folder)
     assert take.song_path == folder / "a.wav"  # a song of its own comes first
 
