@@ -22,7 +22,7 @@ def locked_folder(folder: Path, *, doing: str) -> Iterator[None]:
     """Hold a folder, made if missing, while the block runs; removed again if nothing is left in it.
 
     The operating system frees the lock of a process that ends in whatever way, so no lock is ever stale.
-    `doing` says in the error of a second process what the first one does, as in "builds rep.h5".
+    A second process is told who does it, since when, and what: `doing`, as in "builds rep.h5".
 
     Raises `ChoreographError` if another process holds the folder, or it cannot be written.
     """
@@ -32,11 +32,13 @@ def locked_folder(folder: Path, *, doing: str) -> Iterator[None]:
         try:
             lock.acquire(timeout=0)
         except Timeout:
-            raise ChoreographError(_held_message(folder, doing)) from None
+            raise ChoreographError(_held_message(folder)) from None
     try:
         with atomic_path(folder / _OWNER) as temporary:
             since = datetime.now().astimezone().isoformat(" ", "seconds")
-            temporary.write_text(json.dumps({"pid": os.getpid(), "since": since}), encoding="utf-8")
+            temporary.write_text(
+                json.dumps({"pid": os.getpid(), "does": doing, "since": since}), encoding="utf-8"
+            )
         yield
     finally:
         with suppress(OSError):  # the files may stay, but must go before another process holds the folder
@@ -47,10 +49,10 @@ def locked_folder(folder: Path, *, doing: str) -> Iterator[None]:
             folder.rmdir()
 
 
-def _held_message(folder: Path, doing: str) -> str:
+def _held_message(folder: Path) -> str:
     try:
         owner = json.loads((folder / _OWNER).read_text(encoding="utf-8"))
-        who = f"process {owner['pid']} {doing} since {owner['since']}"
+        who = f"process {owner['pid']} {owner['does']} since {owner['since']}"
     except (OSError, ValueError, KeyError, TypeError):  # it has just begun, or just ended
-        who = f"another process {doing}"
+        who = "another process"
     return f"expected {folder} to be free, got one in use: {who}; wait for it, end it, or write elsewhere"

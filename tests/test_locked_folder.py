@@ -35,7 +35,7 @@ def holder(tmp_path):
 
 
 def test_a_second_process_is_told_who_holds_the_folder(tmp_path, holder):
-    with pytest.raises(ChoreographError) as caught, locked_folder(tmp_path / "work", doing="builds rep.h5"):
+    with pytest.raises(ChoreographError) as caught, locked_folder(tmp_path / "work", doing="trains"):
         pass
     told = str(caught.value)
     assert "\n" not in told
