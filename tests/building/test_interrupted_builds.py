@@ -17,7 +17,12 @@ from choreograph.exporters import save_motion
 
 pytestmark = pytest.mark.slow
 
-TINY = BuildOptions(preset="tiny")
+TINY = BuildOptions(preset="tiny", style_changes={"steps": 3})
+BUILD = """
+import sys
+from choreograph.building import BuildOptions, build_repertoire
+build_repertoire([sys.argv[1]], sys.argv[2], BuildOptions(preset="tiny", style_changes={"steps": 3}))
+"""
 RESUMED = replace(TINY, resume=True)
 
 
@@ -118,8 +123,7 @@ def test_a_second_build_of_a_file_is_refused_and_disturbs_nothing(original, tmp_
     """Two with different seeds never mix: the file is the first one's to the bit."""
     folder = original / "takes"
     output = tmp_path / "a.h5"
-    command = [sys.executable, "-m", "choreograph", "build-db", str(folder), "--preset", "tiny", "-q"]
-    first = subprocess.Popen([*command, "-o", str(output)])
+    first = subprocess.Popen([sys.executable, "-c", BUILD, str(folder), str(output)])
     while not (tmp_path / "a.h5.build" / "owner.json").exists():
         assert first.poll() is None
         time.sleep(0.01)
