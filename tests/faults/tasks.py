@@ -82,6 +82,6 @@ def write_inputs(folder: Path) -> None:
 
 def _shorten_trainings(checkpoint_every_s: float) -> None:
     training.CHECKPOINT_EVERY_S = checkpoint_every_s
-    for config in (style_config, word_config, rollout_config):
-        config._PRESETS["tiny"] = replace(config._PRESETS["tiny"], steps=_STEPS)
+    for presets in (style_config._STYLE_PRESETS, word_config._PRESETS, rollout_config._PRESETS):
+        presets["tiny"] = replace(presets["tiny"], steps=_STEPS)
     sys.stdin.close()  # nothing waits for an answer
