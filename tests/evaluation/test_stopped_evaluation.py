@@ -39,7 +39,7 @@ def db(tmp_path_factory):
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("songs")
     for name, bpm in (("slow", 100), ("quick", 120)):
-        write_clicks(folder / f"{name}.wav", duration_s=6.0, bpm=bpm)
+        write_clicks(folder / f"{name}.wav", duration_s=5.0, bpm=bpm)
     return folder
 
 
@@ -67,7 +67,7 @@ def stopping(monkeypatch, after: int, error: type[BaseException]) -> list[str]:
     return made
 
 
-@pytest.mark.parametrize("error", [NoPathError, KeyboardInterrupt, MemoryError])
+@pytest.mark.parametrize("error", [NoPathError, KeyboardInterrupt])
 def test_what_was_danced_is_not_danced_again_and_the_results_are_the_same(
     db, folder, config, uninterrupted, tmp_path, monkeypatch, error
 ):
@@ -103,7 +103,7 @@ def test_kept_dances_of_anything_else_or_damaged_are_danced_again(
     stopping(monkeypatch, 5, KeyboardInterrupt)
     with pytest.raises(KeyboardInterrupt), kept_dances(kept_in, resume=False, doing="evaluates") as kept:
         evaluate(db, songs, config, kept=kept)
-    shorter, anew = find_songs(folder, duration_s=5.0), stopping(monkeypatch, 99, KeyboardInterrupt)
+    shorter, anew = find_songs(folder, duration_s=4.0), stopping(monkeypatch, 99, KeyboardInterrupt)
     with kept_dances(kept_in, resume=True, doing="evaluates") as kept:
         evaluate(db, shorter, config, kept=kept)
     assert len(anew) == 6
@@ -118,7 +118,7 @@ def test_a_variant_that_cannot_be_danced_is_known_before_anything_is(
         evaluate(db, find_songs(folder), EvaluationConfig(variants_named([variants])))
     result = run("evaluate", "--db", db.path, "--songs", folder, "--variants", variants, "--json",
                  tmp_path / "e.json")  # fmt: skip
-    assert_one_line(result, says="rollout" if "published" not in variants else "--as-published")
+    assert_one_line(result, says="rollout" if "published" not in variants else "as-published")
     assert not made and not list(tmp_path.iterdir())
 
 

@@ -31,6 +31,7 @@ class Ended:
     status: int  # exit status, or minus the signal that killed it
     cpu_s: float
     told: str  # what it printed on stderr
+    n_file_events: int = 0  # what it did with files, if it came to its end and that was counted
 
     @property
     def killed(self) -> bool:
@@ -48,21 +49,23 @@ def fork_run(
 ) -> Ended:
     """Run `work` in a fork of this process, which is killed (SIGKILL) after as much CPU time if given.
 
-    Or at the n-th thing that it does with files in the folder `under`. `largest_file` limits the size of what
-    it writes, in bytes.
+    Or at the n-th thing that it does with files in the folder `under`, which are counted. `largest_file`
+    limits the size of what it writes, in bytes.
     """
     stderr.write_bytes(b"")
+    counted = stderr.with_suffix(".events")
+    counted.write_text("0", encoding="utf-8")
     pid = os.fork()
     if pid == 0:
         _become_run(work, stderr, kill_at_file_event, under, largest_file)
-    cpu_s = 0.0
     while True:
         ended, status, used = os.wait4(pid, os.WNOHANG)
         if ended:
             told = stderr.read_text(encoding="utf-8", errors="replace")
-            return Ended(os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime, told)
-        cpu_s = _cpu_s(pid)
-        if kill_at_cpu_s is not None and cpu_s >= kill_at_cpu_s:
+            n_events = int(counted.read_text(encoding="utf-8"))
+            cpu_s = used.ru_utime + used.ru_stime
+            return Ended(os.waitstatus_to_exitcode(status), cpu_s, told, n_events)
+        if kill_at_cpu_s is not None and _cpu_s(pid) >= kill_at_cpu_s:
             os.kill(pid, signal.SIGKILL)
         time.sleep(_POLL_S)
 
@@ -74,7 +77,7 @@ def _cpu_s(pid: int) -> float:
 
 def _become_run(work, stderr, kill_at_file_event, under, largest_file) -> None:
     """Do the work, and end this process without a word to what the parent has open."""
-    status = _CRASHED
+    status, n_events = _CRASHED, [0]
     try:
         descriptor = os.open(stderr, os.O_WRONLY | os.O_APPEND)
         os.dup2(descriptor, 2)
@@ -82,25 +85,25 @@ def _become_run(work, stderr, kill_at_file_event, under, largest_file) -> None:
         sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
         if largest_file is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
-        if under is not None and kill_at_file_event is not None:
-            _kill_at(kill_at_file_event, under)
+        if under is not None:
+            _watch_files(under, n_events, kill_at_file_event)
         status = work()
     finally:
         if status == _CRASHED:  # by an exception, which the parent reads
             traceback.print_exc()
+        stderr.with_suffix(".events").write_text(str(n_events[0]), encoding="utf-8")
         sys.stderr.flush()
         os._exit(status)
 
 
-def _kill_at(number: int, under: Path) -> None:
-    seen = 0
+def _watch_files(under: Path, n_events: list[int], kill_at: int | None) -> None:
+    """Count what this process does with files in a folder; be killed at the given number."""
     prefix = str(under)
 
     def hook(event, arguments):
-        nonlocal seen
         if event.startswith(_FILE_EVENTS) and any(str(a).startswith(prefix) for a in arguments[:2]):
-            seen += 1
-            if seen == number:
+            n_events[0] += 1
+            if n_events[0] == kill_at:
                 os.kill(os.getpid(), signal.SIGKILL)
 
     sys.addaudithook(hook)

@@ -34,12 +34,10 @@ class Trials:
     def __post_init__(self) -> None:
         """Run without a fault, twice: the first fills caches."""
         self.reference: dict[str, bytes] = {}
-        self.cpu_s = self.n_events = 0.0
         for _ in range(2):
-            ended = self._run(self._fresh(), resume=False)
-            if ended.status:
-                raise AssertionError(f"{self.name}: {ended.told}")
-            self.cpu_s = ended.cpu_s
+            self.whole = self._run(self._fresh(), resume=False, under=self._out)
+            if self.whole.status:
+                raise AssertionError(f"{self.name}: {self.whole.told}")
         self.reference = {name: (self._out / name).read_bytes() for name in self.task.outputs}
 
     @property
@@ -64,10 +62,10 @@ class Trials:
             for name in self.task.outputs:
                 (out / name).write_bytes(_OLD)
         if at_a_file:
-            event = int(rng.integers(1, 40))
+            event = int(rng.integers(1, self.whole.n_file_events + 1))
             fault, moment = {"kill_at_file_event": event, "under": out}, f"file event {event}"
         else:
-            cpu_s = float(rng.uniform(0.0, self.cpu_s))
+            cpu_s = float(rng.uniform(0.0, self.whole.cpu_s))
             fault, moment = {"kill_at_cpu_s": cpu_s}, f"{cpu_s:.2f} s"
         ended = self._run(out, resume=False, **fault)
         self.n_killed += ended.killed
