@@ -27,6 +27,9 @@ from choreograph.pipeline import Dance
 from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire
 
+_DIGITS = 32  # of the checksum that a dance's files are named by
+_NAME = "?" * _DIGITS
+
 
 class KeptDances:
     """The dances in a folder; open it with `kept_dances`."""
@@ -36,7 +39,7 @@ class KeptDances:
         self._checksums: dict[Path, str] = {}  # of songs and repertoires
 
     def __len__(self) -> int:
-        return len(list(self._folder.glob("*.json"))) if self._folder.exists() else 0
+        return len(list(self._folder.glob(f"{_NAME}.json"))) if self._folder.exists() else 0
 
     def find(self, song: EvaluatedSong, variant: Variant, seed: int, repertoire: Repertoire) -> Dance | None:
         """The dance, if it was kept; a damaged one is not found."""
@@ -63,7 +66,7 @@ class KeptDances:
 
     def clear(self) -> None:
         """Remove all dances, and what killed processes left of them."""
-        for pattern in ("*.json", "*.npz", ".*.json", ".*.npz"):
+        for pattern in (f"{_NAME}.json", f"{_NAME}.npz", f".{_NAME}.*"):
             for path in self._folder.glob(pattern):
                 path.unlink(missing_ok=True)
 
@@ -77,7 +80,7 @@ class KeptDances:
             "seed": seed,
         }
         digest = hashlib.sha256(json.dumps(made_of, sort_keys=True, default=str).encode()).hexdigest()
-        return self._folder / f"{digest[:32]}.json"
+        return self._folder / f"{digest[:_DIGITS]}.json"
 
     def _checksum(self, path: Path) -> str:
         if path not in self._checksums:

@@ -101,7 +101,7 @@ class Trials:
         if ended.status != 2 or len(lines) != 1 or "cannot write" not in lines[0]:
             self.failures.append(f"{what}: status {ended.status}: {ended.told}")
         self._check_whole(what, old=False)
-        if left := self._left():
+        if left := self._left(kept=()):
             self.failures.append(f"{what}: there is {', '.join(left)}")
 
     def _check_whole(self, what: str, *, old: bool) -> None:
@@ -116,10 +116,10 @@ class Trials:
             if path.is_file() and path.name not in self.reference and path.name[0] != ".":
                 self.failures.append(f"{what}: there is a {path.name}")
 
-    def _left(self) -> list[str]:
-        """Temporary files and folders, but for the checkpoints of trainings."""
+    def _left(self, kept: tuple[str, ...] = (".dances",)) -> list[str]:
+        """Temporary files, and folders whose names end like one of `kept`: they go when a run is through."""
         return sorted(
             str(path.relative_to(self._out))
             for path in self._out.rglob("*")
-            if path.name[0] == "." or ".dances" in path.name or path.name in ("lock", "owner.json")
+            if path.name[0] == "." or path.name.endswith(kept) or path.name in ("lock", "owner.json")
         )
