@@ -221,7 +221,7 @@ def _rollout_net(
     if not options.rollout:
         return {}
     from choreograph.building.train_rollout import taught_dances, train_rollout_network
-    from choreograph.nets.rollout.config import rollout_config
+    from choreograph.nets.rollout.config import rollout_config, taught
     from choreograph.nets.words.model import WordNet
 
     assert parts.vocabulary is not None and context.folder is not None
@@ -229,9 +229,10 @@ def _rollout_net(
     if teacher is not None and options.rollout_teacher:
         dances = taught_dances(contents, [m.take for m in measured], teacher, context.folder)
     words = WordNet.from_arrays(parts.nets["words"].weights, parts.nets["words"].config)
+    config = rollout_config(options.preset)
     net = train_rollout_network(
-        measured, parts.segmented, parts.vocabulary, words, rollout_config(options.preset), dances=dances,
-        songs=songs, seed=options.seed, context=context, pretrained=pretrained.nets.get("rollout"),
+        measured, parts.segmented, parts.vocabulary, words, taught(config) if dances else config,
+        dances=dances, songs=songs, seed=options.seed, context=context, pretrained=pretrained.nets.get("rollout"),
         report=report,
     )  # fmt: skip
     return {"rollout": net}
