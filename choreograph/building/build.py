@@ -230,9 +230,9 @@ def _rollout_net(
         dances = taught_dances(contents, [m.take for m in measured], teacher, context.folder)
     words = WordNet.from_arrays(parts.nets["words"].weights, parts.nets["words"].config)
     config = rollout_config(options.preset)
+    begins = pretrained.nets.get("rollout")
     net = train_rollout_network(
         measured, parts.segmented, parts.vocabulary, words, taught(config) if dances else config,
-        dances=dances, songs=songs, seed=options.seed, context=context, pretrained=pretrained.nets.get("rollout"),
-        report=report,
+        dances=dances, songs=songs, seed=options.seed, context=context, pretrained=begins, report=report,
     )  # fmt: skip
     return {"rollout": net}

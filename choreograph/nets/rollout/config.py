@@ -73,9 +73,9 @@ _TEMPI_TAUGHT = (0.7, 0.8, 0.9, 1.0, 1.11, 1.25, 1.45)
 
 
 def taught(config: RolloutConfig) -> RolloutConfig:
-    """How a network is trained that learns from dances beside the takes: longer, since there is more to learn.
+    """How a network is trained that learns from dances beside the takes: longer, and at more tempi.
 
-    And at more tempi: a song can be half as fast again as any take of its genre.
+    There is more to learn, and a song can be half as fast again as any take of its genre.
     """
     return replace(config, steps=2 * config.steps, tempi=_TEMPI_TAUGHT)
 
