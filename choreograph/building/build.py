@@ -99,7 +99,7 @@ def build_repertoire(
     contents = Contents(
         arrays | words.arrays,
         options.density if features.density else "analytic",
-        _provenance(options, [*trained_on, *heard], features.selection_beat_weight),
+        _provenance(options, [*trained_on, *heard], features.selection_beat_weight, teacher is not None),
         nets | words.nets,
     )
     if words.vocabulary is not None:
@@ -114,7 +114,7 @@ def build_repertoire(
 
 
 def _provenance(
-    options: BuildOptions, trained_on: Sequence[str], selection_beat_weight: float
+    options: BuildOptions, trained_on: Sequence[str], selection_beat_weight: float, with_teacher: bool
 ) -> dict[str, Any]:
     """How the file was made, for `inspect` and for evaluation."""
     return {
@@ -126,7 +126,7 @@ def _provenance(
         "pretrained": options.pretrained,
         "beats": options.beats,
         "feet_locked": options.lock_feet,
-        "rollout_teacher": options.rollout and options.rollout_teacher,
+        "rollout_teacher": options.rollout and options.rollout_teacher and with_teacher,
         "left_out": sorted(options.leave_out),
         "trained_on": sorted(set(trained_on)),
         "selection_beat_weight": selection_beat_weight,
