@@ -137,7 +137,7 @@ class _Entries:
 
 
 def _arguments(key: tuple) -> str:
-    """The argument types of a key's signature; wrappers and what they call write one signature in two ways."""
+    """The argument types of a key's signature, which wrappers and what they call write in two ways."""
     return str(normalize_signature(key[0])[0])
 
 

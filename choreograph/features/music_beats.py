@@ -69,7 +69,7 @@ def librosa_beats(log_mel: NDArray[np.floating], duration_s: float) -> NDArray[n
         return np.zeros(0)
     from choreograph.cached_librosa import librosa, librosa_beat
 
-    bpm = librosa.feature.rhythm.tempo(
+    bpm = librosa.feature.tempo(
         onset_envelope=strength, sr=MUSIC_FPS, hop_length=1, start_bpm=_PRIOR_BPM, std_bpm=_PRIOR_OCTAVES
     )[0]
     _, frames = librosa_beat().beat_track(

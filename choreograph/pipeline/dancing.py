@@ -30,6 +30,7 @@ from choreograph.graph import Cost
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.one_thread import one_thread
 from choreograph.pipeline.arguments import (
     as_config,
     as_costs,
@@ -246,6 +247,7 @@ def _configured(
     return config
 
 
+@one_thread()
 def _danced(
     song: Song,
     repertoire: Repertoire,
