@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+import reprlib
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from choreograph.errors import ChoreographError, ParameterError
+
+
+def as_path(what: str, path: object) -> Path:
+    """The path of `what`; `ParameterError` for anything but text or a `Path`."""
+    if not isinstance(path, str | Path):
+        raise ParameterError(f"expected the path of {what}, got {reprlib.repr(path)}")
+    return Path(path)
 
 
 def check_target(path: str | Path) -> Path:
