@@ -10,7 +10,7 @@ _BROKEN = """
 import choreograph.cli.songs
 from choreograph.cli import run
 
-def broken(*_):
+def broken(**_):
     raise {error}
 
 choreograph.cli.songs.command.callback = broken
