@@ -5,7 +5,8 @@ BIN := .venv/bin
 SONG ?= $(shell $(BIN)/choreograph songs --path house)
 DB ?=
 
-.PHONY: setup test test-fast lint dance starter benchmark format
+# make test-lowest: every test with the lowest versions that pyproject.toml allows, in an environment of its own.
+.PHONY: setup test test-fast test-lowest lint dance starter benchmark format
 
 setup: .venv/.ready
 
