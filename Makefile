@@ -22,6 +22,12 @@ test: setup
 test-fast: setup
 	$(BIN)/pytest -n auto --dist loadfile -m "not slow and not alone"
 
+test-lowest:
+	$(PYTHON) -m venv .venv-lowest
+	$(PYTHON) .ci/lowest.py > .venv-lowest/lowest.txt
+	.venv-lowest/bin/pip install --quiet --constraint .venv-lowest/lowest.txt --editable '.[test]'
+	.venv-lowest/bin/pytest -n auto --dist loadfile -m "not alone"
+
 lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .

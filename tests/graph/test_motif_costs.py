@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -281,7 +282,7 @@ def test_motifs_are_looked_up_in_parts_of_a_long_song(monkeypatch):
 
     given = (source._segments, source._clips, song_words_s(song_features), motifs_of)
     whole = node_motifs(*given)
-    monkeypatch.setattr("choreograph.graph.node_motifs._BLOCK_S", 4)
+    monkeypatch.setattr(sys.modules[node_motifs.__module__], "_BLOCK_S", 4)
     assert np.array_equal(node_motifs(*given), whole)
     assert len(sizes) == 1 + 3
     assert sum(sizes[1:]) == sizes[0]
