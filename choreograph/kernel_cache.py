@@ -31,7 +31,7 @@ from choreograph.errors import ChoreographError
 from choreograph.files import atomic_path
 
 _DIGEST_BYTES = 32
-_WAIT_S = 120.0  # for another process that compiles, before this one does so beside it
+_WAIT_S = 60.0  # for another process that compiles, before this one does so beside it
 _WRAPPER = "guf-"  # begins the names of gufuncs' wrappers
 
 _log = logging.getLogger("choreograph")
