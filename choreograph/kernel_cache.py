@@ -61,7 +61,7 @@ def kernel_cache() -> Iterator[None]:
             numba_caching.IndexDataCacheFile, numba_caching.CacheImpl._locator_classes = kept
 
 
-class _Locator(caching.UserProvidedCacheLocator):
+class _Locator(caching._SourceFileBackedLocatorMixin, caching._CacheLocator):
     """Accepts every function of a source file, whether or not its entries can be written."""
 
     def __init__(self, py_func: Callable, py_file: str) -> None:
@@ -75,6 +75,9 @@ class _Locator(caching.UserProvidedCacheLocator):
 
     def ensure_cache_path(self) -> None:
         """Made when an entry is written."""
+
+    def get_cache_path(self) -> str:
+        return self._cache_path
 
 
 class _Entries:
