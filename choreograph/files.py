@@ -6,6 +6,7 @@ import hashlib
 import os
 import platform
 import re
+import reprlib
 import uuid
 import zlib
 from collections.abc import Iterator
@@ -13,6 +14,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from choreograph.errors import ChoreographError, ParameterError
+
+
+def as_path(what: str, path: object) -> Path:
+    """The path of `what`; `ParameterError` for anything but text or a `Path`."""
+    if not isinstance(path, str | Path):
+        raise ParameterError(f"expected the path of {what}, got {reprlib.repr(path)}")
+    return Path(path)
 
 
 def check_target(path: str | Path) -> Path:
