@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from choreograph.errors import FormatError, ParameterError
+from choreograph.files import read_text
 
 ENGINES = ("graph", "mixer", "rollout")
 PLANNERS = ("exact", "greedy", "motion-graph")
@@ -112,10 +113,10 @@ def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfi
     Raises `FormatError` if the file cannot be read or is not TOML, `ParameterError` for an unknown
     key or a value that cannot be used.
     """
+    text = read_text(path, "a config (TOML)")
     try:
-        with open(path, "rb") as file:
-            data = tomllib.load(file)
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise FormatError(f"{path}: expected a config (TOML), could not read it: {error}") from error
     known = [f.name for f in fields(DanceConfig)]
     unknown = sorted(set(data) - set(known))

@@ -1,14 +1,27 @@
-"""Atomic writing of files, and checksums."""
+"""Atomic writing of files, reading those of strangers, and checksums."""
 
 from __future__ import annotations
 
 import hashlib
+import json
+import stat
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from choreograph.errors import ChoreographError, ParameterError
+from choreograph.errors import ChoreographError, FormatError, ParameterError
+
+MAX_TEXT_BYTES = 1 << 24  # of a plan, a list or another file that a person may read
+MAX_TABLE_BYTES = 1 << 22  # of a table, each row of which takes a hundred times its bytes
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
 
 
 def check_target(path: str | Path) -> Path:
@@ -37,6 +50,61 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         raise ChoreographError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def check_regular(path: str | Path, what: str) -> Path:
+    """The path as a `Path`, of an existing file that can be read to its end.
+
+    Raises `FormatError` if it is missing, or a folder, or a pipe, socket or device: those may never end.
+    """
+    path = Path(path)
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FormatError(f"{path}: expected {what}, could not find it: {reason}") from error
+    if not stat.S_ISREG(mode):
+        kind = _KINDS.get(stat.S_IFMT(mode), "something else")
+        raise FormatError(f"{path}: expected {what}, got {kind}: name a file, not what a program writes to")
+    return path
+
+
+def read_bytes(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
+    """The content of a file of at most `max_bytes`.
+
+    Raises `FormatError` as `check_regular` does, and if it is larger or cannot be read.
+    """
+    path = check_regular(path, what)
+    try:
+        with open(path, "rb") as file:
+            data = file.read(max_bytes + 1)
+    except OSError as error:
+        raise FormatError(f"{path}: expected {what}, could not read it: {error.strerror}") from error
+    if len(data) > max_bytes:
+        raise FormatError(f"{path}: expected {what} of up to {max_bytes >> 20} MiB, got more: another file?")
+    return data
+
+
+def read_text(
+    path: str | Path, what: str, *, encoding: str = "utf-8", max_bytes: int = MAX_TEXT_BYTES
+) -> str:
+    """The text of a file; `FormatError` as of `read_bytes`, and if it is no such text."""
+    try:
+        return read_bytes(path, what, max_bytes=max_bytes).decode(encoding)
+    except UnicodeDecodeError as error:
+        raise FormatError(f"{path}: expected {what}, got no text in UTF-8 ({error.reason})") from error
+
+
+def read_json(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) -> Any:
+    """The content of a JSON file; `FormatError` as of `read_text`, and if it is no JSON."""
+    text = read_text(path, what, max_bytes=max_bytes)
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise FormatError(
+            f"{path}: expected {what}, got no valid JSON ({reason}): cut off, or another file"
+        ) from error
 
 
 def sha256_of(path: str | Path) -> str:

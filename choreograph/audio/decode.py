@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
+from choreograph.files import check_regular
 
 if TYPE_CHECKING:
     import av.container
@@ -35,7 +36,7 @@ def decoded_blocks(path: Path) -> tuple[int, Blocks]:
     import soundfile
 
     try:
-        with open(path, "rb") as file:
+        with open(check_regular(path, "a song"), "rb") as file:
             magic = file.read(4)
     except OSError as error:
         raise FormatError(f"expected a readable song at {path}, got: {error.strerror}") from error

@@ -10,7 +10,6 @@ line for five frames, which makes corners that no body can dance: there we bridg
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
+from choreograph.files import read_json
 from choreograph.motion.bridging import Span, bridged, bridged_rotations
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m, track_floor_m
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
@@ -138,12 +138,7 @@ def _folders(path: Path) -> list[Path]:
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise FormatError(f"{path}: expected with the other files of the take, got nothing") from error
-    except (ValueError, OSError, RecursionError) as error:
-        raise FormatError(f"{path}: expected JSON, got something else ({error})") from error
+    data = read_json(path, "JSON beside the other files of the take")
     if not isinstance(data, dict):
         raise FormatError(f"{path}: expected a JSON object, got {type(data).__name__}")
     return data
