@@ -74,7 +74,7 @@ def _choreography(where: str, entry: Any) -> Choreography:
         name, genre = str(entry["name"]), GENRES[entry["dance_type"]]
         start, end = float(entry["start_pos"]), float(entry["end_pos"])
         movements, durations = tuple(map(str, entry["movements"])), tuple(entry["durations"])
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise FormatError(
             f"{where}: expected name, dance_type ({', '.join(GENRES)}), start_pos, end_pos, movements and "
             f"durations, got no valid {error}"

@@ -12,7 +12,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from choreograph.config import is_number
 from choreograph.errors import ParameterError
 
 _BATCH_SIZE = 128  # at inference
@@ -90,5 +89,5 @@ def _is_like(value: Any, default: Any) -> bool:
         return is_short and all(_is_like(item, default[0]) for item in value)
     if isinstance(default, bool | str):
         return type(value) is type(default)
-    is_size = isinstance(value, int) or isinstance(default, float)
-    return is_size and is_number(value) and abs(value) <= _MAX_SIZE
+    kinds = int | float if isinstance(default, float) else int
+    return isinstance(value, kinds) and not isinstance(value, bool) and abs(value) <= _MAX_SIZE

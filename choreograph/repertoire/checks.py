@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.config import is_number
 from choreograph.errors import RepertoireError
 from choreograph.repertoire.schema import DELTA_ORDER, HALF_PRECISION, QUANTISATION_STEPS
 from choreograph.timebase import CLIP_FRAMES
@@ -206,7 +205,7 @@ def check_provenance(provenance: Mapping[str, Any]) -> None:
         f"provenance: expected a list of songs in trained_on, got {_short(songs)}",
     )
     _expect(
-        is_number(weight) and 0 <= weight <= _FAR_M,
+        isinstance(weight, int | float) and 0 <= weight <= _FAR_M,
         f"provenance: expected a selection_beat_weight of 0 or more, got {_short(weight)}",
     )
 

@@ -8,16 +8,15 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from synthetic_repertoire import synthetic_contents, synthetic_takes, with_counts, with_vocabulary
+from synthetic_repertoire import read_all, synthetic_contents, synthetic_takes, with_counts, with_vocabulary
 
 from choreograph.errors import ChoreographError
 from choreograph.nets.words.config import WordConfig
-from choreograph.repertoire import Repertoire, write_repertoire
+from choreograph.repertoire import write_repertoire
 from choreograph.repertoire.schema import QUANTISATION_STEPS
 
 BEYOND_BYTES = 2 << 30  # of memory, for a file of a few kilobytes
@@ -31,26 +30,6 @@ class Crafted:
     name: str
     change: Callable[[h5py.File], None]
     message: str
-
-
-def read_all(path) -> None:
-    """Everything that a dance may read of a repertoire."""
-    repertoire = Repertoire.open(path)
-    _ = (
-        repertoire.skeleton,
-        repertoire.takes,
-        repertoire.clip_style,
-        repertoire.clip_beat_count,
-        repr(repertoire),
-    )
-    _ = repertoire.source_checksums, repertoire.selection_beat_weight, repertoire.clip_motion.liveliness_ranks
-    for take in range(len(repertoire.takes)):
-        _ = repertoire.motion(take), repertoire.motion_beats_s(take), repertoire.body_pos_m(take)
-        _ = repertoire.counts(take), repertoire.figures(take)
-    clips = np.arange(min(repertoire.n_clips, 8))
-    _ = repertoire.clip_motion.density(clips), repertoire.clip_motion.speed(clips)
-    if repertoire.has_vocabulary:
-        _ = repertoire.vocabulary, repertoire.word_net()
 
 
 def values(name: str, value, message: str = "") -> Crafted:
@@ -273,14 +252,15 @@ def test_a_hungry_file_is_refused_with_little_memory(whole, tmp_path, name):
     path = crafted(whole / "plain.h5", tmp_path / "crafted.h5", craft)
     code = f"""if True:
         import resource, sys
-        sys.path[:0] = {[str(Path(__file__).parent), *sys.path]!r}
-        import test_hostile_files as here
-        here.read_all({str(whole / "plain.h5")!r})
+        sys.path[:0] = {sys.path!r}
+        from synthetic_repertoire import read_all
+        from choreograph.errors import ChoreographError
+        read_all({str(whole / "plain.h5")!r})
         base = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (base + here.BEYOND_BYTES,) * 2)
+        resource.setrlimit(resource.RLIMIT_AS, (base + {BEYOND_BYTES},) * 2)
         try:
-            here.read_all({str(path)!r})
-        except here.ChoreographError as error:
+            read_all({str(path)!r})
+        except ChoreographError as error:
             print(error)
     """
     child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SLOWEST_S)
