@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 _BLOCK_FRAMES = 1 << 18
 _SOUNDFILE_MAGIC = (b"RIFF", b"RF64", b"fLaC", b"OggS", b"FORM")
+_OGG_PAGE_BYTES = 65_307  # at most
+_OGG_LAST_PAGE = 4
 _FORMATS = (
     "aac,ac3,eac3,aiff,amr,ape,asf,au,avi,caf,dsf,dts,flac,flv,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,mp3,mpeg,"
     "mpegts,mpc,mpc8,ogg,rm,tak,tta,voc,w64,wav,wv,xwma"
@@ -25,14 +28,50 @@ _FORMATS = (
 # The length stated by a container is exact only to about a packet (lossy codecs pad both ends).
 _LENGTH_SLACK_S = 0.5
 
+_NOTED_S = 0.5  # of lost sound
+_RATES_HZ = (2000, 6_144_000)  # of telephones, and of the finest one-bit recordings
+_MAX_CHANNELS = 64
+_LARGEST = 1e3  # sample: 60 dB over full scale
+
 Blocks = Iterator[NDArray[np.float32]]  # each (S_b, channels)
 
 
-def decoded_blocks(path: Path) -> tuple[int, Blocks]:
-    """Sample rate in Hz and blocks (S_b, channels) of an existing, non-empty file.
+@dataclass(frozen=True, eq=False)
+class Decoding:
+    """A file as it is decoded."""
 
-    Raises `FormatError` immediately if it is not audio, and while iterating if it is cut off or damaged.
+    rate_hz: int
+    n_channels: int
+    blocks: Blocks
+    notes: list[str]  # what was lost, a line each; complete when all blocks are read
+
+
+def decode(path: Path) -> Decoding:
+    """The sample rate and the blocks of an existing, non-empty file.
+
+    Raises `FormatError` immediately if it is not audio, and while iterating if more than a little is cut off
+    or damaged, or samples are far beyond full scale.
     """
+    decoding = _decoding(path)
+    if not _RATES_HZ[0] <= decoding.rate_hz <= _RATES_HZ[1] or decoding.n_channels > _MAX_CHANNELS:
+        raise FormatError(
+            f"expected a song of {_RATES_HZ[0]} to {_RATES_HZ[1]} Hz in up to {_MAX_CHANNELS} channels in "
+            f"{path}, got {decoding.rate_hz} Hz in {decoding.n_channels}: a damaged header"
+        )
+    return replace(decoding, blocks=_checked(path, decoding.blocks))
+
+
+def _checked(path: Path, blocks: Blocks) -> Blocks:
+    for block in blocks:
+        if not (np.abs(block) < _LARGEST).all():  # nor NaN
+            raise FormatError(
+                f"expected samples from -1 to 1 in {path}, got NaN, infinity or over {_LARGEST:g}: "
+                "the program that wrote it failed"
+            )
+        yield block
+
+
+def _decoding(path: Path) -> Decoding:
     import soundfile
 
     try:
@@ -48,13 +87,15 @@ def decoded_blocks(path: Path) -> tuple[int, Blocks]:
         except soundfile.LibsndfileError:
             pass  # an unusual codec in a known container: FFmpeg reads more of them
         else:
-            return sound.samplerate, _soundfile_blocks(path, sound)
-    return _av_blocks(path)
+            notes: list[str] = []
+            return Decoding(sound.samplerate, sound.channels, _soundfile_blocks(path, sound, notes), notes)
+    return _av_decoding(path)
 
 
-def _soundfile_blocks(path: Path, sound) -> Blocks:
+def _soundfile_blocks(path: Path, sound, notes: list[str]) -> Blocks:
     import soundfile
 
+    n_frames = 0
     with sound:
         while True:
             try:
@@ -63,11 +104,24 @@ def _soundfile_blocks(path: Path, sound) -> Blocks:
                 raise FormatError(_damaged(path, str(error))) from error
             if len(block) == 0:
                 break
+            n_frames += len(block)
             yield block
-        if sound.tell() < sound.frames - _LENGTH_SLACK_S * sound.samplerate and sound.format != "OGG":
-            raise FormatError(
-                _cut_off(path, sound.tell() / sound.samplerate, sound.frames / sound.samplerate)
-            )
+        got_s, stated_s = n_frames / sound.samplerate, sound.frames / sound.samplerate
+        if sound.format == "OGG":
+            _note_ogg_losses(path, got_s, stated_s, notes)
+        elif got_s < stated_s - _LENGTH_SLACK_S:
+            raise FormatError(_cut_off(path, got_s, stated_s))
+
+
+def _note_ogg_losses(path: Path, got_s: float, stated_s: float, notes: list[str]) -> None:
+    """Ogg is read on past damaged pages, to wherever the file ends; its last page is marked as the last."""
+    if got_s < stated_s - _NOTED_S:
+        notes.append(f"the song has damaged pages: {stated_s - got_s:.1f} s of {stated_s:.1f} s are lost")
+    with open(path, "rb") as file:
+        file.seek(-min(path.stat().st_size, _OGG_PAGE_BYTES), os.SEEK_END)
+        _, mark, page = file.read().rpartition(b"OggS")
+    if not mark or len(page) < 2 or not page[1] & _OGG_LAST_PAGE:
+        notes.append(f"the song is cut off at {got_s:.1f} s: what followed is lost")
 
 
 def has_sound(path: Path) -> bool:
@@ -84,23 +138,27 @@ def _opened(path: Path) -> av.container.InputContainer:
     import av
 
     try:
-        return av.open(str(path), metadata_errors="ignore", options={"format_whitelist": _FORMATS})
+        # "file:", or a name with a colon would be taken for an address.
+        options = {"format_whitelist": _FORMATS, "protocol_whitelist": "file"}
+        return av.open(f"file:{path}", metadata_errors="ignore", options=options)
     except (av.FFmpegError, ValueError) as error:
         raise FormatError(
             f"expected a song in {path}, got a file that is not audio or is cut off ({_reason(error)})"
         ) from error
 
 
-def _av_blocks(path: Path) -> tuple[int, Blocks]:
+def _av_decoding(path: Path) -> Decoding:
     container = _opened(path)
     streams = container.streams.audio
     if not streams or not streams[0].rate:
         container.close()
         raise FormatError(f"expected a song in {path}, got a {container.format.name} file without sound")
-    return streams[0].rate, _av_frames(path, container, streams[0])
+    notes: list[str] = []
+    blocks = _av_blocks(path, container, streams[0], notes)
+    return Decoding(streams[0].rate, streams[0].channels, blocks, notes)
 
 
-def _av_frames(path: Path, container, stream) -> Blocks:
+def _av_blocks(path: Path, container, stream, notes: list[str]) -> Blocks:
     import av
 
     rate_hz, channels = stream.rate, stream.channels
@@ -133,8 +191,13 @@ def _av_frames(path: Path, container, stream) -> Blocks:
             n_frames += n_pending
             yield np.concatenate(pending)
         expected_s = float(stream.duration * stream.time_base) if stream.duration else 0.0
-    if n_frames / rate_hz < 0.98 * expected_s - _LENGTH_SLACK_S:
-        raise FormatError(_cut_off(path, n_frames / rate_hz, expected_s))
+    got_s = n_frames / rate_hz
+    if got_s < 0.98 * expected_s - _LENGTH_SLACK_S:
+        raise FormatError(_cut_off(path, got_s, expected_s))
+    if got_s < expected_s - _NOTED_S:
+        notes.append(f"the song is damaged: {expected_s - got_s:.1f} s of {expected_s:.1f} s are lost")
+    elif n_bad > 2:  # those at the beginning refer to bytes before it
+        notes.append(f"the song is damaged: {n_bad} of {n_bad + n_good} packets are lost")
 
 
 def _check_wav_complete(path: Path) -> None:

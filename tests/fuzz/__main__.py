@@ -37,9 +37,8 @@ def main() -> int:
 
 
 def _print(tallies: Mapping[str, Tally], seed: int) -> None:
-    print(
-        f"seed {seed}\n\n| target | tried | read | failures | slowest, CPU s (input) | hungriest, MB (input) |"
-    )
+    columns = "target", "tried", "read", "failures", "slowest, CPU s (input)", "hungriest, MB (input)"
+    print(f"seed {seed}\n\n| {' | '.join(columns)} |")
     print("| --- | --- | --- | --- | --- | --- |")
     for name, tally in tallies.items():
         (slow_s, slow), (mb, hungry) = tally.slowest, tally.hungriest

@@ -49,7 +49,7 @@ class Tally:
     was_read: int = 0
     failures: dict[str, tuple[int, str]] = field(default_factory=dict)  # by place: first input, what happened
     slowest: tuple[float, int] = (0.0, -1)  # CPU seconds, input
-    hungriest: tuple[float, int] = (0.0, -1)  # MB of memory beyond the first, input
+    hungriest: tuple[float, int] = (0.0, -1)  # MB of memory that it took, input
 
     def add(self, number: int, outcome: dict) -> None:
         """Count one input."""
@@ -96,7 +96,7 @@ def replay(target: Target, inputs: Sequence[bytes]) -> Tally:
 
 
 def _in_child(target: Target, tally: Tally, make: Callable[[int], bytes], last: int, slice_s: float) -> None:
-    """Try inputs from `tally.tried` on, until one ends the child, `slice_s` have passed or the last is done."""
+    """Try inputs from `tally.tried` on: to the last, for `slice_s`, or until one ends the child."""
     from_child, to_parent = os.pipe()
     child = os.fork()
     if child == 0:
@@ -106,7 +106,7 @@ def _in_child(target: Target, tally: Tally, make: Callable[[int], bytes], last: 
             os._exit(1)
     os.close(to_parent)
     hung = False
-    with os.fdopen(from_child) as lines:
+    with os.fdopen(from_child, "rb", buffering=0) as lines:  # `select` knows nothing of a buffer
         while not hung:
             ready, _, _ = select.select([lines], [], [], WALL_S)
             hung = not ready
@@ -130,17 +130,17 @@ def _try_inputs(
     for stream in (0, 1, 2):
         os.dup2(quiet, stream)
     page = resource.getpagesize()
-    n_virtual, n_resident = (int(n) * page for n in Path("/proc/self/statm").read_text().split()[:2])
-    resource.setrlimit(resource.RLIMIT_AS, (n_virtual + BEYOND_BYTES,) * 2)
+    n_virtual_bytes = int(Path("/proc/self/statm").read_text().split()[0]) * page
+    resource.setrlimit(resource.RLIMIT_AS, (n_virtual_bytes + BEYOND_BYTES,) * 2)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     path, end = target.folder / target.file_name, time.monotonic() + slice_s
     for number in numbers:
         path.write_bytes(make(number))
         Path("/proc/self/clear_refs").write_text("5")  # the peak of memory begins anew
-        began = time.process_time()
+        before, began = _peak_bytes(), time.process_time()
         outcome = _outcome(target, path)
         outcome["cpu_s"] = time.process_time() - began
-        outcome["mb"] = (_peak_bytes() - n_resident) / 1e6
+        outcome["mb"] = (_peak_bytes() - before) / 1e6
         os.write(pipe, (json.dumps(outcome) + "\n").encode())
         if time.monotonic() > end:
             break
