@@ -57,7 +57,7 @@ def test_half_an_ogg_is_read_with_a_note(ogg):
     song = load_song(ogg)
     assert 2.0 < song.duration_s < 9.0
     (note,) = song.notes
-    assert note == f"the song is cut off at {song.duration_s:.1f} s: what followed is lost"
+    assert note == "the song is cut off: what followed its end is lost"
 
 
 def test_zeroed_pages_are_noted_with_how_much_is_lost(ogg):
@@ -67,8 +67,7 @@ def test_zeroed_pages_are_noted_with_how_much_is_lost(ogg):
     ogg.write_bytes(data)
     song = load_song(ogg)
     (note,) = song.notes
-    lost_s = float(note.split(": ")[1].split()[0])
-    assert "damaged pages" in note
+    lost_s = float(note.removeprefix("the song is damaged: ").split()[0])
     assert lost_s == pytest.approx(SECONDS - song.duration_s, abs=0.3) and lost_s > 2.0
 
 
