@@ -4,8 +4,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 SONG ?= $(shell $(BIN)/choreograph songs --path house)
 DB ?=
+MINUTES ?= 5
 
-.PHONY: setup test test-fast lint dance starter benchmark format
+.PHONY: setup test test-fast fuzz lint dance starter benchmark format
 
 setup: .venv/.ready
 
@@ -20,6 +21,10 @@ test: setup
 
 test-fast: setup
 	$(BIN)/pytest -n auto --dist loadfile -m "not slow and not alone"
+
+# Damaged and hostile files of every format, for as long as wanted; what fails goes to tests/fuzz/corpus.
+fuzz: setup
+	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m fuzz --minutes $(MINUTES)
 
 lint: setup
 	$(BIN)/ruff check .

@@ -22,6 +22,7 @@ DENSITIES = ("repertoire", "learned")
 TIME_MAPS = ("smooth", "raw")
 MOTIF_DRAWS = ("missing", "absolute")
 STYLE_WINDOWS = ("smooth", "hamming")
+MAX_VARIATIONS = 1000  # of one song
 # Lengths a transition may have: inertial to each side, linear in all; the first where none is chosen.
 TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
 # The first ten but completeness and velocity were weighed on dances to training songs, left out in five

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import stat
 import uuid
 from collections.abc import Iterator
@@ -25,12 +26,19 @@ _KINDS = {
 
 
 def check_target(path: str | Path) -> Path:
-    """The path as a `Path`; `ParameterError` if its folder is missing or it is a folder itself."""
+    """The path as a `Path`, of a file to be made or replaced.
+
+    Raises `ParameterError` if its folder is missing or cannot be written to, or it is no file itself.
+    """
     path = Path(path)
     if not path.parent.is_dir():
         raise ParameterError(f"cannot write {path}: there is no folder {path.parent}")
     if path.is_dir():
         raise ParameterError(f"cannot write {path}: it is a folder")
+    if path.exists() and not path.is_file():
+        raise ParameterError(f"cannot write {path}: it is a pipe, a socket or a device")
+    if not os.access(path.parent, os.W_OK):
+        raise ParameterError(f"cannot write {path}: the folder {path.parent} is read-only")
     return path
 
 

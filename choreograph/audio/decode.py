@@ -90,7 +90,8 @@ def _decoding(path: Path) -> Decoding:
         if magic in (b"RIFF", b"RF64"):
             _check_wav_complete(path)
         try:
-            sound = soundfile.SoundFile(path)
+            # Bytes, since a name need not be text; where names are text, soundfile wants it.
+            sound = soundfile.SoundFile(os.fsencode(path) if os.name == "posix" else path)
         except soundfile.LibsndfileError:
             pass  # an unusual codec in a known container: FFmpeg reads more of them
         else:
@@ -118,7 +119,7 @@ def _soundfile_blocks(path: Path, sound) -> Blocks:
 
 
 def _ogg_pages(path: Path) -> tuple[bool, bool]:
-    """Whether an Ogg file's pages follow each other, and whether the one that ends it is marked as the last."""
+    """Whether an Ogg file's pages follow each other, and whether the one at its end is marked as the last."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         at, flags, following = 0, 0, dict[bytes, int]()
         while data[at : at + 4] == b"OggS" and at + _OGG_HEADER_BYTES <= len(data):
@@ -145,6 +146,7 @@ def _opened(path: Path) -> av.container.InputContainer:
     """The container of a file; playlists, which open other files, are not among the formats."""
     import av
 
+    check_regular(path, "a song")
     try:
         # "file:", or a name with a colon would be taken for an address.
         options = {"format_whitelist": _FORMATS, "protocol_whitelist": "file"}

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from choreograph.audio.decode import Blocks, decode
 from choreograph.errors import FormatError, ParameterError
+from choreograph.files import check_regular
 from choreograph.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 
 SILENCE_PEAK = 1e-4  # -80 dB: a song whose peak amplitude is lower counts as silent
@@ -120,6 +121,7 @@ def _check_is_file(path: Path) -> None:
         raise FormatError(f"expected a song at {path}, got a folder: name one audio file in it")
     if not path.exists():
         raise FormatError(f"expected a song at {path}, got nothing: there is no such file")
+    check_regular(path, "a song")
     if path.stat().st_size == 0:
         raise FormatError(
             f"expected a song at {path}, got an empty file: its download or copy may have failed"
