@@ -160,7 +160,7 @@ def _opened(path: Path) -> av.container.InputContainer:
 def _av_decoding(path: Path, notes: list[str]) -> Decoding:
     container = _opened(path)
     streams = container.streams.audio
-    if not streams or not streams[0].rate:
+    if not streams or not getattr(streams[0], "rate", 0):  # none where the codec is unknown
         container.close()
         raise FormatError(f"expected a song in {path}, got a {container.format.name} file without sound")
     blocks = _av_blocks(path, container, streams[0], notes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -63,7 +64,7 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         raise FormatError(f"{path}: expected arrays {', '.join(names)}: {error.args[0]}") from None
     except (
         OSError, ValueError, TypeError, EOFError, AttributeError, MemoryError, NotImplementedError,
-        zipfile.BadZipFile, zlib.error,
+        zipfile.BadZipFile, zlib.error, tokenize.TokenError, SyntaxError,
     ) as error:  # fmt: skip
         raise FormatError(
             f"{path}: not a valid NPZ file ({str(error)[:200]}): damaged, cut off, or another format"
