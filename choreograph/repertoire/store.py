@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.errors import ChoreographError, RepertoireError
+from choreograph.errors import FormatError, RepertoireError
 from choreograph.files import atomic_path, check_regular
 from choreograph.repertoire import checks
 from choreograph.repertoire.checks import StoredArray
@@ -306,8 +306,8 @@ def _opened(path: Path, what: str) -> Iterator[h5py.File]:
         if message.startswith(str(path)):
             raise
         raise RepertoireError(f"{path}: {message}: a damaged file") from error
-    except ChoreographError:
-        raise
+    except FormatError as error:  # no file
+        raise RepertoireError(str(error)) from error
     except (
         OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError,
         NotImplementedError,

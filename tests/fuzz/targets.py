@@ -174,6 +174,13 @@ def _dances(folder: Path) -> Iterator[Target]:
         cg.dance(song, repertoire, engine=engine).plan.to_json().encode() for engine in ("graph", "mixer")
     ]
 
+    def dance(path: Path) -> None:
+        damaged = Repertoire.open(path)
+        for engine in ("graph", "mixer"):
+            cg.dance(song, damaged, engine=engine)
+
+    yield _target(folder, "danced-repertoire", "rep.h5", "hdf5", seeds, dance)
+
     def plan(path: Path) -> None:
         render(Plan.read(path), repertoire)
 
