@@ -6,8 +6,10 @@ read; their values, checked when they are; and what arrays say together. Message
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from mmap import mmap
 from typing import Any
 
 import numpy as np
@@ -26,6 +28,7 @@ DEFLATE_RATIO = 1032  # the highest that deflate reaches: more is not stored, bu
 MAX_CHUNK_BYTES = 1 << 24
 MAX_WEIGHTS = 4096  # arrays of a network
 MAX_NETS = 64
+_HEAP = b"GCOL\1\0\0\0"
 WEIGHTS = "weights"  # the kind of a network's arrays: see `StoredArray`
 _WEIGHT_DTYPES = tuple(np.dtype(kind) for kind in ("f2", "f4", "f8", "i8"))
 _QUANTISED = (np.dtype("i2"), np.dtype("u2"))
@@ -123,6 +126,26 @@ def check_stored(array: StoredArray, kind: str) -> None:
         array.n_bytes <= packed * array.n_stored_bytes,
         f"{array.name}: expected all of {array.shape}, got {array.n_stored_bytes:,} bytes of it",
     )
+
+
+def check_text_heaps(data: bytes | mmap) -> None:
+    """`RepertoireError` for a heap of texts whose parts do not fill it: HDF5 2.0 walks some without end.
+
+    A heap is "GCOL", a version, its size, and texts, each after its number and size; number 0 is what is free.
+    """
+    at = -1
+    while (at := data.find(_HEAP, at + 1)) >= 0:
+        (size,) = struct.unpack_from("<Q", data[at + 8 : at + 16].ljust(8, b"\0"))
+        _expect(16 <= size <= len(data) - at, "expected a heap of texts in the file, got one beyond its end")
+        done = 16
+        while done + 16 <= size:
+            number, length = struct.unpack_from("<H6xQ", data, at + done)
+            done += length if number == 0 else 16 + length + -length % 8
+            _expect(
+                done <= size and (number or length >= 16), "expected texts in their heap, got a damaged one"
+            )
+            if number == 0:
+                break
 
 
 def check_size(arrays: Iterable[StoredArray], n_file_bytes: int) -> None:

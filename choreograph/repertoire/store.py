@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import mmap
 from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -219,15 +220,18 @@ class RepertoireFile:
     """An open repertoire file; arrays are read on demand.
 
     Raises `RepertoireError` if the file is missing, not HDF5, truncated, not a repertoire or of
-    another version, or an array is not stored as `checks` expects.
+    another version, or an array is not stored as `checks` expects. One that is shipped with the program is
+    not searched for damaged heaps of texts, which takes longer than all else.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, is_shipped: bool = False) -> None:
         self.path = Path(path)
         if self.path.is_dir():
             raise RepertoireError(f"{path}: expected a repertoire file, got a folder")
         if not self.path.exists():
             raise RepertoireError(f"{path}: no such repertoire: make one with `choreograph build-db`")
+        if not is_shipped:
+            self._check_heaps()
         with _opened(self.path, "a repertoire") as file:
             version = self._read_version(file)
             self.has_motifs = "motifs" in file
@@ -241,6 +245,14 @@ class RepertoireFile:
             self.net_names = self._find_nets(file)
             self.shapes = {array.name: array.shape for array in stored}
             self._sizes = _axis_sizes(self.shapes, version)
+
+    def _check_heaps(self) -> None:
+        with (
+            _damage_named(self.path, "a repertoire"),
+            open(self.path, "rb") as file,
+            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
+        ):
+            checks.check_text_heaps(data)
 
     def _read_version(self, file: h5py.File) -> int:
         kind = file.attrs.get("format")
@@ -297,10 +309,15 @@ class RepertoireFile:
 @contextmanager
 def _opened(path: Path, what: str) -> Iterator[h5py.File]:
     """The open file; `RepertoireError` naming it for all that HDF5 or `checks` find wrong with it."""
+    with _damage_named(path, what), h5py.File(path, "r") as file:
+        yield file
+
+
+@contextmanager
+def _damage_named(path: Path, what: str) -> Iterator[None]:
     try:
         check_regular(path, what)
-        with h5py.File(path, "r") as file:
-            yield file
+        yield
     except RepertoireError as error:
         message = str(error)
         if message.startswith(str(path)):
