@@ -131,7 +131,7 @@ def check_stored(array: StoredArray, kind: str) -> None:
 def check_text_heaps(data: bytes | mmap) -> None:
     """`RepertoireError` for a heap of texts whose parts do not fill it: HDF5 2.0 walks some without end.
 
-    A heap is "GCOL", a version, its size, and texts, each after its number and size; number 0 is what is free.
+    A heap is "GCOL", a version, its size, and texts, each after its number and size; number 0 is free space.
     """
     at = -1
     while (at := data.find(_HEAP, at + 1)) >= 0:
