@@ -6,7 +6,7 @@ SONG ?= $(shell $(BIN)/choreograph songs --path house)
 DB ?=
 MINUTES ?= 5
 
-.PHONY: setup test test-fast fuzz lint dance starter benchmark format
+.PHONY: setup test test-fast fuzz lint dance starter faults benchmark format
 
 setup: .venv/.ready
 
@@ -43,6 +43,10 @@ dance: setup
 starter: setup
 	$(BIN)/python -m choreograph.starter.song_recipe
 	$(BIN)/choreograph build-starter
+
+# Kills every kind of long work at random moments, and lets it run into a full disk: a quarter of an hour.
+faults: setup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m faults.run_faults
 
 benchmark: setup
 	$(BIN)/pytest --benchmark-only tests/benchmarks

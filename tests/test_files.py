@@ -1,62 +1,65 @@
-"""Files of strangers and files to be written: what is none, too large or read-only is refused in a line."""
+"""Atomic writing: all or nothing, and what killed writers left goes away."""
 
-from __future__ import annotations
-
-import json
 import os
+import subprocess
+import sys
 
 import pytest
 
-from choreograph.errors import FormatError, ParameterError
-from choreograph.files import check_regular, check_target, read_bytes, read_json, read_text
+from choreograph.errors import ChoreographError, ParameterError
+from choreograph.files import atomic_path, is_running
+
+_KILLED_WHILE_WRITING = """
+import os, signal, sys
+from choreograph.files import atomic_path
+with atomic_path(sys.argv[1]) as temporary:
+    temporary.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
 
 
-def test_files_are_read(tmp_path):
-    (tmp_path / "a").write_bytes("\ufeffé".encode())
-    assert read_bytes(tmp_path / "a", "x") == "\ufeffé".encode()
-    assert read_text(tmp_path / "a", "x", encoding="utf-8-sig") == "é"
-    (tmp_path / "a").write_text(json.dumps([1, {"a": None}]))
-    assert read_json(tmp_path / "a", "x") == [1, {"a": None}]
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_file_of_just_the_size_is_read_and_one_byte_more_is_not(tmp_path):
-    (tmp_path / "a").write_bytes(bytes(100))
-    assert len(read_bytes(tmp_path / "a", "a list", max_bytes=100)) == 100
-    with pytest.raises(FormatError, match="a list of up to"):
-        read_bytes(tmp_path / "a", "a list", max_bytes=99)
+def test_what_fails_or_is_killed_leaves_the_old_file(tmp_path):
+    target = tmp_path / "a.json"
+    target.write_text("old")
+    with pytest.raises(UnicodeEncodeError), atomic_path(target) as temporary:
+        temporary.write_text("half \udc80", encoding="utf-8")
+    assert names(tmp_path) == ["a.json"] and target.read_text() == "old"
+    for _ in range(2):
+        subprocess.run([sys.executable, "-c", _KILLED_WHILE_WRITING, str(target)], check=False)
+        assert target.read_text() == "old"
+        assert len(names(tmp_path)) == 2  # the second removed what the first left
+    with atomic_path(target) as temporary:
+        temporary.write_text("new")
+    assert names(tmp_path) == ["a.json"] and target.read_text() == "new"
 
 
-@pytest.mark.parametrize(
-    ("kind", "said"), [("pipe", "a pipe"), ("folder", "a folder"), ("device", "a device")]
-)
-def test_what_is_no_file_is_refused_without_opening_it(tmp_path, kind, said):
-    path = tmp_path / "a"
-    make = {"pipe": lambda: os.mkfifo(path), "folder": path.mkdir}
-    make.get(kind, lambda: path.symlink_to("/dev/zero"))()
-    with pytest.raises(FormatError, match=said):
-        check_regular(path, "a plan")
+def test_files_of_living_writers_and_of_other_names_stay(tmp_path):
+    others = [".a.notes.json", ".a.json", ".b.0000abcd-999999-0123abcd.json", ".a.0123abcd.json"]
+    for name in others:
+        (tmp_path / name).write_text("mine")
+    with atomic_path(tmp_path / "a.json") as first:
+        first.write_text("first")
+        with atomic_path(tmp_path / "a.json") as second:
+            second.write_text("second")
+        assert first.read_text() == "first"
+    assert (tmp_path / "a.json").read_text() == "first"
+    assert names(tmp_path) == sorted([*others, "a.json"])
 
 
-@pytest.mark.parametrize("name", ["none", "a\0b", "x" * 5000])
-def test_a_name_that_names_nothing_is_refused(tmp_path, name):
-    with pytest.raises(FormatError, match="could not find it"):
-        check_regular(tmp_path / name, "a plan")
+def test_an_os_error_names_the_target(tmp_path):
+    target = tmp_path / "a.json"
+    with pytest.raises(ChoreographError, match=r"cannot write .*a\.json: No space"), atomic_path(target):
+        raise OSError(28, os.strerror(28))
+    with pytest.raises(ParameterError, match="no folder"), atomic_path(tmp_path / "none" / "a.json"):
+        pass
 
 
-@pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "9" * 5000, "\ud800"])
-def test_what_is_no_json_is_refused_in_a_line(tmp_path, text):
-    (tmp_path / "a").write_bytes(text.encode("utf-8", "surrogatepass"))
-    with pytest.raises(FormatError) as caught:
-        read_json(tmp_path / "a", "a plan")
-    assert "\n" not in str(caught.value) and len(str(caught.value)) < 400
-
-
-def test_targets(tmp_path, monkeypatch):
-    assert check_target(tmp_path / "new.bvh") == tmp_path / "new.bvh"
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(ParameterError, match="pipe"):
-        check_target(tmp_path / "pipe")
-    # Who may write anywhere still cannot where a disk is read-only, and os.access says so.
-    monkeypatch.setattr(os, "access", lambda path, mode: False)
-    with pytest.raises(ParameterError, match="read-only"):
-        check_target(tmp_path / "new.bvh")
+def test_running_processes_are_known():
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    assert is_running(os.getpid()) and is_running(1)
+    assert not is_running(ended.pid) and not is_running(10**30)

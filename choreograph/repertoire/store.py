@@ -156,7 +156,12 @@ def _write_numbers(file: h5py.File, name: str, array: NDArray, step: float | Non
 
 
 def _read_quantised(name: str, data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
-    attributes = {key: _scalar(data, key) for key in ("step", "order", "restart", "folded")}
+    # The first 16-bit files have whole integers, the next ones their first differences, and do not say so.
+    absent: dict[str, Any] = {"order": np.int64("restart" in data.attrs), "restart": np.int64(DELTA_RESTART)}
+    attributes: dict[str, Any] = {
+        key: _scalar(data, key) if key in data.attrs else absent.get(key)
+        for key in ("step", "order", "restart", "folded")
+    }
     checks.check_quantisation(name, attributes)
     restart, order = int(attributes["restart"]), int(attributes["order"])
     start, stop, _ = part.indices(len(data))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -158,3 +160,32 @@ def test_blender_sees_the_joints_where_they_are(tmp_path):
         found = np.array([of_frame[name] for name in motion.skeleton.names])
         y_up = np.stack([found[:, 0], found[:, 2], -found[:, 1]], axis=1)
         np.testing.assert_allclose(y_up, motion.joint_pos_m()[int(frame)], atol=1e-3)
+
+
+_WRITE_WITHOUT_ROOM = """
+import resource, sys
+from synthetic_motions import swaying
+from choreograph.errors import ChoreographError
+from choreograph.exporters import save_motion
+motion = swaying(60)
+save_motion(sys.argv[1], motion)  # the first one loads the library
+resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+try:
+    save_motion(sys.argv[2], motion)
+except ChoreographError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files")
+@pytest.mark.parametrize("suffix", ["usda", "usdc"])
+def test_a_full_disk_is_one_line(tmp_path, suffix):
+    """As a process of its own meets it: no file may grow beyond 3000 bytes."""
+    target = tmp_path / f"b.{suffix}"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    done = subprocess.run(
+        [sys.executable, "-c", _WRITE_WITHOUT_ROOM, str(tmp_path / f"a.{suffix}"), str(target)],
+        env=environment, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert f"cannot write {target}: USD could not write it" in done.stdout
+    assert [path.name for path in tmp_path.iterdir()] == [f"a.{suffix}"]
