@@ -101,7 +101,7 @@ def write_page(
     }
     text = _page_text(title, body, to_script_json(dance), levels, sound)
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+        temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
 
 
 def _checked_beats(motion_beats_s: Sequence[float] | NDArray[np.floating]) -> NDArray[np.float64]:
