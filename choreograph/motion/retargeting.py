@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -40,10 +40,13 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     the source's direction. Spine, neck and head turn as the source's do where its rest pose is straight
     there: bones say little about a gaze, since necks lean forward in one rig and are upright in another. The
     hip path is scaled by leg length. If the target's rest pose is upright, so that its soles are known, the
-    soles are put on Y = 0.
+    soles are put on Y = 0. Onto a skeleton that differs in the order of its joints alone, nothing changes.
 
     Raises `ParameterError` if the joint names of either skeleton are unknown.
     """
+    order = motion.skeleton.order_of(target)
+    if order is not None:
+        return replace(motion, skeleton=target, local_quat=motion.local_quat[:, order])
     source_roles, target_roles = joint_roles(motion.skeleton), joint_roles(target)
     pos, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)  # (T, J, 3), (T, J, 4)
     bones = _bones(target, source_roles, target_roles)

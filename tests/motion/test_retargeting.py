@@ -142,3 +142,25 @@ def test_gaze_and_spine_are_kept_however_the_neck_leans(seed, lean):
         for role in ("spine3", "head"):
             before, after = (forward_of(one, role, np.eye(3)[2]) for one in (motion, moved))
             assert apart_deg(before, after).max() < 5.0, role
+
+
+def test_another_order_of_joints_changes_nothing():
+    """Dances are read back from BVH depth first: their hands and feet must not be guessed anew."""
+    motion = swaying(30)
+    skeleton = motion.skeleton
+    order = [0]
+    for joint in order:  # a stack in disguise: children right after their parent
+        order[order.index(joint) + 1 : order.index(joint) + 1] = np.flatnonzero(
+            skeleton.parents == joint
+        ).tolist()
+    place = {joint: at for at, joint in enumerate(order)}
+    parents = [-1, *(place[int(skeleton.parents[joint])] for joint in order[1:])]
+    names = tuple(skeleton.names[joint] for joint in order)
+    tips = np.array([place[int(joint)] for joint in skeleton.tip_parents])
+    deep = Skeleton(names, np.array(parents), skeleton.offsets_m[order], tips, skeleton.tips_m)
+    assert names != skeleton.names
+    back = retarget(replace(motion, skeleton=deep, local_quat=motion.local_quat[:, order]), skeleton)
+    assert np.array_equal(back.local_quat, motion.local_quat)
+    assert np.array_equal(back.root_pos_m, motion.root_pos_m)
+    longer = replace(deep, offsets_m=deep.offsets_m * 1.1)
+    assert longer.order_of(skeleton) is None and deep.order_of(on_other_axes(motion, 1).skeleton) is None
