@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 _SHORTEST_BONE_M = 0.01  # shorter bones have no reliable direction
 _TRUNK = ("spine1", "spine2", "spine3", "neck", "head")
 _NEUTRAL_RAD = 0.8  # that it may be bent at a joint in the rest pose, and turned on average in a motion
+_LEVEL = 0.5  # share of a foot's length, ankle to ball, that lies level where it stands flat
 _BENT = 0.1  # mean sine of the bend of knee or elbow above which its axis is reliable
 
 
@@ -38,9 +39,10 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     a joint with a single bone this leaves the twist open; the bend axes of knees and elbows determine it,
     elsewhere the mean twist against the parent is set to zero. Single bones are then pointed exactly in
     the source's direction. Spine, neck and head turn as the source's do where its rest pose is straight
-    there: bones say little about a gaze, since necks lean forward in one rig and are upright in another. The
-    hip path is scaled by leg length. If the target's rest pose is upright, so that its soles are known, the
-    soles are put on Y = 0. Onto a skeleton that differs in the order of its joints alone, nothing changes.
+    there: bones say little about a gaze, since necks lean forward in one rig and are upright in another. So
+    do feet where both rest poses stand, since ankles are at different heights over a sole. The hip path is
+    scaled by leg length. If the target's rest pose is upright, so that its soles are known, the soles are put
+    on Y = 0. Onto a skeleton that differs in the order of its joints alone, nothing changes.
 
     Raises `ParameterError` if the joint names of either skeleton are unknown.
     """
@@ -52,18 +54,32 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     bones = _bones(target, source_roles, target_roles)
     hinges = _hinge_axes(pos, source_roles, target, target_roles)
     trunk, trunk_offset = _trunk(motion.skeleton, source_roles, quat, target, target_roles)
+    turning = dict.fromkeys(trunk, trunk_offset) | _feet(
+        motion.skeleton, source_roles, quat, target, target_roles
+    )
+    spine = _spread_spine(source_roles, target_roles) if trunk else {}
     world = np.empty((motion.n_frames, target.n_joints, 4))
     source_of = {target_roles[role]: source_roles[role] for role in target_roles if role in source_roles}
     for joint in range(target.n_joints):
         parent = (
             world[:, target.parents[joint]] if joint else np.broadcast_to(rot.IDENTITY, (motion.n_frames, 4))
         )
+        if joint in spine:
+            (below, above), share = spine[joint]
+            upper = rot.multiply(quat[:, above], trunk_offset)
+            lower = (
+                world[:, target_roles["pelvis"]]
+                if below is None
+                else rot.multiply(quat[:, below], trunk_offset)
+            )
+            world[:, joint] = rot.slerp(lower, upper, share)
+            continue
         if joint not in source_of:
             world[:, joint] = parent
             continue
         source = source_of[joint]
-        if joint in trunk:
-            world[:, joint] = rot.multiply(quat[:, source], trunk_offset)
+        if joint in turning:
+            world[:, joint] = rot.multiply(quat[:, source], turning[joint])
             continue
         pairs = [
             (pos[:, bone.source_end] - pos[:, source], bone.rest_m) for bone in bones if bone.joint == joint
@@ -129,6 +145,65 @@ def _trunk(
         if np.linalg.norm(rot.to_rotvec(_mean_rotation(relative))) > _NEUTRAL_RAD:
             return none
     return {target_roles[role] for role in chain}, _alignment(axes[0], axes[1], weights=[np.inf, 1.0])
+
+
+def _spread_spine(
+    source_roles: dict[str, int], target_roles: dict[str, int]
+) -> dict[int, tuple[tuple[int | None, int], float]]:
+    """Of spines of another number of bones: the source's two that each of the target's is between, and where.
+
+    None is the pelvis. Both spines reach from it to where the arms meet.
+    """
+    own, others = (
+        [roles[role] for role in _TRUNK[:3] if role in roles] for roles in (target_roles, source_roles)
+    )
+    spread: dict[int, tuple[tuple[int | None, int], float]] = {}
+    if len(own) != len(others):
+        for place, joint in enumerate(own, start=1):
+            height = place * len(others) / len(own)
+            above = int(np.ceil(height)) - 1
+            spread[joint] = (others[above - 1] if above else None, others[above]), height - above
+    return spread
+
+
+def _feet(
+    skeleton: Skeleton, roles: dict[str, int], quat: Floats, target: Skeleton, target_roles: dict[str, int]
+) -> dict[int, Floats]:
+    """Ankles and balls of the target's feet, each with the rotation (4,) from the source's world rotations.
+
+    None of a foot that does not stand in both rest poses, or whose joints are turned in them as they are not
+    in the motion.
+    """
+    turning: dict[int, Floats] = {}
+    if not (rest_pose_is_upright(skeleton) and rest_pose_is_upright(target)):
+        return turning
+    for side in ("left", "right"):
+        ankle, ball = f"{side}_ankle", f"{side}_foot"
+        headings = [_heading_of_foot(s, r, side) for s, r in ((target, target_roles), (skeleton, roles))]
+        up = rot.rotate(quat[:, roles[ankle]], np.array([0.0, 1.0, 0.0])).mean(axis=0)
+        neutral = up[1] > np.cos(_NEUTRAL_RAD)
+        if ball in roles:
+            bend = rot.multiply(rot.invert(quat[:, roles[ankle]]), quat[:, roles[ball]])
+            neutral &= np.linalg.norm(rot.to_rotvec(_mean_rotation(bend))) < _NEUTRAL_RAD
+        if neutral and np.isfinite(headings).all():
+            turn = rot.about_y(headings[1] - headings[0])
+            turning |= {target_roles[name]: turn for name in (ankle, ball) if name in target_roles}
+    return turning
+
+
+def _heading_of_foot(skeleton: Skeleton, roles: dict[str, int], side: str) -> float:
+    """Where a foot points in the rest pose, radians from +Z about Y; without toes, where the hips look.
+
+    Not a number for a foot that does not stand there.
+    """
+    rest = skeleton.rest_pos_m()
+    if f"{side}_foot" in roles:
+        ahead = rest[roles[f"{side}_foot"]] - rest[roles[f"{side}_ankle"]]
+        if np.hypot(ahead[0], ahead[2]) <= _LEVEL * np.linalg.norm(ahead):
+            return float("nan")
+    else:
+        ahead = np.cross(rest[roles["left_hip"]] - rest[roles["right_hip"]], np.array([0.0, 1.0, 0.0]))
+    return float(np.arctan2(ahead[0], ahead[2]))
 
 
 def _hinge_axes(
