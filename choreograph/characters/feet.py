@@ -5,6 +5,7 @@ Of other proportions, legs that only point as the dancer's do would slide, float
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +40,7 @@ def placed_feet(dancer: Motion, figure: Motion) -> tuple[Motion, Floats]:
     at_origin = figure.joint_pos_m()[:, hips[1]].mean(axis=1)
     placed = replace(figure, root_pos_m=path - at_origin)
     dancers = _sole_pos_m(dancer, _dancers_soles()) - [0.0, estimate_floor_m(sole_pos_m(dancer)), 0.0]
-    own = _sole_pos_m(placed, figure.skeleton.tips_m.reshape(2, 2, 3))  # (T, 2, 2, 3) heels and balls
+    own = _sole_pos_m(placed, figure.skeleton.tips_m.reshape(2, -1, 3))  # (T, 2, P, 3) heel, ball, …
     shift_m = scale * dancers[:, :, 1] - own[:, :, 1]  # (T, 2, 3)
     shift_m[..., 1] = scale * dancers[..., 1].min(axis=-1) - own[..., 1].min(axis=-1)
     height_m = float(np.median(shift_m[..., 1]))
@@ -63,7 +64,7 @@ def _dancers_soles() -> Floats:
     body = canonical_skeleton()
     rest = body.rest_pos_m()
     feet = [[rest[body.index(f"{side}_{part}")] for part in ("ankle", "foot")] for side in ("left", "right")]
-    return np.stack([sole_offsets_m(ankle, ball, ball[1]) for ankle, ball in feet])
+    return np.stack([sole_offsets_m(ankle, [ankle, ball], ball[1]) for ankle, ball in feet])
 
 
 def _sole_pos_m(motion: Motion, soles_m: Floats) -> Floats:
@@ -73,9 +74,9 @@ def _sole_pos_m(motion: Motion, soles_m: Floats) -> Floats:
     return pos_m[:, ankles, None] + rot.rotate(quat[:, ankles, None], soles_m)
 
 
-def sole_offsets_m(ankle_m: Floats, ball_m: Floats, floor_m: float) -> Floats:
-    """From an ankle (3,) to the sole below it and below the ball of the foot, (2, 3)."""
-    return np.stack([point * [1, 0, 1] + [0, floor_m, 0] - ankle_m for point in (ankle_m, ball_m)])
+def sole_offsets_m(ankle_m: Floats, points_m: Sequence[Floats], floor_m: float) -> Floats:
+    """From an ankle (3,) to the sole below points (3,) of its foot, (P, 3)."""
+    return np.stack([point * [1, 0, 1] + [0, floor_m, 0] - ankle_m for point in points_m])
 
 
 def _leg_m(skeleton: Skeleton) -> float:

@@ -38,7 +38,7 @@ _POINTING = {
     for start, end in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
 }
 _SPINE = ("pelvis", "spine1", "spine2", "spine3")
-_BALL_AHEAD = 0.166  # of the leg: from the ankle to the ball of the foot
+_BALL_AHEAD, _TIP_AHEAD = 0.166, 0.27  # of the leg: from the ankle to the ball and the tip of a foot
 _UP = np.array([0.0, 1.0, 0.0])
 _FRONT = np.array([0.0, 0.0, 1.0])
 
@@ -106,23 +106,29 @@ def figure_skeleton(rig: Rig, bones: Mapping[str, int]) -> tuple[Skeleton, list[
 def _soles(
     rig: Rig, bones: Mapping[str, int], joint_of: Mapping[int, int]
 ) -> tuple[NDArray[np.int64], Floats]:
-    """End sites at the sole below heel and ball of both feet: their joints (E,) and offsets (E, 3)."""
+    """End sites at the sole below heel and ball of both feet: their joints (E,) and offsets (E, 3).
+
+    And below the tip of feet that cannot bend there.
+    """
+    bends = {"left_foot", "right_foot"} <= bones.keys()
     parents, tips = [], []
     for side in ("left", "right"):
         ankle = bones[f"{side}_ankle"]
-        parents += [joint_of[ankle]] * 2
-        ball_m = (
-            rig.bind_pos_m[bones[f"{side}_foot"]] if f"{side}_foot" in bones else _ball_m(rig, bones, side)
-        )
-        tips.append(sole_offsets_m(rig.bind_pos_m[ankle], ball_m, rig.floor_m))
+        ankle_m = rig.bind_pos_m[ankle]
+        if bends:
+            points_m = [ankle_m, rig.bind_pos_m[bones[f"{side}_foot"]]]
+        else:
+            along_m = _leg_m(rig, bones, side) * rot.rotate(_facing(rig, bones), _FRONT)
+            points_m = [ankle_m + share * along_m for share in (0.0, _BALL_AHEAD, _TIP_AHEAD)]
+        parents += [joint_of[ankle]] * len(points_m)
+        tips.append(sole_offsets_m(ankle_m, points_m, rig.floor_m))
     return np.array(parents), np.concatenate(tips)
 
 
-def _ball_m(rig: Rig, bones: Mapping[str, int], side: str) -> Floats:
-    """Where the ball (3,) of a foot is that has no bone for it, by the proportions of the canonical body."""
+def _leg_m(rig: Rig, bones: Mapping[str, int], side: str) -> float:
+    """Length of a leg along its bones in the bind pose."""
     hip, knee, ankle = (rig.bind_pos_m[bones[f"{side}_{part}"]] for part in ("hip", "knee", "ankle"))
-    leg_m = np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)
-    return ankle + rot.rotate(_facing(rig, bones), _BALL_AHEAD * leg_m * _FRONT)
+    return float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee))
 
 
 def _facing(rig: Rig, bones: Mapping[str, int]) -> Floats:

@@ -42,7 +42,8 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     there: bones say little about a gaze, since necks lean forward in one rig and are upright in another. So
     do feet where both rest poses stand, since ankles are at different heights over a sole. The hip path is
     scaled by leg length. If the target's rest pose is upright, so that its soles are known, the soles are put
-    on Y = 0. Onto a skeleton that differs in the order of its joints alone, nothing changes.
+    on Y = 0; if both are, where the source's are over its floor most of the time. Onto a skeleton that differs
+    in the order of its joints alone, nothing changes.
 
     Raises `ParameterError` if the joint names of either skeleton are unknown.
     """
@@ -91,7 +92,12 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     retargeted = Motion(target, root_pos_m, local, motion.fps)
     if not rest_pose_is_upright(target):
         return retargeted
-    return retargeted.moved(shift_m=np.array([0.0, -estimate_floor_m(sole_pos_m(retargeted)), 0.0]))
+    floor_m = estimate_floor_m(sole_pos_m(retargeted))
+    if rest_pose_is_upright(motion.skeleton):  # feet of another length against the legs sink on tiptoe
+        scale = _leg_m(target.rest_pos_m()[None], target_roles) / _leg_m(pos, source_roles)
+        sole_m, own_m = (sole_pos_m(each)[..., 1].min(axis=1) for each in (motion, retargeted))  # (T,)
+        floor_m = float(np.median(own_m - scale * (sole_m - estimate_floor_m(sole_pos_m(motion)))))
+    return retargeted.moved(shift_m=np.array([0.0, -floor_m, 0.0]))
 
 
 @dataclass(frozen=True)
@@ -120,10 +126,10 @@ def _bones(target: Skeleton, source_roles: dict[str, int], target_roles: dict[st
 def _trunk(
     skeleton: Skeleton, roles: dict[str, int], quat: Floats, target: Skeleton, target_roles: dict[str, int]
 ) -> tuple[set[int], Floats]:
-    """Spine, neck and head of the target, and the rotation (4,) from the source's world rotations to theirs.
+    """Spine, neck and head of the target, with pelvis and collars if both rest poses stand.
 
-    None of them if a rest pose is bent there, or the source's axes differ from joint to joint: what is its
-    neutral pose is then not known.
+    And the rotation (4,) from the source's world rotations to theirs. None of them if a rest pose is bent
+    there, or the source's axes differ from joint to joint: what is its neutral pose is then not known.
     """
     none: tuple[set[int], Floats] = set(), rot.IDENTITY
     chain = [role for role in _TRUNK if role in roles and role in target_roles]
@@ -140,17 +146,31 @@ def _trunk(
         if bent.any() or np.linalg.norm(left) < _SHORTEST_BONE_M:
             return none
         axes.append([up, _unit(left)])
-    for lower, upper in pairwise(chain):
-        relative = rot.multiply(rot.invert(quat[:, roles[lower]]), quat[:, roles[upper]])
-        if np.linalg.norm(rot.to_rotvec(_mean_rotation(relative))) > _NEUTRAL_RAD:
-            return none
-    return {target_roles[role] for role in chain}, _alignment(axes[0], axes[1], weights=[np.inf, 1.0])
+    if not all(_is_neutral(quat, roles[lower], roles[upper]) for lower, upper in pairwise(chain)):
+        return none
+    trunk = set(chain)
+    if rest_pose_is_upright(skeleton) and rest_pose_is_upright(target):
+        chest = [role for role in chain if role.startswith("spine")][-1]
+        beside = {"pelvis": "spine1", "left_collar": chest, "right_collar": chest}
+        trunk |= {
+            role
+            for role, next_to in beside.items()
+            if role in roles and role in target_roles and _is_neutral(quat, roles[next_to], roles[role])
+        }
+    turn = _alignment(axes[0], axes[1], weights=[np.inf, 1.0])
+    return {target_roles[role] for role in trunk}, turn
+
+
+def _is_neutral(quat: Floats, first: int, second: int) -> bool:
+    """Whether two joints are on average turned alike, as they are in the rest pose."""
+    relative = rot.multiply(rot.invert(quat[:, first]), quat[:, second])
+    return bool(np.linalg.norm(rot.to_rotvec(_mean_rotation(relative))) < _NEUTRAL_RAD)
 
 
 def _spread_spine(
     source_roles: dict[str, int], target_roles: dict[str, int]
 ) -> dict[int, tuple[tuple[int | None, int], float]]:
-    """Of spines of another number of bones: the source's two that each of the target's is between, and where.
+    """Where one spine has one bone: the source's two that each of the target's is between, and where.
 
     None is the pelvis. Both spines reach from it to where the arms meet.
     """
@@ -158,7 +178,7 @@ def _spread_spine(
         [roles[role] for role in _TRUNK[:3] if role in roles] for roles in (target_roles, source_roles)
     )
     spread: dict[int, tuple[tuple[int | None, int], float]] = {}
-    if len(own) != len(others):
+    if len(own) != len(others) and 1 in (len(own), len(others)):
         for place, joint in enumerate(own, start=1):
             height = place * len(others) / len(own)
             above = int(np.ceil(height)) - 1
@@ -183,8 +203,7 @@ def _feet(
         up = rot.rotate(quat[:, roles[ankle]], np.array([0.0, 1.0, 0.0])).mean(axis=0)
         neutral = up[1] > np.cos(_NEUTRAL_RAD)
         if ball in roles:
-            bend = rot.multiply(rot.invert(quat[:, roles[ankle]]), quat[:, roles[ball]])
-            neutral &= np.linalg.norm(rot.to_rotvec(_mean_rotation(bend))) < _NEUTRAL_RAD
+            neutral &= _is_neutral(quat, roles[ankle], roles[ball])
         if neutral and np.isfinite(headings).all():
             turn = rot.about_y(headings[1] - headings[0])
             turning |= {target_roles[name]: turn for name in (ankle, ball) if name in target_roles}
