@@ -42,8 +42,8 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     there: bones say little about a gaze, since necks lean forward in one rig and are upright in another. So
     do feet where both rest poses stand, since ankles are at different heights over a sole. The hip path is
     scaled by leg length. If the target's rest pose is upright, so that its soles are known, the soles are put
-    on Y = 0; if both are, where the source's are over its floor most of the time. Onto a skeleton that differs
-    in the order of its joints alone, nothing changes.
+    on Y = 0; if both are, where the source's are over its floor most of the time. Onto a skeleton that only
+    differs in the order of its joints, nothing changes.
 
     Raises `ParameterError` if the joint names of either skeleton are unknown.
     """
