@@ -4,7 +4,6 @@ from .audio.song import Song as Song
 from .audio.song import load_song as load_song
 from .building import BuildOptions as BuildOptions
 from .building import BuildResult as BuildResult
-from .building import build as build
 from .characters import GltfCharacter as GltfCharacter
 from .characters import read_character as read_character
 from .config import DanceConfig as DanceConfig
@@ -24,6 +23,7 @@ from .graph import Layer as Layer
 from .motion.motion import Motion as Motion
 from .motion.skeleton import Skeleton as Skeleton
 from .pipeline import Dance as Dance
+from .pipeline import build as build
 from .pipeline import dance as dance
 from .pipeline import render as render
 from .pipeline import vary as vary

@@ -1,17 +1,16 @@
 """From takes and their songs to a repertoire file.
 
-- `build` — the public function; `build_repertoire`, `BuildOptions`, `BuildResult` — what is behind it
+- `build_repertoire`, `BuildOptions`, `BuildResult` — what is behind `choreograph.build`
 - `importing` — takes read, brought to one skeleton, their feet locked, and measured
 - `song_cache` — each song decoded and analysed once
 - `segmentation` — takes segmented into motion words, and the motifs found among them
 - `train_networks`, `train_rollout` — every network of a repertoire
 
-The package is not called `build`, since `choreograph.build` is the function.
+The package is not called `build`, since `choreograph.build` (in `pipeline.building`) is the function.
 """
 
-from choreograph.building.api import build
 from choreograph.building.build import build_repertoire
 from choreograph.building.options import BuildOptions
 from choreograph.building.result import BuildResult
 
-__all__ = ["BuildOptions", "BuildResult", "build", "build_repertoire"]
+__all__ = ["BuildOptions", "BuildResult", "build_repertoire"]

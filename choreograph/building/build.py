@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from choreograph.building.counting import MOTION_NET, counted_takes, motion_read
 from choreograph.building.importing import measured_takes
 from choreograph.building.options import BuildOptions
 from choreograph.building.result import BuildResult
-from choreograph.building.segmentation import FEWEST_WORDS, make_motifs, segment_takes
+from choreograph.building.segmentation import FEWEST_WORDS, SegmentedTake, make_motifs, segment_takes
 from choreograph.building.song_cache import SongCache
 from choreograph.building.song_notes import song_notes
 from choreograph.building.train_networks import (
@@ -27,13 +27,16 @@ from choreograph.building.train_networks import (
 from choreograph.counts import FROM_MOTION
 from choreograph.features.density import motion_density
 from choreograph.files import check_target, sha256_of
+from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.pretrained import pretrained_set
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import Contents, NetArrays, Repertoire, write_repertoire
 from choreograph.repertoire.contents import MeasuredTake, to_arrays
 from choreograph.repertoire.motif_arrays import motif_arrays
+from choreograph.takes import Take
 
 if TYPE_CHECKING:
+    from choreograph.building.train_rollout import Teacher
     from choreograph.nets.training import TrainingContext
 
 
@@ -42,6 +45,7 @@ def build_repertoire(
     output: str | Path,
     options: BuildOptions | None = None,
     *,
+    teacher: Teacher | None = None,
     report: ProgressReport | None = None,
     training_report: Callable[[Any], None] | None = None,
 ) -> BuildResult:
@@ -51,6 +55,7 @@ def build_repertoire(
     ----------
     sources : folders or files of takes, of any layout that `choreograph.importers` knows
     output : the file to write; work in progress lies beside it in `OUTPUT.build/`
+    teacher : makes dances that the rollout network learns from beside the takes; None: from these alone
     report : called with the stage's name, how much is done, of how much
     training_report : called with a `TrainingProgress` now and then
 
@@ -94,9 +99,14 @@ def build_repertoire(
     contents = Contents(
         arrays | words.arrays,
         options.density if features.density else "analytic",
-        _provenance(options, [*trained_on, *heard], features.selection_beat_weight),
+        _provenance(options, [*trained_on, *heard], features.selection_beat_weight, teacher is not None),
         nets | words.nets,
     )
+    if words.vocabulary is not None:
+        rollout = _rollout_net(
+            contents, words, measured, songs, pretrained, options, context, teacher, report
+        )
+        contents = replace(contents, nets={**contents.nets, **rollout})
     write_repertoire(output, contents, compress=options.compress)
     return BuildResult(
         Repertoire.open(output), (*notes, *count_notes, *training_notes, *density_notes, *word_notes)
@@ -104,7 +114,7 @@ def build_repertoire(
 
 
 def _provenance(
-    options: BuildOptions, trained_on: Sequence[str], selection_beat_weight: float
+    options: BuildOptions, trained_on: Sequence[str], selection_beat_weight: float, with_teacher: bool
 ) -> dict[str, Any]:
     """How the file was made, for `inspect` and for evaluation."""
     return {
@@ -116,6 +126,7 @@ def _provenance(
         "pretrained": options.pretrained,
         "beats": options.beats,
         "feet_locked": options.lock_feet,
+        "rollout_teacher": options.rollout and options.rollout_teacher and with_teacher,
         "left_out": sorted(options.leave_out),
         "trained_on": sorted(set(trained_on)),
         "selection_beat_weight": selection_beat_weight,
@@ -161,6 +172,8 @@ class _WordParts:
 
     nets: dict[str, NetArrays] = field(default_factory=dict)
     arrays: dict[str, NDArray] = field(default_factory=dict)
+    segmented: Sequence[SegmentedTake] = ()
+    vocabulary: Vocabulary | None = None
 
 
 def _words(
@@ -185,14 +198,41 @@ def _words(
 
     words = WordNet.from_arrays(net.weights, net.config)
     vocabulary = make_motifs(segmented, words, seed=options.seed)
-    if "rollout" in pretrained.kept:
-        nets["rollout"] = pretrained.kept["rollout"]
-    elif options.rollout:
-        from choreograph.building.train_rollout import train_rollout_network
-        from choreograph.nets.rollout.config import rollout_config
+    return _WordParts(nets, motif_arrays(vocabulary), segmented, vocabulary), notes
 
-        nets["rollout"] = train_rollout_network(
-            measured, segmented, vocabulary, words, rollout_config(options.preset), songs=songs,
-            seed=options.seed, context=context, pretrained=pretrained.nets.get("rollout"), report=report,
-        )  # fmt: skip
-    return _WordParts(nets, motif_arrays(vocabulary)), notes
+
+def _rollout_net(
+    contents: Contents,
+    parts: _WordParts,
+    measured: Sequence[MeasuredTake],
+    songs: SongCache,
+    pretrained: PretrainedWeights,
+    options: BuildOptions,
+    context: TrainingContext,
+    teacher: Teacher | None,
+    report: ProgressReport | None,
+) -> dict[str, NetArrays]:
+    """The rollout network by its name, kept or trained; nothing if none is wanted.
+
+    `contents` are those of the repertoire without it, which the `teacher` dances with.
+    """
+    if "rollout" in pretrained.kept:
+        return {"rollout": pretrained.kept["rollout"]}
+    if not options.rollout:
+        return {}
+    from choreograph.building.train_rollout import taught_dances, train_rollout_network
+    from choreograph.nets.rollout.config import rollout_config, taught
+    from choreograph.nets.words.model import WordNet
+
+    assert parts.vocabulary is not None and context.folder is not None
+    dances: Sequence[Take] = ()
+    if teacher is not None and options.rollout_teacher:
+        dances = taught_dances(contents, [m.take for m in measured], teacher, context.folder)
+    words = WordNet.from_arrays(parts.nets["words"].weights, parts.nets["words"].config)
+    config = rollout_config(options.preset)
+    begins = pretrained.nets.get("rollout")
+    net = train_rollout_network(
+        measured, parts.segmented, parts.vocabulary, words, taught(config) if dances else config,
+        dances=dances, songs=songs, seed=options.seed, context=context, pretrained=begins, report=report,
+    )  # fmt: skip
+    return {"rollout": net}

@@ -1,14 +1,23 @@
-"""The rollout network of a library: takes with their words and their music, and its training."""
+"""The rollout network of a library: takes with their words and their music, and its training.
+
+Beside the takes it may learn from dances that an engine makes of them to their songs, which are on the count
+by construction: from them it learns to keep counts and bars more surely. Who dances is given as a `Teacher`,
+since no engine is known here.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from choreograph.building.importing import measure_take
 from choreograph.building.music_in_step import music_of_take
-from choreograph.building.segmentation import SegmentedTake
+from choreograph.building.segmentation import SegmentedTake, segment_takes
 from choreograph.building.song_cache import SongCache
+from choreograph.files import sha256_of
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.nets.rollout.config import RolloutConfig
 from choreograph.nets.rollout.data import ROLLOUT_FPS
@@ -18,8 +27,13 @@ from choreograph.nets.rollout.training_data import RolloutTake
 from choreograph.nets.training import TrainingContext
 from choreograph.nets.words.model import WordNet
 from choreograph.progress import ProgressReport
-from choreograph.repertoire import NetArrays
+from choreograph.repertoire import Contents, NetArrays, Repertoire, write_repertoire
 from choreograph.repertoire.contents import MeasuredTake
+from choreograph.takes import Take
+
+# Dances of a repertoire to the songs of takes, as takes with counts. The folder is for what a resumed build
+# need not do again.
+Teacher = Callable[[Repertoire, Sequence[Take], Path], list[Take]]
 
 
 def train_rollout_network(
@@ -29,23 +43,41 @@ def train_rollout_network(
     words: WordNet,
     config: RolloutConfig,
     *,
+    dances: Sequence[Take] = (),
     songs: SongCache,
     seed: int,
     context: TrainingContext,
     pretrained: NetArrays | None,
     report: ProgressReport | None,
 ) -> NetArrays:
-    """Train the network that dances motifs on all takes with music, starting from `pretrained` if given.
+    """Train the network that dances motifs on all takes with music and on `dances` of them.
 
-    Raises `ParameterError` if no take dances words to music for as long as a training sequence.
+    Training starts from `pretrained` if given. Raises `ParameterError` if no take dances words to music for
+    as long as a training sequence.
     """
     takes = rollout_takes(measured, segmented, vocabulary, words, songs=songs, report=report)
+    if dances:
+        danced = [measure_take(take) for take in dances]
+        danced_words, of_dances = words_of_dances(danced, vocabulary, words, songs)
+        takes += rollout_takes(danced, danced_words, of_dances, words, songs=songs, report=report)
     net: RolloutNet = train_rollout(
         takes, words, config, seed=seed, context=context,
         pretrained=None if pretrained is None else pretrained.weights,
     )  # fmt: skip
     weights, stored = net.to_arrays()
     return NetArrays(stored, weights)
+
+
+def taught_dances(contents: Contents, takes: Sequence[Take], teacher: Teacher, work: Path) -> list[Take]:
+    """What the teacher dances to the songs of `takes` with the repertoire of `contents`.
+
+    That repertoire, and what the teacher keeps of its dances, lie in `work`: a resumed build with the same
+    contents finds them.
+    """
+    draft = work / "untaught.h5"
+    work.mkdir(parents=True, exist_ok=True)
+    write_repertoire(draft, contents)
+    return teacher(Repertoire.open(draft), takes, work / f"graph-dances-{sha256_of(draft)[:12]}")
 
 
 def rollout_takes(
@@ -87,3 +119,19 @@ def rollout_takes(
         if report is not None:
             report("analysing the music of words", index + 1, len(measured))
     return takes
+
+
+def words_of_dances(
+    dances: Sequence[MeasuredTake], vocabulary: Vocabulary, words: WordNet, songs: SongCache
+) -> tuple[list[SegmentedTake], Vocabulary]:
+    """The words of dances, and the vocabulary with these in place of the takes'."""
+    segmented, _ = segment_takes(dances, songs)
+    motif = vocabulary.motifs.nearest(words.embed(np.concatenate([t.words.body_pos_m for t in segmented])))
+    of_dances = replace(
+        vocabulary,
+        word_take=np.repeat(np.arange(len(segmented)), [len(take.words) for take in segmented]),
+        word_start_s=np.concatenate([take.words.start_s for take in segmented]),
+        word_end_s=np.concatenate([take.words.end_s for take in segmented]),
+        word_motif=motif,
+    )
+    return segmented, of_dances

@@ -68,6 +68,11 @@ _DECIDED = {
     "Widths and its 10,000 epochs are scaled by the preset: tiny 10, small 100, paper all of them.",
 )  # fmt: skip
 @optgroup.option("--rollout", is_flag=True, help="Also train the network of `dance --engine rollout`.")
+@optgroup.option(
+    "--rollout-teacher/--no-rollout-teacher", default=True, show_default=True,
+    help="Let that network learn from graph dances to the takes' songs as well. They are on the count, which "
+    "takes need not be; it takes half as long again.",
+)  # fmt: skip
 @optgroup.option("--init-from", type=_FILE, help="Start from the networks of another repertoire.")
 @optgroup.option(
     "--pretrained", default="default", metavar="default|clean|research|nothing",

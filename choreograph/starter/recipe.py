@@ -37,6 +37,7 @@ def build_starter(
     options = BuildOptions(
         preset=preset, seed=seed, resume=True, lock_feet=False, pretrained="clean",
         keep_networks=preset == "small", compress=True, rollout=True,
+        rollout_teacher=False,  # built-in takes are on the count already
     )  # fmt: skip
     made, notes = build_repertoire(
         [takes], work / output.name, options, report=report, training_report=training_report

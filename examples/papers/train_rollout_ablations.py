@@ -5,9 +5,11 @@
 Each REPERTOIRE was built with `--rollout` from TAKES: dance-with-melody, say, or the takes of `make starter`
 (build/starter/takes). Its ablations are trained on the same takes, with its preset and seed, and written to
 FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as the network itself,
-or as `--steps` says: compare then with `as-built`, which has all of it. `graph-dances-too` learns from the
-takes and from what `graph_teacher.py` makes of them; `counts-at-accents` has words, and beats of the music,
-where the motion's accents lie beside the counts. After a stop, the same command continues.
+or as `--steps` says: compare then with `as-built`, which has all of it. `as-built` and all that are named
+after what they lack learn from the takes alone (`build-db --no-rollout-teacher`); `graph-dances-too` from
+graph dances to their songs, too, as with `build-db --rollout`, and `synthesised-songs-too` to synthesised
+ones as well; `counts-at-accents` has words, and beats of the music, where the motion's accents lie beside
+the counts. After a stop, the same command continues.
 """
 
 from __future__ import annotations
@@ -18,21 +20,26 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-from graph_teacher import graph_dances, with_motifs
+from graph_teacher import synthesised_songs
 
 import choreograph as cg
+from choreograph.building.importing import measure_take
 from choreograph.building.segmentation import segment_takes
 from choreograph.building.song_cache import SongCache
-from choreograph.building.train_rollout import rollout_takes
+from choreograph.building.train_rollout import rollout_takes, words_of_dances
+from choreograph.features.music_beats import DEFAULT_TRACKER
 from choreograph.importers import import_takes
 from choreograph.nets.rollout.config import rollout_config
 from choreograph.nets.rollout.train import train_rollout
+from choreograph.nets.rollout.training_data import RolloutTake
 from choreograph.nets.training import TrainingContext, TrainingProgress
+from choreograph.pipeline.graph_teacher import graph_dances
 from choreograph.repertoire.contents import MeasuredTake
-from choreograph.takes import Take
+from choreograph.takes import Credits, Take
 from choreograph.warping.micro_timing import accent_shifts_s
 
 WITH_GRAPH_DANCES = "graph-dances-too"
+WITH_SYNTHESISED_SONGS = "synthesised-songs-too"
 AT_ACCENTS = "counts-at-accents"
 ABLATIONS = {
     "as-built": {},
@@ -56,6 +63,7 @@ ABLATIONS = {
     "half-border-speed-loss": {"border_speed_weight": 0.15},
     "no-other-tempi": {"tempi": (1.0,)},
     WITH_GRAPH_DANCES: {},
+    WITH_SYNTHESISED_SONGS: {},
     AT_ACCENTS: {},
 }  # fmt: skip
 
@@ -88,16 +96,33 @@ def train(
         config = rollout_config(str(repertoire.provenance["preset"]), **ABLATIONS[name], **length)
         context = TrainingContext(folder / name, resume=True, report=show)
         data = learned
-        if name == WITH_GRAPH_DANCES:
-            dances = graph_dances(repertoire, [m.take for m in own], folder / "songs", seed)
-            danced_words = with_motifs(dances, repertoire.vocabulary, words, songs)
-            data = [*learned, *rollout_takes(dances, *danced_words, words, songs=songs)]
+        if name in (WITH_GRAPH_DANCES, WITH_SYNTHESISED_SONGS):
+            to_songs = [m.take for m in own]
+            if name == WITH_SYNTHESISED_SONGS:
+                to_songs += to_synthesised_songs(to_songs, folder / "songs")
+            dances = graph_dances(
+                repertoire, to_songs, folder / f"{name}-plans", beats=DEFAULT_TRACKER, seed=seed
+            )
+            data = [*learned, *as_learned([measure_take(dance) for dance in dances], repertoire, songs)]
         elif name == AT_ACCENTS:
-            moved = [at_accents(m) for m in own]
-            moved_words = with_motifs(moved, repertoire.vocabulary, words, songs)
-            data = rollout_takes(moved, *moved_words, words, songs=songs)
+            data = as_learned([at_accents(m) for m in own], repertoire, songs)
         net = train_rollout(data, words, config, seed=seed, context=context)
         torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, folder / f"{name}.pt")
+
+
+def to_synthesised_songs(takes: Sequence[Take], folder: Path) -> list[Take]:
+    """The first take as if danced to each synthesised song: only song and genre count."""
+    songs = synthesised_songs([take.credits.genre for take in takes], folder)
+    return [replace(takes[0], song_path=path, credits=Credits(genre=genre)) for path, genre in songs]
+
+
+def as_learned(
+    dances: Sequence[MeasuredTake], repertoire: cg.Repertoire, songs: SongCache
+) -> list[RolloutTake]:
+    """Dances as the network is trained on them, by the motifs of the repertoire."""
+    words = repertoire.word_net()
+    segmented, vocabulary = words_of_dances(dances, repertoire.vocabulary, words, songs)
+    return rollout_takes(dances, segmented, vocabulary, words, songs=songs)
 
 
 def at_accents(measured: MeasuredTake) -> MeasuredTake:

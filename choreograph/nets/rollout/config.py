@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from choreograph.errors import ParameterError
@@ -36,13 +36,7 @@ class RolloutConfig:
     contact_weight: float = 0.05
     slide_weight: float = 0.2
     border_speed_weight: float = 0.3  # of the speed of joints where words meet
-    tempi: tuple[float, ...] = (
-        0.8,
-        0.9,
-        1.0,
-        1.11,
-        1.25,
-    )  # that takes are played at, of their own; 1 alone: none
+    tempi: tuple[float, ...] = (0.8, 0.9, 1.0, 1.11, 1.25)  # that takes are played at; 1 alone: their own
     frames: int = 75  # of a training sequence
     teacher_frames: int = 5  # with teacher forcing, before each run of self-fed frames
     self_fed_frames: tuple[int, ...] = (5, 15, 60)  # with the network's own poses as input; drawn per batch
@@ -73,6 +67,17 @@ _PRESETS = {
         width=48, n_layers=1, condition_width=32, frames=40, self_fed_frames=(5, 15), batch_size=8, steps=40
     ),
 }  # fmt: skip
+
+
+_TEMPI_TAUGHT = (0.7, 0.8, 0.9, 1.0, 1.11, 1.25, 1.45)
+
+
+def taught(config: RolloutConfig) -> RolloutConfig:
+    """How a network is trained that learns from dances beside the takes: longer, and at more tempi.
+
+    There is more to learn, and a song can be half as fast again as any take of its genre.
+    """
+    return replace(config, steps=2 * config.steps, tempi=_TEMPI_TAUGHT)
 
 
 def rollout_config(preset: str, **changes: Any) -> RolloutConfig:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from choreograph.building.build import build_repertoire
 from choreograph.building.options import BuildOptions
 from choreograph.building.result import BuildResult
 from choreograph.errors import ParameterError
+from choreograph.pipeline.graph_teacher import graph_dances
 from choreograph.progress import ProgressReport
 
 _FLAGS = frozenset(f.name for f in fields(BuildOptions) if f.type == "bool")
@@ -32,6 +34,7 @@ def build(
     keep_networks: bool = False,
     compress: bool = False,
     rollout: bool = False,
+    rollout_teacher: bool = BuildOptions.rollout_teacher,
     leave_out: Sequence[str] = (),
     lock_feet: bool = True,
     augment_mirror: bool = True,
@@ -48,9 +51,9 @@ def build(
     ----------
     sources : a folder or file of takes, or several
     output : the file to write; work in progress lies beside it in `OUTPUT.build/`
-    preset, density, seed, device, beats, resume, keep_networks, compress, rollout, leave_out, lock_feet,
-        augment_mirror, words, pretrained, style_changes, density_changes, method : as in `BuildOptions`;
-        `choreograph.published.published_build` gives those of the method as published
+    preset, density, seed, device, beats, resume, keep_networks, compress, rollout, rollout_teacher,
+        leave_out, lock_feet, augment_mirror, words, pretrained, style_changes, density_changes, method : as
+        in `BuildOptions`; `choreograph.published.published_build` gives those of the method as published
     init_from : repertoire whose networks training starts from
     report : called with the stage's name, how much is done, of how much
     training_report : called with a `TrainingProgress` now and then
@@ -69,16 +72,18 @@ def build(
         preset=preset, density=density, seed=seed, device=device, beats=beats, resume=resume,
         init_from=None if init_from is None else _as_path("init_from", init_from),
         pretrained=pretrained, keep_networks=keep_networks,
-        compress=compress, rollout=rollout, leave_out=tuple(leave_out), lock_feet=lock_feet,
-        augment_mirror=augment_mirror, words=words, style_changes=dict(style_changes or {}),
-        density_changes=dict(density_changes or {}), method=method,
+        compress=compress, rollout=rollout, rollout_teacher=rollout_teacher, leave_out=tuple(leave_out),
+        lock_feet=lock_feet, augment_mirror=augment_mirror, words=words,
+        style_changes=dict(style_changes or {}), density_changes=dict(density_changes or {}), method=method,
     )  # fmt: skip
     for name in sorted(_FLAGS):
         if not isinstance(getattr(options, name), bool):
             raise ParameterError(f"expected {name} as True or False, got {getattr(options, name)!r}")
     return build_repertoire(
-        paths, _as_path("output", output), options, report=report, training_report=training_report
-    )
+        paths, _as_path("output", output), options,
+        teacher=partial(graph_dances, beats=beats, seed=seed, report=report),
+        report=report, training_report=training_report,
+    )  # fmt: skip
 
 
 def _as_path(what: str, path: object) -> Path:
