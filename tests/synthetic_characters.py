@@ -272,8 +272,10 @@ def _add_body(document: GltfDocument, made: Made, spec: Spec) -> int:
         along = (mesh.vertices_m - a) @ (b - a) / ((b - a) @ (b - a))
         near = (joints == made.part.index(start)) & (np.abs(along - 0.5) < 0.25)[:, None]
         joints[near] = made.names.index(name)
+    once = joints[:, :1] == joints[:, 1:]  # (V, 1) both of a vertex's joints are of one bone
     worn = replace(
         mesh,
+        weights=np.where(once, [[1.0, 0.0]], mesh.weights).astype(np.float32),
         vertices_m=(spec.units_per_m * spec.size * points).astype(np.float32),
         normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
         joints=joints.astype(np.int32),
