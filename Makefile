@@ -1,11 +1,12 @@
 # make test: set up and run every test; make test-fast: those that take a moment.
+# make test-lowest: every test with the lowest versions that pyproject.toml allows, in an environment of its own.
 # make dance [SONG=song.mp3] [DB=rep.h5]: set up and dance.
 PYTHON ?= python3
 BIN := .venv/bin
 SONG ?= $(shell $(BIN)/choreograph songs --path house)
 DB ?=
 
-.PHONY: setup test test-fast lint dance starter benchmark format
+.PHONY: setup test test-fast test-lowest lint dance starter faults benchmark format
 
 setup: .venv/.ready
 
@@ -20,6 +21,12 @@ test: setup
 
 test-fast: setup
 	$(BIN)/pytest -n auto --dist loadfile -m "not slow and not alone"
+
+test-lowest:
+	$(PYTHON) -m venv .venv-lowest
+	$(PYTHON) .ci/lowest.py > .venv-lowest/lowest.txt
+	.venv-lowest/bin/pip install --quiet --constraint .venv-lowest/lowest.txt --editable '.[test]'
+	.venv-lowest/bin/pytest -n auto --dist loadfile -m "not alone"
 
 lint: setup
 	$(BIN)/ruff check .
@@ -38,6 +45,10 @@ dance: setup
 starter: setup
 	$(BIN)/python -m choreograph.starter.song_recipe
 	$(BIN)/choreograph build-starter
+
+# Kills every kind of long work at random moments, and lets it run into a full disk: a quarter of an hour.
+faults: setup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m faults.run_faults
 
 benchmark: setup
 	$(BIN)/pytest --benchmark-only tests/benchmarks

@@ -1,5 +1,5 @@
 """`python -m choreograph`."""
 
-from choreograph.cli import main
+from choreograph.cli import run
 
-main(prog_name="choreograph")
+run()

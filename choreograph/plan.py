@@ -14,6 +14,7 @@ import numpy as np
 
 from choreograph.config import TRANSITION_LENGTHS_S, DanceConfig, is_number
 from choreograph.errors import FormatError, ParameterError
+from choreograph.files import as_path
 from choreograph.takes import Credits
 from choreograph.timebase import NODE_FRAMES, SEGMENT_S
 
@@ -162,6 +163,8 @@ class Plan:
     @classmethod
     def from_json(cls, text: str, *, name: str = "plan") -> Plan:
         """Read a plan; `FormatError` naming the key that is missing, unknown or of the wrong kind."""
+        if not isinstance(text, str):
+            raise ParameterError(f"expected a plan as text, got {reprlib.repr(text)}")
         try:
             data = json.loads(text)
         except (ValueError, RecursionError) as error:
@@ -197,8 +200,9 @@ class Plan:
     @classmethod
     def read(cls, path: str | Path) -> Plan:
         """Read a plan file; `FormatError` if it is missing or not a plan."""
+        file = as_path("a plan", path)
         try:
-            text = Path(path).read_text(encoding="utf-8")
+            text = file.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise FormatError(f"{path}: expected a plan file, could not read it: {error}") from error
         return cls.from_json(text, name=str(path))

@@ -28,12 +28,14 @@ from choreograph.features.phrasing import dance_span_s
 from choreograph.features.rhythm import rhythm_features
 from choreograph.features.sections import Sections, song_sections
 from choreograph.features.song_features import SongFeatures
+from choreograph.one_thread import one_thread
 from choreograph.repertoire import Repertoire
 from choreograph.song_counts import DEFAULT_BEATS, names_a_tracker, song_counts
 
 _NEAREST_CLIPS = 32  # whose takes say at which tempo a second of the song can be danced
 
 
+@one_thread()
 def analyse_song(
     song: Song, repertoire: Repertoire, *, beats: str | Path = DEFAULT_BEATS, start_s: float = 0.0
 ) -> tuple[SongFeatures, tuple[str, ...]]:

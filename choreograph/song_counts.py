@@ -17,6 +17,7 @@ from choreograph.features.music_beats import TRACKERS, BeatTracker, get_beat_tra
 NETWORK = "network"  # `nets.counts.music_tracker`
 TRACKER_NAMES = (*TRACKERS, NETWORK)
 DEFAULT_BEATS = NETWORK
+_BEAT_DECIMALS = 4  # of seconds: what sums of other CPUs change is rounded off, and no ear would tell
 
 
 def song_counts(
@@ -53,7 +54,7 @@ def song_beats(
     """A song's beats, with bars only if a file gives them; arguments and errors as of `song_counts`."""
     check_beats(beats)
     if names_a_tracker(beats):
-        times_s = _tracker(str(beats)).beats(song, log_mel)
+        times_s = np.round(_tracker(str(beats)).beats(song, log_mel), _BEAT_DECIMALS)
         return Counts(times_s, np.zeros(len(times_s), np.int64), 0)
     return read_beats(beats, start_s=start_s, duration_s=song.duration_s)
 

@@ -164,3 +164,26 @@ def test_the_types_serve_a_users_script(tmp_path):
     wrong_from = USER_SCRIPT.splitlines().index("def wrong() -> None:") + 1
     lines = [int(line.split(":")[1]) for line in done.stdout.splitlines() if ": error:" in line]
     assert lines == [wrong_from + 1, wrong_from + 2, wrong_from + 3], done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda made, repertoire: cg.load_song(3),
+        lambda made, repertoire: cg.load_song("a.wav", start_s="x"),
+        lambda made, repertoire: cg.dance("a.wav", repertoire, report=3),
+        lambda made, repertoire: cg.render(None, repertoire),
+        lambda made, repertoire: cg.render(made.plan, 3),
+        lambda made, repertoire: cg.Plan.read(3),
+        lambda made, repertoire: cg.Plan.from_json(3),
+        lambda made, repertoire: made.save("a.glb", character=3),
+        lambda made, repertoire: made.save("a.bvh", bvh=3),
+        lambda made, repertoire: cg.read_character(3),
+        lambda made, repertoire: cg.motifs_of(3, repertoire),
+        lambda made, repertoire: cg.motifs_of("walk", 3),
+        lambda made, repertoire: cg.signature_of(3, repertoire),
+    ],
+)
+def test_arguments_of_another_type_are_named_in_one_line(call, made, repertoire):
+    with pytest.raises(cg.ChoreographError, match=r"^expected [^\n]+, got [^\n]+$"):
+        call(made, repertoire)

@@ -7,6 +7,7 @@ decode in blocks that are mixed down and resampled immediately, so a song takes 
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from choreograph.audio.decode import decoded_blocks
 from choreograph.errors import FormatError, ParameterError
+from choreograph.files import as_path
 from choreograph.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 
 SILENCE_PEAK = 1e-4  # -80 dB: a song whose peak amplitude is lower counts as silent
@@ -56,7 +58,10 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     FormatError      the file is missing, a folder, empty, truncated, not audio, or has NaN samples
     ParameterError   `start_s` is negative or past the end, or `duration_s` is not positive
     """
-    path = Path(path)
+    path = as_path("a song", path)
+    for name, value in (("start_s", start_s), ("duration_s", duration_s)):
+        if value is not None and not isinstance(value, int | float | np.number):
+            raise ParameterError(f"expected {name} in seconds, got {reprlib.repr(value)}")
     if not (np.isfinite(start_s) and start_s >= 0):
         raise ParameterError(f"expected a start in seconds of 0 or more, got {start_s:g}")
     if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Sequence
 
 import numpy as np
@@ -34,6 +35,12 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
     `ParameterError` if it wants a take beyond its end, or holds words without a take: a network's, or those
     kept of another dance.
     """
+    if not isinstance(plan, Plan):
+        raise ParameterError(f"expected a Plan, got {reprlib.repr(plan)}: `Plan.read` reads a file")
+    if not isinstance(repertoire, Repertoire):
+        raise ParameterError(
+            f"expected a Repertoire, got {reprlib.repr(repertoire)}: `Repertoire.open` opens one"
+        )
     kept = next((word.kept for word in plan.words if word.kept), None)
     if kept is not None:
         raise ParameterError(f"the plan holds no motion of {kept}, which it keeps parts of: dance it again")

@@ -5,6 +5,7 @@
 - `song_cache` — each song decoded and analysed once
 - `segmentation` — takes segmented into motion words, and the motifs found among them
 - `train_networks`, `train_rollout` — every network of a repertoire
+- `training_content` — what they learn from, by which a checkpoint is known
 
 The package is not called `build`, since `choreograph.build` (in `pipeline.building`) is the function.
 """

@@ -22,11 +22,12 @@ from choreograph.building.train_networks import (
     PretrainedWeights,
     train_music_networks,
     train_word_network,
-    training_context,
 )
+from choreograph.building.training_content import source_checksums, training_content, training_context
 from choreograph.counts import FROM_MOTION
 from choreograph.features.density import motion_density
-from choreograph.files import check_target, sha256_of
+from choreograph.files import check_target
+from choreograph.locked_folder import locked_folder
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.pretrained import pretrained_set
 from choreograph.progress import ProgressReport
@@ -61,15 +62,35 @@ def build_repertoire(
 
     Raises
     ------
+    ChoreographError another process builds `output`
     ParameterError   no take is left, two takes share a name, an unknown preset
     FormatError      a source is damaged
     """
     options = options or BuildOptions()
     output = check_target(output)
+    work = output.with_name(output.name + ".build")
+    with locked_folder(work, doing=f"builds {output.name}"):
+        notes = _write_built(sources, output, work, options, teacher, report, training_report)
+    return BuildResult(Repertoire.open(output), notes)
+
+
+def _write_built(
+    sources: Iterable[str | Path],
+    output: Path,
+    work: Path,
+    options: BuildOptions,
+    teacher: Teacher | None,
+    report: ProgressReport | None,
+    training_report: Callable[[Any], None] | None,
+) -> tuple[str, ...]:
+    """Build what `output` holds and write it, with work in progress in `work`; returns notes."""
     shipped = pretrained_set(options.pretrained)
     pretrained = PretrainedWeights.of(options, shipped)
     measured, notes = measured_takes(sources, options, report)
-    context = training_context(output.with_name(output.name + ".build"), options, training_report)
+    checksums = source_checksums(measured)
+    content = training_content(measured, checksums, options)
+    resume_notes: list[str] = []
+    context = training_context(work, options, content, training_report, resume_notes.append)
     songs = SongCache(options.beats, keep_samples=options.rollout)
     measured, count_notes = counted_takes(measured, songs, motion_reader(shipped))
     heard: tuple[str, ...] = ()  # songs whose counts the network learned, where it has counted a take
@@ -92,9 +113,7 @@ def build_repertoire(
         measured,
         embed_motion=features.embed_motion,
         density=features.density or (lambda m: motion_density(len(m.body_pos_m), m.motion_beats_s)),
-        checksums=[
-            (str(path), sha256_of(path), i) for i, m in enumerate(measured) for path in m.take.source_paths
-        ],
+        checksums=checksums,
     )
     contents = Contents(
         arrays | words.arrays,
@@ -108,9 +127,7 @@ def build_repertoire(
         )
         contents = replace(contents, nets={**contents.nets, **rollout})
     write_repertoire(output, contents, compress=options.compress)
-    return BuildResult(
-        Repertoire.open(output), (*notes, *count_notes, *training_notes, *density_notes, *word_notes)
-    )
+    return (*notes, *count_notes, *resume_notes, *training_notes, *density_notes, *word_notes)
 
 
 def _provenance(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,15 +68,6 @@ class PretrainedWeights:
         """Weights that training starts from; None for random ones."""
         net = self.nets.get(name)
         return None if net is None else net.weights
-
-
-def training_context(
-    work: Path, options: BuildOptions, report: Callable[[Any], None] | None
-) -> TrainingContext:
-    """Checkpoints NAME.pt and logs NAME.jsonl in `work`; `options.resume` continues from there."""
-    from choreograph.nets.training import TrainingContext
-
-    return TrainingContext(work, options.resume, options.device, report or (lambda progress: None))
 
 
 def train_music_networks(

@@ -15,6 +15,7 @@ from choreograph.characters.bone_map import find_bones
 from choreograph.characters.performance import Performance, perform
 from choreograph.errors import FormatError, ParameterError
 from choreograph.fbx import convert
+from choreograph.files import as_path
 from choreograph.gltf import GltfDocument, Rig, SkinPoints, read_gltf, read_rig, read_skin_points
 from choreograph.motion.motion import Motion
 from choreograph.timebase import frame_times_s
@@ -70,7 +71,7 @@ def read_character(path: str | Path, bone_map: Mapping[str, str] | None = None) 
     Raises `FormatError` if the file cannot be read, or holds no skeleton, two characters or over 4096 bones,
     `ParameterError` if its bones cannot be found, or an .fbx needs a Blender that is not there.
     """
-    document = _document(Path(path))
+    document = _document(as_path("a character", path))
     if not document.json.get("skins"):
         raise FormatError(f"{path}: expected a character with a skeleton, got none: export it with its skin")
     found = read_rig(document)

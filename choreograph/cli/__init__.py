@@ -1,5 +1,5 @@
 """The command line: one file per command; parse, call, present."""
 
-from choreograph.cli.main import main
+from choreograph.cli.main import main, run
 
-__all__ = ["main"]
+__all__ = ["main", "run"]

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from click_option_group import optgroup
 
 from choreograph.cli.present import examples, names_of, show_notes, stages
-from choreograph.errors import ParameterError
+from choreograph.errors import ChoreographError, ParameterError
+
+if TYPE_CHECKING:
+    from choreograph.evaluation import Evaluation, KeptDances
 
 _FILE = click.Path(path_type=Path)
 
@@ -58,43 +65,46 @@ _FILE = click.Path(path_type=Path)
 @optgroup.group("Output")
 @optgroup.option("--report", type=_FILE, help="Write tables and plots as one HTML page.")
 @optgroup.option("--json", "json_path", metavar="FILE", help="Write every number as JSON; - prints it.")
+@optgroup.option(
+    "--resume", is_flag=True,
+    help="Go on with an evaluation that was stopped: its dances lie in OUTPUT.dances/ until it is complete.",
+)  # fmt: skip
 @optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no table.")
 def command(
     dance, song, db, folder, counted_by, experts, only, variants, seeds, duration, beats, seen, judge, report,
-    json_path, quiet,
+    json_path, resume, quiet,
 ) -> None:  # fmt: skip
     """Measure dances: made with --db to the songs of DIR, or DANCE (BVH, NPZ, …) against its SONG."""
-    from choreograph.evaluation import EvaluationConfig, find_songs, to_json, variants_named, write_report
+    from choreograph.evaluation import EvaluationConfig, find_songs, to_json, variants_named
     from choreograph.features.music_beats import DEFAULT_TRACKER
-    from choreograph.files import atomic_path
 
     if (folder is None) == (dance is None) or (dance is not None and song is None):
         raise ParameterError("expected --songs DIR to dance to, or a DANCE and its SONG")
-    if dance is not None and (only or variants or judge or experts or counted_by):
+    if dance is not None and (only or variants or judge or experts or counted_by or resume):
         raise ParameterError(
-            "--variants, --only, --judge, --experts, --counted-by need --songs, got a DANCE: leave them out"
+            "--variants, --only, --judge, --experts, --counted-by, --resume need --songs, got a DANCE: leave "
+            "them out"
         )
     _check_targets(report, json_path)
+    output = report if json_path in (None, "-") else Path(json_path)
+    if resume and output is None:
+        raise ParameterError("expected --report or --json FILE with --resume: dances are kept beside it")
     beats = beats or DEFAULT_TRACKER
     with stages(quiet=quiet) as shown:
         if dance is not None:
             evaluation = _of_dance(dance, song, db, duration, beats)
+            _write(evaluation, report, json_path)
         else:
             config = EvaluationConfig(variants_named(variants or ("ours",)), seeds, beats, seen)
             shown.report("finding songs", 0, 0)
             songs = find_songs(folder, only=names_of(only), duration_s=duration, counted_by=counted_by)
-            evaluation = _of_songs(songs, db, config, judge, experts, shown.report)
-        if report:
-            shown.report("writing the report", 0, 0)
-            write_report(report, evaluation)
-    text = to_json(evaluation) if json_path else ""
-    if json_path not in (None, "-"):
-        with atomic_path(json_path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+            with _kept(output, resume) as kept:
+                evaluation = _of_songs(songs, db, config, judge, experts, kept, shown.report)
+                _write(evaluation, report, json_path)
     if not quiet:
         show_notes(evaluation.notes)
     if json_path == "-":
-        click.echo(text, nl=False)
+        click.echo(to_json(evaluation), nl=False)
     elif not quiet:
         _show(evaluation)
 
@@ -125,7 +135,39 @@ def _of_dance(dance, song, db, duration, beats):
     return evaluate_dance(takes[0].motion, loaded, name=str(dance), beats=beats, repertoire=repertoire)
 
 
-def _of_songs(songs, db, config, judge, experts, report):
+@contextmanager
+def _kept(output: Path | None, resume: bool) -> Iterator[KeptDances | None]:
+    """The dances that are kept beside the output; where they are kept and not all are made, says so."""
+    from choreograph.evaluation import kept_dances
+
+    if output is None:
+        yield None
+        return
+    folder = output.with_name(output.name + ".dances")
+    with kept_dances(folder, resume=resume, doing=f"evaluates for {output.name}") as kept:
+        try:
+            yield kept
+        except KeyboardInterrupt:
+            click.echo(f"stopped: {len(kept)} dances are kept, --resume goes on from here", err=True)
+            sys.exit(130)
+        except ChoreographError as error:
+            if len(kept):
+                raise type(error)(f"{error}; {len(kept)} dances are kept, --resume goes on") from error
+            raise
+
+
+def _write(evaluation: Evaluation, report: Path | None, json_path: str | None) -> None:
+    from choreograph.evaluation import to_json, write_report
+    from choreograph.files import atomic_path
+
+    if report:
+        write_report(report, evaluation)
+    if json_path not in (None, "-"):
+        with atomic_path(json_path) as temporary:
+            temporary.write_text(to_json(evaluation), encoding="utf-8")
+
+
+def _of_songs(songs, db, config, judge, experts, kept, report):
     from choreograph.evaluation import evaluate, read_experts
     from choreograph.repertoire import Repertoire
     from choreograph.starter import starter_repertoire
@@ -133,7 +175,7 @@ def _of_songs(songs, db, config, judge, experts, report):
     repertoire = starter_repertoire() if db is None else Repertoire.open(db)
     judging = None if judge is None else Repertoire.open(judge)
     references = () if experts is None else read_experts(experts, songs)
-    return evaluate(repertoire, songs, config, references=references, judge=judging, report=report)
+    return evaluate(repertoire, songs, config, references=references, judge=judging, kept=kept, report=report)
 
 
 def _show(evaluation) -> None:

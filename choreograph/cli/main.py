@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
+import signal
 import sys
 from importlib import import_module
 
 import click
 
-from choreograph.cli.present import examples
+from choreograph.cli.crash import report_crash
+from choreograph.cli.present import examples, show_notes
 from choreograph.errors import ChoreographError
 
 _COMMANDS = {
@@ -35,6 +38,9 @@ class _Commands(click.Group):
         except ChoreographError as error:
             click.echo(f"choreograph: {' '.join(str(error).split())}", err=True)
             sys.exit(2)
+        except KeyboardInterrupt:
+            click.echo("choreograph: interrupted", err=True)
+            sys.exit(128 + signal.SIGINT)
 
 
 @click.group(
@@ -49,3 +55,17 @@ class _Commands(click.Group):
 @click.version_option(package_name="choreograph")
 def main() -> None:
     """Make dances for music from a motion library, and explain every second of them."""
+
+
+class _Notes(logging.Handler):
+    """Shows what the library logs as notes."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        show_notes([record.getMessage()])
+
+
+def run() -> None:
+    """The program: `main`, with the library's warnings as notes, and the unexpected in one line."""
+    sys.excepthook = report_crash
+    logging.getLogger("choreograph").addHandler(_Notes())
+    main(prog_name="choreograph")

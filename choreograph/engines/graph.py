@@ -42,6 +42,8 @@ from choreograph.progress import substage
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import CLIP_S, NET_FPS
 
+_COST_DECIMALS = 4  # of a cost in a plan: beyond them CPUs differ
+
 
 class GraphEngine:
     """Seconds of warped takes, and the path through a graph of them (ChoreoGraph, section 3)."""
@@ -242,6 +244,6 @@ def _planned_second(node: Layer, costs: dict[str, float], request: DanceRequest)
         source_times_s=tuple(float(time) for time in times_s.round(5)),
         start_s=float(node.second),
         transition_s=TRANSITION_LENGTHS_S[request.config.blending][0],
-        costs=costs,
+        costs={name: round(cost, _COST_DECIMALS) for name, cost in costs.items()},
         credits=take.credits,
     )

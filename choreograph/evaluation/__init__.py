@@ -7,6 +7,7 @@ Measuring
 - `CountedDance` — a dance to measure beside the variants: an expert's, laid on the beats
 - `read_experts` — such dances from files
 - `danced_counts` — the counts of the takes as they lie in a dance
+- `kept_dances` — a folder that keeps the dances of an evaluation until it is complete
 - `find_songs` — the songs in a folder, with real takes to them
 - `VARIANTS`, `GROUPS`, `variants_named` — the variants that are compared, the paper's Table 1 among them
 
@@ -25,6 +26,7 @@ Rating studies (import from their modules)
 from choreograph.evaluation.counted_dance import CountedDance
 from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.experts import read_experts
+from choreograph.evaluation.kept_dances import KeptDances, kept_dances
 from choreograph.evaluation.metric_catalogue import METRICS, Metric
 from choreograph.evaluation.report import write_report
 from choreograph.evaluation.results import Evaluation, MeasuredDance
@@ -37,6 +39,7 @@ from choreograph.evaluation.variants import GROUPS, VARIANTS, Variant, variants_
 
 __all__ = [
     "GROUPS", "METRICS", "VARIANTS", "CountedDance", "EvaluatedSong", "Evaluation", "EvaluationConfig",
-    "MeasuredDance", "Metric", "Scores", "Table", "Variant", "danced_counts", "evaluate", "evaluate_dance",
-    "find_songs", "read_experts", "tables", "to_json", "variants_named", "write_report",
+    "KeptDances", "MeasuredDance", "Metric", "Scores", "Table", "Variant", "danced_counts", "evaluate",
+    "evaluate_dance", "find_songs", "kept_dances", "read_experts", "tables", "to_json", "variants_named",
+    "write_report",
 ]  # fmt: skip

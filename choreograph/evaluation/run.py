@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.audio.song import Song
 from choreograph.errors import ParameterError
 from choreograph.evaluation.counted_dance import CountedDance
 from choreograph.evaluation.dance_scores import dance_scores
+from choreograph.evaluation.kept_dances import KeptDances
 from choreograph.evaluation.motif_scores import scorer_for
 from choreograph.evaluation.motion_scores import dance_label_values, label_scores, physical_scores
 from choreograph.evaluation.phase_scores import DancedPhases, danced_phases, phase_scores
@@ -33,9 +35,10 @@ from choreograph.evaluation.retrieval_scores import retrieval_scores
 from choreograph.evaluation.scores import Scores, weighted_mean
 from choreograph.evaluation.song_music import SongMusic, second_tracker, song_music
 from choreograph.evaluation.songs import EvaluatedSong, check_unseen
-from choreograph.evaluation.variants import Variant, dance_variant, variants_named
+from choreograph.evaluation.variants import Variant, check_variant, dance_variant, variants_named
 from choreograph.features.music_beats import DEFAULT_TRACKER
 from choreograph.metrics import labels
+from choreograph.pipeline import Dance
 from choreograph.plan import Plan
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import Repertoire
@@ -67,6 +70,7 @@ def evaluate(
     *,
     references: Sequence[CountedDance] = (),
     judge: Repertoire | None = None,
+    kept: KeptDances | None = None,
     report: ProgressReport | None = None,
 ) -> Evaluation:
     """Dance to held-out songs in every variant with every seed, and measure all dances and the real ones.
@@ -74,20 +78,23 @@ def evaluate(
     `references` are measured beside them: experts' dances to the same songs, say. Those to other songs only
     show where in the counts dancers of their genre come to rest. `judge` is a repertoire
     built with another seed: motifs and signatures are then those of its vocabulary, by its word network,
-    which priced none of the dances.
+    which priced none of the dances. Dances that `kept` holds are not made again, and those that are made are
+    kept there, so that a stopped evaluation can go on.
 
     Raises
     ------
     ParameterError    the repertoire or the judge was built from a song, the judge has the repertoire's own
                       word network, or beats or settings cannot be used
     FormatError       a song cannot be read
-    RepertoireError   the repertoire lacks something that a variant needs
+    RepertoireError   the repertoire lacks something that a variant needs: known before the first dance
     """
     config = config or EvaluationConfig()
+    for variant in config.variants:
+        check_variant(variant, repertoire)
     for built in (repertoire, judge) if not config.seen else ():
         if built is not None:
             check_unseen(songs, built)
-    run = _Run(repertoire, songs, config, references, judge, report)
+    run = _Run(repertoire, songs, config, references, judge, kept, report)
     for song in songs:
         run.dance_to(song)
     return run.evaluation()
@@ -103,9 +110,10 @@ class _Run:
         config: EvaluationConfig,
         references: Sequence[CountedDance],
         judge: Repertoire | None,
+        kept: KeptDances | None,
         report: ProgressReport | None,
     ) -> None:
-        self.repertoire, self.songs, self.config = repertoire, songs, config
+        self.repertoire, self.songs, self.config, self.kept = repertoire, songs, config, kept
         self.report = report or (lambda stage, done, total: None)
         self.dances: list[MeasuredDance] = []
         self.retrievals: list[MeasuredDance] = []  # style retrieval by song, not dances
@@ -153,7 +161,7 @@ class _Run:
         for variant in self.config.variants:
             for seed in self._seeds(variant):
                 self.report("dancing", len(self.dances), self.n_dances)
-                dance = dance_variant(variant, loaded, self.repertoire, seed=seed, start_s=song.start_s)
+                dance = self._dance(song, loaded, variant, seed)
                 self.notes |= dict.fromkeys(dance.notes)
                 made = CountedDance.from_plan(
                     variant.name, song.name, dance.motion, dance.plan, self.repertoire
@@ -173,6 +181,16 @@ class _Run:
             template = self.motif_scorer.template(song.genre) if self.motif_scorer else None
             beats_s = self.music[song.name].beats_s
             self.example = ExampleSong(song.name, beats_s, tuple(examples), template)
+
+    def _dance(self, song: EvaluatedSong, loaded: Song, variant: Variant, seed: int) -> Dance:
+        """A variant's dance to a song: as it was kept, or made now and kept."""
+        known = None if self.kept is None else self.kept.find(song, variant, seed, self.repertoire)
+        if known is not None:
+            return known
+        dance = dance_variant(variant, loaded, self.repertoire, seed=seed, start_s=song.start_s)
+        if self.kept is not None:
+            self.kept.keep(song, variant, seed, self.repertoire, dance)
+        return dance
 
     def _measure(self, song: EvaluatedSong, seed: int, dance: CountedDance) -> ExampleDance:
         rng, motion, music = np.random.default_rng(seed), dance.motion, self.music[song.name]

@@ -10,7 +10,9 @@ import numpy as np
 from choreograph import published
 from choreograph.audio.song import Song
 from choreograph.config import DEFAULT_WEIGHTS, TRANSITION_LENGTHS_S, DanceConfig
-from choreograph.errors import ParameterError, RepertoireError
+from choreograph.constraints.spec import Constraints
+from choreograph.engines import ENGINES
+from choreograph.errors import ChoreographError, ParameterError, RepertoireError
 from choreograph.pipeline import Dance, dance, render
 from choreograph.plan import Plan, PlannedSecond
 from choreograph.repertoire import Repertoire
@@ -124,19 +126,33 @@ def variants_named(names: Sequence[str]) -> tuple[Variant, ...]:
     return tuple(chosen.values())
 
 
-def dance_variant(
-    variant: Variant, song: Song, repertoire: Repertoire, *, seed: int = 0, start_s: float = 0.0
-) -> Dance:
-    """The variant's dance to a song that begins at `start_s` of its file.
-
-    Raises as `dance` does, and `RepertoireError` if the repertoire was not built by the variant's method.
-    """
+def check_variant(variant: Variant, repertoire: Repertoire) -> None:
+    """Raise `RepertoireError` or `ParameterError`, before any work, if the repertoire cannot dance it."""
     built_by = repertoire.provenance.get("method", "ours")
     if not built_by.startswith(variant.method):
         raise RepertoireError(
             f"{repertoire.path}: expected a repertoire of `choreograph build-db --{variant.method}` for "
             f"{variant.name}, got one built otherwise: its networks were trained by another method"
         )
+    if not variant.random_clips:
+        try:
+            ENGINES[variant.config.engine].check(repertoire, variant.config, Constraints(), ())
+        except ChoreographError as error:
+            raise type(error)(f"cannot dance the variant {variant.name}: {error}") from error
+    elif repertoire.n_clips == 0:
+        raise RepertoireError(
+            f"{repertoire.path}: expected clips, got none: all takes are shorter than {CLIP_S} s"
+        )
+
+
+def dance_variant(
+    variant: Variant, song: Song, repertoire: Repertoire, *, seed: int = 0, start_s: float = 0.0
+) -> Dance:
+    """The variant's dance to a song that begins at `start_s` of its file.
+
+    Raises as `dance` and `check_variant` do.
+    """
+    check_variant(variant, repertoire)
     config = replace(variant.config, seed=seed)
     if not variant.random_clips:
         return dance(song, repertoire, config=config, start_s=start_s)
@@ -146,10 +162,6 @@ def dance_variant(
 
 def _random_plan(song: Song, repertoire: Repertoire, config: DanceConfig, start_s: float) -> Plan:
     """A random clip for every 4 s: its middle 4 s at recorded speed."""
-    if repertoire.n_clips == 0:
-        raise RepertoireError(
-            f"{repertoire.path}: expected clips, got none: all takes are shorter than {CLIP_S} s"
-        )
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     drawn = np.random.default_rng(config.seed).integers(repertoire.n_clips, size=-(-n_seconds // SEGMENT_S))
     seconds = []

@@ -32,10 +32,17 @@ class UsdaWriter(Writer):
     format = "usda"
 
     def write(self, motion: Motion, path: Path) -> None:
-        """Write `motion`; `ParameterError` without the package."""
+        """Write `motion`; `ParameterError` without the package, `OSError` if the file cannot be written."""
         require_usd(path)
+        from pxr import Tf
+
         stage = dance_stage(motion)
-        stage.GetRootLayer().Export(str(path))
+        try:
+            written = stage.GetRootLayer().Export(str(path))
+        except Tf.ErrorException as error:
+            raise OSError("USD could not write it: the disk is full, or writing is not allowed") from error
+        if not written:
+            raise OSError("USD could not write it")
 
 
 class UsdcWriter(UsdaWriter):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from choreograph.kernel_cache import njit
 
 _NONE = 0  # the first beat: no interval before it
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def best_beat_sequence(strength, tempo_gain, gain_hop, first_period, change_penalty, new_tempo_penalty):
     """Frames of the beat sequence with the highest score over the whole song.
 
@@ -61,7 +62,7 @@ def best_beat_sequence(strength, tempo_gain, gain_hop, first_period, change_pena
     return np.array(beats[::-1], np.int64)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def best_bar_sequence(
     beat, bar, metre_gain, first_period, n_periods, state_metre, state_number, metres, change_cost, break_cost
 ):
@@ -142,7 +143,7 @@ def best_bar_sequence(
     return _traced(end_t, end_p, end_s, from_period, from_state, first_period)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _phase_steps(first_period, n_periods, metres):
     """Of the phases in beat and bars that run through each interval: their turn from frame to frame, and one
     over the phase of the interval's last frame, (P, 1 + M) unit complex numbers each."""
@@ -156,7 +157,7 @@ def _phase_steps(first_period, n_periods, metres):
     return turns, newest
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _slide(sums, metre_sums, vectors, metre_gain, turns, newest, t, first_period):
     """Move the sums over the interval that ends at frame t - 1, for each of its lengths, on to frame t.
 
@@ -178,7 +179,7 @@ def _slide(sums, metre_sums, vectors, metre_gain, turns, newest, t, first_period
                     metre_sums[i, m - 1] += metre_gain[t - 1, m - 1]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _traced(t, i, s, from_period, from_state, first_period):
     """The path that ends at frame t with period i in state s: bounds (Q + 1,) and states (Q,)."""
     bounds, states = [t, t - first_period - i], [s]

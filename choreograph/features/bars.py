@@ -84,14 +84,15 @@ def state_evidence(accents: Floats, repeats: Floats, accent_weights: Floats, met
 
 def best_bars(evidence: Floats) -> tuple[NDArray[np.int64], float]:
     """The best path of states (Q,), and its log margin over the best that differs from it at every beat."""
-    from librosa.sequence import viterbi  # a second to import
     from scipy.special import softmax
+
+    from choreograph.cached_librosa import librosa  # a second to import
 
     suits = softmax(evidence, axis=1).T  # (7, Q)
     transition = _transition()
-    states, score = viterbi(suits, transition, return_logp=True)
+    states, score = librosa.sequence.viterbi(suits, transition, return_logp=True)
     suits[states, np.arange(len(states))] = 0.0
-    _, other = viterbi(suits, transition, return_logp=True)
+    _, other = librosa.sequence.viterbi(suits, transition, return_logp=True)
     return states.astype(np.int64), float(np.squeeze(score - other))
 
 

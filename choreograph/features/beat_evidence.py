@@ -125,9 +125,9 @@ def _chroma(samples: NDArray[np.floating], bounds_s: Floats) -> tuple[Floats, Fl
 @lru_cache(maxsize=1)
 def _chroma_banks() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Pitch class filters (12, 4097) of the bass and of the harmony."""
-    from librosa.filters import chroma
+    from choreograph.cached_librosa import librosa
 
-    bank = chroma(sr=SAMPLE_RATE_HZ, n_fft=_SPECTRUM, octwidth=None)
+    bank = librosa.filters.chroma(sr=SAMPLE_RATE_HZ, n_fft=_SPECTRUM, octwidth=None)
     hz = fft.rfftfreq(_SPECTRUM, 1 / SAMPLE_RATE_HZ)
     low, high = (bank * ((hz >= a) & (hz < b)) for a, b in (_BASS_HZ, _HARMONY_HZ))
     return low.astype(np.float32), high.astype(np.float32)

@@ -70,16 +70,18 @@ def _hann() -> NDArray[np.float32]:
 @lru_cache(maxsize=1)
 def mel_filterbank() -> NDArray[np.float32]:
     """Triangular filters (96, 1025) from 0 Hz to half the sample rate, each of unit area per Hz."""
-    from librosa.filters import mel  # a second to import
+    from choreograph.cached_librosa import librosa  # a second to import
 
     # Rounded to float32 once, at the end: librosa's default rounds before it normalises the area, too.
-    filters = mel(sr=SAMPLE_RATE_HZ, n_fft=MEL_WINDOW, n_mels=MEL_BANDS, norm="slaney", dtype=np.float64)
+    filters = librosa.filters.mel(
+        sr=SAMPLE_RATE_HZ, n_fft=MEL_WINDOW, n_mels=MEL_BANDS, norm="slaney", dtype=np.float64
+    )
     return filters.astype(np.float32)
 
 
 @lru_cache(maxsize=1)
 def mel_band_hz() -> NDArray[np.float64]:
     """Centre frequencies of the bands in Hz, (96,)."""
-    from librosa import mel_frequencies
+    from choreograph.cached_librosa import librosa
 
-    return mel_frequencies(MEL_BANDS + 2, fmin=0.0, fmax=SAMPLE_RATE_HZ / 2)[1:-1]
+    return librosa.mel_frequencies(MEL_BANDS + 2, fmin=0.0, fmax=SAMPLE_RATE_HZ / 2)[1:-1]

@@ -67,13 +67,14 @@ def librosa_beats(log_mel: NDArray[np.floating], duration_s: float) -> NDArray[n
     strength = level_normalized(onset_envelopes(log_mel).mean(axis=1)).astype(np.float32)  # (T,)
     if not strength.any():
         return np.zeros(0)
-    from librosa.beat import beat_track
-    from librosa.feature.rhythm import tempo
+    from choreograph.cached_librosa import librosa, librosa_beat
 
-    bpm = tempo(
+    bpm = librosa.feature.tempo(
         onset_envelope=strength, sr=MUSIC_FPS, hop_length=1, start_bpm=_PRIOR_BPM, std_bpm=_PRIOR_OCTAVES
     )[0]
-    _, frames = beat_track(onset_envelope=strength, sr=MUSIC_FPS, hop_length=1, bpm=bpm, trim=False)
+    _, frames = librosa_beat().beat_track(
+        onset_envelope=strength, sr=MUSIC_FPS, hop_length=1, bpm=bpm, trim=False
+    )
     beats = frames_to_seconds(frames, MUSIC_FPS) + _ONSET_LEAD_S
     return fill_missing_beats(beats[beats < duration_s], duration_s)
 

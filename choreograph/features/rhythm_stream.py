@@ -7,6 +7,7 @@ onsets are within 60 dB of. After the first loud bar the two agree.
 
 from __future__ import annotations
 
+import reprlib
 from collections import deque
 
 import numpy as np
@@ -52,6 +53,8 @@ class RhythmStream:
 
     def feed(self, samples: NDArray[np.floating]) -> None:
         """Add samples (S,), mono at 22.05 kHz; `ParameterError` unless they are finite, or after the end."""
+        if np.asarray(samples).dtype.kind not in "fiu":
+            raise ParameterError(f"expected samples (S,) as numbers, got {reprlib.repr(samples)}")
         block = np.asarray(samples, np.float32)
         if self.has_ended:
             raise ParameterError("expected no more samples after the end of the music")

@@ -72,11 +72,11 @@ def song_sections(
 
 def _section_starts(beat_features: Floats, beats_s: Floats, units: NDArray[np.int64]) -> NDArray[np.int64]:
     """First beat of each section, (S,), among the first beats (U,) of the units to be merged."""
-    from librosa.segment import agglomerative  # a second to import
+    from choreograph.cached_librosa import librosa  # a second to import
 
     most = min(len(beat_features) // _MIN_BEATS, len(units))
     n_sections = int(np.clip(round((beats_s[-1] - beats_s[0]) / SECTION_S), min(2, most), most))
-    starts = units[np.unique(agglomerative(_means(beat_features, units).T, n_sections))]
+    starts = units[np.unique(librosa.segment.agglomerative(_means(beat_features, units).T, n_sections))]
     while len(starts) > 1:
         length_s = np.diff(beats_s[np.append(starts, len(beats_s) - 1)])
         shortest = int(length_s.argmin())

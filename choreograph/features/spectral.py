@@ -103,50 +103,49 @@ def spectral_features(
 
 def _tonal_frames(samples: NDArray[np.float32], tuning: float) -> dict[str, NDArray[np.floating]]:
     """Features of the constant-Q transform, each (T, n) with T = 1 + S // 512."""
-    from librosa import cqt
-    from librosa.feature import chroma_cens, chroma_cqt, tonnetz
+    from choreograph.cached_librosa import librosa
 
     n_frames = 1 + len(samples) // _HOP
     long_enough = np.pad(samples, (0, max(0, _CQT_MIN_SAMPLES - len(samples))))
     tones = np.abs(
-        cqt(
+        librosa.cqt(
             long_enough, sr=SAMPLE_RATE_HZ, hop_length=_HOP, n_bins=_CQT_BINS,
             bins_per_octave=_CQT_BINS_PER_OCTAVE, tuning=tuning * _CQT_BINS_PER_OCTAVE / 12,
         )
     )  # (252, T)  # fmt: skip
     tones[tones < _CQT_FLOOR * tones.max()] = 0.0
-    chroma = chroma_cqt(C=tones, bins_per_octave=_CQT_BINS_PER_OCTAVE)  # (12, T)
-    cens = chroma_cens(C=tones, bins_per_octave=_CQT_BINS_PER_OCTAVE)
-    rows = {"chroma_cqt": chroma, "chroma_cens": cens, "tonnetz": tonnetz(chroma=chroma)}
+    chroma = librosa.feature.chroma_cqt(C=tones, bins_per_octave=_CQT_BINS_PER_OCTAVE)  # (12, T)
+    cens = librosa.feature.chroma_cens(C=tones, bins_per_octave=_CQT_BINS_PER_OCTAVE)
+    rows = {"chroma_cqt": chroma, "chroma_cens": cens, "tonnetz": librosa.feature.tonnetz(chroma=chroma)}
     return {name: row[:, :n_frames].T for name, row in rows.items()}
 
 
 def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArray[np.floating]]:
     """Features of the short-time spectrum, each (T_b, n), of samples that begin half a window early."""
-    from librosa import feature, power_to_db, stft
+    from choreograph.cached_librosa import librosa
 
     rate: dict[str, Any] = {"sr": SAMPLE_RATE_HZ}
-    spectrum = stft(block, n_fft=_WINDOW, hop_length=_HOP, center=False)  # (F, T_b)
+    spectrum = librosa.stft(block, n_fft=_WINDOW, hop_length=_HOP, center=False)  # (F, T_b)
     power = spectrum.real**2 + spectrum.imag**2
     gated = np.where(power < _POWER_FLOOR, np.float32(0.0), power)
     amplitude = np.sqrt(gated)
     at_floor = np.sqrt(np.maximum(power, _POWER_FLOOR))  # decibels of zero are undefined
 
     def mel_db(n_mels: int) -> NDArray[np.floating]:
-        mel = feature.melspectrogram(S=gated, n_mels=n_mels, **rate)
-        return power_to_db(mel, amin=_MEL_POWER_FLOOR, top_db=None)
+        mel = librosa.feature.melspectrogram(S=gated, n_mels=n_mels, **rate)
+        return librosa.power_to_db(mel, amin=_MEL_POWER_FLOOR, top_db=None)
 
-    centroid = feature.spectral_centroid(S=amplitude, **rate)
+    centroid = librosa.feature.spectral_centroid(S=amplitude, **rate)
     rows = {
-        "chroma": feature.chroma_stft(S=gated, tuning=tuning, **rate),
+        "chroma": librosa.feature.chroma_stft(S=gated, tuning=tuning, **rate),
         "mel_db": mel_db(_COLUMNS["mel_db"]),
-        "mfcc": feature.mfcc(S=mel_db(128), n_mfcc=_COLUMNS["mfcc"], **rate),
+        "mfcc": librosa.feature.mfcc(S=mel_db(128), n_mfcc=_COLUMNS["mfcc"], **rate),
         "centroid_hz": centroid,
-        "bandwidth_hz": feature.spectral_bandwidth(S=amplitude, centroid=centroid, **rate),
-        "contrast_db": feature.spectral_contrast(S=at_floor, **rate).mean(axis=0, keepdims=True),
-        "flatness": feature.spectral_flatness(S=amplitude, amin=_POWER_FLOOR),
-        "rolloff_hz": feature.spectral_rolloff(S=amplitude, **rate),
-        "zero_crossing_rate": feature.zero_crossing_rate(
+        "bandwidth_hz": librosa.feature.spectral_bandwidth(S=amplitude, centroid=centroid, **rate),
+        "contrast_db": librosa.feature.spectral_contrast(S=at_floor, **rate).mean(axis=0, keepdims=True),
+        "flatness": librosa.feature.spectral_flatness(S=amplitude, amin=_POWER_FLOOR),
+        "rolloff_hz": librosa.feature.spectral_rolloff(S=amplitude, **rate),
+        "zero_crossing_rate": librosa.feature.zero_crossing_rate(
             block, frame_length=_WINDOW, hop_length=_HOP, center=False, threshold=_CROSSING_FLOOR
         ),
     }
@@ -155,16 +154,16 @@ def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArr
 
 def _tuning(samples: NDArray[np.float32]) -> float:
     """Deviation of the song's A from 440 Hz in semitones, -0.5 to 0.5; 0 where no pitch is found."""
-    from librosa import piptrack, pitch_tuning
+    from choreograph.cached_librosa import librosa
 
     padded = np.pad(samples, (0, max(0, _WINDOW - len(samples))))
-    pitches, strengths = piptrack(
+    pitches, strengths = librosa.piptrack(
         y=padded, sr=SAMPLE_RATE_HZ, n_fft=_WINDOW, hop_length=_TUNING_HOP, center=False
     )
     if not (pitches > 0).any():
         return 0.0
     is_salient = (pitches > 0) & (strengths >= np.median(strengths[pitches > 0]))
-    return float(pitch_tuning(pitches[is_salient]))
+    return float(librosa.pitch_tuning(pitches[is_salient]))
 
 
 def _interval_means(frames: NDArray[np.floating], beats: NDArray[np.float64]) -> NDArray[np.floating]:

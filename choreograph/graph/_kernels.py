@@ -6,14 +6,15 @@ Each call runs on one thread: the planner evaluates parts of a block of edges in
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from choreograph.kernel_cache import njit
 
 # A squared distance is the difference of sums: below this share of them it is their rounding error, which
 # depends on how many rows are multiplied at once.
 _ROUNDING = np.float32(2e-6)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def distances_from_product(product, sq_a, sq_b, scale):  # pragma: no cover - compiled
     """√(scale · (|a|² + |b|² - 2 a·b)) in place of the products a·b, (P, N) float32; 0 within rounding."""
     n_a, n_b = product.shape
@@ -25,7 +26,7 @@ def distances_from_product(product, sq_a, sq_b, scale):  # pragma: no cover - co
     return product
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
     """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32; float32 in."""
     n_a, n_b = edges.shape
@@ -45,7 +46,7 @@ def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
     return parent
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def revisits(take_a, end_a, take_b, start_b, min_frames, max_frames):  # pragma: no cover - compiled
     """1 where a and b share a take and b starts between `min_frames` and `max_frames` before a ends, (P, N).
 
@@ -60,7 +61,7 @@ def revisits(take_a, end_a, take_b, start_b, min_frames, max_frames):  # pragma:
     return back
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def motif_count_costs(step_cost, counts, motifs):  # pragma: no cover - compiled
     """Sum over a node's motifs of step_cost[motif, times danced before], (P, N) float32.
 

@@ -18,6 +18,7 @@ Ints = NDArray[np.integer]
 
 _ALL = slice(None)
 _USAGE_DECAY_S = 120.0  # time constant: recent usage falls to 1/e after this time
+USAGE_MEMORY_S = 16 * 120  # usage of longer ago is below 2e-7 of that of now
 
 
 class PoseBank(Protocol):

@@ -18,6 +18,7 @@ Floats = NDArray[np.floating]
 MotifsOf = Callable[[NDArray[np.int64], Floats, Floats], NDArray[np.integer]]
 
 NO_MOTIF = -1
+_BLOCK_S = 64  # seconds of the song whose spans are in memory at a time, 0.5 MB each
 
 
 def node_motifs(
@@ -40,24 +41,25 @@ def node_motifs(
     words = [np.flatnonzero(owner == second) for second in range(n_seconds + SEGMENT_S - 1)]
     width = max((len(w) for w in words), default=0)
     motifs = np.full((n_seconds, k, SEGMENT_S, width), NO_MOTIF, np.int16)
-    requests, takes, starts, stops = [], [], [], []
-    for second in range(n_seconds):
-        inside = np.concatenate(words[second : second + SEGMENT_S])
-        clip = segments.clip[second]
-        bounds = np.stack([word_bounds_s[inside], word_bounds_s[inside + 1]])  # (2, M)
-        frames = clips.start_frame[clip, None, None] + _source_frames(
-            segments.time_maps[second], bounds - second
-        )
-        requests.append((inside, owner[inside] - second))
-        takes.append(np.repeat(clips.take[clip], len(inside)))
-        starts.append(frames[:, 0].ravel() / NET_FPS)
-        stops.append(frames[:, 1].ravel() / NET_FPS)
-    labels = motifs_of(*(np.concatenate(parts) for parts in (takes, starts, stops)))
-    stop = 0
-    for second, (inside, offset) in enumerate(requests):
-        start, stop = stop, stop + k * len(inside)
-        slot = inside - np.array([words[second + o][0] for o in offset], np.int64)
-        motifs[second][:, offset, slot] = labels[start:stop].reshape(k, len(inside))
+    for first in range(0, n_seconds, _BLOCK_S):
+        requests, takes, starts, stops = [], [], [], []
+        for second in range(first, min(first + _BLOCK_S, n_seconds)):
+            inside = np.concatenate(words[second : second + SEGMENT_S])
+            clip = segments.clip[second]
+            bounds = np.stack([word_bounds_s[inside], word_bounds_s[inside + 1]])  # (2, M)
+            frames = clips.start_frame[clip, None, None] + _source_frames(
+                segments.time_maps[second], bounds - second
+            )
+            requests.append((second, inside, owner[inside] - second))
+            takes.append(np.repeat(clips.take[clip], len(inside)))
+            starts.append(frames[:, 0].ravel() / NET_FPS)
+            stops.append(frames[:, 1].ravel() / NET_FPS)
+        labels = motifs_of(*(np.concatenate(parts) for parts in (takes, starts, stops)))
+        stop = 0
+        for second, inside, offset in requests:
+            start, stop = stop, stop + k * len(inside)
+            slot = inside - np.array([words[second + o][0] for o in offset], np.int64)
+            motifs[second][:, offset, slot] = labels[start:stop].reshape(k, len(inside))
     return motifs
 
 

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from choreograph.errors import NoPathError
 from choreograph.features.song_features import SongFeatures
 from choreograph.graph.costs import BUILTIN_COSTS, Cost
-from choreograph.graph.layers import Layer, LayerSource
+from choreograph.graph.layers import USAGE_MEMORY_S, Layer, LayerSource
 from choreograph.graph.motif_costs import MOTIF_COSTS
 from choreograph.graph.weighted_costs import WeightedCost, allowed_nodes, edge_costs, weighted_terms
 
@@ -71,7 +71,10 @@ def plan_exact(
     parents: list[NDArray[np.int32]] = []
     with ThreadPoolExecutor(_THREADS) as pool:
         for second in range(1, source.n_seconds):
-            usage_s.append(source.recent_usage_after(_backtrack(parents, takes, int(np.argmin(reached)))))
+            recent = _backtrack(
+                parents[-USAGE_MEMORY_S:], takes[-USAGE_MEMORY_S - 1 :], int(np.argmin(reached))
+            )
+            usage_s.append(source.recent_usage_after(recent))
             following, node_cost = allowed_nodes(
                 source.layer(second).with_recent_usage(usage_s[-1]), costs, song_features
             )

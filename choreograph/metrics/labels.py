@@ -187,12 +187,12 @@ def _angular_acceleration_rad_s2(pos: Floats) -> Floats:
 
 def _onset_times_s(mel: NDArray[np.floating]) -> Floats:
     """Onset times, (O,), in log-mel (T, 96) at 60 fps."""
-    from librosa.onset import onset_detect
+    from choreograph.cached_librosa import librosa
 
     strength = onset_envelopes(mel).mean(axis=1)
     if not strength.any():
         return np.zeros(0)
-    frames = onset_detect(onset_envelope=strength, sr=MUSIC_FPS, hop_length=1)
+    frames = librosa.onset.onset_detect(onset_envelope=strength, sr=MUSIC_FPS, hop_length=1)
     return frames_to_seconds(frames, MUSIC_FPS)
 
 
@@ -200,9 +200,9 @@ def _notes_semitones(samples: NDArray[np.float32], onsets_s: Floats) -> Floats:
     """Median fundamental just after each onset, (O,), in whole semitones above 1 Hz."""
     if len(onsets_s) == 0:
         return np.zeros(0)
-    from librosa import yin
+    from choreograph.cached_librosa import librosa
 
-    hz = yin(samples, fmin=_MIN_HZ, fmax=_MAX_HZ, sr=SAMPLE_RATE_HZ, hop_length=_PITCH_HOP)
+    hz = librosa.yin(samples, fmin=_MIN_HZ, fmax=_MAX_HZ, sr=SAMPLE_RATE_HZ, hop_length=_PITCH_HOP)
     pitch = 12 * np.log2(hz)
     first = np.minimum((onsets_s * SAMPLE_RATE_HZ / _PITCH_HOP).astype(np.int64), len(pitch) - 1)
     return np.array([np.rint(np.median(pitch[frame : frame + _NOTE_FRAMES])) for frame in first])

@@ -1,21 +1,26 @@
 """The training loop of every network: steps, schedule, checkpoints, log and progress.
 
 The random numbers of a step depend only on the seed and the step's number. So a checkpoint needs no generator
-state, and an interrupted and resumed run ends with exactly the weights of an uninterrupted one.
+state, and an interrupted and resumed run ends with exactly the weights of an uninterrupted one. A checkpoint
+of anything else (other takes, songs or options) is not continued, and a damaged one neither: training begins
+anew and says why.
 """
 
 from __future__ import annotations
 
+import copy
+import io
 import json
 import math
-import os
 import pickle
 import signal
+import struct
 import threading
 import time
+import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +29,19 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from choreograph.errors import ChoreographError, FormatError, ParameterError
+from choreograph.errors import ChoreographError, ParameterError
+from choreograph.files import atomic_path, writing
 
 DEVICES = ("auto", "cpu", "cuda")
 CHECKPOINT_EVERY_S = 30.0
 LOG_LINES = 200  # of a run, about, however long it is
 _SEED_STRIDE = 0x9E3779B9  # spreads seed and step over torch's seeds
+
+# What reading a file that is no checkpoint can raise, whatever its bytes.
+_UNREADABLE = (
+    OSError, EOFError, RuntimeError, ValueError, TypeError, KeyError, IndexError, AttributeError,
+    AssertionError, OverflowError, MemoryError, struct.error, zipfile.BadZipFile, pickle.UnpicklingError,
+)  # fmt: skip
 
 Loss = Callable[[np.random.Generator, torch.device], Tensor]
 
@@ -53,6 +65,10 @@ class TrainingContext:
     resume: bool = False  # from the checkpoint, if there is one
     device: str = "auto"
     report: Callable[[TrainingProgress], None] = lambda progress: None
+    # What is learned from and how, beside the network's own configuration: name -> checksum or setting. A
+    # checkpoint of anything else is not continued.
+    content: Mapping[str, Any] = field(default_factory=dict)
+    note: Callable[[str], None] = lambda note: None  # called with what was unusual, in one line
 
 
 def train(
@@ -76,15 +92,14 @@ def train(
     ----------
     loss : a scalar, given the step's random generator and the module's device
     schedule : of the learning rate: "cosine", after a warm-up, or "constant"
-    configuration : JSON values that a checkpoint must match to be resumed
+    configuration : JSON values; a checkpoint is continued if they and the context's `content` are its own
 
     Returns the mean loss since the last report, or nan if the checkpoint was already complete.
 
     Raises
     ------
-    ChoreographError   the loss is not finite
-    ParameterError     unknown device, or a checkpoint of another configuration
-    FormatError        the checkpoint cannot be read
+    ChoreographError   the loss is not finite, or a checkpoint cannot be written
+    ParameterError     unknown device
     KeyboardInterrupt  Ctrl-C: the step was completed and a checkpoint written
     """
     context = context or TrainingContext()
@@ -94,7 +109,7 @@ def train(
     factor = (lambda step: 1.0) if schedule == "constant" else lambda step: _cosine_factor(step, n_steps)
     rate = torch.optim.lr_scheduler.LambdaLR(optimizer, factor)
     # The round trip through JSON turns tuples into lists, as the checkpoint has them.
-    expected = json.loads(json.dumps({**configuration, "seed": seed, "steps": n_steps}))
+    expected = json.loads(json.dumps({**context.content, **configuration, "seed": seed, "steps": n_steps}))
     run = _Run(name, n_steps, module, optimizer, rate, expected, context)
     run.restore_or_start()
     with torch.random.fork_rng(), _defer_interrupts() as interrupted:
@@ -151,6 +166,18 @@ def _cosine_factor(step: int, n_steps: int) -> float:
     return 0.5 + 0.5 * float(np.cos(np.pi * (step - warm) / max(1, n_steps - warm)))
 
 
+def read_checkpoint(path: Path) -> dict[str, Any]:
+    """What a checkpoint holds; nothing in it is executed. Raises one of `_UNREADABLE` if it is damaged."""
+    with zipfile.ZipFile(path) as archive:  # torch's container: its checksums tell what was garbled
+        damaged = archive.testzip()
+        if damaged is not None:
+            raise zipfile.BadZipFile(damaged)
+    stored = torch.load(path, weights_only=True, map_location="cpu")
+    if not isinstance(stored, dict):
+        raise TypeError(type(stored).__name__)
+    return stored
+
+
 class _Interrupted(Exception):
     """Ctrl-C was pressed during the step just completed."""
 
@@ -191,32 +218,46 @@ class _Run:
         """Restore the checkpoint if there is one and it is wanted; otherwise start an empty log."""
         if self.checkpoint is None or self.log is None:
             return
-        self.checkpoint.parent.mkdir(parents=True, exist_ok=True)
-        if not (self.context.resume and self.checkpoint.exists()):
+        with writing(self.checkpoint):
+            self.checkpoint.parent.mkdir(parents=True, exist_ok=True)
+        if self.context.resume and self.checkpoint.exists():
+            why_not = self._restored_unless()
+            if not why_not:
+                return
+            self.context.note(f"{self.checkpoint}: training of {self.name} begins anew: {why_not}")
+        with writing(self.log):
             self.log.write_text("", encoding="utf-8")
-            return
+
+    def _restored_unless(self) -> str:
+        """Restore the checkpoint; why it cannot be continued, and nothing changed, if it cannot."""
+        assert self.checkpoint is not None
+        initial = copy.deepcopy({key: part.state_dict() for key, part in self.parts.items()})
         try:
-            stored = torch.load(self.checkpoint, weights_only=True, map_location="cpu")
-            self._check_configuration(json.loads(stored["configuration"]))
+            stored = read_checkpoint(self.checkpoint)
+            change = self._change_since(json.loads(stored["configuration"]))
+            if change:
+                return change
             for key, part in self.parts.items():
                 part.load_state_dict(stored[key])
-            self.step = self._first_step = int(stored["step"])
-        except (RuntimeError, KeyError, TypeError, EOFError, ValueError, pickle.UnpicklingError) as error:
-            if isinstance(error, ChoreographError):
-                raise
-            raise FormatError(
-                f"{self.checkpoint}: expected a checkpoint of the {self.name} network, got something "
-                "unreadable: it is damaged; delete it, or train without --resume"
-            ) from error
+            step = int(stored["step"])
+            if not 0 <= step <= self.n_steps:
+                raise ValueError(f"step {step} of {self.n_steps}")
+        except _UNREADABLE:
+            for key, part in self.parts.items():
+                part.load_state_dict(initial[key])
+            return "the checkpoint is damaged"
+        self.step = self._first_step = step
+        return ""
 
-    def _check_configuration(self, stored: Mapping[str, Any]) -> None:
+    def _change_since(self, stored: Mapping[str, Any]) -> str:
+        """What differs from a checkpoint's configuration; empty if nothing does."""
         expected = self.configuration
-        for key in sorted({*stored, *expected}):
-            if stored.get(key) != expected.get(key):
-                raise ParameterError(
-                    f"{self.checkpoint}: expected a checkpoint with {key} = {_shortened(expected.get(key))}, "
-                    f"got {_shortened(stored.get(key))}: it has another configuration; train without --resume"
-                )
+        changed = sorted(key for key in {*stored, *expected} if stored.get(key) != expected.get(key))
+        if not changed:
+            return ""
+        key, more = changed[0], f", and {len(changed) - 1} more" if len(changed) > 1 else ""
+        before, now = _shortened(stored.get(key)), _shortened(expected.get(key))
+        return f"the checkpoint was of {key} = {before}, now it is {now}{more}"
 
     def advance(self, loss: float) -> None:
         """Count a completed step; log, report and save when due."""
@@ -240,7 +281,7 @@ class _Run:
         left = seconds / (self.step - self._first_step) * (self.n_steps - self.step)
         if self.log is not None:
             line = {"name": self.name, "step": self.step, "loss": self.loss, "seconds": round(seconds, 3)}
-            with self.log.open("a", encoding="utf-8") as log:
+            with writing(self.log), self.log.open("a", encoding="utf-8") as log:
                 log.write(json.dumps(line) + "\n")
         self.context.report(TrainingProgress(self.name, self.step, self.n_steps, self.loss, left))
 
@@ -250,12 +291,13 @@ class _Run:
             return
         state = {key: part.state_dict() for key, part in self.parts.items()}
         state |= {"step": self.step, "configuration": json.dumps(self.configuration)}
-        part = self.checkpoint.with_suffix(".pt.part")
-        torch.save(state, part)
-        os.replace(part, self.checkpoint)
+        content = io.BytesIO()
+        torch.save(state, content)
+        with atomic_path(self.checkpoint) as temporary:
+            temporary.write_bytes(content.getvalue())
         self._saved_time = time.monotonic()
 
 
 def _shortened(value: Any) -> str:
-    text = json.dumps(value)
+    text = "nothing" if value is None else json.dumps(value)
     return text if len(text) <= 40 else text[:37] + "..."

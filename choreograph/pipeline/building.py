@@ -60,6 +60,7 @@ def build(
 
     Raises
     ------
+    ChoreographError  another process builds the same file, or it cannot be written
     ParameterError    no take is left, two takes share a name, an unknown preset, an argument of another type
     FormatError       a source is damaged
     RepertoireError   a repertoire to start from cannot be read

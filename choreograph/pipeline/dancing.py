@@ -30,6 +30,7 @@ from choreograph.graph import Cost
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.one_thread import one_thread
 from choreograph.pipeline.arguments import (
     as_config,
     as_costs,
@@ -92,6 +93,9 @@ class Dance:
         """
         if isinstance(character, str | Path):
             character = read_character(character)
+        for what, given, kind in (("a character", character, GltfCharacter), ("bvh", bvh, BvhOptions)):
+            if not (given is None or isinstance(given, kind)):
+                raise ParameterError(f"expected {what} as {kind.__name__}, got {reprlib.repr(given)}")
         motion = self.loop.motion if loop and is_motion_file(path) else self.motion
         parts = SavedParts(
             motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh
@@ -211,6 +215,8 @@ def dance(
     beside = {"costs": bool(costs), "style_song": style_song is not None}
     config = _configured(config, settings, weights, engine, requested, beside)
     check_span(start_s, duration_s)
+    if not (report is None or callable(report)):
+        raise ParameterError(f"expected a function as report, got {reprlib.repr(report)}")
     repertoire = as_repertoire(repertoire)
     if existing is None and keep:
         raise ParameterError("expected an existing dance beside the stretches to keep, got none")
@@ -246,6 +252,7 @@ def _configured(
     return config
 
 
+@one_thread()
 def _danced(
     song: Song,
     repertoire: Repertoire,

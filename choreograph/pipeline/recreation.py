@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from choreograph.building.importing import measure_take
 from choreograph.building.segmentation import segment_takes
 from choreograph.errors import ParameterError
+from choreograph.files import as_path
 from choreograph.importers import import_takes
 from choreograph.importers.folder import song_beside
 from choreograph.motifs.signatures import signature
 from choreograph.motion.retargeting import retarget
+from choreograph.pipeline.arguments import as_repertoire
 from choreograph.repertoire import Repertoire
 from choreograph.takes import Take
 
@@ -28,7 +30,9 @@ def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
     Raises `ParameterError` if it is neither, or has no motion word; `FormatError` if the file is damaged;
     `RepertoireError` without a vocabulary.
     """
+    repertoire = as_repertoire(repertoire)
     vocabulary = repertoire.vocabulary
+    as_path("a take, or its name", take)
     names = [info.name for info in repertoire.takes]
     if str(take) in names:
         motifs = vocabulary.word_motif[vocabulary.words_of_take(names.index(str(take)))]
@@ -46,6 +50,7 @@ def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
 
 def signature_of(name: str, repertoire: Repertoire) -> NDArray[np.float64]:
     """The signature (K,) of a genre, or of a take as `motifs_of` finds it."""
+    repertoire = as_repertoire(repertoire)
     vocabulary = repertoire.vocabulary
     if name in vocabulary.genres:
         return vocabulary.signatures[vocabulary.genre_index(name)]

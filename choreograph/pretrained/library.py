@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from choreograph.errors import ParameterError
+from choreograph.files import sha256_of
 from choreograph.repertoire.store import NetArrays, read_networks
 
 PRETRAINED = ("clean", "research")
@@ -51,6 +52,11 @@ def pretrained_set(name: str) -> dict[str, PretrainedNet]:
             if name == set_name or _BY_DEFAULT[net_name] == set_name:
                 chosen[net_name] = PretrainedNet(set_name, arrays, heard)
     return chosen
+
+
+def shipped_checksums(name: str) -> list[str]:
+    """SHA-256 of the files that `pretrained_set` reads for a choice."""
+    return [sha256_of(pretrained_path(set_name)) for set_name in PRETRAINED if name in (DEFAULT, set_name)]
 
 
 def pretrained_path(name: str) -> Path:

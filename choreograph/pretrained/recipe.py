@@ -27,6 +27,7 @@ from choreograph.building.options import BuildOptions
 from choreograph.building.train_networks import STYLE_NET
 from choreograph.counts import ANNOTATED, Counts, Figure, make_counts, numbers_in_bar
 from choreograph.features.bar_pointer import decode_counts
+from choreograph.locked_folder import locked_folder
 from choreograph.metrics.counts import counts_per_beat, counts_within
 from choreograph.motion.body import body_pos_m
 from choreograph.nets.counts.confidence import confidence_features, fit_confidence
@@ -260,13 +261,14 @@ def main() -> None:
     given = parser.parse_args()
     if bool(given.sources) != (given.set == "research"):
         parser.error("research needs sources of recorded takes, clean takes none")
-    recorded = recorded_takes(given.sources) if given.sources else []
-    built_in = built_in_style_takes(given.work / "takes")
-    danced = [*built_in, *(style_takes(given.sources) if given.sources else [])]
-    motion_counts = make_motion_counts(given.set, recorded, motion_counts_config("small"), given.work)
-    style = train_shipped_style(danced, given.work / "style")
-    heard = [*(take.song_name for take in danced), *(r.motion.name for r in recorded)]
-    write_set(motion_counts, style, heard, pretrained_path(given.set))
+    with locked_folder(given.work, doing=f"trains the set {given.set}"):
+        recorded = recorded_takes(given.sources) if given.sources else []
+        built_in = built_in_style_takes(given.work / "takes")
+        danced = [*built_in, *(style_takes(given.sources) if given.sources else [])]
+        motion_counts = make_motion_counts(given.set, recorded, motion_counts_config("small"), given.work)
+        style = train_shipped_style(danced, given.work / "style")
+        heard = [*(take.song_name for take in danced), *(r.motion.name for r in recorded)]
+        write_set(motion_counts, style, heard, pretrained_path(given.set))
 
 
 if __name__ == "__main__":

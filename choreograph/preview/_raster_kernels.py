@@ -7,13 +7,14 @@ float32 unless noted.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from choreograph.kernel_cache import njit
 
 NOTHING = -1  # in a buffer of triangle indices
 _NEAR_M = np.float32(0.05)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def skin(vertices, normals, joints, weights, matrices):  # pragma: no cover - compiled
     """Linear blend skinning: world vertices and unit normals (V, 3) from joint matrices (J, 3, 4)."""
     placed, turned = np.empty_like(vertices), np.empty_like(normals)
@@ -33,7 +34,7 @@ def skin(vertices, normals, joints, weights, matrices):  # pragma: no cover - co
     return placed, turned
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def project(points, view, focal, centre_x, centre_y):  # pragma: no cover - compiled
     """Screen x, y and 1 / depth (V, 3) of world points; 1 / depth is 0 behind the camera.
 
@@ -55,7 +56,7 @@ def project(points, view, focal, centre_x, centre_y):  # pragma: no cover - comp
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def rasterise(screen, triangles, nearness, owners):  # pragma: no cover - compiled
     """Write each front-facing triangle into `nearness` and `owners` (int32) where it is nearest.
 
@@ -96,7 +97,7 @@ def rasterise(screen, triangles, nearness, owners):  # pragma: no cover - compil
                 near += nx
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def flatten_onto_floor(points, triangles, slope, origin, texel, top, cover):  # pragma: no cover - compiled
     """Shadow of the triangles on the floor, into `cover` (N, N), from 0 to 1 (no light left).
 
@@ -126,14 +127,14 @@ def flatten_onto_floor(points, triangles, slope, origin, texel, top, cover):  # 
                     cover[row, column] = strength
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(nogil=True, inline="always")
 def _texel(point, slope, origin, texel):  # pragma: no cover - compiled
     x = (point[0] + slope[0] * point[1] - origin[0]) / texel
     z = (point[2] + slope[1] * point[1] - origin[1]) / texel
     return x, z
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def blur(image, radius, times):  # pragma: no cover - compiled
     """A square image (N, N) after `times` box filters of 2 `radius` + 1 along both axes; black outside."""
     n = len(image)

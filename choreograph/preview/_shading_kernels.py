@@ -6,13 +6,14 @@ Colours are linear light until `to_srgb`. All arrays are float32 unless noted.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from choreograph.kernel_cache import njit
 
 _BIAS_M = np.float32(0.012)  # shadow bias: a surface closer than this casts no shadow
 _SHADOW = np.float32(0.3)  # share of the key light left in shadows on the body: the light source is large
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def paint_backdrop(
     image, eye, right, up, ahead, focal, slit, sky, floor, shade, origin, texel, middle
 ):  # pragma: no cover - compiled
@@ -74,7 +75,7 @@ def paint_backdrop(
             image[row, column, 2] = b
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def shade_mesh(
     image,
     owners,
@@ -146,7 +147,7 @@ def shade_mesh(
                 pixel[2] = pixel[2] * rest + b * share
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
+@njit(nogil=True, error_model="numpy", fastmath=True, inline="always")
 def _shares(screen, i, j, k, px, py):  # pragma: no cover - compiled
     """Perspective-correct barycentric coordinates of a picture position: three numbers that sum to 1.
 
@@ -164,7 +165,7 @@ def _shares(screen, i, j, k, px, py):  # pragma: no cover - compiled
     return b0 * total, b1 * total, b2 * total
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
+@njit(nogil=True, error_model="numpy", fastmath=True, inline="always")
 def _between(values, i, j, k, b0, b1, b2):  # pragma: no cover - compiled
     """The corners' `values` (V, 3) interpolated inside the triangle, as three numbers."""
     return (
@@ -174,7 +175,7 @@ def _between(values, i, j, k, b0, b1, b2):  # pragma: no cover - compiled
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
+@njit(nogil=True, error_model="numpy", fastmath=True, inline="always")
 def _light(normal, point, colour, eye, lights, tints, key_share):  # pragma: no cover - compiled
     """Light (r, g, b) that a surface reflects to the eye; `key_share` of the key light reaches it."""
     zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
@@ -206,7 +207,7 @@ def _light(normal, point, colour, eye, lights, tints, key_share):  # pragma: no 
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(nogil=True, inline="always")
 def _lit(key_map, x, y, near):  # pragma: no cover - compiled
     """Unoccluded share of the light at (x, y) on the shadow map, filtered over 4 x 4 texels.
 
@@ -237,7 +238,7 @@ def _lit(key_map, x, y, near):  # pragma: no cover - compiled
     return free * np.float32(1.0 / 16.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def to_srgb(image, table, thresholds):  # pragma: no cover - compiled
     """Bytes (H, W, 3) of linear light (H, W, 3); `table` (N,) holds sRGB, 0 to 255, of 0 to 1 in even steps.
 

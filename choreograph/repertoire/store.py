@@ -144,7 +144,9 @@ def _write_numbers(file: h5py.File, name: str, array: NDArray, step: float | Non
 
 
 def _read_quantised(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
-    restart = int(data.attrs["restart"])
+    # The first 16-bit files have whole integers, the next ones their first differences, and do not say so.
+    restart = int(data.attrs.get("restart", DELTA_RESTART))
+    order = int(data.attrs.get("order", 1 if "restart" in data.attrs else 0))
     start, stop, _ = part.indices(len(data))
     first = start // restart * restart
     differences = data[first:stop]
@@ -152,7 +154,7 @@ def _read_quantised(data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
         differences = zigzag_decode(differences)
     for row in range(0, len(differences), restart):
         block = differences[row : row + restart]
-        for _ in range(int(data.attrs["order"])):
+        for _ in range(order):
             np.cumsum(block, axis=0, dtype=np.int16, out=block)
     return (differences[start - first :] * data.attrs["step"]).astype(np.float32)
 

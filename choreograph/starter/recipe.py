@@ -9,6 +9,7 @@ from typing import Any
 
 from choreograph.building import BuildOptions, build_repertoire
 from choreograph.files import atomic_path
+from choreograph.locked_folder import locked_folder
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import Repertoire
 from choreograph.starter import STARTER_PATH
@@ -28,8 +29,20 @@ def build_starter(
 
     With preset small the style networks are those of the shipped set `clean`, which were trained on these
     takes. Takes and checkpoints stay in `work`, so that an interrupted run can resume. Returns the repertoire
-    and notes; raises as `build_repertoire`.
+    and notes; raises as `build_repertoire`, and `ChoreographError` if another process works in `work`.
     """
+    with locked_folder(work, doing=f"builds {output.name}"):
+        return _built_starter(work, output, preset, seed, report, training_report)
+
+
+def _built_starter(
+    work: Path,
+    output: Path,
+    preset: str,
+    seed: int,
+    report: ProgressReport | None,
+    training_report: Callable[[Any], None] | None,
+) -> tuple[Repertoire, tuple[str, ...]]:
     takes = work / "takes"
     if not (takes / "manifest.csv").exists():
         write_takes(takes, take_specs(), report=report)

@@ -8,12 +8,13 @@ on a new machine waits for that.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from choreograph.kernel_cache import njit
 
 UNREACHED = np.float32(3.0e38)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def dtw_batch(queries, targets):  # pragma: no cover - compiled
     """Subsequence DTW of queries (K, Tq) in targets (K, Tt), float32: source frames (K, Tq), costs (K,).
 
@@ -52,7 +53,7 @@ def dtw_batch(queries, targets):  # pragma: no cover - compiled
     return source_frames, costs
 
 
-@njit(cache=True)
+@njit()
 def _backtrack(query, target, table, end, source_frames):  # pragma: no cover - compiled
     """Write the path that ends at `end` to `source_frames`, from the cost table (1 + Tq, 2 + Tt)."""
     i, j = len(query) - 1, end
@@ -76,7 +77,7 @@ def _backtrack(query, target, table, end, source_frames):  # pragma: no cover - 
         source_frames[i] = j
 
 
-@njit(cache=True)
+@njit()
 def _solve_banded(main, first, second, rhs):  # pragma: no cover - compiled
     """In-place LDLᵀ solve of a symmetric positive definite pentadiagonal system."""
     n = len(main)
@@ -101,7 +102,7 @@ def _solve_banded(main, first, second, rhs):  # pragma: no cover - compiled
         rhs[i] = value / main[i]
 
 
-@njit(cache=True)
+@njit()
 def _match_beats(path, source_beats, music_beats, window, anchor_frame, anchor_source):  # pragma: no cover
     """Match music beats to motion beats along the path; returns the number of pairs.
 
@@ -139,7 +140,7 @@ def _match_beats(path, source_beats, music_beats, window, anchor_frame, anchor_s
     return count
 
 
-@njit(cache=True)
+@njit()
 def _gap_of(path, frame, source):  # pragma: no cover - compiled
     """Distance of a source frame from the path at an output frame, in output frames."""
     low = min(int(frame), len(path) - 2)
@@ -147,7 +148,7 @@ def _gap_of(path, frame, source):  # pragma: no cover - compiled
     return abs(source - (path[low] + (frame - low) * slope)) / max(slope, 0.25)
 
 
-@njit(cache=True)
+@njit()
 def _limit_slopes(path, slopes, min_slope, max_slope, last_source):  # pragma: no cover - compiled
     """Clamp the path's slopes in place, preserving its mean, and keep it inside [0, last_source].
 
@@ -173,7 +174,7 @@ def _limit_slopes(path, slopes, min_slope, max_slope, last_source):  # pragma: n
         path[i] = min(max(path[i] + shift, lowest), highest)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def smooth_batch(
     paths, beats, beat_ranges, music, window, stiffness, anchor_weight, min_slope, max_slope, last_source
 ):  # pragma: no cover - compiled
@@ -216,7 +217,7 @@ def smooth_batch(
     return maps
 
 
-@njit(cache=True)
+@njit()
 def _normal_equations(path, stiffness, main, first, second, rhs):  # pragma: no cover - compiled
     """Bands of I + stiffness · D₂ᵀD₂ (D₂: second differences) and the right-hand side `path`."""
     n = len(path)
@@ -234,7 +235,7 @@ def _normal_equations(path, stiffness, main, first, second, rhs):  # pragma: no 
         second[i] += stiffness
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def segment_beats(maps, speeds, music, near, far, prominence):  # pragma: no cover - compiled
     """Beats of each quarter of each warped segment, for time maps (K, Tq + 1).
 
@@ -271,7 +272,7 @@ def segment_beats(maps, speeds, music, near, far, prominence):  # pragma: no cov
     return unmatched, first, last
 
 
-@njit(cache=True)
+@njit()
 def _played_beats(time_map, speed, prominence):  # pragma: no cover - compiled
     """Minima of the speed at which a clip is played through `time_map`, in output frames; their number."""
     n = len(time_map)
@@ -304,7 +305,7 @@ def _played_beats(time_map, speed, prominence):  # pragma: no cover - compiled
     return beats, count
 
 
-@njit(cache=True)
+@njit()
 def _median(values):  # pragma: no cover - compiled
     """The median, by sorting a copy; quick for a segment's 80 frames."""
     n = len(values)
@@ -318,7 +319,7 @@ def _median(values):  # pragma: no cover - compiled
     return 0.5 * (ordered[(n - 1) // 2] + ordered[n // 2])
 
 
-@njit(cache=True)
+@njit()
 def _unmatched(at, others, count, near, far):  # pragma: no cover - compiled
     gap = far
     for i in range(count):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -126,3 +129,32 @@ def test_without_the_package_it_says_what_to_install(tmp_path, monkeypatch):
     with pytest.raises(ParameterError, match=r"pip install 'choreograph\[usd\]'"):
         save_motion(tmp_path / "a.usdc", swaying(4))
     assert not list(tmp_path.iterdir())
+
+
+_WRITE_WITHOUT_ROOM = """
+import resource, sys
+from synthetic_motions import swaying
+from choreograph.errors import ChoreographError
+from choreograph.exporters import save_motion
+motion = swaying(60)
+save_motion(sys.argv[1], motion)  # the first one loads the library
+resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+try:
+    save_motion(sys.argv[2], motion)
+except ChoreographError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files")
+@pytest.mark.parametrize("suffix", ["usda", "usdc"])
+def test_a_full_disk_is_one_line(tmp_path, suffix):
+    """As a process of its own meets it: no file may grow beyond 3000 bytes."""
+    target = tmp_path / f"b.{suffix}"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    done = subprocess.run(
+        [sys.executable, "-c", _WRITE_WITHOUT_ROOM, str(tmp_path / f"a.{suffix}"), str(target)],
+        env=environment, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert f"cannot write {target}: USD could not write it" in done.stdout
+    assert [path.name for path in tmp_path.iterdir()] == [f"a.{suffix}"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -269,3 +270,19 @@ def test_a_word_across_a_border_belongs_to_the_side_of_its_middle():
     assert counts[0].tolist() == [[1, 1, 1, 0]] * 2
     assert counts[1].tolist() == [[1, 1, 0, 0]] * 2
     assert counts[3].sum() == 0
+
+
+def test_motifs_are_looked_up_in_parts_of_a_long_song(monkeypatch):
+    source, song_features = random_source(7, n_seconds=9, k=3)
+    sizes = []
+
+    def motifs_of(take, start_s, stop_s):
+        sizes.append(take.size)
+        return (take + np.round(start_s * 7)).astype(int) % 97
+
+    given = (source._segments, source._clips, song_words_s(song_features), motifs_of)
+    whole = node_motifs(*given)
+    monkeypatch.setattr(sys.modules[node_motifs.__module__], "_BLOCK_S", 4)
+    assert np.array_equal(node_motifs(*given), whole)
+    assert len(sizes) == 1 + 3
+    assert sum(sizes[1:]) == sizes[0]

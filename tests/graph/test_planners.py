@@ -202,6 +202,17 @@ def test_takes_alternate_when_recent_usage_counts(planner):
             )
 
 
+def test_recent_usage_looks_back_no_further_in_a_longer_song(monkeypatch):
+    source, song_features = random_source(5, n_seconds=12, tie_break_s=np.zeros(2))
+    looked_at, usage_after = [], source.recent_usage_after
+    monkeypatch.setattr("choreograph.graph.planners.USAGE_MEMORY_S", 4)
+    monkeypatch.setattr(
+        source, "recent_usage_after", lambda takes: looked_at.append(len(takes)) or usage_after(takes)
+    )
+    plan_exact(source, [WeightedCost(Variety(), 1.0)], song_features)
+    assert looked_at == [0, 1, 2, 3, 4, *[5] * 7]
+
+
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy, plan_motion_graph])
 def test_a_forbidden_take_is_not_chosen(planner):
     source, song_features = random_source(2, n_seconds=8)

@@ -2,14 +2,16 @@
 
 import json
 import os
+import pickle
 import signal
+import zipfile
 
 import numpy as np
 import pytest
 import torch
 from torch import nn
 
-from choreograph.errors import ChoreographError, FormatError, ParameterError
+from choreograph.errors import ChoreographError, ParameterError
 from choreograph.nets.training import TrainingContext, load_pretrained, select_device, steps_of_epochs, train
 
 
@@ -18,8 +20,12 @@ def _module():
     return nn.Sequential(nn.Linear(4, 8), nn.BatchNorm1d(8), nn.ReLU(), nn.Dropout(0.5), nn.Linear(8, 1))
 
 
-def _run(module, folder=None, *, resume=False, report=lambda p: None, steps=60, seed=0, width=8, stop=None):
+def _run(
+    module, folder=None, *, resume=False, report=lambda p: None, steps=60, seed=0, width=8, stop=None,
+    content=None, notes=None,
+):  # fmt: skip
     calls = []
+    note = (lambda note: None) if notes is None else notes.append
 
     def loss(rng, device):
         calls.append(1)
@@ -30,7 +36,8 @@ def _run(module, folder=None, *, resume=False, report=lambda p: None, steps=60, 
 
     return train(
         module, loss, name="toy", n_steps=steps, learning_rate=1e-2, weight_decay=0.01, seed=seed,
-        configuration={"width": width}, context=TrainingContext(folder, resume, "cpu", report),
+        configuration={"width": width},
+        context=TrainingContext(folder, resume, "cpu", report, content or {}, note),
     )  # fmt: skip
 
 
@@ -52,7 +59,7 @@ def test_interrupted_and_resumed_equals_uninterrupted_bit_for_bit(tmp_path, stop
         value.data.zero_()  # only the checkpoint can restore it
     _run(resumed, tmp_path, resume=True)
     assert _equal(uninterrupted, resumed)
-    assert not list(tmp_path.glob("*.part"))
+    assert {path.name for path in tmp_path.iterdir()} == {"toy.pt", "toy.jsonl"}
 
 
 def test_training_lowers_the_loss_and_leaves_other_generators_alone():
@@ -113,24 +120,107 @@ def test_complete_checkpoint_is_not_trained_again(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "named"), [({"width": 9}, "width"), ({"seed": 4}, "seed"), ({"steps": 70}, "steps")]
+    ("change", "named"),
+    [
+        ({"width": 9}, "width = 8, now it is 9"),
+        ({"seed": 4}, "seed = 0, now it is 4"),
+        ({"steps": 70}, "steps = 60, now it is 70"),
+        ({"content": {"take a": "1f"}}, 'take a = "0e", now it is "1f"'),
+        ({"content": {}}, 'take a = "0e", now it is nothing'),
+        ({"content": {"take a": "0e", "take b": "0e"}}, 'take b = nothing, now it is "0e"'),
+    ],
 )
-def test_checkpoint_of_another_configuration_is_refused(tmp_path, change, named):
-    _run(_module(), tmp_path)
-    with pytest.raises(ParameterError, match=f"{named} = ") as caught:
-        _run(_module(), tmp_path, resume=True, **change)
-    assert "\n" not in str(caught.value)
-    _run(_module(), tmp_path, **change)  # without resume it starts again
+def test_checkpoint_of_anything_else_is_begun_anew_and_said_so(tmp_path, change, named):
+    given = {"content": {"take a": "0e"}}
+    _run(_module(), tmp_path, **given)
+    afresh, resumed, notes = _module(), _module(), []
+    _run(afresh, **(given | change))
+    _run(resumed, tmp_path, resume=True, notes=notes, **(given | change))
+    assert _equal(afresh, resumed)
+    [note] = notes
+    assert f"{tmp_path / 'toy.pt'}: training of toy begins anew" in note and named in note
+    assert len((tmp_path / "toy.jsonl").read_text().splitlines()) == change.get("steps", 60)
+    _run(_module(), tmp_path, resume=True, notes=notes, **(given | change))
+    assert len(notes) == 1  # the checkpoint is now of the same
 
 
-@pytest.mark.parametrize("content", [b"", b"nonsense", None])
-def test_damaged_checkpoint_is_one_clear_line(tmp_path, content):
-    _run(_module(), tmp_path)
+class _Bomb:
+    """Code, as a pickle: makes a file when it is loaded."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return open, (str(self.path), "w")
+
+
+def _rewritten(content: bytes, path, data: bytes) -> None:
+    """A checkpoint with other data, whose checksums are right."""
+    path.write_bytes(content)
+    with zipfile.ZipFile(path) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, entry in entries.items():
+            archive.writestr(name, data if name.endswith("data.pkl") else entry)
+
+
+def _damaged(kind: str, content: bytes, path) -> None:
+    rng = np.random.default_rng(0)
+    garbled = bytearray(content)
+    weights = torch.load(path, weights_only=True)["module"]["0.weight"].numpy().tobytes()
+    garbled[content.index(weights)] ^= 0x40
+    bomb = pickle.dumps(_Bomb(path.with_name("executed")), protocol=2)
+    if kind == "code":
+        _rewritten(content, path, bomb)
+    elif kind == "no mapping":
+        _rewritten(content, path, pickle.dumps([1, 2], protocol=2))
+    else:
+        path.write_bytes(
+            {
+                "empty": b"", "nonsense": b"nonsense",
+                "half": content[: len(content) // 2], "500": content[:500],
+                "without its end": content[:-1], "zeroed": bytes(len(content)), "one bit": bytes(garbled),
+                "random": rng.bytes(5000), "bare code": bomb,
+            }[kind]
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "empty", "nonsense", "half", "500", "without its end", "zeroed", "one bit", "random", "code",
+        "bare code", "no mapping",
+    ],
+)  # fmt: skip
+def test_damaged_checkpoint_is_named_and_begun_anew(tmp_path, kind):
+    afresh, resumed, notes = _module(), _module(), []
+    _run(afresh, tmp_path)
     path = tmp_path / "toy.pt"
-    path.write_bytes(path.read_bytes()[:500] if content is None else content)
-    with pytest.raises(FormatError, match="damaged") as caught:
-        _run(_module(), tmp_path, resume=True)
-    assert "\n" not in str(caught.value)
+    _damaged(kind, path.read_bytes(), path)
+    _run(resumed, tmp_path, resume=True, notes=notes)
+    assert _equal(afresh, resumed)
+    [note] = notes
+    assert str(path) in note and "begins anew: the checkpoint is damaged" in note and "\n" not in note
+    assert not (tmp_path / "executed").exists()
+
+
+def test_checkpoint_whose_parts_do_not_fit_leaves_nothing_behind(tmp_path):
+    """The module's weights are restored before the optimizer's state is found not to fit."""
+    afresh, resumed, notes = _module(), _module(), []
+    _run(afresh, tmp_path)
+    stored = torch.load(tmp_path / "toy.pt", weights_only=True)
+    torch.save({**stored, "optimizer": {"state": {}, "param_groups": []}}, tmp_path / "toy.pt")
+    _run(resumed, tmp_path, resume=True, notes=notes)
+    assert len(notes) == 1 and _equal(afresh, resumed)
+
+
+@pytest.mark.parametrize("cut", range(0, 12000, 997))
+def test_checkpoint_cut_anywhere_is_begun_anew(tmp_path, cut):
+    _run(_module(), tmp_path, steps=3)
+    os.truncate(tmp_path / "toy.pt", min(cut, (tmp_path / "toy.pt").stat().st_size - 1))
+    notes = []
+    _run(_module(), tmp_path, resume=True, steps=3, notes=notes)
+    assert len(notes) == 1
 
 
 def test_loss_that_is_not_finite_stops_without_a_checkpoint(tmp_path):

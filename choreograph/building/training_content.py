@@ -1,0 +1,79 @@
+"""What a build's networks learn from: checksums of its takes, and the options that matter.
+
+A checkpoint that was made of anything else is not continued (`nets.training`), though its takes may have the
+same names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from choreograph.building.options import BuildOptions
+from choreograph.files import sha256_of
+from choreograph.pretrained import shipped_checksums
+from choreograph.repertoire.contents import MeasuredTake
+
+if TYPE_CHECKING:
+    from choreograph.nets.training import TrainingContext
+
+_DIGITS = 16  # of a checksum: enough to tell files apart
+
+
+def training_context(
+    work: Path,
+    options: BuildOptions,
+    content: Mapping[str, Any],
+    report: Callable[[Any], None] | None,
+    note: Callable[[str], None],
+) -> TrainingContext:
+    """Checkpoints NAME.pt and logs NAME.jsonl in `work`; `options.resume` continues those of `content`."""
+    from choreograph.nets.training import TrainingContext
+
+    return TrainingContext(
+        work, options.resume, options.device, report or (lambda progress: None), content, note
+    )
+
+
+def source_checksums(measured: Sequence[MeasuredTake]) -> list[tuple[str, str, int]]:
+    """Path, SHA-256 and number of the take, of every file that a take was read from."""
+    known: dict[Path, str] = {}
+    rows = []
+    for index, m in enumerate(measured):
+        for path in m.take.source_paths:
+            if path not in known:
+                known[path] = sha256_of(path)
+            rows.append((str(path), known[path], index))
+    return rows
+
+
+def training_content(
+    measured: Sequence[MeasuredTake], checksums: Sequence[tuple[str, str, int]], options: BuildOptions
+) -> dict[str, str]:
+    """Name -> checksum of each take and of the networks to begin with, and settings, of a build.
+
+    What each network's own configuration says (sizes, steps, seed) is not repeated.
+    """
+    content = {
+        "choreograph": version("choreograph"),
+        "beats": options.beats,
+        "lock_feet": str(options.lock_feet),
+        "pretrained": _digest([options.pretrained, *shipped_checksums(options.pretrained)]),
+        "keep_networks": str(options.keep_networks),
+        "init_from": "" if options.init_from is None else sha256_of(options.init_from)[:_DIGITS],
+    }
+    for index, m in enumerate(measured):
+        take = m.take
+        files = [checksum for _, checksum, of_take in checksums if of_take == index]
+        said = [asdict(take.credits), take.song_name, take.song_start_s, take.counts.source]
+        content[f"take {take.name}"] = _digest([*files, *said])
+    return content
+
+
+def _digest(values: Sequence[Any]) -> str:
+    return hashlib.sha256(json.dumps(values).encode()).hexdigest()[:_DIGITS]
