@@ -21,8 +21,9 @@ from choreograph.motion.skeleton import Skeleton
 from choreograph.repertoire.checks import check_clips
 from choreograph.repertoire.clip_motion import ClipMotion
 from choreograph.repertoire.html_table import html_table
+from choreograph.repertoire.layout import NetArrays
 from choreograph.repertoire.motif_arrays import vocabulary_from
-from choreograph.repertoire.store import NetArrays, RepertoireFile
+from choreograph.repertoire.store import RepertoireFile
 from choreograph.repertoire.take_info import TakeInfo, counts_from, figures_from, takes_from
 from choreograph.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 

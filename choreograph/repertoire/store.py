@@ -1,12 +1,9 @@
-"""Reading and writing repertoire files; the only module that uses h5py."""
+"""Repertoire files and files of networks, read on demand; `writing` writes them."""
 
 from __future__ import annotations
 
-import json
 import mmap
-from collections.abc import Container, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,152 +11,159 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.errors import FormatError, RepertoireError
-from choreograph.files import atomic_path, check_regular
+from choreograph.errors import RepertoireError
 from choreograph.repertoire import checks
 from choreograph.repertoire.checks import StoredArray
+from choreograph.repertoire.hdf5 import (
+    attribute,
+    check_link,
+    damage_named,
+    from_json,
+    member_names,
+    opened,
+    scalar,
+    stored_array,
+)
+from choreograph.repertoire.layout import NetArrays, axis_sizes, layout_of
 from choreograph.repertoire.schema import (
     COUNTS,
     DATASETS,
-    DELTA_ORDER,
     DELTA_RESTART,
     DOUBT,
     FORMAT,
-    HALF_PRECISION,
     MOTIFS,
     NETS,
     NETWORKS_FORMAT,
-    QUANTISATION_STEPS,
     VERSION,
     WITH_COUNTS,
 )
-from choreograph.zigzag import zigzag_decode, zigzag_encode
+from choreograph.zigzag import zigzag_decode
 
-_MIN_GZIP_SIZE = 4096  # values: compressing fewer saves nothing
 _TEXT_BYTES = 1 << 30  # read at once, at most
-
-
-@dataclass(frozen=True, eq=False)
-class NetArrays:
-    """One network as plain data: its config and weights."""
-
-    config: dict[str, Any]
-    weights: dict[str, NDArray]
-
-
-@dataclass(frozen=True, eq=False)
-class Contents:
-    """Everything in a repertoire file."""
-
-    # By path: all of `schema.DATASETS` and `COUNTS`, all or none of `MOTIFS` and of `DOUBT`.
-    arrays: Mapping[str, NDArray]
-    density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
-    provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
-    nets: Mapping[str, NetArrays] = field(default_factory=dict)
-
-
-def write_repertoire(path: Path, contents: Contents, *, compress: bool = False) -> None:
-    """Write all of `contents` to `path`, or nothing.
-
-    `compress` quantises motion and networks to 16 bits (`schema.QUANTISATION_STEPS`): a quarter of the
-    size. The bytes depend on the arguments alone. Raises `RepertoireError` if an array is missing or does
-    not match the schema, `ParameterError` if the folder does not exist.
-    """
-    _check(contents)
-    with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
-        file.attrs["format"] = FORMAT
-        file.attrs["version"] = VERSION
-        file.attrs["density"] = contents.density
-        file.attrs["provenance"] = json.dumps(contents.provenance, sort_keys=True)
-        for name, (kind, _) in _layout(contents.arrays).items():
-            array = np.asarray(contents.arrays[name])
-            if kind == "s":
-                array = np.array([str(text) for text in array], dtype=object)
-                file.create_dataset(name, data=array, dtype=h5py.string_dtype(), track_times=False)
-                continue
-            kind = "f2" if compress and name in HALF_PRECISION else kind
-            step = QUANTISATION_STEPS.get(name) if compress else None
-            _write_numbers(file, name, array.astype(kind), step)
-        _write_nets(file, contents.nets, compress=compress)
-
-
-def write_networks(path: Path, nets: Mapping[str, NetArrays], provenance: Mapping[str, Any]) -> None:
-    """Write networks alone to `path`, in half precision: what the package ships as pretrained.
-
-    The bytes depend on the arguments alone. Raises `ParameterError` if the folder does not exist.
-    """
-    with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
-        file.attrs["format"] = NETWORKS_FORMAT
-        file.attrs["provenance"] = json.dumps(provenance, sort_keys=True)
-        _write_nets(file, nets, compress=True)
 
 
 def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:
     """Networks by name and their provenance, of `write_networks`; `RepertoireError` if it is no such file."""
-    with _opened(path, "networks") as file:
-        if _attribute(file, "format", str) != NETWORKS_FORMAT:
+    with opened(path, "networks") as file:
+        if attribute(file, "format", str) != NETWORKS_FORMAT:
             raise RepertoireError(f"{path}: expected networks, got another kind of file")
-        names = _member_names(file, "nets", checks.MAX_NETS)
+        names = member_names(file, "nets", checks.MAX_NETS)
         nets = {name: _read_net(file, name, path) for name in names}
-        provenance = _from_json(_attribute(file, "provenance", str), f"{path}: provenance")
+        provenance = from_json(attribute(file, "provenance", str), f"{path}: provenance")
         checks.check_provenance(provenance)
         return nets, provenance
 
 
-def _write_nets(file: h5py.File, nets: Mapping[str, NetArrays], *, compress: bool) -> None:
-    for name, net in sorted(nets.items()):
-        group = file.create_group(f"nets/{name}")
-        group.attrs["config"] = json.dumps(net.config, sort_keys=True)
-        for weight, array in sorted(net.weights.items()):
-            array = np.asarray(array, np.float16) if compress else np.asarray(array)
-            options = _gzip(9) if compress and array.size > _MIN_GZIP_SIZE else {}
-            group.create_dataset(weight, data=array, track_times=False, **options)
+class RepertoireFile:
+    """An open repertoire file; arrays are read on demand.
+
+    Raises `RepertoireError` if the file is missing, not HDF5, truncated, not a repertoire or of
+    another version, or an array is not stored as `checks` expects. One that is shipped with the program is
+    not searched for damaged heaps of texts, which takes longer than all else.
+    """
+
+    def __init__(self, path: Path, *, is_shipped: bool = False) -> None:
+        self.path = Path(path)
+        if self.path.is_dir():
+            raise RepertoireError(f"{path}: expected a repertoire file, got a folder")
+        if not self.path.exists():
+            raise RepertoireError(f"{path}: no such repertoire: make one with `choreograph build-db`")
+        if not is_shipped:
+            self._check_heaps()
+        with opened(self.path, "a repertoire") as file:
+            version = self._read_version(file)
+            self.has_motifs = "motifs" in file
+            self.has_counts = version >= WITH_COUNTS
+            self.has_doubt = self.has_counts and all(name in file for name in DOUBT)
+            optional = [*(MOTIFS if self.has_motifs else ()), *(DOUBT if self.has_doubt else ())]
+            stored = self._check_stored(file, layout_of(optional, version))
+            self.density = attribute(file, "density", str)
+            self.provenance = from_json(attribute(file, "provenance", str), f"{path}: provenance")
+            checks.check_provenance(self.provenance)
+            self.net_names = self._find_nets(file)
+            self.shapes = {array.name: array.shape for array in stored}
+            self._sizes = axis_sizes(self.shapes, version)
+
+    def _check_heaps(self) -> None:
+        with (
+            damage_named(self.path, "a repertoire"),
+            open(self.path, "rb") as file,
+            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
+        ):
+            checks.check_text_heaps(data)
+
+    def _read_version(self, file: h5py.File) -> int:
+        kind = file.attrs.get("format")
+        if not isinstance(kind, str) or kind != FORMAT:
+            got = f"{kind!r}"[:40].replace("\n", " ")
+            raise RepertoireError(
+                f"{self.path}: expected a repertoire, got an HDF5 file of another kind ({got})"
+            )
+        version = attribute(file, "version", int)
+        if version not in range(1, VERSION + 1):
+            raise RepertoireError(
+                f"{self.path}: expected repertoire version 1 to {VERSION}, got {version}: made by another "
+                "version of choreograph, build it again from its takes"
+            )
+        return version
+
+    def _check_stored(self, file: h5py.File, layout: Mapping[str, tuple[str, str]]) -> list[StoredArray]:
+        for group in dict.fromkeys(name.split("/")[0] for name in layout):
+            check_link(file, group)
+        stored = [stored_array(file, name) for name in layout]
+        for array, (kind, _) in zip(stored, layout.values(), strict=True):
+            checks.check_stored(array, kind)
+        checks.check_size(stored, self.path.stat().st_size)
+        return stored
+
+    def _find_nets(self, file: h5py.File) -> tuple[str, ...]:
+        if "nets" not in file:
+            return ()
+        check_link(file, "nets")
+        return tuple(name for name in NETS if name in file["nets"])
+
+    def read(self, name: str, part: slice = slice(None)) -> NDArray:
+        """An array of the schema, or a slice of its first axis; strings as numpy str.
+
+        Raises `RepertoireError` if it cannot be read or a value is not one that `checks` expects.
+        """
+        with opened(self.path, "a repertoire") as file:
+            data = file[name]
+            if (DATASETS | COUNTS | DOUBT | MOTIFS)[name][0] == "s":
+                return _read_text(data, part, self.path.stat().st_size)
+            array = _read_quantised(name, data, part) if "step" in data.attrs else data[part]
+            checks.check_values(name, array, self._sizes)
+            return array
+
+    def read_net(self, name: str) -> NetArrays:
+        """A network's config and weights; `RepertoireError` if the file has none of that name."""
+        if name not in self.net_names:
+            known = ", ".join(self.net_names) or "none"
+            raise RepertoireError(f"{self.path}: expected a network {name!r}, got a repertoire with {known}")
+        with opened(self.path, "a repertoire") as file:
+            return _read_net(file, name, self.path)
 
 
 def _read_net(file: h5py.File, name: str, path: Path) -> NetArrays:
     group = f"nets/{name}"
-    _check_link(file, group)
-    names = _member_names(file, group, checks.MAX_WEIGHTS)
-    stored = [_stored(file, f"{group}/{weight}") for weight in names]
+    check_link(file, group)
+    names = member_names(file, group, checks.MAX_WEIGHTS)
+    stored = [stored_array(file, f"{group}/{weight}") for weight in names]
     for array in stored:
         checks.check_stored(array, checks.WEIGHTS)
     checks.check_size(stored, path.stat().st_size)
     weights = {weight: _to_single(file[f"{group}/{weight}"][()]) for weight in names}
     for weight, values in weights.items():
         checks.check_finite(f"{group}/{weight}", values)
-    config = _attribute(file[group], "config", str)
-    return NetArrays(_from_json(config, f"{path}: the config of network {name}"), weights)
-
-
-def _gzip(level: int) -> dict[str, Any]:
-    return {"compression": "gzip", "compression_opts": level, "shuffle": True}
-
-
-def _write_numbers(file: h5py.File, name: str, array: NDArray, step: float | None) -> None:
-    """Write an array, quantised to multiples of `step` if it is given and 16 bits hold all values."""
-    options = _gzip(1) if array.size > _MIN_GZIP_SIZE else {}
-    if step is None or np.abs(array).max(initial=0.0) > np.iinfo(np.int16).max * step:
-        file.create_dataset(name, data=array, track_times=False, **options)
-        return
-    if options:
-        # One column per chunk: values are similar in time, but not between joints.
-        chunk = (min(len(array), DELTA_RESTART), *(1,) * (array.ndim - 1))
-        options = {**_gzip(9), "chunks": chunk}
-    integers = np.rint(array / step).astype(np.int16)
-    differences = integers
-    for _ in range(DELTA_ORDER):
-        deltas = np.diff(differences, axis=0, prepend=np.zeros_like(differences[:1]))
-        deltas[::DELTA_RESTART] = differences[::DELTA_RESTART]
-        differences = deltas
-    data = file.create_dataset(name, data=zigzag_encode(differences), track_times=False, **options)
-    data.attrs.update(step=step, order=DELTA_ORDER, restart=DELTA_RESTART, folded=True)
+    config = attribute(file[group], "config", str)
+    return NetArrays(from_json(config, f"{path}: the config of network {name}"), weights)
 
 
 def _read_quantised(name: str, data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
     # The first 16-bit files have whole integers, the next ones their first differences, and do not say so.
     absent: dict[str, Any] = {"order": np.int64("restart" in data.attrs), "restart": np.int64(DELTA_RESTART)}
     attributes: dict[str, Any] = {
-        key: _scalar(data, key) if key in data.attrs else absent.get(key)
+        key: scalar(data, key) if key in data.attrs else absent.get(key)
         for key in ("step", "order", "restart", "folded")
     }
     checks.check_quantisation(name, attributes)
@@ -187,226 +191,5 @@ def _read_text(data: h5py.Dataset, part: slice, n_file_bytes: int) -> NDArray[np
     return np.array(texts, dtype=np.str_)
 
 
-def _layout(names: Container[str], version: int = VERSION) -> dict[str, tuple[str, str]]:
-    """The datasets of a file with these names: all of `schema.MOTIFS` or `DOUBT` if it has any of them."""
-    layout = DATASETS | (COUNTS if version >= WITH_COUNTS else {})
-    for optional in (DOUBT, MOTIFS):
-        if any(name in names for name in optional):
-            layout |= optional
-    return layout
-
-
-def _check(contents: Contents) -> None:
-    layout = _layout(contents.arrays)
-    missing = [name for name in layout if name not in contents.arrays]
-    if missing:
-        raise RepertoireError(f"expected all arrays of a repertoire, got no {', '.join(missing)}")
-    _axis_sizes({name: np.shape(contents.arrays[name]) for name in layout})
-    unknown = set(contents.nets) - set(NETS)
-    if unknown:
-        raise RepertoireError(f"expected networks among {', '.join(NETS)}, got {', '.join(sorted(unknown))}")
-
-
-def _axis_sizes(shapes: Mapping[str, tuple[int, ...]], version: int = VERSION) -> dict[str, int]:
-    """The lengths of the axes; `RepertoireError` for a shape that contradicts the schema or one before it."""
-    sizes: dict[str, int] = {}
-    for name, (_, axes) in _layout(shapes, version).items():
-        letters, shape = axes.split(), shapes[name]
-        sizes |= {letter: int(letter) for letter in letters if letter.isdigit()}
-        if len(shape) != len(letters) or any(
-            sizes.setdefault(letter, n) != n for letter, n in zip(letters, shape, strict=True)
-        ):
-            known = ", ".join(f"{letter} = {sizes[letter]}" for letter in letters if letter in sizes)
-            raise RepertoireError(f"{name}: expected ({axes}) with {known}, got {shape}")
-    return sizes
-
-
-class RepertoireFile:
-    """An open repertoire file; arrays are read on demand.
-
-    Raises `RepertoireError` if the file is missing, not HDF5, truncated, not a repertoire or of
-    another version, or an array is not stored as `checks` expects. One that is shipped with the program is
-    not searched for damaged heaps of texts, which takes longer than all else.
-    """
-
-    def __init__(self, path: Path, *, is_shipped: bool = False) -> None:
-        self.path = Path(path)
-        if self.path.is_dir():
-            raise RepertoireError(f"{path}: expected a repertoire file, got a folder")
-        if not self.path.exists():
-            raise RepertoireError(f"{path}: no such repertoire: make one with `choreograph build-db`")
-        if not is_shipped:
-            self._check_heaps()
-        with _opened(self.path, "a repertoire") as file:
-            version = self._read_version(file)
-            self.has_motifs = "motifs" in file
-            self.has_counts = version >= WITH_COUNTS
-            self.has_doubt = self.has_counts and all(name in file for name in DOUBT)
-            optional = [*(MOTIFS if self.has_motifs else ()), *(DOUBT if self.has_doubt else ())]
-            stored = self._check_stored(file, _layout(optional, version))
-            self.density = _attribute(file, "density", str)
-            self.provenance = _from_json(_attribute(file, "provenance", str), f"{path}: provenance")
-            checks.check_provenance(self.provenance)
-            self.net_names = self._find_nets(file)
-            self.shapes = {array.name: array.shape for array in stored}
-            self._sizes = _axis_sizes(self.shapes, version)
-
-    def _check_heaps(self) -> None:
-        with (
-            _damage_named(self.path, "a repertoire"),
-            open(self.path, "rb") as file,
-            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
-        ):
-            checks.check_text_heaps(data)
-
-    def _read_version(self, file: h5py.File) -> int:
-        kind = file.attrs.get("format")
-        if not isinstance(kind, str) or kind != FORMAT:
-            got = f"{kind!r}"[:40].replace("\n", " ")
-            raise RepertoireError(
-                f"{self.path}: expected a repertoire, got an HDF5 file of another kind ({got})"
-            )
-        version = _attribute(file, "version", int)
-        if version not in range(1, VERSION + 1):
-            raise RepertoireError(
-                f"{self.path}: expected repertoire version 1 to {VERSION}, got {version}: made by another "
-                "version of choreograph, build it again from its takes"
-            )
-        return version
-
-    def _check_stored(self, file: h5py.File, layout: Mapping[str, tuple[str, str]]) -> list[StoredArray]:
-        for group in dict.fromkeys(name.split("/")[0] for name in layout):
-            _check_link(file, group)
-        stored = [_stored(file, name) for name in layout]
-        for array, (kind, _) in zip(stored, layout.values(), strict=True):
-            checks.check_stored(array, kind)
-        checks.check_size(stored, self.path.stat().st_size)
-        return stored
-
-    def _find_nets(self, file: h5py.File) -> tuple[str, ...]:
-        if "nets" not in file:
-            return ()
-        _check_link(file, "nets")
-        return tuple(name for name in NETS if name in file["nets"])
-
-    def read(self, name: str, part: slice = slice(None)) -> NDArray:
-        """An array of the schema, or a slice of its first axis; strings as numpy str.
-
-        Raises `RepertoireError` if it cannot be read or a value is not one that `checks` expects.
-        """
-        with _opened(self.path, "a repertoire") as file:
-            data = file[name]
-            if (DATASETS | COUNTS | DOUBT | MOTIFS)[name][0] == "s":
-                return _read_text(data, part, self.path.stat().st_size)
-            array = _read_quantised(name, data, part) if "step" in data.attrs else data[part]
-            checks.check_values(name, array, self._sizes)
-            return array
-
-    def read_net(self, name: str) -> NetArrays:
-        """A network's config and weights; `RepertoireError` if the file has none of that name."""
-        if name not in self.net_names:
-            known = ", ".join(self.net_names) or "none"
-            raise RepertoireError(f"{self.path}: expected a network {name!r}, got a repertoire with {known}")
-        with _opened(self.path, "a repertoire") as file:
-            return _read_net(file, name, self.path)
-
-
-@contextmanager
-def _opened(path: Path, what: str) -> Iterator[h5py.File]:
-    """The open file; `RepertoireError` naming it for all that HDF5 or `checks` find wrong with it."""
-    with _damage_named(path, what), h5py.File(path, "r") as file:
-        yield file
-
-
-@contextmanager
-def _damage_named(path: Path, what: str) -> Iterator[None]:
-    try:
-        check_regular(path, what)
-        yield
-    except RepertoireError as error:
-        message = str(error)
-        if message.startswith(str(path)):
-            raise
-        raise RepertoireError(f"{path}: {message}: a damaged file") from error
-    except FormatError as error:  # no file
-        raise RepertoireError(str(error)) from error
-    except (
-        OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError,
-        NotImplementedError,
-    ) as error:  # fmt: skip  # all that h5py makes of what it cannot read
-        reason = " ".join(str(error).split())[:120]
-        raise RepertoireError(
-            f"{path}: expected {what} (HDF5), could not read it ({reason}): truncated or "
-            "not made by choreograph"
-        ) from error
-
-
-def _check_link(file: h5py.File, name: str) -> None:
-    """`RepertoireError` unless an object, or its name in the group before it, is in the file itself."""
-    try:
-        link = file.id.links.get_info(name.encode())
-    except (KeyError, RuntimeError):
-        raise RepertoireError(f"the repertoire has no {name}") from None
-    if link.type != h5py.h5l.TYPE_HARD:
-        raise RepertoireError(f"{name}: expected it in this file, got a link to another place")
-
-
-def _stored(file: h5py.File, name: str) -> StoredArray:
-    """How an array is stored; low-level calls, since opening a repertoire looks at all of them."""
-    _check_link(file, name)
-    data = h5py.h5o.open(file.id, name.encode())
-    if not isinstance(data, h5py.h5d.DatasetID):
-        raise RepertoireError(f"the repertoire has no {name}")
-    plan = data.get_create_plist()
-    layout = plan.get_layout()
-    is_text = h5py.check_string_dtype(data.dtype) is not None
-    return StoredArray(
-        name,
-        data.dtype,
-        is_text,
-        is_quantised=h5py.h5a.exists(data, b"step"),
-        shape=data.shape or (),
-        chunk=plan.get_chunk() if layout == h5py.h5d.CHUNKED else (),
-        filters=tuple(plan.get_filter(i)[0] for i in range(plan.get_nfilters())),
-        n_stored_bytes=data.get_storage_size(),
-        is_elsewhere=layout == h5py.h5d.VIRTUAL or plan.get_external_count() > 0,
-    )
-
-
-def _member_names(file: h5py.File, group: str, most: int) -> list[str]:
-    _check_link(file, group)
-    members = file[group]
-    if not isinstance(members, h5py.Group) or len(members) > most:
-        raise RepertoireError(f"{group}: expected a group of up to {most}, got something else")
-    return sorted(members)
-
-
-def _scalar(owner: h5py.Group | h5py.Dataset, name: str) -> Any:
-    """An attribute that is one value; None if there is none, or it is an array or a reference."""
-    if name not in owner.attrs:
-        return None
-    header = owner.attrs.get_id(name)
-    return owner.attrs[name] if header.shape == () and header.dtype.kind in "iufbO" else None
-
-
-def _attribute(owner: h5py.Group, name: str, kind: type) -> Any:
-    value = _scalar(owner, name)
-    if not isinstance(value, str if kind is str else np.integer):
-        raise RepertoireError(
-            f"the attribute {name}: expected {kind.__name__}, got something else or nothing"
-        )
-    return kind(value)
-
-
 def _to_single(weight: NDArray) -> NDArray:
     return weight.astype(np.float32) if weight.dtype == np.float16 else weight
-
-
-def _from_json(text: str, what: str) -> dict[str, Any]:
-    try:
-        data = json.loads(text)
-    except (TypeError, ValueError, RecursionError) as error:
-        raise RepertoireError(f"{what}: expected JSON: a damaged file") from error
-    if not isinstance(data, dict):
-        raise RepertoireError(f"{what}: expected a JSON object: a damaged file")
-    return data
