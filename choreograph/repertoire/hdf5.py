@@ -1,6 +1,6 @@
 """HDF5 files of strangers: opened, and looked at before anything of them is read.
 
-Nothing outside the file is followed, and all that HDF5 makes of a damaged one becomes one error that names it.
+Nothing outside the file is followed. All that HDF5 makes of a damaged one becomes one error that names it.
 """
 
 from __future__ import annotations
