@@ -267,7 +267,9 @@ def _danced(
     """The stages in order, with arguments that are checked."""
     if report is not None:
         report("analysing the song", 0, 0)
-    song_features, notes = analyse_song(song, repertoire, beats=config.beats, start_s=start_s)
+    song_features, notes = analyse_song(
+        song, repertoire, beats=config.beats, genre=requested.genre, start_s=start_s
+    )
     bounds_s = dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
     resolved = resolve(requested, repertoire, bounds_s, song_features.duration_s)
     kept = None if kept_of is None else _kept(*kept_of, requested, song_features.duration_s, config)
