@@ -12,6 +12,7 @@ from choreograph.blending.sampled_runs import MotionReader, SampledRun, align_to
 from choreograph.blending.transitions import blend_transition
 from choreograph.config import BLENDINGS, TRANSITION_LENGTHS_S
 from choreograph.errors import ParameterError
+from choreograph.frame_blocks import frame_blocks
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.timebase import seconds_to_frames
@@ -61,6 +62,8 @@ def assemble(
     if previous is None or quat_out is None:
         raise ParameterError("expected a plan of one second or more, got none")
     n_frames = max(1, seconds_to_frames(duration_s, fps))
-    motion = Motion(previous.motion.skeleton, root_out, rot.make_continuous(rot.normalize(quat_out)), fps)
+    for block in frame_blocks(total):
+        quat_out[block] = rot.normalize(quat_out[block])
+    motion = Motion(previous.motion.skeleton, root_out, rot.make_continuous(quat_out), fps)
     transition_times_s = np.array([run.start_s for run in runs[1:]], np.float64)
     return motion.sliced(0, min(n_frames, total)), transition_times_s

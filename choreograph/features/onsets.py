@@ -11,6 +11,7 @@ from scipy import fft
 
 from choreograph.errors import ParameterError
 from choreograph.features.mel import MEL_BANDS, mel_band_hz
+from choreograph.frame_blocks import frame_blocks
 from choreograph.timebase import MUSIC_FPS, SEGMENT_S, seconds_to_frames
 
 _BAND_EDGES_HZ = (0.0, 250.0, 2000.0, 11025.0)  # bass, melody, percussion
@@ -25,10 +26,24 @@ def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
     and within 60 dB of the song's maximum, so noise in a pause is not an onset.
     """
     log_mel = _checked(log_mel)
-    level = np.maximum(log_mel, log_mel.max() - ONSET_RANGE)
-    rise = np.zeros_like(level)
-    rise[2:] = np.maximum(0.0, level[2:] - level[:-2])
-    return band_means(rise)
+    floor = log_mel.max() - ONSET_RANGE
+    onsets = np.empty((len(log_mel), N_BANDS), np.float32)
+    for block in frame_blocks(len(log_mel)):
+        onsets[block] = band_means(level_rise(log_mel, floor, block))
+    return onsets
+
+
+def level_rise(
+    log_mel: NDArray[np.floating], floor: float, block: slice, dtype: type[np.floating] = np.float32
+) -> NDArray[np.floating]:
+    """Rise over two frames of the frames `block` of log power (T, 96), no lower than `floor`: (T_b, 96)."""
+    first = max(0, block.start - 2)
+    level = np.maximum(log_mel[first : block.stop], floor).astype(dtype, copy=False)
+    rise = np.zeros((block.stop - block.start, level.shape[1]), dtype)
+    n_known = len(level) - 2
+    if n_known > 0:
+        rise[len(rise) - n_known :] = np.maximum(0.0, level[2:] - level[:-2])
+    return rise
 
 
 def band_means(rise: NDArray[np.floating]) -> NDArray[np.float32]:
