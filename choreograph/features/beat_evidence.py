@@ -67,7 +67,7 @@ def beat_evidence(
     bass, harmony = _chroma(samples, bounds_s)
     rises = np.empty((len(log_mel), len(bands)))  # (T, 5)
     for block in frame_blocks(len(log_mel)):
-        rise = level_rise(log_mel, floor, block, np.float64)
+        rise = level_rise(log_mel, floor, block)
         rises[block] = np.stack([rise[:, band].mean(axis=1) for band in bands], axis=1)
     following = np.minimum(np.arange(len(harmony))[:, None] + np.arange(_BAR_BEATS), len(harmony) - 1)
     spectral_shape = timbre - timbre.mean(axis=1, keepdims=True)

@@ -19,7 +19,7 @@ N_BANDS = len(_BAND_EDGES_HZ) - 1
 ONSET_RANGE = 60.0 / (10.0 / np.log(10.0))  # 60 dB in natural log of power
 
 
-def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
+def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
     """Half-wave rectified rise of log power per band: bass, melody, percussion, (T, 3) at 60 fps.
 
     `log_mel` (T, 96) as `features.mel.log_mel` returns it. The rise is taken over two frames (33 ms)
@@ -27,26 +27,24 @@ def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
     """
     log_mel = _checked(log_mel)
     floor = log_mel.max() - ONSET_RANGE
-    onsets = np.empty((len(log_mel), N_BANDS), np.float32)
+    onsets = np.empty((len(log_mel), N_BANDS))
     for block in frame_blocks(len(log_mel)):
         onsets[block] = band_means(level_rise(log_mel, floor, block))
     return onsets
 
 
-def level_rise(
-    log_mel: NDArray[np.floating], floor: float, block: slice, dtype: type[np.floating] = np.float32
-) -> NDArray[np.floating]:
+def level_rise(log_mel: NDArray[np.floating], floor: float, block: slice) -> NDArray[np.float64]:
     """Rise over two frames of the frames `block` of log power (T, 96), no lower than `floor`: (T_b, 96)."""
     first = max(0, block.start - 2)
-    level = np.maximum(log_mel[first : block.stop], floor).astype(dtype, copy=False)
-    rise = np.zeros((block.stop - block.start, level.shape[1]), dtype)
+    level = np.maximum(log_mel[first : block.stop], floor).astype(np.float64, copy=False)
+    rise = np.zeros((block.stop - block.start, level.shape[1]))
     n_known = len(level) - 2
     if n_known > 0:
         rise[len(rise) - n_known :] = np.maximum(0.0, level[2:] - level[:-2])
     return rise
 
 
-def band_means(rise: NDArray[np.floating]) -> NDArray[np.float32]:
+def band_means(rise: NDArray[np.floating]) -> NDArray[np.floating]:
     """Means (T, 3) of the rise of log power (T, 96) over bass, melody and percussion."""
     return np.stack([rise[:, band].mean(axis=1) for band in _bands()], axis=1)
 
