@@ -10,6 +10,7 @@ from choreograph.errors import ParameterError
 from choreograph.frame_blocks import frame_blocks
 
 _BLOCK = 735  # samples, 1/30 s: the unit that is gated as sound or pause
+_AT_ONCE = 1 << 20  # samples scaled in double precision
 PAUSE_GATE = 1e-6  # of the loudest block's power (-60 dB): quieter blocks are pauses and do not count
 
 
@@ -38,4 +39,7 @@ def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
     size = np.diff(starts, append=len(samples))
     is_sound = energy > PAUSE_GATE * size * (energy / size).max()
     level = peak * np.sqrt(energy[is_sound].sum() / size[is_sound].sum())
-    return (samples / level).astype(np.float32, copy=False)
+    out = np.empty_like(samples)
+    for part in frame_blocks(len(samples), _AT_ONCE):
+        out[part] = samples[part] / level
+    return out

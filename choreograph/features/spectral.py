@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from choreograph.features.loudness import at_unit_loudness
 from choreograph.features.music_beats import checked_beat_times_s
 from choreograph.frame_blocks import frame_blocks
+from choreograph.progress import StepReport
 from choreograph.timebase import SAMPLE_RATE_HZ, times_to_frames
 
 _COLUMNS = {
@@ -62,7 +63,10 @@ _CROSSING_FLOOR = 1e-3  # amplitude of a sample
 
 
 def spectral_features(
-    samples: NDArray[np.floating], beat_times_s: NDArray[np.floating]
+    samples: NDArray[np.floating],
+    beat_times_s: NDArray[np.floating],
+    *,
+    report: StepReport | None = None,
 ) -> NDArray[np.float32]:
     """The 87 spectral features of every interval between two consecutive beats.
 
@@ -94,11 +98,17 @@ def spectral_features(
     frames = np.empty((len(tonal["tonnetz"]), SPECTRAL_DIM))  # (T, 87), frame i centred at i * 512 samples
     for name, rows in tonal.items():
         frames[:, SPECTRAL_COLUMNS[name]] = rows
-    for block in frame_blocks(len(frames)):
+    blocks = list(frame_blocks(len(frames)))
+    n_steps = 2 * len(blocks)  # half of the time was the tonal features'
+    if report is not None:
+        report(len(blocks), n_steps)
+    for done, block in enumerate(blocks, start=len(blocks) + 1):
         first = block.start * _HOP - _WINDOW // 2
         heard = _span(samples, first, (block.stop - 1) * _HOP + _WINDOW // 2)
         for name, rows in _timbre_frames(heard, tuning).items():
             frames[block, SPECTRAL_COLUMNS[name]] = rows
+        if report is not None:
+            report(done, n_steps)
     return _interval_means(frames, beats).astype(np.float32)
 
 
