@@ -3,8 +3,8 @@
     OMP_NUM_THREADS=1 python tests/benchmarks/long_songs.py [--minutes 1 5 20 60] [--engines graph]
 
 The songs are the built-in ones, one after another at changing levels with gaps between. Every dance is made
-by `choreograph dance` in a process of its own, as a motion alone (npz) and as motion and page (bvh, html): CPU
-seconds, peak resident memory, and how long `--progress-lines` was silent at most, and after which line.
+by `choreograph dance` in a process of its own, as a motion alone (npz) and as motion and page (bvh, html):
+CPU seconds, peak resident memory, and how long `--progress-lines` was silent at most, and after which line.
 """
 
 from __future__ import annotations
@@ -51,16 +51,8 @@ def long_song(minutes: float, seed: int = 0) -> NDArray[np.float32]:
 
 def cost_of(song: Path, engine: str, outputs: list[Path]) -> Cost:
     """Dance to a song in another process; `CalledProcessError` if that fails."""
-    command = [
-        sys.executable,
-        "-m",
-        "choreograph",
-        "dance",
-        str(song),
-        "--engine",
-        engine,
-        "--progress-lines",
-    ]
+    command = [sys.executable, "-m", "choreograph", "dance", str(song), "--engine", engine]
+    command += ["--progress-lines"]
     command += [text for path in outputs for text in ("-o", str(path))]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
@@ -82,9 +74,8 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, nargs="+", default=[1.0, 5.0, 20.0, 60.0])
     parser.add_argument("--engines", nargs="+", default=["graph"], choices=["graph", "mixer", "rollout"])
     options = parser.parse_args()
-    print(
-        "| song | engine | files | CPU s | peak MB | silent for at most |\n| --- | --- | --- | --- | --- | --- |"
-    )
+    print("| song | engine | files | CPU s | peak MB | silent for at most |")
+    print("| --- | --- | --- | --- | --- | --- |", flush=True)
     with TemporaryDirectory() as folder:
         for minutes in options.minutes:
             song = Path(folder) / "song.flac"
