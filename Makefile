@@ -5,8 +5,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 SONG ?= $(shell $(BIN)/choreograph songs --path house)
 DB ?=
+MINUTES ?= 5
 
-.PHONY: setup test test-fast test-lowest lint dance starter faults benchmark format
+.PHONY: setup test test-fast test-lowest fuzz lint dance starter faults benchmark format
 
 setup: .venv/.ready
 
@@ -27,6 +28,10 @@ test-lowest:
 	$(PYTHON) .ci/lowest.py > .venv-lowest/lowest.txt
 	.venv-lowest/bin/pip install --quiet --constraint .venv-lowest/lowest.txt --editable '.[test]'
 	.venv-lowest/bin/pytest -n auto --dist loadfile -m "not alone"
+
+# Damaged and hostile files of every format, for as long as wanted; what fails goes to tests/fuzz/corpus.
+fuzz: setup
+	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m fuzz --minutes $(MINUTES)
 
 lint: setup
 	$(BIN)/ruff check .

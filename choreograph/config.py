@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from choreograph.errors import FormatError, ParameterError
+from choreograph.files import read_text
 
 ENGINES = ("graph", "mixer", "rollout")
 PLANNERS = ("exact", "greedy", "motion-graph")
@@ -21,6 +22,7 @@ DENSITIES = ("repertoire", "learned")
 TIME_MAPS = ("smooth", "raw")
 MOTIF_DRAWS = ("missing", "absolute")
 STYLE_WINDOWS = ("smooth", "hamming")
+MAX_VARIATIONS = 1000  # of one song
 # Lengths a transition may have: inertial to each side, linear in all; the first where none is chosen.
 TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
 # The first ten but completeness and velocity were weighed on dances to training songs, left out in five
@@ -112,10 +114,10 @@ def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfi
     Raises `FormatError` if the file cannot be read or is not TOML, `ParameterError` for an unknown
     key or a value that cannot be used.
     """
+    text = read_text(path, "a config (TOML)")
     try:
-        with open(path, "rb") as file:
-            data = tomllib.load(file)
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise FormatError(f"{path}: expected a config (TOML), could not read it: {error}") from error
     known = [f.name for f in fields(DanceConfig)]
     unknown = sorted(set(data) - set(known))

@@ -25,7 +25,7 @@ import numpy as np
 
 from choreograph.counts import ANNOTATED, MAX_METRE, Counts, Figure, make_counts
 from choreograph.errors import FormatError, ParameterError
-from choreograph.files import atomic_path
+from choreograph.files import MAX_TABLE_BYTES, atomic_path, read_text
 
 SUFFIX = ".counts.csv"
 _COLUMNS = ("time_s", "number", "figure")
@@ -39,7 +39,7 @@ def read_counts(path: str | Path) -> tuple[Counts, tuple[Figure, ...]]:
     or unknown, a cell is no number, times do not increase, or a number is not 0 to 12.
     """
     path = Path(path)
-    if not path.is_file():
+    if not path.exists():
         raise ParameterError(f"no file {path}")
     times_s: list[float] = []
     numbers: list[int] = []
@@ -86,12 +86,12 @@ def write_counts(path: str | Path, counts: Counts, figures: Sequence[Figure] = (
 def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     """Line numbers and cells by column."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, "a table of counts", encoding="utf-8-sig", max_bytes=MAX_TABLE_BYTES)
         reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
         columns = [column.strip() for column in reader.fieldnames or []]
         reader.fieldnames = columns
         rows = [(reader.line_num, row) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except csv.Error as error:
         raise FormatError(
             f"{path}: expected a table of counts in UTF-8, got something else ({error})"
         ) from None

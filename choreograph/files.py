@@ -1,19 +1,32 @@
-"""Atomic writing of files, and checksums."""
+"""Atomic writing of files, reading those of strangers, and checksums."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import platform
 import re
 import reprlib
+import stat
 import uuid
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
-from choreograph.errors import ChoreographError, ParameterError
+from choreograph.errors import ChoreographError, FormatError, ParameterError
+
+MAX_TEXT_BYTES = 1 << 24  # of a plan, a list or another file that a person may read
+MAX_TABLE_BYTES = 1 << 22  # of a table, each row of which takes a hundred times its bytes
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
 
 
 def as_path(what: str, path: object) -> Path:
@@ -24,12 +37,19 @@ def as_path(what: str, path: object) -> Path:
 
 
 def check_target(path: str | Path) -> Path:
-    """The path as a `Path`; `ParameterError` if its folder is missing or it is a folder itself."""
+    """The path as a `Path`, of a file to be made or replaced.
+
+    Raises `ParameterError` if its folder is missing or cannot be written to, or it is no file itself.
+    """
     path = Path(path)
     if not path.parent.is_dir():
         raise ParameterError(f"cannot write {path}: there is no folder {path.parent}")
     if path.is_dir():
         raise ParameterError(f"cannot write {path}: it is a folder")
+    if path.exists() and not path.is_file():
+        raise ParameterError(f"cannot write {path}: it is a pipe, a socket or a device")
+    if not os.access(path.parent, os.W_OK):
+        raise ParameterError(f"cannot write {path}: the folder {path.parent} is read-only")
     return path
 
 
@@ -89,6 +109,61 @@ def is_running(pid: int) -> bool:
     except PermissionError:
         return True
     return True
+
+
+def check_regular(path: str | Path, what: str) -> Path:
+    """The path as a `Path`, of an existing file that can be read to its end.
+
+    Raises `FormatError` if it is missing, or a folder, or a pipe, socket or device: those may never end.
+    """
+    path = Path(path)
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FormatError(f"{path}: expected {what}, could not find it: {reason}") from error
+    if not stat.S_ISREG(mode):
+        kind = _KINDS.get(stat.S_IFMT(mode), "something else")
+        raise FormatError(f"{path}: expected {what}, got {kind}: name a file, not what a program writes to")
+    return path
+
+
+def read_bytes(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
+    """The content of a file of at most `max_bytes`.
+
+    Raises `FormatError` as `check_regular` does, and if it is larger or cannot be read.
+    """
+    path = check_regular(path, what)
+    try:
+        with open(path, "rb") as file:
+            data = file.read(max_bytes + 1)
+    except OSError as error:
+        raise FormatError(f"{path}: expected {what}, could not read it: {error.strerror}") from error
+    if len(data) > max_bytes:
+        raise FormatError(f"{path}: expected {what} of up to {max_bytes >> 20} MiB, got more: another file?")
+    return data
+
+
+def read_text(
+    path: str | Path, what: str, *, encoding: str = "utf-8", max_bytes: int = MAX_TEXT_BYTES
+) -> str:
+    """The text of a file; `FormatError` as of `read_bytes`, and if it is no such text."""
+    try:
+        return read_bytes(path, what, max_bytes=max_bytes).decode(encoding)
+    except UnicodeDecodeError as error:
+        raise FormatError(f"{path}: expected {what}, got no text in UTF-8 ({error.reason})") from error
+
+
+def read_json(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) -> Any:
+    """The content of a JSON file; `FormatError` as of `read_text`, and if it is no JSON."""
+    text = read_text(path, what, max_bytes=max_bytes)
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise FormatError(
+            f"{path}: expected {what}, got no valid JSON ({reason}): cut off, or another file"
+        ) from error
 
 
 def sha256_of(path: str | Path) -> str:

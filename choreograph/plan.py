@@ -14,7 +14,7 @@ import numpy as np
 
 from choreograph.config import TRANSITION_LENGTHS_S, DanceConfig, is_number
 from choreograph.errors import FormatError, ParameterError
-from choreograph.files import as_path
+from choreograph.files import as_path, read_text
 from choreograph.takes import Credits
 from choreograph.timebase import NODE_FRAMES, SEGMENT_S
 
@@ -200,12 +200,7 @@ class Plan:
     @classmethod
     def read(cls, path: str | Path) -> Plan:
         """Read a plan file; `FormatError` if it is missing or not a plan."""
-        file = as_path("a plan", path)
-        try:
-            text = file.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise FormatError(f"{path}: expected a plan file, could not read it: {error}") from error
-        return cls.from_json(text, name=str(path))
+        return cls.from_json(read_text(as_path("a plan", path), "a plan file"), name=str(path))
 
     def _check(self, name: str) -> None:
         if self.start_s < 0:

@@ -43,6 +43,7 @@ def analyse_song(
     repertoire: Repertoire,
     *,
     beats: str | Path = DEFAULT_BEATS,
+    genre: str | None = None,
     start_s: float = 0.0,
     report: StepReport | None = None,
 ) -> tuple[SongFeatures, tuple[str, ...]]:
@@ -50,9 +51,9 @@ def analyse_song(
 
     `beats` is one of `song_counts.TRACKER_NAMES` or a file (see `features.beat_files`) whose times are
     those of the song file, which `song` begins at `start_s` of. Half or double of the tempo heard is taken
-    where the takes nearest in style are danced clearly nearer to their own tempo so. Without style networks
-    all style vectors are zero. Raises `ParameterError` for an unknown tracker, `FormatError` for a file that
-    cannot be read.
+    where takes are danced clearly nearer to their own tempo so: those of `genre`, or else those nearest in
+    style. Without style networks all style vectors are zero. Raises `ParameterError` for an unknown tracker,
+    `FormatError` for a file that cannot be read.
     """
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)
@@ -62,12 +63,13 @@ def analyse_song(
     notes += style_notes
     sections = _sections(song, counts, part(report, 25, 60, _STEPS))
     if names_a_tracker(beats):
-        tracked, counts = counts, _danceable(counts, song, mel, sections, repertoire, style)
+        tracked, counts = counts, _danceable(counts, song, mel, sections, repertoire, style, genre)
         if counts is not tracked:
             sections = _sections(song, counts, part(report, 60, 95, _STEPS))
+            which = f"takes of {genre}" if genre else "takes nearest in style"
             notes.append(
                 f"{song.name}: counted at {tempo_bpm(counts):.0f} BPM rather than the tracked "
-                f"{tempo_bpm(tracked):.0f}, which the takes nearest in style are danced at"
+                f"{tempo_bpm(tracked):.0f}, which is nearer to the tempo of the {which}"
             )
     if len(counts) == 0:
         notes.append(f"{song.name}: no beats found: the dance keeps the rhythm of its takes")
@@ -107,6 +109,7 @@ def _danceable(
     sections: Sections,
     repertoire: Repertoire,
     style: NDArray[np.float32],
+    genre: str | None,
 ) -> Counts:
     """The song's counts, each part at the metrical level that suits the takes: see `features.metrical_level`.
 
@@ -115,6 +118,9 @@ def _danceable(
     takes = [i for i in range(len(repertoire.takes)) if repertoire.counts(i).has_bars]
     if not takes or not tracked.has_bars:
         return tracked
+    of_genre = [i for i in takes if repertoire.takes[i].credits.genre == genre]
+    if of_genre:
+        takes, style = of_genre, np.zeros_like(style)  # without style all of them count the same
     levels = metrical_levels(song.samples, mel, tracked)
     bounds_s = sections.bounds_s[1:-1]
     bounds_s = np.r_[-np.inf, bounds_s[at_changes(bounds_s, change_times_s(tracked))], np.inf]

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from choreograph.characters import GltfCharacter
 from choreograph.gltf import GltfDocument
+
+BODY = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "left_hip", "right_hip")
 
 
 def node_worlds(document: GltfDocument, frames: np.ndarray | None = None) -> np.ndarray:
@@ -54,3 +57,28 @@ def skinned_vertices_m(document: GltfDocument, worlds: np.ndarray) -> np.ndarray
     moved = worlds[:, skin["joints"]] @ inverse  # (T, J, 4, 4)
     of_vertex = np.einsum("vk,tvkij->tvij", weights, moved[:, joints])
     return np.einsum("tvij,vj->tvi", of_vertex[..., :3, :3], vertices) + of_vertex[..., :3, 3]
+
+
+def inside_body(
+    document: GltfDocument, character: GltfCharacter, frames: np.ndarray, points_m: np.ndarray
+) -> np.ndarray:
+    """Whether points (T, 3) are inside trunk, head or thighs of a character (T,), by its mesh as posed."""
+    primitives = document.json["meshes"][0]["primitives"]
+    joints, weights = (document.array(primitives[0]["attributes"][k]) for k in ("JOINTS_0", "WEIGHTS_0"))
+    moved_by = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0].astype(int)
+    (skin,) = document.json["skins"]
+    body = [skin["joints"].index(character.nodes[character.bones[n]]) for n in BODY if n in character.bones]
+    of_body = np.isin(moved_by, body)
+    triangles = np.concatenate([document.array(p["indices"]).astype(int).reshape(-1, 3) for p in primitives])
+    triangles = triangles[of_body[triangles].all(axis=1)]
+    corners_m = skinned_vertices_m(document, node_worlds(document, frames))[:, triangles]  # (T, F, 3, 3)
+    return np.array([winding(point, own) > 0.5 for point, own in zip(points_m, corners_m, strict=True)])
+
+
+def winding(point_m: np.ndarray, corners_m: np.ndarray) -> float:
+    """How often triangles (F, 3, 3) go around a point (3,): about 1 inside of them, 0 outside."""
+    a, b, c = np.moveaxis(corners_m - point_m, 1, 0)
+    la, lb, lc = (np.linalg.norm(side, axis=-1) for side in (a, b, c))
+    volume = np.sum(a * np.cross(b, c), axis=-1)
+    below = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
+    return abs(float(np.sum(2.0 * np.arctan2(volume, below)))) / (4.0 * np.pi)

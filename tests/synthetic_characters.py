@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from choreograph.gltf import VERTICES, GltfDocument
+from choreograph.exporters.glb import _add_mesh
+from choreograph.gltf import GltfDocument
+from choreograph.mannequin import build_mannequin, skin_matrices
 from choreograph.motion import rotations as rot
-from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.motion.kinematics import forward
+from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 _LIMBS = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
 MIXAMO = {
@@ -63,6 +66,7 @@ class Spec:
     names: dict[str, str]  # canonical -> its own
     size: float = 1.0
     arms: float = 1.0  # length against the canonical body's
+    legs: float = 1.0
     arms_down_rad: float = 0.0  # of an A pose
     along: str = "y"  # axis of a bone that points to its child; "": all bones have the world's axes
     units_per_m: float = 1.0  # of the bones, under an armature that scales them back
@@ -83,10 +87,14 @@ CHARACTERS = {
     "vrm that looks back": Spec(VRM, along="", vrm=True, heading_rad=np.pi),
     "child": Spec(MIXAMO, size=0.5),
     "long arms": Spec(UNREAL, arms=1.4, along="x"),
+    "stocky": Spec(VRM, legs=0.7, arms=0.85, along="", vrm=True, arms_down_rad=0.6),
     "rigify": Spec(RIGIFY, arms_down_rad=0.3),
     "posed": Spec(MIXAMO, posed=True),
     "nameless": Spec(NAMELESS, arms_down_rad=0.5),
     "nameless that looks aside": Spec(NAMELESS, heading_rad=np.pi / 2, root=True),
+    "without toes": Spec(
+        VRM, size=1.1, along="", vrm=True, left_out=("left_hand", "right_hand", "left_foot", "right_foot")
+    ),
     "few spine bones": Spec(
         MIXAMO, left_out=("left_hand", "right_hand", "spine2", "spine3"), arms_down_rad=0.7
     ),
@@ -104,46 +112,76 @@ class Made:
     part: list[str]  # canonical name, or ""
 
 
+def figure_of(spec: Spec) -> Skeleton:
+    """The character's body in a T pose with its soles on the floor, canonical names, before it is sized."""
+    body = canonical_skeleton()
+    offsets_m = body.offsets_m.copy()
+    for joint, name in enumerate(body.names):
+        if name.endswith(("elbow", "wrist", "hand")):
+            offsets_m[joint] *= spec.arms
+        if name.endswith(("knee", "ankle")):
+            offsets_m[joint] *= spec.legs
+    legs = [body.index(f"left_{part}") for part in ("hip", "knee", "ankle", "foot")]
+    offsets_m[0] = [0.0, -offsets_m[legs, 1].sum(), 0.0]  # the sole is as low as the ball of the foot
+    kept = [joint for joint, name in enumerate(body.names) if name not in spec.left_out]
+    parents = []
+    for joint in kept:
+        parent = int(body.parents[joint])
+        while parent >= 0 and parent not in kept:
+            offsets_m[joint] += offsets_m[parent]
+            parent = int(body.parents[parent])
+        parents.append(kept.index(parent) if parent >= 0 else -1)
+    return Skeleton(tuple(body.names[joint] for joint in kept), np.array(parents), offsets_m[kept])
+
+
+def bind_pose_of(spec: Spec, figure: Skeleton) -> tuple[np.ndarray, np.ndarray]:
+    """World positions (J, 3) in metres and turns (J, 4) from the T pose of the figure's joints, as bound."""
+    local = np.tile(rot.IDENTITY, (figure.n_joints, 1))
+    local[0] = rot.about_y(spec.heading_rad)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        down = np.array([0.0, 0.0, -sign * spec.arms_down_rad])
+        local[figure.index(f"{side}_shoulder")] = rot.from_rotvec(down)
+    pos_m, turns = forward(figure, rot.rotate(local[0], figure.offsets_m[0]), local)
+    return spec.size * pos_m, turns
+
+
 def bones_of(spec: Spec) -> Made:
     """Bones, parents first."""
-    body = canonical_skeleton()
-    rest, parts = body.rest_pos_m(), [n for n in body.names if n not in spec.left_out]
-    pos = {name: rest[body.index(name)].copy() for name in body.names}
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        start = pos[f"{side}_shoulder"].copy()
-        down = rot.from_rotvec(np.array([0.0, 0.0, -sign * spec.arms_down_rad]))
-        for part in ("elbow", "wrist", "hand"):
-            pos[f"{side}_{part}"] = start + spec.arms * rot.rotate(down, pos[f"{side}_{part}"] - start)
-    turn = rot.about_y(spec.heading_rad)
+    figure = figure_of(spec)
+    pos_m, _ = bind_pose_of(spec, figure)
+    at = dict(zip(figure.names, pos_m, strict=True))
     names, parents, where, roles = [], [], [], []
 
     def add(name: str, parent: int, pos_m: np.ndarray, role: str = "") -> int:
         names.append(name)
         parents.append(parent)
-        where.append(spec.size * rot.rotate(turn, pos_m))
+        where.append(pos_m)
         roles.append(role)
         return len(names) - 1
 
     root = add("root", -1, np.zeros(3)) if spec.root else -1
     index: dict[str, int] = {}
-    for name in parts:
-        parent = int(body.parents[body.index(name)])
-        while parent >= 0 and body.names[parent] not in index:
-            parent = int(body.parents[parent])
-        above = index[body.names[parent]] if parent >= 0 else root
-        index[name] = add(spec.names[name], above, pos[name], name)
-    if spec.twist:
-        for side in ("left", "right"):
-            for start, end in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle")):
-                a, b = f"{side}_{start}", f"{side}_{end}"
-                name = spec.names[a].replace("_" + side[0], f"_twist_01_{side[0]}")
-                add(name, index[a], 0.5 * (pos[a] + pos[b]))
+    for joint, name in enumerate(figure.names):
+        above = index[figure.names[figure.parents[joint]]] if joint else root
+        index[name] = add(spec.names[name], above, pos_m[joint], name)
+    for a, b, name in _twisted(spec):
+        add(name, index[a], 0.5 * (at[a] + at[b]))
     if spec.root:
         foot_root = add("ik_foot_root", root, np.zeros(3))
         for side in ("left", "right"):
-            add(f"ik_foot_{side[0]}", foot_root, pos[f"{side}_ankle"])
-    pos_m = np.array(where)
-    return Made(names, parents, pos_m, _axes(spec, parents, pos_m), roles)
+            add(f"ik_foot_{side[0]}", foot_root, at[f"{side}_ankle"])
+    places = np.array(where)
+    return Made(names, parents, places, _axes(spec, parents, places), roles)
+
+
+def _twisted(spec: Spec) -> list[tuple[str, str, str]]:
+    """Limbs that have a twist bone: where they begin and end, and its name."""
+    limbs = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))
+    return [
+        (f"{side}_{start}", f"{side}_{end}",
+         spec.names[f"{side}_{start}"].replace("_" + side[0], f"_twist_01_{side[0]}"))
+        for side in ("left", "right") for start, end in limbs if spec.twist
+    ]  # fmt: skip
 
 
 def _axes(spec: Spec, parents: list[int], pos_m: np.ndarray) -> np.ndarray:
@@ -163,7 +201,7 @@ def _axes(spec: Spec, parents: list[int], pos_m: np.ndarray) -> np.ndarray:
 
 
 def write_character(path: Path, spec: Spec) -> Made:
-    """Write a character with a skin of a tetrahedron at each bone."""
+    """Write a character with the mannequin's skin."""
     made = bones_of(spec)
     document = GltfDocument.empty("tests")
     n, scale = len(made.names), spec.units_per_m
@@ -196,7 +234,7 @@ def write_character(path: Path, spec: Spec) -> Made:
     skin = document.add(
         "skins", {"joints": list(range(n)), "inverseBindMatrices": document.accessor(columns)}
     )
-    mesh = _add_mesh(document, made, scale, spec)
+    mesh = _add_body(document, made, spec)
     body = document.add("nodes", {"name": "Body", "mesh": mesh, "skin": skin})
     scene = [body]
     if scale == 1.0:
@@ -216,24 +254,30 @@ def write_character(path: Path, spec: Spec) -> Made:
     return made
 
 
-def _add_mesh(document: GltfDocument, made: Made, scale: float, spec: Spec) -> int:
-    corners = 0.02 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-    points = made.pos_m[:, None] + spec.size * corners  # (B, 4, 3)
-    points[..., 1] = np.maximum(points[..., 1], 0.0)  # the soles are on the floor
-    feet = [i for i, part in enumerate(made.part) if part.endswith("foot")]
-    points[feet, 1, 1] = 0.0
-    n = len(made.names)
-    joints = np.zeros((n, 4, 4), np.uint16)
-    joints[..., 0] = np.arange(n)[:, None]
-    weights = np.zeros((n, 4, 4), np.float32)
-    weights[..., 0] = 1.0
-    triangles = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
-    indices = (4 * np.arange(n)[:, None, None] + triangles).astype(np.uint16).ravel()
-    rows = scale * points.reshape(-1, 3)
-    attributes = {
-        "POSITION": document.accessor(rows.astype(np.float32), target=VERTICES, bounds=True),
-        "JOINTS_0": document.accessor(joints.reshape(-1, 4), target=VERTICES),
-        "WEIGHTS_0": document.accessor(weights.reshape(-1, 4), target=VERTICES),
-    }
-    primitive = {"attributes": attributes, "indices": document.accessor(indices)}
-    return document.add("meshes", {"primitives": [primitive]})
+def _add_body(document: GltfDocument, made: Made, spec: Spec) -> int:
+    """The mannequin as the character's skin; what is around the middle of a limb goes with its twist bone."""
+    figure = figure_of(replace(spec, left_out=()))  # joints without a bone have a body nevertheless
+    mesh = build_mannequin(figure)
+    pos_m, turns = bind_pose_of(spec, figure)
+    matrices = skin_matrices(mesh, pos_m / spec.size, turns)[mesh.joints]  # (V, 2, 4, 4)
+    points = np.einsum("vk,vkij,vj->vi", mesh.weights, matrices[..., :3, :3], mesh.vertices_m)
+    points += np.einsum("vk,vki->vi", mesh.weights, matrices[..., :3, 3])
+    normals = np.einsum("vk,vkij,vj->vi", mesh.weights, matrices[..., :3, :3], mesh.normals)
+    bones: list[int] = []
+    for name, parent in zip(figure.names, figure.parents, strict=True):
+        bones.append(made.part.index(name) if name in made.part else bones[parent])
+    joints = np.array(bones)[mesh.joints]
+    for start, end, name in _twisted(spec):
+        a, b = (figure.rest_pos_m()[figure.index(part)] for part in (start, end))
+        along = (mesh.vertices_m - a) @ (b - a) / ((b - a) @ (b - a))
+        near = (joints == made.part.index(start)) & (np.abs(along - 0.5) < 0.25)[:, None]
+        joints[near] = made.names.index(name)
+    once = joints[:, :1] == joints[:, 1:]  # (V, 1) both of a vertex's joints are of one bone
+    worn = replace(
+        mesh,
+        weights=np.where(once, [[1.0, 0.0]], mesh.weights).astype(np.float32),
+        vertices_m=(spec.units_per_m * spec.size * points).astype(np.float32),
+        normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        joints=joints.astype(np.int32),
+    )
+    return _add_mesh(document, worn, np.zeros(3))

@@ -113,6 +113,26 @@ def synthetic_repertoire(
     return Repertoire.open(path)
 
 
+def read_all(path: Path) -> None:
+    """Everything that a dance may read of a repertoire."""
+    repertoire = Repertoire.open(path)
+    _ = (
+        repertoire.skeleton,
+        repertoire.takes,
+        repertoire.clip_style,
+        repertoire.clip_beat_count,
+        repr(repertoire),
+    )
+    _ = repertoire.source_checksums, repertoire.selection_beat_weight, repertoire.clip_motion.liveliness_ranks
+    for take in range(len(repertoire.takes)):
+        _ = repertoire.motion(take), repertoire.motion_beats_s(take), repertoire.body_pos_m(take)
+        _ = repertoire.counts(take), repertoire.figures(take)
+    clips = np.arange(min(repertoire.n_clips, 8))
+    _ = repertoire.clip_motion.density(clips), repertoire.clip_motion.speed(clips)
+    if repertoire.has_vocabulary:
+        _ = repertoire.vocabulary, repertoire.word_net()
+
+
 def write_clicks(path: Path, *, duration_s: float, bpm: float = 120.0) -> Path:
     """A song of one click per beat from 0 s on."""
     times = np.arange(round(duration_s * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ

@@ -21,15 +21,15 @@ def clicks(tmp_path_factory):
     return load_song(write_clicks(tmp_path_factory.mktemp("songs") / "clicks.wav", duration_s=20.4))
 
 
-def repertoire_at(folder, bpm: float) -> Repertoire:
-    """Takes in three and in four, counted at that tempo."""
-    times_s = np.arange(0, 29, 60 / bpm)
-    takes = [
-        replace(
-            m, take=replace(m.take, counts=make_counts(times_s, numbers_in_bar(len(times_s), metre), metre))
-        )
-        for m, metre in zip(synthetic_takes(), (3, 4, 4), strict=True)
-    ]
+def repertoire_at(folder, *bpm: float) -> Repertoire:
+    """Takes of genres a, b and c, one in three and two in four, counted at these tempi, or at one tempo."""
+    takes = []
+    for m, metre, of_take in zip(
+        synthetic_takes(), (3, 4, 4), bpm if len(bpm) == 3 else 3 * bpm, strict=True
+    ):
+        times_s = np.arange(0, 29, 60 / of_take)
+        counts = make_counts(times_s, numbers_in_bar(len(times_s), metre), metre)
+        takes.append(replace(m, take=replace(m.take, counts=counts)))
     write_repertoire(folder / "rep.h5", synthetic_contents(takes))
     return Repertoire.open(folder / "rep.h5")
 
@@ -40,6 +40,13 @@ def test_the_level_is_the_takes(clicks, tmp_path, takes_bpm, expected):
     assert tempo_bpm(features.counts) == pytest.approx(expected, rel=0.02)
     assert features.counts.has_bars
     assert any("rather than the tracked 120" in note for note in notes) == (expected != 120)
+
+
+@pytest.mark.parametrize(("genre", "expected"), [("b", 60), ("c", 120), ("unknown", 120), (None, 120)])
+def test_the_level_is_that_of_the_genre_asked_for(clicks, tmp_path, genre, expected):
+    features, notes = analyse_song(clicks, repertoire_at(tmp_path, 118.0, 62.0, 118.0), genre=genre)
+    assert tempo_bpm(features.counts) == pytest.approx(expected, rel=0.02)
+    assert any("the takes of b" in note for note in notes) == (genre == "b")
 
 
 def test_beats_of_a_file_are_not_second_guessed(clicks, tmp_path):

@@ -16,13 +16,15 @@ import numpy as np
 import soxr
 from numpy.typing import NDArray
 
-from choreograph.audio.decode import decoded_blocks
+from choreograph.audio.decode import Blocks, decode
 from choreograph.errors import FormatError, ParameterError
-from choreograph.files import as_path
+from choreograph.files import as_path, check_regular
 from choreograph.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 
 SILENCE_PEAK = 1e-4  # -80 dB: a song whose peak amplitude is lower counts as silent
 _LONG_S = 3600.0
+_LONGEST_S = 3 * 3600.0
+_CANCELLED = 0.01  # power of the mix to that of its channels
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +53,11 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
 
     Returns
     -------
-    Song   with `notes` if it is silent, shorter than a segment, or very long
+    Song   with `notes` if some of it is lost, it is silent, shorter than a segment, or very long
 
     Raises
     ------
-    FormatError      the file is missing, a folder, empty, truncated, not audio, or has NaN samples
+    FormatError      the file is missing, a folder, empty, truncated, not audio, over 3 hours, or not finite
     ParameterError   `start_s` is negative or past the end, or `duration_s` is not positive
     """
     path = as_path("a song", path)
@@ -67,14 +69,55 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0):
         raise ParameterError(f"expected a duration in seconds above 0, got {duration_s:g}")
     _check_is_file(path)
-    rate_hz, blocks = decoded_blocks(path)
-    parts = list(_resampled(_checked_finite(_mono_span(blocks, rate_hz, start_s, duration_s), path), rate_hz))
-    samples = _concatenated(parts)
+    mixed, levels = _decoded(path, start_s, duration_s, None)
+    if levels.cancel:
+        mixed, _ = _decoded(path, start_s, duration_s, levels.in_phase)
+    samples, notes = mixed
     if len(samples) == 0:
         if start_s > 0:
             raise ParameterError(f"expected a start inside {path}, got {start_s:g} s: the song ends before")
         raise FormatError(f"expected a song in {path}, got no sound at all: the file may be cut off")
-    return Song(samples, path.stem, path, _notes(samples))
+    if levels.cancel:
+        notes = (*notes, "the channels cancel each other: they are mixed with their phases turned alike")
+    return Song(samples, path.stem, path, (*notes, *_notes(samples)))
+
+
+def _decoded(
+    path: Path, start_s: float, duration_s: float | None, weights: NDArray[np.float32] | None
+) -> tuple[tuple[NDArray[np.float32], tuple[str, ...]], _Levels]:
+    """Samples at the program's rate and notes, and the levels of the channels, mixed by `weights` (C,)."""
+    decoding = decode(path)
+    levels = _Levels(decoding.n_channels)
+    mono = _mono_span(levels.watched(decoding.blocks), decoding.rate_hz, start_s, duration_s, weights)
+    parts = list(_resampled(_of_bearable_length(mono, path, decoding.rate_hz), decoding.rate_hz))
+    return (_concatenated(parts), tuple(decoding.notes)), levels
+
+
+class _Levels:
+    """How channels (C,) relate to each other: which are in phase with the loudest."""
+
+    def __init__(self, n_channels: int) -> None:
+        self._products = np.zeros((n_channels, n_channels))  # sums of products of two channels
+
+    def watched(self, blocks: Blocks) -> Blocks:
+        """The blocks (S_b, C) as they are."""
+        for block in blocks:
+            self._products += block.T @ block
+            yield block
+
+    @property
+    def cancel(self) -> bool:
+        """Whether the mean of the channels is far quieter than they are."""
+        n_channels = len(self._products)
+        power = np.trace(self._products) / n_channels
+        return n_channels > 1 and self._products.mean() < _CANCELLED * power
+
+    @property
+    def in_phase(self) -> NDArray[np.float32]:
+        """Weights (C,) that mix all channels in the phase of the loudest."""
+        loudest = int(np.argmax(np.diagonal(self._products)))
+        signs = np.where(self._products[loudest] < 0, -1.0, 1.0)
+        return (signs / len(signs)).astype(np.float32)
 
 
 def _check_is_file(path: Path) -> None:
@@ -82,6 +125,7 @@ def _check_is_file(path: Path) -> None:
         raise FormatError(f"expected a song at {path}, got a folder: name one audio file in it")
     if not path.exists():
         raise FormatError(f"expected a song at {path}, got nothing: there is no such file")
+    check_regular(path, "a song")
     if path.stat().st_size == 0:
         raise FormatError(
             f"expected a song at {path}, got an empty file: its download or copy may have failed"
@@ -89,14 +133,18 @@ def _check_is_file(path: Path) -> None:
 
 
 def _mono_span(
-    blocks: Iterator[NDArray[np.float32]], rate_hz: int, start_s: float, duration_s: float | None
+    blocks: Blocks,
+    rate_hz: int,
+    start_s: float,
+    duration_s: float | None,
+    weights: NDArray[np.float32] | None,
 ) -> Iterator[NDArray[np.float32]]:
     """Mono blocks of the requested span; decoding stops at its end."""
     start = round(start_s * rate_hz)
     stop = None if duration_s is None else start + max(1, round(duration_s * rate_hz))
     position = 0
     for block in blocks:  # (S_b, channels)
-        mono = block.mean(axis=1, dtype=np.float32)
+        mono = block.mean(axis=1, dtype=np.float32) if weights is None else block @ weights
         low = max(0, start - position)
         high = len(mono) if stop is None else min(len(mono), stop - position)
         if high > low:
@@ -106,11 +154,16 @@ def _mono_span(
             return
 
 
-def _checked_finite(blocks: Iterator[NDArray[np.float32]], path: Path) -> Iterator[NDArray[np.float32]]:
+def _of_bearable_length(
+    blocks: Iterator[NDArray[np.float32]], path: Path, rate_hz: int
+) -> Iterator[NDArray[np.float32]]:
+    """The blocks; `FormatError` if they are more than `_LONGEST_S`: hours of silence take a few kilobytes."""
+    n_frames = 0
     for block in blocks:
-        if not np.isfinite(block).all():
+        n_frames += len(block)
+        if n_frames > _LONGEST_S * rate_hz:
             raise FormatError(
-                f"expected finite samples in {path}, got NaN or infinity: the program that wrote it failed"
+                f"expected up to {_LONGEST_S / 3600:.0f} h of sound in {path}, got more: take a part of it"
             )
         yield block
 

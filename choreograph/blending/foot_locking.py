@@ -38,6 +38,7 @@ def lock_feet(
     *,
     floor_m: float = 0.0,
     shift_s: float = TAKE_SHIFT_S,
+    feet_shift_m: Floats | None = None,
 ) -> Motion:
     """The motion with its feet locked where they are in contact, as far as that adds no jerk.
 
@@ -48,6 +49,7 @@ def lock_feet(
                                             right ankle and right foot; by default from `foot_contacts`
     floor_m : float                         height of the floor
     shift_s : float                         time over which a foot's shift comes and goes
+    feet_shift_m : float array (T, 2, 3)    how far left and right foot are moved before, smooth in time
 
     Feet keep their world rotation, so a flat foot stays flat, and no point of a sole goes through the
     floor. The root stays where it is, since moving the whole body adds motion beats: a leg that is too
@@ -66,11 +68,14 @@ def lock_feet(
         raise ParameterError("expected contacts from 0 to 1, got values outside")
     ease = lift_frames(motion.fps)
     targets = {}
+    given_m = np.zeros((motion.n_frames, 2, 3)) if feet_shift_m is None else feet_shift_m
     for index, side in enumerate(SIDES):
-        ankle = roles[f"{side}_ankle"]
-        points_m = pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]]  # (T, 2, 3)
+        ankle, given = roles[f"{side}_ankle"], given_m[:, index]
+        points_m = pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]] + given[:, None]  # (T, 2, 3)
         shift = locking_shift(points_m, confidence[:, 2 * index : 2 * index + 2], motion.fps, shift_s)
-        shift[:, 1] = lift(foot_sole_pos_m(skeleton, pos_m, global_quat, side), floor_m, ease)
+        sole_m = foot_sole_pos_m(skeleton, pos_m, global_quat, side) + given[:, None]
+        shift[:, 1] = lift(sole_m, floor_m, ease)
+        shift += given
         wrong = wrong_knee(skeleton, roles, side, pos_m, global_quat)
         targets[side] = pos_m[:, ankle] + shift * (1.0 - smooth_cover(wrong, ease))[:, None]
     for side, target in targets.items():

@@ -64,7 +64,7 @@ def _imported(
     sources = list(sources)
     takes: list[Take] = []
     for source in sources:
-        for take in import_takes(source):
+        for take in import_takes(source, allow_outside=options.allow_outside):
             if take.name not in options.leave_out:
                 takes.append(_without_jumps(take))
             if report is not None:

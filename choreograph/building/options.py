@@ -38,6 +38,7 @@ class BuildOptions:
     # Fields of `StyleConfig` and `DensityConfig` that are unlike the preset's.
     style_changes: Mapping[str, Any] = field(default_factory=dict)
     density_changes: Mapping[str, Any] = field(default_factory=dict)
+    allow_outside: bool = False  # read songs that a manifest names outside of its folder
     method: str = "ours"  # what the file says of how it was built: see `choreograph.published`
 
     def __post_init__(self) -> None:

@@ -22,6 +22,7 @@ class AnalysedSong:
     log_mel: NDArray[np.float32]  # (T, 96) at 60 fps
     counts: Counts  # beats and bars
     song: Song | None  # with its samples, if the cache keeps them
+    notes: tuple[str, ...] = ()  # on anything unusual in its file
 
     @property
     def beat_times_s(self) -> NDArray[np.float64]:
@@ -52,5 +53,5 @@ class SongCache:
             mel = log_mel(song.samples)
             counts = song_counts(song, mel, self._beats)
             kept = song if self._keep_samples else None
-            self._analysed[path] = AnalysedSong(song.duration_s, mel, counts, kept)
+            self._analysed[path] = AnalysedSong(song.duration_s, mel, counts, kept, song.notes)
         return self._analysed[path]

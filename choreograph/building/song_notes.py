@@ -1,4 +1,4 @@
-"""What does not fit between takes and their songs: motion without music, offsets that counts contradict."""
+"""What is wrong with takes' songs: damage, motion without music, offsets that counts contradict."""
 
 from __future__ import annotations
 
@@ -19,30 +19,32 @@ _NAMED = 3  # takes in a note
 
 
 def song_notes(takes: Sequence[Take], songs: SongCache) -> tuple[str, ...]:
-    """Notes on takes whose motion goes on without their song, or whose offset their counts contradict.
+    """Notes on damaged songs, on takes that go on without theirs, and on offsets that counts contradict.
 
     Of songs that are not analysed yet nothing is said.
     """
     longer, beside = {}, {}
+    notes: dict[str, None] = {}  # once for each song
     for take in takes:
         song = songs.known(take.song_path) if take.song_path else None
         if song is None:
             continue
+        notes |= dict.fromkeys(f"{take.song_path}: {note}" for note in song.notes)
         over_s = take.song_start_s + take.motion.duration_s - song.duration_s
         if over_s > _LONGER_S:
             longer[take.name] = over_s
         offset_s = better_offset_s(take, song)
         if offset_s is not None:
             beside[take.name] = offset_s
-    notes = []
+    of_takes = []
     if longer:
-        notes.append(f"motion goes on without music where it is longer than its song: {_listed(longer)}")
+        of_takes.append(f"motion goes on without music where it is longer than its song: {_listed(longer)}")
     if beside:
-        notes.append(
+        of_takes.append(
             "counts lie beside the song's beats all along; the song would have to start at another time of "
             f"audio_offset_s by: {_listed(beside)}"
         )
-    return tuple(notes)
+    return (*notes, *of_takes)
 
 
 def better_offset_s(take: Take, song: AnalysedSong) -> float | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from choreograph.characters.structure import bones_by_structure, head_by_structure
 from choreograph.errors import FormatError, ParameterError
-from choreograph.files import atomic_path
+from choreograph.files import atomic_path, read_json
 from choreograph.gltf.rig import Rig, distinct
 from choreograph.motion.rigs import joint_roles, trunk_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
@@ -47,12 +47,7 @@ def read_bone_map(path: str | Path) -> dict[str, str]:
 
     Raises `FormatError` if it cannot be read, or has another form or unknown canonical names.
     """
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FormatError(f"{path}: expected a map of bones, could not read it: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise FormatError(f"{path}: expected a map of bones, got no valid JSON") from error
+    data = read_json(path, "a map of bones")
     if not (isinstance(data, dict) and all(isinstance(name, str) for name in data.values())):
         raise FormatError(f"{path}: expected an object of bones' names by canonical name")
     unknown = sorted(set(data) - set(CANONICAL_JOINTS))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from choreograph.blending.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.characters.body_shape import body_parts
+from choreograph.characters.feet import placed_feet, sole_offsets_m
 from choreograph.characters.hands import keep_hands_out
 from choreograph.characters.helper_bones import LIMB_ENDS, ik_bones, twist_bones, twist_turn
 from choreograph.errors import ParameterError
@@ -23,7 +24,6 @@ from choreograph.gltf import SkinPoints
 from choreograph.gltf.rig import Rig, rotations_of
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
-from choreograph.motion.floor import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
@@ -38,6 +38,7 @@ _POINTING = {
     for start, end in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
 }
 _SPINE = ("pelvis", "spine1", "spine2", "spine3")
+_BALL_AHEAD, _TIP_AHEAD = 0.166, 0.27  # of the leg: from the ankle to the ball and the tip of a foot
 _UP = np.array([0.0, 1.0, 0.0])
 _FRONT = np.array([0.0, 0.0, 1.0])
 
@@ -66,9 +67,11 @@ def perform(
     facing = _facing(rig, bones)
     _, world = forward(canonical, dancer.root_pos_m, dancer.local_quat)  # (T, 24, 4)
     turned = _turned(world, skeleton, facing)
-    figure = _placed(dancer, Motion(skeleton, np.zeros_like(dancer.root_pos_m), turned, dancer.fps))
+    figure, shift_m = placed_feet(
+        dancer, Motion(skeleton, np.zeros_like(dancer.root_pos_m), turned, dancer.fps)
+    )
     contacts = foot_contacts(body_pos_m(dancer), dancer.fps)
-    figure = lock_feet(figure, contacts, shift_s=DANCE_SHIFT_S)
+    figure = lock_feet(figure, contacts, shift_s=DANCE_SHIFT_S, feet_shift_m=shift_m)
     if skin is not None:
         front = rot.rotate(facing, _FRONT)
         figure = keep_hands_out(figure, body_parts(skeleton, bone_of_joint, skin, front), front)
@@ -103,15 +106,29 @@ def figure_skeleton(rig: Rig, bones: Mapping[str, int]) -> tuple[Skeleton, list[
 def _soles(
     rig: Rig, bones: Mapping[str, int], joint_of: Mapping[int, int]
 ) -> tuple[NDArray[np.int64], Floats]:
-    """End sites at the sole below heel and ball of both feet: their joints (E,) and offsets (E, 3)."""
+    """End sites at the sole below heel and ball of both feet: their joints (E,) and offsets (E, 3).
+
+    And below the tip of feet that cannot bend there.
+    """
+    bends = {"left_foot", "right_foot"} <= bones.keys()
     parents, tips = [], []
     for side in ("left", "right"):
         ankle = bones[f"{side}_ankle"]
-        ball = bones.get(f"{side}_foot", ankle)
-        for bone in (ankle, ball):
-            parents.append(joint_of[ankle])
-            tips.append(rig.bind_pos_m[bone] * [1, 0, 1] + [0, rig.floor_m, 0] - rig.bind_pos_m[ankle])
-    return np.array(parents), np.array(tips)
+        ankle_m = rig.bind_pos_m[ankle]
+        if bends:
+            points_m = [ankle_m, rig.bind_pos_m[bones[f"{side}_foot"]]]
+        else:
+            along_m = _leg_m(rig, bones, side) * rot.rotate(_facing(rig, bones), _FRONT)
+            points_m = [ankle_m + share * along_m for share in (0.0, _BALL_AHEAD, _TIP_AHEAD)]
+        parents += [joint_of[ankle]] * len(points_m)
+        tips.append(sole_offsets_m(ankle_m, points_m, rig.floor_m))
+    return np.array(parents), np.concatenate(tips)
+
+
+def _leg_m(rig: Rig, bones: Mapping[str, int], side: str) -> float:
+    """Length of a leg along its bones in the bind pose."""
+    hip, knee, ankle = (rig.bind_pos_m[bones[f"{side}_{part}"]] for part in ("hip", "knee", "ankle"))
+    return float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee))
 
 
 def _facing(rig: Rig, bones: Mapping[str, int]) -> Floats:
@@ -195,26 +212,6 @@ def _spine_heights(skeleton: Skeleton) -> dict[int, float]:
         other.add(joint)
     trunk = [joint for joint in path[::-1] if joint in other and joint]
     return {joint: 3.0 * (i + 1) / len(trunk) for i, joint in enumerate(trunk)}
-
-
-def _placed(dancer: Motion, figure: Motion) -> Motion:
-    """The figure, its hips on the dancer's path scaled by leg length, its soles on the floor."""
-    scale = _leg_m(figure.skeleton) / _leg_m(dancer.skeleton)
-    hips = [[skeleton.index(f"{side}_hip") for side in ("left", "right")]
-            for skeleton in (dancer.skeleton, figure.skeleton)]  # fmt: skip
-    path = scale * dancer.joint_pos_m()[:, hips[0]].mean(axis=1)
-    at_origin = figure.joint_pos_m()[:, hips[1]].mean(axis=1)
-    placed = replace(figure, root_pos_m=path - at_origin)
-    return placed.moved(shift_m=np.array([0.0, -estimate_floor_m(sole_pos_m(placed)), 0.0]))
-
-
-def _leg_m(skeleton: Skeleton) -> float:
-    """Mean length of both legs, hip to ankle along the bones."""
-    rest = skeleton.rest_pos_m()
-    chains = [
-        [skeleton.index(f"{side}_{part}") for part in ("hip", "knee", "ankle")] for side in ("left", "right")
-    ]
-    return float(np.linalg.norm(np.diff(rest[chains], axis=1), axis=-1).sum(axis=-1).mean())
 
 
 def _with_twist(figure: Motion, rig: Rig, bones: Mapping[str, int], joint_of: Mapping[int, int]) -> Motion:

@@ -57,6 +57,9 @@ _DECIDED = {
     metavar="network|tempo-path|librosa|beat-this",
     help="Beat tracker of the takes' songs.",
 )
+@optgroup.option(
+    "--allow-outside", is_flag=True, help="Read songs that a manifest.csv names outside of its folder."
+)
 @optgroup.group("Networks")
 @optgroup.option(
     "--preset", default="small", show_default=True, metavar="tiny|small|paper",

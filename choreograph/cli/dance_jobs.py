@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from choreograph.config import MAX_VARIATIONS
 from choreograph.errors import ChoreographError, ParameterError
 
 if TYPE_CHECKING:
@@ -37,9 +38,11 @@ class Result:
 
 
 def jobs_of(songs: Sequence[Path], given: Outputs, opened: bool, variations: int | None) -> tuple[Job, ...]:
-    """A job for each song; `ParameterError` if there is none, or two would write the same file."""
+    """A job for each song; `ParameterError` if there is none, a number no one wants, or one file for two."""
     if not songs:
         raise ParameterError("expected a SONG, or --plan FILE; `choreograph songs` lists a few to begin with")
+    if variations is not None and not 1 <= variations <= MAX_VARIATIONS:
+        raise ParameterError(f"expected 1 to {MAX_VARIATIONS} variations, got {variations}")
     jobs = tuple(Job(song, _numbered(_outputs_for(given, song.stem, opened), variations)) for song in songs)
     written = Counter(path for job in jobs for outputs in job.outputs for path in outputs)
     twice = [str(path) for path, n in written.items() if n > 1]
@@ -98,5 +101,5 @@ def _numbered(outputs: Outputs, variations: int | None) -> tuple[Outputs, ...]:
         return (outputs,)
     return tuple(
         tuple(path.with_name(f"{path.stem}-{number}{path.suffix}") for path in outputs)
-        for number in range(1, max(variations, 1) + 1)
+        for number in range(1, variations + 1)
     )

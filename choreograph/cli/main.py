@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import signal
 import sys
@@ -55,6 +56,8 @@ class _Commands(click.Group):
 @click.version_option(package_name="choreograph")
 def main() -> None:
     """Make dances for music from a motion library, and explain every second of them."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")  # names of files need not be text
 
 
 class _Notes(logging.Handler):

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
-from choreograph.errors import FormatError
+from choreograph.files import read_text
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -46,10 +45,7 @@ def names_of(given: tuple[str, ...]) -> tuple[str, ...]:
         if not name.startswith("@"):
             names.append(name)
             continue
-        try:
-            lines = Path(name[1:]).read_text(encoding="utf-8").splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            raise FormatError(f"{name[1:]}: expected a list of names, could not read it: {error}") from error
+        lines = read_text(name[1:], "a list of names").splitlines()
         names += [line.strip() for line in lines if line.strip() and not line.startswith("#")]
     return tuple(names)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from choreograph.config import is_number
 from choreograph.constraints.spec import Ban, Keep, MotifPin, Pin, TakePin
 from choreograph.errors import FormatError, ParameterError
-from choreograph.files import atomic_path, check_target
+from choreograph.files import atomic_path, check_target, read_json
 from choreograph.motifs.signatures import checked_signature
 from choreograph.plan import FORMAT as PLAN_FORMAT
 from choreograph.plan import Plan
@@ -60,7 +60,7 @@ def parse_ban(text: str) -> Ban:
 
 def read_signature(path: str | Path) -> tuple[float, ...]:
     """The shares (K,) in a signature file; `FormatError` if it is none."""
-    data = _json(path)
+    data = read_json(path, "a signature")
     shares = data.get("shares") if isinstance(data, dict) and data.get("format") == SIGNATURE_FORMAT else None
     if not isinstance(shares, list) or not shares or not all(map(is_number, shares)):
         raise FormatError(f"{path}: expected a {SIGNATURE_FORMAT} with a list of shares, got something else")
@@ -87,7 +87,7 @@ def read_motifs(path: str | Path) -> tuple[int, ...] | tuple[MotifPin, ...]:
     A plan of words gives its words' motifs, a plan of the graph engine its pinned words with their times.
     Raises `FormatError` if the file is none of these.
     """
-    data = _json(path)
+    data = read_json(path, "a list of motifs, or a plan")
     if isinstance(data, dict) and data.get("format") == PLAN_FORMAT:
         plan = Plan.read(path)
         if not plan.words:
@@ -115,10 +115,3 @@ def _is_timed(entry: Any) -> bool:
         and is_number(entry["at_s"])
         and _is_motif(entry["motif"])
     )
-
-
-def _json(path: str | Path) -> Any:
-    try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise FormatError(f"{path}: expected JSON, could not read it: {error}") from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import Any
 from choreograph.errors import FormatError
 from choreograph.evaluation.study import KEY_FORMAT, KEY_NAME, VERSION
 from choreograph.evaluation.study_questions import PAIR_QUESTIONS, QUESTIONS
+from choreograph.files import read_json
 
 RATING_FORMAT = "choreograph-rating"
 MAX_POINTS = 5
@@ -162,12 +162,7 @@ def _check_answer(path: Path, key: StudyKey, item: str, question: str, answer: A
 
 
 def _read_json(path: Path, what: str) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FormatError(f"{path}: expected {what}, could not read it: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise FormatError(f"{path}: expected {what}, got no valid JSON: truncated or another file") from error
+    data = read_json(path, what)
     if not isinstance(data, dict):
         raise FormatError(f"{path}: expected {what}, got a JSON {type(data).__name__}")
     return data

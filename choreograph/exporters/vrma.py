@@ -41,8 +41,11 @@ class VrmaWriter(Writer):
         body = canonical_skeleton()
         dancer = motion if motion.skeleton.same_as(body) else retarget(motion, body)
         document = GltfDocument.empty(f"choreograph {__version__}")
+        offsets_m = body.offsets_m.copy()
+        # Players scale by the height of the hips, so the soles must be on the floor as an avatar's are.
+        offsets_m[0, 1] -= body.rest_pos_m()[body.index("left_foot"), 1]
         for joint, name in enumerate(CANONICAL_JOINTS):
-            node = {"name": VRM_BONES.get(name, name), "translation": body.offsets_m[joint].tolist()}
+            node = {"name": VRM_BONES.get(name, name), "translation": offsets_m[joint].tolist()}
             children = np.flatnonzero(body.parents == joint).tolist()
             document.add("nodes", node | ({"children": children} if children else {}))
         document.add("scenes", {"nodes": [0]})

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from choreograph.counts import ANNOTATED, MAX_METRE, Counts
 from choreograph.errors import FormatError
+from choreograph.files import MAX_TABLE_BYTES, read_text
 
 Floats = NDArray[np.float64]
 
@@ -41,10 +42,7 @@ def read_beats(path: str | Path, *, start_s: float = 0.0, duration_s: float = np
 
 def _lines(path: Path) -> list[str]:
     """The lines without comments and outer spaces."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"{path}: expected {_LAYOUT}, could not read it: {error}") from error
+    text = read_text(path, _LAYOUT, encoding="utf-8-sig", max_bytes=MAX_TABLE_BYTES)
     return [line.split("#")[0].strip(" \t\r,;") for line in text.split("\n")]
 
 

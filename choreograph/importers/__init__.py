@@ -20,6 +20,7 @@ Counts beside any take's motion, `NAME.counts.csv` next to NAME.bvh, are read wi
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from importlib import import_module
@@ -75,21 +76,24 @@ def register(importer: Importer) -> None:
     _registered.insert(0, importer)
 
 
-def import_takes(source: str | Path) -> Iterator[Take]:
+def import_takes(source: str | Path, *, allow_outside: bool = False) -> Iterator[Take]:
     """The takes in a file or folder, one by one, at 60 fps or their native rate if lower, floor at Y = 0.
 
-    A take that cannot be read is an error that names its file; none is skipped silently.
+    A take that cannot be read is an error that names its file; none is skipped silently. A manifest may come
+    from a stranger: songs that it names outside of the folder are read only with `allow_outside`.
 
     Raises
     ------
     ParameterError   if `source` does not exist or has no known layout
-    FormatError      if a file in it is damaged, or its rig's joint names are unknown
+    FormatError      if a file in it is damaged, its rig's joint names are unknown, or a song is elsewhere
     """
     source = Path(source)
     if not source.exists():
         raise ParameterError(f"no takes at {source}: there is no such file or folder")
     importer = _importer_of(source)
     for take in importer.read(source):
+        if importer not in _registered and not allow_outside:
+            _check_inside(take, source)
         yield _as_stored(with_counts_beside(take))
 
 
@@ -111,6 +115,16 @@ def source_notes(source: str | Path) -> tuple[str, ...]:
     source = Path(source)
     notes = getattr(_importer_of(source), "notes", None)
     return () if notes is None else notes(source)
+
+
+def _check_inside(take: Take, source: Path) -> None:
+    """`FormatError` if the take's song is named by a path that leaves the folder."""
+    folder = os.path.abspath(source if source.is_dir() else source.parent)
+    if take.song_path is not None and not Path(os.path.abspath(take.song_path)).is_relative_to(folder):
+        raise FormatError(
+            f"{source}: {take.name!r} is danced to {take.song_path}, outside of the folder: is the list your "
+            "own? Then --allow-outside (allow_outside=True)"
+        )
 
 
 def _as_stored(take: Take) -> Take:

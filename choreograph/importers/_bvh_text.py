@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError, ParameterError
+from choreograph.files import read_bytes
 from choreograph.motion.motion import check_length
 from choreograph.motion.skeleton import MAX_JOINTS
 
@@ -44,14 +45,7 @@ def read_text(path: Path) -> str:
     """
     if not path.exists():
         raise ParameterError(f"no file {path}")
-    if path.is_dir():
-        raise FormatError(f"{path}: expected a BVH file, got a folder")
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FormatError(f"{path}: expected at most {_MAX_BYTES >> 20} MiB of text, got more")
-        data = path.read_bytes()
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be read ({error.strerror})") from error
+    data = read_bytes(path, "a text file", max_bytes=_MAX_BYTES)
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", errors="replace")
     try:

@@ -15,6 +15,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import median_filter
 
 from choreograph.errors import FormatError
+from choreograph.files import check_regular
 from choreograph.importers._axes_and_units import rotation_from_upward
 from choreograph.motion import rotations as rot
 
@@ -79,7 +80,7 @@ def read_markers(path: Path) -> Markers:
 
 def _read(path: Path) -> tuple[list[str], Floats, float, float]:
     """Labels, points (T, P, 5) in the file's unit with residual and cameras, frame rate, metres per unit."""
-    if path.is_file() and path.stat().st_size > _MAX_BYTES:
+    if check_regular(path, "a C3D file").stat().st_size > _MAX_BYTES:
         raise FormatError(f"{path}: expected at most {_MAX_BYTES >> 20} MiB, got more")
     try:
         with open(path, "rb") as file, warnings.catch_warnings():
@@ -90,8 +91,6 @@ def _read(path: Path) -> tuple[list[str], Floats, float, float]:
             unit_name = "" if unit is None else unit.string_value.strip().lower()
             fps, expected = float(reader.point_rate), int(reader.frame_count)
             frames = [points.astype(np.float64) for _, points, _ in reader.read_frames()]
-    except FileNotFoundError:
-        raise FormatError(f"{path}: expected a C3D file, got nothing there") from None
     except _DAMAGE as error:
         raise FormatError(
             f"{path}: expected a C3D file, got something else ({type(error).__name__}: {error}): damaged?"

@@ -21,7 +21,7 @@ def with_counts_beside(take: Take) -> Take:
     if take.counts.source == ANNOTATED or not take.source_paths:
         return take
     beside = take.source_paths[0].with_suffix(SUFFIX)
-    return with_counts_of(take, beside) if beside.is_file() else take
+    return with_counts_of(take, beside) if beside.exists() else take
 
 
 def with_counts_of(take: Take, path: Path) -> Take:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
-import json
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from choreograph.errors import FormatError
+from choreograph.files import MAX_TABLE_BYTES, read_json, read_text
 
 GENRES = {"C": "cha-cha", "R": "rumba", "T": "tango", "W": "waltz"}
 METRES = {"cha-cha": 4, "rumba": 4, "tango": 4, "waltz": 3}
@@ -62,10 +63,7 @@ def read_choreographies(path: str | Path) -> list[Choreography]:
     whole number of counts for each figure.
     """
     path = Path(path)
-    try:
-        entries = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, OSError, RecursionError) as error:
-        raise FormatError(f"{path}: expected JSON, got something else ({error})") from None
+    entries = read_json(path, "a list of dances (JSON)")
     if not isinstance(entries, list):
         raise FormatError(f"{path}: expected a list of dances, got {type(entries).__name__}")
     return [_choreography(f"{path}, dance {i + 1}", entry) for i, entry in enumerate(entries)]
@@ -76,7 +74,7 @@ def _choreography(where: str, entry: Any) -> Choreography:
         name, genre = str(entry["name"]), GENRES[entry["dance_type"]]
         start, end = float(entry["start_pos"]), float(entry["end_pos"])
         movements, durations = tuple(map(str, entry["movements"])), tuple(entry["durations"])
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise FormatError(
             f"{where}: expected name, dance_type ({', '.join(GENRES)}), start_pos, end_pos, movements and "
             f"durations, got no valid {error}"
@@ -93,10 +91,10 @@ def _choreography(where: str, entry: Any) -> Choreography:
 def read_recorded_figures(path: Path) -> list[RecordedFigure]:
     """The rows of a figures.csv, in its order; `FormatError` names the line of a damaged one."""
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            rows = [(reader.line_num, row) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        text = read_text(path, "a table of figures", encoding="utf-8-sig", max_bytes=MAX_TABLE_BYTES)
+        reader = csv.DictReader(io.StringIO(text, newline=""))
+        rows = [(reader.line_num, row) for row in reader]
+    except csv.Error as error:
         raise FormatError(f"{path}: expected a table of figures, got something else ({error})") from None
     missing = [column for column in _COLUMNS if column not in (reader.fieldnames or [])]
     if missing:

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from choreograph.errors import FormatError
+from choreograph.errors import FormatError, ParameterError
 from choreograph.motion import rotations as rot
-from choreograph.motion.motion import Motion
+from choreograph.motion.motion import Motion, check_length
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
 
 _BODY = 22  # joints shared by SMPL, SMPL-H and SMPL-X; hands, jaw and eyes follow
@@ -31,6 +31,10 @@ def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
         )
     if len(poses) == 0:
         raise FormatError("no motion: there is no frame")
+    try:
+        check_length(len(poses), len(CANONICAL_JOINTS), fps)
+    except ParameterError as error:
+        raise FormatError(str(error)) from None
     if not (np.isfinite(poses).all() and np.isfinite(trans).all()):
         raise FormatError("a pose or translation is not a finite number")
     n_joints = len(CANONICAL_JOINTS)

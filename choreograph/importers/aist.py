@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from choreograph.errors import FormatError
+from choreograph.files import read_text
 from choreograph.importers._axes_and_units import rotation_to_y_up
 from choreograph.importers._pickles import load_arrays
 from choreograph.importers._smpl import rotated_world, smpl_motion
@@ -35,7 +36,7 @@ def read(path: Path) -> Iterator[Take]:
     """The takes by name, without those in `ignore_list.txt` (badly reconstructed according to AIST++)."""
     ignored = set()
     if (path / "ignore_list.txt").is_file():
-        ignored = set((path / "ignore_list.txt").read_text(encoding="utf-8", errors="replace").split())
+        ignored = set(read_text(path / "ignore_list.txt", "a list of takes", encoding="latin-1").split())
     for file in sorted((path / "motions").glob("*.pkl")):
         if file.stem not in ignored:
             yield _take(path, file)

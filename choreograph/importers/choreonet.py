@@ -65,7 +65,7 @@ def read(path: Path) -> Iterator[Take]:
                 rows[row.recording].append(row)
     for file, (motion, notes) in zip(files, read_c3d_files(files), strict=True):
         named = sorted(rows[file.stem], key=lambda row: row.start_frame)
-        genre = GENRES.get(named[0].name[0], "") if named else ""
+        genre = GENRES.get(named[0].name[:1], "") if named else ""
         counts, figures, wrong = _counted(named, motion.fps, genre, motion.duration_s)
         if wrong:
             notes += (f"not counted, since faster than {_FASTEST_HZ:g} counts a second: {', '.join(wrong)}",)

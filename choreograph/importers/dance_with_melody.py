@@ -10,7 +10,6 @@ line for five frames, which makes corners that no body can dance: there we bridg
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
+from choreograph.files import read_json
 from choreograph.motion.bridging import Span, bridged, bridged_rotations
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m, track_floor_m
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
@@ -43,6 +43,7 @@ _SOURCE = "Tang, Jia, Mao 2018, Dance with Melody"
 _LICENCE = "none stated"
 _CONFIG_FPS = 25.0  # of start_position and end_position
 _POINTS = 23
+_FAR_CM = 1e5
 N_BODIES = 3
 _SPIKE_M = 0.1  # from the mean of the frames before and after
 _STRAIGHT_M = 7e-4  # off a straight line, by rounding alone
@@ -91,7 +92,7 @@ def read_points_m(path: Path) -> Floats:
     try:
         center = np.asarray(data["center"], np.float64)  # (T, 3)
         around = np.asarray(data["skeletons"], np.float64)  # (T, 23, 3)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise FormatError(f"{path}: expected numbers under 'center' and 'skeletons', got {error}") from error
     n_frames = len(center) if center.ndim else 0
     if n_frames < 2 or center.shape != (n_frames, 3) or around.shape != (n_frames, _POINTS, 3):
@@ -103,8 +104,8 @@ def read_points_m(path: Path) -> Floats:
         raise FormatError(
             f"{path}: expected {data['length']} frames as 'length' says, got {n_frames}: file cut short?"
         )
-    if not (np.isfinite(center).all() and np.isfinite(around).all()):
-        raise FormatError(f"{path}: expected finite positions, got nan or infinity")
+    if not ((np.abs(center) < _FAR_CM).all() and (np.abs(around) < _FAR_CM).all()):
+        raise FormatError(f"{path}: expected finite positions within a kilometre, got others")
     pos_cm = (around + center[:, None])[:, list(_ROLES.values())]  # (T, 21, 3)
     head = pos_cm[:, :2].mean(axis=1, keepdims=True)
     return np.concatenate([pos_cm, head], axis=1) / 100.0
@@ -138,12 +139,7 @@ def _folders(path: Path) -> list[Path]:
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise FormatError(f"{path}: expected with the other files of the take, got nothing") from error
-    except (ValueError, OSError, RecursionError) as error:
-        raise FormatError(f"{path}: expected JSON, got something else ({error})") from error
+    data = read_json(path, "JSON beside the other files of the take")
     if not isinstance(data, dict):
         raise FormatError(f"{path}: expected a JSON object, got {type(data).__name__}")
     return data

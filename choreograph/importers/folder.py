@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
+import os
+import reprlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +21,7 @@ from choreograph.importers._unread import unread_notes
 from choreograph.importers.bvh import read_bvh
 from choreograph.importers.c3d import is_c3d, read_c3d_files
 from choreograph.importers.gltf import SUFFIXES, is_gltf, read_gltf_motions
-from choreograph.motion.motion import Motion
+from choreograph.motion.motion import LONGEST_S, Motion
 from choreograph.takes import Credits, Take
 
 LAYOUT = (
@@ -28,6 +30,7 @@ LAYOUT = (
 )
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a")
 VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".webm", ".avi")  # whose sound is taken where there is no song
+_LARGEST_OFFSET_S = 4 * LONGEST_S
 _CREDITS = ("genre", "performer", "licence", "source")
 _COLUMNS = ("name", *_CREDITS, "audio_offset_s", "song", "counts", "beats")
 
@@ -135,7 +138,8 @@ def _counted(take: Take, folder: Path, row: dict[str, str]) -> Take:
     if file and beats:
         raise FormatError(f"{where}: expected counts or beats, got both")
     if file:
-        if not (folder / file).is_file():
+        is_inside = Path(os.path.abspath(folder / file)).is_relative_to(os.path.abspath(folder))
+        if not is_inside or not (folder / file).is_file():
             raise FormatError(f"{where} names the counts {file!r}, which are not in the folder")
         return with_counts_of(take, folder / file)
     if not beats:
@@ -166,15 +170,19 @@ def _manifest(path: Path, names: set[str]) -> dict[str, dict[str, str]]:
         return {}
     # The csv module fails on NUL, which no text contains.
     reader = csv.DictReader(io.StringIO(read_text(path).replace("\0", "")), skipinitialspace=True)
-    columns = reader.fieldnames or []
+    try:
+        columns = reader.fieldnames or []
+        lines = [(reader.line_num, row) for row in reader]
+    except csv.Error as error:  # a quote that is not closed, for one
+        raise FormatError(f"{path}, line {reader.line_num}: expected a table of takes, got {error}") from None
     unknown = [column for column in columns if column not in _COLUMNS]
     if unknown or "name" not in columns:
         raise FormatError(
             f"{path}: expected columns name and any of {', '.join(_COLUMNS[1:])}, got {list(columns)}"
         )
     rows: dict[str, dict[str, str]] = {}
-    for row in reader:
-        where = f"{path}, line {reader.line_num}"
+    for line, row in lines:
+        where = f"{path}, line {line}"
         if None in row or None in row.values():
             raise FormatError(f"{where}: expected {len(columns)} cells: a cell with a comma needs quotes")
         name = row["name"]
@@ -191,8 +199,11 @@ def _manifest(path: Path, names: set[str]) -> dict[str, dict[str, str]]:
 
 def _check_offset(where: str, cell: str) -> None:
     try:
-        finite = np.isfinite(float(cell or 0.0))
+        offset_s = float(cell or 0.0)
     except ValueError:
-        finite = False
-    if not finite:
-        raise FormatError(f"{where}: expected seconds in audio_offset_s, got {cell!r}")
+        offset_s = np.nan
+    if not abs(offset_s) <= _LARGEST_OFFSET_S:
+        raise FormatError(
+            f"{where}: expected seconds in audio_offset_s, up to {_LARGEST_OFFSET_S:.0f} either way, got "
+            f"{reprlib.repr(cell)}"
+        )

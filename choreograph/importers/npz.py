@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from choreograph.errors import FormatError, ParameterError
+from choreograph.files import check_regular
 from choreograph.motion.motion import Motion, check_length
 from choreograph.motion.skeleton import Skeleton
 from choreograph.takes import Credits, Take
@@ -17,6 +19,7 @@ from choreograph.takes import Credits, Take
 LAYOUT = "a single NAME.npz written by this program"
 _NUMBERS = ("root_pos_m", "local_quat", "fps", "parents", "offsets_m", "tip_parents", "tips_m")
 _MAX_BYTES = 1 << 30  # of the arrays, unpacked
+_FREE_BYTES, _UNPACKED_RATIO = 1 << 27, 16  # that compression may explain: motion is hardly compressible
 _LARGEST = 1e6  # of positions in metres and all else that a motion holds
 
 
@@ -42,15 +45,18 @@ def array_names(path: Path) -> set[str]:
 def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     """The named arrays of an NPZ file, without unpickling.
 
-    Raises `FormatError` if it is damaged, one is missing, or they are over 1 GiB when unpacked.
+    Raises `FormatError` if it is damaged, one is missing, or they are over 1 GiB when unpacked, or
+    far larger than the file.
     """
     if not path.exists():
         raise ParameterError(f"no file {path}")
+    check_regular(path, "an NPZ file")
     try:
         with np.load(path, allow_pickle=False) as archive:
             sizes = {entry.filename.removesuffix(".npy"): entry.file_size for entry in archive.zip.infolist()}
-            if sum(sizes.get(name, 0) for name in names) > _MAX_BYTES:
-                raise FormatError(f"{path}: expected at most {_MAX_BYTES >> 20} MiB of arrays, got more")
+            limit = min(_MAX_BYTES, _FREE_BYTES + _UNPACKED_RATIO * path.stat().st_size)
+            if sum(sizes.get(name, 0) for name in names) > limit:
+                raise FormatError(f"{path}: expected at most {limit >> 20} MiB of arrays, got more")
             return {name: archive[name] for name in names}
     except FormatError:
         raise
@@ -58,7 +64,7 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         raise FormatError(f"{path}: expected arrays {', '.join(names)}: {error.args[0]}") from None
     except (
         OSError, ValueError, TypeError, EOFError, AttributeError, MemoryError, NotImplementedError,
-        zipfile.BadZipFile, zlib.error,
+        zipfile.BadZipFile, zlib.error, tokenize.TokenError, SyntaxError,
     ) as error:  # fmt: skip
         raise FormatError(
             f"{path}: not a valid NPZ file ({str(error)[:200]}): damaged, cut off, or another format"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 _SHORTEST_BONE_M = 0.01  # shorter bones have no reliable direction
 _TRUNK = ("spine1", "spine2", "spine3", "neck", "head")
 _NEUTRAL_RAD = 0.8  # that it may be bent at a joint in the rest pose, and turned on average in a motion
+_LEVEL = 0.5  # share of a foot's length, ankle to ball, that lies level where it stands flat
 _BENT = 0.1  # mean sine of the bend of knee or elbow above which its axis is reliable
 
 
@@ -38,29 +39,48 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     a joint with a single bone this leaves the twist open; the bend axes of knees and elbows determine it,
     elsewhere the mean twist against the parent is set to zero. Single bones are then pointed exactly in
     the source's direction. Spine, neck and head turn as the source's do where its rest pose is straight
-    there: bones say little about a gaze, since necks lean forward in one rig and are upright in another. The
-    hip path is scaled by leg length. If the target's rest pose is upright, so that its soles are known, the
-    soles are put on Y = 0.
+    there: bones say little about a gaze, since necks lean forward in one rig and are upright in another. So
+    do feet where both rest poses stand, since ankles are at different heights over a sole. The hip path is
+    scaled by leg length. If the target's rest pose is upright, so that its soles are known, the soles are put
+    on Y = 0; if both are, where the source's are over its floor most of the time. Onto a skeleton that only
+    differs in the order of its joints, nothing changes.
 
     Raises `ParameterError` if the joint names of either skeleton are unknown.
     """
+    order = motion.skeleton.order_of(target)
+    if order is not None:
+        return replace(motion, skeleton=target, local_quat=motion.local_quat[:, order])
     source_roles, target_roles = joint_roles(motion.skeleton), joint_roles(target)
     pos, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)  # (T, J, 3), (T, J, 4)
     bones = _bones(target, source_roles, target_roles)
     hinges = _hinge_axes(pos, source_roles, target, target_roles)
     trunk, trunk_offset = _trunk(motion.skeleton, source_roles, quat, target, target_roles)
+    turning = dict.fromkeys(trunk, trunk_offset) | _feet(
+        motion.skeleton, source_roles, quat, target, target_roles
+    )
+    spine = _spread_spine(source_roles, target_roles) if trunk else {}
     world = np.empty((motion.n_frames, target.n_joints, 4))
     source_of = {target_roles[role]: source_roles[role] for role in target_roles if role in source_roles}
     for joint in range(target.n_joints):
         parent = (
             world[:, target.parents[joint]] if joint else np.broadcast_to(rot.IDENTITY, (motion.n_frames, 4))
         )
+        if joint in spine:
+            (below, above), share = spine[joint]
+            upper = rot.multiply(quat[:, above], trunk_offset)
+            lower = (
+                world[:, target_roles["pelvis"]]
+                if below is None
+                else rot.multiply(quat[:, below], trunk_offset)
+            )
+            world[:, joint] = rot.slerp(lower, upper, share)
+            continue
         if joint not in source_of:
             world[:, joint] = parent
             continue
         source = source_of[joint]
-        if joint in trunk:
-            world[:, joint] = rot.multiply(quat[:, source], trunk_offset)
+        if joint in turning:
+            world[:, joint] = rot.multiply(quat[:, source], turning[joint])
             continue
         pairs = [
             (pos[:, bone.source_end] - pos[:, source], bone.rest_m) for bone in bones if bone.joint == joint
@@ -72,7 +92,12 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     retargeted = Motion(target, root_pos_m, local, motion.fps)
     if not rest_pose_is_upright(target):
         return retargeted
-    return retargeted.moved(shift_m=np.array([0.0, -estimate_floor_m(sole_pos_m(retargeted)), 0.0]))
+    floor_m = estimate_floor_m(sole_pos_m(retargeted))
+    if rest_pose_is_upright(motion.skeleton):  # feet of another length against the legs sink on tiptoe
+        scale = _leg_m(target.rest_pos_m()[None], target_roles) / _leg_m(pos, source_roles)
+        sole_m, own_m = (sole_pos_m(each)[..., 1].min(axis=1) for each in (motion, retargeted))  # (T,)
+        floor_m = float(np.median(own_m - scale * (sole_m - estimate_floor_m(sole_pos_m(motion)))))
+    return retargeted.moved(shift_m=np.array([0.0, -floor_m, 0.0]))
 
 
 @dataclass(frozen=True)
@@ -101,10 +126,10 @@ def _bones(target: Skeleton, source_roles: dict[str, int], target_roles: dict[st
 def _trunk(
     skeleton: Skeleton, roles: dict[str, int], quat: Floats, target: Skeleton, target_roles: dict[str, int]
 ) -> tuple[set[int], Floats]:
-    """Spine, neck and head of the target, and the rotation (4,) from the source's world rotations to theirs.
+    """Spine, neck and head of the target, with pelvis and collars if both rest poses stand.
 
-    None of them if a rest pose is bent there, or the source's axes differ from joint to joint: what is its
-    neutral pose is then not known.
+    And the rotation (4,) from the source's world rotations to theirs. None of them if a rest pose is bent
+    there, or the source's axes differ from joint to joint: what is its neutral pose is then not known.
     """
     none: tuple[set[int], Floats] = set(), rot.IDENTITY
     chain = [role for role in _TRUNK if role in roles and role in target_roles]
@@ -121,11 +146,83 @@ def _trunk(
         if bent.any() or np.linalg.norm(left) < _SHORTEST_BONE_M:
             return none
         axes.append([up, _unit(left)])
-    for lower, upper in pairwise(chain):
-        relative = rot.multiply(rot.invert(quat[:, roles[lower]]), quat[:, roles[upper]])
-        if np.linalg.norm(rot.to_rotvec(_mean_rotation(relative))) > _NEUTRAL_RAD:
-            return none
-    return {target_roles[role] for role in chain}, _alignment(axes[0], axes[1], weights=[np.inf, 1.0])
+    if not all(_is_neutral(quat, roles[lower], roles[upper]) for lower, upper in pairwise(chain)):
+        return none
+    trunk = set(chain)
+    if rest_pose_is_upright(skeleton) and rest_pose_is_upright(target):
+        chest = [role for role in chain if role.startswith("spine")][-1]
+        beside = {"pelvis": "spine1", "left_collar": chest, "right_collar": chest}
+        trunk |= {
+            role
+            for role, next_to in beside.items()
+            if role in roles and role in target_roles and _is_neutral(quat, roles[next_to], roles[role])
+        }
+    turn = _alignment(axes[0], axes[1], weights=[np.inf, 1.0])
+    return {target_roles[role] for role in trunk}, turn
+
+
+def _is_neutral(quat: Floats, first: int, second: int) -> bool:
+    """Whether two joints are on average turned alike, as they are in the rest pose."""
+    relative = rot.multiply(rot.invert(quat[:, first]), quat[:, second])
+    return bool(np.linalg.norm(rot.to_rotvec(_mean_rotation(relative))) < _NEUTRAL_RAD)
+
+
+def _spread_spine(
+    source_roles: dict[str, int], target_roles: dict[str, int]
+) -> dict[int, tuple[tuple[int | None, int], float]]:
+    """Where one spine has one bone: the source's two that each of the target's is between, and where.
+
+    None is the pelvis. Both spines reach from it to where the arms meet.
+    """
+    own, others = (
+        [roles[role] for role in _TRUNK[:3] if role in roles] for roles in (target_roles, source_roles)
+    )
+    spread: dict[int, tuple[tuple[int | None, int], float]] = {}
+    if len(own) != len(others) and 1 in (len(own), len(others)):
+        for place, joint in enumerate(own, start=1):
+            height = place * len(others) / len(own)
+            above = int(np.ceil(height)) - 1
+            spread[joint] = (others[above - 1] if above else None, others[above]), height - above
+    return spread
+
+
+def _feet(
+    skeleton: Skeleton, roles: dict[str, int], quat: Floats, target: Skeleton, target_roles: dict[str, int]
+) -> dict[int, Floats]:
+    """Ankles and balls of the target's feet, each with the rotation (4,) from the source's world rotations.
+
+    None of a foot that does not stand in both rest poses, or whose joints are turned in them as they are not
+    in the motion.
+    """
+    turning: dict[int, Floats] = {}
+    if not (rest_pose_is_upright(skeleton) and rest_pose_is_upright(target)):
+        return turning
+    for side in ("left", "right"):
+        ankle, ball = f"{side}_ankle", f"{side}_foot"
+        headings = [_heading_of_foot(s, r, side) for s, r in ((target, target_roles), (skeleton, roles))]
+        up = rot.rotate(quat[:, roles[ankle]], np.array([0.0, 1.0, 0.0])).mean(axis=0)
+        neutral = up[1] > np.cos(_NEUTRAL_RAD)
+        if ball in roles:
+            neutral &= _is_neutral(quat, roles[ankle], roles[ball])
+        if neutral and np.isfinite(headings).all():
+            turn = rot.about_y(headings[1] - headings[0])
+            turning |= {target_roles[name]: turn for name in (ankle, ball) if name in target_roles}
+    return turning
+
+
+def _heading_of_foot(skeleton: Skeleton, roles: dict[str, int], side: str) -> float:
+    """Where a foot points in the rest pose, radians from +Z about Y; without toes, where the hips look.
+
+    Not a number for a foot that does not stand there.
+    """
+    rest = skeleton.rest_pos_m()
+    if f"{side}_foot" in roles:
+        ahead = rest[roles[f"{side}_foot"]] - rest[roles[f"{side}_ankle"]]
+        if np.hypot(ahead[0], ahead[2]) <= _LEVEL * np.linalg.norm(ahead):
+            return float("nan")
+    else:
+        ahead = np.cross(rest[roles["left_hip"]] - rest[roles["right_hip"]], np.array([0.0, 1.0, 0.0]))
+    return float(np.arctan2(ahead[0], ahead[2]))
 
 
 def _hinge_axes(

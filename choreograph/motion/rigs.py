@@ -86,7 +86,7 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
     named = [parts[("", name)] for name in _MIDDLE_NAMES["pelvis"] if ("", name) in parts]
     roles |= trunk_roles(parents, roles, named)
     if "head" not in roles:
-        roles |= _unnamed_head(parents, roles)
+        roles |= _unnamed_head(names, parents, roles)
     return {name: roles[name] for name in CANONICAL_JOINTS if name in roles}
 
 
@@ -105,8 +105,11 @@ def trunk_roles(
     return {"pelvis": pelvis, **_spine_roles(spine)}
 
 
-def _unnamed_head(parents: tuple[int, ...], roles: Mapping[str, int]) -> dict[str, int]:
-    """Neck and head of a rig that calls them spine, as Rigify does: the longest chain above the arms."""
+def _unnamed_head(names: Sequence[str], parents: tuple[int, ...], roles: Mapping[str, int]) -> dict[str, int]:
+    """Neck and head of a rig that calls them spine, as Rigify does; else the longest chain above the arms.
+
+    Faces hang from the head, which is where the bones that are called as the chest is end.
+    """
     arms = [_path_from_root(parents, roles[f"{side}_shoulder"]) for side in ("left", "right")]
     chest = max(set(arms[0]) & set(arms[1]))
     paths = [_path_from_root(parents, joint) for joint in range(len(parents))]
@@ -114,8 +117,15 @@ def _unnamed_head(parents: tuple[int, ...], roles: Mapping[str, int]) -> dict[st
     above = [path for path in above if path[0] not in {*arms[0], *arms[1]}]
     if not above:
         return {}
-    chain = max(above, key=len)
+    spine = _letters(names[chest])
+    alike = [path for path in above if all(_letters(names[joint]) == spine for joint in path)]
+    chain = max(alike or above, key=len)
     return {"head": chain[-1]} | ({"neck": chain[0]} if len(chain) > 1 else {})
+
+
+def _letters(name: str) -> str:
+    """A joint's name without prefix, digits and separators."""
+    return "".join(word.lower() for word in _WORDS.findall(name.rsplit(":", 1)[-1]) if not word.isdigit())
 
 
 def _side_and_part(name: str) -> tuple[str, str]:

@@ -31,6 +31,7 @@ _CANONICAL_OFFSETS_M = (
     (0.25, 0.0, 0.0), (-0.25, 0.0, 0.0), (0.085, 0.0, 0.0), (-0.085, 0.0, 0.0),
 )  # fmt: skip
 
+_SAME_M = 1e-3  # bone offsets agree within it
 MAX_JOINTS = 4096  # a face and hands in detail have some hundreds
 
 
@@ -86,13 +87,27 @@ class Skeleton:
             raise ParameterError(f"no joint {name!r} in the skeleton, which has {', '.join(self.names)}")
         return self.names.index(name)
 
-    def same_as(self, other: Skeleton, *, tolerance_m: float = 1e-3) -> bool:
+    def same_as(self, other: Skeleton, *, tolerance_m: float = _SAME_M) -> bool:
         """Whether joints, hierarchy and bone offsets agree (the root's rest position may differ)."""
         return (
             self.names == other.names
             and np.array_equal(self.parents, other.parents)
             and np.allclose(self.offsets_m[1:], other.offsets_m[1:], atol=tolerance_m)
         )
+
+    def order_of(self, other: Skeleton) -> NDArray[np.int64] | None:
+        """For each joint of `other`, this skeleton's joint of its name, (J,), if they differ in order alone.
+
+        None if joints, hierarchy or bone offsets disagree (the root's rest position may differ).
+        """
+        if set(self.names) != set(other.names):
+            return None
+        order = np.array([self.names.index(name) for name in other.names])
+        above = [-1, *(self.names.index(other.names[parent]) for parent in other.parents[1:])]
+        same = np.array_equal(self.parents[order], above) and np.allclose(
+            self.offsets_m[order[1:]], other.offsets_m[1:], atol=_SAME_M
+        )
+        return order if same else None
 
     def rest_pos_m(self) -> NDArray[np.float64]:
         """Joint positions of the rest pose with the root at its rest position, (J, 3)."""

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from choreograph.errors import ParameterError
 
 Config = TypeVar("Config", bound=Any)  # a frozen dataclass
+MAX_DEPTH = 64  # layers, or blocks of layers, of a network that a file configures
 SCHEDULES = ("cosine", "constant")  # of a learning rate: warm-up and half a cosine to zero, or neither
 
 

@@ -41,6 +41,7 @@ def build(
     words: bool = True,
     style_changes: Mapping[str, Any] | None = None,
     density_changes: Mapping[str, Any] | None = None,
+    allow_outside: bool = False,
     method: str = "ours",
     report: ProgressReport | None = None,
     training_report: Callable[[Any], None] | None = None,
@@ -52,8 +53,9 @@ def build(
     sources : a folder or file of takes, or several
     output : the file to write; work in progress lies beside it in `OUTPUT.build/`
     preset, density, seed, device, beats, resume, keep_networks, compress, rollout, rollout_teacher,
-        leave_out, lock_feet, augment_mirror, words, pretrained, style_changes, density_changes, method : as
-        in `BuildOptions`; `choreograph.published.published_build` gives those of the method as published
+        leave_out, lock_feet, augment_mirror, words, pretrained, style_changes, density_changes,
+        allow_outside, method : as in `BuildOptions`; `choreograph.published.published_build` gives those of
+        the method as published
     init_from : repertoire whose networks training starts from
     report : called with the stage's name, how much is done, of how much
     training_report : called with a `TrainingProgress` now and then
@@ -75,7 +77,8 @@ def build(
         pretrained=pretrained, keep_networks=keep_networks,
         compress=compress, rollout=rollout, rollout_teacher=rollout_teacher, leave_out=tuple(leave_out),
         lock_feet=lock_feet, augment_mirror=augment_mirror, words=words,
-        style_changes=dict(style_changes or {}), density_changes=dict(density_changes or {}), method=method,
+        style_changes=dict(style_changes or {}), density_changes=dict(density_changes or {}),
+        allow_outside=allow_outside, method=method,
     )  # fmt: skip
     for name in sorted(_FLAGS):
         if not isinstance(getattr(options, name), bool):

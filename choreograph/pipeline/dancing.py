@@ -268,8 +268,9 @@ def _danced(
     if report is not None:
         report("analysing the song", 0, 0)
     song_features, notes = analyse_song(
-        song, repertoire, beats=config.beats, start_s=start_s, report=substage(report, "analysing the song")
-    )
+        song, repertoire, beats=config.beats, genre=requested.genre, start_s=start_s,
+        report=substage(report, "analysing the song"),
+    )  # fmt: skip
     bounds_s = dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
     resolved = resolve(requested, repertoire, bounds_s, song_features.duration_s)
     kept = None if kept_of is None else _kept(*kept_of, requested, song_features.duration_s, config)

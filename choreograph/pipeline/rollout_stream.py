@@ -95,7 +95,7 @@ class RolloutStream:
             self.counts = song
         else:
             loaded = as_song("a song", song)
-            features, self.notes = analyse_song(loaded, self._repertoire, beats=beats)
+            features, self.notes = analyse_song(loaded, self._repertoire, beats=beats, genre=genre)
             self.counts = features.counts
             if genre is None:
                 genre = likely_genre(features, self._repertoire, make_constraints())

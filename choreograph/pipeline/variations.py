@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from choreograph.audio.song import Song
+from choreograph.config import MAX_VARIATIONS
 from choreograph.engines import ENGINES
 from choreograph.errors import ParameterError
 from choreograph.pipeline.arguments import as_config, as_costs, as_song
@@ -25,10 +26,10 @@ def vary(
 
     Their seeds are `seed` (or `config`'s) and the ones after it. With an engine that has costs, what earlier
     variations danced in a second costs more in the later ones (`Unlike`). Raises `ParameterError` if `n` is
-    below 1, or so many different dances cannot be found.
+    below 1 or above 1000, or so many different dances cannot be found.
     """
-    if isinstance(n, bool) or not isinstance(n, int) or n < 1:
-        raise ParameterError(f"expected 1 variation or more, got {n!r}")
+    if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= MAX_VARIATIONS:
+        raise ParameterError(f"expected 1 to {MAX_VARIATIONS} variations, got {n!r}")
     config, costs = as_config(options.pop("config", None)), as_costs(options.pop("costs", ()))
     if options.get("seed") is not None:
         config = replace(config, seed=options["seed"])

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from choreograph.errors import ParameterError
 from choreograph.files import sha256_of
-from choreograph.repertoire.store import NetArrays, read_networks
+from choreograph.repertoire.layout import NetArrays
+from choreograph.repertoire.store import read_networks
 
 PRETRAINED = ("clean", "research")
 DEFAULT, NOTHING = "default", "nothing"

@@ -39,7 +39,8 @@ from choreograph.nets.style.model import StyleNets
 from choreograph.nets.training import TrainingContext
 from choreograph.pretrained.library import PRETRAINED, pretrained_path
 from choreograph.pretrained.style_recipe import built_in_style_takes, style_takes, train_shipped_style
-from choreograph.repertoire.store import NetArrays, write_networks
+from choreograph.repertoire.layout import NetArrays
+from choreograph.repertoire.writing import write_networks
 from choreograph.synthesis.moves.genres import GENRES
 from choreograph.synthesis.moves.sequencer import render_take
 from choreograph.synthesis.songs import STYLES

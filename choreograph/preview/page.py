@@ -107,7 +107,7 @@ def write_page(
     }
     text = _page_text(title, body, to_script_json(dance), levels, sound)
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+        temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
     if report is not None:
         report(_STEPS, _STEPS)
 

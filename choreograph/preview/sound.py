@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.audio.decode import decoded_blocks
+from choreograph.audio.decode import decode
 from choreograph.errors import FormatError, ParameterError
 from choreograph.progress import StepReport
 
@@ -55,7 +55,8 @@ def song_part(path: str | Path, *, start_s: float, duration_s: float) -> SongPar
         raise ParameterError(f"expected a duration in seconds above 0, got {duration_s:g}")
     if not path.is_file() or path.stat().st_size == 0:
         raise FormatError(f"expected a song at {path}, got no file or an empty one")
-    rate_hz, blocks = decoded_blocks(path)
+    decoding = decode(path)
+    rate_hz, blocks = decoding.rate_hz, decoding.blocks
     n_frames = max(1, round(duration_s * rate_hz))
     first = next(blocks, None)
     if first is None:

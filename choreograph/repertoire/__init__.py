@@ -7,11 +7,14 @@
 - `contents` — takes and their features as the arrays of a file
 - `motif_arrays` — a vocabulary as arrays, and back with every property checked
 - `schema` — the layout of a file
-- `store` — reading and writing files, the only user of h5py
+- `layout` — which arrays of what shapes belong to it, as plain data
+- `store`, `writing` — files read and written
+- `hdf5`, `checks` — files opened, and looked at before they are read: they may be a stranger's
 """
 
+from choreograph.repertoire.layout import Contents, NetArrays
 from choreograph.repertoire.repertoire import Repertoire
-from choreograph.repertoire.store import Contents, NetArrays, write_repertoire
 from choreograph.repertoire.take_info import TakeInfo
+from choreograph.repertoire.writing import write_repertoire
 
 __all__ = ["Contents", "NetArrays", "Repertoire", "TakeInfo", "write_repertoire"]

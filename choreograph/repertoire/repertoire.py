@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,10 +18,12 @@ from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
+from choreograph.repertoire.checks import check_clips
 from choreograph.repertoire.clip_motion import ClipMotion
 from choreograph.repertoire.html_table import html_table
+from choreograph.repertoire.layout import NetArrays
 from choreograph.repertoire.motif_arrays import vocabulary_from
-from choreograph.repertoire.store import NetArrays, RepertoireFile
+from choreograph.repertoire.store import RepertoireFile
 from choreograph.repertoire.take_info import TakeInfo, counts_from, figures_from, takes_from
 from choreograph.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 
@@ -113,10 +117,8 @@ class Repertoire:
     def vocabulary(self) -> Vocabulary:
         """Motion words, motifs and the genres' signatures; `RepertoireError` if there are none."""
         self._expect_vocabulary()
-        try:
+        with self._damage_named():
             return vocabulary_from(self._file.read, len(self.takes))
-        except RepertoireError as error:
-            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
 
     def word_net(self) -> WordNet:
         """The network that embedded the vocabulary's motion words; `RepertoireError` if there is none."""
@@ -156,27 +158,39 @@ class Repertoire:
         """The skeleton of all motion in the file."""
         names = ("parents", "offsets_m", "tip_parents", "tips_m")
         joints = tuple(str(name) for name in self._file.read("skeleton/names"))
-        return Skeleton(joints, *(self._file.read(f"skeleton/{name}") for name in names))
+        try:
+            return Skeleton(joints, *(self._file.read(f"skeleton/{name}") for name in names))
+        except ParameterError as error:
+            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
 
     @cached_property
     def takes(self) -> tuple[TakeInfo, ...]:
-        """All takes, in the order of the file."""
-        return takes_from(self._file.read)
+        """All takes, in the order of the file; `RepertoireError` if there is none or their rows are wrong."""
+        with self._damage_named():
+            return takes_from(self._file)
 
     @property
     def n_clips(self) -> int:
         """Number of clips N."""
         return self._file.shapes["clips/take"][0]
 
-    @cached_property
+    @property
     def clip_take(self) -> NDArray[np.int32]:
         """Index of each clip's take, (N,)."""
-        return self._file.read("clips/take")
+        return self._clips[0]
 
-    @cached_property
+    @property
     def clip_start_frame(self) -> NDArray[np.int64]:
         """First frame of each clip in its take, 20 fps, (N,)."""
-        return self._file.read("clips/start_frame")
+        return self._clips[1]
+
+    @cached_property
+    def _clips(self) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+        """Take and first frame of each clip, (N,)."""
+        clips = self._file.read("clips/take"), self._file.read("clips/start_frame")
+        with self._damage_named():
+            check_clips(*clips, np.diff([take.body for take in self.takes], axis=1)[:, 0])
+        return clips
 
     @cached_property
     def clip_style(self) -> NDArray[np.float32]:
@@ -191,6 +205,16 @@ class Repertoire:
     @cached_property
     def _beats_s(self) -> NDArray[np.float64]:
         return self._file.read("beats/motion_s")
+
+    @contextmanager
+    def _damage_named(self) -> Iterator[None]:
+        """Names the file in errors about what its arrays say together."""
+        try:
+            yield
+        except RepertoireError as error:
+            if str(error).startswith(str(self.path)):
+                raise
+            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
 
     @property
     def selection_beat_weight(self) -> float:
@@ -229,7 +253,10 @@ class Repertoire:
     @cached_property
     def _counts(self) -> tuple[Counts, ...]:
         """Each take's counts; none in a file of version 1."""
-        return counts_from(self._file) if self._file.has_counts else (NO_COUNTS,) * len(self.takes)
+        if not self._file.has_counts:
+            return (NO_COUNTS,) * len(self.takes)
+        with self._damage_named():
+            return counts_from(self._file, self.takes)
 
     def counts(self, take: int) -> Counts:
         """A take's counts, in seconds from its first frame; `NO_COUNTS` if they are not known."""

@@ -54,8 +54,9 @@ from choreograph.pretrained.recipe import (
     trials_by_genre,
     trials_by_song,
 )
+from choreograph.repertoire import Contents, write_repertoire
 from choreograph.repertoire.schema import DOUBT
-from choreograph.repertoire.store import Contents, RepertoireFile, write_repertoire
+from choreograph.repertoire.store import RepertoireFile
 from choreograph.song_counts import DEFAULT_BEATS, song_counts
 from choreograph.timebase import NET_FPS
 

@@ -58,7 +58,8 @@ from choreograph.pretrained.recipe import (
     trials_by_genre,
     trials_by_song,
 )
-from choreograph.repertoire.store import Contents, RepertoireFile, write_repertoire
+from choreograph.repertoire import Contents, write_repertoire
+from choreograph.repertoire.store import RepertoireFile
 from choreograph.timebase import NET_FPS, frames_to_seconds
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")

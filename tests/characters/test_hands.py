@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gltf_worlds import node_worlds, skinned_vertices_m
+from gltf_worlds import inside_body
 from synthetic_motions import swaying
 
 from choreograph.characters import perform, read_character
@@ -18,7 +18,6 @@ from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
 
 FRAMES = np.arange(0, 120, 8)
-BODY = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "left_hip", "right_hip")
 
 
 def reaching(depth_m: float) -> Motion:
@@ -45,25 +44,9 @@ def inside(character: GltfCharacter, motion: Motion, skin: SkinPoints | None) ->
     """The share of frames in which the left wrist is inside the body, by the mesh as a player poses it."""
     performance = perform(motion, character.rig, character.bones, skin)
     document = character.with_animation(performance, "dance")
-    primitives = document.json["meshes"][0]["primitives"]
-    joints, weights = (document.array(primitives[0]["attributes"][k]) for k in ("JOINTS_0", "WEIGHTS_0"))
-    moved_by = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0].astype(int)
-    of_body = np.isin(moved_by, [character.rig.names.index(name) for name in BODY])
-    triangles = np.concatenate([document.array(p["indices"]).astype(int).reshape(-1, 3) for p in primitives])
-    triangles = triangles[of_body[triangles].all(axis=1)]
-    corners_m = skinned_vertices_m(document, node_worlds(document, FRAMES))[:, triangles]  # (T, F, 3, 3)
     figure = performance.motion
     wrist_m = figure.joint_pos_m()[FRAMES, figure.skeleton.index("left_wrist")]
-    return float(np.mean([winding(p, c) > 0.5 for p, c in zip(wrist_m, corners_m, strict=True)]))
-
-
-def winding(point_m: np.ndarray, corners_m: np.ndarray) -> float:
-    """How often triangles (F, 3, 3) go around a point (3,): about 1 inside of them, 0 outside."""
-    a, b, c = np.moveaxis(corners_m - point_m, 1, 0)
-    la, lb, lc = (np.linalg.norm(side, axis=-1) for side in (a, b, c))
-    volume = np.sum(a * np.cross(b, c), axis=-1)
-    below = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
-    return abs(float(np.sum(2.0 * np.arctan2(volume, below)))) / (4.0 * np.pi)
+    return float(np.mean(inside_body(document, character, FRAMES, wrist_m)))
 
 
 def test_a_hand_that_would_be_in_the_body_is_led_to_its_surface(mannequin):

@@ -61,14 +61,9 @@ def test_a_dance_comes_back_from_every_character(tmp_path, name):
         )
 
 
-@pytest.mark.parametrize(
-    "name", ["mixamo", "unreal", "vrm that looks back", "child", "rigify", "few spine bones"]
-)
+@pytest.mark.parametrize("name", [name for name in CHARACTERS if not name.startswith("nameless")])
 def test_ours_onto_a_character_and_back_is_ours(tmp_path, name):
-    """At our size joints are where they were within a centimetre, head and chest look where they looked.
-
-    A spine of two bones cannot bend as one of three does.
-    """
+    """At our size joints are where they were within a centimetre, head and chest look where they looked."""
     motion = stepping(240, fps=60.0)
     write_character(tmp_path / "a.glb", CHARACTERS[name])
     (tmp_path / "b.glb").write_bytes(read_character(tmp_path / "a.glb").dancing(motion).to_glb())
@@ -76,7 +71,7 @@ def test_ours_onto_a_character_and_back_is_ours(tmp_path, name):
     ours = retarget(back, canonical_skeleton())
     apart_m = ours.joint_pos_m() - motion.joint_pos_m()
     apart_m[..., 1] -= apart_m[..., 1].mean()  # onto the floor, through which the made motion steps
-    assert np.linalg.norm(apart_m, axis=-1).mean() < (0.015 if name == "few spine bones" else 0.01)
+    assert np.linalg.norm(apart_m, axis=-1).mean() < 0.01
     for role in ("spine3", "head"):
         looks = [
             rot.rotate(forward(one.skeleton, one.root_pos_m, one.local_quat)[1], np.eye(3)[2])[

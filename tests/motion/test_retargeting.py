@@ -142,3 +142,42 @@ def test_gaze_and_spine_are_kept_however_the_neck_leans(seed, lean):
         for role in ("spine3", "head"):
             before, after = (forward_of(one, role, np.eye(3)[2]) for one in (motion, moved))
             assert apart_deg(before, after).max() < 5.0, role
+
+
+def test_another_order_of_joints_changes_nothing():
+    """Dances are read back from BVH depth first: their hands and feet must not be guessed anew."""
+    motion = swaying(30)
+    skeleton = motion.skeleton
+    order = [0]
+    for joint in order:  # a stack in disguise: children right after their parent
+        order[order.index(joint) + 1 : order.index(joint) + 1] = np.flatnonzero(
+            skeleton.parents == joint
+        ).tolist()
+    place = {joint: at for at, joint in enumerate(order)}
+    parents = [-1, *(place[int(skeleton.parents[joint])] for joint in order[1:])]
+    names = tuple(skeleton.names[joint] for joint in order)
+    tips = np.array([place[int(joint)] for joint in skeleton.tip_parents])
+    deep = Skeleton(names, np.array(parents), skeleton.offsets_m[order], tips, skeleton.tips_m)
+    assert names != skeleton.names
+    back = retarget(replace(motion, skeleton=deep, local_quat=motion.local_quat[:, order]), skeleton)
+    assert np.array_equal(back.local_quat, motion.local_quat)
+    assert np.array_equal(back.root_pos_m, motion.root_pos_m)
+    longer = replace(deep, offsets_m=deep.offsets_m * 1.1)
+    assert longer.order_of(skeleton) is None and deep.order_of(on_other_axes(motion, 1).skeleton) is None
+
+
+def test_pelvis_collars_and_feet_turn_as_the_sources_whatever_their_bones_point_to():
+    motion = swaying(60)
+    offsets_m = motion.skeleton.offsets_m.copy()
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        offsets_m[motion.skeleton.index(f"{side}_shoulder")] = sign * 0.1, -0.02, 0.04
+        offsets_m[motion.skeleton.index(f"{side}_hip")] += 0.0, 0.03, -0.03
+        offsets_m[motion.skeleton.index(f"{side}_foot")] += 0.0, -0.03, 0.0
+    other = replace(motion, skeleton=replace(motion.skeleton, offsets_m=offsets_m))
+    back = retarget(other, canonical_skeleton())
+    for role in ("pelvis", "left_collar", "right_collar", "left_ankle", "right_foot"):
+        turned = [
+            forward(each.skeleton, each.root_pos_m, each.local_quat)[1][:, motion.skeleton.index(role)]
+            for each in (motion, back)
+        ]
+        assert np.abs(np.sum(turned[0] * turned[1], axis=-1)).min() > np.cos(np.radians(1.0) / 2), role

@@ -163,3 +163,21 @@ def test_whether_the_rest_pose_is_upright():
     along_x = np.linalg.norm(body.offsets_m, axis=1)[:, None] * [1.0, 0.0, 0.0]
     assert rest_pose_is_upright(body)
     assert not rest_pose_is_upright(Skeleton(body.names, body.parents, along_x))
+
+
+def test_a_face_is_no_head():
+    """Rigify's head is the last of its spine; the longest chain above the arms goes on through the face."""
+    body = canonical_skeleton()
+    called = {
+        "spine1": "spine.001",
+        "spine2": "spine.002",
+        "spine3": "spine.003",
+        "neck": "spine.004",
+        "head": "spine.006",
+    }
+    names = [called.get(name, name) for name in body.names]
+    head = body.names.index("head")
+    face = ["face", "brow.T.L", "brow.T.L.001"]
+    parents = [*body.parents, head, len(names), len(names) + 1]
+    rig = Skeleton((*names, *face), np.array(parents), np.zeros((len(names) + 3, 3)))
+    assert joint_roles(rig)["head"] == head and joint_roles(rig)["neck"] == body.names.index("neck")

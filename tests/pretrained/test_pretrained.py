@@ -31,7 +31,9 @@ from choreograph.pretrained.recipe import (
     trials_by_song,
     without_figures,
 )
-from choreograph.repertoire.store import NetArrays, read_networks, write_networks
+from choreograph.repertoire.layout import NetArrays
+from choreograph.repertoire.store import read_networks
+from choreograph.repertoire.writing import write_networks
 from choreograph.synthesis.moves.genres import GENRES
 
 

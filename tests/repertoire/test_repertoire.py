@@ -148,12 +148,10 @@ def test_the_html_is_a_table_of_takes(repertoire):
 
 
 def test_the_html_is_escaped_and_has_at_most_50_takes(takes, tmp_path):
-    arrays = synthetic_contents(takes).arrays
-    many = {
-        name: np.tile(array, 20) if name.startswith("takes/") else array for name, array in arrays.items()
-    }
-    many["takes/name"] = np.array([f"<b>{i}</b> & more" for i in range(60)])
-    write_repertoire(tmp_path / "many.h5", replace(synthetic_contents(takes), arrays=many))
+    names = [f"<b>{i}</b> & more" for i in range(60)]
+    sixty = zip(names, takes * 20, strict=True)
+    many = [replace(m, take=replace(m.take, name=name)) for name, m in sixty]
+    write_repertoire(tmp_path / "many.h5", synthetic_contents(many))
     html = Repertoire.open(tmp_path / "many.h5")._repr_html_()
     assert html.count("<tr>") == 1 + 50 + 1
     assert "&lt;b&gt;49&lt;/b&gt; &amp; more" in html

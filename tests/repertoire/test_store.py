@@ -265,7 +265,7 @@ def test_a_compressed_file_is_smaller_and_hardly_different(contents, path, tmp_p
 
 
 def test_delta_coding_restarts(contents, tmp_path, monkeypatch):
-    monkeypatch.setattr("choreograph.repertoire.store.DELTA_RESTART", 7)
+    monkeypatch.setattr("choreograph.repertoire.writing.DELTA_RESTART", 7)
     write_repertoire(tmp_path / "often.h5", contents, compress=True)
     compressed = RepertoireFile(tmp_path / "often.h5")
     whole = compressed.read("body/pos_m")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from choreograph.errors import ParameterError
-from choreograph.nets.presets import config_from_preset
+from choreograph.nets.presets import MAX_DEPTH, config_from_preset
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,8 @@ class RolloutConfig:
         sizes = (self.n_joints, self.width, self.n_layers, self.condition_width, self.teacher_frames)
         if min(*sizes, *self.self_fed_frames, self.batch_size, self.steps) < 1 or self.frames < 2:
             raise ParameterError(f"expected sizes of 1 or more and sequences of 2 frames or more, got {self}")
+        if self.n_layers > MAX_DEPTH:
+            raise ParameterError(f"expected at most {MAX_DEPTH} layers, got {self.n_layers}")
         if not self.tempi or min(self.tempi) <= 0:
             raise ParameterError(f"expected tempi above 0, got {self.tempi}")
         if not (0 <= self.own_embedding_share <= 1 and 0 <= self.style_dropout <= 1):

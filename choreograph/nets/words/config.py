@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from choreograph.errors import ParameterError
-from choreograph.nets.presets import config_from_preset
+from choreograph.nets.presets import MAX_DEPTH, config_from_preset
 
 WORD_DIM = 184  # of embeddings
 
@@ -30,9 +30,9 @@ class WordConfig:
     weight_decay: float = 1e-3
 
     def __post_init__(self) -> None:
-        if min(self.steps, self.width, self.n_blocks) < 1 or self.batch_size < 2:
+        if min(self.steps, self.width) < 1 or not 1 <= self.n_blocks <= MAX_DEPTH or self.batch_size < 2:
             raise ParameterError(
-                "expected steps, width and blocks of 1 or more and batches of 2 or more, got "
+                f"expected steps, width and blocks (to {MAX_DEPTH}) of 1 or more, batches of 2 or more, got "
                 f"{self.steps}, {self.width}, {self.n_blocks} and {self.batch_size}"
             )
         if self.same_m <= 0 or min(self.contrast_weight, self.distance_weight) < 0:

@@ -62,7 +62,7 @@ STUDIES: Mapping[str, str] = {"study-1": "c6d086c", "study-2": NOW}
 _WRITE_REPERTOIRE = """
 import sys
 import numpy as np
-from choreograph.repertoire.store import Contents, write_repertoire
+from choreograph.repertoire import Contents, write_repertoire
 from choreograph.repertoire import schema
 source, target, option = sys.argv[1:]
 known = {**schema.DATASETS, **getattr(schema, "COUNTS", {})}

@@ -1,0 +1,61 @@
+"""`make fuzz MINUTES=60`: damaged and hostile files of every format, for as long as wanted.
+
+Inputs that fail are put into `corpus/TARGET/`, where the tests try them ever after.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from fuzz.harness import Tally, Target, fuzz, input_of
+from fuzz.targets import all_targets
+
+CORPUS = Path(__file__).with_name("corpus")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m fuzz", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=5.0)
+    parser.add_argument("--seed", type=int, default=None, help="inputs follow from it; default: the time")
+    parser.add_argument("--targets", nargs="*", help="by name; default: all")
+    given = parser.parse_args()
+    seed = int(time.time()) if given.seed is None else given.seed
+    with tempfile.TemporaryDirectory() as folder:
+        targets = all_targets(Path(folder))
+        targets = [target for target in targets if not given.targets or target.name in given.targets]
+        tallies = fuzz(targets, seed=seed, seconds=60.0 * given.minutes)
+        _print(tallies, seed)
+        for target in targets:
+            _keep_failures(target, tallies[target.name], seed)
+    return int(any(tally.failures for tally in tallies.values()))
+
+
+def _print(tallies: Mapping[str, Tally], seed: int) -> None:
+    columns = "target", "tried", "read", "failures", "slowest, CPU s (input)", "hungriest, MB (input)"
+    print(f"seed {seed}\n\n| {' | '.join(columns)} |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for name, tally in tallies.items():
+        (slow_s, slow), (mb, hungry) = tally.slowest, tally.hungriest
+        counted = f"{tally.tried:,} | {tally.was_read:,} | {len(tally.failures)}"
+        print(f"| {name} | {counted} | {slow_s:.2f} ({slow}) | {mb:.0f} ({hungry}) |")
+    for name, tally in tallies.items():
+        for place, (number, what) in tally.failures.items():
+            print(f"\n{name}, input {number}: {place}\n  {what.splitlines()[0]}")
+
+
+def _keep_failures(target: Target, tally: Tally, seed: int) -> None:
+    for number, _ in tally.failures.values():
+        data = input_of(target, seed, number)
+        folder = CORPUS / target.name
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / hashlib.sha256(data).hexdigest()[:12]).write_bytes(data)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
