@@ -59,8 +59,12 @@ def analyse_song(
     notes = list(song.notes)
     mel = log_mel(song.samples, report=part(report, 0, 10, _STEPS))  # (T, 96)
     counts = song_counts(song, mel, beats, start_s=start_s)
+    if report is not None:
+        report(20, _STEPS)
     style, beat_count, style_notes = _style(repertoire, mel, counts, n_seconds)
     notes += style_notes
+    if report is not None:
+        report(25, _STEPS)
     sections = _sections(song, counts, part(report, 25, 60, _STEPS))
     if names_a_tracker(beats):
         tracked, counts = counts, _danceable(counts, song, mel, sections, repertoire, style, genre)

@@ -44,7 +44,7 @@ def test_features_of_a_song_of_several_blocks_are_those_of_the_whole():
     rise[2:] = np.maximum(0.0, level[2:] - level[:-2])
     assert np.array_equal(onset_envelopes(mel), band_means(rise))
 
-    samples = rng.normal(0.0, 0.1, 735 * SEVERAL + 100).astype(np.float32)
+    samples = rng.normal(0.0, 0.1, 735 * (BLOCK_FRAMES + 17) + 100).astype(np.float32)
     peak = float(np.abs(samples).max())
     energy = np.add.reduceat(np.square(samples / peak, dtype=np.float64), np.arange(0, len(samples), 735))
     level = peak * np.sqrt(energy.sum() / len(samples))

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from choreograph.features.loudness import at_unit_loudness
 from choreograph.features.music_beats import checked_beat_times_s
 from choreograph.frame_blocks import frame_blocks
-from choreograph.progress import StepReport
+from choreograph.progress import StepReport, part
 from choreograph.timebase import SAMPLE_RATE_HZ, times_to_frames
 
 _COLUMNS = {
@@ -48,6 +48,7 @@ SPECTRAL_COLUMNS = {
 }
 SPECTRAL_DIM = sum(_COLUMNS.values())
 
+_STEPS = 100  # of its progress
 _WINDOW, _HOP = 2048, 512  # samples
 _CQT_BINS_PER_OCTAVE, _CQT_BINS = 36, 252  # seven octaves from C1
 _CQT_MIN_SAMPLES = 1 << 16  # samples; the lowest octave's filters are this long
@@ -94,25 +95,24 @@ def spectral_features(
     if len(beats) < 2:
         return np.zeros((0, SPECTRAL_DIM), np.float32)
     tuning = _tuning(samples)
-    tonal = _tonal_frames(samples, tuning)
+    tonal = _tonal_frames(samples, tuning, part(report, 0, 50, _STEPS))
     frames = np.empty((len(tonal["tonnetz"]), SPECTRAL_DIM))  # (T, 87), frame i centred at i * 512 samples
     for name, rows in tonal.items():
         frames[:, SPECTRAL_COLUMNS[name]] = rows
-    blocks = list(frame_blocks(len(frames)))
-    n_steps = 2 * len(blocks)  # half of the time was the tonal features'
-    if report is not None:
-        report(len(blocks), n_steps)
-    for done, block in enumerate(blocks, start=len(blocks) + 1):
+    timbre_report = part(report, 50, _STEPS, _STEPS)
+    for block in frame_blocks(len(frames)):
         first = block.start * _HOP - _WINDOW // 2
         heard = _span(samples, first, (block.stop - 1) * _HOP + _WINDOW // 2)
         for name, rows in _timbre_frames(heard, tuning).items():
             frames[block, SPECTRAL_COLUMNS[name]] = rows
-        if report is not None:
-            report(done, n_steps)
+        if timbre_report is not None:
+            timbre_report(block.stop, len(frames))
     return _interval_means(frames, beats).astype(np.float32)
 
 
-def _tonal_frames(samples: NDArray[np.float32], tuning: float) -> dict[str, NDArray[np.floating]]:
+def _tonal_frames(
+    samples: NDArray[np.float32], tuning: float, report: StepReport | None
+) -> dict[str, NDArray[np.floating]]:
     """Features of the constant-Q transform, each (T, n) with T = 1 + S // 512."""
     from choreograph.cached_librosa import librosa
 
@@ -120,6 +120,8 @@ def _tonal_frames(samples: NDArray[np.float32], tuning: float) -> dict[str, NDAr
     tones = np.empty((_CQT_BINS, n_frames), np.float32, order="F")  # (252, T)
     for block in frame_blocks(n_frames, _CQT_BLOCK_FRAMES):
         tones[:, block] = _tones(samples, block, tuning)
+        if report is not None:
+            report(block.stop, n_frames)
     quietest = _CQT_FLOOR * tones.max()
     for block in frame_blocks(n_frames):
         tones[:, block][tones[:, block] < quietest] = 0.0
