@@ -29,9 +29,11 @@ from choreograph.features.rhythm import rhythm_features
 from choreograph.features.sections import Sections, song_sections
 from choreograph.features.song_features import SongFeatures
 from choreograph.one_thread import one_thread
+from choreograph.progress import StepReport, part
 from choreograph.repertoire import Repertoire
 from choreograph.song_counts import DEFAULT_BEATS, names_a_tracker, song_counts
 
+_STEPS = 100  # of its progress, of which a song's sections take most
 _NEAREST_CLIPS = 32  # whose takes say at which tempo a second of the song can be danced
 
 
@@ -43,6 +45,7 @@ def analyse_song(
     beats: str | Path = DEFAULT_BEATS,
     genre: str | None = None,
     start_s: float = 0.0,
+    report: StepReport | None = None,
 ) -> tuple[SongFeatures, tuple[str, ...]]:
     """Features of every second of a song, and notes on what is unusual about it.
 
@@ -54,15 +57,19 @@ def analyse_song(
     """
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)
-    mel = log_mel(song.samples)  # (T, 96)
+    mel = log_mel(song.samples, report=part(report, 0, 10, _STEPS))  # (T, 96)
     counts = song_counts(song, mel, beats, start_s=start_s)
+    if report is not None:
+        report(20, _STEPS)
     style, beat_count, style_notes = _style(repertoire, mel, counts, n_seconds)
     notes += style_notes
-    sections = _sections(song, counts)
+    if report is not None:
+        report(25, _STEPS)
+    sections = _sections(song, counts, part(report, 25, 60, _STEPS))
     if names_a_tracker(beats):
         tracked, counts = counts, _danceable(counts, song, mel, sections, repertoire, style, genre)
         if counts is not tracked:
-            sections = _sections(song, counts)
+            sections = _sections(song, counts, part(report, 60, 95, _STEPS))
             which = f"takes of {genre}" if genre else "takes nearest in style"
             notes.append(
                 f"{song.name}: counted at {tempo_bpm(counts):.0f} BPM rather than the tracked "
@@ -84,15 +91,18 @@ def analyse_song(
         closing_s,
         onset_density(mel, n_seconds),
     )
+    if report is not None:
+        report(_STEPS, _STEPS)
     return features, tuple(notes)
 
 
-def _sections(song: Song, counts: Counts) -> Sections:
+def _sections(song: Song, counts: Counts, report: StepReport | None) -> Sections:
     return song_sections(
         song.samples,
         counts.times_s,
         downbeat_times_s=counts.downbeat_times_s,
         change_times_s=change_times_s(counts),
+        report=report,
     )
 
 

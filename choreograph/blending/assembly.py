@@ -12,8 +12,10 @@ from choreograph.blending.sampled_runs import MotionReader, SampledRun, align_to
 from choreograph.blending.transitions import blend_transition
 from choreograph.config import BLENDINGS, TRANSITION_LENGTHS_S
 from choreograph.errors import ParameterError
+from choreograph.frame_blocks import frame_blocks
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
+from choreograph.progress import StepReport
 from choreograph.timebase import seconds_to_frames
 
 Floats = NDArray[np.float64]
@@ -27,6 +29,7 @@ def assemble(
     duration_s: float,
     blending: str,
     keep_on_stage: bool = True,
+    report: StepReport | None = None,
 ) -> tuple[Motion, NDArray[np.float64]]:
     """The dance before foot locking, and the times of its transitions in seconds.
 
@@ -46,7 +49,7 @@ def assemble(
     root_out = np.empty((total, 3))
     quat_out: Floats | None = None
     previous: SampledRun | None = None
-    for run in runs:
+    for done, run in enumerate(runs, start=1):
         sampled = sample_run(run, read_motion, fps, margin)
         if previous is not None:
             sampled = align_to(previous, sampled, fps, keep_on_stage=keep_on_stage)
@@ -58,9 +61,13 @@ def assemble(
         if previous is not None:
             blend_transition(previous, sampled, blending, fps, root_out, quat_out)
         previous = sampled
+        if report is not None:
+            report(done, len(runs))
     if previous is None or quat_out is None:
         raise ParameterError("expected a plan of one second or more, got none")
     n_frames = max(1, seconds_to_frames(duration_s, fps))
-    motion = Motion(previous.motion.skeleton, root_out, rot.make_continuous(rot.normalize(quat_out)), fps)
+    for block in frame_blocks(total):
+        quat_out[block] = rot.normalize(quat_out[block])
+    motion = Motion(previous.motion.skeleton, root_out, rot.make_continuous(quat_out), fps)
     transition_times_s = np.array([run.start_s for run in runs[1:]], np.float64)
     return motion.sliced(0, min(n_frames, total)), transition_times_s

@@ -11,8 +11,9 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from choreograph.errors import ParameterError
 from choreograph.features.contacts import foot_contacts
+from choreograph.frame_blocks import frame_blocks
 from choreograph.motion import rotations as rot
-from choreograph.motion.body import body_pos_m
+from choreograph.motion.body import body_indices
 from choreograph.motion.floor import foot_sole_pos_m
 from choreograph.motion.inverse_kinematics import flexion_rad, move_limb
 from choreograph.motion.kinematics import forward, to_local
@@ -56,15 +57,15 @@ def lock_feet(
 
     Raises `ParameterError` if shapes disagree, a contact is outside 0 to 1, or the rig's names are unknown.
     """
+    skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
+    pos_m, global_quat = forward(skeleton, motion.root_pos_m, motion.local_quat)
     if contacts is None:
-        contacts = foot_contacts(body_pos_m(motion), motion.fps)
+        contacts = foot_contacts(pos_m[:, body_indices(skeleton)], motion.fps)
     confidence: Floats = np.asarray(contacts, np.float64)
     if confidence.shape != (motion.n_frames, 4):
         raise ParameterError(f"expected contacts ({motion.n_frames}, 4), got {confidence.shape}")
     if not ((confidence >= 0) & (confidence <= 1)).all():
         raise ParameterError("expected contacts from 0 to 1, got values outside")
-    skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
-    pos_m, global_quat = forward(skeleton, motion.root_pos_m, motion.local_quat)
     ease = lift_frames(motion.fps)
     targets = {}
     given_m = np.zeros((motion.n_frames, 2, 3)) if feet_shift_m is None else feet_shift_m
@@ -79,7 +80,9 @@ def lock_feet(
         targets[side] = pos_m[:, ankle] + shift * (1.0 - smooth_cover(wrong, ease))[:, None]
     for side, target in targets.items():
         move_leg(skeleton, roles, side, pos_m, global_quat, target)
-    return replace(motion, local_quat=rot.make_continuous(to_local(skeleton, global_quat)))
+    for block in frame_blocks(motion.n_frames):
+        global_quat[block] = to_local(skeleton, global_quat[block])
+    return replace(motion, local_quat=rot.make_continuous(global_quat))
 
 
 def lift_frames(fps: float) -> int:

@@ -22,14 +22,16 @@ from choreograph.blending.sampled_runs import MotionReader
 from choreograph.errors import ParameterError
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan, PlannedWord
+from choreograph.progress import StepReport, part
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import NET_FPS
 
+_STEPS = 100  # of its progress
 _LENGTH_SLACK_S = 0.1  # the first and last frames of a take are repeated for that long
 
 
-def render(plan: Plan, repertoire: Repertoire) -> Motion:
-    """The motion of a plan, exactly as planned.
+def render(plan: Plan, repertoire: Repertoire, *, report: StepReport | None = None) -> Motion:
+    """The motion of a plan, exactly as planned; `report` is called with how much is done, of how much.
 
     Raises `RepertoireError` if the plan names a take that the repertoire does not have,
     `ParameterError` if it wants a take beyond its end, or holds words without a take: a network's, or those
@@ -61,9 +63,13 @@ def render(plan: Plan, repertoire: Repertoire) -> Motion:
         duration_s=plan.duration_s,
         blending=plan.blending,
         keep_on_stage=plan.keep_on_stage,
+        report=part(report, 0, 70, _STEPS),
     )
-    held = hold_ends(motion, plan.opening_s, plan.closing_s)
-    return lock_feet(held, shift_s=DANCE_SHIFT_S) if plan.lock_feet else held
+    motion = hold_ends(motion, plan.opening_s, plan.closing_s)
+    motion = lock_feet(motion, shift_s=DANCE_SHIFT_S) if plan.lock_feet else motion
+    if report is not None:
+        report(_STEPS, _STEPS)
+    return motion
 
 
 def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repertoire) -> Motion:

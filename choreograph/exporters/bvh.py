@@ -12,6 +12,7 @@ from choreograph.errors import ParameterError
 from choreograph.exporters._base import Writer
 from choreograph.exporters.naming import NAMES, renamed
 from choreograph.exporters.rest_pose import REST_POSES, with_rest_pose
+from choreograph.frame_blocks import frame_blocks
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
@@ -59,15 +60,18 @@ class BvhWriter(Writer):
         if self.options.in_place:
             root_pos_m[:, [0, 2]] = root_pos_m[0, [0, 2]]
         order = _file_order(motion.skeleton)
-        angles = rot.to_euler(self.options.order, motion.local_quat[:, order])  # (T, J, 3)
-        degrees = np.degrees(np.unwrap(angles, axis=0)).reshape(motion.n_frames, -1)  # (T, 3 J)
-        rows = np.hstack([root_pos_m * self.options.units_per_m, degrees])  # (T, 3 + 3 J)
+        rows = np.empty((motion.n_frames, 3 + 3 * len(order)))  # (T, 3 + 3 J)
+        rows[:, :3] = root_pos_m * self.options.units_per_m
+        for column, joint in enumerate(order, start=1):
+            angles = rot.to_euler(self.options.order, motion.local_quat[:, joint])  # (T, 3)
+            rows[:, 3 * column : 3 * column + 3] = np.degrees(np.unwrap(angles, axis=0))
         line = " ".join(["%.5f"] * rows.shape[1])
         with open(path, "w", encoding="utf-8", newline="\n") as file:
             file.write("HIERARCHY\n")
             file.writelines(f"{text}\n" for text in self._hierarchy(motion.skeleton, 0, ""))
             file.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1.0 / motion.fps:.10f}\n")
-            file.writelines(line % tuple(row) + "\n" for row in rows.tolist())
+            for block in frame_blocks(motion.n_frames):
+                file.writelines(line % tuple(row) + "\n" for row in rows[block].tolist())
 
     def _hierarchy(self, skeleton: Skeleton, joint: int, indent: str) -> list[str]:
         # With a root offset of zero it does not matter whether a reader adds the position channels to it.

@@ -16,6 +16,8 @@ from scipy import fft
 from scipy.ndimage import uniform_filter1d
 
 from choreograph.features.mel import mel_band_hz
+from choreograph.features.onsets import level_rise
+from choreograph.frame_blocks import frame_blocks, sums_before
 from choreograph.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, times_to_frames
 
 Floats = NDArray[np.float64]
@@ -56,16 +58,17 @@ def beat_evidence(
     Accents are normal over the 24 beats around; a repeat is the product of two beats' accents, or of what
     is not common to all beats in their harmony or timbre.
     """
-    level = np.maximum(log_mel, log_mel.max() - _FLOOR).astype(np.float64)  # (T, 96)
+    floor = log_mel.max() - _FLOOR
     bounds_s = np.append(beat_times_s, 2 * beat_times_s[-1] - beat_times_s[-2])  # (Q + 1,)
     middles_s = 0.5 * (bounds_s[:-1] + bounds_s[1:])
     hz = mel_band_hz()
     bands = [(hz >= low) & (hz < high) for low, high in pairwise(_BANDS_HZ)]
-    timbre = _interval_means(level, bounds_s)  # (Q, 96)
+    timbre = _interval_means(log_mel, floor, bounds_s)  # (Q, 96)
     bass, harmony = _chroma(samples, bounds_s)
-    rise = np.zeros_like(level)
-    rise[2:] = np.maximum(0.0, level[2:] - level[:-2])
-    rises = np.stack([rise[:, band].mean(axis=1) for band in bands], axis=1)  # (T, 5)
+    rises = np.empty((len(log_mel), len(bands)))  # (T, 5)
+    for block in frame_blocks(len(log_mel)):
+        rise = level_rise(log_mel, floor, block)
+        rises[block] = np.stack([rise[:, band].mean(axis=1) for band in bands], axis=1)
     following = np.minimum(np.arange(len(harmony))[:, None] + np.arange(_BAR_BEATS), len(harmony) - 1)
     spectral_shape = timbre - timbre.mean(axis=1, keepdims=True)
     changes = (
@@ -93,13 +96,15 @@ def _peaks(rises: Floats, times_s: Floats) -> Floats:
     return rises[near].max(axis=1)
 
 
-def _interval_means(rows: Floats, bounds_s: Floats) -> Floats:
-    """Mean of rows (T, D) at 60 fps from each bound to the next, (Q, D)."""
-    frames = np.clip(np.rint(times_to_frames(bounds_s, MUSIC_FPS)).astype(np.int64), 0, len(rows))
-    starts = np.minimum(frames[:-1], len(rows) - 1)
+def _interval_means(log_mel: NDArray[np.floating], floor: float, bounds_s: Floats) -> Floats:
+    """Mean of log-mel (T, 96), no lower than `floor`, from each bound to the next, (Q, 96)."""
+    n_frames = len(log_mel)
+    frames = np.clip(np.rint(times_to_frames(bounds_s, MUSIC_FPS)).astype(np.int64), 0, n_frames)
+    starts = np.minimum(frames[:-1], n_frames - 1)
     stops = np.maximum(frames[1:], starts + 1)
-    sums = np.vstack([np.zeros((1, rows.shape[1])), np.cumsum(rows, axis=0)])
-    return (sums[stops] - sums[starts]) / (stops - starts)[:, None]
+    levels = (np.maximum(log_mel[block], floor).astype(np.float64) for block in frame_blocks(n_frames))
+    at_starts, at_stops = sums_before(levels, np.stack([starts, stops]))
+    return (at_stops - at_starts) / (stops - starts)[:, None]
 
 
 def _chroma(samples: NDArray[np.floating], bounds_s: Floats) -> tuple[Floats, Floats]:

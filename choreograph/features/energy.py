@@ -19,11 +19,14 @@ def energy_per_second(samples: NDArray[np.floating], n_seconds: int) -> NDArray[
     Its loud level is the 90th percentile of the seconds with sound, so that one bang does not make everything
     else soft. Silent seconds have energy 0.
     """
-    padded = np.zeros(n_seconds * SAMPLE_RATE_HZ)
-    n_samples = min(len(samples), len(padded))
-    padded[:n_samples] = samples[:n_samples]
-    power = np.square(padded).reshape(n_seconds, SAMPLE_RATE_HZ).mean(axis=1)  # (S,)
-    if n_seconds > 1 and n_samples < len(padded):  # the last second is not full
+    n_samples = min(len(samples), n_seconds * SAMPLE_RATE_HZ)
+    power = np.zeros(n_seconds)
+    for second in range(n_seconds):
+        padded = np.zeros(SAMPLE_RATE_HZ)
+        part = samples[second * SAMPLE_RATE_HZ : min((second + 1) * SAMPLE_RATE_HZ, n_samples)]
+        padded[: len(part)] = part
+        power[second] = np.square(padded).mean()
+    if n_seconds > 1 and n_samples < n_seconds * SAMPLE_RATE_HZ:  # the last second is not full
         power[-1] *= SAMPLE_RATE_HZ / max(1, n_samples - (n_seconds - 1) * SAMPLE_RATE_HZ)
     if not power.any():
         return np.zeros(n_seconds, np.float32)

@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 from choreograph.audio.song import SILENCE_PEAK
 from choreograph.errors import ParameterError
+from choreograph.frame_blocks import frame_blocks
 
 _BLOCK = 735  # samples, 1/30 s: the unit that is gated as sound or pause
+_AT_ONCE = 1 << 20  # samples scaled in double precision
 PAUSE_GATE = 1e-6  # of the loudest block's power (-60 dB): quieter blocks are pauses and do not count
 
 
@@ -28,8 +30,16 @@ def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
     if peak < SILENCE_PEAK:
         return np.zeros_like(samples)
     starts = np.arange(0, len(samples), _BLOCK)
-    energy = np.add.reduceat(np.square(samples / peak, dtype=np.float64), starts)  # (B,)
+    energy = np.empty(len(starts))  # (B,)
+    for part in frame_blocks(len(starts)):
+        sound = samples[starts[part.start] : part.stop * _BLOCK]
+        energy[part] = np.add.reduceat(
+            np.square(sound / peak, dtype=np.float64), starts[part] - starts[part.start]
+        )
     size = np.diff(starts, append=len(samples))
     is_sound = energy > PAUSE_GATE * size * (energy / size).max()
     level = peak * np.sqrt(energy[is_sound].sum() / size[is_sound].sum())
-    return (samples / level).astype(np.float32)
+    out = np.empty_like(samples)
+    for part in frame_blocks(len(samples), _AT_ONCE):
+        out[part] = samples[part] / level
+    return out

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from choreograph.errors import ParameterError
+from choreograph.progress import StepReport
 from choreograph.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, seconds_to_frames
 
 MEL_BANDS = 96
@@ -22,7 +23,7 @@ _POWER_FLOOR = 1e-6  # about 99 dB below a full-scale sine: quieter than 16-bit 
 _BLOCK_FRAMES = 2048
 
 
-def log_mel(samples: NDArray[np.floating]) -> NDArray[np.float32]:
+def log_mel(samples: NDArray[np.floating], *, report: StepReport | None = None) -> NDArray[np.float32]:
     """Natural logarithm of mel power, Slaney's scale and area normalisation, Hann window.
 
     Parameters
@@ -52,6 +53,8 @@ def log_mel(samples: NDArray[np.floating]) -> NDArray[np.float32]:
     for start in range(0, n_frames, _BLOCK_FRAMES):
         block = slice(start, start + _BLOCK_FRAMES)
         out[block] = log_mel_of_windows(windows[centres[block]])
+        if report is not None:
+            report(min(block.stop, n_frames), n_frames)
     return out
 
 

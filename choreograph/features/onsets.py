@@ -11,6 +11,7 @@ from scipy import fft
 
 from choreograph.errors import ParameterError
 from choreograph.features.mel import MEL_BANDS, mel_band_hz
+from choreograph.frame_blocks import frame_blocks
 from choreograph.timebase import MUSIC_FPS, SEGMENT_S, seconds_to_frames
 
 _BAND_EDGES_HZ = (0.0, 250.0, 2000.0, 11025.0)  # bass, melody, percussion
@@ -18,20 +19,32 @@ N_BANDS = len(_BAND_EDGES_HZ) - 1
 ONSET_RANGE = 60.0 / (10.0 / np.log(10.0))  # 60 dB in natural log of power
 
 
-def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
+def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
     """Half-wave rectified rise of log power per band: bass, melody, percussion, (T, 3) at 60 fps.
 
     `log_mel` (T, 96) as `features.mel.log_mel` returns it. The rise is taken over two frames (33 ms)
     and within 60 dB of the song's maximum, so noise in a pause is not an onset.
     """
     log_mel = _checked(log_mel)
-    level = np.maximum(log_mel, log_mel.max() - ONSET_RANGE)
-    rise = np.zeros_like(level)
-    rise[2:] = np.maximum(0.0, level[2:] - level[:-2])
-    return band_means(rise)
+    floor = log_mel.max() - ONSET_RANGE
+    onsets = np.empty((len(log_mel), N_BANDS))
+    for block in frame_blocks(len(log_mel)):
+        onsets[block] = band_means(level_rise(log_mel, floor, block))
+    return onsets
 
 
-def band_means(rise: NDArray[np.floating]) -> NDArray[np.float32]:
+def level_rise(log_mel: NDArray[np.floating], floor: float, block: slice) -> NDArray[np.float64]:
+    """Rise over two frames of the frames `block` of log power (T, 96), no lower than `floor`: (T_b, 96)."""
+    first = max(0, block.start - 2)
+    level = np.maximum(log_mel[first : block.stop], floor).astype(np.float64, copy=False)
+    rise = np.zeros((block.stop - block.start, level.shape[1]))
+    n_known = len(level) - 2
+    if n_known > 0:
+        rise[len(rise) - n_known :] = np.maximum(0.0, level[2:] - level[:-2])
+    return rise
+
+
+def band_means(rise: NDArray[np.floating]) -> NDArray[np.floating]:
     """Means (T, 3) of the rise of log power (T, 96) over bass, melody and percussion."""
     return np.stack([rise[:, band].mean(axis=1) for band in _bands()], axis=1)
 

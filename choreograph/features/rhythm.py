@@ -17,11 +17,14 @@ Where there are no beats, tempo, metre and patterns are 0.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.counts import Counts
 from choreograph.features.onsets import N_BANDS, onset_envelopes
+from choreograph.frame_blocks import frame_blocks, sums_before
 from choreograph.timebase import MUSIC_FPS, SEGMENT_S, frame_times_s
 
 Floats = NDArray[np.floating]
@@ -74,12 +77,14 @@ def rhythm_features(log_mel: Floats, counts: Counts, *, start_s: float = 0.0) ->
 
 def _near(log_mel: Floats, onsets: Floats, centres_s: Floats) -> tuple[Floats, Floats]:
     """Loudness in dB and mean onset strength (N,) of the 4 s around each row."""
-    level = np.logaddexp.reduce(np.asarray(log_mel, np.float64), axis=1)  # (T,)
+    level = np.empty(len(log_mel))  # (T,)
+    for block in frame_blocks(len(log_mel)):
+        level[block] = np.logaddexp.reduce(np.asarray(log_mel[block], np.float64), axis=1)
     power = np.exp(level - level.max())
     frames = _window_frames(centres_s, SEGMENT_S, len(onsets))
-    mean_power = _window_means(power[:, None], frames)[:, 0]
+    mean_power = _window_means([power[:, None]], frames)[:, 0]
     level_db = _DB_PER_NEPER * np.log(np.maximum(mean_power, 1e-6))
-    return level_db - np.median(level_db), _window_means(onsets, frames).mean(axis=1)
+    return level_db - np.median(level_db), _window_means([onsets], frames).mean(axis=1)
 
 
 def _tempo_and_metre(counts: Counts, centres_s: Floats) -> tuple[Floats, Floats]:
@@ -118,14 +123,23 @@ def _patterns(onsets: Floats, counts: Counts, centres_s: Floats) -> Floats:
     in_bar = (number - 1) * _BEAT_PARTS + part
     has_bar = (index >= 0) & (number >= 1) & (in_bar < _BAR_PARTS)
     _, in_beat = _places(index, _FINE_PARTS)
-    parts = np.zeros((len(onsets), _BAR_PARTS + _FINE_PARTS))
-    parts[np.flatnonzero(has_bar), in_bar[has_bar]] = 1.0
-    parts[np.flatnonzero(index >= 0), _BAR_PARTS + in_beat[index >= 0]] = 1.0
+
+    def parts(block: slice) -> Floats:
+        """1 where a frame is in a part of the bar or of the beat, (T_b, P)."""
+        within = np.zeros((block.stop - block.start, _BAR_PARTS + _FINE_PARTS))
+        counted = index[block] >= 0
+        within[np.flatnonzero(has_bar[block]), in_bar[block][has_bar[block]]] = 1.0
+        within[np.flatnonzero(counted), _BAR_PARTS + in_beat[block][counted]] = 1.0
+        return within
+
     frames = _window_frames(centres_s, CONTEXT_S, len(onsets))
-    share = _window_means(parts, frames)  # (N, P)
-    by_part = _window_means((onsets[:, :, None] * parts[:, None]).reshape(len(onsets), -1), frames)
+    blocks = list(frame_blocks(len(onsets)))
+    share = _window_means(map(parts, blocks), frames)  # (N, P)
+    by_part = _window_means(
+        ((onsets[b][:, :, None] * parts(b)[:, None]).reshape(b.stop - b.start, -1) for b in blocks), frames
+    )
     by_part = by_part.reshape(len(frames), N_BANDS, -1) / np.maximum(share, 1e-6)[:, None]  # (N, 3, P)
-    mean = _window_means(onsets, frames)[:, :, None]
+    mean = _window_means([onsets], frames)[:, :, None]
     return (by_part / np.maximum(mean, 1e-3)).reshape(len(frames), -1)
 
 
@@ -144,7 +158,7 @@ def _window_frames(centres_s: Floats, width_s: float, n_frames: int) -> NDArray[
     return np.stack([first, np.clip(frames[:, 1], first + 1, n_frames)], axis=1)
 
 
-def _window_means(values: Floats, frames: NDArray[np.int64]) -> Floats:
-    """Means (N, D) of the rows of values (T, D) in each window (N, 2)."""
-    sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0, dtype=np.float64)])
-    return (sums[frames[:, 1]] - sums[frames[:, 0]]) / (frames[:, 1] - frames[:, 0])[:, None]
+def _window_means(blocks: Iterable[Floats], frames: NDArray[np.int64]) -> Floats:
+    """Means (N, D) of the rows of values (T, D), in blocks, in each window (N, 2)."""
+    sums = sums_before(blocks, frames)  # (N, 2, D)
+    return (sums[:, 1] - sums[:, 0]) / (frames[:, 1] - frames[:, 0])[:, None]

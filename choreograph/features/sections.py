@@ -10,6 +10,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 
 from choreograph.features.music_changes import at_changes
 from choreograph.features.spectral import SPECTRAL_COLUMNS, spectral_features
+from choreograph.progress import StepReport
 
 Floats = NDArray[np.float64]
 
@@ -40,6 +41,7 @@ def song_sections(
     *,
     downbeat_times_s: NDArray[np.floating] | None = None,
     change_times_s: NDArray[np.floating] = _NONE,
+    report: StepReport | None = None,
 ) -> Sections:
     """The sections of a song, mono at 22.05 kHz, bounded by beats (Q,): by downbeats where those are given.
 
@@ -54,7 +56,7 @@ def song_sections(
     beats_s = np.asarray(beat_times_s, np.float64)
     if len(beats_s) <= 2 * _MIN_BEATS:
         return Sections(np.zeros(0), np.zeros(0, np.int64))
-    beat_features = _standardized(spectral_features(samples, beats_s))  # (Q - 1, F)
+    beat_features = _standardized(spectral_features(samples, beats_s, report=report))  # (Q - 1, F)
     if downbeat_times_s is None or len(downbeat_times_s) == 0:
         units = np.arange(len(beat_features))
     else:

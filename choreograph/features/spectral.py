@@ -33,6 +33,8 @@ from numpy.typing import NDArray
 
 from choreograph.features.loudness import at_unit_loudness
 from choreograph.features.music_beats import checked_beat_times_s
+from choreograph.frame_blocks import frame_blocks
+from choreograph.progress import StepReport, part
 from choreograph.timebase import SAMPLE_RATE_HZ, times_to_frames
 
 _COLUMNS = {
@@ -46,11 +48,13 @@ SPECTRAL_COLUMNS = {
 }
 SPECTRAL_DIM = sum(_COLUMNS.values())
 
+_STEPS = 100  # of its progress
 _WINDOW, _HOP = 2048, 512  # samples
-_BLOCK_FRAMES = 4096
 _CQT_BINS_PER_OCTAVE, _CQT_BINS = 36, 252  # seven octaves from C1
 _CQT_MIN_SAMPLES = 1 << 16  # samples; the lowest octave's filters are this long
+_CQT_BLOCK_FRAMES = 1 << 15  # 13 minutes: 0.3 GB on the way, and few songs have a border, of the last bit
 _TUNING_HOP = 8 * _HOP
+_TUNING_BLOCK_FRAMES = 512
 # White noise at unit loudness has 768 in every bin of a power spectrum, 16-bit dither some 1e-4: below this
 # floor a bin is inaudible and must not determine the timbre of a pause.
 _POWER_FLOOR = 1e-3
@@ -60,7 +64,10 @@ _CROSSING_FLOOR = 1e-3  # amplitude of a sample
 
 
 def spectral_features(
-    samples: NDArray[np.floating], beat_times_s: NDArray[np.floating]
+    samples: NDArray[np.floating],
+    beat_times_s: NDArray[np.floating],
+    *,
+    report: StepReport | None = None,
 ) -> NDArray[np.float32]:
     """The 87 spectral features of every interval between two consecutive beats.
 
@@ -88,36 +95,63 @@ def spectral_features(
     if len(beats) < 2:
         return np.zeros((0, SPECTRAL_DIM), np.float32)
     tuning = _tuning(samples)
-    tonal = _tonal_frames(samples, tuning)
+    tonal = _tonal_frames(samples, tuning, part(report, 0, 50, _STEPS))
     frames = np.empty((len(tonal["tonnetz"]), SPECTRAL_DIM))  # (T, 87), frame i centred at i * 512 samples
     for name, rows in tonal.items():
         frames[:, SPECTRAL_COLUMNS[name]] = rows
-    padded = np.pad(samples, _WINDOW // 2)
-    for start in range(0, len(frames), _BLOCK_FRAMES):
-        stop = min(start + _BLOCK_FRAMES, len(frames))
-        block = padded[start * _HOP : (stop - 1) * _HOP + _WINDOW]
-        for name, rows in _timbre_frames(block, tuning).items():
-            frames[start:stop, SPECTRAL_COLUMNS[name]] = rows
+    timbre_report = part(report, 50, _STEPS, _STEPS)
+    for block in frame_blocks(len(frames)):
+        first = block.start * _HOP - _WINDOW // 2
+        heard = _span(samples, first, (block.stop - 1) * _HOP + _WINDOW // 2)
+        for name, rows in _timbre_frames(heard, tuning).items():
+            frames[block, SPECTRAL_COLUMNS[name]] = rows
+        if timbre_report is not None:
+            timbre_report(block.stop, len(frames))
     return _interval_means(frames, beats).astype(np.float32)
 
 
-def _tonal_frames(samples: NDArray[np.float32], tuning: float) -> dict[str, NDArray[np.floating]]:
+def _tonal_frames(
+    samples: NDArray[np.float32], tuning: float, report: StepReport | None
+) -> dict[str, NDArray[np.floating]]:
     """Features of the constant-Q transform, each (T, n) with T = 1 + S // 512."""
     from choreograph.cached_librosa import librosa
 
     n_frames = 1 + len(samples) // _HOP
-    long_enough = np.pad(samples, (0, max(0, _CQT_MIN_SAMPLES - len(samples))))
-    tones = np.abs(
-        librosa.cqt(
-            long_enough, sr=SAMPLE_RATE_HZ, hop_length=_HOP, n_bins=_CQT_BINS,
-            bins_per_octave=_CQT_BINS_PER_OCTAVE, tuning=tuning * _CQT_BINS_PER_OCTAVE / 12,
-        )
-    )  # (252, T)  # fmt: skip
-    tones[tones < _CQT_FLOOR * tones.max()] = 0.0
+    tones = np.empty((_CQT_BINS, n_frames), np.float32, order="F")  # (252, T)
+    for block in frame_blocks(n_frames, _CQT_BLOCK_FRAMES):
+        tones[:, block] = _tones(samples, block, tuning)
+        if report is not None:
+            report(block.stop, n_frames)
+    quietest = _CQT_FLOOR * tones.max()
+    for block in frame_blocks(n_frames):
+        tones[:, block][tones[:, block] < quietest] = 0.0
     chroma = librosa.feature.chroma_cqt(C=tones, bins_per_octave=_CQT_BINS_PER_OCTAVE)  # (12, T)
     cens = librosa.feature.chroma_cens(C=tones, bins_per_octave=_CQT_BINS_PER_OCTAVE)
     rows = {"chroma_cqt": chroma, "chroma_cens": cens, "tonnetz": librosa.feature.tonnetz(chroma=chroma)}
     return {name: row[:, :n_frames].T for name, row in rows.items()}
+
+
+def _tones(samples: NDArray[np.float32], block: slice, tuning: float) -> NDArray[np.float32]:
+    """Magnitudes of the constant-Q transform of a block of frames, (252, T_b), as in the whole song's.
+
+    What the filters of the lowest octave hear around the block is transformed with it.
+    """
+    from choreograph.cached_librosa import librosa
+
+    first = max(0, block.start * _HOP - _CQT_MIN_SAMPLES)
+    heard = samples[first : block.stop * _HOP + _CQT_MIN_SAMPLES]
+    long_enough = np.pad(heard, (0, max(0, _CQT_MIN_SAMPLES - len(heard))))
+    tones = librosa.cqt(
+        long_enough, sr=SAMPLE_RATE_HZ, hop_length=_HOP, n_bins=_CQT_BINS,
+        bins_per_octave=_CQT_BINS_PER_OCTAVE, tuning=tuning * _CQT_BINS_PER_OCTAVE / 12,
+    )  # fmt: skip
+    return np.abs(tones[:, block.start - first // _HOP : block.stop - first // _HOP])
+
+
+def _span(samples: NDArray[np.float32], first: int, stop: int) -> NDArray[np.float32]:
+    """Samples `first` … `stop` - 1 of a song, with silence before its first and after its last."""
+    inside = samples[max(0, first) : max(0, stop)]
+    return np.pad(inside, (max(0, -first), stop - max(0, first) - len(inside)))
 
 
 def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArray[np.floating]]:
@@ -156,14 +190,19 @@ def _tuning(samples: NDArray[np.float32]) -> float:
     """Deviation of the song's A from 440 Hz in semitones, -0.5 to 0.5; 0 where no pitch is found."""
     from choreograph.cached_librosa import librosa
 
-    padded = np.pad(samples, (0, max(0, _WINDOW - len(samples))))
-    pitches, strengths = librosa.piptrack(
-        y=padded, sr=SAMPLE_RATE_HZ, n_fft=_WINDOW, hop_length=_TUNING_HOP, center=False
-    )
-    if not (pitches > 0).any():
+    n_frames = 1 + max(0, len(samples) - _WINDOW) // _TUNING_HOP
+    pitches, strengths = [], []  # of all frames, where there is a pitch
+    for block in frame_blocks(n_frames, _TUNING_BLOCK_FRAMES):
+        heard = _span(samples, block.start * _TUNING_HOP, (block.stop - 1) * _TUNING_HOP + _WINDOW)
+        pitch, strength = librosa.piptrack(
+            y=heard, sr=SAMPLE_RATE_HZ, n_fft=_WINDOW, hop_length=_TUNING_HOP, center=False
+        )  # (F, T_b)
+        pitches.append(pitch[pitch > 0])
+        strengths.append(strength[pitch > 0])
+    pitched, strong = np.concatenate(pitches), np.concatenate(strengths)
+    if len(pitched) == 0:
         return 0.0
-    is_salient = (pitches > 0) & (strengths >= np.median(strengths[pitches > 0]))
-    return float(librosa.pitch_tuning(pitches[is_salient]))
+    return float(librosa.pitch_tuning(pitched[strong >= np.median(strong)]))
 
 
 def _interval_means(frames: NDArray[np.floating], beats: NDArray[np.float64]) -> NDArray[np.floating]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -160,8 +159,7 @@ class LayerSource:
         self._goal_starts = frozenset(goal_starts)
         seconds = np.arange(len(segments.clip) + SEGMENT_S + 1, dtype=np.float64)
         self._join_times_s = seconds if join_times_s is None else join_times_s
-        # A layer looks at the last four insertions, and the planner at two layers.
-        self._borders = lru_cache(maxsize=SEGMENT_S + 1)(self._make_borders)
+        self._latest_borders: dict[int, tuple[Floats, Floats]] = {}
 
     @property
     def n_seconds(self) -> int:
@@ -191,6 +189,18 @@ class LayerSource:
         start, rank = divmod(segment, self._segments.clip.shape[1])
         # Indexing copies: a view would keep the time maps of all candidates alive.
         return self._quarter(start, offset, slice(rank, rank + 1)).subset(np.array([0]))
+
+    def _borders(self, start: int) -> tuple[Floats, Floats]:
+        """`_make_borders` of all segments; the latest are kept.
+
+        Not by an `lru_cache` of a method, which keeps the source, and with it all time maps, alive.
+        """
+        if start not in self._latest_borders:
+            # A layer looks at the last four insertions, and the planner at two layers.
+            if len(self._latest_borders) > SEGMENT_S:
+                self._latest_borders.pop(next(iter(self._latest_borders)))
+            self._latest_borders[start] = self._make_borders(start)
+        return self._latest_borders[start]
 
     def _make_borders(self, start: int, part: slice = _ALL) -> tuple[Floats, Floats]:
         """Poses and velocities at the five borders of the segments inserted at `start`, (5, K, 21, 3)."""

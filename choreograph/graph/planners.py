@@ -17,6 +17,7 @@ from choreograph.graph.costs import BUILTIN_COSTS, Cost
 from choreograph.graph.layers import USAGE_MEMORY_S, Layer, LayerSource
 from choreograph.graph.motif_costs import MOTIF_COSTS
 from choreograph.graph.weighted_costs import WeightedCost, allowed_nodes, edge_costs, weighted_terms
+from choreograph.timebase import SEGMENT_S
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
@@ -66,8 +67,8 @@ def plan_exact(
     layer, reached = allowed_nodes(source.layer(0).with_recent_usage(usage_s[0]), costs, song_features)
     greedy = _GreedyPath(layer, reached) if layer.motif_counts.size else None
     layer = layer.with_motif_counts(layer.motif_counts)
-    node_keys = [layer.segment * 4 + layer.offset]
-    takes = [layer.take]
+    node_keys = [_node_keys(layer)]
+    takes = [layer.take.astype(np.int32)]
     parents: list[NDArray[np.int32]] = []
     with ThreadPoolExecutor(_THREADS) as pool:
         for second in range(1, source.n_seconds):
@@ -86,8 +87,8 @@ def plan_exact(
             # Nodes that cannot be reached stay, at infinite cost, so that indices agree.
             reached = best + node_cost
             layer = following.with_motif_counts(layer.motif_counts[parent])
-            node_keys.append(layer.segment * 4 + layer.offset)
-            takes.append(layer.take)
+            node_keys.append(_node_keys(layer))
+            takes.append(layer.take.astype(np.int32))
             parents.append(parent.astype(np.int32))
             if report is not None:
                 report(second + 1, source.n_seconds)
@@ -149,6 +150,11 @@ class _GreedyPath:
         self._last = layer.subset(np.array([node])).with_motif_counts(counts_before)
         self.keys.append(int(self._last.segment[0] * 4 + self._last.offset[0]))
         self.takes.append(int(self._last.take[0]))
+
+
+def _node_keys(layer: Layer) -> NDArray[np.int32]:
+    """What `LayerSource.node` finds each node by, (N,): 12 days of song before they overflow."""
+    return (layer.segment * SEGMENT_S + layer.offset).astype(np.int32)
 
 
 def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[Ints], last: int) -> list[int]:

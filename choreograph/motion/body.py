@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from choreograph.errors import ParameterError
+from choreograph.frame_blocks import frame_blocks
+from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS, Skeleton
@@ -53,7 +55,12 @@ def body_indices(skeleton: Skeleton, joints: Sequence[str] = BODY_JOINTS) -> lis
 
 def body_pos_m(motion: Motion) -> NDArray[np.float64]:
     """World positions of the 21 body joints (see `body_indices`), (T, 21, 3) in metres."""
-    return motion.joint_pos_m()[:, body_indices(motion.skeleton)]
+    joints = body_indices(motion.skeleton)
+    pos_m = np.empty((motion.n_frames, len(joints), 3))
+    for block in frame_blocks(motion.n_frames):
+        root_pos_m, local_quat = motion.root_pos_m[block], motion.local_quat[block]
+        pos_m[block] = forward(motion.skeleton, root_pos_m, local_quat)[0][:, joints]
+    return pos_m
 
 
 def checked_body_pos_m(body_pos_m: NDArray[np.floating], fps: float = 1.0) -> NDArray[np.float64]:

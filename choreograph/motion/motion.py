@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from choreograph.errors import ParameterError
+from choreograph.frame_blocks import frame_blocks
 from choreograph.motion import rotations as rot
 from choreograph.motion.interpolation import frame_weights, interpolate_frames
 from choreograph.motion.kinematics import forward
@@ -16,6 +17,7 @@ from choreograph.motion.skeleton import Skeleton
 from choreograph.timebase import STORE_FPS, frame_times_s, seconds_to_frames
 
 LONGEST_S = 3600.0  # of a recording
+_SPLINE_FRAME_JOINTS = 1 << 17  # frames × joints interpolated at once: 90 s of a body at 60 fps
 MAX_FRAME_JOINTS = 1 << 24  # frames × joints of a recording: an hour at 60 fps of a body with fingers
 
 
@@ -96,7 +98,11 @@ class Motion:
             return self.sampled(frames, fps=fps)
         frames = np.clip(frames, 0, self.n_frames - 1)
         knots = np.arange(self.n_frames)
-        quat = rot.normalize(CubicSpline(knots, rot.make_continuous(self.local_quat))(frames))
+        continuous = rot.make_continuous(self.local_quat)
+        quat = np.empty((len(frames), *continuous.shape[1:]))  # (T', J, 4)
+        at_once = max(1, _SPLINE_FRAME_JOINTS // self.n_frames)  # a spline has four times its knots
+        for joints in frame_blocks(self.skeleton.n_joints, at_once):
+            quat[:, joints] = rot.normalize(CubicSpline(knots, continuous[:, joints])(frames))
         root_pos_m = CubicSpline(knots, self.root_pos_m)(frames)
         return replace(self, root_pos_m=root_pos_m, local_quat=quat, fps=fps or self.fps)
 

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from choreograph.frame_blocks import frame_blocks
+
 Floats = NDArray[np.float64]
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
@@ -60,9 +62,15 @@ def normalize(quat: Floats) -> Floats:
 
 def make_continuous(quat: Floats) -> Floats:
     """Flip signs along axis 0 (time) so that successive quaternions (T, ..., 4) do not change sign."""
-    dots = np.sum(quat[1:] * quat[:-1], axis=-1)  # (T-1, ...)
-    flips = np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)  # (T-1, ...)
-    return np.concatenate([quat[:1], quat[1:] * flips[..., None]], axis=0)
+    flips = np.empty(quat[1:].shape[:-1])  # (T-1, ...)
+    for block in frame_blocks(len(flips)):
+        dots = np.sum(quat[1:][block] * quat[:-1][block], axis=-1)
+        flips[block] = np.where(dots < 0, -1.0, 1.0)
+    np.cumprod(flips, axis=0, out=flips)
+    out = np.empty(quat.shape, np.result_type(quat, flips))
+    out[:1] = quat[:1]
+    np.multiply(quat[1:], flips[..., None], out=out[1:])
+    return out
 
 
 def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:

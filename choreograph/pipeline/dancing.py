@@ -43,7 +43,7 @@ from choreograph.pipeline.keeping import ExistingDance, fill, read_existing
 from choreograph.pipeline.saving import SavedParts, is_motion_file, save_dance
 from choreograph.pipeline.unlike import Unlike
 from choreograph.plan import Plan
-from choreograph.progress import ProgressReport
+from choreograph.progress import ProgressReport, substage
 from choreograph.repertoire import Repertoire
 from choreograph.song_analysis import analyse_song
 from choreograph.timebase import STORE_FPS
@@ -268,8 +268,9 @@ def _danced(
     if report is not None:
         report("analysing the song", 0, 0)
     song_features, notes = analyse_song(
-        song, repertoire, beats=config.beats, genre=requested.genre, start_s=start_s
-    )
+        song, repertoire, beats=config.beats, genre=requested.genre, start_s=start_s,
+        report=substage(report, "analysing the song"),
+    )  # fmt: skip
     bounds_s = dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
     resolved = resolve(requested, repertoire, bounds_s, song_features.duration_s)
     kept = None if kept_of is None else _kept(*kept_of, requested, song_features.duration_s, config)
@@ -281,7 +282,9 @@ def _danced(
     )
     if kept is None:
         result = engine.plan(request)
-        motion = render(result.plan, repertoire) if result.motion is None else result.motion
+        motion = result.motion
+        if motion is None:
+            motion = render(result.plan, repertoire, report=substage(report, "rendering"))
     else:
         result, motion = fill(request, engine)
     return Dance(motion, result.plan, (*notes, *result.notes, *result.unmet), song.path, result.unmet)

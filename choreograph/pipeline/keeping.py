@@ -22,6 +22,7 @@ from choreograph.importers.bvh import read_bvh
 from choreograph.importers.npz import read_npz
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan, PlannedWord
+from choreograph.progress import substage
 from choreograph.repertoire import Repertoire
 from choreograph.takes import Credits
 
@@ -73,7 +74,10 @@ def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
     for attempt in range(_ATTEMPTS):
         seed = config.seed + attempt * _SEEDS_APART
         result = engine.plan(replace(request, config=replace(config, seed=seed)))
-        motion = render(result.plan, request.repertoire) if result.motion is None else result.motion
+        motion = result.motion
+        if motion is None:
+            rendering = substage(request.report, "rendering")
+            motion = render(result.plan, request.repertoire, report=rendering)
         existing = _of_length(kept.motion, motion.n_frames)
         fast_m_s = led_m_s(existing, motion, kept.frames)
         if best is None or (len(result.unmet), fast_m_s) < (len(best[1].unmet), best[0]):

@@ -20,7 +20,7 @@ from choreograph.fbx import convert, require_blender
 from choreograph.files import atomic_path, check_target
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
-from choreograph.progress import ProgressReport
+from choreograph.progress import ProgressReport, substage
 
 if TYPE_CHECKING:
     from choreograph.preview.page_bodies import PageCharacter
@@ -121,13 +121,12 @@ def _save_page(parts: SavedParts, path: Path, report: ProgressReport | None) -> 
     from choreograph.preview.page import write_page
 
     if report is not None:
-        report("writing the page", 0, 1)
+        report("writing the page", 0, 0)
     write_page(
         path, parts.motion, parts.plan, song_path=parts.song_path, motion_beats_s=parts.motion_beats_s(),
         character=None if parts.character is None else _in_page(parts.character, parts.motion),
+        report=substage(report, "writing the page"),
     )  # fmt: skip
-    if report is not None:
-        report("writing the page", 1, 1)
 
 
 def _in_page(character: GltfCharacter, motion: Motion) -> PageCharacter:

@@ -27,12 +27,14 @@ from choreograph.preview.compression import deflate_base64
 from choreograph.preview.page_assembly import bundle_scripts, fill_template, page_part, to_script_json
 from choreograph.preview.page_bodies import PageBody, PageCharacter, character_body, mannequin_body
 from choreograph.preview.sound import Levels, encode_mp4, song_part
+from choreograph.progress import StepReport, part
 
 _SCRIPTS = (
     "math.js", "decompress.js", "ground_path.js", "clock.js", "camera.js", "shaders.js", "stage_colours.js",
     "resolution.js", "stage.js", "orbit.js", "colours.js", "gestures.js", "counts.js", "timeline.js",
     "elements.js", "card.js", "player.js", "controls.js", "page.js",
 )  # fmt: skip
+_STEPS = 100  # of its progress
 _LEVELS_PER_S = 50
 _NETWORK = "rollout network"  # shown in place of a take's name
 _LENGTH_SLACK_S = 0.1  # the plan has the song's length, the motion a whole number of frames
@@ -49,6 +51,7 @@ def write_page(
     duration_s: float | None = None,
     title: str | None = None,
     character: PageCharacter | None = None,
+    report: StepReport | None = None,
 ) -> None:
     """Write the dance as one self-contained HTML file; the same dance gives the same bytes.
 
@@ -62,6 +65,7 @@ def write_page(
     duration_s : seconds to show, from the start; None: the whole motion
     title : heading of the page; None: the song's name
     character : who dances the motion; None: the mannequin
+    report : called with how much is done, of how much
 
     The page exposes its state to scripts as `window.choreograph`, read-only: time, duration and shownFrom,
     shownTo (of the timeline) in seconds; frame, fps, framesDrawn; playing, speed, loop {on, from, to},
@@ -86,7 +90,9 @@ def write_page(
         )
     else:
         body = character_body(character, motion.fps)
-    sound, levels, levels_per_s = _sound(song_path, start_s, duration_s)
+    if report is not None:
+        report(30, _STEPS)
+    sound, levels, levels_per_s = _sound(song_path, start_s, duration_s, part(report, 30, 95, _STEPS))
     title = title or plan.song or "Dance"
     dance = {
         "title": title,
@@ -102,6 +108,8 @@ def write_page(
     text = _page_text(title, body, to_script_json(dance), levels, sound)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
+    if report is not None:
+        report(_STEPS, _STEPS)
 
 
 def _checked_beats(motion_beats_s: Sequence[float] | NDArray[np.floating]) -> NDArray[np.float64]:
@@ -126,12 +134,14 @@ def _checked_duration(motion: Motion, plan: Plan, duration_s: float | None) -> f
     return min(duration_s, motion.duration_s)
 
 
-def _sound(song_path: str | Path | None, start_s: float, duration_s: float) -> tuple[str, str, float]:
+def _sound(
+    song_path: str | Path | None, start_s: float, duration_s: float, report: StepReport | None
+) -> tuple[str, str, float]:
     """The sound in base64, the waveform's levels, and their rate in Hz."""
     if song_path is None:
         return "", "", float(_LEVELS_PER_S)
     levels = Levels(_LEVELS_PER_S)
-    sound = encode_mp4(levels.through(song_part(song_path, start_s=start_s, duration_s=duration_s)))
+    sound = encode_mp4(levels.through(song_part(song_path, start_s=start_s, duration_s=duration_s), report))
     # A plane of peaks, then one of RMS: similar neighbours deflate better.
     planes = np.ascontiguousarray(levels.to_bytes().T)
     return base64.b64encode(sound).decode("ascii"), deflate_base64(planes.tobytes()), levels.bins_per_s

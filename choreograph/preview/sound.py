@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from choreograph.audio.decode import decode
 from choreograph.errors import FormatError, ParameterError
+from choreograph.progress import StepReport
 
 Blocks = Iterator[NDArray[np.float32]]  # each (S_b, C)
 
@@ -106,20 +107,24 @@ class Levels:
     _peaks: list[float] = field(default_factory=list)
     _powers: list[float] = field(default_factory=list)
 
-    def through(self, part: SongPart) -> SongPart:
-        """The same part, whose levels are collected while it is read."""
-        return SongPart(part.rate_hz, part.n_channels, part.n_frames, self._measured(part))
+    def through(self, part: SongPart, report: StepReport | None = None) -> SongPart:
+        """The same part, whose levels are collected, and whose progress is reported, while it is read."""
+        return SongPart(part.rate_hz, part.n_channels, part.n_frames, self._measured(part, report))
 
-    def _measured(self, part: SongPart) -> Blocks:
+    def _measured(self, part: SongPart, report: StepReport | None) -> Blocks:
         bin_frames = max(1, round(part.rate_hz / self.bins_per_s))
         self.bins_per_s = part.rate_hz / bin_frames
         left = np.zeros(0, np.float32)
+        done = 0
         for block in part.blocks:
             loud = np.concatenate([left, np.abs(block).max(axis=1)])
             whole = len(loud) // bin_frames * bin_frames
             self._add(loud[:whole].reshape(-1, bin_frames))
             left = loud[whole:]
+            done += len(block)
             yield block
+            if report is not None:
+                report(done, part.n_frames)
         if len(left):
             self._add(left[None])
 

@@ -126,8 +126,9 @@ def generate_poses(
         generated.append(pose)
         is_held = held is not None and frame < len(held.held) and held.held[frame]
         pose = torch.from_numpy(held.poses[now]) if held and is_held else net.as_input(pose)
-        if report is not None and frame % ROLLOUT_FPS == 0:
-            report(frame // ROLLOUT_FPS, n_frames // ROLLOUT_FPS)
+        done = frame + 1
+        if report is not None and (done % ROLLOUT_FPS == 0 or done == n_frames):
+            report(-(-done // ROLLOUT_FPS), -(-n_frames // ROLLOUT_FPS))  # seconds
     rows = net.as_input(net.apply_style(torch.stack(generated, dim=1), conditions))[0].numpy()
     return rows, rows[:, -N_FEET:].astype(np.float64)
 

@@ -236,3 +236,12 @@ def test_a_song_out_of_tune_keeps_its_notes(chroma, cents):
 def test_beats_of_another_song_are_refused(beats):
     with pytest.raises(ParameterError):
         spectral_features(piece()[0], np.array(beats))
+
+
+def test_blocks_of_the_constant_q_transform_are_those_of_the_whole_song(monkeypatch):
+    song = chord(C_MAJOR, 12.0) + noise(12.0)
+    beats = np.arange(0.0, 12.0, 0.5)
+    whole = spectral_features(song, beats)
+    monkeypatch.setattr("choreograph.features.spectral._CQT_BLOCK_FRAMES", 150)
+    monkeypatch.setattr("choreograph.features.spectral._TUNING_BLOCK_FRAMES", 7)
+    assert np.allclose(spectral_features(song, beats), whole, rtol=1e-3, atol=1e-3)

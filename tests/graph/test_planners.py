@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import weakref
 
 import numpy as np
 import pytest
@@ -295,3 +296,13 @@ def test_the_motion_graph_walks_on_first_seconds_only(seed):
     assert [node.second for node in path.nodes] == list(range(9))
     assert all(node.offset[0] == 0 for node in path.nodes)
     assert all(set(terms) == {"transition"} for terms in path.costs)
+
+
+def test_a_source_that_nobody_needs_is_freed_at_once():
+    # Not by the next garbage collection: its time maps are most of what a long song's dance needs.
+    source, _ = random_source(0)
+    for second in range(source.n_seconds):
+        source.layer(second)
+    alive = weakref.ref(source)
+    del source
+    assert alive() is None

@@ -216,16 +216,24 @@ def test_outputs_are_whole_or_absent(made, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_progress_is_reported(repertoire, song):
-    seen = []
-    cg.dance(song, repertoire, report=lambda stage, done, total: seen.append((stage, done, total)))
-    assert list(dict.fromkeys(s for s, _, _ in seen)) == [
-        "analysing the song",
-        "warping",
-        "planning",
-        "rendering",
-    ]
-    assert ("planning", 13, 13) in seen
+def test_progress_goes_forward_to_the_end_of_every_stage_in_order(repertoire, song, tmp_path):
+    seen: dict[str, list[tuple[int, int]]] = {}
+    order = []
+
+    def report(stage, done, total):
+        seen.setdefault(stage, []).append((done, total))
+        order.append(stage)
+
+    cg.dance(song, repertoire, report=report).save(tmp_path / "a.html", report=report)
+    stages = ["analysing the song", "warping", "planning", "rendering", "writing the page"]
+    assert [stage for stage, before in zip(order, ["", *order], strict=False) if stage != before] == stages
+    for reports in seen.values():
+        known = [(done, total) for done, total in reports if total]  # 0: not known yet
+        assert len({total for _, total in known}) == 1
+        assert [done for done, _ in known] == sorted(done for done, _ in known)
+        assert known[-1][0] == known[-1][1]
+        assert len(known) > 2
+    assert seen["planning"][-1] == (13, 13)
 
 
 def test_poses_of_the_last_frame_of_a_take_are_its_own(repertoire):
