@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
@@ -119,6 +120,14 @@ def test_a_setting_that_the_engine_does_not_use_is_refused(repertoire, song, eng
         ({"engine": "steam"}, "expected engine among graph, mixer, rollout, got 'steam'"),
         ({"start_s": "later"}, "expected start_s in seconds, got 'later'"),
         ({"duration_s": "all"}, "expected duration_s in seconds or None, got 'all'"),
+        (
+            {"song": cg.Song(np.zeros(22050), "quiet"), "duration_s": 0},
+            "expected a duration in seconds above 0",
+        ),
+        (
+            {"song": cg.Song(np.zeros(22050), "quiet"), "start_s": -1},
+            "expected a start in seconds of 0 or more",
+        ),
     ],
 )
 def test_wrong_arguments_are_reported_with_what_was_expected(repertoire, song, arguments, message):
