@@ -82,7 +82,7 @@ def test_variations_are_numbered(here):
         (["--recreate", "nobody"], "nobody"),
         (["--motifs", "none.json", "--recreate", "take1"], "both"),
         (["--engine", "graph", "--recreate", "take1"], "graph engine"),
-        (["--variations", "0"], "1 variation"),
+        (["--variations", "0"], "1 to 1000 variations"),
     ],
 )
 def test_constraints_that_cannot_be_met(here, options, says):

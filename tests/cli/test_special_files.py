@@ -15,7 +15,7 @@ from choreograph.errors import FormatError
 from choreograph.exporters import save_motion
 from choreograph.importers import import_takes
 
-WAIT_S = 60
+WAIT_S = 300  # a whole dance, its kernels compiled anew beside other tests, takes over a minute
 
 
 class Waited(BaseException):

@@ -6,6 +6,7 @@ knows which one a child that died or hung was at. Inputs follow from the seed an
 
 from __future__ import annotations
 
+import faulthandler
 import json
 import os
 import resource
@@ -126,6 +127,7 @@ def _try_inputs(
     target: Target, make: Callable[[int], bytes], numbers: range, slice_s: float, pipe: int
 ) -> None:
     """In the child: a line of JSON for each input; never returns."""
+    faulthandler.disable()  # a crash is reported as its signal, not as pages of a traceback
     quiet = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(quiet, stream)
