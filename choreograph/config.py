@@ -92,6 +92,8 @@ class DanceConfig:
             raise ParameterError(f"expected fps from 1 to 1000, got {self.fps!r}")
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
             raise ParameterError(f"expected a seed of 0 or more, got {self.seed!r}")
+        if not isinstance(self.weights, Mapping):
+            raise ParameterError(f"expected weights of cost name to number, got {self.weights!r}")
         for name, weight in self.weights.items():
             if not is_number(weight):
                 raise ParameterError(f"expected a finite number as weight of {name!r}, got {weight!r}")

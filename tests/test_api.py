@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
@@ -119,6 +120,14 @@ def test_a_setting_that_the_engine_does_not_use_is_refused(repertoire, song, eng
         ({"engine": "steam"}, "expected engine among graph, mixer, rollout, got 'steam'"),
         ({"start_s": "later"}, "expected start_s in seconds, got 'later'"),
         ({"duration_s": "all"}, "expected duration_s in seconds or None, got 'all'"),
+        (
+            {"song": cg.Song(np.zeros(22050), "quiet"), "duration_s": 0},
+            "expected a duration in seconds above 0",
+        ),
+        (
+            {"song": cg.Song(np.zeros(22050), "quiet"), "start_s": -1},
+            "expected a start in seconds of 0 or more",
+        ),
     ],
 )
 def test_wrong_arguments_are_reported_with_what_was_expected(repertoire, song, arguments, message):
@@ -133,6 +142,11 @@ def test_wrong_arguments_of_build(tmp_path):
         ({"output": None}, "expected output as a path, got None"),
         ({"init_from": 3}, "expected init_from as a path, got 3"),
         ({"words": "yes"}, "expected words as True or False, got 'yes'"),
+        ({"leave_out": "take"}, "expected leave_out as a list of takes, got 'take'"),
+        ({"style_changes": 3}, "expected style_changes of field to value, got 3"),
+        ({"density_changes": []}, "expected density_changes of field to value, got []"),
+        ({"report": 3}, "expected a function as report, got 3"),
+        ({"seed": None}, "expected a seed of 0 or more, got None"),
     ):
         with pytest.raises(cg.ParameterError) as raised:
             cg.build(**{"sources": tmp_path, "output": tmp_path / "rep.h5", **arguments})
@@ -171,6 +185,8 @@ def test_the_types_serve_a_users_script(tmp_path):
     [
         lambda made, repertoire: cg.load_song(3),
         lambda made, repertoire: cg.load_song("a.wav", start_s="x"),
+        lambda made, repertoire: cg.load_song("a.wav", start_s=None),
+        lambda made, repertoire: cg.DanceConfig(weights=3),
         lambda made, repertoire: cg.dance("a.wav", repertoire, report=3),
         lambda made, repertoire: cg.render(None, repertoire),
         lambda made, repertoire: cg.render(made.plan, 3),

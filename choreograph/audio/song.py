@@ -62,7 +62,8 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     """
     path = as_path("a song", path)
     for name, value in (("start_s", start_s), ("duration_s", duration_s)):
-        if value is not None and not isinstance(value, int | float | np.number):
+        may_lack = name == "duration_s" and value is None
+        if not (may_lack or isinstance(value, int | float | np.number)):
             raise ParameterError(f"expected {name} in seconds, got {reprlib.repr(value)}")
     if not (np.isfinite(start_s) and start_s >= 0):
         raise ParameterError(f"expected a start in seconds of 0 or more, got {start_s:g}")

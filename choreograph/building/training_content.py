@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, fields, is_dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from choreograph.building.options import BuildOptions
 from choreograph.files import sha256_of
@@ -73,6 +75,22 @@ def training_content(
         said = [asdict(take.credits), take.song_name, take.song_start_s, take.counts.source]
         content[f"take {take.name}"] = _digest([*files, *said])
     return content
+
+
+def checksum_of(examples: Iterable[Any]) -> str:
+    """One checksum of dataclasses of arrays, texts and numbers, such as the takes of a training."""
+    digest = hashlib.sha256()
+    for example in examples:
+        for field in fields(example):
+            value = getattr(example, field.name)
+            digest.update(f"{field.name} {type(value).__name__} ".encode())
+            if isinstance(value, np.ndarray):
+                digest.update(f"{value.dtype} {value.shape} ".encode() + value.tobytes())
+            elif is_dataclass(value):
+                digest.update(checksum_of([value]).encode())
+            else:
+                digest.update(repr(value).encode())
+    return digest.hexdigest()[:_DIGITS]
 
 
 def _digest(values: Sequence[Any]) -> str:

@@ -10,6 +10,7 @@ from types import UnionType
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.config import is_number
 from choreograph.errors import ParameterError
 from choreograph.motifs.signatures import checked_signature
 
@@ -20,6 +21,10 @@ class MotifPin:
 
     at_s: float
     motif: int
+
+    def __post_init__(self) -> None:
+        _check_times(self, "at_s")
+        _check_motif(self)
 
     def __str__(self) -> str:
         return f"{self.at_s:g}=motif:{self.motif}"
@@ -33,6 +38,10 @@ class TakePin:
     end_s: float
     take: str
 
+    def __post_init__(self) -> None:
+        _check_times(self, "start_s", "end_s")
+        _check_names(self, "take")
+
     def __str__(self) -> str:
         return f"{self.start_s:g}-{self.end_s:g}=take:{self.take}"
 
@@ -43,6 +52,9 @@ class Keep:
 
     start_s: float
     end_s: float
+
+    def __post_init__(self) -> None:
+        _check_times(self, "start_s", "end_s")
 
     def __str__(self) -> str:
         return f"{self.start_s:g}-{self.end_s:g}"
@@ -58,11 +70,39 @@ class Ban:
 
     def __post_init__(self) -> None:
         if [self.take, self.genre, self.motif].count(None) != 2:
-            raise ParameterError(f"expected a ban of one take, genre or motif, got {self!r}")
+            raise ParameterError(
+                f"expected a ban of one take, genre or motif, got {reprlib.repr(vars(self))}"
+            )
+        if self.motif is not None:
+            _check_motif(self)
+        _check_names(self, *(name for name in ("take", "genre") if getattr(self, name) is not None))
 
     def __str__(self) -> str:
         kind, name = next((k, v) for k, v in vars(self).items() if v is not None)
         return f"{kind}:{name}"
+
+
+def _check_times(constraint: object, *names: str) -> None:
+    for name in names:
+        if not is_number(getattr(constraint, name)):
+            given = reprlib.repr(getattr(constraint, name))
+            raise ParameterError(f"expected {name} of a {type(constraint).__name__} in seconds, got {given}")
+
+
+def _check_names(constraint: object, *names: str) -> None:
+    for name in names:
+        if not isinstance(getattr(constraint, name), str):
+            given = reprlib.repr(getattr(constraint, name))
+            raise ParameterError(f"expected the {name} of a {type(constraint).__name__} by name, got {given}")
+
+
+def _check_motif(constraint: MotifPin | Ban) -> None:
+    motif = constraint.motif
+    if isinstance(motif, bool) or not isinstance(motif, int | np.integer) or motif < 0:
+        raise ParameterError(
+            f"expected the motif of a {type(constraint).__name__} as a number of 0 or more, got "
+            f"{reprlib.repr(motif)}"
+        )
 
 
 Pin = MotifPin | TakePin

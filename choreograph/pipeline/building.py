@@ -71,6 +71,16 @@ def build(
     if not isinstance(paths, Iterable):
         raise ParameterError(f"expected sources as paths, got {reprlib.repr(sources)}")
     paths = [_as_path("sources", path) for path in paths]
+    if isinstance(leave_out, str | bytes) or not isinstance(leave_out, Iterable):
+        raise ParameterError(f"expected leave_out as a list of takes, got {reprlib.repr(leave_out)}")
+    for name, changes in (("style_changes", style_changes), ("density_changes", density_changes)):
+        if not (changes is None or isinstance(changes, Mapping)):
+            raise ParameterError(f"expected {name} of field to value, got {reprlib.repr(changes)}")
+    for name, called in (("report", report), ("training_report", training_report)):
+        if not (called is None or callable(called)):
+            raise ParameterError(f"expected a function as {name}, got {reprlib.repr(called)}")
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise ParameterError(f"expected a seed of 0 or more, got {reprlib.repr(seed)}")
     options = BuildOptions(
         preset=preset, density=density, seed=seed, device=device, beats=beats, resume=resume,
         init_from=None if init_from is None else _as_path("init_from", init_from),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from choreograph.rollout.streaming import DanceStream, FrameCondition
 
 Floats = NDArray[np.float64]
+
+_MOST_WORDS = 10_000  # that a motif is requested for: an hour of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +131,12 @@ class RolloutStream:
         """Dance a motif in the next words that begin; a motif held for two words is more surely seen.
 
         A later request replaces what is left of this one. Frames up to 0.17 s ahead are decided already.
-        Raises `ParameterError` for an unknown motif, or for fewer words than one.
+        Raises `ParameterError` for an unknown motif, or for fewer words than one or more than 10,000.
         """
-        if n_words < 1:
-            raise ParameterError(f"expected a motif for 1 word or more, got {n_words}")
+        if isinstance(n_words, bool) or not isinstance(n_words, int) or not 1 <= n_words <= _MOST_WORDS:
+            raise ParameterError(
+                f"expected a motif for 1 to {_MOST_WORDS} words, got {reprlib.repr(n_words)}"
+            )
         self._motifs.request(motif, n_words)
 
     def feed(self, samples: NDArray[np.floating]) -> None:

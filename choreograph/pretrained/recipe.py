@@ -25,6 +25,7 @@ from choreograph.building.counting import MOTION_NET
 from choreograph.building.importing import measured_takes
 from choreograph.building.options import BuildOptions
 from choreograph.building.train_networks import STYLE_NET
+from choreograph.building.training_content import checksum_of
 from choreograph.counts import ANNOTATED, Counts, Figure, make_counts, numbers_in_bar
 from choreograph.features.bar_pointer import decode_counts
 from choreograph.locked_folder import locked_folder
@@ -222,9 +223,8 @@ def trials_by_figure(recorded: Sequence[RecordedTake], built_in: Sequence[Counte
 def trained(trial: Trial, config: MotionCountsConfig, seed: int, work: Path | None) -> MotionCountsNet:
     """The network of a trial; with `work`, it is continued from the checkpoint there."""
     name = f"{trial.name}-{seed}"
-    return train_motion_counts(
-        trial.train, config, seed=seed, name=name, context=TrainingContext(work, resume=work is not None)
-    )
+    context = TrainingContext(work, resume=work is not None, content={"takes": checksum_of(trial.train)})
+    return train_motion_counts(trial.train, config, seed=seed, name=name, context=context)
 
 
 def make_motion_counts(

@@ -18,6 +18,7 @@ from choreograph.building.importing import measured_takes
 from choreograph.building.options import BuildOptions
 from choreograph.building.song_cache import SongCache
 from choreograph.building.train_networks import style_take
+from choreograph.building.training_content import checksum_of
 from choreograph.features.mel import log_mel
 from choreograph.features.rhythm import rhythm_features
 from choreograph.nets.style.config import StyleConfig, style_config
@@ -73,5 +74,7 @@ def shipped_style_config(**changes: Any) -> StyleConfig:
 
 def train_shipped_style(takes: Sequence[StyleTake], work: Path, *, seed: int = 0) -> StyleNets:
     """Train on takes, built-in ones among them, and rendered songs; continued from a checkpoint in `work`."""
-    context = TrainingContext(work, resume=True)
-    return train_style(takes, shipped_style_config(), seed=seed, songs=style_songs(), context=context)
+    songs = style_songs()
+    content = {"takes": checksum_of(takes), "songs": checksum_of(songs)}
+    context = TrainingContext(work, resume=True, content=content)
+    return train_style(takes, shipped_style_config(), seed=seed, songs=songs, context=context)

@@ -73,6 +73,8 @@ def write_video(
     FormatError        the song cannot be read
     ChoreographError   the disk is full or not writable
     """
+    import av
+
     path = check_target(path)
     duration_s = _checked(motion, duration_s, size, fps)
     n_frames = max(1, seconds_to_frames(duration_s, fps))
@@ -83,8 +85,11 @@ def write_video(
     if clicks is not None:
         part = clicks.over(part or silent_part(n_frames / fps))
     shots = follow_camera(motion, times_s, aspect=size[0] / size[1], smoothing_s=_SMOOTHING_S)
-    with atomic_path(path) as temporary:
-        return _encode(temporary, shots, part, size, fps, report)
+    try:
+        with atomic_path(path) as temporary:
+            return _encode(temporary, shots, part, size, fps, report)
+    except av.FFmpegError as error:
+        raise ChoreographError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def _checked(motion: Motion, duration_s: float | None, size: tuple[int, int], fps: float) -> float:
@@ -114,25 +119,22 @@ def _encode(
     import av
 
     name = next(name for name in _ENCODERS if name in av.codecs_available)
-    try:
-        with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
-            bitexact: Any = av.container.Flags.bitexact  # no version, no date
-            container.flags |= bitexact.value
-            rate = Fraction(fps).limit_denominator(1001)
-            picture = _picture_stream(container, name, size, rate)
-            packets: Iterator[Any] = iter(())
-            if part is not None:
-                packets = aac_packets(aac_stream(container, part), part)
-            n_frames = len(shots.pos_m)
-            for index, pixels in enumerate(_rendered(shots, size)):
-                container.mux(picture.encode(_picture(pixels, index, rate)))
-                _mux_until(container, packets, index / fps)
-                if report is not None:
-                    report("video", index + 1, n_frames)
-            container.mux(picture.encode(None))
-            _mux_until(container, packets, np.inf)
-    except av.FFmpegError as error:
-        raise ChoreographError(f"cannot write {path}: {error.strerror or error}") from error
+    with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+        bitexact: Any = av.container.Flags.bitexact  # no version, no date
+        container.flags |= bitexact.value
+        rate = Fraction(fps).limit_denominator(1001)
+        picture = _picture_stream(container, name, size, rate)
+        packets: Iterator[Any] = iter(())
+        if part is not None:
+            packets = aac_packets(aac_stream(container, part), part)
+        n_frames = len(shots.pos_m)
+        for index, pixels in enumerate(_rendered(shots, size)):
+            container.mux(picture.encode(_picture(pixels, index, rate)))
+            _mux_until(container, packets, index / fps)
+            if report is not None:
+                report("video", index + 1, n_frames)
+        container.mux(picture.encode(None))
+        _mux_until(container, packets, np.inf)
     return name
 
 

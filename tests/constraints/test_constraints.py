@@ -11,7 +11,7 @@ from synthetic_motions import swaying
 from synthetic_pages import plan_for
 
 from choreograph.constraints.parse import parse_ban, parse_pin, read_motifs, read_signature, write_signature
-from choreograph.constraints.spec import Ban, MotifPin, TakePin
+from choreograph.constraints.spec import Ban, Keep, MotifPin, TakePin
 from choreograph.errors import FormatError, ParameterError
 from choreograph.plan import PlannedWord
 from choreograph.takes import Credits
@@ -95,3 +95,26 @@ def test_malformed_motif_sequences(tmp_path, text):
     (tmp_path / "of_moves.json").write_text(plan_for(swaying(120, fps=60.0)).to_json())
     with pytest.raises(FormatError, match="seconds alone"):
         read_motifs(tmp_path / "of_moves.json")
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: MotifPin("x", 1),
+        lambda: MotifPin(float("nan"), 1),
+        lambda: MotifPin(1.0, "y"),
+        lambda: MotifPin(1.0, -1),
+        lambda: MotifPin(1.0, True),
+        lambda: TakePin("x", 3, "take"),
+        lambda: TakePin(1.0, None, "take"),
+        lambda: TakePin(1.0, 3.0, 2),
+        lambda: Keep(b"", 3.0),
+        lambda: Ban(take=3),
+        lambda: Ban(genre=["waltz"]),
+        lambda: Ban(motif="3"),
+        lambda: Ban(),
+    ],
+)
+def test_constraints_of_wrong_types_are_refused_when_they_are_made(make):
+    with pytest.raises(ParameterError, match=r"^expected [^\n]+, got [^\n]+$"):
+        make()

@@ -36,7 +36,7 @@ def test_stretches_are_in_order_and_reach_the_ends():
         ([(0.0, 5.0), (4.0, 8.0)], "do not overlap, got 0-5, 4-8"),
         ([(0.0, 5.0), (6.0, 8.0)], "gaps of 2 s or more"),
         ([(0.0, DURATION_S)], "it is all kept"),
-        ([(np.nan, 5.0)], "a start before its end"),
+        ([(np.nan, 5.0)], "start_s of a Keep in seconds, got nan"),
     ],
 )
 def test_stretches_that_cannot_be_kept(spans, said):

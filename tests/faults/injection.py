@@ -17,8 +17,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from subprocess import DEVNULL, run
 
+from choreograph.files import is_running
+
 _POLL_S = 0.002
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+_DISK = "choreograph-faults-"  # and the process that mounted it: a disk's name in the table of mounts
 _CRASHED = 99  # exit status after an exception that nothing handled
 # What Python does with files, as audit events: where a kill is likeliest to leave something half-done.
 _FILE_EVENTS = ("open", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "shutil.")
@@ -111,11 +114,16 @@ def _watch_files(under: Path, n_events: list[int], kill_at: int | None) -> None:
 
 @contextmanager
 def small_disk(folder: Path, n_bytes: int) -> Iterator[None]:
-    """A disk of its own at `folder`, of so many bytes; `OSError` where disks cannot be mounted."""
+    """A disk of its own at `folder`, of so many bytes; `OSError` where disks cannot be mounted.
+
+    A process that is killed leaves it: see `unmount_left_disks`.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     size = f"size={-(-n_bytes // 4096) * 4096}"
     try:
-        mounted = run(["mount", "-t", "tmpfs", "-o", size, "tmpfs", folder], stderr=DEVNULL, check=False)
+        mounted = run(
+            ["mount", "-t", "tmpfs", "-o", size, f"{_DISK}{os.getpid()}", folder], stderr=DEVNULL, check=False
+        )
     except FileNotFoundError as error:
         raise OSError("no mount") from error
     if mounted.returncode:
@@ -124,3 +132,11 @@ def small_disk(folder: Path, n_bytes: int) -> Iterator[None]:
         yield
     finally:
         run(["umount", folder], check=True)
+
+
+def unmount_left_disks() -> None:
+    """Unmount the disks of earlier processes that were killed."""
+    for line in Path("/proc/self/mounts").read_text(encoding="utf-8").splitlines():
+        name, folder = line.split()[:2]
+        if name.startswith(_DISK) and not is_running(int(name.removeprefix(_DISK))):
+            run(["umount", folder.encode().decode("unicode_escape")], check=False)

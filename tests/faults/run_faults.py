@@ -10,6 +10,7 @@ survive a fork.
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import tempfile
 import time
@@ -18,7 +19,7 @@ from pathlib import Path
 from pkgutil import walk_packages
 
 import numpy as np
-from faults.injection import small_disk
+from faults.injection import small_disk, unmount_left_disks
 from faults.tasks import TASKS, write_inputs
 from faults.trials import Trials
 
@@ -51,6 +52,8 @@ def main() -> None:
     unknown = set(given.tasks) - set(TASKS)
     if unknown:
         parser.error(f"expected tasks among {', '.join(TASKS)}, got {', '.join(sorted(unknown))}")
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # disks are unmounted then
+    unmount_left_disks()
     import_everything()
     n_failed = 0
     with tempfile.TemporaryDirectory() as folder:

@@ -66,3 +66,9 @@ def test_silence_is_no_number_but_zero():
     stream = RhythmStream(BEATS_S)
     stream.feed(np.zeros(22050))
     assert np.array_equal(np.stack([stream.next_row() for _ in range(20)])[:, :3], np.zeros((20, 3)))
+
+
+@pytest.mark.parametrize("sound", ["x", b"", None, object(), 1.0, [["x"]], [[0.0]]])
+def test_what_is_no_sound_is_refused_in_one_line(sound):
+    with pytest.raises(ParameterError, match=r"^expected [^\n]+, got [^\n]+$"):
+        RhythmStream(BEATS_S).feed(sound)

@@ -93,7 +93,7 @@ def test_pieces_are_closed_and_face_outward(name):
     mesh = build_mannequin(SKELETONS[name]())
     # Merge vertices that differ only by part: every edge then has two triangles, one in each direction.
     _, same = np.unique(np.round(mesh.vertices_m, 6), axis=0, return_inverse=True)
-    triangles = same[mesh.triangles]
+    triangles = same.reshape(-1)[mesh.triangles]  # numpy 2.0.0 gives a column
     triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
     edges = np.concatenate([triangles[:, [i, (i + 1) % 3]] for i in range(3)])
     forward_edges, counts = np.unique(edges, axis=0, return_counts=True)

@@ -127,6 +127,7 @@ def test_unwritable_target_is_a_one_line_error_and_leaves_no_file(tmp_path, monk
     with pytest.raises(ChoreographError, match="No space left") as caught:
         write_video(tmp_path / "d.mp4", MOTION, size=SIZE)
     assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
+    assert str(caught.value).startswith(f"cannot write {tmp_path / 'd.mp4'}: ")
 
 
 def test_fallback_encoder(tmp_path, monkeypatch):

@@ -29,7 +29,7 @@ def write_music_counts(path: str | Path, net: MusicCounts, about: Mapping[str, A
     halves = {name: np.asarray(values, np.float16) for name, values in arrays.items()}
     texts = {_ABOUT: np.array(json.dumps(dict(about))), _CONFIG: np.array(json.dumps(config))}
     with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **texts, **halves)
+        np.savez_compressed(file, **texts, **halves)
 
 
 def read_music_counts(path: str | Path) -> tuple[MusicCounts, dict[str, Any]]:
