@@ -68,15 +68,13 @@ def as_weights(weights: object) -> dict[str, Any]:
     return dict(weights)
 
 
-def check_span(start_s: object, duration_s: object) -> None:
+def check_span(start_s: Any, duration_s: Any) -> None:
     """Raise `ParameterError` unless the part of the song is given in seconds, and there is one."""
     if not is_number(start_s):
         raise ParameterError(f"expected start_s in seconds, got {reprlib.repr(start_s)}")
     if duration_s is not None and not (is_number(duration_s) or duration_s == math.inf):
         raise ParameterError(f"expected duration_s in seconds or None, got {reprlib.repr(duration_s)}")
-    for name, value, is_part in (
-        ("a start in seconds of 0 or more", start_s, lambda: start_s >= 0),
-        ("a duration in seconds above 0", duration_s, lambda: duration_s is None or duration_s > 0),
-    ):
-        if not is_part():
-            raise ParameterError(f"expected {name}, got {value:g}")
+    if float(start_s) < 0:
+        raise ParameterError(f"expected a start in seconds of 0 or more, got {start_s:g}")
+    if duration_s is not None and float(duration_s) <= 0:
+        raise ParameterError(f"expected a duration in seconds above 0, got {duration_s:g}")

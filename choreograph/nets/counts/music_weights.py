@@ -26,10 +26,10 @@ _ABOUT, _CONFIG = "about", "config"
 def write_music_counts(path: str | Path, net: MusicCounts, about: Mapping[str, Any]) -> None:
     """Write a network; `about` is JSON: what it was trained on."""
     arrays, config = net.to_arrays()
-    halves = {name: np.asarray(values, np.float16) for name, values in arrays.items()}
-    texts = {_ABOUT: np.array(json.dumps(dict(about))), _CONFIG: np.array(json.dumps(config))}
+    stored: dict[str, Any] = {name: np.asarray(values, np.float16) for name, values in arrays.items()}
+    stored |= {_ABOUT: np.array(json.dumps(dict(about))), _CONFIG: np.array(json.dumps(config))}
     with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **texts, **halves)
+        np.savez_compressed(file, **stored)
 
 
 def read_music_counts(path: str | Path) -> tuple[MusicCounts, dict[str, Any]]:
