@@ -44,7 +44,7 @@ def assemble(
     if blending not in BLENDINGS:
         raise ParameterError(f"expected a blending among {', '.join(BLENDINGS)}, got {blending!r}")
     longest_s = max((*TRANSITION_LENGTHS_S[blending], *(run.transition_s or 0.0 for run in runs)))
-    margin = seconds_to_frames(longest_s + 0.05, fps)
+    margin = max(2, seconds_to_frames(longest_s + 0.05, fps))  # frames: velocities need two beyond the end
     total = seconds_to_frames(runs[-1].stop_s, fps) if runs else 0
     root_out = np.empty((total, 3))
     quat_out: Floats | None = None

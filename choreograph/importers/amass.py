@@ -49,8 +49,8 @@ def _take(file: Path, source: Path) -> Take:
         if not 1.0 <= fps <= 1000.0:
             raise FormatError(f"expected a frame rate in {rate_key}, got {fps}")
         motion = rotated_world(smpl_motion(arrays["poses"], arrays["trans"], fps), Z_UP_TO_Y_UP)
-    except (FormatError, TypeError) as error:
-        raise FormatError(f"{file}: {error}") from None
+    except (FormatError, TypeError, ValueError) as error:
+        raise FormatError(f"{file}: {' '.join(str(error).split())}") from None
     name = file.stem if source.is_file() else file.relative_to(source).with_suffix("").as_posix()
     return Take(
         name=name,
