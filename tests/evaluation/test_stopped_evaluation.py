@@ -125,14 +125,15 @@ def test_a_variant_that_cannot_be_danced_is_known_before_anything_is(
 def test_a_killed_command_goes_on(db, folder, tmp_path):
     """By Ctrl-C, then by kill -9, until it is through; the same as without."""
     output = tmp_path / "e.json"
-    arguments = ["evaluate", "--db", str(db.path), "--songs", str(folder), "--seeds", "10", "-q",
+    arguments = ["evaluate", "--db", str(db.path), "--songs", str(folder), "--seeds", "4", "-q",
                  "--variants", "random", "--json", str(output)]  # fmt: skip
     folder_of = tmp_path / "e.json.dances"
     for number, enough in ((signal.SIGINT, 1), (signal.SIGKILL, 3)):
         more = ["--resume"] if folder_of.exists() else []
         process = subprocess.Popen(
-            [sys.executable, "-m", "choreograph", *arguments, *more], stderr=subprocess.PIPE, text=True
-        )
+            [sys.executable, "-m", "choreograph", *arguments, *more], stderr=subprocess.PIPE, text=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored in background jobs
+        )  # fmt: skip
         while len(list(folder_of.glob("[!.o]*.json"))) < enough:
             assert process.poll() is None
             time.sleep(0.005)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from choreograph.errors import ParameterError
 from choreograph.features.loudness import at_unit_loudness
 from choreograph.features.spectral import SPECTRAL_COLUMNS, SPECTRAL_DIM, spectral_features
+from choreograph.frame_blocks import frame_blocks
 from choreograph.timebase import SAMPLE_RATE_HZ
 
 pytestmark = pytest.mark.slow
@@ -109,7 +110,9 @@ def test_rows_are_means_of_librosas_features(monkeypatch):
     """On noise over chords nothing is below our floors; the block size does not matter."""
     samples, beats = piece()
     samples = samples + noise(4.0) * 0.2
-    monkeypatch.setattr("choreograph.features.spectral._BLOCK_FRAMES", 37)
+    monkeypatch.setattr(
+        "choreograph.features.spectral.frame_blocks", lambda n, size=37: frame_blocks(n, min(size, 37))
+    )
     rows = spectral_features(samples, beats)
     y = np.pad(at_unit_loudness(samples), 1024)
     flat = {"sr": SAMPLE_RATE_HZ, "n_fft": 2048, "hop_length": 512, "center": False}
