@@ -6,6 +6,7 @@ BIN := .venv/bin
 SONG ?= $(shell $(BIN)/choreograph songs --path house)
 DB ?=
 MINUTES ?= 5
+SEED ?=
 
 .PHONY: setup test test-fast test-lowest fuzz lint dance starter faults benchmark format
 
@@ -31,7 +32,7 @@ test-lowest:
 
 # Damaged and hostile files of every format, for as long as wanted; what fails goes to tests/fuzz/corpus.
 fuzz: setup
-	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m fuzz --minutes $(MINUTES)
+	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m fuzz --minutes $(MINUTES) $(if $(SEED),--seed $(SEED))
 
 lint: setup
 	$(BIN)/ruff check .
