@@ -139,7 +139,7 @@ def _counted(take: Take, folder: Path, row: dict[str, str]) -> Take:
         raise FormatError(f"{where}: expected counts or beats, got both")
     if file:
         is_inside = Path(os.path.abspath(folder / file)).is_relative_to(os.path.abspath(folder))
-        if not is_inside or not (folder / file).is_file():
+        if not is_inside or not os.path.isfile(folder / file):
             raise FormatError(f"{where} names the counts {file!r}, which are not in the folder")
         return with_counts_of(take, folder / file)
     if not beats:
@@ -158,9 +158,9 @@ def _counted(take: Take, folder: Path, row: dict[str, str]) -> Take:
 def _song(folder: Path, name: str, given: str) -> Path | None:
     if not given:
         return song_beside(folder, name)
-    if not (folder / given).is_file():
+    if not os.path.isfile(folder / given):  # False, too, for what can be no name of a file
         raise FormatError(
-            f"{folder / 'manifest.csv'}: {name!r} names the song {given!r}, which is not in the folder"
+            f"{folder / 'manifest.csv'}: {name!r} names the song {given[:80]!r}, which is not in the folder"
         )
     return folder / given
 
