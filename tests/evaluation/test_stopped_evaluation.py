@@ -27,6 +27,21 @@ from choreograph.evaluation.variants import dance_variant
 
 pytestmark = pytest.mark.slow
 
+# The command, that waits to be stopped as soon as it has made as many dances as its first argument says.
+WAITING_COMMAND = """
+import sys, time
+from choreograph.cli.main import main
+from choreograph.evaluation import run
+enough, made, dance = int(sys.argv.pop(1)), [], run.dance_variant
+def dance_or_wait(*args, **kwargs):
+    if len(made) == enough:
+        time.sleep(600)
+    made.append(1)
+    return dance(*args, **kwargs)
+run.dance_variant = dance_or_wait
+main()
+"""
+
 VARIANTS = ["random", "greedy-published"]
 
 
@@ -128,13 +143,13 @@ def test_a_killed_command_goes_on(db, folder, tmp_path):
     arguments = ["evaluate", "--db", str(db.path), "--songs", str(folder), "--seeds", "4", "-q",
                  "--variants", "random", "--json", str(output)]  # fmt: skip
     folder_of = tmp_path / "e.json.dances"
-    for number, enough in ((signal.SIGINT, 1), (signal.SIGKILL, 3)):
-        more = ["--resume"] if folder_of.exists() else []
+    for number, more, made, kept in ((signal.SIGINT, [], 1, 1), (signal.SIGKILL, ["--resume"], 2, 3)):
         process = subprocess.Popen(
-            [sys.executable, "-m", "choreograph", *arguments, *more], stderr=subprocess.PIPE, text=True,
+            [sys.executable, "-c", WAITING_COMMAND, str(made), *arguments, *more],
+            stderr=subprocess.PIPE, text=True,
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored in background jobs
         )  # fmt: skip
-        while len(list(folder_of.glob("[!.o]*.json"))) < enough:
+        while len(list(folder_of.glob("[!.o]*.json"))) < kept:
             assert process.poll() is None
             time.sleep(0.005)
         process.send_signal(number)
