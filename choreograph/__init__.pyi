@@ -2,6 +2,7 @@ from . import metrics as metrics
 from ._version import __version__ as __version__
 from .audio.song import Song as Song
 from .audio.song import load_song as load_song
+from .build_pipeline import build as build
 from .building import BuildOptions as BuildOptions
 from .building import BuildResult as BuildResult
 from .characters import GltfCharacter as GltfCharacter
@@ -23,7 +24,6 @@ from .graph import Layer as Layer
 from .motion.motion import Motion as Motion
 from .motion.skeleton import Skeleton as Skeleton
 from .pipeline import Dance as Dance
-from .pipeline import build as build
 from .pipeline import dance as dance
 from .pipeline import render as render
 from .pipeline import vary as vary

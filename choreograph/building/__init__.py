@@ -7,7 +7,7 @@
 - `train_networks`, `train_rollout` — every network of a repertoire
 - `training_content` — what they learn from, by which a checkpoint is known
 
-The package is not called `build`, since `choreograph.build` (in `pipeline.building`) is the function.
+The package is not called `build`, since `choreograph.build` (in `build_pipeline`) is the function.
 """
 
 from choreograph.building.build import build_repertoire

@@ -73,8 +73,8 @@ _DECIDED = {
 @optgroup.option("--rollout", is_flag=True, help="Also train the network of `dance --engine rollout`.")
 @optgroup.option(
     "--rollout-teacher/--no-rollout-teacher", default=True, show_default=True,
-    help="Let that network learn from graph dances to the takes' songs as well. They are on the count, which "
-    "takes need not be; it takes half as long again.",
+    help="Let that network learn from graph dances as well, to the takes' songs and to synthesised ones of "
+    "their genres. They are on the count, which takes need not be; it takes half as long again.",
 )  # fmt: skip
 @optgroup.option("--init-from", type=_FILE, help="Start from the networks of another repertoire.")
 @optgroup.option(

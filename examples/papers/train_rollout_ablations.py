@@ -7,9 +7,9 @@ Each REPERTOIRE was built with `--rollout` from TAKES: dance-with-melody, say, o
 FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as the network itself,
 or as `--steps` says: compare then with `as-built`, which has all of it. `as-built` and all that are named
 after what they lack learn from the takes alone (`build-db --no-rollout-teacher`); `graph-dances-too` from
-graph dances to their songs, too, as with `build-db --rollout`, and `synthesised-songs-too` to synthesised
-ones as well; `counts-at-accents` has words, and beats of the music, where the motion's accents lie beside
-the counts. After a stop, the same command continues.
+graph dances to their songs, too, and `synthesised-songs-too` from those to synthesised ones as well, as with
+`build-db --rollout`; `counts-at-accents` has words, and beats of the music, where the motion's accents lie
+beside the counts. After a stop, the same command continues.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-from graph_teacher import synthesised_songs
 
 import choreograph as cg
+from choreograph.build_pipeline.graph_teacher import graph_dances, songs_of, teach_rollout
 from choreograph.building.importing import measure_take
 from choreograph.building.segmentation import segment_takes
 from choreograph.building.song_cache import SongCache
@@ -33,9 +33,8 @@ from choreograph.nets.rollout.config import rollout_config
 from choreograph.nets.rollout.train import train_rollout
 from choreograph.nets.rollout.training_data import RolloutTake
 from choreograph.nets.training import TrainingContext, TrainingProgress
-from choreograph.pipeline.graph_teacher import graph_dances
 from choreograph.repertoire.contents import MeasuredTake
-from choreograph.takes import Credits, Take
+from choreograph.takes import Take
 from choreograph.warping.micro_timing import accent_shifts_s
 
 WITH_GRAPH_DANCES = "graph-dances-too"
@@ -97,12 +96,7 @@ def train(
         context = TrainingContext(folder / name, resume=True, report=show)
         data = learned
         if name in (WITH_GRAPH_DANCES, WITH_SYNTHESISED_SONGS):
-            to_songs = [m.take for m in own]
-            if name == WITH_SYNTHESISED_SONGS:
-                to_songs += to_synthesised_songs(to_songs, folder / "songs")
-            dances = graph_dances(
-                repertoire, to_songs, folder / f"{name}-plans", beats=DEFAULT_TRACKER, seed=seed
-            )
+            dances = taught(repertoire, [m.take for m in own], folder / f"{name}-plans", name, seed)
             data = [*learned, *as_learned([measure_take(dance) for dance in dances], repertoire, songs)]
         elif name == AT_ACCENTS:
             data = as_learned([at_accents(m) for m in own], repertoire, songs)
@@ -110,10 +104,13 @@ def train(
         torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, folder / f"{name}.pt")
 
 
-def to_synthesised_songs(takes: Sequence[Take], folder: Path) -> list[Take]:
-    """The first take as if danced to each synthesised song: only song and genre count."""
-    songs = synthesised_songs([take.credits.genre for take in takes], folder)
-    return [replace(takes[0], song_path=path, credits=Credits(genre=genre)) for path, genre in songs]
+def taught(
+    repertoire: cg.Repertoire, takes: Sequence[Take], folder: Path, name: str, seed: int
+) -> list[Take]:
+    """Graph dances to the takes' songs, and to synthesised ones if `name` says so."""
+    if name == WITH_SYNTHESISED_SONGS:
+        return teach_rollout(repertoire, takes, folder, beats=DEFAULT_TRACKER, seed=seed)
+    return graph_dances(repertoire, songs_of(takes), folder, beats=DEFAULT_TRACKER, seed=seed)
 
 
 def as_learned(

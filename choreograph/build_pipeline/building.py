@@ -9,11 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from choreograph.build_pipeline.graph_teacher import teach_rollout
 from choreograph.building.build import build_repertoire
 from choreograph.building.options import BuildOptions
 from choreograph.building.result import BuildResult
 from choreograph.errors import ParameterError
-from choreograph.pipeline.graph_teacher import graph_dances
 from choreograph.progress import ProgressReport
 
 _FLAGS = frozenset(f.name for f in fields(BuildOptions) if f.type == "bool")
@@ -95,7 +95,7 @@ def build(
             raise ParameterError(f"expected {name} as True or False, got {getattr(options, name)!r}")
     return build_repertoire(
         paths, _as_path("output", output), options,
-        teacher=partial(graph_dances, beats=beats, seed=seed, report=report),
+        teacher=partial(teach_rollout, beats=beats, seed=seed, report=report),
         report=report, training_report=training_report,
     )  # fmt: skip
 

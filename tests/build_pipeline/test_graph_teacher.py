@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from synthetic_repertoire import synthetic_repertoire, synthetic_takes, with_counts, write_clicks
 
+from choreograph.build_pipeline import graph_teacher
+from choreograph.build_pipeline.graph_teacher import graph_dances, songs_of, teach_rollout
 from choreograph.building.train_rollout import taught_dances
-from choreograph.pipeline import graph_teacher
-from choreograph.pipeline.graph_teacher import graph_dances
 from choreograph.takes import Credits
 
 SETTINGS = {"beats": "tempo-path", "seed": 0}
@@ -38,7 +38,7 @@ def to_clicks(tmp_path_factory, counted):
 
 
 def test_every_song_is_danced_once_and_on_its_count(repertoire, to_clicks, tmp_path):
-    fast, slow = graph_dances(repertoire, to_clicks, tmp_path / "dances", **SETTINGS)
+    fast, slow = graph_dances(repertoire, songs_of(to_clicks), tmp_path / "dances", **SETTINGS)
     assert [d.song_path.stem for d in (fast, slow)] == ["fast", "slow"]
     assert fast.credits == Credits(genre="a") and slow.credits == Credits(genre="c")
     for dance, period_s in ((fast, 0.5), (slow, 0.6)):
@@ -50,9 +50,9 @@ def test_every_song_is_danced_once_and_on_its_count(repertoire, to_clicks, tmp_p
 def test_a_call_after_a_stop_goes_on_with_the_plans_that_are_kept(
     repertoire, to_clicks, tmp_path, monkeypatch
 ):
-    first = graph_dances(repertoire, to_clicks, tmp_path / "dances", **SETTINGS)
+    first = graph_dances(repertoire, songs_of(to_clicks), tmp_path / "dances", **SETTINGS)
     monkeypatch.setattr(graph_teacher, "dance", lambda *a, **k: pytest.fail("danced anew"))
-    again = graph_dances(repertoire, to_clicks, tmp_path / "dances", **SETTINGS)
+    again = graph_dances(repertoire, songs_of(to_clicks), tmp_path / "dances", **SETTINGS)
     for one, other in zip(first, again, strict=True):
         assert np.array_equal(one.motion.local_quat, other.motion.local_quat)
         assert np.array_equal(one.counts.times_s, other.counts.times_s)
@@ -75,4 +75,5 @@ def test_other_contents_are_taught_by_other_dances(counted, to_clicks, tmp_path)
 def test_no_clips_no_dances(to_clicks, tmp_path):
     short = synthetic_takes(duration_s=6.0)
     repertoire = synthetic_repertoire(tmp_path / "short.h5", short)
-    assert graph_dances(repertoire, to_clicks, tmp_path / "dances", **SETTINGS) == []
+    assert teach_rollout(repertoire, to_clicks, tmp_path / "dances", **SETTINGS) == []
+    assert not (tmp_path / "dances").exists()

@@ -8,8 +8,8 @@ from synthetic_motions import stepping
 from synthetic_repertoire import write_clicks
 
 import choreograph as cg
+from choreograph.build_pipeline import building
 from choreograph.exporters import save_motion
-from choreograph.pipeline import building
 
 pytestmark = pytest.mark.slow
 
@@ -49,7 +49,7 @@ def test_the_rollout_learns_from_graph_dances_unless_told_otherwise(folder, monk
 
 
 def test_no_dances_are_made_where_no_rollout_is_trained(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(building, "graph_dances", lambda *a, **k: pytest.fail("danced for nothing"))
+    monkeypatch.setattr(building, "teach_rollout", lambda *a, **k: pytest.fail("danced for nothing"))
     built = cg.build(folder, tmp_path / "a.h5", preset="tiny")
     assert "rollout" not in built.repertoire.net_names
     assert built.repertoire.provenance["rollout_teacher"] is False
