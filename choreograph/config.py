@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
 
+from choreograph.arguments import check_choice, check_kind, check_text, is_number, unexpected
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import read_text
 
@@ -68,46 +67,35 @@ class DanceConfig:
     def __post_init__(self) -> None:
         from choreograph.song_counts import check_beats
 
-        _choice("engine", self.engine, ENGINES)
-        _choice("planner", self.planner, PLANNERS)
-        _choice("selection", self.selection, SELECTIONS)
-        _choice("warping", self.warping, WARPINGS)
-        _choice("density", self.density, DENSITIES)
-        _choice("time_maps", self.time_maps, TIME_MAPS)
-        _choice("blending", self.blending, BLENDINGS)
-        _choice("transitions", self.transitions, TRANSITION_PLACEMENTS)
-        _choice("motif_draw", self.motif_draw, MOTIF_DRAWS)
+        check_choice("engine", self.engine, ENGINES)
+        check_choice("planner", self.planner, PLANNERS)
+        check_choice("selection", self.selection, SELECTIONS)
+        check_choice("warping", self.warping, WARPINGS)
+        check_choice("density", self.density, DENSITIES)
+        check_choice("time_maps", self.time_maps, TIME_MAPS)
+        check_choice("blending", self.blending, BLENDINGS)
+        check_choice("transitions", self.transitions, TRANSITION_PLACEMENTS)
+        check_choice("motif_draw", self.motif_draw, MOTIF_DRAWS)
         if self.style_window is not None:
-            _choice("style_window", self.style_window, STYLE_WINDOWS)
+            check_choice("style_window", self.style_window, STYLE_WINDOWS)
         strength = self.style_strength
         if strength is not None and not (is_number(strength) and 0 <= strength <= 1000):
-            raise ParameterError(f"expected a style_strength from 0 to 1000, got {strength!r}")
+            raise unexpected("a style_strength from 0 to 1000", strength)
         for name in ("lock_feet", "hold_ends", "keep_on_stage"):
-            if not isinstance(getattr(self, name), bool):
-                raise ParameterError(f"expected {name} as true or false, got {getattr(self, name)!r}")
+            check_kind(name, getattr(self, name), bool)
         check_beats(self.beats)
         if isinstance(self.candidates, bool) or not isinstance(self.candidates, int) or self.candidates < 1:
-            raise ParameterError(f"expected candidates of at least 1, got {self.candidates!r}")
+            raise unexpected("candidates of at least 1", self.candidates)
         if not (is_number(self.fps) and 1 <= self.fps <= 1000):
-            raise ParameterError(f"expected fps from 1 to 1000, got {self.fps!r}")
+            raise unexpected("fps from 1 to 1000", self.fps)
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
-            raise ParameterError(f"expected a seed of 0 or more, got {self.seed!r}")
+            raise unexpected("a seed of 0 or more", self.seed)
         if not isinstance(self.weights, Mapping):
-            raise ParameterError(f"expected weights of cost name to number, got {self.weights!r}")
+            raise unexpected("weights of cost name to number", self.weights)
+        check_text("the cost that a weight is of", *self.weights)
         for name, weight in self.weights.items():
             if not is_number(weight):
-                raise ParameterError(f"expected a finite number as weight of {name!r}, got {weight!r}")
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value from TOML or JSON is a finite number; True and False are not, nor is 10**400."""
-    limit = sys.float_info.max
-    return isinstance(value, int | float) and not isinstance(value, bool) and -limit <= value <= limit
-
-
-def _choice(key: str, value: Any, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ParameterError(f"expected {key} among {', '.join(choices)}, got {value!r}")
+                raise unexpected(f"a finite number as weight of {name!r}", weight)
 
 
 def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfig:

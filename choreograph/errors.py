@@ -10,6 +10,10 @@ from __future__ import annotations
 class ChoreographError(Exception):
     """Base of all errors that a caller can cause."""
 
+    def __str__(self) -> str:
+        """The message in one line, also where it quotes a path or text of several."""
+        return " ".join(super().__str__().splitlines())
+
 
 class ParameterError(ChoreographError, ValueError):
     """An argument, option or config key has an invalid value."""

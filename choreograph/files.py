@@ -7,7 +7,6 @@ import json
 import os
 import platform
 import re
-import reprlib
 import stat
 import uuid
 import zlib
@@ -16,6 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from choreograph.arguments import unexpected
 from choreograph.errors import ChoreographError, FormatError, ParameterError
 
 MAX_TEXT_BYTES = 1 << 24  # of a plan, a list or another file that a person may read
@@ -30,9 +30,9 @@ _KINDS = {
 
 
 def as_path(what: str, path: object) -> Path:
-    """The path of `what`; `ParameterError` for anything but text or a `Path`."""
-    if not isinstance(path, str | Path):
-        raise ParameterError(f"expected the path of {what}, got {reprlib.repr(path)}")
+    """The path of `what`; `ParameterError` for anything but text or a `PathLike`."""
+    if not isinstance(path, str | os.PathLike):
+        raise unexpected(f"the path of {what}", path)
     return Path(path)
 
 

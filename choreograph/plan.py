@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from choreograph.config import TRANSITION_LENGTHS_S, DanceConfig, is_number
+from choreograph.arguments import is_number
+from choreograph.config import TRANSITION_LENGTHS_S, DanceConfig
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import as_path, read_text
 from choreograph.takes import Credits

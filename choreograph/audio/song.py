@@ -7,15 +7,16 @@ decode in blocks that are mixed down and resampled immediately, so a song takes 
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import soxr
 from numpy.typing import NDArray
 
+from choreograph.arguments import as_number, as_texts, check_text, unexpected
 from choreograph.audio.decode import Blocks, decode
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import as_path, check_regular
@@ -29,17 +30,44 @@ _CANCELLED = 0.01  # power of the mix to that of its channels
 
 @dataclass(frozen=True, eq=False)
 class Song:
-    """Mono samples in [-1, 1] at 22.05 kHz, their source, and notes on anything unusual."""
+    """Mono samples in [-1, 1] at 22.05 kHz, their source, and notes on anything unusual.
+
+    Raises `ParameterError` unless there is a sample or more, all are finite floats, and name, path and notes
+    are such.
+    """
 
     samples: NDArray[np.float32]  # (S,)
     name: str
     path: Path | None = None
     notes: tuple[str, ...] = ()  # one line each
 
+    def __post_init__(self) -> None:
+        samples, wanted = self.samples, "samples of a song as floats (S,) from -1 to 1, mono at 22.05 kHz"
+        if not isinstance(samples, np.ndarray) or samples.dtype.kind != "f":
+            raise unexpected(
+                wanted, samples, "np.asarray(samples, np.float32) makes them, / 32768 of 16 bits"
+            )
+        if samples.ndim != 1 or len(samples) == 0:
+            raise ParameterError(f"expected {wanted}, got an array of shape {samples.shape}")
+        if not np.isfinite([samples.min(), samples.max()]).all():  # without a copy of three hours of music
+            raise ParameterError(f"expected {wanted}, got some that are not finite")
+        check_text("the name of a song", self.name)
+        if self.path is not None:
+            as_path("a song", self.path)
+        object.__setattr__(self, "notes", as_texts("notes on a song", self.notes))
+
     @property
     def duration_s(self) -> float:
         """Length in seconds."""
         return len(self.samples) / SAMPLE_RATE_HZ
+
+
+def check_span(start_s: Any, duration_s: Any) -> None:
+    """Raise `ParameterError` unless the part of the song is given in seconds, and there is one."""
+    if as_number("start_s in seconds", start_s) < 0:
+        raise unexpected("a start in seconds of 0 or more", start_s)
+    if duration_s is not None and as_number("duration_s in seconds or None", duration_s) <= 0:
+        raise unexpected("a duration in seconds above 0", duration_s)
 
 
 def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | None = None) -> Song:
@@ -61,14 +89,7 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     ParameterError   `start_s` is negative or past the end, or `duration_s` is not positive
     """
     path = as_path("a song", path)
-    for name, value in (("start_s", start_s), ("duration_s", duration_s)):
-        may_lack = name == "duration_s" and value is None
-        if not (may_lack or isinstance(value, int | float | np.number)):
-            raise ParameterError(f"expected {name} in seconds, got {reprlib.repr(value)}")
-    if not (np.isfinite(start_s) and start_s >= 0):
-        raise ParameterError(f"expected a start in seconds of 0 or more, got {start_s:g}")
-    if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0):
-        raise ParameterError(f"expected a duration in seconds above 0, got {duration_s:g}")
+    check_span(start_s, duration_s)
     _check_is_file(path)
     mixed, levels = _decoded(path, start_s, duration_s, None)
     if levels.cancel:

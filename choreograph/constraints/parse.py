@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.config import is_number
+from choreograph.arguments import is_number
 from choreograph.constraints.spec import Ban, Keep, MotifPin, Pin, TakePin
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import atomic_path, check_target, read_json

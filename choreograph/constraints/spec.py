@@ -10,7 +10,7 @@ from types import UnionType
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.config import is_number
+from choreograph.arguments import is_number
 from choreograph.errors import ParameterError
 from choreograph.motifs.signatures import checked_signature
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from choreograph.errors import ParameterError
+from choreograph.arguments import unexpected
 from choreograph.exporters._base import Writer
 from choreograph.exporters.bvh import BvhOptions, BvhWriter
 from choreograph.exporters.fbx import FbxWriter
@@ -50,7 +50,7 @@ FORMATS = tuple(_WRITERS)
 def get_writer(format: str) -> Writer:
     """The writer, with its default options, of a format such as "bvh"; `ParameterError` if unknown."""
     if format.lower() not in _WRITERS:
-        raise ParameterError(f"unknown motion format {format!r}: expected one of {', '.join(_WRITERS)}")
+        raise unexpected(f"a motion format among {', '.join(_WRITERS)}", format)
     return _WRITERS[format.lower()]()
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from choreograph.errors import ParameterError
+from choreograph.arguments import as_number, check_choice, check_kind
 from choreograph.exporters._base import Writer
 from choreograph.exporters.naming import NAMES, renamed
 from choreograph.exporters.rest_pose import REST_POSES, with_rest_pose
@@ -22,7 +22,7 @@ _ORDERS = tuple("".join(axes) for axes in itertools.permutations("XYZ"))
 
 @dataclass(frozen=True)
 class BvhOptions:
-    """Options of a BVH file. Raises `ParameterError` for an invalid order, scale, naming or rest pose."""
+    """Options of a BVH file. Raises `ParameterError` for an invalid field."""
 
     units_per_m: float = 100.0  # centimetres, as most programs expect
     order: str = "ZXY"  # of the rotation channels
@@ -31,16 +31,12 @@ class BvhOptions:
     rest: str | None = None  # pose of the hierarchy: see `exporters.rest_pose`; None: the skeleton's own
 
     def __post_init__(self) -> None:
-        if self.order not in _ORDERS:
-            raise ParameterError(
-                f"unknown rotation order {self.order!r}: expected one of {', '.join(_ORDERS)}"
-            )
-        if not (np.isfinite(self.units_per_m) and self.units_per_m > 0):
-            raise ParameterError(f"expected a positive number of units per metre, got {self.units_per_m}")
-        if self.naming not in NAMES:
-            raise ParameterError(f"expected names among {', '.join(NAMES)}, got {self.naming!r}")
-        if self.rest not in (None, *REST_POSES):
-            raise ParameterError(f"expected a rest pose among {', '.join(REST_POSES)}, got {self.rest!r}")
+        check_choice("a rotation order", self.order, _ORDERS)
+        as_number("a positive number of units per metre", self.units_per_m, above=0.0)
+        check_choice("names", self.naming, NAMES)
+        check_kind("in_place", self.in_place, bool)
+        if self.rest is not None:
+            check_choice("a rest pose", self.rest, REST_POSES)
 
 
 class BvhWriter(Writer):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from choreograph.arguments import as_floats, as_number, check_kind, is_whole, unexpected
 from choreograph.errors import ParameterError
 from choreograph.frame_blocks import frame_blocks
 from choreograph.motion import rotations as rot
@@ -19,6 +20,7 @@ from choreograph.timebase import STORE_FPS, frame_times_s, seconds_to_frames
 LONGEST_S = 3600.0  # of a recording
 _SPLINE_FRAME_JOINTS = 1 << 17  # frames × joints interpolated at once: 90 s of a body at 60 fps
 MAX_FRAME_JOINTS = 1 << 24  # frames × joints of a recording: an hour at 60 fps of a body with fingers
+MAX_SAMPLED_FRAME_JOINTS = 1 << 26  # of a motion at another rate: 2 GB
 
 
 def check_length(n_frames: int, n_joints: int, fps: float) -> None:
@@ -40,7 +42,8 @@ def check_length(n_frames: int, n_joints: int, fps: float) -> None:
 class Motion:
     """Metres, Y up, right-handed, facing +Z at heading 0; quaternions `wxyz`, sign-continuous.
 
-    Raises `ParameterError` if shapes disagree, there is no frame, or a value is not finite.
+    Raises `ParameterError` if a field is of another type, shapes disagree, there is no frame, or a value is
+    not finite.
     """
 
     skeleton: Skeleton
@@ -49,20 +52,23 @@ class Motion:
     fps: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "root_pos_m", np.asarray(self.root_pos_m, np.float64))
-        object.__setattr__(self, "local_quat", np.asarray(self.local_quat, np.float64))
-        n_frames, n_joints = len(self.root_pos_m), self.skeleton.n_joints
-        if n_frames == 0:
-            raise ParameterError("a motion needs at least one frame")
-        if self.root_pos_m.shape != (n_frames, 3) or self.local_quat.shape != (n_frames, n_joints, 4):
+        check_kind("the skeleton of a motion", self.skeleton, Skeleton)
+        as_number("a frame rate above 0", self.fps, above=0.0)
+        object.__setattr__(self, "root_pos_m", as_floats("root positions", self.root_pos_m))
+        object.__setattr__(self, "local_quat", as_floats("rotations", self.local_quat))
+        shapes = self.root_pos_m.shape, self.local_quat.shape
+        n_frames, n_joints = self.root_pos_m.size // 3, self.skeleton.n_joints
+        if n_frames == 0 or shapes != ((n_frames, 3), (n_frames, n_joints, 4)):
             raise ParameterError(
-                f"expected root positions (T, 3) and rotations (T, {n_joints}, 4), got "
-                f"{self.root_pos_m.shape} and {self.local_quat.shape}"
+                f"expected root positions (T, 3) and rotations (T, {n_joints}, 4) of one frame or more, got "
+                f"{shapes[0]} and {shapes[1]}"
             )
-        if not (np.isfinite(self.fps) and self.fps > 0):
-            raise ParameterError(f"expected a positive frame rate, got {self.fps}")
-        if not (np.isfinite(self.root_pos_m).all() and np.isfinite(self.local_quat).all()):
-            raise ParameterError("a position or rotation is not finite")
+        for what, values in (("root positions", self.root_pos_m), ("rotations", self.local_quat)):
+            if not np.isfinite(values).all():
+                place = tuple(np.argwhere(~np.isfinite(values))[0].tolist())
+                raise ParameterError(
+                    f"expected finite {what}, got {values[place]} in frame {place[0]}: damaged data?"
+                )
 
     @property
     def n_frames(self) -> int:
@@ -79,21 +85,31 @@ class Motion:
         return forward(self.skeleton, self.root_pos_m, self.local_quat)[0]
 
     def sliced(self, start: int, stop: int) -> Motion:
-        """Frames start … stop - 1 as a motion."""
+        """Frames start … stop - 1 as a motion, as Python slices; `ParameterError` if that is none."""
+        if not (is_whole(start) and is_whole(stop)):
+            raise unexpected("the first frame and the one after the last as whole numbers", (start, stop))
+        if not range(self.n_frames)[start:stop]:
+            raise unexpected(f"a frame or more of {self.n_frames} from start to stop", (start, stop))
         return replace(self, root_pos_m=self.root_pos_m[start:stop], local_quat=self.local_quat[start:stop])
 
     def sampled(self, frames: NDArray[np.float64], *, fps: float | None = None) -> Motion:
-        """The poses at fractional `frames` (T',), rotations by slerp; clamped to the first and last frame."""
+        """The poses at fractional `frames` (T',), rotations by slerp; clamped to the first and last frame.
+
+        Raises `ParameterError` unless there is a frame or more, all are finite, and the rate is above 0.
+        """
+        frames, fps = _as_frames(frames), self.fps if fps is None else fps
         low, high, weight = frame_weights(frames, self.n_frames)  # (T',) each
         root = interpolate_frames(self.root_pos_m, frames)
         quat = rot.slerp(self.local_quat[low], self.local_quat[high], weight[:, None])  # (T', J, 4)
-        return Motion(self.skeleton, root, rot.make_continuous(quat), fps or self.fps)
+        return Motion(self.skeleton, root, rot.make_continuous(quat), fps)
 
     def sampled_smooth(self, frames: NDArray[np.float64], *, fps: float | None = None) -> Motion:
         """The poses at fractional `frames` (T',) by cubic splines; clamped to the first and last frame.
 
         Slerp (`sampled`) has corners at the source frames, visible as jerk when 25 fps is played at 60.
+        Raises as `sampled` does.
         """
+        frames, fps = _as_frames(frames), self.fps if fps is None else fps
         if self.n_frames < 4:
             return self.sampled(frames, fps=fps)
         frames = np.clip(frames, 0, self.n_frames - 1)
@@ -104,19 +120,41 @@ class Motion:
         for joints in frame_blocks(self.skeleton.n_joints, at_once):
             quat[:, joints] = rot.normalize(CubicSpline(knots, continuous[:, joints])(frames))
         root_pos_m = CubicSpline(knots, self.root_pos_m)(frames)
-        return replace(self, root_pos_m=root_pos_m, local_quat=quat, fps=fps or self.fps)
+        return replace(self, root_pos_m=root_pos_m, local_quat=quat, fps=fps)
 
     def resampled(self, fps: float) -> Motion:
-        """The same motion at another rate, with the same first frame."""
+        """The same motion at another rate, with the same first frame.
+
+        Raises `ParameterError` unless the rate is above 0 and gives no more than `MAX_SAMPLED_FRAME_JOINTS`.
+        """
+        as_number("a frame rate above 0", fps, above=0.0)
         if fps == self.fps:
             return self
+        if self.duration_s * fps * self.skeleton.n_joints > MAX_SAMPLED_FRAME_JOINTS:
+            raise unexpected(
+                f"a frame rate that gives at most {MAX_SAMPLED_FRAME_JOINTS} frames × joints", fps
+            )
         n_frames = max(1, seconds_to_frames(self.duration_s, fps))
         return self.sampled(frame_times_s(n_frames, fps) * self.fps, fps=fps)
 
     def moved(self, *, yaw_rad: float = 0.0, shift_m: NDArray[np.floating] | None = None) -> Motion:
-        """Rotated about the world's vertical axis, then shifted by (3,) metres."""
-        rotation = rot.about_y(yaw_rad)
-        root = rot.rotate(rotation, self.root_pos_m) + (0.0 if shift_m is None else shift_m)
+        """Rotated about the world's vertical axis, then shifted by (3,) metres.
+
+        Raises `ParameterError` unless angle and shift are finite numbers.
+        """
+        rotation = rot.about_y(as_number("yaw_rad as a number", yaw_rad))
+        shift_m = np.zeros(3) if shift_m is None else as_floats("shift_m", shift_m)
+        if shift_m.shape != (3,) or not np.isfinite(shift_m).all():
+            raise unexpected("shift_m as three finite numbers", shift_m)
+        root = rot.rotate(rotation, self.root_pos_m) + shift_m
         quat = np.array(self.local_quat)
         quat[:, 0] = rot.multiply(rotation, quat[:, 0])
         return replace(self, root_pos_m=root, local_quat=rot.make_continuous(quat))
+
+
+def _as_frames(frames: object) -> NDArray[np.float64]:
+    """Fractional frames (T',) to sample; `ParameterError` unless there are some, and all are finite."""
+    array = as_floats("frames", frames)
+    if array.ndim != 1 or not array.size or not np.isfinite(array).all():
+        raise unexpected("one finite frame or more (T',)", frames)
+    return array

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.arguments import (
+    as_floats,
+    as_number,
+    as_texts,
+    as_whole_numbers,
+    check_kind,
+    unexpected,
+)
 from choreograph.errors import ParameterError
 
 CANONICAL_JOINTS = (
@@ -39,8 +48,8 @@ MAX_JOINTS = 4096  # a face and hands in detail have some hundreds
 class Skeleton:
     """A joint hierarchy with its rest pose (all rest rotations are the identity).
 
-    Raises `ParameterError` if shapes disagree, a parent does not come before its child, names
-    repeat, an offset is not finite, or there are over 4096 joints.
+    Raises `ParameterError` if a field is of another type, shapes disagree, a parent does not come before its
+    child, names repeat, an offset is not finite, or there are over 4096 joints.
     """
 
     names: tuple[str, ...]  # (J,)
@@ -51,11 +60,13 @@ class Skeleton:
     tips_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))  # (E, 3)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "names", as_texts("names of joints", self.names))
+        object.__setattr__(self, "parents", as_whole_numbers("parents of joints", self.parents))
+        object.__setattr__(self, "offsets_m", as_floats("offsets of joints", self.offsets_m))
+        object.__setattr__(self, "tip_parents", as_whole_numbers("joints of end sites", self.tip_parents))
+        tips_m = as_floats("offsets of end sites", self.tips_m)
+        object.__setattr__(self, "tips_m", tips_m if tips_m.size % 3 else tips_m.reshape(-1, 3))
         n = len(self.names)
-        object.__setattr__(self, "parents", np.asarray(self.parents, np.int64))
-        object.__setattr__(self, "offsets_m", np.asarray(self.offsets_m, np.float64))
-        object.__setattr__(self, "tip_parents", np.asarray(self.tip_parents, np.int64))
-        object.__setattr__(self, "tips_m", np.asarray(self.tips_m, np.float64).reshape(-1, 3))
         if n == 0 or self.parents.shape != (n,) or self.offsets_m.shape != (n, 3):
             raise ParameterError(
                 f"expected parents ({n},) and offsets ({n}, 3) for {n} joints, got "
@@ -63,18 +74,28 @@ class Skeleton:
             )
         if n > MAX_JOINTS:
             raise ParameterError(f"expected a skeleton of at most {MAX_JOINTS} joints, got {n}")
-        n_tips = len(self.tip_parents)
-        if self.tips_m.shape != (n_tips, 3) or ((self.tip_parents < 0) | (self.tip_parents >= n)).any():
+        n_tips = self.tip_parents.size
+        if (self.tip_parents.shape, self.tips_m.shape) != ((n_tips,), (n_tips, 3)) or (
+            (self.tip_parents < 0) | (self.tip_parents >= n)
+        ).any():
             raise ParameterError(
-                f"expected end sites with an offset and a joint of {n}, got {n_tips} joints and "
-                f"{len(self.tips_m)} offsets"
+                f"expected end sites with an offset and a joint of {n}, got joints "
+                f"{reprlib.repr(self.tip_parents.tolist())} and offsets {self.tips_m.shape}"
             )
         if len(set(self.names)) != n:
-            raise ParameterError("joint names repeat: each joint needs a unique name")
-        if self.parents[0] != -1 or any(not 0 <= p < i for i, p in enumerate(self.parents) if i):
-            raise ParameterError("expected the root first and every parent before its children")
-        if not np.isfinite(self.offsets_m).all() or not np.isfinite(self.tips_m).all():
-            raise ParameterError("a bone offset is not finite")
+            twice = next(name for name in self.names if self.names.count(name) > 1)
+            raise unexpected("joints with a name each", twice, "more than one has it")
+        misplaced = [i for i, p in enumerate(self.parents) if (not 0 <= p < i if i else p != -1)]
+        if misplaced:
+            joint = misplaced[0]
+            raise ParameterError(
+                f"expected the root first, with parent -1, and every parent before its children, got parent "
+                f"{self.parents[joint]} of joint {joint}"
+            )
+        for what, offsets_m in (("joints", self.offsets_m), ("end sites", self.tips_m)):
+            if not np.isfinite(offsets_m).all():
+                got = offsets_m[~np.isfinite(offsets_m).all(axis=1)][0].tolist()
+                raise unexpected(f"finite offsets of {what} in metres", got)
 
     @property
     def n_joints(self) -> int:
@@ -83,12 +104,17 @@ class Skeleton:
 
     def index(self, name: str) -> int:
         """Index of a joint; `ParameterError` if the name is unknown."""
-        if name not in self.names:
-            raise ParameterError(f"no joint {name!r} in the skeleton, which has {', '.join(self.names)}")
+        if not isinstance(name, str) or name not in self.names:
+            raise unexpected(f"a joint among {', '.join(self.names)}", name)
         return self.names.index(name)
 
     def same_as(self, other: Skeleton, *, tolerance_m: float = _SAME_M) -> bool:
-        """Whether joints, hierarchy and bone offsets agree (the root's rest position may differ)."""
+        """Whether joints, hierarchy and bone offsets agree (the root's rest position may differ).
+
+        Raises `ParameterError` for anything but a skeleton, and a tolerance that is no number.
+        """
+        check_kind("the other skeleton", other, Skeleton)
+        as_number("tolerance_m as a number", tolerance_m)
         return (
             self.names == other.names
             and np.array_equal(self.parents, other.parents)
@@ -98,8 +124,10 @@ class Skeleton:
     def order_of(self, other: Skeleton) -> NDArray[np.int64] | None:
         """For each joint of `other`, this skeleton's joint of its name, (J,), if they differ in order alone.
 
-        None if joints, hierarchy or bone offsets disagree (the root's rest position may differ).
+        None if joints, hierarchy or bone offsets disagree (the root's rest position may differ). Raises
+        `ParameterError` for anything but a skeleton.
         """
+        check_kind("the other skeleton", other, Skeleton)
         if set(self.names) != set(other.names):
             return None
         order = np.array([self.names.index(name) for name in other.names])

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import reprlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from choreograph.audio.song import Song, load_song
-from choreograph.config import DanceConfig, is_number
+from choreograph.config import DanceConfig
 from choreograph.errors import ParameterError
 from choreograph.graph import Cost
 from choreograph.repertoire import Repertoire
@@ -66,15 +65,3 @@ def as_weights(weights: object) -> dict[str, Any]:
             f"expected weights as a mapping of cost name to number, got {reprlib.repr(weights)}"
         )
     return dict(weights)
-
-
-def check_span(start_s: Any, duration_s: Any) -> None:
-    """Raise `ParameterError` unless the part of the song is given in seconds, and there is one."""
-    if not is_number(start_s):
-        raise ParameterError(f"expected start_s in seconds, got {reprlib.repr(start_s)}")
-    if duration_s is not None and not (is_number(duration_s) or duration_s == math.inf):
-        raise ParameterError(f"expected duration_s in seconds or None, got {reprlib.repr(duration_s)}")
-    if float(start_s) < 0:
-        raise ParameterError(f"expected a start in seconds of 0 or more, got {start_s:g}")
-    if duration_s is not None and float(duration_s) <= 0:
-        raise ParameterError(f"expected a duration in seconds above 0, got {duration_s:g}")

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.audio.song import Song
+from choreograph.audio.song import Song, check_span
 from choreograph.blending.looping import Loop, looped
 from choreograph.blending.rendering import render
 from choreograph.characters import GltfCharacter, read_character
@@ -37,7 +37,6 @@ from choreograph.pipeline.arguments import (
     as_repertoire,
     as_song,
     as_weights,
-    check_span,
 )
 from choreograph.pipeline.keeping import ExistingDance, fill, read_existing
 from choreograph.pipeline.saving import SavedParts, is_motion_file, save_dance

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
@@ -12,8 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.arguments import as_index, as_number, check_kind, check_text
 from choreograph.counts import NO_COUNTS, Counts, Figure
 from choreograph.errors import ParameterError, RepertoireError
+from choreograph.files import as_path
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
@@ -39,6 +40,7 @@ class Repertoire:
     """Everything that `dance` needs besides the song. Open with `Repertoire.open`; arrays load on demand."""
 
     def __init__(self, file: RepertoireFile) -> None:
+        check_kind("the file of a repertoire", file, RepertoireFile, "`Repertoire.open` opens a path")
         self._file = file
 
     @classmethod
@@ -48,9 +50,7 @@ class Repertoire:
         Raises `RepertoireError` if it is missing, damaged or of another version, `ParameterError` if `path`
         is not a path.
         """
-        if not isinstance(path, str | os.PathLike):
-            raise ParameterError(f"expected the path of a repertoire file, got {path!r}")
-        return cls(RepertoireFile(Path(path)))
+        return cls(RepertoireFile(as_path("a repertoire file", path)))
 
     def __repr__(self) -> str:
         return f"<Repertoire {self._summary()}>"
@@ -106,6 +106,7 @@ class Repertoire:
 
     def net(self, name: str) -> NetArrays:
         """A network's config and weights; `RepertoireError` if there is none with that name."""
+        check_text("the name of a network", name)
         return self._file.read_net(name)
 
     @property
@@ -223,14 +224,21 @@ class Repertoire:
 
     def take_index(self, name: str) -> int:
         """Index of a take by name; `RepertoireError` if there is none."""
+        check_text("the name of a take", name)
         names = [take.name for take in self.takes]
         if name not in names:
             raise RepertoireError(f"{self.path}: expected one of {len(names)} takes, got {name!r}")
         return names.index(name)
 
     def motion(self, take: int, start_s: float = 0.0, stop_s: float | None = None) -> tuple[Motion, float]:
-        """A take's stored motion around [start_s, stop_s], and the time of its first frame."""
-        info = self.takes[take]
+        """A take's stored motion around [start_s, stop_s], and the time of its first frame.
+
+        Raises `ParameterError`, as all methods that take the index of a take or a clip, for one that there is
+        not, and for times that are no numbers.
+        """
+        info = self.takes[self._take(take)]
+        start_s = as_number("start_s in seconds", start_s)
+        stop_s = None if stop_s is None else as_number("stop_s in seconds or None", stop_s)
         n_frames = info.motion[1] - info.motion[0]
         first = int(np.clip(np.floor(start_s * info.fps), 0, n_frames - 1))
         last = (
@@ -241,13 +249,19 @@ class Repertoire:
         quat = rot.normalize(self._file.read("motion/local_quat", part).astype(np.float64))
         return Motion(self.skeleton, root, quat, info.fps), first / info.fps
 
+    def _take(self, take: int) -> int:
+        return as_index("a take", take, len(self.takes))
+
+    def _clip(self, clip: int) -> int:
+        return as_index("a clip", clip, self.n_clips)
+
     def body_pos_m(self, take: int) -> NDArray[np.float32]:
         """A take's 21 joints at 20 fps, (T, 21, 3)."""
-        return self.clip_motion.body_pos_m(take)
+        return self.clip_motion.body_pos_m(self._take(take))
 
     def motion_beats_s(self, take: int) -> NDArray[np.float64]:
         """A take's motion beats in seconds from its first frame, (Q,)."""
-        start, stop = self.takes[take].beats
+        start, stop = self.takes[self._take(take)].beats
         return self._beats_s[start:stop]
 
     @cached_property
@@ -260,7 +274,7 @@ class Repertoire:
 
     def counts(self, take: int) -> Counts:
         """A take's counts, in seconds from its first frame; `NO_COUNTS` if they are not known."""
-        return self._counts[take]
+        return self._counts[self._take(take)]
 
     @cached_property
     def _figures(self) -> dict[int, tuple[Figure, ...]]:
@@ -268,14 +282,15 @@ class Repertoire:
 
     def figures(self, take: int) -> tuple[Figure, ...]:
         """A take's figures in order; none if they are not known."""
-        return self._figures.get(take, ())
+        return self._figures.get(self._take(take), ())
 
     def clip_start_s(self, clip: int) -> float:
         """Start of a clip in its take, in seconds."""
-        return float(frames_to_seconds(self.clip_start_frame[clip], NET_FPS))
+        return float(frames_to_seconds(self.clip_start_frame[self._clip(clip)], NET_FPS))
 
     def clip_motion_beats(self, clip: int) -> NDArray[np.float64]:
         """Motion beats inside a clip, in its frames at 20 fps."""
+        clip = self._clip(clip)
         beats = self.motion_beats_s(int(self.clip_take[clip])) * NET_FPS - self.clip_start_frame[clip]
         return beats[(beats >= 0) & (beats < CLIP_FRAMES)]
 
