@@ -9,7 +9,8 @@ import math
 import reprlib
 import sys
 from collections.abc import Collection, Iterable, Mapping
-from typing import Any
+from types import UnionType
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and -limit <= value <= limit
 
 
-def is_whole(value: Any) -> bool:
+def is_whole(value: Any) -> TypeGuard[int | np.integer]:
     """Whether a value is a whole number, Python's or numpy's; True and False are not."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
@@ -97,15 +98,27 @@ def _as_array(what: str, values: Any) -> NDArray:
     return array
 
 
-def as_list(what: str, values: Any) -> tuple[Any, ...]:
-    """Values as a tuple; `ParameterError` for anything but a collection: text is none, nor is a mapping."""
+def as_list(what: str, values: Any, kinds: str, types: type | UnionType) -> tuple[Any, ...]:
+    """Values of `types`, in words `kinds`, as a tuple; `ParameterError` unless all are, in a collection.
+
+    Text is no collection here, and True no number.
+    """
     if isinstance(values, str | bytes | Mapping) or not isinstance(values, Iterable):
-        raise unexpected(f"{what} as a list", values)
-    return tuple(values)
+        raise unexpected(f"{what} as a list of {kinds}", values)
+    listed = tuple(values)
+    for value in listed:
+        if isinstance(value, bool) or not isinstance(value, types):
+            likely = "a class instead of an instance?" if isinstance(value, type) else ""
+            raise unexpected(f"{what} as {kinds}", value, likely)
+    return listed
 
 
 def as_texts(what: str, values: Any) -> tuple[str, ...]:
     """Texts as a tuple; `ParameterError` unless they are a list of them: one text alone is none."""
-    texts = as_list(what, values)
-    check_text(what, *texts)
-    return texts
+    return as_list(what, values, "texts", str)
+
+
+def check_function(what: str, value: object) -> None:
+    """Raise `ParameterError` unless a value is None or can be called."""
+    if not (value is None or callable(value)):
+        raise unexpected(f"a function as {what}", value)

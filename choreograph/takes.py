@@ -52,9 +52,7 @@ class Take:
         if self.song_path is not None:
             as_path("the song of a take", self.song_path)
         as_number("song_start_s of a take in seconds", self.song_start_s)
-        for path in as_list("the source_paths of a take", self.source_paths):
-            as_path("a source of a take", path)
+        as_list("the source_paths of a take", self.source_paths, "paths", str | Path)
         object.__setattr__(self, "notes", as_texts("notes on a take", self.notes))
         check_kind("the counts of a take", self.counts, Counts)
-        for figure in as_list("the figures of a take", self.figures):
-            check_kind("a figure of a take", figure, Figure)
+        as_list("the figures of a take", self.figures, "Figure", Figure)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Sequence
 
 import numpy as np
 
+from choreograph.arguments import check_function, unexpected
 from choreograph.blending.assembly import assemble
 from choreograph.blending.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.blending.held_ends import hold_ends
@@ -38,11 +38,10 @@ def render(plan: Plan, repertoire: Repertoire, *, report: StepReport | None = No
     kept of another dance.
     """
     if not isinstance(plan, Plan):
-        raise ParameterError(f"expected a Plan, got {reprlib.repr(plan)}: `Plan.read` reads a file")
+        raise unexpected("a Plan", plan, "`Plan.read` reads a file")
     if not isinstance(repertoire, Repertoire):
-        raise ParameterError(
-            f"expected a Repertoire, got {reprlib.repr(repertoire)}: `Repertoire.open` opens one"
-        )
+        raise unexpected("a Repertoire", repertoire, "`Repertoire.open` opens one")
+    check_function("report", report)
     kept = next((word.kept for word in plan.words if word.kept), None)
     if kept is not None:
         raise ParameterError(f"the plan holds no motion of {kept}, which it keeps parts of: dance it again")

@@ -63,10 +63,13 @@ def build_repertoire(
     Raises
     ------
     ChoreographError another process builds `output`
-    ParameterError   no take is left, two takes share a name, an unknown preset
+    ParameterError   no take is left, two takes share a name, there is no such device
     FormatError      a source is damaged
     """
+    from choreograph.nets.training import select_device
+
     options = options or BuildOptions()
+    select_device(options.device)
     output = check_target(output)
     work = output.with_name(output.name + ".build")
     with locked_folder(work, doing=f"builds {output.name}"):

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from choreograph.errors import ParameterError
-from choreograph.song_counts import DEFAULT_BEATS, TRACKER_NAMES, names_a_tracker
+from choreograph.arguments import as_texts, check_choice, check_kind, check_text, is_whole, unexpected
+from choreograph.files import as_path
+from choreograph.nets.density.config import density_config
+from choreograph.nets.presets import DEVICES, PRESET_NAMES, config_from_preset
+from choreograph.nets.style.config import style_config
+from choreograph.pretrained.library import CHOICES
+from choreograph.song_counts import DEFAULT_BEATS, TRACKER_NAMES
 
 DENSITIES = ("analytic", "learned")
 
 
 @dataclass(frozen=True)
 class BuildOptions:
-    """Settings of a build; see `choreograph build-db --help`."""
+    """Settings of a build; see `choreograph build-db --help`.
+
+    Raises `ParameterError` for an unknown choice, or a field of another type.
+    """
 
     preset: str = "small"  # size and training length of the networks: tiny, small, paper
     density: str = "analytic"  # which tempo-density clips carry: analytic, or "learned" by two more networks
@@ -42,9 +50,22 @@ class BuildOptions:
     method: str = "ours"  # what the file says of how it was built: see `choreograph.published`
 
     def __post_init__(self) -> None:
-        if not names_a_tracker(self.beats):
-            raise ParameterError(f"expected beats among {', '.join(TRACKER_NAMES)}, got {self.beats!r}")
-        if self.density not in DENSITIES:
-            raise ParameterError(
-                f"expected a tempo-density among {', '.join(DENSITIES)}, got {self.density!r}"
-            )
+        check_choice("a preset", self.preset, PRESET_NAMES)
+        check_choice("a tempo-density", self.density, DENSITIES)
+        check_choice("a device", self.device, DEVICES)
+        check_choice("beats", self.beats, TRACKER_NAMES)
+        check_choice("pretrained", self.pretrained, CHOICES)
+        check_text("the method", self.method)
+        if not is_whole(self.seed) or self.seed < 0:
+            raise unexpected("a seed of 0 or more", self.seed)
+        if self.init_from is not None:
+            as_path("a repertoire to start from", self.init_from)
+        as_texts("leave_out", self.leave_out)
+        for option in fields(self):
+            value = getattr(self, option.name)
+            if option.type == "bool":
+                check_kind(option.name, value, bool)
+            elif option.name.endswith("_changes") and not isinstance(value, Mapping):
+                raise unexpected(f"{option.name} of field to value", value)
+        for config, changes in ((style_config, self.style_changes), (density_config, self.density_changes)):
+            config_from_preset({self.preset: config(self.preset)}, self.preset, changes)

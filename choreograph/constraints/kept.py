@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -47,8 +46,6 @@ def kept_dance(
     shorter than 2 s, nothing is left to dance, or the motion is not as long as the dance.
     """
     for keep in keeps:
-        if not isinstance(keep, Keep):
-            raise ParameterError(f"expected keep as a list of Keep, got {reprlib.repr(keep)}")
         if not 0 <= keep.start_s < keep.end_s <= duration_s + _SLACK_S:
             raise ParameterError(
                 f"keep {keep}: expected a start before its end, and both within the dance of {duration_s:g} s"

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from types import UnionType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.arguments import is_number
+from choreograph.arguments import as_floats, as_list, check_text, is_number, is_whole, unexpected
 from choreograph.errors import ParameterError
 from choreograph.motifs.signatures import checked_signature
 
@@ -69,10 +67,8 @@ class Ban:
     motif: int | None = None
 
     def __post_init__(self) -> None:
-        if [self.take, self.genre, self.motif].count(None) != 2:
-            raise ParameterError(
-                f"expected a ban of one take, genre or motif, got {reprlib.repr(vars(self))}"
-            )
+        if sum(value is not None for value in vars(self).values()) != 1:
+            raise unexpected("a ban of one take, genre or motif", vars(self))
         if self.motif is not None:
             _check_motif(self)
         _check_names(self, *(name for name in ("take", "genre") if getattr(self, name) is not None))
@@ -85,24 +81,20 @@ class Ban:
 def _check_times(constraint: object, *names: str) -> None:
     for name in names:
         if not is_number(getattr(constraint, name)):
-            given = reprlib.repr(getattr(constraint, name))
-            raise ParameterError(f"expected {name} of a {type(constraint).__name__} in seconds, got {given}")
+            raise unexpected(f"{name} of a {type(constraint).__name__} in seconds", getattr(constraint, name))
 
 
 def _check_names(constraint: object, *names: str) -> None:
     for name in names:
         if not isinstance(getattr(constraint, name), str):
-            given = reprlib.repr(getattr(constraint, name))
-            raise ParameterError(f"expected the {name} of a {type(constraint).__name__} by name, got {given}")
+            what = f"the {name} of a {type(constraint).__name__} by name"
+            raise unexpected(what, getattr(constraint, name))
 
 
 def _check_motif(constraint: MotifPin | Ban) -> None:
     motif = constraint.motif
-    if isinstance(motif, bool) or not isinstance(motif, int | np.integer) or motif < 0:
-        raise ParameterError(
-            f"expected the motif of a {type(constraint).__name__} as a number of 0 or more, got "
-            f"{reprlib.repr(motif)}"
-        )
+    if not is_whole(motif) or motif < 0:
+        raise unexpected(f"the motif of a {type(constraint).__name__} as a number of 0 or more", motif)
 
 
 Pin = MotifPin | TakePin
@@ -146,11 +138,11 @@ def make_constraints(
 
     Raises `ParameterError` for an argument of another type, or a signature that does not sum to 1.
     """
-    if genre is not None and not isinstance(genre, str):
-        raise ParameterError(f"expected a genre as text, got {reprlib.repr(genre)}")
-    pins = _several("pins", pins, "MotifPin or TakePin", MotifPin | TakePin)
-    bans = _several("bans", bans, "Ban", Ban)
-    motifs = _several("motifs", motifs, "whole numbers or MotifPin", int | np.integer | MotifPin)
+    if genre is not None:
+        check_text("a genre", genre)
+    pins = as_list("pins", pins, "MotifPin or TakePin", MotifPin | TakePin)
+    bans = as_list("bans", bans, "Ban", Ban)
+    motifs = as_list("motifs", motifs, "whole numbers or MotifPin", int | np.integer | MotifPin)
     timed = [motif for motif in motifs if isinstance(motif, MotifPin)]
     untimed = [motif for motif in motifs if not isinstance(motif, MotifPin)]
     if timed and untimed:
@@ -160,24 +152,8 @@ def make_constraints(
     )
 
 
-def _several(name: str, given: object, kinds: str, types: type | UnionType) -> tuple:
-    """`given` as a tuple; `ParameterError` unless it is a collection of values of `types`."""
-    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
-        raise ParameterError(f"expected {name} as a list of {kinds}, got {reprlib.repr(given)}")
-    values = tuple(given)
-    for value in values:
-        if isinstance(value, bool) or not isinstance(value, types):
-            raise ParameterError(f"expected {name} as {kinds}, got {reprlib.repr(value)}")
-    return values
-
-
 def _shares(signature: object) -> tuple[float, ...] | None:
     if signature is None:
         return None
-    try:
-        shares = np.asarray(signature, np.float64)
-    except (TypeError, ValueError):
-        raise ParameterError(
-            f"expected a signature as a list of shares, got {reprlib.repr(signature)}"
-        ) from None
+    shares = as_floats("a signature as a list of shares", signature)
     return tuple(checked_signature(shares, max(1, shares.size)).tolist())

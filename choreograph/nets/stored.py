@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -13,10 +12,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from choreograph.errors import ParameterError
+from choreograph.nets.presets import check_fields
 
 _BATCH_SIZE = 128  # at inference
-_MAX_ITEMS = 16  # of a field of several values
-_MAX_SIZE = 1e9  # of a number in a configuration
 
 
 class StoredNet(nn.Module):
@@ -42,14 +40,7 @@ class StoredNet(nn.Module):
             **cls.added_fields,
             **{cls.renamed_fields.get(key, key): value for key, value in config.items()},
         }
-        unknown = set(values) - {field.name for field in fields(cls.config_class)}
-        if unknown:
-            raise ParameterError(
-                f"expected fields of {cls.config_class.__name__}, got {', '.join(sorted(unknown))}"
-            )
-        # JSON has lists where the configuration has tuples.
-        values = {key: tuple(v) if isinstance(v, list) else v for key, v in values.items()}
-        _check_kinds(cls.config_class, values)
+        values = check_fields(cls.config_class, values)
         config = cls.config_class(**values)
         mismatch = ParameterError(
             f"expected weights of the {cls.__name__} configured, got others: the file mixes versions"
@@ -71,23 +62,3 @@ class StoredNet(nn.Module):
         with torch.no_grad():
             parts = [infer(slice(i, i + _BATCH_SIZE)).numpy() for i in range(0, n, _BATCH_SIZE)]
         return np.concatenate(parts) if parts else np.zeros((0, *row_shape), np.float32)
-
-
-def _check_kinds(config_class: type, values: Mapping[str, Any]) -> None:
-    """`ParameterError` unless each value is of the kind of its field's default, and finite."""
-    for field in fields(config_class):
-        if field.name in values and not _is_like(values[field.name], field.default):
-            got = reprlib.repr(values[field.name])
-            raise ParameterError(
-                f"expected {field.name} of {config_class.__name__} as {field.default!r} is, got {got}"
-            )
-
-
-def _is_like(value: Any, default: Any) -> bool:
-    if isinstance(default, tuple):
-        is_short = isinstance(value, tuple) and 0 < len(value) <= _MAX_ITEMS
-        return is_short and all(_is_like(item, default[0]) for item in value)
-    if isinstance(default, bool | str):
-        return type(value) is type(default)
-    kinds = int | float if isinstance(default, float) else int
-    return isinstance(value, kinds) and not isinstance(value, bool) and abs(value) <= _MAX_SIZE

@@ -29,10 +29,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from choreograph.arguments import check_choice
 from choreograph.errors import ChoreographError, ParameterError
 from choreograph.files import atomic_path, writing
+from choreograph.nets.presets import DEVICES
 
-DEVICES = ("auto", "cpu", "cuda")
 CHECKPOINT_EVERY_S = 30.0
 LOG_LINES = 200  # of a run, about, however long it is
 _SEED_STRIDE = 0x9E3779B9  # spreads seed and step over torch's seeds
@@ -138,8 +139,7 @@ def steps_of_epochs(epochs: int, n_examples: float, batch_size: int) -> int:
 
 def select_device(device: str) -> torch.device:
     """The torch device of `auto` (a GPU if there is one), `cpu` or `cuda`."""
-    if device not in DEVICES:
-        raise ParameterError(f"expected a device among {', '.join(DEVICES)}, got {device!r}")
+    check_choice("a device", device, DEVICES)
     if device == "cuda" and not torch.cuda.is_available():
         raise ParameterError("expected a CUDA device, found none: use --device cpu or auto")
     return torch.device(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import reprlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from choreograph.arguments import as_list, unexpected
 from choreograph.audio.song import Song, load_song
 from choreograph.config import DanceConfig
-from choreograph.errors import ParameterError
 from choreograph.graph import Cost
 from choreograph.repertoire import Repertoire
 from choreograph.starter.library import starter_repertoire
@@ -20,7 +19,7 @@ def as_song(what: str, song: object, *, start_s: float = 0.0, duration_s: float 
     if isinstance(song, Song):
         return song
     if not isinstance(song, str | Path):
-        raise ParameterError(f"expected {what} as a path or a Song, got {reprlib.repr(song)}")
+        raise unexpected(f"{what} as a path or a Song", song)
     return load_song(song, start_s=start_s, duration_s=duration_s)
 
 
@@ -31,7 +30,7 @@ def as_repertoire(repertoire: object) -> Repertoire:
     if isinstance(repertoire, Repertoire):
         return repertoire
     if not isinstance(repertoire, str | Path):
-        raise ParameterError(f"expected a repertoire or its path, got {reprlib.repr(repertoire)}")
+        raise unexpected("a repertoire or its path", repertoire)
     return Repertoire.open(repertoire)
 
 
@@ -40,28 +39,17 @@ def as_config(config: object) -> DanceConfig:
     if config is None:
         return DanceConfig()
     if not isinstance(config, DanceConfig):
-        raise ParameterError(f"expected a DanceConfig as config, got {reprlib.repr(config)}")
+        raise unexpected("a DanceConfig as config", config)
     return config
 
 
 def as_costs(costs: object) -> tuple[Cost, ...]:
     """Costs as a tuple; `ParameterError` unless they are instances of `Cost`."""
-    if not isinstance(costs, Iterable):
-        raise ParameterError(f"expected costs as a list of Cost, got {reprlib.repr(costs)}")
-    checked = tuple(costs)
-    for cost in checked:
-        if not isinstance(cost, Cost):
-            likely = ": a class instead of an instance?" if isinstance(cost, type) else ""
-            raise ParameterError(
-                f"expected costs that are instances of Cost, got {reprlib.repr(cost)}{likely}"
-            )
-    return checked
+    return as_list("costs", costs, "Cost", Cost)
 
 
 def as_weights(weights: object) -> dict[str, Any]:
     """Weights as a dictionary; `ParameterError` for anything but a mapping. Values: see `DanceConfig`."""
     if not isinstance(weights, Mapping):
-        raise ParameterError(
-            f"expected weights as a mapping of cost name to number, got {reprlib.repr(weights)}"
-        )
+        raise unexpected("weights as a mapping of cost name to number", weights)
     return dict(weights)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.arguments import as_list, check_function, unexpected
 from choreograph.audio.song import Song, check_span
 from choreograph.blending.looping import Loop, looped
 from choreograph.blending.rendering import render
@@ -94,7 +94,7 @@ class Dance:
             character = read_character(character)
         for what, given, kind in (("a character", character, GltfCharacter), ("bvh", bvh, BvhOptions)):
             if not (given is None or isinstance(given, kind)):
-                raise ParameterError(f"expected {what} as {kind.__name__}, got {reprlib.repr(given)}")
+                raise unexpected(f"{what} as {kind.__name__}", given)
         motion = self.loop.motion if loop and is_motion_file(path) else self.motion
         parts = SavedParts(
             motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh
@@ -214,8 +214,8 @@ def dance(
     beside = {"costs": bool(costs), "style_song": style_song is not None}
     config = _configured(config, settings, weights, engine, requested, beside)
     check_span(start_s, duration_s)
-    if not (report is None or callable(report)):
-        raise ParameterError(f"expected a function as report, got {reprlib.repr(report)}")
+    check_function("report", report)
+    keep = as_list("keep", keep, "Keep", Keep)
     repertoire = as_repertoire(repertoire)
     if existing is None and keep:
         raise ParameterError("expected an existing dance beside the stretches to keep, got none")
@@ -225,7 +225,7 @@ def dance(
     ENGINES[config.engine].check(repertoire, config, requested, costs)
     loaded = as_song("a song", song, start_s=start_s, duration_s=duration_s)
     style = None if style_song is None else as_song("a style song", style_song)
-    kept = None if known is None else (known, tuple(keep))
+    kept = None if known is None else (known, keep)
     return _danced(loaded, repertoire, config, requested, costs, style, kept, start_s, report)
 
 
@@ -293,7 +293,7 @@ def _as_existing(existing: object, repertoire: Repertoire) -> ExistingDance:
     if isinstance(existing, Dance):
         return ExistingDance(existing.motion, existing.plan, existing.plan.song)
     if not isinstance(existing, str | Path):
-        raise ParameterError(f"expected an existing dance as a Dance or a path, got {reprlib.repr(existing)}")
+        raise unexpected("an existing dance as a Dance or a path", existing)
     return read_existing(existing, repertoire)
 
 
