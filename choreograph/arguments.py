@@ -42,7 +42,7 @@ def check_kind(what: str, value: object, kind: type, likely: str = "") -> None:
         raise unexpected(f"{what} as {_NAMES.get(kind, kind.__name__)}", value, likely)
 
 
-_NAMES: dict[type, str] = {str: "text", bool: "True or False"}
+_NAMES: dict[type, str] = {str: "text", bool: "True or False", np.ndarray: "an array"}
 
 
 def check_text(what: str, *values: object) -> None:
@@ -74,12 +74,12 @@ def as_index(what: str, value: Any, n: int) -> int:
 
 def as_floats(what: str, values: Any) -> NDArray[np.float64]:
     """Numbers as an array, one of float64 as it is; `ParameterError` for anything else."""
-    return _as_array(what, values).astype(np.float64, copy=False)
+    return as_array(what, values).astype(np.float64, copy=False)
 
 
 def as_whole_numbers(what: str, values: Any) -> NDArray[np.int64]:
     """Whole numbers as an array, one of int64 as it is; `ParameterError` for anything else."""
-    array = _as_array(what, values)
+    array = as_array(what, values)
     if array.dtype.kind == "f" and not (np.abs(array) < _EXACT).all():
         raise unexpected(f"{what} as whole numbers", values)
     whole = array.astype(np.int64, copy=False)
@@ -88,7 +88,8 @@ def as_whole_numbers(what: str, values: Any) -> NDArray[np.int64]:
     return whole
 
 
-def _as_array(what: str, values: Any) -> NDArray:
+def as_array(what: str, values: Any) -> NDArray:
+    """Numbers of any type as an array, one as it is; `ParameterError` for anything else."""
     try:
         array = np.asarray(values)
     except (TypeError, ValueError, RuntimeError):  # ragged lists; arrays of other libraries on other devices

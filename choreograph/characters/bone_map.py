@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from choreograph.arguments import check_choice, unexpected
 from choreograph.characters.structure import bones_by_structure, head_by_structure
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import atomic_path, read_json
@@ -33,8 +34,12 @@ def find_bones(
     """The bones of a rig by canonical name: hips, knees, ankles, shoulders, elbows and wrists at least.
 
     `human_bones` are those that a VRM file names itself, `bone_map` the names that the user gives to some.
-    Raises `ParameterError` if they cannot be found, or a name of the map is not a bone.
+    Raises `ParameterError` if they cannot be found, or a name of the map is not canonical or not a bone.
     """
+    if not isinstance(bone_map, Mapping | None):
+        raise unexpected("a map of bones as canonical name to the character's name", bone_map)
+    for role in bone_map or {}:
+        check_choice("a map of bones by names", role, CANONICAL_JOINTS)
     given = {role: _named(rig, name) for role, name in (bone_map or {}).items()}
     if set(REQUIRED) <= set(given):
         return trunk_roles(tuple(rig.parents.tolist()), given) | given
@@ -64,8 +69,8 @@ def write_bone_map(path: str | Path, rig: Rig, bones: Mapping[str, int]) -> None
 
 
 def _named(rig: Rig, name: str) -> int:
-    if name not in rig.names:
-        raise ParameterError(f"expected a bone of the character in the map, got {name!r}")
+    if not isinstance(name, str) or name not in rig.names:
+        raise unexpected("a bone of the character in the map", name)
     return rig.names.index(name)
 
 

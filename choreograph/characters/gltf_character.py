@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.arguments import check_kind, check_text
 from choreograph.characters.bone_map import find_bones
 from choreograph.characters.performance import Performance, perform
 from choreograph.errors import FormatError, ParameterError
@@ -38,6 +39,7 @@ class GltfCharacter:
 
         Raises `ParameterError` if the rig's body does not hang together below its pelvis.
         """
+        check_kind("a motion", motion, Motion)
         try:
             performance = perform(motion, self.rig, self.bones, self.skin)
         except ParameterError as error:
@@ -46,6 +48,8 @@ class GltfCharacter:
 
     def with_animation(self, performance: Performance, name: str) -> GltfDocument:
         """The document with the performance as its only animation, the one that players play."""
+        check_kind("a performance", performance, Performance)
+        check_text("the name of an animation", name)
         document = self.document.copy()
         document.json["animations"] = []
         times = document.accessor(

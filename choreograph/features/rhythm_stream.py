@@ -7,12 +7,12 @@ onsets are within 60 dB of. After the first loud bar the two agree.
 
 from __future__ import annotations
 
-import reprlib
 from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.arguments import as_array
 from choreograph.audio.song import SILENCE_PEAK
 from choreograph.errors import ParameterError
 from choreograph.features.frame_rhythm import FRAME_RHYTHM_FPS, WINDOW_FRAMES
@@ -53,9 +53,7 @@ class RhythmStream:
 
     def feed(self, samples: NDArray[np.floating]) -> None:
         """Add samples (S,), mono at 22.05 kHz; `ParameterError` unless they are finite, or after the end."""
-        if np.asarray(samples).dtype.kind not in "fiu":
-            raise ParameterError(f"expected samples (S,) as numbers, got {reprlib.repr(samples)}")
-        block = np.asarray(samples, np.float32)
+        block = as_array("samples (S,)", samples).astype(np.float32, copy=False)
         if self.has_ended:
             raise ParameterError("expected no more samples after the end of the music")
         if block.ndim != 1 or not np.isfinite(block).all():

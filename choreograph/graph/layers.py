@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.arguments import check_kind, unexpected
 from choreograph.timebase import NET_FPS, NODE_FRAMES, SEGMENT_S
 from choreograph.warping.segments import Segments
 
@@ -81,15 +82,25 @@ class Layer:
         return len(self.segment)
 
     def subset(self, nodes: Ints | NDArray[np.bool_]) -> Layer:
-        """The layer with only these nodes, by index or mask."""
-        arrays = {name: getattr(self, name)[nodes] for name in _ARRAYS}
+        """The layer with only these nodes, by index or mask; `ParameterError` for anything else."""
+        try:
+            if not isinstance(nodes, slice) and np.ndim(nodes) != 1:
+                raise IndexError
+            arrays = {name: getattr(self, name)[nodes] for name in _ARRAYS}
+        except (IndexError, ValueError):
+            n_nodes = self.n_nodes
+            raise unexpected(f"indices below {n_nodes} of nodes, or a mask ({n_nodes},)", nodes) from None
         return replace(self, **arrays)
 
     def with_motif_counts(self, counts_before: Ints) -> Layer:
         """The layer with `counts_before` (N, M) of the path to each node plus the node's own motifs.
 
-        Where a new goal begins, only its own.
+        Where a new goal begins, only its own. Raises `ParameterError` for anything but such counts.
         """
+        check_kind("motif counts", counts_before, np.ndarray)
+        shape = self.motif_counts.shape
+        if counts_before.shape != shape or counts_before.dtype.kind not in "iu":
+            raise unexpected(f"motif counts {shape} as whole numbers", counts_before)
         if counts_before.shape[1] == 0:
             return self
         counts = np.zeros_like(counts_before) if self.new_goal else counts_before.copy()
@@ -98,11 +109,22 @@ class Layer:
         return replace(self, motif_counts=counts)
 
     def with_recent_usage(self, recent_usage_s: Floats) -> Layer:
-        """The layer with the recent usage of each take, (takes,), looked up for its nodes."""
+        """The layer with the recent usage of each take, (takes,), looked up for its nodes.
+
+        Raises `ParameterError` for anything but an array of as many numbers or more.
+        """
+        check_kind("recent usage", recent_usage_s, np.ndarray)
+        n_takes = int(self.take.max(initial=-1)) + 1
+        if recent_usage_s.dtype.kind != "f" or recent_usage_s.ndim != 1 or len(recent_usage_s) < n_takes:
+            raise unexpected(f"recent usage in seconds of {n_takes} takes or more (takes,)", recent_usage_s)
         return replace(self, recent_usage_s=recent_usage_s[self.take])
 
     def successors_in(self, following: Layer) -> tuple[Ints, Ints]:
-        """Pairs (node here, node of `following`) that are consecutive in one warped segment or track."""
+        """Pairs (node here, node of `following`) that are consecutive in one warped segment or track.
+
+        Raises `ParameterError` for anything but a layer.
+        """
+        check_kind("the following layer", following, Layer)
         here = np.where(self.track >= 0, -2 - self.track, self.segment * SEGMENT_S + self.offset + 1)
         there = np.where(
             following.track >= 0, -2 - following.track, following.segment * SEGMENT_S + following.offset

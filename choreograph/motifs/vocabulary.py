@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.errors import ParameterError
+from choreograph.arguments import check_choice
 from choreograph.motifs.clustering import Motifs
 from choreograph.motifs.signatures import template, transition_matrix
 
@@ -41,8 +41,7 @@ class Vocabulary:
 
     def genre_index(self, genre: str) -> int:
         """Row of a genre; `ParameterError` for an unknown one, with the known genres."""
-        if genre not in self.genres:
-            raise ParameterError(f"expected a genre among {', '.join(self.genres)}, got {genre!r}")
+        check_choice("a genre", genre, self.genres)
         return self.genres.index(genre)
 
     def words_of_motif(self, motif: int) -> Indices:

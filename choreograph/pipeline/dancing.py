@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.arguments import as_list, check_function, unexpected
+from choreograph.arguments import as_list, as_texts, check_function, check_kind, unexpected
 from choreograph.audio.song import Song, check_span
 from choreograph.blending.looping import Loop, looped
 from choreograph.blending.rendering import render
@@ -26,6 +26,7 @@ from choreograph.engines import ENGINES, DanceRequest, check_settings, engine_na
 from choreograph.errors import ParameterError
 from choreograph.exporters import BvhOptions
 from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.files import as_path
 from choreograph.graph import Cost
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
@@ -50,13 +51,24 @@ from choreograph.timebase import STORE_FPS
 
 @dataclass(frozen=True, eq=False)
 class Dance:
-    """A finished dance: the motion, the plan that explains it, and notes on what was unusual."""
+    """A finished dance: the motion, the plan that explains it, and notes on what was unusual.
+
+    Raises `ParameterError` if a field is of another type.
+    """
 
     motion: Motion
     plan: Plan
     notes: tuple[str, ...] = ()  # one line each
     song_path: Path | None = None  # for the sound of pages and videos; None: they are silent
     unmet: tuple[str, ...] = ()  # what was asked for and is not danced, one line each; also in notes
+
+    def __post_init__(self) -> None:
+        check_kind("the motion of a dance", self.motion, Motion)
+        check_kind("the plan of a dance", self.plan, Plan)
+        if self.song_path is not None:
+            as_path("the song of a dance", self.song_path)
+        for name in ("notes", "unmet"):
+            object.__setattr__(self, name, as_texts(f"{name} of a dance", getattr(self, name)))
 
     @cached_property
     def motion_beats_s(self) -> NDArray[np.float64]:
@@ -90,6 +102,10 @@ class Dance:
         exist, a character whose bones cannot be found or that a page cannot show, or a loop without two bars,
         `FormatError` if the song or the character cannot be read.
         """
+        path = as_path("a file to write", path)
+        check_kind("click", click, bool)
+        check_kind("loop", loop, bool)
+        check_function("report", report)
         if isinstance(character, str | Path):
             character = read_character(character)
         for what, given, kind in (("a character", character, GltfCharacter), ("bvh", bvh, BvhOptions)):

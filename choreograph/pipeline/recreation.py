@@ -49,9 +49,10 @@ def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
 
 
 def signature_of(name: str, repertoire: Repertoire) -> NDArray[np.float64]:
-    """The signature (K,) of a genre, or of a take as `motifs_of` finds it."""
+    """The signature (K,) of a genre, or of a take as `motifs_of` finds it; raises as it does."""
     repertoire = as_repertoire(repertoire)
     vocabulary = repertoire.vocabulary
+    as_path("a take, or the name of one or of a genre", name)
     if name in vocabulary.genres:
         return vocabulary.signatures[vocabulary.genre_index(name)]
     return signature(np.array(motifs_of(name, repertoire)), vocabulary.n_motifs)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.arguments import is_whole, unexpected
 from choreograph.audio.song import Song
 from choreograph.config import DanceConfig
 from choreograph.constraints.likely_genre import genre_note, likely_genre
 from choreograph.constraints.spec import make_constraints
 from choreograph.counts import Counts
 from choreograph.engines.rollout import lead_in
-from choreograph.errors import ParameterError
 from choreograph.features.count_phase import count_phase
 from choreograph.features.rhythm_stream import RhythmStream
 from choreograph.motifs.vocabulary import ALL_GENRES
@@ -133,11 +132,9 @@ class RolloutStream:
         A later request replaces what is left of this one. Frames up to 0.17 s ahead are decided already.
         Raises `ParameterError` for an unknown motif, or for fewer words than one or more than 10,000.
         """
-        if isinstance(n_words, bool) or not isinstance(n_words, int) or not 1 <= n_words <= _MOST_WORDS:
-            raise ParameterError(
-                f"expected a motif for 1 to {_MOST_WORDS} words, got {reprlib.repr(n_words)}"
-            )
-        self._motifs.request(motif, n_words)
+        if not is_whole(n_words) or not 1 <= n_words <= _MOST_WORDS:
+            raise unexpected(f"a motif for 1 to {_MOST_WORDS} words", n_words)
+        self._motifs.request(motif, int(n_words))
 
     def feed(self, samples: NDArray[np.floating]) -> None:
         """Add sound (S,), mono at 22.05 kHz, that follows what was fed before.

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.arguments import as_index
 from choreograph.counts import Counts
 from choreograph.motifs.bar_positions import UNKNOWN, bar_positions, possible_motifs, word_positions
 from choreograph.motifs.choreography import draw_next_motif
 from choreograph.motifs.goals import motif_goal
-from choreograph.motifs.signatures import checked_sequence
 from choreograph.motifs.words import DEFAULT_WORD_S, dance_bounds_s
 from choreograph.repertoire import Repertoire
 
@@ -64,8 +64,7 @@ class MotifStream:
 
     def request(self, motif: int, n_words: int) -> None:
         """Dance a motif in the next words to begin, in place of what was requested for them."""
-        checked_sequence(np.array([motif]), self._vocabulary.n_motifs)
-        self._requested = [int(motif)] * n_words
+        self._requested = [as_index("a motif", motif, self._vocabulary.n_motifs)] * n_words
 
     def begin_word(self) -> StreamedWord:
         """The next word, with its motif requested or drawn."""

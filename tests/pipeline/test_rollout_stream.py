@@ -116,7 +116,7 @@ def test_what_cannot_be_streamed_is_refused_in_one_line(rolling, counts, tmp_pat
         cg.RolloutStream(5, rolling)
     stream = cg.RolloutStream(counts, rolling)
     for motif in (-1, rolling.vocabulary.n_motifs):
-        with pytest.raises(cg.ParameterError, match="expected motifs 0 to"):
+        with pytest.raises(cg.ParameterError, match="expected a motif as a whole number from 0 to"):
             stream.request(motif)
     with pytest.raises(cg.ParameterError, match="1 to 10000 words"):
         stream.request(0, n_words=0)
