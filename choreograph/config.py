@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -112,9 +113,10 @@ def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfi
     known = [f.name for f in fields(DanceConfig)]
     unknown = sorted(set(data) - set(known))
     if unknown:
-        raise ParameterError(f"{path}: unknown key {unknown[0]!r}; known are {', '.join(known)}")
+        raise ParameterError(f"{path}: expected keys among {', '.join(known)}, got {unknown[0]!r}")
     if not isinstance(data.get("weights", {}), dict):
-        raise ParameterError(f"{path}: expected a table [weights] of name = number")
+        got = reprlib.repr(data["weights"])
+        raise ParameterError(f"{path}: expected a table [weights] of name = number, got {got}")
     return replace(base or DanceConfig(), **data)
 
 
@@ -125,5 +127,5 @@ def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, f
     """
     unknown = sorted(set(given) - set(names))
     if unknown:
-        raise ParameterError(f"unknown weight {unknown[0]!r}; the costs are {', '.join(names)}")
+        raise unexpected(f"weights of costs among {', '.join(names)}", unknown[0])
     return {name: float(given.get(name, DEFAULT_WEIGHTS.get(name, 1.0))) for name in names}

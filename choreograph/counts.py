@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from choreograph.arguments import unexpected
 from choreograph.errors import ParameterError
 
 Floats = NDArray[np.float64]
@@ -85,7 +86,7 @@ def make_counts(
     if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise ParameterError(f"expected increasing, finite counts (Q,) in seconds, got shape {times.shape}")
     if given.shape != times.shape or not np.equal(given, np.round(given)).all():
-        raise ParameterError(f"expected a whole number in the bar for each of {len(times)} counts")
+        raise unexpected(f"a whole number in the bar for each of {len(times)} counts", given.tolist())
     lowest = 1 if metre else 0
     if not 0 <= metre <= MAX_METRE or ((given < lowest) | (given > metre)).any():
         raise ParameterError(

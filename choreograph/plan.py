@@ -175,7 +175,9 @@ class Plan:
             or data.get("format") != FORMAT
             or data.get("version") not in range(1, VERSION + 1)
         ):
-            raise FormatError(f"{name}: expected a {FORMAT} of version 1 to {VERSION}")
+            raise FormatError(
+                f"{name}: expected a {FORMAT} of version 1 to {VERSION}, got {reprlib.repr(data)}"
+            )
         if data["version"] == 1:
             data = {"engine": "graph", "words": [], **data}
         version = data["version"]
@@ -224,13 +226,18 @@ class Plan:
                 f"{self.danced_until_s}"
             )
         if len(self.music_beat_numbers) not in (0, len(self.music_beats_s)):
-            raise FormatError(f"{name}: expected a music_beat_number for each of the music_beats_s, or none")
+            raise FormatError(
+                f"{name}: expected a music_beat_number for each of the {len(self.music_beats_s)} "
+                f"music_beats_s, or none, got {len(self.music_beat_numbers)}"
+            )
         if self.engine == "graph":
             if not self.duration_s <= len(self.seconds):
-                raise FormatError(f"{name}: {len(self.seconds)} seconds cannot fill {self.duration_s} s")
+                raise FormatError(
+                    f"{name}: expected seconds for {self.duration_s} s, got {len(self.seconds)}"
+                )
         elif self.seconds:
             raise FormatError(
-                f"{name}: the {self.engine} engine plans words, got {len(self.seconds)} seconds"
+                f"{name}: expected words alone of the {self.engine} engine, got {len(self.seconds)} seconds"
             )
         self._check_words(name)
 
@@ -243,16 +250,22 @@ class Plan:
             if not -_TOUCH_S <= word.start_s - done_s <= (np.inf if gap_allowed else _TOUCH_S):
                 raise FormatError(f"{where}: expected it to begin at {done_s:g} s, got {word.start_s:g} s")
             if not word.start_s < word.end_s <= self.duration_s + _TOUCH_S:
-                raise FormatError(f"{where}: expected an end after its start and within the dance")
+                raise FormatError(
+                    f"{where}: expected an end after its start, {word.start_s:g} s, and within the dance of "
+                    f"{self.duration_s:g} s, got {word.end_s:g} s"
+                )
             if word.kept and word.take:
                 raise FormatError(f"{where}: expected no take where {word.kept} is kept, got {word.take!r}")
             if not (word.take or word.kept or self.engine == "rollout"):
-                raise FormatError(f"{where}: the {self.engine} engine cannot dance without a take")
+                raise FormatError(f"{where}: expected a take for the {self.engine} engine to dance, got none")
             if (word.take or word.kept) and not 0 <= word.source_start_s < word.source_end_s:
-                raise FormatError(f"{where}: expected 0 <= source_start_s < source_end_s")
+                raise FormatError(
+                    f"{where}: expected 0 <= source_start_s < source_end_s, got {word.source_start_s:g} and "
+                    f"{word.source_end_s:g}"
+                )
             done_s = word.end_s
         if not gap_allowed and done_s < self.duration_s - _TOUCH_S:
-            raise FormatError(f"{name}: words to {done_s:g} s cannot fill {self.duration_s:g} s")
+            raise FormatError(f"{name}: expected words to {self.duration_s:g} s, got some to {done_s:g} s")
 
 
 def _unreplaced_blocks(
@@ -301,7 +314,9 @@ def _second(entry: Any, name: str, index: int) -> PlannedSecond:
     known = _known(PlannedSecond, entry, where, except_for=("credits",))
     times = known["source_times_s"]
     if len(times) != NODE_FRAMES + 1 or not (np.diff(times) > 0).all():
-        raise FormatError(f"{where} needs {NODE_FRAMES + 1} increasing source_times_s")
+        raise FormatError(
+            f"{where}: expected {NODE_FRAMES + 1} increasing source_times_s, got {reprlib.repr(times)}"
+        )
     if known["second"] != index:
         raise FormatError(f"{where}: expected seconds 0, 1, 2, … in order, got {known['second']}")
     if abs(known["start_s"] - index) > 1:
@@ -309,7 +324,10 @@ def _second(entry: Any, name: str, index: int) -> PlannedSecond:
     if not 0 < known["transition_s"] <= 1:
         raise FormatError(f"{where}: expected transition_s above 0, at most 1, got {known['transition_s']}")
     if known["offset"] >= SEGMENT_S or known["clip_start_s"] < 0:
-        raise FormatError(f"{where}: expected an offset below {SEGMENT_S} and a clip_start_s of 0 or more")
+        raise FormatError(
+            f"{where}: expected an offset below {SEGMENT_S} and a clip_start_s of 0 or more, got "
+            f"{known['offset']} and {known['clip_start_s']}"
+        )
     return PlannedSecond(**known, credits=Credits(**_known(Credits, entry.get("credits"), where)))
 
 
@@ -325,16 +343,16 @@ def _known(kind: type, data: Any, where: str, *, except_for: tuple[str, ...] = (
     wanted = {f.name: str(f.type) for f in fields(kind)}
     unknown = sorted(set(data) - set(wanted))
     if unknown:
-        raise FormatError(f"{where}: unknown key {unknown[0]!r}; known are {', '.join(wanted)}")
+        raise FormatError(f"{where}: expected keys among {', '.join(wanted)}, got {unknown[0]!r}")
     known = {}
     for key, declared in wanted.items():
         if key in except_for:
             continue
         if key not in data:
-            raise FormatError(f"{where}: the key {key} is missing")
+            raise FormatError(f"{where}: expected a key {key}, got none: it is missing")
         value = data[key]
         if not _IS_A[declared](value):
-            raise FormatError(f"{where}: {key} is not a {declared}: {reprlib.repr(value)}")
+            raise FormatError(f"{where}: expected {key} as {declared}, got {reprlib.repr(value)}")
         known[key] = tuple(value) if isinstance(value, list) else value
     return known
 

@@ -44,16 +44,22 @@ def render(plan: Plan, repertoire: Repertoire, *, report: StepReport | None = No
     check_function("report", report)
     kept = next((word.kept for word in plan.words if word.kept), None)
     if kept is not None:
-        raise ParameterError(f"the plan holds no motion of {kept}, which it keeps parts of: dance it again")
+        raise ParameterError(
+            f"expected a plan of takes alone, got one with parts of {kept}, whose motion it does not hold: "
+            "dance it again"
+        )
     if not plan.from_takes:
-        raise ParameterError("a plan of the rollout engine holds motifs, no takes: dance to its song again")
+        raise ParameterError(
+            "expected a plan of takes, got one of the rollout engine, which holds motifs: dance to its song "
+            "again"
+        )
     indices = {block.planned.take: repertoire.take_index(block.planned.take) for block in plan.planned_blocks}
     for block in plan.planned_blocks:
         length = repertoire.takes[indices[block.planned.take]].duration_s
         if block.source_start_s < -_LENGTH_SLACK_S or block.source_end_s > length + _LENGTH_SLACK_S:
             raise ParameterError(
-                f"the plan wants {block.source_start_s:.2f} to {block.source_end_s:.2f} s of take "
-                f"{block.planned.take!r} at {block.start_s:.2f} s, but it lasts {length:.2f} s"
+                f"expected parts of take {block.planned.take!r} within its {length:.2f} s, got "
+                f"{block.source_start_s:.2f} to {block.source_end_s:.2f} s at {block.start_s:.2f} s"
             )
     motion, _ = assemble(
         plan_runs(plan),

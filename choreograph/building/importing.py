@@ -70,13 +70,17 @@ def _imported(
             if report is not None:
                 report("importing", len(takes), 0)
     if not takes:
-        raise ParameterError("no take is left to build from")
+        given = ", ".join(map(str, sources)) or "no source"
+        raise ParameterError(f"expected a take or more to build from, got none in {given}: all left out?")
     for source in sources:  # after all are read: any may know about takes of any other
         takes = annotate_takes(takes, source)
     names = [take.name for take in takes]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise ParameterError(f"two takes are called {twice[0]!r}: the sources overlap, or need other names")
+        raise ParameterError(
+            f"expected a name for each take, but two takes are called {twice[0]!r}: the sources overlap, or "
+            "need other names"
+        )
     notes = [f"{take.name}: {note}" for take in takes for note in take.notes]
     notes += [f"{source}: {note}" for source in sources for note in source_notes(source)]
     first = takes[0].motion.skeleton

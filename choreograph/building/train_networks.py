@@ -216,8 +216,8 @@ def style_take(measured: MeasuredTake, songs: SongCache) -> StyleTake:
     last = first + seconds_to_frames(take.motion.duration_s, MUSIC_FPS)
     if first >= len(mel):
         raise FormatError(
-            f"{take.song_path}: expected music at {take.song_start_s:g} s, where {take.name} begins, but the "
-            f"song lasts {song.duration_s:.1f} s"
+            f"{take.song_path}: expected music at {take.song_start_s:g} s, where {take.name} begins, got a "
+            f"song of {song.duration_s:.1f} s"
         )
     silent = np.full((max(0, -first), mel.shape[1]), mel.min(), mel.dtype)
     return StyleTake(

@@ -48,7 +48,8 @@ def kept_dance(
     for keep in keeps:
         if not 0 <= keep.start_s < keep.end_s <= duration_s + _SLACK_S:
             raise ParameterError(
-                f"keep {keep}: expected a start before its end, and both within the dance of {duration_s:g} s"
+                f"expected a start before its end of what is kept, within the dance of {duration_s:g} s, got "
+                f"{keep}"
             )
     if not keeps:
         raise ParameterError("expected a stretch to keep of the existing dance, got none")
@@ -86,4 +87,6 @@ def check_pins_in_gaps(constraints: Constraints, kept: KeptDance) -> None:
     for pin in constraints.pins:
         span_s = (pin.at_s, pin.at_s) if isinstance(pin, MotifPin) else (pin.start_s, pin.end_s)
         if kept.keeps(span_s[0] - 1e-6, span_s[1] + 1e-6):
-            raise ParameterError(f"pin {pin} lies where the existing dance is kept: move it into a gap")
+            raise ParameterError(
+                f"expected pins where the existing dance is not kept, got {pin}: move it into a gap"
+            )

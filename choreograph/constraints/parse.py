@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import reprlib
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,8 @@ def read_motifs(path: str | Path) -> tuple[int, ...] | tuple[MotifPin, ...]:
     if isinstance(data, list) and data and all(_is_timed(entry) for entry in data):
         return tuple(MotifPin(entry["at_s"], entry["motif"]) for entry in data)
     raise FormatError(
-        f'{path}: expected a list of motif numbers, of {{"at_s": seconds, "motif": number}}, or a plan'
+        f'{path}: expected a list of motif numbers, of {{"at_s": seconds, "motif": number}}, or a plan, got '
+        f"{reprlib.repr(data)}"
     )
 
 

@@ -65,14 +65,17 @@ def resolve(
             _checked_motif(pin.motif, n_motifs)
             other = pinned.setdefault(slot, pin)
             if other.motif != pin.motif:
-                raise ParameterError(f"pins {other} and {pin} want two motifs in one beat: give up one")
+                raise ParameterError(f"expected one motif in a beat, got pins {other} and {pin}: give up one")
             motifs[slot] = pin.motif
         else:
             index = _allowed_take(pin, repertoire, take_allowed)
             for slot in _slots_of(pin, bounds_s, duration_s):
                 _, first = takes.setdefault(slot, (index, pin))
                 if first.take != pin.take:
-                    raise ParameterError(f"pins {first} and {pin} overlap: give up one or shorten it")
+                    raise ParameterError(
+                        f"expected pins of takes that do not overlap, got {first} and {pin}: give up one or "
+                        "shorten it"
+                    )
     resolved = ResolvedConstraints(
         constraints, bounds_s, motifs, {slot: index for slot, (index, _) in takes.items()},
         frozenset(pinned), take_allowed, motif_banned,
@@ -114,7 +117,8 @@ def _bans(
         elif ban.motif is not None:
             motif_banned[_checked_motif(ban.motif, n_motifs)] = True
     if not take_allowed.any():
-        raise ParameterError("every take of the repertoire is banned: allow one")
+        given = ", ".join(map(str, constraints.bans))
+        raise ParameterError(f"expected bans that leave a take to dance, got {given}: allow one")
     return take_allowed, motif_banned
 
 
@@ -130,7 +134,7 @@ def _take_index(name: str, repertoire: Repertoire) -> int:
 def _allowed_take(pin: TakePin, repertoire: Repertoire, take_allowed: NDArray[np.bool_]) -> int:
     index = _take_index(pin.take, repertoire)
     if not take_allowed[index]:
-        raise ParameterError(f"take {pin.take} is pinned ({pin}) and banned: give up one")
+        raise ParameterError(f"expected pins of takes that are not banned, got {pin}: give up one")
     return index
 
 
@@ -142,14 +146,14 @@ def _checked_motif(motif: int, n_motifs: int) -> int:
 
 def _slot_of(pin: MotifPin, bounds_s: NDArray[np.float64], duration_s: float) -> int:
     if not 0 <= pin.at_s < duration_s:
-        raise ParameterError(f"pin {pin}: expected a time within the dance, which lasts {duration_s:g} s")
+        raise ParameterError(f"expected a pin within the dance, which lasts {duration_s:g} s, got {pin}")
     return int(np.clip(np.searchsorted(bounds_s, pin.at_s, side="right") - 1, 0, len(bounds_s) - 2))
 
 
 def _slots_of(pin: TakePin, bounds_s: NDArray[np.float64], duration_s: float) -> range:
     if not 0 <= pin.start_s < pin.end_s <= duration_s + _TOUCH_S:
         raise ParameterError(
-            f"pin {pin}: expected a start before its end, and both within the dance of {duration_s:g} s"
+            f"expected a pin with a start before its end, within the dance of {duration_s:g} s, got {pin}"
         )
     first = np.searchsorted(bounds_s, pin.start_s + _TOUCH_S, side="right") - 1
     last = np.searchsorted(bounds_s, pin.end_s - _TOUCH_S, side="right") - 1
@@ -162,10 +166,16 @@ def _check_words_exist(resolved: ResolvedConstraints, repertoire: Repertoire) ->
     for slot, motif in resolved.motifs.items():
         at = f"{resolved.bounds_s[slot]:.1f} s"
         if resolved.motif_banned[motif]:
-            raise ParameterError(f"motif {motif} is requested at {at} and banned: give up one")
+            raise ParameterError(
+                f"expected motifs that are not banned, got motif {motif} at {at}: give up one"
+            )
         takes = vocabulary.word_take[vocabulary.words_of_motif(motif)]
         if not resolved.take_allowed[takes].any():
-            raise ParameterError(f"motif {motif} is requested at {at}, but all takes that have it are banned")
+            raise ParameterError(
+                f"expected motifs that a take has, got motif {motif} at {at}, whose takes are all banned"
+            )
         if slot in resolved.takes and not (takes == resolved.takes[slot]).any():
             name = repertoire.takes[resolved.takes[slot]].name
-            raise ParameterError(f"motif {motif} is requested at {at}, where {name} is pinned: it has none")
+            raise ParameterError(
+                f"expected motifs of {name}, which is pinned at {at}, got motif {motif}: the take has none"
+            )

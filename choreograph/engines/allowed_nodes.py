@@ -35,7 +35,9 @@ class AllowedNodes(Cost):
         for second, pin in _pinned_seconds(constraints.requested.take_pins, n_seconds).items():
             take = repertoire.take_index(pin.take)
             if not (repertoire.clip_take == take).any():
-                raise ParameterError(f"pin {pin}: the take is shorter than the 8 s of a clip")
+                raise ParameterError(
+                    f"expected pins of takes of 8 s or more, the length of a clip, got {pin}"
+                )
             takes[second] = np.arange(takes.shape[1]) == take
         if takes.all() and not constraints.motif_banned.any():
             return None
@@ -54,8 +56,8 @@ def _pinned_seconds(pins: tuple[TakePin, ...], n_seconds: int) -> dict[int, Take
             other = owner.setdefault(second, pin)
             if other.take != pin.take:
                 raise ParameterError(
-                    f"pins {other} and {pin} share second {second}, but the graph engine dances whole "
-                    "seconds: move one, or use the mixer"
+                    "expected one pinned take in a second, since the graph engine dances whole ones, but "
+                    f"{other} and {pin} share second {second}: move one, or use the mixer"
                 )
     # Transitions move to beats: another take would reach into the pin from the seconds beside it.
     for pin in pins:

@@ -77,17 +77,18 @@ class GraphEngine:
         """As `Engine.check`: it needs clips, and dances seconds rather than a whole sequence of motifs."""
         if config.planner == "motion-graph" and (constraints.genre or constraints.signature):
             raise ParameterError(
-                "the motion-graph planner follows no genre or signature: expected exact or greedy"
+                "expected the planner exact or greedy for a genre or signature, got motion-graph, which "
+                "follows none"
             )
         if constraints.motifs:
             raise ParameterError(
-                "the graph engine dances seconds, not a whole sequence of motifs: expected the mixer or "
-                "rollout engine, or motifs with their times"
+                "expected the mixer or rollout engine for a whole sequence of motifs, or motifs with their "
+                "times, got the graph engine, which dances seconds"
             )
         cost_weights(config, costs)
         if repertoire.n_clips == 0:
             raise RepertoireError(
-                f"{repertoire.path}: the repertoire has no clip: its takes are shorter than {CLIP_S} s"
+                f"{repertoire.path}: expected takes of {CLIP_S} s or more, got shorter ones alone: no clip"
             )
         if config.density == "learned" and repertoire.density != "learned":
             raise RepertoireError(
@@ -134,7 +135,10 @@ def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]
         *(cost.name for cost in costs),
     ]
     if len(set(names)) != len(names):
-        raise ParameterError(f"two costs share a name among {', '.join(names)}: give yours its own `name`")
+        raise ParameterError(
+            f"expected costs with a name each, but two share a name among {', '.join(names)}: give yours its "
+            "own `name`"
+        )
     return resolve_weights(config.weights, names)
 
 
@@ -181,8 +185,8 @@ def _goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, ...]]:
     given = [cost.name for cost in MOTIF_COSTS if config.weights.get(cost.name)]
     if given and not goals:
         raise ParameterError(
-            f"a weight of {given[0]!r} was given, but there is no genre to follow: give a genre or signature "
-            "that the repertoire knows, with the exact or greedy planner"
+            "expected a genre or signature that the repertoire knows, with the exact or greedy planner, "
+            f"beside a weight of {given[0]!r}, got no genre to follow"
         )
     return goals, notes
 

@@ -171,8 +171,8 @@ def _motifs(pool: CandidatePool, config: DanceConfig, goal: MotifGoal) -> Indice
         of_take = [pool.candidates(slot, motifs.get(slot)) for slot in slots]
         if any(len(here.words) == 0 for here in of_take):
             raise ParameterError(
-                f"the take pinned at {constraints.bounds_s[slots[0]]:.1f} s has no motion word that may be "
-                "danced"
+                "expected a pinned take with motion words that may be danced, got none at "
+                f"{constraints.bounds_s[slots[0]]:.1f} s"
             )
         passage = search_words(of_take, search=config.planner)
         motifs.update(zip(slots, pool.vocabulary.word_motif[passage].tolist(), strict=True))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.arguments import as_array
 from choreograph.errors import NoPathError, ParameterError
 from choreograph.features.song_features import SongFeatures
 from choreograph.graph.costs import Cost
@@ -53,12 +55,22 @@ def weighted_terms(
         value = evaluate(weighted.cost)
         if value is None:
             continue
-        value = np.asarray(value)
-        if value.shape != shape:
-            raise ParameterError(f"cost {weighted.cost.name!r} must return {shape}, got {value.shape}")
+        value = _checked(value, shape, weighted.cost)
         if np.isnan(np.min(value, initial=0.0)):
-            raise ParameterError(f"cost {weighted.cost.name!r} returned nan")
+            raise _is_nan(weighted.cost)
         yield weighted.cost.name, weighted.weight * value
+
+
+def _checked(value: Any, shape: tuple[int, ...], cost: Cost) -> NDArray:
+    """What a cost returned as an array; `ParameterError` unless that is of numbers and the shape."""
+    array = as_array(f"what cost {cost.name!r} returns", value)
+    if array.shape != shape:
+        raise ParameterError(f"expected an array {shape} of cost {cost.name!r}, got {array.shape}")
+    return array
+
+
+def _is_nan(cost: Cost) -> ParameterError:
+    return ParameterError(f"expected numbers of cost {cost.name!r}, or inf to forbid, got nan")
 
 
 def edge_costs(
@@ -75,12 +87,10 @@ def edge_costs(
         value = weighted.cost.edge(previous, following, song_features)
         if value is None:
             continue
-        value = np.asarray(value, np.float32)
-        if value.shape != total.shape:
-            raise ParameterError(f"cost {weighted.cost.name!r} must return {total.shape}, got {value.shape}")
+        value = _checked(value, total.shape, weighted.cost).astype(np.float32, copy=False)
         least = value.min(initial=np.inf)
         if np.isnan(least):
-            raise ParameterError(f"cost {weighted.cost.name!r} returned nan")
+            raise _is_nan(weighted.cost)
         if least < weighted.cost.min_jump_cost:
             _check_jumps(previous, following, value, weighted.cost)
         total += np.float32(weighted.weight) * value

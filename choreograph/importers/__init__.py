@@ -89,7 +89,7 @@ def import_takes(source: str | Path, *, allow_outside: bool = False) -> Iterator
     """
     source = Path(source)
     if not source.exists():
-        raise ParameterError(f"no takes at {source}: there is no such file or folder")
+        raise ParameterError(f"expected takes at {source}, got nothing: there is no such file or folder")
     importer = _importer_of(source)
     for take in importer.read(source):
         if importer not in _registered and not allow_outside:
@@ -161,11 +161,11 @@ def _importer_of(source: Path) -> Importer:
         if importer.detect(source):
             return importer
     if source.is_dir() and not any(source.iterdir()):
-        raise ParameterError(f"no takes at {source}: the folder is empty")
+        raise ParameterError(f"expected takes at {source}, got nothing: the folder is empty")
     layouts = "; ".join(importer.LAYOUT for importer in importers)
     foreign = foreign_format(source)
     if foreign is not None:
         raise ParameterError(
             f"{source}: expected a format that is read, got {foreign.what}: {foreign.motion}"
         )
-    raise ParameterError(f"no takes at {source}: expected {layouts}")
+    raise ParameterError(f"expected takes at {source}, got none of a known layout: {layouts}")

@@ -24,19 +24,19 @@ def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
     try:
         poses, trans = np.asarray(poses, np.float64), np.asarray(trans, np.float64)
     except (TypeError, ValueError):
-        raise FormatError("expected poses and translations as arrays of numbers") from None
+        raise FormatError("expected poses and translations as arrays of numbers, got others") from None
     if poses.ndim != 2 or poses.shape[1] < 3 * _BODY or poses.shape[1] % 3 or trans.shape != (len(poses), 3):
         raise FormatError(
             f"expected poses (T, 66 or more) and translations (T, 3), got {poses.shape}, {trans.shape}"
         )
     if len(poses) == 0:
-        raise FormatError("no motion: there is no frame")
+        raise FormatError("expected poses of a frame or more, got no frame")
     try:
         check_length(len(poses), len(CANONICAL_JOINTS), fps)
     except ParameterError as error:
         raise FormatError(str(error)) from None
     if not (np.isfinite(poses).all() and np.isfinite(trans).all()):
-        raise FormatError("a pose or translation is not a finite number")
+        raise FormatError("expected finite poses and translations, got some that are not: damaged data?")
     n_joints = len(CANONICAL_JOINTS)
     kept = n_joints if poses.shape[1] == 3 * n_joints else _BODY
     rotvec = np.zeros((len(poses), n_joints, 3))

@@ -49,7 +49,7 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     far larger than the file.
     """
     if not path.exists():
-        raise ParameterError(f"no file {path}")
+        raise ParameterError(f"expected an NPZ file at {path}, got nothing: there is no such file")
     check_regular(path, "an NPZ file")
     try:
         with np.load(path, allow_pickle=False) as archive:
@@ -61,13 +61,16 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     except FormatError:
         raise
     except KeyError as error:
-        raise FormatError(f"{path}: expected arrays {', '.join(names)}: {error.args[0]}") from None
+        raise FormatError(
+            f"{path}: expected arrays {', '.join(names)}, got others: {error.args[0]}"
+        ) from None
     except (
         OSError, ValueError, TypeError, EOFError, AttributeError, MemoryError, NotImplementedError,
         zipfile.BadZipFile, zlib.error, tokenize.TokenError, SyntaxError,
     ) as error:  # fmt: skip
         raise FormatError(
-            f"{path}: not a valid NPZ file ({str(error)[:200]}): damaged, cut off, or another format"
+            f"{path}: expected an NPZ file, got no valid one ({str(error)[:200]}): damaged, cut off, or "
+            "another format"
         ) from None
 
 

@@ -17,7 +17,7 @@ from choreograph.errors import ParameterError
 from choreograph.exporters import FORMATS, BvhOptions, BvhWriter, save_motion
 from choreograph.exporters.usd import require_usd
 from choreograph.fbx import convert, require_blender
-from choreograph.files import atomic_path, check_target
+from choreograph.files import as_path, atomic_path, check_target
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
 from choreograph.progress import ProgressReport, substage
@@ -78,11 +78,10 @@ def check_outputs(paths: Sequence[str | Path], *, with_clicks: bool = False) -> 
     And if clicks are wanted, but none of the files is a video.
     """
     for path in paths:
-        if not isinstance(path, str | Path):
-            raise ParameterError(f"expected the path of a file to write, got {path!r}")
+        as_path("a file to write", path)
         if _suffix(path) not in OUTPUT_FORMATS:
             raise ParameterError(
-                f"{path}: unknown format {_suffix(path)!r}: expected one of {', '.join(OUTPUT_FORMATS)}"
+                f"{path}: expected a format among {', '.join(OUTPUT_FORMATS)}, got {_suffix(path)!r}"
             )
         if _suffix(path) == "fbx":
             require_blender(path)

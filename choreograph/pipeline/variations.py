@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from choreograph.arguments import is_whole, unexpected
 from choreograph.audio.song import Song
 from choreograph.config import MAX_VARIATIONS
 from choreograph.engines import ENGINES
@@ -28,8 +29,8 @@ def vary(
     variations danced in a second costs more in the later ones (`Unlike`). Raises `ParameterError` if `n` is
     below 1 or above 1000, or so many different dances cannot be found.
     """
-    if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= MAX_VARIATIONS:
-        raise ParameterError(f"expected 1 to {MAX_VARIATIONS} variations, got {n!r}")
+    if not is_whole(n) or not 1 <= n <= MAX_VARIATIONS:
+        raise unexpected(f"1 to {MAX_VARIATIONS} variations", n)
     config, costs = as_config(options.pop("config", None)), as_costs(options.pop("costs", ()))
     if options.get("seed") is not None:
         config = replace(config, seed=options["seed"])
@@ -45,7 +46,7 @@ def vary(
             made.append(one)
         if len(made) == n:
             return made
-    raise ParameterError(f"expected {n} different dances, found {len(made)}: so little is left to chance")
+    raise ParameterError(f"expected {n} different dances, got {len(made)}: so little is left to chance")
 
 
 def _content(plan: Plan) -> list[tuple[object, ...]]:

@@ -67,7 +67,9 @@ class RepertoireFile:
         if self.path.is_dir():
             raise RepertoireError(f"{path}: expected a repertoire file, got a folder")
         if not self.path.exists():
-            raise RepertoireError(f"{path}: no such repertoire: make one with `choreograph build-db`")
+            raise RepertoireError(
+                f"{path}: expected a repertoire, got no such repertoire: make one with `choreograph build-db`"
+            )
         if not is_shipped:
             self._check_heaps()
         with opened(self.path, "a repertoire") as file:
