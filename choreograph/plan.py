@@ -161,6 +161,14 @@ class Plan:
         """The plan as JSON text, laid out in `data_schema/plan.schema.json`."""
         return json.dumps({"format": FORMAT, "version": VERSION, **asdict(self)}, indent=1) + "\n"
 
+    def check(self) -> None:
+        """Raise `ParameterError` or `FormatError` unless the plan, edited or not, is one as of a file."""
+        try:
+            text = self.to_json()
+        except (TypeError, ValueError, RecursionError) as error:
+            raise ParameterError(f"expected a plan that JSON can hold, got another: {error}") from None
+        self.from_json(text)
+
     @classmethod
     def from_json(cls, text: str, *, name: str = "plan") -> Plan:
         """Read a plan; `FormatError` naming the key that is missing, unknown or of the wrong kind."""

@@ -210,6 +210,11 @@ def sound_calls(t: SimpleNamespace) -> dict[str, Sound]:
         ),
         "read_character": sound(cg.read_character, path=t.folder / "hero.glb"),
         "render": sound(cg.render, plan=t.made.plan, repertoire=t.repertoire),
+        "render:edited": Sound(
+            lambda **edited: cg.render(replace(t.made.plan, **edited), t.repertoire),
+            {},
+            tuple(values_of(t.made.plan)),
+        ),
         "signature_of": sound(cg.signature_of, name="a", repertoire=t.repertoire),
         "vary": Sound(
             cg.vary, {"song": t.song, "repertoire": t.repertoire, "n": 1, "seed": 1, "config": None},
@@ -249,7 +254,9 @@ def analysed_once(monkeypatch, things):
     monkeypatch.setattr(dancing, "analyse_song", lambda *_, **__: things.analysed)
 
 
-@pytest.mark.parametrize("name", list(public_calls()))
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n == "dance" else n for n in public_calls()]
+)
 def test_a_hostile_argument_is_refused_in_a_line(name, things, analysed_once, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     calls = {key: call for key, call in sound_calls(things).items() if key.split(":")[0] == name}

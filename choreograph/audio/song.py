@@ -53,7 +53,7 @@ class Song:
             raise ParameterError(f"expected {wanted}, got some that are not finite")
         check_text("the name of a song", self.name)
         if self.path is not None:
-            as_path("a song", self.path)
+            object.__setattr__(self, "path", as_path("a song", self.path))
         object.__setattr__(self, "notes", as_texts("notes on a song", self.notes))
 
     @property

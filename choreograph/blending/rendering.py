@@ -33,15 +33,16 @@ _LENGTH_SLACK_S = 0.1  # the first and last frames of a take are repeated for th
 def render(plan: Plan, repertoire: Repertoire, *, report: StepReport | None = None) -> Motion:
     """The motion of a plan, exactly as planned; `report` is called with how much is done, of how much.
 
-    Raises `RepertoireError` if the plan names a take that the repertoire does not have,
-    `ParameterError` if it wants a take beyond its end, or holds words without a take: a network's, or those
-    kept of another dance.
+    Raises `RepertoireError` if the plan names a take that the repertoire does not have, `FormatError` if it
+    was edited to no plan, `ParameterError` if it wants a take beyond its end, or holds words without a
+    take: a network's, or those kept of another dance.
     """
     if not isinstance(plan, Plan):
         raise unexpected("a Plan", plan, "`Plan.read` reads a file")
     if not isinstance(repertoire, Repertoire):
         raise unexpected("a Repertoire", repertoire, "`Repertoire.open` opens one")
     check_function("report", report)
+    plan.check()
     kept = next((word.kept for word in plan.words if word.kept), None)
     if kept is not None:
         raise ParameterError(

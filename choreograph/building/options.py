@@ -59,8 +59,8 @@ class BuildOptions:
         if not is_whole(self.seed) or self.seed < 0:
             raise unexpected("a seed of 0 or more", self.seed)
         if self.init_from is not None:
-            as_path("a repertoire to start from", self.init_from)
-        as_texts("leave_out", self.leave_out)
+            object.__setattr__(self, "init_from", as_path("a repertoire to start from", self.init_from))
+        object.__setattr__(self, "leave_out", as_texts("leave_out", self.leave_out))
         for option in fields(self):
             value = getattr(self, option.name)
             if option.type == "bool":

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from choreograph.arguments import unexpected
 from choreograph.cli.present import examples
 from choreograph.errors import ParameterError
 
@@ -43,7 +44,10 @@ def bvh_of(
 
     wanted = naming or units or rest or in_place
     if wanted and not any(path.suffix.lower() == ".bvh" for path in outputs):
-        raise ParameterError("expected a .bvh for --names, --units, --rest or --in-place: -o NAME.bvh")
+        given = ", ".join(str(path) for path in outputs)
+        raise ParameterError(
+            f"expected a .bvh for --names, --units, --rest or --in-place, got {given}: -o NAME.bvh"
+        )
     return BvhOptions(UNITS[units or "cm"], naming=naming or "smpl", in_place=in_place, rest=rest)
 
 
@@ -68,7 +72,7 @@ def convert(motion, output, fps, naming, units, rest, in_place) -> None:
     from choreograph.pipeline.saving import check_outputs
 
     if output.suffix.lower().removeprefix(".") not in FORMATS:
-        raise ParameterError(f"{output}: expected one of {', '.join(f'.{name}' for name in FORMATS)}")
+        raise unexpected(f"a file of {', '.join(f'.{name}' for name in FORMATS)}", str(output))
     check_outputs([output])
     bvh = bvh_of([output], naming, units, rest, in_place)
     moving = motion_of(motion)
@@ -98,7 +102,7 @@ def retarget(motion, character, output, map_path, save_map) -> None:
     from choreograph.pipeline.saving import check_outputs, save_on_character
 
     if output.suffix.lower() not in (".glb", ".fbx"):
-        raise ParameterError(f"{output}: expected a .glb or .fbx for the character to move in")
+        raise unexpected("a .glb or .fbx for the character to move in", str(output))
     check_outputs([output])
     figure = character_of(character, map_path, save_map)
     moving = motion_of(motion)

@@ -102,7 +102,8 @@ def _check_loop(loop: bool, outputs: tuple[Path, ...]) -> None:
     from choreograph.pipeline.saving import is_motion_file
 
     if loop and not any(is_motion_file(path) for path in outputs):
-        raise ParameterError("expected a motion file to loop, such as -o NAME.bvh or -o NAME.glb")
+        given = ", ".join(str(path) for path in outputs)
+        raise ParameterError(f"expected a motion file to loop, such as -o NAME.bvh or NAME.glb, got {given}")
 
 
 def _character(path: Path | None, map_path: Path | None, save_map: Path | None, outputs: tuple[Path, ...]):
@@ -114,7 +115,10 @@ def _character(path: Path | None, map_path: Path | None, save_map: Path | None, 
             raise ParameterError("expected --character FILE beside --map or --save-map")
         return None
     if not any(output.suffix.lower().removeprefix(".") in CHARACTER_FORMATS for output in outputs):
-        raise ParameterError("expected a .html, .glb or .fbx for the character to dance in: -o NAME.html")
+        given = ", ".join(str(output) for output in outputs)
+        raise ParameterError(
+            f"expected a .html, .glb or .fbx for the character to dance in, got {given}: -o NAME.html"
+        )
     character = character_of(path, map_path, save_map)
     check_character(character, outputs)
     return character

@@ -66,7 +66,7 @@ class Dance:
         check_kind("the motion of a dance", self.motion, Motion)
         check_kind("the plan of a dance", self.plan, Plan)
         if self.song_path is not None:
-            as_path("the song of a dance", self.song_path)
+            object.__setattr__(self, "song_path", as_path("the song of a dance", self.song_path))
         for name in ("notes", "unmet"):
             object.__setattr__(self, name, as_texts(f"{name} of a dance", getattr(self, name)))
 
