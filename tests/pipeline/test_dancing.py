@@ -224,9 +224,7 @@ def test_outputs_are_whole_or_absent(made, tmp_path):
         ({"engine": "mixer"}, ["mixing"]),
     ],
 )
-def test_progress_goes_forward_to_the_end_of_every_stage_in_order(
-    settings, dancing, song, tmp_path
-):
+def test_progress_goes_forward_to_the_end_of_every_stage_in_order(settings, dancing, song, tmp_path):
     repertoire = synthetic_repertoire(tmp_path / "motifs.h5", vocabulary=True)
     seen: dict[str, list[tuple[int, int]]] = {}
     order = []
