@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from choreograph.blending.runs import Run, TransitionTiming
 from choreograph.blending.sampled_runs import MotionReader, SampledRun, alignment_at, sample_run
 from choreograph.config import TRANSITION_LENGTHS_S
+from choreograph.progress import StepReport
 
 Floats = NDArray[np.float64]
 
@@ -31,6 +32,7 @@ def time_transitions(
     fps: float,
     blending: str,
     fixed: Sequence[bool] = (),
+    report: StepReport | None = None,
 ) -> list[TransitionTiming]:
     """When each run takes over from the one before, and how long that takes (N,); the first at its start.
 
@@ -51,10 +53,11 @@ def time_transitions(
             and after.source_s(np.array([at_s]))[0] >= 0.0
         )
         starts.append(at_s if possible else after.start_s)
-    lengths = [
-        _length_s(before, after, at_s, read_motion, fps, blending)
-        for (before, after), at_s in zip(pairwise(runs), starts[1:], strict=True)
-    ]
+    lengths = []
+    for (before, after), at_s in zip(pairwise(runs), starts[1:], strict=True):
+        lengths.append(_length_s(before, after, at_s, read_motion, fps, blending))
+        if report is not None:
+            report(len(lengths) + 1, len(runs))
     return [
         TransitionTiming(at_s, length_s)
         for at_s, length_s in zip(starts, (*(run.transition_s for run in runs[:1]), *lengths), strict=True)

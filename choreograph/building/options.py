@@ -38,7 +38,7 @@ class BuildOptions:
     keep_networks: bool = False  # take the networks that training would start from as they are
     compress: bool = False  # motion in 16 bits: a third of the size, rotations to 0.03 degrees
     rollout: bool = False  # train the rollout network, which takes as long as all others together
-    rollout_teacher: bool = True  # the rollout network learns from graph dances of the takes, too
+    rollout_teacher: bool = True  # the rollout network learns from graph dances, too
     leave_out: tuple[str, ...] = ()  # takes left out of everything, by name
     lock_feet: bool = True  # of takes, before anything is measured
     augment_mirror: bool = True  # train on mirrored motion, too

@@ -107,8 +107,6 @@ class GraphEngine:
         goals, goal_notes = _goals(request)
         path, weights = _search_path(request, goals)
         plan = _to_plan(path, weights, request)
-        if request.report is not None:
-            request.report("rendering", 0, 0)
         if config.transitions == "beats":
             plan = with_transitions_on_counts(plan, request)
         motion = None
@@ -155,6 +153,7 @@ def with_transitions_on_counts(plan: Plan, request: DanceRequest) -> Plan:
         runs, [float(joins_s[round(run.start_s)]) for run in runs],
         {take.name: take.duration_s for take in repertoire.takes}, motion_reader(repertoire),
         fps=plan.fps, blending=plan.blending, fixed=fixed,
+        report=substage(request.report, "timing transitions"),
     )  # fmt: skip
     by_second = {round(run.start_s): timing for run, timing in zip(runs, timings, strict=True)}
     seconds = []
@@ -216,13 +215,13 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
 
 
 def _plan_path(source: LayerSource, costs: list[WeightedCost], request: DanceRequest) -> Path:
-    planner = request.config.planner
+    planner, report = request.config.planner, substage(request.report, "planning")
     if planner == "motion-graph":
         from choreograph.graph.motion_graph import plan_motion_graph
 
-        return plan_motion_graph(source, costs, request.song_features)
+        return plan_motion_graph(source, costs, request.song_features, report=report)
     plan = plan_exact if planner == "exact" else plan_greedy
-    return plan(source, costs, request.song_features, report=substage(request.report, "planning"))
+    return plan(source, costs, request.song_features, report=report)
 
 
 def _to_plan(path: Path, weights: dict[str, float], request: DanceRequest) -> Plan:

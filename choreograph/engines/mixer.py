@@ -24,10 +24,12 @@ from choreograph.motifs.choreography import draw_motifs
 from choreograph.motifs.goals import MotifGoal
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan, PlannedWord
+from choreograph.progress import StepReport, part, substage
 from choreograph.repertoire import Repertoire
 
 Indices = NDArray[np.int64]
 
+_STEPS = 10  # of the progress of a rendering
 _KEEP_M = 0.1  # cost of replacing a word that shows its motif, to help another
 _ROUNDS = 6  # renderings until every word shows its motif; pinned and banned motifs may take more
 
@@ -113,28 +115,35 @@ def mix(request: DanceRequest, goal: MotifGoal) -> MixedDance:
     if request.kept is not None:
         candidates = with_border_costs(candidates, request.kept, constraints)
     locked = set(constraints.pinned)
+    report = substage(request.report, "mixing")
     best: MixedDance | None = None
     rounds = 0
     while True:
         words = search_words(candidates, search=config.planner)
-        mixed = _rendered(words, locked, pool, request)
+        steps = _STEPS * max(_ROUNDS, rounds + 1)
+        of_round = part(report, _STEPS * rounds, _STEPS * (rounds + 1), steps)
+        mixed = _rendered(words, locked, pool, request, of_round)
         if best is None or mixed.n_violations < best.n_violations:
             best = mixed
         rounds += 1
-        if request.report is not None:
-            request.report("mixing", rounds, 0)
         if best.n_violations == (0, 0) or (rounds >= _ROUNDS and not best.broken):
+            if report is not None:
+                report(steps, steps)
             return best
         locked.update(mixed.broken)
         candidates = [_next_candidates(slot, here, mixed, pool) for slot, here in enumerate(candidates)]
 
 
 def _rendered(
-    words: Indices, locked: Collection[int], pool: CandidatePool, request: DanceRequest
+    words: Indices,
+    locked: Collection[int],
+    pool: CandidatePool,
+    request: DanceRequest,
+    report: StepReport | None,
 ) -> MixedDance:
     constraints = request.constraints
     plan = _to_plan(words, locked, pool, request)
-    motion = render(plan, request.repertoire)
+    motion = render(plan, request.repertoire, report=report)
     chosen = pool.vocabulary.word_motif[words]
     held = [not is_danced(slot, plan, constraints) for slot in range(constraints.n_words)]
     # What is held shows no motif of its own.

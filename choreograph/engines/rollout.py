@@ -32,6 +32,7 @@ from choreograph.motifs.goals import MotifGoal
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan, PlannedWord
+from choreograph.progress import substage
 from choreograph.repertoire import Repertoire
 from choreograph.song_counts import DEFAULT_BEATS, names_a_tracker, song_counts
 from choreograph.takes import Credits
@@ -260,7 +261,7 @@ def _generated(
     repertoire, features, config = request.repertoire, request.song_features, request.config
     bounds_s, report = constraints.bounds_s, request.report
     spectral = (
-        word_spectra(request.song, bounds_s)
+        word_spectra(request.song, bounds_s, report=substage(report, "analysing the music of motifs"))
         if request.style_song is None
         else _repeated_spectra(request.style_song, len(motifs), config.beats)
     )
@@ -276,7 +277,7 @@ def _generated(
     return generate_motion(
         net, sequence, lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
         held=None if request.kept is None else HeldPoses.of(request.kept.motion, request.kept.frames),
-        report=None if report is None else lambda done, total: report("dancing", done, total),
+        report=substage(report, "dancing"),
     )  # fmt: skip
 
 

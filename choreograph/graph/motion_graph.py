@@ -14,12 +14,17 @@ from choreograph.graph.costs import BUILTIN_COSTS, Transition
 from choreograph.graph.layers import Layer, LayerSource
 from choreograph.graph.planners import Path
 from choreograph.graph.weighted_costs import WeightedCost
+from choreograph.progress import StepReport, part
 
 NEIGHBOURS = 32  # edges that each clip keeps: the smoothest transitions from its first second
 
 
 def plan_motion_graph(
-    source: LayerSource, costs: Sequence[WeightedCost], song_features: SongFeatures
+    source: LayerSource,
+    costs: Sequence[WeightedCost],
+    song_features: SongFeatures,
+    *,
+    report: StepReport | None = None,
 ) -> Path:
     """A walk on clips' first warped seconds by transition alone (ChoreoGraph, section 4).
 
@@ -28,12 +33,13 @@ def plan_motion_graph(
     that the walk has no dead ends. The edge is then chosen by the warped poses of each second's candidates.
     User-defined node costs count as in the other planners.
     """
-    allowed_clips = _largest_component(source, song_features)
+    n_seconds = source.n_seconds
+    allowed_clips = _largest_component(source, song_features, part(report, 0, n_seconds, 2 * n_seconds))
     transition = [w for w in costs if w.cost.name == Transition.name]
     custom = [w for w in costs if type(w.cost) not in BUILTIN_COSTS]
     nodes: list[Layer] = []
     terms: list[dict[str, float]] = []
-    for second in range(source.n_seconds):
+    for second in range(n_seconds):
         layer = source.layer(second)
         first = layer.offset == 0
         inside = first & np.isin(layer.clip, allowed_clips)
@@ -52,18 +58,24 @@ def plan_motion_graph(
         best = int(np.argmin(total + edges))
         nodes.append(layer.subset(np.array([best])))
         terms.append({Transition.name: float(edges[best])})
+        if report is not None:
+            report(n_seconds + second + 1, 2 * n_seconds)
     return Path(tuple(nodes), tuple(terms))
 
 
-def _largest_component(source: LayerSource, song_features: SongFeatures) -> NDArray[np.integer]:
+def _largest_component(
+    source: LayerSource, song_features: SongFeatures, report: StepReport | None
+) -> NDArray[np.integer]:
     """Clips of the largest strongly connected component of the graph of smooth transitions."""
     layers = [source.layer(second) for second in range(0, source.n_seconds, 4)]
     firsts = [layer.subset(layer.offset == 0) for layer in layers]
     graph = nx.DiGraph()
-    for here, there in zip(firsts, [*firsts[1:], firsts[0]], strict=True):
+    for done, (here, there) in enumerate(zip(firsts, [*firsts[1:], firsts[0]], strict=True), start=1):
         cost = np.asarray(Transition().edge(here, there, song_features))
         nearest = np.argsort(cost, axis=1)[:, :NEIGHBOURS]
         for row, columns in enumerate(nearest):
             graph.add_edges_from((int(here.clip[row]), int(there.clip[column])) for column in columns)
+        if report is not None:
+            report(done, len(firsts))
     components = [list(component) for component in nx.strongly_connected_components(graph)]
     return np.array(sorted(components[int(np.argmax([len(c) for c in components]))]))

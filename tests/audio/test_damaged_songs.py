@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -118,6 +119,21 @@ def test_a_header_that_no_song_has_is_refused(tmp_path, rate_hz, n_channels):
 def test_a_song_without_frames_is_refused(tmp_path):
     (tmp_path / "a.wav").write_bytes(header(22050, 1, n_bytes=0))
     refused(tmp_path / "a.wav")
+
+
+def test_a_cover_picture_without_its_song_is_refused(tmp_path):
+    """What is left of a download that stopped early: tags with a picture, and not a frame of sound."""
+    rows = zlib.compress((b"\0" + bytes(24)) * 8)
+    chunks = ((b"IHDR", struct.pack(">IIBBBBB", 8, 8, 8, 2, 0, 0, 0)), (b"IDAT", rows), (b"IEND", b""))
+    png = b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in chunks
+    )
+    picture = b"\0image/png\0\3\0" + png
+    tags = b"APIC" + struct.pack(">I", len(picture)) + b"\0\0" + picture
+    size = bytes((len(tags) >> shift) & 127 for shift in (21, 14, 7, 0))
+    (tmp_path / "a.mp3").write_bytes(b"ID3\3\0\0" + size + tags)
+    refused(tmp_path / "a.mp3")
 
 
 def test_hours_of_sound_in_a_small_file_are_refused(tmp_path, monkeypatch):

@@ -49,6 +49,16 @@ def test_a_small_run_of_the_whole_recipe(tmp_path, monkeypatch):
     assert len(output.read_bytes()) == len(first)
 
 
+@pytest.mark.slow
+def test_a_checkpoint_of_other_takes_under_the_same_name_is_not_continued(tmp_path):
+    config = recipe.motion_counts_config("tiny", steps=2)
+    one, other = (recipe.Trial("a", recipe.built_in_takes(1, genres=(genre,)), []) for genre in GENRES)
+    recipe.trained(one, config, 0, tmp_path)
+    resumed, anew = recipe.trained(other, config, 0, tmp_path), recipe.trained(other, config, 0, None)
+    for name, weight in anew.state_dict().items():
+        np.testing.assert_array_equal(resumed.state_dict()[name], weight)
+
+
 def test_research_needs_sources_and_clean_takes_none(monkeypatch, capsys):
     for given in (["research"], ["clean", "dance-with-melody/"]):
         monkeypatch.setattr(sys, "argv", ["recipe", *given, "--work", "never made"])
