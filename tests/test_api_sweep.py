@@ -281,9 +281,11 @@ def _wrong(name: str, sound: Sound) -> Iterator[str]:
 
 
 def test_what_the_sweep_calls_is_sound(things, analysed_once, tmp_path, monkeypatch):
-    """Else all that it finds would be that."""
+    """Else all that it finds would be that; and it calls no name that is not public any more."""
     monkeypatch.chdir(tmp_path)
-    for name, call in sound_calls(things).items():
+    calls = sound_calls(things)
+    assert {key.split(":")[0] for key in calls} == set(public_calls())
+    for name, call in calls.items():
         if name == "build":  # of an empty folder: it goes on to importing, and no further
             with pytest.raises(cg.ParameterError, match="the folder is empty"):
                 call.call(**call.arguments)

@@ -65,7 +65,7 @@ def resolve(
             _checked_motif(pin.motif, n_motifs)
             other = pinned.setdefault(slot, pin)
             if other.motif != pin.motif:
-                raise ParameterError(f"expected one motif in a beat, got pins {other} and {pin}: give up one")
+                raise ParameterError(f"expected one motif in one beat, got {other} and {pin}: give up one")
             motifs[slot] = pin.motif
         else:
             index = _allowed_take(pin, repertoire, take_allowed)
@@ -118,7 +118,7 @@ def _bans(
             motif_banned[_checked_motif(ban.motif, n_motifs)] = True
     if not take_allowed.any():
         given = ", ".join(map(str, constraints.bans))
-        raise ParameterError(f"expected bans that leave a take to dance, got {given}: allow one")
+        raise ParameterError(f"expected bans that leave a take, got {given}: every take is banned")
     return take_allowed, motif_banned
 
 
