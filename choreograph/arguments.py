@@ -65,6 +65,13 @@ def as_number(wanted: str, value: Any, *, above: float = -math.inf) -> float:
     return float(plain)
 
 
+def as_whole(wanted: str, value: Any, *, least: int) -> int:
+    """A whole number, Python's or numpy's, as an int; `ParameterError` unless it is one of `least` or more."""
+    if not is_whole(value) or value < least:
+        raise unexpected(wanted, value)
+    return int(value)
+
+
 def as_index(what: str, value: Any, n: int) -> int:
     """An index from 0 on; `ParameterError` unless it is a whole number below `n`."""
     if not is_whole(value) or not 0 <= value < n:

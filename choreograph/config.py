@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
-from choreograph.arguments import check_choice, check_kind, check_text, is_number, unexpected
+from choreograph.arguments import as_whole, check_choice, check_kind, check_text, is_number, unexpected
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import read_text
 
@@ -85,12 +85,10 @@ class DanceConfig:
         for name in ("lock_feet", "hold_ends", "keep_on_stage"):
             check_kind(name, getattr(self, name), bool)
         check_beats(self.beats)
-        if isinstance(self.candidates, bool) or not isinstance(self.candidates, int) or self.candidates < 1:
-            raise unexpected("candidates of at least 1", self.candidates)
+        object.__setattr__(self, "candidates", as_whole("candidates of at least 1", self.candidates, least=1))
         if not (is_number(self.fps) and 1 <= self.fps <= 1000):
             raise unexpected("fps from 1 to 1000", self.fps)
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
-            raise unexpected("a seed of 0 or more", self.seed)
+        object.__setattr__(self, "seed", as_whole("a seed of 0 or more", self.seed, least=0))
         if not isinstance(self.weights, Mapping):
             raise unexpected("weights of cost name to number", self.weights)
         check_text("the cost that a weight is of", *self.weights)

@@ -74,7 +74,7 @@ def test_importing_is_quick_and_pulls_in_nothing_heavy():
 
 
 def test_settings_are_keywords_and_replace_those_of_a_config(repertoire, song, made):
-    config = cg.DanceConfig(seed=1, fps=30.0)
+    config = cg.DanceConfig(seed=np.int64(1), fps=30.0)
     other = cg.dance(song, repertoire, config=config, fps=60.0)
     assert other.plan == made.plan
     assert cg.dance(cg.load_song(song), repertoire, seed=1, planner="greedy").plan.planner == "greedy"

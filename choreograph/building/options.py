@@ -7,7 +7,14 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from choreograph.arguments import as_texts, check_choice, check_kind, check_text, is_whole, unexpected
+from choreograph.arguments import (
+    as_texts,
+    as_whole,
+    check_choice,
+    check_kind,
+    check_text,
+    unexpected,
+)
 from choreograph.files import as_path
 from choreograph.nets.density.config import density_config
 from choreograph.nets.presets import DEVICES, PRESET_NAMES, config_from_preset
@@ -56,8 +63,7 @@ class BuildOptions:
         check_choice("beats", self.beats, TRACKER_NAMES)
         check_choice("pretrained", self.pretrained, CHOICES)
         check_text("the method", self.method)
-        if not is_whole(self.seed) or self.seed < 0:
-            raise unexpected("a seed of 0 or more", self.seed)
+        object.__setattr__(self, "seed", as_whole("a seed of 0 or more", self.seed, least=0))
         if self.init_from is not None:
             object.__setattr__(self, "init_from", as_path("a repertoire to start from", self.init_from))
         object.__setattr__(self, "leave_out", as_texts("leave_out", self.leave_out))
