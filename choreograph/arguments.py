@@ -66,7 +66,7 @@ def as_number(wanted: str, value: Any, *, above: float = -math.inf) -> float:
 
 
 def as_whole(wanted: str, value: Any, *, least: int) -> int:
-    """A whole number, Python's or numpy's, as an int; `ParameterError` unless it is one of `least` or more."""
+    """A whole number, Python's or numpy's, as an int; `ParameterError` unless it is `least` or more."""
     if not is_whole(value) or value < least:
         raise unexpected(wanted, value)
     return int(value)
