@@ -61,7 +61,7 @@ def test_beats_may_be_given(tmp_path, bvh, song):
         (["{bvh}", "{song}", "--judge", "{db}"], "--judge"),
         (["{bvh}", "{song}", "--beats", "ear"], "ear"),
         (["{bvh}", "{song}", "--report", "no/such/r.html"], "no/such"),
-        (["{song}", "{song}"], "no takes"),
+        (["{song}", "{song}"], "expected takes at"),
         (["{bvh}", "{bvh}"], "dance.bvh"),
         (["--songs", "{songs}", "--db", "{db}", "--variants", "grace"], "grace"),
         (["--songs", "{songs}", "--db", "{db}", "--seeds", "0"], "seeds"),
