@@ -1,4 +1,5 @@
-# make test: set up and run every test; make test-fast: those that take a moment.
+# make test: set up and run every test, in a fresh clone with the Python of PYTHON=python3.13, say; make test-fast:
+# those that take a moment.
 # make test-lowest: every test with the lowest versions that pyproject.toml allows, in an environment of its own.
 # make dance [SONG=song.mp3] [DB=rep.h5]: set up and dance.
 PYTHON ?= python3
