@@ -1,4 +1,4 @@
-"""χ² to a genre's template of motifs that are drawn from that very template: what a dance of N words can expect.
+"""χ² to a genre's template of motifs drawn from that very template: what a dance of N words can expect.
 
     python examples/papers/signature_sampling.py [REPERTOIRE] [--words 80 120] [--draws 200]
 
