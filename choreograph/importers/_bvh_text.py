@@ -1,9 +1,17 @@
-"""Parser of BVH text: the file's hierarchy and numbers as arrays, in its own units and axes."""
+"""Parser of BVH text: the file's hierarchy and numbers as arrays, in its own units and axes.
+
+Read with a note: end-of-file marks after the motion, decimal commas, and a number of frames that is off by
+one or two. A comment begins with # or // at the beginning of a word, so that "-1.#IND00", as C libraries
+print what is not a number, is one word and a missing value.
+"""
 
 from __future__ import annotations
 
 import re
+import reprlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +23,17 @@ from choreograph.motion.motion import check_length
 from choreograph.motion.skeleton import MAX_JOINTS
 
 _CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
-_COMMENT = re.compile(r"(?:#|//)[^\n]*")
+_COMMENT = re.compile(r"(?<![^\s{}])(?:#|//)[^\n]*")
 _MOTION = re.compile(r"^[ \t]*MOTION\b", re.MULTILINE | re.IGNORECASE)
 _SPACE = re.compile(r"\s")
+# 1.#IND, 1.#QNAN, 1.#INF and, rounded, 1.#J of MSVC; nan(ind) and nan(0x8000) of others; NaNQ of AIX.
+_MISSING = re.compile(r"[+-]?(?:\d+[.,]#[a-z]+\d*|nan(?:[qs]|\(\w*\))?)", re.IGNORECASE)
+_END_MARKS = "\x1a\0"  # ^Z of DOS, and what pads a file to the size of a block
 _TIMING = re.compile(r"\s*Frames\s*:\s*(\S+)\s+Frame\s+Time\s*:\s*(\S+)", re.IGNORECASE)
 _MAX_BYTES = 1 << 29
 _BLOCK_LETTERS = 1 << 20
+_MISCOUNTED_FRAMES = 2  # programs count from 0, or leave out the rest pose
+_CHANNELLESS_JOINTS = 256  # that a file may have beyond one for each channel: props, ends, fingers
 _LARGEST = 1e7  # bound on lengths and angles in any unit; keeps later arithmetic finite
 
 
@@ -36,6 +49,8 @@ class BvhText:
     tips: list[list[float]] = field(default_factory=list)
     values: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))  # (T, all channels)
     fps: float = 0.0
+    notes: list[str] = field(default_factory=list)  # on what is unusual in the text
+    has_decimal_commas: bool = False
 
 
 def read_text(path: Path) -> str:
@@ -47,35 +62,50 @@ def read_text(path: Path) -> str:
         raise ParameterError(f"no file {path}")
     data = read_bytes(path, "a text file", max_bytes=_MAX_BYTES)
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return data.decode("utf-16", errors="replace")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")  # only joint names can hold more than ASCII
+        text = data.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("latin-1")  # only joint names can hold more than ASCII
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def parse_bvh(text: str) -> BvhText:
     """Parse BVH text; `FormatError` (without the file's name) if it is incomplete or damaged."""
-    parts = _MOTION.split(text, maxsplit=1)
-    if not re.search(r"^\s*HIERARCHY\b", parts[0], re.MULTILINE | re.IGNORECASE):
-        what = "nothing" if not text.strip() else repr(text.strip()[:20])
+    head, *motion = _MOTION.split(text, maxsplit=1)
+    tokens = re.sub(r"([{}])", r" \1 ", _COMMENT.sub("", head)).split()
+    if not tokens or tokens[0].upper() != "HIERARCHY":
+        what = reprlib.repr(tokens[0]) if tokens else "nothing"
         raise FormatError(f"expected a BVH, which starts with HIERARCHY, got {what}")
-    bvh = _Hierarchy(_COMMENT.sub("", parts[0])).parse()
-    if len(parts) == 1:
+    bvh = _Hierarchy(tokens[1:]).parse()
+    if not motion:
         raise FormatError(
             "expected a MOTION section after the hierarchy, got none: the file is cut off or a skeleton only"
         )
-    body = _COMMENT.sub("", parts[1]) if "#" in parts[1] or "//" in parts[1] else parts[1]
+    body = _without_end_marks(motion[0], bvh.notes)
+    if "#" in body or "//" in body:
+        body = _COMMENT.sub("", body)
     _parse_motion(body, bvh)
+    if bvh.has_decimal_commas:
+        bvh.notes.append("numbers have decimal commas, which are read as points")
     return bvh
+
+
+def _without_end_marks(body: str, notes: list[str]) -> str:
+    """The text without the ^Z and NULs after it, which are noted."""
+    end = len(body.rstrip(_END_MARKS + " \t\n"))
+    marks = sum(body.count(mark, end) for mark in _END_MARKS)
+    if marks:
+        notes.append(f"{marks} end-of-file marks (^Z, NUL) after the motion are left out")
+    return body[:end]
 
 
 class _Hierarchy:
     """Parser, with a stack, of the tokens between HIERARCHY and MOTION."""
 
-    def __init__(self, text: str) -> None:
-        self.tokens = re.sub(r"([{}])", r" \1 ", text).split()[1:]
+    def __init__(self, tokens: list[str]) -> None:
+        self.tokens = tokens
         self.position = 0
         self.copies: dict[str, int] = {}  # name -> how often it was read
         self.bvh = BvhText()
@@ -96,7 +126,7 @@ class _Hierarchy:
             elif word == "}" and stack:
                 stack.pop()
             else:
-                raise FormatError(f"unexpected {word!r} in the hierarchy")
+                raise FormatError(f"unexpected {reprlib.repr(word)} in the hierarchy")
         if stack:
             raise FormatError(
                 "the hierarchy ends inside a joint: a closing brace is missing or the file is cut off"
@@ -115,12 +145,10 @@ class _Hierarchy:
 
     def number(self, where: str) -> float:
         token = self.next_token()
-        try:
-            value = float(token)
-        except ValueError:
-            value = np.nan
+        value = _number_or_nan(token)
         if not abs(value) < _LARGEST:
-            raise FormatError(f"expected a number after {where}, got {token!r}")
+            raise FormatError(f"expected a number after {where}, got {reprlib.repr(token)}")
+        self.bvh.has_decimal_commas |= "," in token
         return value
 
     def name_until_brace(self) -> str:
@@ -165,11 +193,13 @@ class _Hierarchy:
     def channels(self, joint: int) -> None:
         count = self.number("CHANNELS")
         if count not in range(7):
-            raise FormatError(f"expected 0 to 6 channels on {self.bvh.names[joint]!r}, got {count:g}")
+            raise FormatError(
+                f"expected 0 to 6 channels on {reprlib.repr(self.bvh.names[joint])}, got {count:g}"
+            )
         names = [self.next_token().lower() for _ in range(int(count))]
         if not _CHANNELS.issuperset(names) or len(set(names)) != len(names):
             raise FormatError(
-                f"expected different positions and rotations as channels, got {' '.join(names)}"
+                f"expected different positions and rotations as channels, got {reprlib.repr(' '.join(names))}"
             )
         self.bvh.channels[joint] = names
 
@@ -179,20 +209,26 @@ def _parse_motion(body: str, bvh: BvhText) -> None:
     if timing is None:
         raise FormatError('expected "Frames:" and "Frame Time:" after MOTION')
     n_channels = sum(map(len, bvh.channels))
-    try:
-        n_frames = int(timing[1])
-    except ValueError:
-        raise FormatError(f"expected a number of frames, got {timing[1]!r}") from None
+    announced = _frame_count(timing[1])
     bvh.fps = _frame_rate(timing[2])
-    check_length(max(n_frames, 1), len(bvh.names), bvh.fps)
-    values, n_found = _numbers(body, timing.end(), n_frames * n_channels)
-    if n_frames <= 0 or n_found == 0:
-        raise FormatError(f"no motion: {n_frames} frames announced, {n_found} numbers found")
-    if n_found != n_frames * n_channels:
+    check_length(max(announced, 1), len(bvh.names), bvh.fps)
+    if len(bvh.names) > n_channels + _CHANNELLESS_JOINTS:  # a short file would take much memory
         raise FormatError(
-            f"expected {n_frames} frames of {n_channels} numbers, found {n_found / n_channels:.6g}: "
+            f"expected channels on most joints, got {n_channels} channels of {len(bvh.names)} joints"
+        )
+    most = (announced + _MISCOUNTED_FRAMES) * n_channels
+    values, n_found = _numbers(body, timing.end(), most)
+    if n_found == 0 or announced < 0:
+        raise FormatError(f"no motion: {announced} frames announced, {n_found} numbers found")
+    n_frames, rest = divmod(n_found, n_channels)
+    if rest or n_frames == 0 or abs(n_frames - announced) > _MISCOUNTED_FRAMES:
+        raise FormatError(
+            f"expected {announced} frames of {n_channels} numbers, found {n_found / n_channels:.6g}: "
             "the frame count is wrong or the file is cut off"
         )
+    if n_frames != announced:
+        bvh.notes.append(f"the file says {announced} frames and has {n_frames}, which are read")
+    bvh.has_decimal_commas |= "," in timing[2] or body.find(",", timing.end()) >= 0
     bvh.values = values.reshape(n_frames, n_channels)  # (T, C)
     bad = ~(np.abs(bvh.values) < _LARGEST)
     if bad.any():
@@ -213,26 +249,49 @@ def _numbers(text: str, start: int, most: int) -> tuple[NDArray[np.float64], int
         end = len(text) if space is None else space.start()
         words = text[start:end].split()
         if n_found <= most:
-            try:
-                blocks.append(np.array(list(map(float, words))))
-            except ValueError as error:
-                raise FormatError(
-                    f"the motion contains something that is not a number: {str(error)[:100]}"
-                ) from None
+            blocks.append(_as_numbers(words))
         n_found += len(words)
         start = end
     return np.concatenate(blocks), n_found
 
 
+def _as_numbers(words: Sequence[str]) -> NDArray[np.float64]:
+    try:
+        return np.array(list(map(float, words)))
+    except ValueError:
+        values = np.array(list(map(_number_or_nan, words)))
+    for word, value in zip(words, values, strict=True):
+        if np.isnan(value) and not _is_missing(word):
+            raise FormatError(f"the motion contains something that is not a number: {reprlib.repr(word)}")
+    return values
+
+
+def _number_or_nan(word: str) -> float:
+    """The number that a word is, with a decimal point or comma; NaN for a missing value and other words."""
+    try:
+        return float(word.replace(",", ".", 1))
+    except ValueError:
+        return np.nan
+
+
+def _is_missing(word: str) -> bool:
+    """Whether a word stands for a missing value in any spelling."""
+    return _MISSING.fullmatch(word) is not None
+
+
+def _frame_count(word: str) -> int:
+    count = _number_or_nan(word)
+    if not (abs(count) < _LARGEST and count.is_integer()):
+        raise FormatError(f"expected a number of frames, got {reprlib.repr(word)}")
+    return int(count)
+
+
 def _frame_rate(frame_time: str) -> float:
     """Frames per second, rounded to a whole rate if that has the given frame time at the digits printed."""
-    try:
-        seconds = float(frame_time)
-    except ValueError:
-        seconds = np.nan
+    seconds = _number_or_nan(frame_time)
     if not 1e-4 <= seconds <= 10.0:
-        raise FormatError(f"expected a frame time in seconds, got {frame_time!r}")
+        raise FormatError(f"expected a frame time in seconds, got {reprlib.repr(frame_time)}")
     whole = round(1.0 / seconds)
-    digits = len(frame_time.partition(".")[2])
+    digits = -int(Decimal(frame_time.replace(",", ".")).as_tuple().exponent)
     # With fewer than 4 digits 60 and 59.9 print alike; the whole rate is more probable.
     return float(whole) if whole and abs(1.0 / whole - seconds) < 10.0 ** -max(digits, 3) else 1.0 / seconds

@@ -18,6 +18,7 @@ from choreograph.motion.skeleton import Skeleton
 from choreograph.takes import Credits, Take
 
 LAYOUT = "a single NAME.bvh"
+_NAMED = 6  # joints in a note; the others are counted
 _VARIES_M = 1e-3  # bone offsets that vary by more get a note
 
 
@@ -78,7 +79,7 @@ class _Body:
 
 
 def _to_motion(text: BvhText) -> tuple[Motion, tuple[str, ...]]:
-    notes: list[str] = []
+    notes = list(text.notes)
     body = _from_hips(_body(text, notes), notes)
     skeleton = body.skeleton()
     spread = np.abs(body.local_pos[:, 1:] - skeleton.offsets_m[1:]).max(initial=0.0, axis=(0, 2))  # (J-1,)
@@ -151,13 +152,16 @@ def _from_hips(body: _Body, notes: list[str]) -> _Body:
         pos = pos + rot.rotate(quat, body.local_pos[:, joint])
         quat = rot.multiply(quat, body.local_quat[:, joint])
     kept = [hips]
+    new = {hips: 0}  # joint -> its place in `kept`
     for joint in range(hips + 1, len(body.names)):
-        if body.parents[joint] in kept:
+        if int(body.parents[joint]) in new:
+            new[joint] = len(kept)
             kept.append(joint)
-    dropped = [name for i, name in enumerate(body.names) if i not in kept and i not in chain]
+    known = {*chain, *new}
+    dropped = [name for joint, name in enumerate(body.names) if joint not in known]
     if dropped:
-        notes.append(f"left out joints that are not below the hips: {', '.join(dropped)}")
-    new = {joint: i for i, joint in enumerate(kept)}
+        more = f" and {len(dropped) - _NAMED} more" if len(dropped) > _NAMED else ""
+        notes.append(f"left out joints that are not below the hips: {', '.join(dropped[:_NAMED])}{more}")
     tips = [i for i, parent in enumerate(body.tip_parents) if parent in new]
     rest, local_pos, local_quat = body.rest[kept], body.local_pos[:, kept], body.local_quat[:, kept]
     rest[0], local_pos[:, 0], local_quat[:, 0] = body.rest[chain].sum(axis=0), pos, quat

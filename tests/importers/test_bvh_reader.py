@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import time
 
 import numpy as np
 import pytest
@@ -180,12 +181,22 @@ DAMAGED = {
     "no motion section": (lambda t: t.partition("MOTION")[0], "MOTION"),
     "no frames": (lambda t: rows(t)[0].replace("Frames: 20", "Frames: 0"), "no motion"),
     "nan": (lambda t: t.rsplit(" ", 1)[0] + " nan\n", "frame 19 holds nan"),
-    "too many frames announced": (lambda t: t.replace("Frames: 20", "Frames: 21"), "count is wrong"),
+    "too many frames announced": (lambda t: t.replace("Frames: 20", "Frames: 23"), "count is wrong"),
     "too few frames announced": (lambda t: t.replace("Frames: 20", "Frames: 7"), "count is wrong"),
     "cut in the motion": (lambda t: t[: len(t) - 700], "count is wrong"),
     "cut in the hierarchy": (lambda t: t[:900], "cut"),
     "a word in the motion": (lambda t: t[:-9] + " bla\n", "not a number"),
-    "comma decimals": (lambda t: t.replace(".", ","), "number"),
+    "commas between numbers": (lambda t: re.sub(r"(?<=\d) (?=-?\d)", ",", t), "number"),
+    "frames of 4000 digits": (lambda t: t.replace("Frames: 20", "Frames: " + "9" * 4000), "number of frames"),
+    "a frame time of 4000 digits": (lambda t: re.sub(r"Time: ", "Time: " + "9" * 4000, t), "frame time"),
+    "a word of 10⁵ letters": (lambda t: t[:-9] + " " + "x" * 100_000 + "\n", "not a number"),
+    "an offset of 10⁵ letters": (lambda t: t.replace("OFFSET ", "OFFSET x" + "x" * 10**5, 1), "number after"),
+    "channels of 10⁵ letters": (lambda t: t.replace("Xrot", "x" * 100_000 + "rot"), "channels"),
+    "NULs in the middle": (lambda t: t[:-9] + "\0" * 9 + t[-9:], "not a number"),
+    "joints without channels": (
+        lambda t: t.replace("JOINT", "JOINT x\n{\n}\n" * 500 + "JOINT", 1),
+        "most joints",
+    ),
     "frame time zero": (lambda t: re.sub(r"Frame Time: \S+", "Frame Time: 0", t), "frame time"),
     "frames no number": (lambda t: t.replace("Frames: 20", "Frames: many"), "number of frames"),
     "two bodies": (lambda t: t.replace("MOTION", t[9 : t.index("MOTION")] + "MOTION"), "one ROOT"),
@@ -211,6 +222,78 @@ def test_damaged_files_end_in_one_line_that_names_them(tmp_path, name):
         read_text(tmp_path, damage(bvh_text(tmp_path)))
     assert "in.bvh" in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 300 + len(str(tmp_path))
+
+
+MISSING = (
+    "nan", "NaN", "-nan", "nanq", "nan(ind)", "-nan(ind)", "nan(snan)", "nan(0x8000000000000)", "-1.#IND00",
+    "-1.#IND", "1.#QNAN0", "-1.#QNAN", "1.#SNAN0", "1.#INF00", "-1.#INF", "1.#J", "-1.#IO", "-1,#IND00",
+    "inf", "-Infinity",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("word", MISSING)
+@pytest.mark.parametrize("column", ["first", "last"])
+def test_missing_values_are_refused_as_nan_is_in_any_spelling(tmp_path, word, column):
+    """As C libraries print them; "#" begins no comment there."""
+    head, last = bvh_text(tmp_path).rstrip().rsplit("\n", 1)
+    numbers = last.split()
+    numbers[0 if column == "first" else -1] = word
+    with pytest.raises(FormatError, match=r"frame 19 holds -?(nan|inf), which is not a valid"):
+        read_text(tmp_path, f"{head}\n{' '.join(numbers)}\n")
+
+
+@pytest.mark.parametrize("marks", ["\x1a", "\0", "\x1a\0\0\n", "\r\n\x1a\r\n", "\0" * 100_000])
+def test_end_of_file_marks_are_left_out_with_a_note(tmp_path, marks):
+    motion, notes = read_text(tmp_path, bvh_text(tmp_path) + marks)
+    assert_same_dance(motion)
+    assert motion.n_frames == 20
+    assert sum("end-of-file marks" in note for note in notes) == 1
+
+
+@pytest.mark.parametrize("space", [" ", "\t", "  "])
+def test_decimal_commas_are_read_with_a_note(tmp_path, space):
+    text = bvh_text(tmp_path)
+    head, _, numbers = text.partition("Frame Time: ")
+    motion, notes = read_text(
+        tmp_path, (head + "Frame Time: " + numbers.replace(" ", space)).replace(".", ",")
+    )
+    assert_same_dance(motion)
+    assert motion.fps == read_text(tmp_path, text)[0].fps
+    assert sum("decimal commas" in note for note in notes) == 1
+
+
+def test_a_comma_in_a_name_is_no_decimal_comma(tmp_path):
+    motion, notes = read_text(tmp_path, bvh_text(tmp_path).replace("JOINT head", "JOINT head, crown"))
+    assert "head, crown" in motion.skeleton.names and len(notes) == 1
+
+
+@pytest.mark.parametrize("announced", [18, 19, 21, 22])
+def test_a_frame_count_off_by_one_or_two_is_noted(tmp_path, announced):
+    motion, notes = read_text(tmp_path, bvh_text(tmp_path).replace("Frames: 20", f"Frames: {announced}"))
+    assert_same_dance(motion)
+    assert sum(f"says {announced} frames and has 20" in note for note in notes) == 1
+
+
+def test_comments_begin_at_the_beginning_of_a_word(tmp_path):
+    text = bvh_text(tmp_path).replace("JOINT head", "JOINT head#1 # a comment")
+    text = "# made by hand\n" + text.replace("{", "{# open", 1).replace("Frames", "// the motion\nFrames")
+    motion, _ = read_text(tmp_path, text)
+    assert_same_dance(motion)
+    assert "head#1" in motion.skeleton.names
+
+
+@pytest.mark.parametrize("blank", ["\n", " ", "\t", "\r\n", "\n "])
+def test_200_kb_of_blanks_take_a_moment(tmp_path, blank):
+    """It was quadratic in blank lines: a minute and more."""
+    blanks = blank * (200_000 // len(blank))
+    began_s = time.process_time()
+    with pytest.raises(FormatError, match="HIERARCHY"):
+        read_text(tmp_path, blanks + "x")
+    assert_same_dance(
+        read_text(tmp_path, blanks + "\n" + bvh_text(tmp_path).replace("MOTION", blanks + "\nMOTION"))[0]
+    )
+    assert time.process_time() - began_s < 2.0
 
 
 def test_missing_file_and_folder(tmp_path):
