@@ -70,6 +70,7 @@ def build_repertoire(
 
     options = options or BuildOptions()
     select_device(options.device)
+    sources = tuple(sources)
     output = check_target(output)
     work = output.with_name(output.name + ".build")
     with locked_folder(work, doing=f"builds {output.name}"):
@@ -90,7 +91,7 @@ def _write_built(
     shipped = pretrained_set(options.pretrained)
     pretrained = PretrainedWeights.of(options, shipped)
     measured, notes = measured_takes(sources, options, report)
-    checksums = source_checksums(measured)
+    checksums = source_checksums(measured, sources)
     content = training_content(measured, checksums, options)
     resume_notes: list[str] = []
     context = training_context(work, options, content, training_report, resume_notes.append)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from importlib.metadata import version
@@ -42,16 +43,30 @@ def training_context(
     )
 
 
-def source_checksums(measured: Sequence[MeasuredTake]) -> list[tuple[str, str, int]]:
-    """Path, SHA-256 and number of the take, of every file that a take was read from."""
-    known: dict[Path, str] = {}
+def source_checksums(
+    measured: Sequence[MeasuredTake], sources: Iterable[str | Path]
+) -> list[tuple[str, str, int]]:
+    """Path in its source, SHA-256 and number of the take, of every file that a take was read from.
+
+    The paths say nothing of this machine, nor of how the sources were typed: those of files outside of all
+    sources, such as songs that a manifest names, are their names alone.
+    """
+    folders = [Path(os.path.realpath(source)) for source in sources]
+    known: dict[Path, tuple[str, str]] = {}
     rows = []
     for index, m in enumerate(measured):
         for path in m.take.source_paths:
             if path not in known:
-                known[path] = sha256_of(path)
-            rows.append((str(path), known[path], index))
+                known[path] = _path_within(path, folders), sha256_of(path)
+            rows.append((*known[path], index))
     return rows
+
+
+def _path_within(path: Path, folders: Sequence[Path]) -> str:
+    """The path from the first of the folders that holds it, else the file's name."""
+    real = Path(os.path.realpath(path.parent)) / path.name  # a link to a file is known by its own name
+    inside = (real.relative_to(folder) for folder in folders if folder in real.parents)
+    return next(inside, Path(path.name)).as_posix()
 
 
 def training_content(

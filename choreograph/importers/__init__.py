@@ -87,7 +87,7 @@ def import_takes(source: str | Path, *, allow_outside: bool = False) -> Iterator
     ParameterError   if `source` does not exist or has no known layout
     FormatError      if a file in it is damaged, its rig's joint names are unknown, or a song is elsewhere
     """
-    source = Path(source)
+    source = _named_source(source)
     if not source.exists():
         raise ParameterError(f"expected takes at {source}, got nothing: there is no such file or folder")
     importer = _importer_of(source)
@@ -102,7 +102,7 @@ def annotate_takes(takes: Sequence[Take], source: str | Path) -> list[Take]:
 
     Raises as `import_takes` does.
     """
-    source = Path(source)
+    source = _named_source(source)
     annotate = getattr(_importer_of(source), "annotate", None)
     return list(takes) if annotate is None else annotate(takes, source)
 
@@ -112,9 +112,16 @@ def source_notes(source: str | Path) -> tuple[str, ...]:
 
     Raises as `import_takes` does if `source` has no known layout.
     """
-    source = Path(source)
+    source = _named_source(source)
     notes = getattr(_importer_of(source), "notes", None)
     return () if notes is None else notes(source)
+
+
+def _named_source(source: str | Path) -> Path:
+    """The source by a path that ends in its own name, which some layouts read; "." and links do not."""
+    path = Path(source)
+    real = path.resolve()
+    return real if path.is_dir() and path.name != real.name else path
 
 
 def _check_inside(take: Take, source: Path) -> None:

@@ -52,10 +52,11 @@ def _take(file: Path, source: Path) -> Take:
     except (FormatError, TypeError, ValueError) as error:
         raise FormatError(f"{file}: {' '.join(str(error).split())}") from None
     name = file.stem if source.is_file() else file.relative_to(source).with_suffix("").as_posix()
+    folder = file.parent.resolve()
     return Take(
         name=name,
         motion=motion,
-        credits=Credits(performer=file.parent.name, source=f"AMASS {file.parent.parent.name}".strip()),
+        credits=Credits(performer=folder.name, source=f"AMASS {folder.parent.name}".strip()),
         source_paths=(file,),
         notes=("rotated from Z up, as AMASS is, to Y up; body shape and fingers are left out",),
     )
