@@ -32,8 +32,8 @@ def takes(tmp_path_factory) -> Path:
 
 def test_the_bytes_do_not_depend_on_how_a_source_was_typed(takes, tmp_path, monkeypatch):
     (tmp_path / "link").symlink_to(takes)
-    spellings = ["takes/", "./takes", str(takes), f"{takes}/", "../library/takes".replace("library", takes.parent.name),
-                 str(tmp_path / "link"), "."]  # fmt: skip
+    above = f"../{takes.parent.name}/takes"
+    spellings = ["takes/", "./takes", str(takes), f"{takes}/", above, str(tmp_path / "link"), "."]
     contents = []
     for number, typed in enumerate(spellings):
         monkeypatch.chdir(takes if typed == "." else takes.parent)
