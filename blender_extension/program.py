@@ -7,16 +7,22 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
+import sys
 import tempfile
 import threading
+import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from .errors import DanceError
 from .glb import Skeleton, Tracks, read_tracks, write_skeleton
 
 _PROGRESS = re.compile(r"(?P<stage>.+) (?P<done>\d+)/(?P<total>\d+)")
+_GRACE_S = 0.4  # from asking the program to end until it is killed
+_LOOK_EVERY_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -87,8 +93,7 @@ class Run:
             with self._facts.open("wb") as facts:
                 return subprocess.Popen(
                     command, stdin=subprocess.DEVNULL, stdout=facts, stderr=subprocess.PIPE, encoding="utf-8",
-                    errors="replace", env=_environment(),
-                    creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),  # on Windows only
+                    errors="replace", env=_environment(), **_own_group(),
                 )  # fmt: skip
         except OSError as error:
             self._folder.cleanup()
@@ -111,8 +116,12 @@ class Run:
 
     def dance(self) -> Dance:
         """What it made, once it ends; `DanceError` with its own words if it failed."""
-        status = self._process.wait()
-        self._listener.join()
+        try:
+            status = self._process.wait()
+            self._listener.join()
+        except KeyboardInterrupt:  # the terminal's, which the program's group does not get
+            self.stop()
+            raise
         try:
             if status != 0 or not self._made.is_file():
                 said = self._said.removeprefix("choreograph: ")
@@ -123,11 +132,42 @@ class Run:
             self._folder.cleanup()
 
     def stop(self) -> None:
-        """End it before it is done."""
-        self._process.kill()
+        """End it, and all processes that it started, before it is done: within a second."""
+        if sys.platform == "win32":
+            _end_tree(self._process.pid)
+        else:
+            self._end_group()
         self._process.wait()
-        self._listener.join()
+        self._listener.join(_GRACE_S)  # a process that left the group may hold the pipe
         self._folder.cleanup()
+
+    def _end_group(self) -> None:
+        """Ask the process group to end, and kill what is left of it after `_GRACE_S`."""
+        until_s = time.monotonic() + _GRACE_S
+        try:
+            os.killpg(self._process.pid, signal.SIGTERM)
+            while time.monotonic() < until_s:
+                self._process.poll()  # a group lasts until its ended processes are waited for
+                os.killpg(self._process.pid, 0)
+                time.sleep(_LOOK_EVERY_S)
+            os.killpg(self._process.pid, signal.SIGKILL)
+        except (ProcessLookupError, PermissionError):  # macOS forbids what Linux does not find
+            return
+
+
+def _own_group() -> dict[str, Any]:
+    """The arguments of `Popen` that give the program a process group of its own, without a window."""
+    if sys.platform == "win32":
+        return {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP}
+    return {"start_new_session": True}
+
+
+def _end_tree(pid: int) -> None:
+    """End a process of Windows and all that it started."""
+    subprocess.run(
+        ["taskkill", "/T", "/F", "/PID", str(pid)], capture_output=True, check=False,
+        creationflags=subprocess.CREATE_NO_WINDOW,
+    )  # fmt: skip
 
 
 def _environment() -> dict[str, str]:

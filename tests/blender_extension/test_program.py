@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import os
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -123,6 +125,52 @@ def test_progress_is_read_while_it_runs_and_it_can_be_stopped(modules, program, 
     assert folder.is_dir()
     running.stop()
     assert running.ended() and not folder.exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a wrapper in shell")
+def test_stopping_ends_all_that_a_wrapper_started_within_a_second(modules, skeleton, tmp_path):
+    """A wrapper in shell starts a child that ignores the request to end, as users' wrappers do."""
+    stubborn, wrapper, pid_file = (tmp_path / name for name in ("stubborn.py", "choreograph", "pid"))
+    stubborn.write_text(
+        "import os, pathlib, signal, sys, time\n"
+        "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+        f"pathlib.Path({str(pid_file)!r}).write_text(str(os.getpid()))\n"
+        "print('warping 1/2', file=sys.stderr, flush=True)\n"
+        "time.sleep(89)\n"
+    )
+    wrapper.write_text(f"#!/bin/sh\n{sys.executable} {stubborn}\necho done\n")
+    wrapper.chmod(0o755)
+    running = modules[0].Run(str(wrapper), modules[0].Request(Path("song.mp3"), 30.0), skeleton)
+    until(lambda: running.stage == "warping")
+    child = int(pid_file.read_text())
+    assert is_running(child)
+    began_s = time.monotonic()
+    running.stop()
+    took_s = time.monotonic() - began_s
+    assert running.ended() and took_s < 1.0
+    until(lambda: not is_running(child), within_s=1.0 - took_s)
+
+
+def is_running(pid: int) -> bool:
+    """Whether a process is there and has not ended; one that nobody waits for has."""
+    found = subprocess.run(
+        ["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True, check=False
+    ).stdout.strip()
+    return bool(found) and not found.startswith("Z")
+
+
+def test_a_program_that_ends_when_asked_is_not_killed(modules, program, skeleton, tmp_path):
+    lines = (
+        "import signal",
+        f"tidy = lambda *_: (open({str(tmp_path / 'tidied')!r}, 'w').close(), sys.exit(1))",
+        "signal.signal(signal.SIGTERM, tidy)",
+        "print('warping 1/2', file=sys.stderr, flush=True)",
+        "time.sleep(60)",
+    )
+    running = modules[0].Run(program(*lines), modules[0].Request(Path("song.mp3"), 30.0), skeleton)
+    until(lambda: running.stage == "warping")
+    running.stop()
+    assert running.ended() and (tmp_path / "tidied").exists()
 
 
 def test_its_error_is_its_last_line(modules, program, skeleton):
