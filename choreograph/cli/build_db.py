@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 from click_option_group import optgroup
 
-from choreograph.cli.present import examples, given_options, names_of, show_notes, stages
+from choreograph.cli.present import examples, given_options, names_of, say, show_notes, stages
 from choreograph.errors import ParameterError
 
 _FILE = click.Path(path_type=Path)
@@ -119,8 +119,8 @@ def command(sources, output, quiet, leave_out, density, published, **options) ->
         with stages(quiet=quiet) as shown:
             built = cg.build(sources, output, report=shown.report, training_report=shown.training, **options)
     except KeyboardInterrupt:
-        click.echo("stopped: the same command with --resume continues from here", err=True)
+        say("stopped: the same command with --resume continues from here", err=True)
         sys.exit(130)
     if not quiet:
         show_notes(built.notes)
-        click.echo(f"{output}: {len(built.repertoire.takes)} takes, {built.repertoire.n_clips} clips")
+        say(f"{output}: {len(built.repertoire.takes)} takes, {built.repertoire.n_clips} clips")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from choreograph.cli.present import examples, show_notes, stages
+from choreograph.cli.present import examples, say, show_notes, stages
 
 
 @click.command(
@@ -33,4 +33,4 @@ def command(work, preset, seed, output) -> None:
             work, output, preset=preset, seed=seed, report=shown.report, training_report=shown.training,
         )  # fmt: skip
     show_notes(notes)
-    click.echo(f"{output}: {len(repertoire.takes)} takes, {output.stat().st_size / 1e6:.1f} MB")
+    say(f"{output}: {len(repertoire.takes)} takes, {output.stat().st_size / 1e6:.1f} MB")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from choreograph.arguments import unexpected
-from choreograph.cli.present import examples
+from choreograph.cli.present import examples, say, show_notes
 from choreograph.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def convert(motion, output, fps, naming, units, rest, in_place) -> None:
     if fps is not None:
         moving = moving.resampled(fps)
     save_motion(output, moving, writer=BvhWriter(bvh) if output.suffix.lower() == ".bvh" else None)
-    click.echo(f"{output}: {moving.duration_s:.1f} s, {moving.skeleton.n_joints} joints")
+    say(f"{output}: {moving.duration_s:.1f} s, {moving.skeleton.n_joints} joints")
 
 
 @click.command(
@@ -107,9 +107,7 @@ def retarget(motion, character, output, map_path, save_map) -> None:
     figure = character_of(character, map_path, save_map)
     moving = motion_of(motion)
     save_on_character(output, moving, figure)
-    click.echo(
-        f"{output}: {moving.duration_s:.1f} s, {len(figure.bones)} bones of {figure.rig.n_bones} known"
-    )
+    say(f"{output}: {moving.duration_s:.1f} s, {len(figure.bones)} bones of {figure.rig.n_bones} known")
 
 
 def character_of(path: Path, map_path: Path | None, save_map: Path | None) -> GltfCharacter:
@@ -126,12 +124,13 @@ def character_of(path: Path, map_path: Path | None, save_map: Path | None) -> Gl
 
 
 def motion_of(path: Path) -> Motion:
-    """The motion of a file that holds one take; `ParameterError` for a folder or several takes."""
-    from choreograph.importers import import_takes
+    """The motion of a file that holds one take, its notes printed; `ParameterError` for several takes."""
+    from choreograph.importers import import_takes, source_notes
 
     if path.is_dir():
         raise ParameterError(f"{path}: expected a file with a motion, got a folder")
     takes = list(import_takes(path))
     if len(takes) != 1:
         raise ParameterError(f"{path}: expected a file with one motion, got {len(takes)}")
+    show_notes((*takes[0].notes, *source_notes(path)))
     return takes[0].motion

@@ -12,6 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
+from choreograph.cli.present import line_of, printable
+
 DEBUG_VARIABLE = "CHOREOGRAPH_DEBUG"
 
 
@@ -20,23 +22,26 @@ def report_crash(kind: type[BaseException], error: BaseException, trace: Traceba
 
     The traceback itself is shown if CHOREOGRAPH_DEBUG is set, or if no log can be written.
     """
-    log = None if os.environ.get(DEBUG_VARIABLE) else _write_log("".join(_lines(kind, error, trace)))
+    traced = _printable_lines("".join(traceback.format_exception(kind, error, trace)))
+    log = None if os.environ.get(DEBUG_VARIABLE) else _write_log(_about() + traced)
     if log is None or not issubclass(kind, Exception):
-        sys.__excepthook__(kind, error, trace)
+        print(traced, end="", file=sys.stderr)
         return
     said = " ".join(str(error).split())
-    print(
-        f"choreograph: unexpected {kind.__name__}{': ' if said else ''}{said}: a fault of this program, or "
-        f"of this machine? The traceback is in {log}",
-        file=sys.stderr,
-    )
+    where = f"a fault of this program, or of this machine? The traceback is in {log}"
+    shown = line_of(f"choreograph: unexpected {kind.__name__}{': ' if said else ''}{said}: {where}")
+    print(shown, file=sys.stderr)
 
 
-def _lines(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> list[str]:
+def _about() -> str:
     from choreograph._version import __version__
 
-    about = f"choreograph {__version__}, Python {platform.python_version()}, {platform.platform()}\n"
-    return [about, f"{sys.argv}\n", *traceback.format_exception(kind, error, trace)]
+    about = f"choreograph {__version__}, Python {platform.python_version()}, {platform.platform()}"
+    return _printable_lines(f"{about}\n{sys.argv}\n")
+
+
+def _printable_lines(text: str) -> str:
+    return "".join(f"{printable(line)}\n" for line in text.split("\n")[:-1])
 
 
 def _write_log(text: str) -> Path | None:

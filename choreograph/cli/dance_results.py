@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from choreograph.cli.dance_jobs import Outputs, Result
-from choreograph.cli.present import show_notes
+from choreograph.cli.present import printable, say, show_notes, table_console
 from choreograph.errors import ChoreographError
 
 if TYPE_CHECKING:
     from choreograph.pipeline import Dance
     from choreograph.plan import Plan
-
-_TABLE_COLUMNS = 2000  # of characters, where stdout is a file: rows are not wrapped
 
 
 def present(results: Sequence[Result], *, as_json: bool, quiet: bool, looped: bool, many: bool) -> None:
@@ -30,14 +28,14 @@ def present(results: Sequence[Result], *, as_json: bool, quiet: bool, looped: bo
         facts += [{"song": str(result.job.song), "error": result.error} for result in results if result.error]
         click.echo(json.dumps(facts if many or len(results) > 1 else facts[0], indent=1))
     elif not quiet:
-        if len(results) == 1:
-            show_notes(dict.fromkeys(note for dance, _ in made for note in dance.notes))
+        many_songs = len(results) > 1
+        show_notes(dict.fromkeys(note for result in results for note in _notes(result, named=many_songs)))
         show_notes(_loop_note(dance) for dance, _ in made if looped)
-        if len(results) > 1:
+        if many_songs:
             _show_table(results)
         else:
             for dance, paths in made:
-                click.echo(_summary(dance.plan, paths))
+                say(_summary(dance.plan, paths))
     failed = [result for result in results if result.error]
     if failed:
         raise ChoreographError(f"{len(failed)} of {len(results)} songs are not danced: {failed[0].error}")
@@ -48,27 +46,29 @@ def _dances(result: Result) -> Iterator[tuple[Dance, Outputs]]:
     return zip(result.dances, result.job.outputs, strict=not result.error)
 
 
+def _notes(result: Result, *, named: bool) -> Iterator[str]:
+    """The notes on a song's dances, or why there are none; with the song's name if `named`."""
+    notes = [note for dance in result.dances for note in dance.notes]
+    notes += [f"not danced: {result.error}"] if result.error else []
+    yield from (f"{result.job.song.name}: {note}" if named else note for note in notes)
+
+
 def _show_table(results: Sequence[Result]) -> None:
-    """Print a row for each dance; where stdout is no terminal, as wide as it is."""
-    from rich.console import Console
+    """Print a row for each dance."""
     from rich.table import Table
 
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=_TABLE_COLUMNS)
     table = Table(box=None, pad_edge=False)
-    for name in ("song", "files", "seconds", "takes", "beats", "notes"):
-        right = name in ("seconds", "takes", "beats")
-        table.add_column(name, justify="right" if right else "left", no_wrap=name != "notes")
+    for name in ("song", "files", "seconds", "takes", "beats"):
+        table.add_column(name, justify="left" if name in ("song", "files") else "right", no_wrap=True)
     for result in results:
-        song = result.job.song.name
+        song = printable(result.job.song.name)
         if result.error:
-            table.add_row(song, "-", "-", "-", "-", result.error)
+            table.add_row(song, "not danced", "-", "-", "-")
         for dance, paths in _dances(result):
             plan = dance.plan
             numbers = f"{plan.duration_s:.1f}", str(len(plan.takes_s())), str(len(plan.music_beats_s))
-            table.add_row(song, ", ".join(map(str, paths)), *numbers, "; ".join(dance.notes))
-    console.print(table)
+            table.add_row(song, printable(", ".join(map(str, paths))), *numbers)
+    table_console().print(table)
 
 
 def _loop_note(dance: Dance) -> str:

@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING
 import click
 from click_option_group import optgroup
 
-from choreograph.cli.present import examples, names_of, show_notes, stages
+from choreograph.cli.present import (
+    examples,
+    names_of,
+    printable,
+    say,
+    show_notes,
+    stages,
+    table_console,
+)
 from choreograph.errors import ChoreographError, ParameterError
 
 if TYPE_CHECKING:
@@ -148,7 +156,7 @@ def _kept(output: Path | None, resume: bool) -> Iterator[KeptDances | None]:
         try:
             yield kept
         except KeyboardInterrupt:
-            click.echo(f"stopped: {len(kept)} dances are kept, --resume goes on from here", err=True)
+            say(f"stopped: {len(kept)} dances are kept, --resume goes on from here", err=True)
             sys.exit(130)
         except ChoreographError as error:
             if len(kept):
@@ -180,20 +188,17 @@ def _of_songs(songs, db, config, judge, experts, kept, report):
 
 def _show(evaluation) -> None:
     """Print the tables; where stdout is no terminal, as wide as they are."""
-    from rich.console import Console
     from rich.table import Table
 
     from choreograph.evaluation import tables
     from choreograph.evaluation.tables import column_title
 
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=max(80, 44 + 30 * len(evaluation.variants)))
+    console = table_console(max(80, 44 + 30 * len(evaluation.variants)))
     for table in tables(evaluation):
         shown = Table(title=table.family, title_justify="left", title_style="bold", box=None, pad_edge=False)
         shown.add_column("")
         for name in table.columns:
-            shown.add_column(column_title(name), justify="right")
+            shown.add_column(printable(column_title(name)), justify="right")
         for row in table.rows:
             unit = f" {row.metric.unit}" if row.metric.unit else ""
             shown.add_row(

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from choreograph.cli.present import examples
+from choreograph.cli.present import examples, say
 from choreograph.errors import ParameterError
 
 _N_COMMON = 5  # motifs shown of each genre
@@ -51,21 +51,25 @@ def command(db, as_json, plots, signature, counts, output) -> None:
 
         shares = signature_of(signature, repertoire)
         write_signature(output, shares, name=signature, repertoire=repertoire.path.name)
-        click.echo(f"{output}: signature of {signature}, {int((shares > 0).sum())} of {len(shares)} motifs")
+        say(f"{output}: signature of {signature}, {int((shares > 0).sum())} of {len(shares)} motifs")
         return
     if counts is not None:
         from choreograph.count_files import write_counts
 
         take = repertoire.take_index(counts)
         write_counts(output, repertoire.counts(take), repertoire.figures(take))
-        click.echo(f"{output}: {_counts_text(_counts_facts(repertoire, take))}")
+        say(f"{output}: {_counts_text(_counts_facts(repertoire, take))}")
         return
     facts = _facts(repertoire)
     if plots is not None:
         from choreograph.preview.motif_plots import write_motif_plots
 
         facts["plots"] = [str(path) for path in write_motif_plots(plots, repertoire)]
-    click.echo(json.dumps(facts, indent=1) if as_json else _text(facts))
+    if as_json:
+        click.echo(json.dumps(facts, indent=1))
+        return
+    for line in _text(facts):
+        say(line)
 
 
 def _facts(repertoire) -> dict[str, Any]:
@@ -127,7 +131,7 @@ def _vocabulary_facts(repertoire) -> dict[str, Any]:
     return {"n_words": len(vocabulary.word_motif), "n_motifs": vocabulary.n_motifs, "genres": genres}
 
 
-def _text(facts: dict[str, Any]) -> str:
+def _text(facts: dict[str, Any]) -> list[str]:
     lines = [
         f"{facts['path']}: {len(facts['takes'])} takes, {facts['duration_s'] / 60:.1f} min, "
         f"{facts['n_clips']} clips, {len(facts['joints'])} joints",
@@ -144,7 +148,7 @@ def _text(facts: dict[str, Any]) -> str:
     lines += _vocabulary_text(facts["vocabulary"]) if facts["vocabulary"] else ["no motion words"]
     if "plots" in facts:
         lines.append(f"{len(facts['plots'])} plots in {Path(facts['plots'][0]).parent}")
-    return "\n".join(lines)
+    return lines
 
 
 def _counts_text(counts: dict[str, Any]) -> str:

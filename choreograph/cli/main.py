@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import logging
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 
 import click
 
 from choreograph.cli.crash import report_crash
-from choreograph.cli.present import examples, show_notes
+from choreograph.cli.present import examples, line_of, say, show_notes
 from choreograph.errors import ChoreographError
 
 _COMMANDS = {
@@ -33,15 +36,38 @@ class _Commands(click.Group):
         module, _, command = _COMMANDS[name].partition(":")
         return getattr(import_module(f"choreograph.cli.{module}"), command or "command")
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        with _printable_usage():
+            return super().parse_args(ctx, args)
+
     def invoke(self, ctx: click.Context):
         try:
-            return super().invoke(ctx)
+            with _printable_usage():
+                return super().invoke(ctx)
         except ChoreographError as error:
-            click.echo(f"choreograph: {' '.join(str(error).split())}", err=True)
+            say(f"choreograph: {' '.join(str(error).split())}", err=True)
+            sys.exit(2)
+        except OSError as error:
+            if error.errno != errno.ENAMETOOLONG:
+                raise
+            say(
+                f"choreograph: {error.filename}: expected a name that this system allows, got a longer one",
+                err=True,
+            )
             sys.exit(2)
         except KeyboardInterrupt:
-            click.echo("choreograph: interrupted", err=True)
+            say("choreograph: interrupted", err=True)
             sys.exit(128 + signal.SIGINT)
+
+
+@contextmanager
+def _printable_usage() -> Iterator[None]:
+    """Make click's own messages, which quote what was typed, printable lines."""
+    try:
+        yield
+    except click.ClickException as error:
+        error.message = line_of(error.message)  # type: ignore[misc]  # final, but shown as it is
+        raise
 
 
 @click.group(

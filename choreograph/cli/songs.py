@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from choreograph.cli.present import examples
+from choreograph.cli.present import examples, say
 from choreograph.errors import ParameterError
 from choreograph.files import atomic_path
 
@@ -45,4 +45,4 @@ def command(folder, name, as_json) -> None:
         return
     width = max(map(len, songs), default=0)
     for song, path in songs.items():
-        click.echo(f"{song:<{width}}  {path}")
+        say(f"{song:<{width}}  {path}")

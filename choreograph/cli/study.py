@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from choreograph.cli.present import examples, names_of, stages
+from choreograph.cli.present import examples, names_of, printable, say, stages, table_console
 
 if TYPE_CHECKING:
     from choreograph.evaluation.study_results import StudyResults
@@ -70,11 +70,11 @@ def write(
         write_study(dances, output, seed=order_seed, sound=not silent, excerpt_s=excerpt, ask=ask)
     if not quiet:
         n_dances = sum(len(own) for own in dances.values())
-        click.echo(
+        say(
             f"{output / PAGE_NAME}: {n_dances} dances of {len(dances)} variants. Give raters this page only, "
-            f"never {KEY_NAME}.\nPut the files they send back into {output}, "
-            f"then run: choreograph study show {output}"
+            f"never {KEY_NAME}."
         )
+        say(f"Put the files they send back into {output}, then run: choreograph study show {output}")
 
 
 @command.command("show", short_help="Show the ratings.")
@@ -99,13 +99,13 @@ def show(study, json_path, quiet) -> None:
 
 
 def _show_tables(results: StudyResults) -> None:
-    from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     from choreograph.evaluation.study_questions import PAIR_QUESTIONS, QUESTIONS
 
-    console = Console(highlight=False)
-    click.echo(f"{results.n_raters} raters, {results.n_songs} songs; 95 % intervals in brackets")
+    console = table_console()
+    say(f"{results.n_raters} raters, {results.n_songs} songs; 95 % intervals in brackets")
     for question in QUESTIONS:
         scores = [score for score in results.scores if score.question == question.id]
         if not scores:
@@ -115,22 +115,21 @@ def _show_tables(results: StudyResults) -> None:
         for name in ("", "mean", "ratings"):
             table.add_column(name, justify="right" if name else "left")
         for score in scores:
-            table.add_row(score.variant, _with_interval(score), str(score.n_ratings))
+            table.add_row(printable(score.variant), _with_interval(score), str(score.n_ratings))
         console.print()
         console.print(table)
         for difference in (d for d in results.differences if d.question == question.id):
             unclear = "" if difference.is_clear else ", not significant"
-            console.print(
-                f"  {difference.variant} over {difference.other}: {_with_interval(difference, '+')}{unclear}"
-            )
+            say(f"  {difference.variant} over {difference.other}: {_with_interval(difference, '+')}{unclear}")
     for pair_question in PAIR_QUESTIONS:
         preferences = [p for p in results.preferences if p.question == pair_question.id]
         if preferences:
-            console.print(f"\n[bold]{pair_question.text.format(genre='of the genre')}[/bold] 0.50 by chance")
+            asked = Text(pair_question.text.format(genre="of the genre"), style="bold")
+            console.print("\n", asked, " 0.50 by chance", sep="")
         for p in preferences:
             unclear = "" if p.is_clear else ", not significant"
             shares = _interval(p.share, p.low, p.high)
-            console.print(f"  {p.variant}, not {p.other}: {shares}, {p.n_answers} answers{unclear}")
+            say(f"  {p.variant}, not {p.other}: {shares}, {p.n_answers} answers{unclear}")
 
 
 def _with_interval(estimate, sign: str = "") -> str:

@@ -9,9 +9,10 @@ from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import swaying
 
 from choreograph.cli.characters import NAMINGS
-from choreograph.exporters import save_motion
+from choreograph.exporters import BvhOptions, BvhWriter, save_motion
 from choreograph.exporters.naming import NAMES
 from choreograph.gltf import read_gltf
+from choreograph.importers import import_takes
 
 
 @pytest.fixture
@@ -81,3 +82,14 @@ def test_a_bvh_has_the_names_units_and_rate_that_are_asked_for(folder):
 
 def test_namings_are_those_that_can_be_written():
     assert tuple(NAMES) == NAMINGS
+
+
+@pytest.mark.parametrize("command", ["convert", "retarget"])
+def test_notes_of_the_import_are_printed(folder, command):
+    save_motion("huge.bvh", swaying(60), writer=BvhWriter(BvhOptions(units_per_m=9e6 / 1.7)))
+    options = ["hero.glb", "-o"] if command == "retarget" else []
+    done = run(command, "huge.bvh", *options, "a.glb")
+    assert done.exit_code == 0, done.output
+    (notes,) = (take.notes for take in import_takes("huge.bvh"))
+    assert notes and done.stderr.splitlines() == [f"note: {note}" for note in notes]
+    assert any("scale" in note for note in notes)
