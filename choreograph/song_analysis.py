@@ -44,21 +44,20 @@ def analyse_song(
     *,
     beats: str | Path = DEFAULT_BEATS,
     genre: str | None = None,
-    start_s: float = 0.0,
     report: StepReport | None = None,
 ) -> tuple[SongFeatures, tuple[str, ...]]:
     """Features of every second of a song, and notes on what is unusual about it.
 
     `beats` is one of `song_counts.TRACKER_NAMES` or a file (see `features.beat_files`) whose times are
-    those of the song file, which `song` begins at `start_s` of. Half or double of the tempo heard is taken
-    where takes are danced clearly nearer to their own tempo so: those of `genre`, or else those nearest in
-    style. Without style networks all style vectors are zero. Raises `ParameterError` for an unknown tracker,
-    `FormatError` for a file that cannot be read.
+    those of the song file. Half or double of the tracked tempo is taken where takes are danced clearly nearer
+    to their own tempo so: those of `genre`, or else those nearest in style. Without style networks all style
+    vectors are zero. Raises `ParameterError` for an unknown tracker, `FormatError` for a file that cannot be
+    read.
     """
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)
     mel = log_mel(song.samples, report=part(report, 0, 10, _STEPS))  # (T, 96)
-    counts = song_counts(song, mel, beats, start_s=start_s)
+    counts = song_counts(song, mel, beats)
     if report is not None:
         report(20, _STEPS)
     style, beat_count, style_notes = _style(repertoire, mel, counts, n_seconds)

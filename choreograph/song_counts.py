@@ -20,17 +20,14 @@ DEFAULT_BEATS = NETWORK
 _BEAT_DECIMALS = 4  # of seconds: what sums of other CPUs change is rounded off, and no ear would tell
 
 
-def song_counts(
-    song: Song, log_mel: NDArray[np.floating], beats: str | Path, *, start_s: float = 0.0
-) -> Counts:
+def song_counts(song: Song, log_mel: NDArray[np.floating], beats: str | Path) -> Counts:
     """A song's beats and bars; bars are tracked where the file has none.
 
-    `beats` is one of `TRACKER_NAMES` or a file (see `features.beat_files`) of times in the song file, which
-    `song` begins at `start_s` of. `log_mel` (T, 96) is that of the song. The source of the counts is
-    "annotation" where the file has bars. Raises `ParameterError` for an unknown name, `FormatError` for a
-    file that cannot be read.
+    `beats` is one of `TRACKER_NAMES` or a file (see `features.beat_files`) of times in the song file.
+    `log_mel` (T, 96) is that of the song. The source of the counts is "annotation" where the file has bars.
+    Raises `ParameterError` for an unknown name, `FormatError` for a file that cannot be read.
     """
-    given = song_beats(song, log_mel, beats, start_s=start_s)
+    given = song_beats(song, log_mel, beats)
     return given if given.has_bars else track_bars(song.samples, log_mel, given.times_s)
 
 
@@ -48,15 +45,13 @@ def check_beats(beats: object) -> None:
     )
 
 
-def song_beats(
-    song: Song, log_mel: NDArray[np.floating], beats: str | Path, *, start_s: float = 0.0
-) -> Counts:
+def song_beats(song: Song, log_mel: NDArray[np.floating], beats: str | Path) -> Counts:
     """A song's beats, with bars only if a file gives them; arguments and errors as of `song_counts`."""
     check_beats(beats)
     if names_a_tracker(beats):
         times_s = np.round(_tracker(str(beats)).beats(song, log_mel), _BEAT_DECIMALS)
         return Counts(times_s, np.zeros(len(times_s), np.int64), 0)
-    return read_beats(beats, start_s=start_s, duration_s=song.duration_s)
+    return read_beats(beats, start_s=song.start_s, duration_s=song.duration_s)
 
 
 def _tracker(name: str) -> BeatTracker:

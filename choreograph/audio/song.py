@@ -8,7 +8,7 @@ decode in blocks that are mixed down and resampled immediately, so a song takes 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +32,15 @@ _CANCELLED = 0.01  # power of the mix to that of its channels
 class Song:
     """Mono samples in [-1, 1] at 22.05 kHz, their source, and notes on anything unusual.
 
-    Raises `ParameterError` unless there is a sample or more, all are finite floats, and name, path and notes
-    are such.
+    Raises `ParameterError` unless there is a sample or more, all are finite floats, and name, path, notes and
+    start are such.
     """
 
     samples: NDArray[np.float32]  # (S,)
     name: str
     path: Path | None = None
     notes: tuple[str, ...] = ()  # one line each
+    start_s: float = 0.0  # of the first sample in the file
 
     def __post_init__(self) -> None:
         samples, wanted = self.samples, "samples of a song as floats (S,) from -1 to 1, mono at 22.05 kHz"
@@ -55,11 +56,26 @@ class Song:
         if self.path is not None:
             object.__setattr__(self, "path", as_path("a song", self.path))
         object.__setattr__(self, "notes", as_texts("notes on a song", self.notes))
+        check_span(self.start_s, None)
 
     @property
     def duration_s(self) -> float:
         """Length in seconds."""
         return len(self.samples) / SAMPLE_RATE_HZ
+
+    def part(self, start_s: float = 0.0, duration_s: float | None = None) -> Song:
+        """From `start_s` of it on, for `duration_s` or as long as it lasts; raises as `load_song`."""
+        check_span(start_s, duration_s)
+        first = round(start_s * SAMPLE_RATE_HZ)
+        stop = None if duration_s is None else first + max(1, round(duration_s * SAMPLE_RATE_HZ))
+        samples = self.samples[first:stop]
+        if len(samples) == len(self.samples):
+            return self
+        if len(samples) == 0:
+            raise _past_the_end(start_s, self.path or self.name)
+        of_whole = _notes(self.samples)
+        notes = (*(note for note in self.notes if note not in of_whole), *_notes(samples))
+        return replace(self, samples=samples, notes=notes, start_s=self.start_s + start_s)
 
 
 def check_span(start_s: Any, duration_s: Any) -> None:
@@ -97,11 +113,15 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     samples, notes = mixed
     if len(samples) == 0:
         if start_s > 0:
-            raise ParameterError(f"expected a start inside {path}, got {start_s:g} s: the song ends before")
+            raise _past_the_end(start_s, path)
         raise FormatError(f"expected a song in {path}, got no sound at all: the file may be cut off")
     if levels.cancel:
         notes = (*notes, "the channels cancel each other: they are mixed with their phases turned alike")
-    return Song(samples, path.stem, path, (*notes, *_notes(samples)))
+    return Song(samples, path.stem, path, (*notes, *_notes(samples)), start_s)
+
+
+def _past_the_end(start_s: float, song: str | Path) -> ParameterError:
+    return ParameterError(f"expected a start inside {song}, got {start_s:g} s: the song ends before")
 
 
 def _decoded(

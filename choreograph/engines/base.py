@@ -34,7 +34,6 @@ class DanceRequest:
     constraints: ResolvedConstraints
     costs: tuple[Cost, ...] = ()  # the user's
     style_song: Song | None = None
-    start_s: float = 0.0  # of the danced part in the song's file
     kept: KeptDance | None = None  # of which stretches replace what is planned
     report: ProgressReport | None = None
 
@@ -61,7 +60,7 @@ class DanceRequest:
         features, config, counts = self.song_features, self.config, self.song_features.counts
         opening_s, closing_s = self.danced_span_s
         common = {
-            "song": features.name, "duration_s": features.duration_s, "start_s": self.start_s,
+            "song": features.name, "duration_s": features.duration_s, "start_s": self.song.start_s,
             "repertoire": self.repertoire.path.name, "planner": config.planner, "blending": config.blending,
             "seed": config.seed, "fps": config.fps, "weights": {}, "seconds": (), "words": (),
             "music_beats_s": tuple(float(beat) for beat in features.beat_times_s),

@@ -156,7 +156,7 @@ class _Run:
         loaded = song.load()
         starts_s = labels.window_starts_s(loaded.duration_s)
         self.music_labels[song.name] = labels.music_values(loaded.samples, starts_s)
-        self.music[song.name] = song_music(loaded, self.config.beats, start_s=song.start_s)
+        self.music[song.name] = song_music(loaded, self.config.beats)
         examples: list[ExampleDance] = []
         for variant in self.config.variants:
             for seed in self._seeds(variant):
@@ -187,7 +187,7 @@ class _Run:
         known = None if self.kept is None else self.kept.find(song, variant, seed, self.repertoire)
         if known is not None:
             return known
-        dance = dance_variant(variant, loaded, self.repertoire, seed=seed, start_s=song.start_s)
+        dance = dance_variant(variant, loaded, self.repertoire, seed=seed)
         if self.kept is not None:
             self.kept.keep(song, variant, seed, self.repertoire, dance)
         return dance

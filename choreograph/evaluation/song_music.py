@@ -55,12 +55,12 @@ def second_tracker(beats: str | Path) -> str:
     return DEFAULT_TRACKER if str(beats) == SECOND_TRACKER else SECOND_TRACKER
 
 
-def song_music(song: Song, beats: str | Path, *, start_s: float = 0.0) -> SongMusic:
+def song_music(song: Song, beats: str | Path) -> SongMusic:
     """Beats by a tracker's name or from a file, as `beats_of` takes them, and the rest. Raises as it does.
 
     The beats of a file are danced to at their own level.
     """
-    counts = beats_of(song, beats, start_s=start_s)
+    counts = beats_of(song, beats)
     mel = log_mel(song.samples)  # (T, 96)
     sections = song_sections(song.samples, counts.times_s)
     return SongMusic(

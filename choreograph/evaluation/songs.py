@@ -118,12 +118,12 @@ def check_unseen(songs: Sequence[EvaluatedSong], repertoire: Repertoire) -> None
         )
 
 
-def beats_of(song: Song, beats: str | Path, *, start_s: float = 0.0) -> Counts:
+def beats_of(song: Song, beats: str | Path) -> Counts:
     """Beats and bars by the name of a tracker, from a file of beats, or from SONG.txt in a folder.
 
-    Bars are tracked where a file has none. `song` begins at `start_s` of its audio file. Raises
-    `ParameterError` if `beats` is none of these, `FormatError` for a file that cannot be read.
+    Bars are tracked where a file has none. Raises `ParameterError` if `beats` is none of these, `FormatError`
+    for a file that cannot be read.
     """
     if not names_a_tracker(beats) and Path(beats).is_dir():
         beats = Path(beats) / f"{(song.path or Path(song.name)).stem}.txt"
-    return song_counts(song, log_mel(song.samples), beats, start_s=start_s)
+    return song_counts(song, log_mel(song.samples), beats)

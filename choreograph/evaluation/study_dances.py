@@ -33,7 +33,7 @@ def make_study_dances(
         for done, variant in enumerate(variants, start=number * len(variants)):
             if report is not None:
                 report("dancing", done, n_dances)
-            dance = dance_variant(variant, loaded, repertoire, start_s=song.start_s)
+            dance = dance_variant(variant, loaded, repertoire)
             dances[variant.name].append(StudyDance(dance.motion, song.path, song.start_s, song.genre))
         if song.take is not None:
             motion = song.take.motion

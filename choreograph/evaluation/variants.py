@@ -145,22 +145,17 @@ def check_variant(variant: Variant, repertoire: Repertoire) -> None:
         )
 
 
-def dance_variant(
-    variant: Variant, song: Song, repertoire: Repertoire, *, seed: int = 0, start_s: float = 0.0
-) -> Dance:
-    """The variant's dance to a song that begins at `start_s` of its file.
-
-    Raises as `dance` and `check_variant` do.
-    """
+def dance_variant(variant: Variant, song: Song, repertoire: Repertoire, *, seed: int = 0) -> Dance:
+    """The variant's dance to a song; raises as `dance` and `check_variant` do."""
     check_variant(variant, repertoire)
     config = replace(variant.config, seed=seed)
     if not variant.random_clips:
-        return dance(song, repertoire, config=config, start_s=start_s)
-    plan = _random_plan(song, repertoire, config, start_s)
+        return dance(song, repertoire, config=config)
+    plan = _random_plan(song, repertoire, config)
     return Dance(render(plan, repertoire), plan, song_path=song.path)
 
 
-def _random_plan(song: Song, repertoire: Repertoire, config: DanceConfig, start_s: float) -> Plan:
+def _random_plan(song: Song, repertoire: Repertoire, config: DanceConfig) -> Plan:
     """A random clip for every 4 s: its middle 4 s at recorded speed."""
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     drawn = np.random.default_rng(config.seed).integers(repertoire.n_clips, size=-(-n_seconds // SEGMENT_S))
@@ -179,7 +174,7 @@ def _random_plan(song: Song, repertoire: Repertoire, config: DanceConfig, start_
             )
         )  # fmt: skip
     return Plan(
-        song=song.name, duration_s=song.duration_s, start_s=start_s, repertoire=repertoire.path.name,
+        song=song.name, duration_s=song.duration_s, start_s=song.start_s, repertoire=repertoire.path.name,
         planner="greedy", blending=config.blending, seed=config.seed, fps=config.fps, weights={},
         music_beats_s=(), seconds=tuple(seconds),
     )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,24 @@ from choreograph.graph import Cost
 from choreograph.repertoire import Repertoire
 from choreograph.starter.library import starter_repertoire
 
+_SHORTER_S = 0.1  # than asked for, which deserves no note
+
 
 def as_song(what: str, song: object, *, start_s: float = 0.0, duration_s: float | None = None) -> Song:
-    """A loaded song; `ParameterError` unless it is a `Song` or a path, else as `load_song`."""
+    """The part of a song, or of a song's file, with a note if it is shorter than `duration_s`.
+
+    Raises `ParameterError` unless it is a `Song` or a path, else as `load_song`.
+    """
     if isinstance(song, Song):
-        return song
-    if not isinstance(song, str | Path):
+        loaded = song.part(start_s, duration_s)
+    elif isinstance(song, str | Path):
+        loaded = load_song(song, start_s=start_s, duration_s=duration_s)
+    else:
         raise unexpected(f"{what} as a path or a Song", song)
-    return load_song(song, start_s=start_s, duration_s=duration_s)
+    if duration_s is None or loaded.duration_s > duration_s - _SHORTER_S:
+        return loaded
+    note = f"{loaded.name}: {duration_s:g} s were asked for, the song ends after {loaded.duration_s:.2f} s"
+    return replace(loaded, notes=(*loaded.notes, note))
 
 
 def as_repertoire(repertoire: object) -> Repertoire:

@@ -169,7 +169,7 @@ def dance(
     config: DanceConfig | None = None,
     weights: Mapping[str, float] | None = None,
     costs: Sequence[Cost] = (),
-    start_s: float = 0.0,
+    start_s: float | None = None,
     duration_s: float | None = None,
     report: ProgressReport | None = None,
 ) -> Dance:
@@ -200,7 +200,8 @@ def dance(
         makes the one of the method as published
     weights : cost name -> weight, replacing those of `config`; 0 leaves a cost out; graph engine only
     costs : custom costs beside the built-in ones; weight 1 unless given; graph engine only
-    start_s, duration_s : the part of the song file to dance to
+    start_s, duration_s : the part of the song to dance to; by default that of the `existing` dance if its
+        plan is known, else all of it
     report : called with the stage's name, how much is done, of how much
 
     Raises
@@ -229,7 +230,7 @@ def dance(
     config, costs = as_config(config), as_costs(costs)
     beside = {"costs": bool(costs), "style_song": style_song is not None}
     config = _configured(config, settings, weights, engine, requested, beside)
-    check_span(start_s, duration_s)
+    check_span(0.0 if start_s is None else start_s, duration_s)
     check_function("report", report)
     keep = as_list("keep", keep, "Keep", Keep)
     repertoire = as_repertoire(repertoire)
@@ -239,10 +240,10 @@ def dance(
     if known is not None and fps is None:
         config = replace(config, fps=known.motion.fps)
     ENGINES[config.engine].check(repertoire, config, requested, costs)
-    loaded = as_song("a song", song, start_s=start_s, duration_s=duration_s)
+    loaded = _part_of(song, start_s, duration_s, known.plan if known else None)
     style = None if style_song is None else as_song("a style song", style_song)
     kept = None if known is None else (known, keep)
-    return _danced(loaded, repertoire, config, requested, costs, style, kept, start_s, report)
+    return _danced(loaded, repertoire, config, requested, costs, style, kept, report)
 
 
 def _configured(
@@ -276,14 +277,13 @@ def _danced(
     costs: tuple[Cost, ...],
     style: Song | None,
     kept_of: tuple[ExistingDance, tuple[Keep, ...]] | None,
-    start_s: float,
     report: ProgressReport | None,
 ) -> Dance:
     """The stages in order, with arguments that are checked."""
     if report is not None:
         report("analysing the song", 0, 0)
     song_features, notes = analyse_song(
-        song, repertoire, beats=config.beats, genre=requested.genre, start_s=start_s,
+        song, repertoire, beats=config.beats, genre=requested.genre,
         report=substage(report, "analysing the song"),
     )  # fmt: skip
     bounds_s = dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
@@ -292,9 +292,7 @@ def _danced(
     engine = ENGINES[config.engine]
     if kept is not None and kept.plan is not None and "costs" in engine.settings:
         costs = (*costs, Unlike([kept.plan]))
-    request = DanceRequest(
-        song, song_features, repertoire, config, resolved, costs, style, start_s, kept, report
-    )
+    request = DanceRequest(song, song_features, repertoire, config, resolved, costs, style, kept, report)
     if kept is None:
         result = engine.plan(request)
         motion = result.motion
@@ -303,6 +301,21 @@ def _danced(
     else:
         result, motion = fill(request, engine)
     return Dance(motion, result.plan, (*notes, *result.notes, *result.unmet), song.path, result.unmet)
+
+
+def _part_of(song: object, start_s: float | None, duration_s: float | None, existing: Plan | None) -> Song:
+    """The part of a song to dance to: what is not given is as in the plan of an existing dance, if known."""
+    begins_s = song.start_s if isinstance(song, Song) else 0.0
+    if existing is not None and start_s is None:
+        start_s = existing.start_s - begins_s
+        if start_s < 0:
+            raise ParameterError(
+                f"expected a song from {existing.start_s:g} s of its file on, as in the existing dance, got "
+                f"one from {begins_s:g} s on"
+            )
+    if existing is not None and duration_s is None:
+        duration_s = existing.duration_s
+    return as_song("a song", song, start_s=start_s or 0.0, duration_s=duration_s)
 
 
 def _as_existing(existing: object, repertoire: Repertoire) -> ExistingDance:

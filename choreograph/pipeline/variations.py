@@ -35,7 +35,7 @@ def vary(
     if options.get("seed") is not None:
         config = replace(config, seed=options["seed"])
     options.pop("seed", None)
-    part = {key: options[key] for key in ("start_s", "duration_s") if key in options}
+    part = {k: options.pop(k) for k in ("start_s", "duration_s") if options.get(k) is not None}
     loaded = as_song("a song", song, **part)
     made: list[Dance] = []
     for seed in range(config.seed, config.seed + _SEEDS * n):

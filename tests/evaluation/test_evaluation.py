@@ -212,7 +212,7 @@ def test_beats_from_files(tmp_path):
     beats.write_text("# by hand\n0.5 1\n1.0\n\n2.5\n9.0\n")
     for given in (beats, tmp_path):
         assert beats_of(song, given).times_s.tolist() == [0.5, 1.0, 2.5]
-    assert beats_of(song, beats, start_s=0.75).times_s.tolist() == [0.25, 1.75]
+    assert beats_of(song.part(0.75), beats).times_s.tolist() == [0.25, 1.75]
     beats.write_text("1.0\n0.5\n")
     with pytest.raises(FormatError, match="increasing"):
         beats_of(song, beats)

@@ -150,6 +150,29 @@ def test_a_part_of_a_song(repertoire, song):
     assert made.plan.start_s == 3.0
 
 
+@pytest.mark.parametrize("loaded_from_s", [0.0, 1.0])
+def test_a_part_of_a_loaded_song_is_that_of_its_file(repertoire, song, loaded_from_s):
+    loaded = cg.load_song(song, start_s=loaded_from_s)
+    wanted = cg.load_song(song, start_s=3.0, duration_s=5.5)
+    given = {"start_s": 3.0 - loaded_from_s, "duration_s": 5.5}
+    made = [
+        cg.dance(loaded, repertoire, candidates=4, **given),
+        *cg.vary(loaded, repertoire, 1, candidates=4, **given),
+    ]
+    for one in made:
+        assert one.plan.start_s == 3.0
+        assert one.plan.duration_s == pytest.approx(5.5, abs=1e-4)
+        assert one.plan == cg.dance(wanted, repertoire, candidates=4).plan
+    with pytest.raises(ParameterError, match="the song ends before"):
+        cg.dance(loaded, repertoire, start_s=20.0)
+
+
+def test_a_song_shorter_than_asked_for_is_said(repertoire, song):
+    for given in (song, cg.load_song(song)):
+        made = cg.dance(given, repertoire, candidates=4, start_s=4.0, duration_s=60.0)
+        assert [note for note in made.notes if "60 s were asked for, the song ends after 8.40 s" in note]
+
+
 def test_fewer_clips_than_candidates_and_one_genre_only(tmp_path, song):
     few = synthetic_repertoire(
         tmp_path / "few.h5", synthetic_takes(periods_s=[0.5], duration_s=8.5, genres=["a"])
