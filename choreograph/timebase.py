@@ -6,8 +6,13 @@ Public functions take seconds, kernels take frames. Frame `i` at `fps` is at tim
 
 from __future__ import annotations
 
+import re
+import reprlib
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from choreograph.errors import ParameterError
 
 SAMPLE_RATE_HZ = 22050  # mono audio inside the program
 MUSIC_FPS = 60  # music features
@@ -25,6 +30,23 @@ MIN_SLOPE = 0.5  # of time maps: source frames per output frame
 MAX_SLOPE = 2.0
 WORD_FRAMES = 13  # a motion word, from beat to beat, whatever its length
 WORD_FPS = 30.0  # of the positions that words are segmented from
+
+
+_CLOCK = re.compile(r"(?:(\d+):(?=[0-5]\d:))?(\d+):([0-5]?\d(?:\.\d*)?)", re.ASCII)  # hours, minutes, seconds
+
+
+def parse_seconds(text: str) -> float:
+    """Seconds of `75.5`, `1:15.5` or `1:02:03.5`; `ParameterError` for anything else."""
+    clock = _CLOCK.fullmatch(text.strip())
+    if clock:
+        hours, minutes, seconds = clock.groups(default="0")
+        return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
+    try:
+        return float(text)
+    except ValueError:
+        raise ParameterError(
+            f"expected a time in seconds, such as 75.5, or as 1:15.5, got {reprlib.repr(text)}"
+        ) from None
 
 
 def seconds_to_frames(seconds: float, fps: float) -> int:

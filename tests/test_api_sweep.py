@@ -189,6 +189,7 @@ def sound_calls(t: SimpleNamespace) -> dict[str, Sound]:
         "Skeleton.order_of": sound(skeleton.order_of, other=skeleton),
         "Skeleton.same_as": sound(skeleton.same_as, other=skeleton),
         "Song": sound(cg.Song, samples=np.zeros(100), name="quiet"),
+        "Song.part": sound(t.song.part, start_s=0.5),
         "SongFeatures": sound(cg.SongFeatures, **values_of(t.features)),
         "Take": sound(cg.Take, **values_of(t.take)),
         "TakePin": sound(cg.TakePin, start_s=0.0, end_s=1.0, take="take0"),

@@ -8,18 +8,20 @@ from pathlib import Path
 import click
 from click_option_group import optgroup
 
-from choreograph.cli.present import examples, given_options, names_of, say, show_notes, stages
+from choreograph.cli.options import Command, given_options, names_of
+from choreograph.cli.present import examples, say, show_notes, stages
 from choreograph.errors import ParameterError
 
 _FILE = click.Path(path_type=Path)
 # By --published.
 _DECIDED = {
-    "--density", "--init-from", "--keep-networks", "--lock-feet", "--pretrained",
+    "--augment-mirror", "--density", "--init-from", "--keep-networks", "--lock-feet", "--pretrained",
 }  # fmt: skip
 
 
 @click.command(
     "build-db",
+    cls=Command,
     short_help="Build a repertoire from takes and their songs.",
     epilog=examples(
         "choreograph build-db takes/ -o rep.h5                      NAME.bvh with NAME.wav in one folder",
@@ -108,6 +110,8 @@ def command(sources, output, quiet, leave_out, density, published, **options) ->
     if density is not None:
         options["density"] = density
     options["leave_out"] = names_of(leave_out)
+    if "--rollout-teacher" in given_options() and not options["rollout"]:
+        raise ParameterError("expected --rollout beside --rollout-teacher or --no-rollout-teacher, got none")
     if published:
         given = sorted(set(given_options(except_for=())) & _DECIDED)
         if given:

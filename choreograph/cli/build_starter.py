@@ -6,11 +6,13 @@ from pathlib import Path
 
 import click
 
+from choreograph.cli.options import Command
 from choreograph.cli.present import examples, say, show_notes, stages
 
 
 @click.command(
     "build-starter",
+    cls=Command,
     hidden=True,  # for those who work on choreograph itself
     epilog=examples("choreograph build-starter --preset tiny -o starter.h5"),
 )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from choreograph.arguments import unexpected
+from choreograph.cli.options import Command, check_output_options
 from choreograph.cli.present import examples, say, show_notes
 from choreograph.errors import ParameterError
 
@@ -36,22 +37,15 @@ def bvh_options(command: Callable) -> Callable:
     return command
 
 
-def bvh_of(
-    outputs: Sequence[Path], naming: str | None, units: str | None, rest: str | None, in_place: bool
-) -> BvhOptions:
-    """How .bvh files are written; `ParameterError` if something is asked for, and none is written."""
+def bvh_of(naming: str | None, units: str | None, rest: str | None, in_place: bool) -> BvhOptions:
+    """How .bvh files are written."""
     from choreograph.exporters import BvhOptions
 
-    wanted = naming or units or rest or in_place
-    if wanted and not any(path.suffix.lower() == ".bvh" for path in outputs):
-        given = ", ".join(str(path) for path in outputs)
-        raise ParameterError(
-            f"expected a .bvh for --names, --units, --rest or --in-place, got {given}: -o NAME.bvh"
-        )
     return BvhOptions(UNITS[units or "cm"], naming=naming or "smpl", in_place=in_place, rest=rest)
 
 
 @click.command(
+    cls=Command,
     short_help="A motion to a file of another format.",
     epilog=examples(
         "choreograph convert take.bvh take.glb     a body that moves, for Blender, Unreal, Godot, the web",
@@ -74,7 +68,8 @@ def convert(motion, output, fps, naming, units, rest, in_place) -> None:
     if output.suffix.lower().removeprefix(".") not in FORMATS:
         raise unexpected(f"a file of {', '.join(f'.{name}' for name in FORMATS)}", str(output))
     check_outputs([output])
-    bvh = bvh_of([output], naming, units, rest, in_place)
+    check_output_options([output])
+    bvh = bvh_of(naming, units, rest, in_place)
     moving = motion_of(motion)
     if fps is not None:
         moving = moving.resampled(fps)
@@ -83,6 +78,7 @@ def convert(motion, output, fps, naming, units, rest, in_place) -> None:
 
 
 @click.command(
+    cls=Command,
     short_help="A motion onto a character.",
     epilog=examples(
         "choreograph retarget dance.bvh hero.glb -o out.glb",

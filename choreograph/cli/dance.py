@@ -12,7 +12,8 @@ from choreograph.cli.characters import bvh_of, character_of
 from choreograph.cli.dance_jobs import Job, check_jobs, jobs_of, run_jobs
 from choreograph.cli.dance_options import dance_options
 from choreograph.cli.dance_results import present
-from choreograph.cli.present import StageLines, examples, given_options, stages
+from choreograph.cli.options import Command, check_output_options, given_options
+from choreograph.cli.present import StageLines, examples, stages
 from choreograph.errors import NoPathError, ParameterError
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ _BESIDE_A_PLAN = {
 
 
 @click.command(
+    cls=Command,
     epilog=examples(
         "choreograph dance song.mp3                          song.bvh and song.html, with the built-in takes",
         "choreograph dance song.mp3 --open                   the same, and shows it in the browser",
@@ -40,7 +42,7 @@ _BESIDE_A_PLAN = {
         "choreograph dance song.mp3 --pin 12.0=motif:41 --pin 30-38=take:NAME --ban genre:tango",
         "choreograph dance song.mp3 --existing a.bvh --keep 0-12 --keep 20-40   dances 12 to 20 s anew",
         "choreograph dance song.mp3 --recreate NAME          the motifs of a take, danced to this song",
-    )
+    ),
 )
 @click.argument("songs", nargs=-1, metavar="[SONG]...", type=click.Path(path_type=Path))
 @dance_options
@@ -52,16 +54,18 @@ def command(
     """Make a dance for SONG (any audio file), or for each of several."""
     import choreograph as cg
     from choreograph.config import load_config
+    from choreograph.pipeline.saving import options_used
     from choreograph.published import published_dance
 
     if plan_path is not None:
         _refuse_beside_a_plan(songs)
     jobs = jobs_of(songs or ((plan_path,) if plan_path else ()), output, opened, variations)
-    check_jobs(jobs, with_clicks=with_clicks)
     first = jobs[0].outputs[0]
-    _check_loop(loop, first)
-    bvh = bvh_of(first, naming, units, rest, in_place)
+    notes = check_output_options(first)
+    check_jobs(jobs)
+    bvh = bvh_of(naming, units, rest, in_place)
     figure = _character(character, map_path, save_map, first)
+    to_save = {"character": figure, "bvh": bvh, "loop": loop, "click": with_clicks}
     base = published_dance() if published else None
     chosen = load_config(config, base) if config else base
     weights = _weights(weight)
@@ -85,40 +89,25 @@ def command(
             raise NoPathError(unmet[0])
         for one, paths in zip(made, job.outputs, strict=True):
             for path in paths:
-                clicks = with_clicks and path.suffix.lower() == ".mp4"
-                one.save(path, click=clicks, character=figure, bvh=bvh, loop=loop, report=report)
+                one.save(path, **options_used(path, to_save), report=report)
         return made
 
     with nullcontext(StageLines()) if as_lines else stages(quiet=quiet or as_json) as shown:
         results = run_jobs(jobs, dances_of, shown)
-    present(results, as_json=as_json, quiet=quiet, looped=loop, many=variations is not None)
+    present(results, notes, as_json=as_json, quiet=quiet, looped=loop, many=variations is not None)
     if opened:
         page = next(path for path in first if path.suffix.lower() == ".html")
         click.launch(page.resolve().as_uri())
 
 
-def _check_loop(loop: bool, outputs: tuple[Path, ...]) -> None:
-    """Raise `ParameterError` if no file is written that could loop."""
-    from choreograph.pipeline.saving import is_motion_file
-
-    if loop and not any(is_motion_file(path) for path in outputs):
-        given = ", ".join(str(path) for path in outputs)
-        raise ParameterError(f"expected a motion file to loop, such as -o NAME.bvh or NAME.glb, got {given}")
-
-
 def _character(path: Path | None, map_path: Path | None, save_map: Path | None, outputs: tuple[Path, ...]):
-    """The character that dances, or None; `ParameterError` if there is nothing for it to dance in."""
-    from choreograph.pipeline.saving import CHARACTER_FORMATS, check_character
+    """The character that dances, or None; `ParameterError` for a map alone, or a page that cannot show it."""
+    from choreograph.pipeline.saving import check_character
 
     if path is None:
         if map_path or save_map:
             raise ParameterError("expected --character FILE beside --map or --save-map")
         return None
-    if not any(output.suffix.lower().removeprefix(".") in CHARACTER_FORMATS for output in outputs):
-        given = ", ".join(str(output) for output in outputs)
-        raise ParameterError(
-            f"expected a .html, .glb or .fbx for the character to dance in, got {given}: -o NAME.html"
-        )
     character = character_of(path, map_path, save_map)
     check_character(character, outputs)
     return character

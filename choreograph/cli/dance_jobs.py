@@ -54,19 +54,19 @@ def jobs_of(songs: Sequence[Path], given: Outputs, opened: bool, variations: int
     return jobs
 
 
-def check_jobs(jobs: Sequence[Job], *, with_clicks: bool) -> None:
+def check_jobs(jobs: Sequence[Job]) -> None:
     """Raise before any work if a file cannot be written; make the folders of several songs' dances."""
     from choreograph.pipeline.saving import check_outputs
 
     paths = [path for job in jobs for outputs in job.outputs for path in outputs]
     if len(jobs) > 1:
-        check_outputs([path.name for path in paths], with_clicks=with_clicks)
+        check_outputs([path.name for path in paths])
         for folder in {path.parent for path in paths}:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise ParameterError(f"cannot make the folder {folder}: {error.strerror}") from error
-    check_outputs(paths, with_clicks=with_clicks)
+    check_outputs(paths)
 
 
 def run_jobs(

@@ -13,6 +13,7 @@ import click
 from click_option_group import optgroup
 
 from choreograph.cli.characters import NAMINGS, RESTS, UNITS
+from choreograph.cli.options import Seconds
 
 _FILE = click.Path(path_type=Path)
 
@@ -56,8 +57,8 @@ _OUTPUT = (
 
 _SOURCES = (
     optgroup.option("--db", type=_FILE, help="Repertoire to dance with. Default: the built-in one."),
-    optgroup.option("--start", type=float, help="Second of the song to start at (0)."),
-    optgroup.option("--duration", type=float, help="Seconds to dance. Default: to the end of the song."),
+    optgroup.option("--start", type=Seconds(), help="Second of the song to start at, or 1:15.5 (0)."),
+    optgroup.option("--duration", type=Seconds(), help="Seconds to dance. Default: to the end of the song."),
     optgroup.option(
         "--beats",
         metavar="network|tempo-path|librosa|beat-this|FILE",

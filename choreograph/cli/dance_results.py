@@ -17,17 +17,21 @@ if TYPE_CHECKING:
     from choreograph.plan import Plan
 
 
-def present(results: Sequence[Result], *, as_json: bool, quiet: bool, looped: bool, many: bool) -> None:
+def present(
+    results: Sequence[Result], notes: Sequence[str], *, as_json: bool, quiet: bool, looped: bool, many: bool
+) -> None:
     """Print the dances: as JSON (a list if `many` or of several songs), a line each, or a table of songs.
 
-    Raises `ChoreographError` at the end if some of several songs could not be danced.
+    `notes` are on all of them. Raises `ChoreographError` at the end if some of several songs could not be
+    danced.
     """
     made = [pair for result in results for pair in _dances(result)]
     if as_json:
-        facts = [_facts(dance, paths) for dance, paths in made]
+        facts = [_facts(dance, notes, paths) for dance, paths in made]
         facts += [{"song": str(result.job.song), "error": result.error} for result in results if result.error]
         click.echo(json.dumps(facts if many or len(results) > 1 else facts[0], indent=1))
     elif not quiet:
+        show_notes(notes)
         many_songs = len(results) > 1
         show_notes(dict.fromkeys(note for result in results for note in _notes(result, named=many_songs)))
         show_notes(_loop_note(dance) for dance, _ in made if looped)
@@ -94,7 +98,7 @@ def _summary(plan: Plan, outputs: Outputs) -> str:
     )
 
 
-def _facts(dance: Dance, outputs: Outputs) -> dict[str, Any]:
+def _facts(dance: Dance, notes: Sequence[str], outputs: Outputs) -> dict[str, Any]:
     plan = dance.plan
     credits = {block.source: block.planned.credits for block in plan.blocks}
     takes_s = sorted(plan.takes_s().items(), key=lambda item: -item[1])
@@ -115,5 +119,5 @@ def _facts(dance: Dance, outputs: Outputs) -> dict[str, Any]:
         "engine": plan.engine,
         "motifs": [word.motif for word in plan.words if not word.kept],
         "cost": round(plan.total_cost, 4),
-        "notes": list(dance.notes),
+        "notes": [*notes, *dance.notes],
     }

@@ -11,24 +11,22 @@ from typing import TYPE_CHECKING
 import click
 from click_option_group import optgroup
 
+from choreograph.cli.options import Command, Seconds, given_options, names_of
 from choreograph.cli.present import (
-    examples,
-    names_of,
-    printable,
-    say,
-    show_notes,
-    stages,
-    table_console,
-)
 from choreograph.errors import ChoreographError, ParameterError
 
 if TYPE_CHECKING:
     from choreograph.evaluation import Evaluation, KeptDances
 
 _FILE = click.Path(path_type=Path)
+# These are of dances that are made.
+_FOR_SONGS = {
+    "--counted-by", "--experts", "--judge", "--only", "--resume", "--seeds", "--seen", "--variants",
+}  # fmt: skip
 
 
 @click.command(
+    cls=Command,
     short_help="Measure dances.",
     epilog=examples(
         "choreograph evaluate --db rep.h5 --songs heldout/ --variants paper --report report.html",
@@ -61,7 +59,7 @@ _FILE = click.Path(path_type=Path)
 @optgroup.option("--seeds", default=5, show_default=True, help="Dances of each variant to each song.")
 @optgroup.option("--seen", is_flag=True, help="Also measure on songs that the repertoire was made with.")
 @optgroup.group("Measuring")
-@optgroup.option("--duration", type=float, help="Seconds of each song. Default: to the end.")
+@optgroup.option("--duration", type=Seconds(), help="Seconds of each song. Default: to the end.")
 @optgroup.option(
     "--beats", metavar="tempo-path|network|librosa|beat-this|FILE",
     help="Beats to measure by: a tracker's (tempo-path), a file of times, or a folder of SONG.txt.",
@@ -88,10 +86,9 @@ def command(
 
     if (folder is None) == (dance is None) or (dance is not None and song is None):
         raise ParameterError("expected --songs DIR to dance to, or a DANCE and its SONG")
-    if dance is not None and (only or variants or judge or experts or counted_by or resume):
+    if dance is not None and (for_songs := _FOR_SONGS & set(given_options())):
         raise ParameterError(
-            "--variants, --only, --judge, --experts, --counted-by, --resume need --songs, got a DANCE: leave "
-            "them out"
+            f"expected --songs beside {', '.join(sorted(for_songs))}, got a DANCE: leave it out"
         )
     _check_targets(report, json_path)
     output = report if json_path in (None, "-") else Path(json_path)

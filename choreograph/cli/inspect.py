@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from choreograph.cli.options import Command
 from choreograph.cli.present import examples, say
 from choreograph.errors import ParameterError
 
@@ -16,6 +17,7 @@ _N_COMMON = 5  # motifs shown of each genre
 
 
 @click.command(
+    cls=Command,
     short_help="Show what a repertoire holds.",
     epilog=examples(
         "choreograph inspect rep.h5",
@@ -44,6 +46,10 @@ def command(db, as_json, plots, signature, counts, output) -> None:
 
     if sum(option is not None for option in (signature, counts)) != (output is not None):
         raise ParameterError("expected either --signature TAKE|GENRE or --counts TAKE together with -o FILE")
+    if output is not None and (as_json or plots is not None):
+        raise ParameterError(
+            "expected --signature or --counts with -o alone, got --json or --plots beside it"
+        )
     repertoire = Repertoire.open(db or STARTER_PATH)
     if signature is not None:
         from choreograph.constraints.parse import write_signature

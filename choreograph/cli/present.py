@@ -1,4 +1,4 @@
-"""What commands share: lines, tables and notes, progress bars, examples in their help, lists of names.
+"""What commands show: lines, tables and notes, progress bars, examples in their help.
 
 What is printed for people goes through `say`, or through `printable` to a `table_console`: names of files,
 takes and joints may come from strangers and hold control characters.
@@ -7,14 +7,11 @@ takes and joints may come from strangers and hold control characters.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
-
-from choreograph.files import read_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -64,30 +61,6 @@ def table_console(width: int = MAX_LINE) -> Console:
 def examples(*lines: str) -> str:
     """Example lines for a command's help, which click must not wrap."""
     return "\b\n" + "\n".join(["Examples:", *(f"  {line}" for line in lines)])
-
-
-def given_options(*, except_for: Collection[str] = ()) -> list[str]:
-    """The flags that the user gave to the running command, in the order of its help; not `except_for`."""
-    context = click.get_current_context()
-    return [
-        max(option.opts, key=len)
-        for option in context.command.params
-        if option.name not in except_for
-        and option.name is not None
-        and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
-    ]
-
-
-def names_of(given: tuple[str, ...]) -> tuple[str, ...]:
-    """The names given, each @FILE replaced by the names in it; `FormatError` if one cannot be read."""
-    names: list[str] = []
-    for name in given:
-        if not name.startswith("@"):
-            names.append(name)
-            continue
-        lines = read_text(name[1:], "a list of names").splitlines()
-        names += [line.strip() for line in lines if line.strip() and not line.startswith("#")]
-    return tuple(names)
 
 
 class Stages:

@@ -8,17 +8,19 @@ from pathlib import Path
 
 import click
 
+from choreograph.cli.options import Command, given_options
 from choreograph.cli.present import examples, say
 from choreograph.errors import ParameterError
 from choreograph.files import atomic_path
 
 
 @click.command(
+    cls=Command,
     epilog=examples(
         "choreograph songs                       their names and paths",
         "choreograph songs --copy .              copies all of them here",
         "choreograph dance $(choreograph songs --path house) --open",
-    )
+    ),
 )
 @click.option(
     "--copy", "folder", type=click.Path(path_type=Path), metavar="FOLDER", help="Copy them to a folder."
@@ -31,6 +33,8 @@ def command(folder, name, as_json) -> None:
 
     songs = example_songs()
     if name is not None:
+        if len(given := given_options()) > 1:
+            raise ParameterError(f"expected --path alone, got {', '.join(given)}")
         if name not in songs:
             raise ParameterError(f"expected a song among {', '.join(songs)}, got {name!r}")
         click.echo(songs[name])

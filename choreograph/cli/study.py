@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from choreograph.cli.present import examples, names_of, printable, say, stages, table_console
+from choreograph.cli.options import Command, Seconds, names_of
+from choreograph.cli.present import examples, printable, say, stages, table_console
 
 if TYPE_CHECKING:
     from choreograph.evaluation.study_results import StudyResults
@@ -28,7 +29,7 @@ def command() -> None:
     """Let people rate or compare dances, blinded: write a page for raters, then show their answers."""
 
 
-@command.command("write", short_help="Write a page for raters.")
+@command.command("write", cls=Command, short_help="Write a page for raters.")
 @click.option("--songs", "folder", required=True, type=_FILE, metavar="DIR", help="Songs to dance to.")
 @click.option("-o", "--output", required=True, type=_FILE, metavar="DIR", help="New folder of the study.")
 @click.option("--db", type=_FILE, help="Repertoire to dance with. Default: the built-in one.")
@@ -38,9 +39,13 @@ def command() -> None:
     help="What to compare: paper (default), ablations, engines, or one of their variants.",
 )  # fmt: skip
 @click.option("--seen", is_flag=True, help="Also use songs that the repertoire was made with.")
-@click.option("--duration", type=float, help="Seconds of each song to dance. Default: to the end.")
+@click.option("--duration", type=Seconds(), help="Seconds of each song to dance. Default: to the end.")
 @click.option(
-    "--excerpt", default=6.0, show_default=True, help="Seconds of each dance to show, from its middle."
+    "--excerpt",
+    type=Seconds(),
+    default=6.0,
+    show_default=True,
+    help="Seconds of each dance to show, from its middle.",
 )
 @click.option(
     "--ask", type=click.Choice(("ratings", "pairs", "both")), default="ratings", show_default=True,
@@ -77,7 +82,7 @@ def write(
         say(f"Put the files they send back into {output}, then run: choreograph study show {output}")
 
 
-@command.command("show", short_help="Show the ratings.")
+@command.command("show", cls=Command, short_help="Show the ratings.")
 @click.argument("study", type=_FILE)
 @click.option("--json", "json_path", metavar="FILE", help="Write the ratings as JSON; - prints them.")
 @click.option("-q", "--quiet", is_flag=True, help="No table.")

@@ -18,33 +18,29 @@ from choreograph.files import atomic_path, check_target, read_json
 from choreograph.motifs.signatures import checked_signature
 from choreograph.plan import FORMAT as PLAN_FORMAT
 from choreograph.plan import Plan
+from choreograph.timebase import parse_seconds
 
 SIGNATURE_FORMAT = "choreograph-signature"
+_TIME = r"[\d:]*\d\.?\d*|\.\d+"  # as `parse_seconds` reads it
 
 
 def parse_pin(text: str) -> Pin:
-    """`12.0=motif:41` or `30-38=take:NAME`; `ParameterError` for anything else."""
-    at = re.fullmatch(r"([\d.]+)=motif:(\d+)", text)
-    over = re.fullmatch(r"([\d.]+)-([\d.]+)=take:(.+)", text)
-    try:
-        if at:
-            return MotifPin(float(at[1]), int(at[2]))
-        if over:
-            return TakePin(float(over[1]), float(over[2]), over[3])
-    except ValueError:
-        pass
+    """`12.0=motif:41` or `0:30-0:38=take:NAME`; `ParameterError` for anything else."""
+    at = re.fullmatch(rf"({_TIME})=motif:(\d+)", text)
+    over = re.fullmatch(rf"({_TIME})-({_TIME})=take:(.+)", text)
+    if at:
+        return MotifPin(parse_seconds(at[1]), int(at[2]))
+    if over:
+        return TakePin(parse_seconds(over[1]), parse_seconds(over[2]), over[3])
     raise ParameterError(f"expected --pin SECOND=motif:NUMBER or FROM-TO=take:NAME, got {text!r}")
 
 
 def parse_keep(text: str) -> Keep:
-    """`12.5-30`; `ParameterError` for anything else."""
-    span = re.fullmatch(r"([\d.]+)-([\d.]+)", text)
-    try:
-        if span:
-            return Keep(float(span[1]), float(span[2]))
-    except ValueError:
-        pass
-    raise ParameterError(f"expected --keep FROM-TO in seconds, got {text!r}")
+    """`12.5-30` or `0:12.5-0:30`; `ParameterError` for anything else."""
+    span = re.fullmatch(rf"({_TIME})-({_TIME})", text)
+    if span:
+        return Keep(parse_seconds(span[1]), parse_seconds(span[2]))
+    raise ParameterError(f"expected --keep FROM-TO, such as 12.5-30 or 0:12.5-0:30, got {text!r}")
 
 
 def parse_ban(text: str) -> Ban:

@@ -40,7 +40,7 @@ from choreograph.pipeline.arguments import (
     as_weights,
 )
 from choreograph.pipeline.keeping import ExistingDance, fill, read_existing
-from choreograph.pipeline.saving import SavedParts, is_motion_file, save_dance
+from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.pipeline.unlike import Unlike
 from choreograph.plan import Plan
 from choreograph.progress import ProgressReport, substage
@@ -98,9 +98,9 @@ class Dance:
         `read_character` made of one, dances in a glb, fbx or html; `bvh` says how a bvh is written. With
         `loop` a motion file holds the `loop` of the dance.
 
-        Raises `ParameterError` for another suffix, clicks in anything but a video, a folder that does not
-        exist, a character whose bones cannot be found or that a page cannot show, or a loop without two bars,
-        `FormatError` if the song or the character cannot be read.
+        Raises `ParameterError` for another suffix, an option that the format does not use, a folder that does
+        not exist, a character whose bones cannot be found or that a page cannot show, or a loop without two
+        bars, `FormatError` if the song or the character cannot be read.
         """
         path = as_path("a file to write", path)
         check_kind("click", click, bool)
@@ -111,7 +111,8 @@ class Dance:
         for what, given, kind in (("a character", character, GltfCharacter), ("bvh", bvh, BvhOptions)):
             if not (given is None or isinstance(given, kind)):
                 raise unexpected(f"{what} as {kind.__name__}", given)
-        motion = self.loop.motion if loop and is_motion_file(path) else self.motion
+        check_options(path, {"click": click, "character": character, "bvh": bvh, "loop": loop})
+        motion = self.loop.motion if loop else self.motion
         parts = SavedParts(
             motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh
         )

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,10 @@ from choreograph.progress import ProgressReport, substage
 if TYPE_CHECKING:
     from choreograph.preview.page_bodies import PageCharacter
 
-CHARACTER_FORMATS = ("glb", "fbx", "html")  # in which a character dances
+# The formats that use an option of `Dance.save`.
+USED_BY: dict[str, tuple[str, ...]] = {
+    "character": ("html", "glb", "fbx"), "bvh": ("bvh",), "loop": FORMATS, "click": ("mp4",),
+}  # fmt: skip
 _STRIP_POSES = 40
 
 
@@ -38,18 +41,18 @@ class SavedParts:
     motion_beats_s: Callable[[], NDArray[np.float64]]
     song_path: Path | None
     with_clicks: bool = False  # on the counts, in a video
-    character: GltfCharacter | None = None  # that dances in `CHARACTER_FORMATS`, not the mannequin
+    character: GltfCharacter | None = None  # that dances instead of the mannequin
     bvh: BvhOptions | None = None
 
 
 def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | None = None) -> None:
     """Write a dance to `path`: a motion format, the plan, or something to look at, by the suffix.
 
-    Raises `ParameterError` for an unknown suffix, a missing folder, or clicks in anything but a video,
-    `ChoreographError` if the file cannot be written, `FormatError` if the song can no longer be read.
+    Raises `ParameterError` for an unknown suffix or a missing folder, `ChoreographError` if the file cannot
+    be written, `FormatError` if the song can no longer be read.
     """
-    check_outputs([path], with_clicks=parts.with_clicks)
-    suffix = _suffix(path)
+    check_outputs([path])
+    suffix = format_of(path)
     if suffix in ("glb", "fbx") and parts.character is not None:
         save_on_character(path, parts.motion, parts.character)
     elif suffix in FORMATS:
@@ -62,7 +65,7 @@ def save_on_character(path: str | Path, motion: Motion, character: GltfCharacter
     """Write the character again, as GLB or FBX, with the motion as its animation; raises as `save_dance`."""
     content = character.dancing(motion).to_glb()
     with atomic_path(path) as temporary:
-        if _suffix(path) != "fbx":
+        if format_of(path) != "fbx":
             temporary.write_bytes(content)
             return
         with TemporaryDirectory() as folder:
@@ -72,42 +75,44 @@ def save_on_character(path: str | Path, motion: Motion, character: GltfCharacter
             temporary.write_bytes(fbx.read_bytes())
 
 
-def check_outputs(paths: Sequence[str | Path], *, with_clicks: bool = False) -> None:
-    """Raise `ParameterError` before any work if a format is unknown or a folder does not exist.
+def check_options(path: str | Path, given: Mapping[str, object]) -> None:
+    """Raise `ParameterError` for an option of `Dance.save` that the format of a file does not use."""
+    for name in (name for name, value in given.items() if value):
+        if format_of(path) not in USED_BY[name]:
+            users = ", ".join(f".{format}" for format in USED_BY[name])
+            raise ParameterError(f"expected a file among {users} for {name}, got {path}: leave out {name}")
 
-    And if clicks are wanted, but none of the files is a video.
-    """
+
+def options_used(path: str | Path, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the options of `Dance.save` that the format of a file uses."""
+    return {name: value for name, value in given.items() if format_of(path) in USED_BY[name]}
+
+
+def check_outputs(paths: Sequence[str | Path]) -> None:
+    """Raise `ParameterError` before any work if a format is unknown or a folder does not exist."""
     for path in paths:
         as_path("a file to write", path)
-        if _suffix(path) not in OUTPUT_FORMATS:
+        if format_of(path) not in OUTPUT_FORMATS:
             raise ParameterError(
-                f"{path}: expected a format among {', '.join(OUTPUT_FORMATS)}, got {_suffix(path)!r}"
+                f"{path}: expected a format among {', '.join(OUTPUT_FORMATS)}, got {format_of(path)!r}"
             )
-        if _suffix(path) == "fbx":
+        if format_of(path) == "fbx":
             require_blender(path)
-        if _suffix(path) in ("usda", "usdc"):
+        if format_of(path) in ("usda", "usdc"):
             require_usd(path)
         check_target(path)
-    if with_clicks and not any(_suffix(path) == "mp4" for path in paths):
-        raise ParameterError(
-            f"expected an .mp4 for the clicks to sound in, got {', '.join(str(path) for path in paths)}"
-        )
-
-
-def is_motion_file(path: str | Path) -> bool:
-    """Whether the file that is written to `path` holds a motion, for other programs."""
-    return _suffix(path) in FORMATS
 
 
 def check_character(character: GltfCharacter, paths: Sequence[str | Path]) -> None:
     """Raise `ParameterError` before any work if one of the files is a page, and cannot show the character."""
     from choreograph.preview.page_bodies import check_page_character
 
-    if any(_suffix(path) == "html" for path in paths):
+    if any(format_of(path) == "html" for path in paths):
         check_page_character(character.document)
 
 
-def _suffix(path: str | Path) -> str:
+def format_of(path: str | Path) -> str:
+    """The format that is written to a path: its suffix, in small letters and without the dot."""
     return Path(path).suffix.lower().removeprefix(".")
 
 

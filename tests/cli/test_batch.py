@@ -61,7 +61,7 @@ def test_facts_of_all_songs_as_json(songs, db):
         (["a.wav", "b.wav", "-o", "new/{song}.xyz"], "xyz"),
         (["a.wav", "b.wav", "-o", "a.wav/{song}.bvh"], "folder"),
         ([], "expected a SONG"),
-        (["a.wav", "--loop", "-o", "a.html"], "motion file to loop"),
+        (["a.wav", "--loop", "-o", "a.html"], "for --loop, got .html: add -o NAME.bvh"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_done_is_said_before_any_work(songs, arguments, says):

@@ -135,10 +135,10 @@ def test_a_signature_needs_a_file_and_a_name(here):
 
 def test_clicks_are_for_videos(here):
     refused = run("dance", "song.wav", "--db", "rep.h5", "-o", "x.bvh", "--click")
-    assert_one_line(refused, says="expected an .mp4")
+    assert_one_line(refused, says="expected .mp4 for --click, got")
     assert run("dance", "song.wav", "--db", "rep.h5", "--duration", "1", "-o", "p.json").exit_code == 0
     refused = run("dance", "song.wav", "--db", "rep.h5", "--plan", "p.json", "-o", "x.html", "--click")
-    assert_one_line(refused, says="expected an .mp4")
+    assert_one_line(refused, says="expected .mp4 for --click, got")
     assert not (here / "x.html").exists()
     again = run(
         "dance", "song.wav", "--db", "rep.h5", "--plan", "p.json", "-o", "x.mp4", "-o", "x.bvh", "--click"

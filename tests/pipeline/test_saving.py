@@ -1,17 +1,21 @@
-"""What a strip shows of a dance: poses on beats, with their counts."""
+"""What a strip shows of a dance, and which formats use which options of `Dance.save`."""
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import swaying
 from synthetic_pages import plan_for
 
+import choreograph as cg
 from choreograph.counts import numbers_in_bar
 from choreograph.errors import ParameterError
-from choreograph.pipeline.saving import SavedParts, check_outputs, save_dance
+from choreograph.exporters import BvhOptions
+from choreograph.pipeline.saving import OUTPUT_FORMATS, SavedParts, save_dance
 from choreograph.preview import strip
 
 
@@ -58,7 +62,40 @@ def test_without_bars_beats_are_numbered(tmp_path, drawn):
     assert (drawn["times_s"], drawn["labels"]) == ([0.0, 1.0, 2.0], None)
 
 
-def test_clicks_need_a_video(tmp_path):
-    check_outputs([tmp_path / "a.bvh", tmp_path / "a.mp4"], with_clicks=True)
-    with pytest.raises(ParameterError, match=r"expected an \.mp4"):
-        check_outputs([tmp_path / "a.bvh", tmp_path / "a.html"], with_clicks=True)
+OPTIONS = {
+    "click": True, "loop": True, "bvh": BvhOptions(naming="ue"), "character": "hero.glb",
+}  # fmt: skip
+USED = {
+    "bvh": {"bvh", "loop"}, "npz": {"loop"}, "glb": {"loop", "character"}, "vrma": {"loop"},
+    "usda": {"loop"}, "usdc": {"loop"}, "fbx": {"loop", "character"}, "html": {"character"},
+    "mp4": {"click"}, "png": set(), "json": set(),
+}  # fmt: skip
+
+
+def test_the_table_of_formats_is_whole():
+    assert set(USED) == set(OUTPUT_FORMATS)
+    assert set(OPTIONS) == set(inspect.signature(cg.Dance.save).parameters) - {"self", "path", "report"}
+
+
+@pytest.mark.parametrize("suffix", sorted(USED))
+@pytest.mark.parametrize("option", sorted(OPTIONS))
+def test_an_option_that_a_format_does_not_use_is_refused(tmp_path, monkeypatch, suffix, option):
+    monkeypatch.chdir(tmp_path)
+    write_character(tmp_path / "hero.glb", CHARACTERS["mixamo"])
+    motion = swaying(300, fps=30.0)
+    plan = replace(plan_for(motion), music_beat_numbers=numbers_in_bar(20, 4), metre=4)
+    dance = cg.Dance(motion, plan)
+    seen = []
+    monkeypatch.setattr(
+        "choreograph.pipeline.dancing.save_dance", lambda path, parts, report: seen.append(parts)
+    )
+    if option not in USED[suffix]:
+        with pytest.raises(ParameterError, match=f"for {option}, got .*leave out {option}"):
+            dance.save(tmp_path / f"a.{suffix}", **{option: OPTIONS[option]})
+        assert not seen
+        return
+    for options in ({}, {option: OPTIONS[option]}):
+        dance.save(tmp_path / f"a.{suffix}", **options)
+    without, parts = seen
+    field = {"click": "with_clicks", "loop": "motion"}.get(option, option)
+    assert getattr(parts, field) is not getattr(without, field)

@@ -1,0 +1,160 @@
+"""Options that commands share: given once, times, and which files an option is for."""
+
+from __future__ import annotations
+
+import json
+from itertools import combinations, product
+
+import click
+import pytest
+from command_line import assert_one_line, run
+
+from choreograph.cli import main
+from choreograph.pipeline.saving import OUTPUT_FORMATS
+
+# What each option of files needs beside it, and the formats that it acts on.
+FILE_OPTIONS = {
+    "--character": (["hero.glb"], {"html", "glb", "fbx"}),
+    "--names": (["ue"], {"bvh"}),
+    "--units": (["m"], {"bvh"}),
+    "--rest": (["t"], {"bvh"}),
+    "--in-place": ([], {"bvh"}),
+    "--loop": ([], {"bvh", "npz", "glb", "vrma", "usda", "usdc", "fbx"}),
+    "--click": ([], {"mp4"}),
+}
+
+
+def commands() -> dict[str, click.Command]:
+    """Every command by the words that run it."""
+    found = {}
+    context = click.Context(main)
+    for name in main.list_commands(context):
+        command = main.get_command(context, name)
+        if isinstance(command, click.Group):
+            found |= {f"{name} {sub}": one for sub, one in command.commands.items()}
+        else:
+            found[name] = command
+    return found
+
+
+def once_only() -> list[tuple[str, str]]:
+    """Every option of every command that is not to be repeated: (command, flag)."""
+    return [
+        (name, max(option.opts, key=len))
+        for name, command in commands().items()
+        for option in command.params
+        if isinstance(option, click.Option) and option.name != "help" and option.opts and not option.multiple
+    ]
+
+
+@pytest.mark.parametrize(("command", "flag"), once_only())
+def test_an_option_given_twice_is_refused(tmp_path, monkeypatch, command, flag):
+    monkeypatch.chdir(tmp_path)
+    option = next(o for o in commands()[command].params if flag in o.opts)
+    choices = getattr(option.type, "choices", ("1",))
+    twice = [flag] * 2 if option.is_flag else [flag, choices[0], flag, choices[-1]]
+    if option.secondary_opts:
+        twice = [flag, option.secondary_opts[0]]
+    arguments = ["x"] * sum(isinstance(p, click.Argument) and p.required for p in commands()[command].params)
+    assert_one_line(run(*command.split(), *arguments, *twice), says=f"expected {flag} once, got it 2 times")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_options_to_repeat_are_few():
+    repeated = {
+        (name, max(option.opts, key=len))
+        for name, command in commands().items()
+        for option in command.params
+        if isinstance(option, click.Option) and option.multiple
+    }
+    assert repeated == {
+        ("build-db", "--leave-out"), ("dance", "--output"), ("dance", "--pin"), ("dance", "--ban"),
+        ("dance", "--keep"), ("dance", "--weight"), ("evaluate", "--counted-by"), ("evaluate", "--only"),
+        ("evaluate", "--variants"), ("study write", "--only"), ("study write", "--variants"),
+    }  # fmt: skip
+
+
+@pytest.fixture
+def notes_of(monkeypatch, tmp_path, db, song):
+    """Runs `dance` with options, without dancing or writing: its result, and the notes on all dances."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("choreograph.pipeline.saving.check_outputs", lambda paths: None)
+    monkeypatch.setattr("choreograph.cli.dance._character", lambda *_: None)
+    monkeypatch.setattr("choreograph.cli.dance.run_jobs", lambda jobs, dances_of, shown: [])
+    shown = []
+    monkeypatch.setattr("choreograph.cli.dance.present", lambda results, notes, **_: shown.append(notes))
+
+    def notes_of(*options):
+        shown.clear()
+        result = run("dance", song, "--db", db, *options)
+        return result, list(shown[0]) if shown else []
+
+    return notes_of
+
+
+@pytest.mark.parametrize("option", FILE_OPTIONS)
+def test_an_option_of_files_is_used_refused_or_noted(notes_of, option):
+    values, used = FILE_OPTIONS[option]
+    for suffixes in [*product(OUTPUT_FORMATS), *combinations(OUTPUT_FORMATS, 2)]:
+        result, notes = notes_of(option, *values, *(f"-oa.{suffix}" for suffix in suffixes))
+        unused = [suffix for suffix in suffixes if suffix not in used]
+        if len(unused) == len(suffixes):
+            assert_one_line(result, says=f" for {option}, got ")
+        elif option == "--character" and {"usda", "usdc"} & set(unused):
+            assert_one_line(result, says="expected no USD file beside --character")
+        else:
+            assert result.exit_code == 0, result.output
+            assert notes == [f"{option} has no effect on .{suffix}" for suffix in unused]
+
+
+def test_all_that_is_said_of_files_is_one_note(notes_of):
+    result, notes = notes_of(
+        "-oa.bvh", "-oa.glb", "-oa.mp4", "-oa.json", "--names", "ue", "--rest", "a", "--loop", "--click"
+    )
+    assert result.exit_code == 0, result.output
+    assert notes == [
+        "--names and --rest have no effect on .glb, .mp4 and .json; --loop has no effect on .mp4 and .json; "
+        "--click has no effect on .bvh, .glb and .json"
+    ]
+    assert notes_of("--names", "ue")[1] == ["--names has no effect on .html"]
+
+
+def test_options_that_another_makes_useless_are_refused(tmp_path, monkeypatch, db):
+    monkeypatch.chdir(tmp_path)
+    for arguments, says in (
+        (("songs", "--path", "house", "--copy", "x"), "expected --path alone, got --copy, --path"),
+        (("songs", "--path", "house", "--json"), "expected --path alone"),
+        (("inspect", db, "--counts", "take0", "-o", "x.csv", "--json"), "got --json or --plots"),
+        (("inspect", db, "--signature", "a", "-o", "x.json", "--plots", "x"), "got --json or --plots"),
+        (("evaluate", "x.bvh", "x.wav", "--seeds", "5"), "expected --songs beside --seeds, got a DANCE"),
+        (("evaluate", "x.bvh", "x.wav", "--seen", "--only", "x"), "beside --only, --seen, got a DANCE"),
+        (("build-db", "x", "-o", "x.h5", "--no-rollout-teacher"), "expected --rollout beside"),
+        (("build-db", "x", "-o", "x.h5", "--published", "--augment-mirror"), "leave out --augment-mirror"),
+    ):
+        assert_one_line(run(*arguments), says=says)
+        assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_times_may_be_minutes_and_seconds(tmp_path, monkeypatch, db, song):
+    monkeypatch.chdir(tmp_path)
+    asked = ("dance", song, "--db", db, "--candidates", "4", "-o", "a.json")
+    for start, duration in (("1.5", "4"), ("0:01.5", "0:04"), ("0:00:01.5", "0:4")):
+        made = run(*asked, "--start", start, "--duration", duration, "--pin", "0:01-0:02=take:take1")
+        assert made.exit_code == 0, made.output
+        plan = json.loads((tmp_path / "a.json").read_text())
+        assert (plan["start_s"], plan["duration_s"]) == (1.5, 4.0)
+        assert plan["seconds"][1]["take"] == "take1"
+    for text in ("soon", "1:75", "1:", ":5", "1:2:3", "1:02:03:04"):
+        refused = run(*asked, "--start", text)
+        assert refused.exit_code == 2 and "expected a time in seconds" in refused.output
+
+
+@pytest.mark.slow
+def test_notes_on_files_are_shown_and_in_the_json(tmp_path, monkeypatch, db, song):
+    monkeypatch.chdir(tmp_path)
+    asked = ("dance", song, "--db", db, "--candidates", "4", "-oa.bvh", "-oa.json", "--rest", "t")
+    said = "--rest has no effect on .json"
+    assert f"note: {said}" in run(*asked).stderr
+    assert said in json.loads(run(*asked, "--json").stdout)["notes"]
+    assert said not in run(*asked, "-q").output
