@@ -12,7 +12,7 @@ import click
 from click_option_group import optgroup
 
 from choreograph.cli.options import Command, Seconds, given_options, names_of
-from choreograph.cli.present import (
+from choreograph.cli.present import examples, printable, say, show_notes, stages, table_console
 from choreograph.errors import ChoreographError, ParameterError
 
 if TYPE_CHECKING:
