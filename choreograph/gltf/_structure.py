@@ -46,6 +46,7 @@ def _is_bound(value: Any) -> bool:
 
 
 _HUMANOID = {"humanoid": {"humanBones": {...: {"node": is_whole}}}}
+_SPARSE_PART = {"bufferView": is_index, "byteOffset": is_index, "componentType": is_index}
 _DOCUMENT: dict[Any, Any] = {
     "nodes": [
         {
@@ -66,6 +67,7 @@ _DOCUMENT: dict[Any, Any] = {
         {
             "bufferView": is_index, "byteOffset": is_index, "componentType": is_index, "count": is_index,
             "type": is_text, "min": _is_bound, "max": _is_bound,
+            "sparse": {"count": is_index, "indices": _SPARSE_PART, "values": _SPARSE_PART},
         }
     ],
     "bufferViews": [

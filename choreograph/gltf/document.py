@@ -22,6 +22,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "
 _VECTORS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _ALIGNMENT = 4  # bytes
 _MAX_VALUES = 1 << 26  # of an accessor
+_FREE_VALUES = 1 << 20  # that accessors may have beyond a value for each byte of the buffer
 VERTICES, INDICES = 34962, 34963  # what a view is bound to, as OpenGL numbers it
 GLB_MAGIC, GLB_VERSION, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
 
@@ -29,10 +30,12 @@ GLB_MAGIC, GLB_VERSION, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 2, 0x4E4F534A, 0x
 class GltfDocument:
     """A document that grows: `json` is edited in place, `accessor` adds an array, `array` reads one."""
 
-    def __init__(self, data: dict[str, Any], binary: bytes = b"", name: str = "a new document") -> None:
+    def __init__(
+        self, data: dict[str, Any], binary: bytes | bytearray = b"", name: str = "a new document"
+    ) -> None:
         self.json = data
         self.name = name  # for errors
-        self._binary = bytearray(binary)
+        self._binary = binary if isinstance(binary, bytearray) else bytearray(binary)
 
     @classmethod
     def empty(cls, generator: str) -> GltfDocument:
@@ -44,9 +47,14 @@ class GltfDocument:
         """Size of the binary buffer."""
         return len(self._binary)
 
+    @property
+    def n_plausible_values(self) -> int:
+        """How many values accessors have if each byte of the buffer is meant once; more is a hostile file."""
+        return _FREE_VALUES + len(self._binary)
+
     def copy(self) -> GltfDocument:
         """The same document, to be changed."""
-        return GltfDocument(copy.deepcopy(self.json), bytes(self._binary), self.name)
+        return GltfDocument(copy.deepcopy(self.json), bytearray(self._binary), self.name)
 
     def entry(self, kind: str, index: int | None) -> dict[str, Any]:
         """Entry `index` of the document's array `kind`; `FormatError` if there is none."""
@@ -85,11 +93,11 @@ class GltfDocument:
             entry["max"] = np.atleast_1d(rows.max(axis=0)).tolist()
         return self.add("accessors", entry)
 
-    def array(self, index: int | None) -> NDArray[np.float64]:
+    def array(self, index: int | None, *, most: int = _MAX_VALUES) -> NDArray[np.float64]:
         """The values of an accessor as floats, (N,) for scalars, else (N, D); normalised integers divided.
 
-        Raises `FormatError` if it does not lie within the file, has over 2²⁶ values, or is sparse or
-        compressed.
+        Rows beyond the first `most` are left out. Raises `FormatError` if it does not lie within the file, or
+        has over 2²⁶ values.
         """
         entry = self.entry("accessors", index)
         component, kind, count = entry.get("componentType"), entry.get("type", ""), entry.get("count", 0)
@@ -97,25 +105,52 @@ class GltfDocument:
             raise FormatError(
                 f"{self.name}: expected an accessor of a known type, got {component}, {kind:.9}"
             )
-        if "sparse" in entry or "bufferView" not in entry:
-            raise FormatError(f"{self.name}: expected plain accessors of bones, got a sparse one")
-        dtype, width = _TYPE_OF_COMPONENT[component], _WIDTHS[kind]
-        view = self.entry("bufferViews", entry["bufferView"])
-        if "EXT_meshopt_compression" in view.get("extensions", {}):
-            raise FormatError(f"{self.name}: expected plain data, got meshopt compression: export without it")
+        width = _WIDTHS[kind]
+        if not 1 <= count <= _MAX_VALUES // width:
+            raise FormatError(f"{self.name}: expected 1 to {_MAX_VALUES} values of an accessor, got others")
+        if "bufferView" in entry:
+            rows = self._rows(entry, component, count, width)
+        else:
+            rows = np.zeros((count, width), _TYPE_OF_COMPONENT[component])
+        if "sparse" in entry:
+            rows = self._with_sparse(rows, entry["sparse"], component)
+        with np.errstate(invalid="ignore"):  # of NaN
+            values = _divided(entry, rows[:most].astype(np.float64))
+        return values[:, 0] if width == 1 else values
+
+    def n_values(self, index: int | None) -> int:
+        """How many values `array` gives of an accessor, before it is read."""
+        entry = self.entry("accessors", index)
+        return entry.get("count", 0) * _WIDTHS.get(entry.get("type", ""), 1)
+
+    def bounds(self, index: int | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The least and greatest values (D,) that an accessor states, (0,) where it states none."""
+        entry = self.entry("accessors", index)
+        low, high = (_divided(entry, np.array(entry.get(end, []), np.float64)) for end in ("min", "max"))
+        return low, high
+
+    def _rows(self, entry: dict[str, Any], component: int, count: int, width: int) -> NDArray:
+        """The numbers (N, D) that an accessor, or a part of a sparse one, has in its view."""
+        dtype = _TYPE_OF_COMPONENT[component]
+        view = self.entry("bufferViews", entry.get("bufferView"))
         start = view.get("byteOffset", 0) + entry.get("byteOffset", 0)
         stride = view.get("byteStride") or dtype.itemsize * width
-        end = start + stride * (count - 1) + dtype.itemsize * width
-        if count < 1 or end > len(self._binary):
+        if start + stride * (count - 1) + dtype.itemsize * width > len(self._binary):
             raise FormatError(f"{self.name}: expected {count} values of an accessor, the file ends before")
-        if count * width > _MAX_VALUES:
-            raise FormatError(f"{self.name}: expected at most {_MAX_VALUES} values of an accessor, got more")
-        rows = np.ndarray((count, width), dtype, self._binary, start, (stride, dtype.itemsize))
-        with np.errstate(invalid="ignore"):  # of NaN
-            values = rows.astype(np.float64)
-        if entry.get("normalized") and component in _GREATEST:
-            values = np.maximum(values / _GREATEST[component], -1.0)
-        return values[:, 0] if width == 1 else values
+        return np.ndarray((count, width), dtype, self._binary, start, (stride, dtype.itemsize))
+
+    def _with_sparse(self, rows: NDArray, sparse: dict[str, Any], component: int) -> NDArray:
+        """The numbers (N, D) with those replaced that a sparse accessor lists by row."""
+        indices, values, count = sparse.get("indices", {}), sparse.get("values", {}), sparse.get("count", 0)
+        kind = indices.get("componentType")
+        if not 1 <= count <= len(rows) or kind not in (5121, 5123, 5125):
+            raise FormatError(f"{self.name}: expected rows of a sparse accessor, got {count}: damaged")
+        places = self._rows(indices, kind, count, 1)[:, 0]
+        if places.max() >= len(rows):
+            raise FormatError(f"{self.name}: expected sparse values within an accessor: damaged")
+        rows = rows.copy()
+        rows[places] = self._rows(values, component, count, rows.shape[1])
+        return rows
 
     def to_glb(self) -> bytes:
         """The document as one binary file."""
@@ -126,3 +161,9 @@ class GltfDocument:
         chunks = struct.pack("<II", len(text), JSON_CHUNK) + text
         chunks += struct.pack("<II", len(binary), BINARY_CHUNK) + binary
         return struct.pack("<III", GLB_MAGIC, GLB_VERSION, 12 + len(chunks)) + chunks
+
+
+def _divided(entry: dict[str, Any], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values of an accessor, those of normalised integers from -1 or 0 to 1."""
+    greatest = _GREATEST.get(entry.get("componentType", 0))
+    return np.maximum(values / greatest, -1.0) if entry.get("normalized") and greatest else values

@@ -1,7 +1,9 @@
 """Reading glTF files: `.glb` and `.vrm` in one piece, `.gltf` with its buffers and images beside it.
 
-All is brought into one buffer, as a GLB has it. Files from others may be damaged or hostile: sizes are
-checked before anything is read, references lead nowhere outside the file's folder, nothing is fetched.
+All is brought into one buffer, as a GLB has it, what is referred to several times once. Files from others may
+be damaged or hostile: sizes are checked before anything is read, references lead nowhere outside the file's
+folder, nothing is fetched. Of the extensions that a file requires only those that compress what is read here
+keep it from being read; Draco compresses meshes alone.
 """
 
 from __future__ import annotations
@@ -27,6 +29,8 @@ from choreograph.gltf.document import (
 MAX_BYTES = 1 << 30
 MAX_JSON_BYTES = 64 << 20
 _MAX_OBJECTS = 2_000_000  # of all kinds in the JSON: Python takes up to 240 bytes for each
+_COMPRESSIONS = ("EXT_meshopt_compression", "KHR_meshopt_compression")  # of animations and bind matrices, too
+_IMAGE_TYPES = {b"\x89PNG": "image/png", b"RIFF": "image/webp", b"\xabKTX": "image/ktx2"}  # by first bytes
 _ARRAYS = (
     "nodes",
     "meshes",
@@ -40,17 +44,17 @@ _ARRAYS = (
 )
 
 
-def read_gltf(path: str | Path) -> GltfDocument:
-    """A document from a `.glb`, `.vrm` or `.gltf` file.
+def read_gltf(path: str | Path, *, images: bool = True) -> GltfDocument:
+    """A document from a `.glb`, `.vrm` or `.gltf` file, without `images` for its motion alone.
 
-    Raises `FormatError` if it cannot be read, is damaged, larger than 1 GiB, or not glTF 2.
+    Raises `FormatError` if it cannot be read, is damaged, compressed, larger than 1 GiB, or not glTF 2.
     """
     path = Path(path)
-    content = _read(path)
-    text, binary = _chunks(path, content)
-    data = _parsed(path, text)
+    text, binary = _chunks(path, memoryview(_read(path)))
+    data = _parsed(path, bytes(text))
     document = GltfDocument(data, _merged_buffers(path, data, binary), str(path))
-    _embed_images(path, document)
+    if images:
+        _embed_images(path, document)
     return document
 
 
@@ -66,11 +70,11 @@ def _read(path: Path) -> bytes:
         raise FormatError(f"{path}: expected a glTF file, could not read it: {error.strerror}") from error
 
 
-def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes]:
+def _chunks(path: Path, content: memoryview) -> tuple[memoryview, memoryview]:
     """The JSON and the binary chunk of a GLB; of other files, all and nothing."""
     if content[:4] != struct.pack("<I", GLB_MAGIC):
-        return content, b""
-    found: dict[int, bytes] = {}
+        return content, content[:0]
+    found: dict[int, memoryview] = {}
     if len(content) < 12 or struct.unpack_from("<I", content, 4)[0] != GLB_VERSION:
         raise FormatError(f"{path}: expected glTF 2.0 in a GLB, got another version or a truncated file")
     at = 12
@@ -82,7 +86,7 @@ def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes]:
         at += 8 + length
     if JSON_CHUNK not in found:
         raise FormatError(f"{path}: expected a JSON chunk in a GLB, got none: the file is truncated")
-    return found[JSON_CHUNK], found.get(BINARY_CHUNK, b"")
+    return found[JSON_CHUNK], found.get(BINARY_CHUNK, content[:0])
 
 
 def _parsed(path: Path, text: bytes) -> dict[str, Any]:
@@ -101,6 +105,13 @@ def _parsed(path: Path, text: bytes) -> dict[str, Any]:
     asset = data.get("asset") if isinstance(data, dict) else None
     if not (isinstance(asset, dict) and str(asset.get("version", "")).startswith("2.")):
         raise FormatError(f"{path}: expected glTF 2.0, got another version or another file")
+    required = data.get("extensionsRequired")
+    for name in _COMPRESSIONS:
+        if isinstance(required, list) and name in required:
+            raise FormatError(
+                f"{path}: expected plain data, got {name}, which is not read: export it without compression, "
+                "or undo it: gltfpack -i IN.glb -o OUT.glb -kn -noq"
+            )
     for kind in _ARRAYS:
         entries = data.get(kind, [])
         if not isinstance(entries, list) or len(entries) > MAX_ENTRIES:
@@ -116,16 +127,20 @@ def _refused(constant: str) -> None:
     raise ValueError(constant)
 
 
-def _merged_buffers(path: Path, data: dict[str, Any], binary: bytes) -> bytes:
+def _merged_buffers(path: Path, data: dict[str, Any], binary: memoryview) -> bytearray:
     """All buffers one after another, with the views in `data` changed to lie in them."""
     merged, starts = bytearray(), []
+    start_of: dict[str | Path, int] = {}  # what is referred to -> where it begins
     for index, buffer in enumerate(data.pop("buffers", [])):
-        content = binary if index == 0 and "uri" not in buffer else _referenced(path, buffer.get("uri"))
-        merged += bytes(-len(merged) % 4)
-        starts.append(len(merged))
-        merged += content
-        if len(merged) > MAX_BYTES:
-            raise FormatError(f"{path}: expected at most {MAX_BYTES >> 20} MiB of buffers, got more")
+        is_own = index == 0 and "uri" not in buffer
+        source = "" if is_own else _source(path, buffer.get("uri"))
+        if source not in start_of:
+            merged += bytes(-len(merged) % 4)
+            start_of[source] = len(merged)
+            merged += binary if is_own else _content(path, source)
+            if len(merged) > MAX_BYTES:
+                raise FormatError(f"{path}: expected at most {MAX_BYTES >> 20} MiB of buffers, got more")
+        starts.append(start_of[source])
     for view in data.get("bufferViews", []):
         for holder in (view, *view.get("extensions", {}).values()):
             if "buffer" not in holder and holder is not view:
@@ -135,35 +150,45 @@ def _merged_buffers(path: Path, data: dict[str, Any], binary: bytes) -> bytes:
                 raise FormatError(f"{path}: expected a buffer for every view, got {buffer}: damaged")
             holder["byteOffset"] = holder.get("byteOffset", 0) + starts[buffer]
             holder["buffer"] = 0
-    return bytes(merged)
+    return merged
 
 
 def _embed_images(path: Path, document: GltfDocument) -> None:
     """Images beside the file or in its text, brought into the buffer."""
     left = MAX_BYTES
+    views: dict[str | Path, tuple[int, str]] = {}  # what is referred to -> view and type
     for image in document.json.get("images", []):
         if "uri" not in image:
             continue
-        content = _referenced(path, image["uri"])
-        left -= len(content)
-        if left < 0:
-            raise FormatError(f"{path}: expected at most {MAX_BYTES >> 20} MiB of images, got more")
-        image.setdefault("mimeType", "image/png" if content[:4] == b"\x89PNG" else "image/jpeg")
-        image["bufferView"] = document.view(content)
-        del image["uri"]
+        source = _source(path, image.pop("uri"))
+        if source not in views:
+            content = _content(path, source)
+            left -= len(content)
+            if left < 0:
+                raise FormatError(f"{path}: expected at most {MAX_BYTES >> 20} MiB of images, got more")
+            views[source] = document.view(content), _IMAGE_TYPES.get(content[:4], "image/jpeg")
+        image["bufferView"], found_type = views[source]
+        image.setdefault("mimeType", found_type)
 
 
-def _referenced(path: Path, uri: Any) -> bytes:
-    """What a URI holds: data in the text itself, or a file in the document's folder."""
+def _source(path: Path, uri: Any) -> str | Path:
+    """What a URI refers to: itself if it holds data, or a file in the document's folder."""
     if not isinstance(uri, str):
         raise FormatError(f"{path}: expected the URI of a buffer or image, got {uri!r}: damaged")
     if uri.startswith("data:"):
-        try:
-            return base64.b64decode(uri.partition(",")[2], validate=True)
-        except (binascii.Error, ValueError) as error:
-            raise FormatError(f"{path}: expected base64 in a data URI, got something else") from error
+        return uri
     name = unquote(uri)
     file = (path.parent / name.replace("\0", "")).resolve()
     if "://" in uri or "\0" in name or not file.is_relative_to(path.parent.resolve()):
         raise FormatError(f"{path}: expected files in its own folder, got {uri[:80]!r}: it is not read")
-    return _read(file)
+    return file
+
+
+def _content(path: Path, source: str | Path) -> bytes:
+    """The bytes of a data URI or a file."""
+    if isinstance(source, Path):
+        return _read(source)
+    try:
+        return base64.b64decode(source.partition(",")[2], validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise FormatError(f"{path}: expected base64 in a data URI, got something else") from error

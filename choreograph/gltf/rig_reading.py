@@ -143,10 +143,10 @@ def _inverse_binds(document: GltfDocument, skin: int, n_joints: int) -> Floats:
     accessor = document.entry("skins", skin).get("inverseBindMatrices")
     if accessor is None:
         return np.tile(np.eye(4), (n_joints, 1, 1))
-    stored = document.array(accessor)
-    if stored.shape != (n_joints, 16):
+    stated = document.entry("accessors", accessor)
+    if stated.get("type") != "MAT4" or stated.get("count", 0) < n_joints:
         raise FormatError(f"{document.name}: expected a bind matrix for every joint: the file is damaged")
-    inverse = stored.reshape(-1, 4, 4).transpose(0, 2, 1)
+    inverse = document.array(accessor, most=n_joints).reshape(-1, 4, 4).transpose(0, 2, 1)
     if not np.isfinite(inverse).all() or (np.abs(np.linalg.det(inverse)) < _SMALLEST**3).any():
         raise FormatError(f"{document.name}: expected bind matrices that can be inverted: damaged")
     return inverse
@@ -177,8 +177,7 @@ def _boxes_of_skins(document: GltfDocument) -> dict[int, list[Floats]]:
         if left < 0:
             raise FormatError(f"{document.name}: expected at most {MAX_ENTRIES} meshes on skins, got more")
         for primitive in primitives:
-            position = document.entry("accessors", primitive.get("attributes", {}).get("POSITION"))
-            low, high = position.get("min", []), position.get("max", [])
+            low, high = document.bounds(primitive.get("attributes", {}).get("POSITION"))
             if len(low) == len(high) == 3:
                 boxes[node["skin"]].append(np.array(list(product(*zip(low, high, strict=True))), np.float64))
     return boxes

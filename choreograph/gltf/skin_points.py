@@ -15,6 +15,7 @@ from choreograph.gltf.rig_reading import GltfRig, SkinInWorld
 Floats = NDArray[np.float64]
 
 _ATTRIBUTES = ("POSITION", "JOINTS_0", "WEIGHTS_0")
+_SHARED_BY = 4  # skins that the same points may hang on, by their bytes
 _MOST = 40_000  # points of a mesh that are taken: a body's shape needs no more
 
 
@@ -29,8 +30,9 @@ class SkinPoints:
 def read_skin_points(document: GltfDocument, found: GltfRig) -> SkinPoints:
     """The points of all meshes that are bound to the rig; none of meshes that are stored compressed.
 
-    Raises `FormatError` if a mesh is damaged.
+    Raises `FormatError` if a mesh is damaged, or meshes share the same bytes again and again.
     """
+    values_left = _SHARED_BY * document.n_plausible_values
     points, bones = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
     read = set()  # primitives of several materials share their points
     for node in document.json.get("nodes", []):
@@ -43,6 +45,9 @@ def read_skin_points(document: GltfDocument, found: GltfRig) -> SkinPoints:
                 continue
             read.add((skin, *attributes))
             if all(_is_plain(document, index) for index in attributes):
+                values_left -= sum(document.n_values(index) for index in attributes)
+                if values_left < 0:
+                    raise FormatError(f"{document.name}: expected meshes of their own data each, got shared")
                 of_mesh = _points(document, attributes, found.skins[skin])
                 points.append(of_mesh.pos_m)
                 bones.append(of_mesh.bone)
@@ -63,9 +68,6 @@ def _points(document: GltfDocument, attributes: Sequence[int], skin: SkinInWorld
 
 
 def _is_plain(document: GltfDocument, index: int) -> bool:
-    """Whether an accessor lies in a plain buffer, as Draco's and meshopt's do not."""
+    """Whether an accessor has data of its own, which those of Draco's meshes do not."""
     entry = document.entry("accessors", index)
-    if "bufferView" not in entry or "sparse" in entry:
-        return False
-    view = document.entry("bufferViews", entry["bufferView"])
-    return "EXT_meshopt_compression" not in view.get("extensions", {})
+    return "bufferView" in entry or "sparse" in entry

@@ -29,7 +29,6 @@ Tracks = dict[tuple[int, str], tuple[Floats, Floats, str]]
 LAYOUT = "a single NAME.glb, .gltf or .vrma with animations of a skeleton"
 SUFFIXES = (".glb", ".gltf", ".vrma")
 _MAX_ANIMATIONS = 4096
-_MAX_KEYS = 1 << 25  # of a file's tracks
 _BLOCK_POSES = 1 << 18  # frames × bones at a time
 _LARGEST = 1e12  # place or scale in any unit; never so with NaN, which compares false
 _WIDTHS = {"rotation": 4, "translation": 3, "scale": 3}
@@ -59,7 +58,7 @@ def read_gltf_motions(path: str | Path) -> dict[str, tuple[Motion, tuple[str, ..
     Motions are at 60 fps, or at their keys' rate if lower. Rotations are measured from the bind pose, which
     is the skeleton's rest pose. Raises `FormatError` if the file is damaged, or has no animation or no body.
     """
-    document = read_gltf(path)
+    document = read_gltf(path, images=False)
     animations = document.json.get("animations", [])
     if not animations:
         raise FormatError(f"{path}: expected an animation, got none: export it with its animations")
@@ -145,18 +144,20 @@ def _with_human_names(found: GltfRig) -> Rig:
     return replace(found.rig, names=distinct(names))
 
 
-@dataclass(eq=False)
 class _TrackReader:
-    """Reads the tracks of a document's animations."""
+    """Reads the tracks of a document's animations; what several of them share is read once."""
 
-    document: GltfDocument
-    bone_of: dict[int, int]  # node -> bone
-    keys_left: int = _MAX_KEYS  # that the file may still have
+    def __init__(self, document: GltfDocument, bone_of: dict[int, int]) -> None:
+        self.document = document
+        self.bone_of = bone_of  # node -> bone
+        self.values_left = document.n_plausible_values
+        self.arrays: dict[tuple[int, bool], Floats] = {}  # (accessor, whether of rotations) -> its values
 
     def tracks(self, animation: dict[str, Any]) -> Tracks:
         """The tracks of an animation that move bones; of several of one bone and property the first."""
         samplers = animation.get("samplers", [])
         tracks: Tracks = {}
+        read: dict[tuple[int, str], tuple[Floats, Floats, str]] = {}  # by sampler and property
         for channel in animation.get("channels", []):
             target, index = channel.get("target", {}), channel.get("sampler", -1)
             bone, path = self.bone_of.get(target.get("node", -1)), target.get("path", "")
@@ -164,23 +165,33 @@ class _TrackReader:
                 continue
             if not 0 <= index < len(samplers):
                 raise FormatError("expected a sampler for every channel: the file is damaged")
-            tracks[bone, path] = self._track(samplers[index], path)
+            if (index, path) not in read:
+                read[index, path] = self._track(samplers[index], path)
+            tracks[bone, path] = read[index, path]
         return tracks
 
     def _track(self, sampler: dict[str, Any], path: str) -> tuple[Floats, Floats, str]:
         kind = sampler.get("interpolation", "LINEAR")
-        self.keys_left -= self.document.entry("accessors", sampler.get("input")).get("count", 0)
-        if self.keys_left < 0:
-            raise FormatError(f"expected at most {_MAX_KEYS} keys of bones, got more: export parts")
-        keys_s, values = (self.document.array(sampler.get(end)) for end in ("input", "output"))
+        keys_s = self._array(sampler.get("input"))
+        values = self._array(sampler.get("output"), of_rotations=path == "rotation")
         n_values = len(keys_s) * (3 if kind == "CUBICSPLINE" else 1)
         if keys_s.ndim != 1 or values.shape != (n_values, _WIDTHS[path]) or (np.diff(keys_s) < 0).any():
             raise FormatError(f"expected increasing keys with a {path} each: damaged")
-        if not ((np.abs(keys_s) < _LARGEST).all() and (np.abs(values) < _LARGEST).all()):
-            raise FormatError("expected finite keys and values: the file is damaged")
-        if path == "rotation":
-            values = np.roll(values, 1, axis=-1)
         return keys_s, values, kind
+
+    def _array(self, index: int | None, *, of_rotations: bool = False) -> Floats:
+        """The values of an accessor, rotations as `wxyz`."""
+        self.document.entry("accessors", index)
+        key = index or 0, of_rotations
+        if key not in self.arrays:
+            self.values_left -= self.document.n_values(index)
+            if self.values_left < 0:
+                raise FormatError("expected keys of their own in each track, got data that is used too often")
+            values = self.document.array(index)
+            if not (np.abs(values) < _LARGEST).all():
+                raise FormatError("expected finite keys and values: the file is damaged")
+            self.arrays[key] = np.roll(values, 1, axis=-1) if of_rotations else values
+        return self.arrays[key]
 
 
 def _frame_times(tracks: Tracks) -> tuple[Floats, float]:
@@ -210,8 +221,7 @@ def _sampled(keys_s: Floats, values: Floats, kind: str, path: str, times_s: Floa
     gap = np.maximum(keys_s[high] - keys_s[low], 1e-9)
     weight = ((times_s - keys_s[low]) / gap).clip(0.0, 1.0)
     if path == "rotation":
-        values = rot.normalize(values)
-        return rot.slerp(values[low], values[high], weight)
+        return rot.slerp(rot.normalize(values[low]), rot.normalize(values[high]), weight)
     return values[low] + weight[:, None] * (values[high] - values[low])
 
 

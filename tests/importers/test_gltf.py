@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from synthetic_characters import CHARACTERS, write_character
@@ -147,6 +149,51 @@ def test_interpolations_are_the_formats():
     turn = rot.from_rotvec(np.array([[0.0, 0, 0], [0, 1.0, 0], [0, 2.0, 0]]))
     turned = _sampled(keys, turn, "LINEAR", "rotation", np.array([0.5, 2.0]))
     np.testing.assert_allclose(rot.to_rotvec(turned)[:, 1], [0.5, 1.5], atol=1e-9)
+
+
+def test_pictures_are_not_needed_for_motion(tmp_path):
+    save_motion(tmp_path / "a.glb", swaying(20))
+    document = read_gltf(tmp_path / "a.glb")
+    document.json["images"] = [{"uri": "../textures/lost.png"}]
+    (tmp_path / "b.glb").write_bytes(document.to_glb())
+    assert len(read_gltf_motions(tmp_path / "b.glb")) == 1
+
+
+def with_accessors(document: GltfDocument, *, shared: bool) -> None:
+    """100 tracks whose keys are the same 10 MB: of one accessor, or of an accessor each."""
+    n_keys = 600_000
+    rows = np.tile(np.array([0, 0, 0, 1], np.float32), (n_keys, 1))
+    values = document.accessor(rows)
+    times = document.accessor(np.linspace(0.0, 1.0, n_keys, dtype=np.float32), bounds=True)
+    animation = document.json["animations"][0]
+    animation["samplers"], animation["channels"] = [], []
+    entries = document.json["accessors"]
+    n_nodes = len(document.json["nodes"])
+    for track in range(100):
+        if not shared:
+            values = document.add("accessors", dict(entries[values]))
+        animation["samplers"].append({"input": times, "output": values})
+        target = {"node": track % n_nodes, "path": "rotation"}
+        animation["channels"].append({"sampler": track, "target": target})
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_100_tracks_of_the_same_bytes_take_little_memory(tmp_path, shared):
+    save_motion(tmp_path / "a.glb", swaying(20))
+    document = read_gltf(tmp_path / "a.glb")
+    with_accessors(document, shared=shared)
+    (tmp_path / "b.glb").write_bytes(document.to_glb())
+    tracemalloc.start()
+    try:
+        if shared:
+            assert len(read_gltf_motions(tmp_path / "b.glb")) == 1
+        else:
+            with pytest.raises(FormatError, match="too often"):
+                read_gltf_motions(tmp_path / "b.glb")
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 25 * document.n_bytes
 
 
 def shortened(document: GltfDocument) -> None:
