@@ -1,6 +1,7 @@
 # make test: set up and run every test, in a fresh clone with the Python of PYTHON=python3.13, say; make test-fast:
 # those that take a moment.
 # make test-lowest: every test with the lowest versions that pyproject.toml allows, in an environment of its own.
+# make test-newest: every test with the newest versions that it allows, in another (3 GB where torch is for CUDA).
 # make dance [SONG=song.mp3] [DB=rep.h5]: set up and dance.
 PYTHON ?= python3
 BIN := .venv/bin
@@ -9,7 +10,7 @@ DB ?=
 MINUTES ?= 5
 SEED ?=
 
-.PHONY: setup test test-fast test-lowest fuzz lint dance starter faults benchmark format
+.PHONY: setup test test-fast test-lowest test-newest fuzz lint dance starter faults benchmark format
 
 setup: .venv/.ready
 
@@ -30,6 +31,11 @@ test-lowest:
 	$(PYTHON) .ci/lowest.py > .venv-lowest/lowest.txt
 	.venv-lowest/bin/pip install --quiet --constraint .venv-lowest/lowest.txt --editable '.[test]'
 	.venv-lowest/bin/pytest -n auto --dist loadfile -m "not alone"
+
+test-newest:
+	$(PYTHON) -m venv .venv-newest
+	.venv-newest/bin/pip install --quiet --upgrade --upgrade-strategy eager --editable '.[test]'
+	.venv-newest/bin/pytest -n auto --dist loadfile -m "not alone"
 
 # Damaged and hostile files of every format, for as long as wanted; what fails goes to tests/fuzz/corpus.
 fuzz: setup

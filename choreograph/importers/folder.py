@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from choreograph.audio.decode import has_sound
+from choreograph.audio.ffmpeg import has_sound
 from choreograph.counts import ANNOTATED, make_counts
 from choreograph.errors import FormatError, ParameterError
 from choreograph.importers._bvh_text import read_text

@@ -116,6 +116,20 @@ def test_a_header_that_no_song_has_is_refused(tmp_path, rate_hz, n_channels):
     refused(tmp_path / "a.wav")
 
 
+@pytest.mark.parametrize(
+    ("kind", "endian"), [("WAV", "FILE"), ("WAV", "BIG"), ("RF64", "FILE"), ("AIFF", "FILE")]
+)
+def test_the_last_moment_of_a_song_is_missed_in_a_note(tmp_path, kind, endian):
+    path = tmp_path / "song"
+    soundfile.write(path, noise(), SAMPLE_RATE_HZ, format=kind, endian=endian)
+    path.write_bytes(path.read_bytes()[:-100])
+    assert load_song(path).notes == ()
+    path.write_bytes(path.read_bytes()[:-6000])
+    assert "the song is cut off: the last 6100 of 5292" in said_of(path)
+    path.write_bytes(path.read_bytes()[:-6000])
+    assert "expected 5292" in refused(path)
+
+
 def test_a_song_without_frames_is_refused(tmp_path):
     (tmp_path / "a.wav").write_bytes(header(22050, 1, n_bytes=0))
     refused(tmp_path / "a.wav")
