@@ -17,7 +17,7 @@ begins there, which lasts to the next name; "-" ends it where none follows.
 from __future__ import annotations
 
 import csv
-import io
+import reprlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -25,7 +25,8 @@ import numpy as np
 
 from choreograph.counts import ANNOTATED, MAX_METRE, Counts, Figure, make_counts
 from choreograph.errors import FormatError, ParameterError
-from choreograph.files import MAX_TABLE_BYTES, atomic_path, read_text
+from choreograph.files import atomic_path
+from choreograph.tables import Row, as_number, read_table
 
 SUFFIX = ".counts.csv"
 _COLUMNS = ("time_s", "number", "figure")
@@ -44,19 +45,18 @@ def read_counts(path: str | Path) -> tuple[Counts, tuple[Figure, ...]]:
     times_s: list[float] = []
     numbers: list[int] = []
     names: list[str] = []
-    for line, row in _rows(path):
-        time_s, number = _cell(path, line, row, "time_s"), _cell(path, line, row, "number")
+    for row in read_table(path, "a table of counts", required=_COLUMNS[:2], optional=_COLUMNS[2:]):
+        time_s, number = _number(row, "time_s"), _number(row, "number")
         if not number.is_integer() or not 0 <= number <= MAX_METRE:
-            raise FormatError(
-                f"{path}, line {line}: expected a number from 0 to {MAX_METRE}, got {row['number']!r}"
-            )
+            got = reprlib.repr(row.cells["number"])
+            raise FormatError(f"{row.where}: expected a number from 0 to {MAX_METRE}, got {got}")
         if time_s < 0 or (times_s and time_s <= times_s[-1]):
             raise FormatError(
-                f"{path}, line {line}: expected seconds that increase from 0 on, got {time_s:g}: unsorted?"
+                f"{row.where}: expected seconds that increase from 0 on, got {time_s:g}: unsorted?"
             )
         times_s.append(time_s)
         numbers.append(int(number))
-        names.append((row.get("figure") or "").strip())
+        names.append(row.cells.get("figure", ""))
     if not times_s:
         raise FormatError(f"{path}: expected a row for each count, got none")
     if min(numbers) == 0 < max(numbers):
@@ -83,33 +83,12 @@ def write_counts(path: str | Path, counts: Counts, figures: Sequence[Figure] = (
         writer.writerows((f"{time_s:.6f}", number, name) for time_s, number, name in rows)
 
 
-def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
-    """Line numbers and cells by column."""
-    try:
-        text = read_text(path, "a table of counts", encoding="utf-8-sig", max_bytes=MAX_TABLE_BYTES)
-        reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
-        columns = [column.strip() for column in reader.fieldnames or []]
-        reader.fieldnames = columns
-        rows = [(reader.line_num, row) for row in reader]
-    except csv.Error as error:
-        raise FormatError(
-            f"{path}: expected a table of counts in UTF-8, got something else ({error})"
-        ) from None
-    if not {"time_s", "number"} <= set(columns) <= set(_COLUMNS):
-        raise FormatError(f"{path}: expected the header time_s,number with figure or without, got {columns}")
-    for line, row in rows:
-        if None in row or None in row.values():
-            raise FormatError(f"{path}, line {line}: expected {len(columns)} cells")
-    return rows
-
-
-def _cell(path: Path, line: int, row: dict[str, str], column: str) -> float:
-    try:
-        value = float(row[column])
-    except ValueError:
-        value = np.nan
+def _number(row: Row, column: str) -> float:
+    value = as_number(row.cells[column])
     if not np.isfinite(value):
-        raise FormatError(f"{path}, line {line}: expected a number in {column}, got {row[column]!r}")
+        raise FormatError(
+            f"{row.where}: expected a number in {column}, got {reprlib.repr(row.cells[column])}"
+        )
     return value
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import hashlib
 import json
 import os
@@ -145,13 +146,20 @@ def read_bytes(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) 
 
 
 def read_text(
-    path: str | Path, what: str, *, encoding: str = "utf-8", max_bytes: int = MAX_TEXT_BYTES
+    path: str | Path, what: str, *, fallback: str | None = None, max_bytes: int = MAX_TEXT_BYTES
 ) -> str:
-    """The text of a file; `FormatError` as of `read_bytes`, and if it is no such text."""
+    """The text of a file in UTF-8, in UTF-16 with its mark, or in the encoding `fallback` if it is neither.
+
+    Raises `FormatError` as of `read_bytes`, and if it is no such text.
+    """
+    data = read_bytes(path, what, max_bytes=max_bytes)
+    is_utf_16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
-        return read_bytes(path, what, max_bytes=max_bytes).decode(encoding)
+        return data.decode("utf-16" if is_utf_16 else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise FormatError(f"{path}: expected {what}, got no text in UTF-8 ({error.reason})") from error
+        if fallback is None:
+            raise FormatError(f"{path}: expected {what}, got no text in UTF-8 ({error.reason})") from error
+        return data.decode(fallback, errors="replace")
 
 
 def read_json(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) -> Any:

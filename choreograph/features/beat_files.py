@@ -42,7 +42,7 @@ def read_beats(path: str | Path, *, start_s: float = 0.0, duration_s: float = np
 
 def _lines(path: Path) -> list[str]:
     """The lines without comments and outer spaces."""
-    text = read_text(path, _LAYOUT, encoding="utf-8-sig", max_bytes=MAX_TABLE_BYTES)
+    text = read_text(path, _LAYOUT, fallback="cp1252", max_bytes=MAX_TABLE_BYTES)
     return [line.split("#")[0].strip(" \t\r,;") for line in text.split("\n")]
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
+import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from choreograph.errors import FormatError
-from choreograph.files import MAX_TABLE_BYTES, read_json, read_text
+from choreograph.files import read_json
+from choreograph.tables import Row, as_number, read_table
 
 GENRES = {"C": "cha-cha", "R": "rumba", "T": "tango", "W": "waltz"}
 METRES = {"cha-cha": 4, "rumba": 4, "tango": 4, "waltz": 3}
@@ -90,26 +90,16 @@ def _choreography(where: str, entry: Any) -> Choreography:
 
 def read_recorded_figures(path: Path) -> list[RecordedFigure]:
     """The rows of a figures.csv, in its order; `FormatError` names the line of a damaged one."""
-    try:
-        text = read_text(path, "a table of figures", encoding="utf-8-sig", max_bytes=MAX_TABLE_BYTES)
-        reader = csv.DictReader(io.StringIO(text, newline=""))
-        rows = [(reader.line_num, row) for row in reader]
-    except csv.Error as error:
-        raise FormatError(f"{path}: expected a table of figures, got something else ({error})") from None
-    missing = [column for column in _COLUMNS if column not in (reader.fieldnames or [])]
-    if missing:
-        raise FormatError(f"{path}: expected columns {', '.join(_COLUMNS)}, missing {', '.join(missing)}")
-    return [_recorded_figure(f"{path}, line {line}", row) for line, row in rows]
+    return [_recorded_figure(row) for row in read_table(path, "a table of figures", required=_COLUMNS)]
 
 
-def _recorded_figure(where: str, row: dict[str, str]) -> RecordedFigure:
-    try:
-        start, end, beats = (float(row[column] or 0) for column in ("start_frame", "end_frame", "beats"))
-    except (TypeError, ValueError):
-        start = end = beats = -1.0
+def _recorded_figure(row: Row) -> RecordedFigure:
+    start, end, beats = (
+        as_number(row.cells[column] or "0") for column in ("start_frame", "end_frame", "beats")
+    )
     if not (0 <= start < end < float("inf") and 0 <= beats < float("inf") and beats.is_integer()):
+        got = ", ".join(reprlib.repr(row.cells[column]) for column in ("start_frame", "end_frame", "beats"))
         raise FormatError(
-            f"{where}: expected frames from start to end and a whole number of beats, got "
-            f"{row['start_frame']!r}, {row['end_frame']!r} and {row['beats']!r}"
+            f"{row.where}: expected frames from start to end and a whole number of beats, got {got}"
         )
-    return RecordedFigure(row["c3d_file"].strip(), row["movement_tag"].strip(), start, end, int(beats))
+    return RecordedFigure(row.cells["c3d_file"], row.cells["movement_tag"], start, end, int(beats))

@@ -36,7 +36,7 @@ def read(path: Path) -> Iterator[Take]:
     """The takes by name, without those in `ignore_list.txt` (badly reconstructed according to AIST++)."""
     ignored = set()
     if (path / "ignore_list.txt").is_file():
-        ignored = set(read_text(path / "ignore_list.txt", "a list of takes", encoding="latin-1").split())
+        ignored = set(read_text(path / "ignore_list.txt", "a list of takes", fallback="latin-1").split())
     for file in sorted((path / "motions").glob("*.pkl")):
         if file.stem not in ignored:
             yield _take(path, file)

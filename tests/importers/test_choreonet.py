@@ -108,12 +108,12 @@ def test_an_annotation_beside_a_recording_replaces_its_figures(folder):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("c3d_file,movement_tag\n7,C-1-1\n", "missing start_frame, end_frame, beats"),
+        ("c3d_file,movement_tag\n7,C-1-1\n", "header .*start_frame, end_frame, beats, got no start_frame"),
         (HEADER + row("C-1-1", 80, 40, 4), "line 2: .*got '80', '40'"),
         (HEADER + row("C-1-1", 80, 160, "four"), "line 2: .*'four'"),
         (HEADER + row("C-1-1", 80, 160, 2.5), "line 2: .*whole number of beats"),
         (HEADER + row("C-1-1", float("nan"), 160, 2), "line 2: .*'nan'"),
-        (HEADER + "7,C-1-1\n", "line 2: .*None"),
+        (HEADER + "7,C-1-1\n", "line 2: expected 7 cells, got 2"),
     ],
 )
 def test_damaged_figures(folder, text, message):
