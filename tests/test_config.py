@@ -61,7 +61,7 @@ def test_unusable_settings_are_named(tmp_path, text, named):
 
 def test_malformed_toml(tmp_path):
     binary = tmp_path / "b.toml"
-    binary.write_bytes(b"\xff\xfe")
+    binary.write_bytes(b"\xff\x00")
     for path in (written(tmp_path / "c.toml", "a = = 1"), tmp_path / "none.toml", tmp_path, binary):
         with pytest.raises(FormatError, match=r"config \(TOML\)"):
             load_config(path)

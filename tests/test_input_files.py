@@ -14,7 +14,13 @@ from choreograph.files import check_regular, check_target, read_bytes, read_json
 def test_files_are_read(tmp_path):
     (tmp_path / "a").write_bytes("\ufeffé".encode())
     assert read_bytes(tmp_path / "a", "x") == "\ufeffé".encode()
-    assert read_text(tmp_path / "a", "x", encoding="utf-8-sig") == "é"
+    for encoding in ("utf-8", "utf-8-sig", "utf-16"):
+        (tmp_path / "a").write_text("é", encoding=encoding)
+        assert read_text(tmp_path / "a", "x") == "é"
+    (tmp_path / "a").write_text("é", encoding="cp1252")
+    assert read_text(tmp_path / "a", "x", fallback="cp1252") == "é"
+    with pytest.raises(FormatError, match="no text in UTF-8"):
+        read_text(tmp_path / "a", "x")
     (tmp_path / "a").write_text(json.dumps([1, {"a": None}]))
     assert read_json(tmp_path / "a", "x") == [1, {"a": None}]
 
