@@ -118,7 +118,8 @@ def _danceable(
 
     A part is as long as the tracked tempo and metre stay the same.
     """
-    takes = [i for i in range(len(repertoire.takes)) if repertoire.counts(i).has_bars]
+    counted = ((i, repertoire.counts(i)) for i in range(len(repertoire.takes)))
+    takes = [i for i, counts in counted if counts.has_bars and len(counts) > 1]  # one count has no tempo
     if not takes or not tracked.has_bars:
         return tracked
     of_genre = [i for i in takes if repertoire.takes[i].credits.genre == genre]
@@ -133,10 +134,12 @@ def _danceable(
     for start_s, stop_s in pairwise(bounds_s):
         seconds = style[int(np.clip(start_s, 0, len(style) - 1)) : int(np.clip(stop_s, 1, len(style)))]
         parts = [between(level, start_s, stop_s) for level in levels]
-        parts = [part for part in parts if len(part) > 1] or [between(tracked, start_s, stop_s)]
-        chosen.append(choose_level(parts, *_take_tempi(repertoire, takes, seconds)))
-    counted = joined(chosen)
-    return tracked if np.array_equal(counted.times_s, tracked.times_s) else counted
+        if len(parts[0]) > 1:  # a single beat stays as it was tracked
+            parts = [part for part in parts if len(part) > 1]
+            parts = [choose_level(parts, *_take_tempi(repertoire, takes, seconds))]
+        chosen.append(parts[0])
+    whole = joined(chosen)
+    return tracked if np.array_equal(whole.times_s, tracked.times_s) else whole
 
 
 def _take_tempi(

@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_repertoire import synthetic_contents, synthetic_takes, write_clicks
+from synthetic_repertoire import synthetic_repertoire, synthetic_takes, write_clicks
 
 from choreograph import song_analysis
 from choreograph.audio.song import load_song
 from choreograph.counts import make_counts, numbers_in_bar
 from choreograph.features.metrical_level import tempo_bpm
 from choreograph.features.sections import Sections
-from choreograph.repertoire import Repertoire, write_repertoire
+from choreograph.repertoire import Repertoire
+from choreograph.repertoire.contents import MeasuredTake
 from choreograph.song_analysis import analyse_song
 
 
@@ -21,7 +22,7 @@ def clicks(tmp_path_factory):
     return load_song(write_clicks(tmp_path_factory.mktemp("songs") / "clicks.wav", duration_s=20.4))
 
 
-def repertoire_at(folder, *bpm: float) -> Repertoire:
+def repertoire_takes(*bpm: float) -> list[MeasuredTake]:
     """Takes of genres a, b and c, one in three and two in four, counted at these tempi, or at one tempo."""
     takes = []
     for m, metre, of_take in zip(
@@ -30,8 +31,12 @@ def repertoire_at(folder, *bpm: float) -> Repertoire:
         times_s = np.arange(0, 29, 60 / of_take)
         counts = make_counts(times_s, numbers_in_bar(len(times_s), metre), metre)
         takes.append(replace(m, take=replace(m.take, counts=counts)))
-    write_repertoire(folder / "rep.h5", synthetic_contents(takes))
-    return Repertoire.open(folder / "rep.h5")
+    return takes
+
+
+def repertoire_at(folder, *bpm: float) -> Repertoire:
+    """The repertoire of `repertoire_takes`."""
+    return synthetic_repertoire(folder / "rep.h5", repertoire_takes(*bpm))
 
 
 @pytest.mark.parametrize(("takes_bpm", "expected"), [(118.0, 120), (62.0, 60), (90.0, 120)])
@@ -57,6 +62,26 @@ def test_beats_of_a_file_are_not_second_guessed(clicks, tmp_path):
     assert features.counts.metre == 3 and features.counts.source == "annotation"
     assert features.beat_times_s[:2].tolist() == [0.25, 0.75]
     assert features.counts.numbers[:4].tolist() == [1, 2, 3, 1]
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_take_with_one_count_says_nothing_of_the_level(clicks, tmp_path):
+    """The tempo of one count was NaN, which no level was nearer to than the tracked one."""
+    first, *others = repertoire_takes(62.0, 62.0, 62.0)
+    counts = make_counts([1.0], [1], 4)
+    takes = [replace(first, take=replace(first.take, counts=counts)), *others]
+    features, _ = analyse_song(clicks, synthetic_repertoire(tmp_path / "rep.h5", takes))
+    assert tempo_bpm(features.counts) == pytest.approx(60, rel=0.02)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_part_of_one_beat_keeps_it(clicks, tmp_path, monkeypatch):
+    bounds_s = np.array([0.25, 10.1, 10.6, 20.0])
+    sections = Sections(bounds_s, np.arange(3))
+    monkeypatch.setattr(song_analysis, "song_sections", lambda *_, **__: sections)
+    monkeypatch.setattr(song_analysis, "change_times_s", lambda _: bounds_s[1:3])
+    tracked = analyse_song(clicks, repertoire_at(tmp_path, 118.0))[0].beat_times_s
+    assert ((tracked >= 10.1) & (tracked < 10.6)).sum() == 1 and len(tracked) > 38
 
 
 def test_takes_without_counts_leave_the_tracked_level(clicks, repertoire):

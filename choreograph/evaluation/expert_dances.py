@@ -45,9 +45,9 @@ def expert_from_take(take: Take, song: Song, *, tracker: str = DEFAULT_TRACKER) 
 
     Raises `ParameterError` if the take has no counts, or the song no beats.
     """
-    if not take.counts.has_bars:
-        raise ParameterError(f"{take.name}: expected a take whose counts are known, got none")
     counts = take.counts
+    if not counts.has_bars or len(counts) < 2:
+        raise ParameterError(f"{take.name}: expected a take with counts in bars, got {len(counts)} counts")
     first = int(np.flatnonzero(counts.numbers == 1)[0])
     times_s = steady_times_s(counts.times_s[first:])
     pieces = [Piece(take.name, float(start_s), float(end_s), 1) for start_s, end_s in pairwise(times_s)]
