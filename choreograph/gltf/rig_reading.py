@@ -62,7 +62,7 @@ def read_rig(document: GltfDocument) -> GltfRig:
     bind, boxes = world.copy(), _boxes_of_skins(document)
     lowest_m: list[float] = []
     skins = []
-    for index, of_skin in enumerate(joints if "skins" in document.json else []):
+    for index, of_skin in enumerate(joints if document.json.get("skins") else []):
         own = [bone_of[node] for node in of_skin]
         inverse = _inverse_binds(document, index, len(own))
         in_world = _skin_in_world(world, own, inverse, int(of_bones[min(own)]))
