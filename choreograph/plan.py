@@ -145,6 +145,22 @@ class Plan:
         """Whether every block is a piece of a take; False if a network generates the motion."""
         return all(block.planned.take for block in self.blocks)
 
+    @property
+    def kept_of(self) -> str:
+        """The dance of which parts are kept; empty if none are."""
+        return next((word.kept for word in self.words if word.kept), "")
+
+    @property
+    def kept_spans_s(self) -> tuple[tuple[float, float], ...]:
+        """From when to when another dance is kept, in order; what meets is one span."""
+        spans: list[tuple[float, float]] = []
+        for word in self.words:
+            if word.kept and spans and word.start_s - spans[-1][1] <= _TOUCH_S:
+                spans[-1] = (spans[-1][0], word.end_s)
+            elif word.kept:
+                spans.append((word.start_s, word.end_s))
+        return tuple(spans)
+
     def takes_s(self) -> dict[str, float]:
         """Take, or dance kept of -> seconds of the dance that are from it, in order of first appearance."""
         danced: dict[str, float] = {}
@@ -264,6 +280,13 @@ class Plan:
                 )
             if word.kept and word.take:
                 raise FormatError(f"{where}: expected no take where {word.kept} is kept, got {word.take!r}")
+            if word.kept and word.kept != self.kept_of:
+                raise FormatError(f"{where}: expected parts kept of {self.kept_of} alone, got {word.kept!r}")
+            if word.kept and abs(word.source_start_s - word.start_s) > _TOUCH_S:
+                raise FormatError(
+                    f"{where}: expected {word.kept} kept where it is danced, at {word.start_s:g} s, got its "
+                    f"part from {word.source_start_s:g} s on"
+                )
             if not (word.take or word.kept or self.engine == "rollout"):
                 raise FormatError(f"{where}: expected a take for the {self.engine} engine to dance, got none")
             if (word.take or word.kept) and not 0 <= word.source_start_s < word.source_end_s:

@@ -21,6 +21,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.pose import heading_rad
+from choreograph.timebase import seconds_to_frames
 
 Floats = NDArray[np.float64]
 Frames = tuple[int, int]  # the first, and the one after the last
@@ -61,6 +62,19 @@ def fill_gaps(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> Mot
     for first, stop in stretches:
         quat[first:stop] = kept.local_quat[first:stop]
     return replace(filled, local_quat=quat)
+
+
+def stretch_frames(spans_s: Sequence[tuple[float, float]], fps: float, n_frames: int) -> list[Frames]:
+    """Spans of a motion of so many frames as frames, each its first and the one after its last."""
+    pairs = ((seconds_to_frames(start_s, fps), seconds_to_frames(end_s, fps)) for start_s, end_s in spans_s)
+    return [(first, min(stop, n_frames)) for first, stop in pairs]
+
+
+def of_length(motion: Motion, n_frames: int) -> Motion:
+    """The motion cut to a number of frames, or with its last pose held to it."""
+    if motion.n_frames >= n_frames:
+        return motion.sliced(0, n_frames)
+    return motion.sampled(np.minimum(np.arange(n_frames), motion.n_frames - 1).astype(np.float64))
 
 
 def gaps_between(stretches: Sequence[Frames], n_frames: int) -> list[Frames]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,6 +113,19 @@ def overlay_runs(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
         if run.stop_s - start_s > _SAME_INSTANT_S:
             left.append(run if start_s == run.start_s else run.cut(start_s, run.stop_s))
     return sorted([*left, *instead], key=lambda run: run.start_s)
+
+
+def without_holes(runs: Sequence[Run], duration_s: float) -> list[Run]:
+    """The runs of a dance, each going on at its speed to the middle of a hole beside it, or to an end."""
+    borders_s = [0.0, *((before.stop_s + after.start_s) / 2 for before, after in pairwise(runs)), duration_s]
+    return [
+        run if _covers(run, *span_s) else run.cut(*span_s)
+        for run, span_s in zip(runs, pairwise(borders_s), strict=True)
+    ]
+
+
+def _covers(run: Run, start_s: float, stop_s: float) -> bool:
+    return abs(run.start_s - start_s) < _SAME_INSTANT_S and abs(run.stop_s - stop_s) < _SAME_INSTANT_S
 
 
 def with_transitions(runs: Sequence[Run], transitions: Sequence[TransitionTiming]) -> list[Run]:

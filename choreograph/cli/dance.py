@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _BESIDE_A_PLAN = {
     "songs", "db", "output", "character", "map_path", "save_map", "naming", "units", "rest", "in_place",
-    "loop", "with_clicks", "opened", "plan_path", "as_json", "as_lines",
+    "loop", "with_clicks", "opened", "plan_path", "existing", "as_json", "as_lines",
     "quiet",
 }  # fmt: skip
 
@@ -74,12 +74,12 @@ def command(
         constraints = _constraints(repertoire, genre, signature, motif_file, recreate, pin, ban, keep)
         options = {
             **settings, **constraints, "config": chosen, "weights": weights or None,
-            "start_s": start or 0.0, "duration_s": duration,
+            "start_s": start, "duration_s": duration,
         }  # fmt: skip
 
     def dances_of(job: Job, report: ProgressReport) -> list[cg.Dance]:
         if plan_path is not None:
-            made = [_rendered(plan_path, songs[0] if songs else None, repertoire)]
+            made = [_rendered(plan_path, songs[0] if songs else None, repertoire, settings["existing"])]
         elif variations is None:
             made = [cg.dance(job.song, repertoire, **options, report=report)]
         else:
@@ -122,12 +122,13 @@ def _refuse_beside_a_plan(songs: tuple[Path, ...]) -> None:
         raise ParameterError(f"--plan decides what is danced: leave out {', '.join(decided)}")
 
 
-def _rendered(plan_path: Path, song: Path | None, repertoire):
+def _rendered(plan_path: Path, song: Path | None, repertoire, existing: Path | None):
     import choreograph as cg
+    from choreograph.pipeline.keeping import render_file
 
-    plan = cg.Plan.read(plan_path)
+    plan, motion = render_file(plan_path, repertoire, existing)
     notes = () if song else ("no SONG beside the plan: a page or video of it is silent",)
-    return cg.Dance(cg.render(plan, repertoire), plan, notes, song)
+    return cg.Dance(motion, plan, notes, song)
 
 
 def _constraints(repertoire, genre, signature, motif_file, recreate, pins, bans, keeps) -> dict[str, Any]:

@@ -96,7 +96,9 @@ _CONSTRAINTS = (
         help="Keep these seconds of the dance of --existing, and dance the rest anew. Repeat for more.",
     ),
     optgroup.option(
-        "--existing", type=_FILE, help="The dance to keep parts of: a .bvh, a .npz or a plan (.json)."
+        "--existing", type=_FILE,
+        help="The dance to keep parts of: a .bvh, a .npz or a plan (.json). Beside --plan, that of which the "
+        "plan keeps parts, if it is not in its folder.",
     ),
     optgroup.option(
         "--strict", is_flag=True,

@@ -301,7 +301,8 @@ def _danced(
             motion = render(result.plan, repertoire, report=substage(report, "rendering"))
     else:
         result, motion = fill(request, engine)
-    return Dance(motion, result.plan, (*notes, *result.notes, *result.unmet), song.path, result.unmet)
+    notes = (*notes, *(() if kept is None else kept.notes), *result.notes, *result.unmet)
+    return Dance(motion, result.plan, notes, song.path, result.unmet)
 
 
 def _part_of(song: object, start_s: float | None, duration_s: float | None, existing: Plan | None) -> Song:

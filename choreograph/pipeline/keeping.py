@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from choreograph.blending.filled_gaps import fill_gaps, led_m_s
+from choreograph.blending.filled_gaps import fill_gaps, led_m_s, of_length
 from choreograph.blending.rendering import render
 from choreograph.constraints.kept import KeptDance
 from choreograph.constraints.resolve import ResolvedConstraints
@@ -46,11 +46,46 @@ def read_existing(path: str | Path, repertoire: Repertoire) -> ExistingDance:
     Raises `FormatError` if the file cannot be read, `ParameterError` for another suffix or a plan that cannot
     be rendered, `RepertoireError` for a plan of another repertoire.
     """
-    path = Path(path)
+    return _read_existing(Path(path), repertoire, ())
+
+
+def render_file(
+    path: str | Path, repertoire: Repertoire, existing: str | Path | None = None
+) -> tuple[Plan, Motion]:
+    """A plan file and its motion, with the dance of which it keeps parts: `existing`, or as named beside it.
+
+    Raises as `read_existing`, and `ParameterError` if the plan keeps parts of a dance that is not found, or
+    of none beside an existing one.
+    """
+    return _render_file(Path(path), repertoire, None if existing is None else Path(existing), ())
+
+
+def _render_file(
+    path: Path, repertoire: Repertoire, existing: Path | None, readers: tuple[Path, ...]
+) -> tuple[Plan, Motion]:
+    """As `render_file`; `readers` are the plans that keep parts of this one, directly or not."""
+    plan = Plan.read(path)
+    if existing is None and plan.kept_of:
+        existing = path.with_name(Path(plan.kept_of).name)
+        if not existing.is_file() or existing.name != plan.kept_of:
+            raise ParameterError(
+                f"{path}: expected {plan.kept_of}, of which it keeps parts, in its folder, got no such file: "
+                "give it with --existing"
+            )
+    if existing is None:
+        return plan, render(plan, repertoire)
+    known = _read_existing(existing, repertoire, (*readers, path.resolve()))
+    return plan, render(plan, repertoire, existing=known.motion)
+
+
+def _read_existing(path: Path, repertoire: Repertoire, readers: tuple[Path, ...]) -> ExistingDance:
+    """As `read_existing`; `readers` are the plans that keep parts of this dance, directly or not."""
     suffix = path.suffix.lower()
     if suffix == ".json":
-        plan = Plan.read(path)
-        return ExistingDance(render(plan, repertoire), plan, path.name)
+        if path.resolve() in readers:
+            raise ParameterError(f"{path}: expected a plan that keeps parts of another dance, got its own")
+        plan, motion = _render_file(path, repertoire, None, readers)
+        return ExistingDance(motion, plan, path.name)
     if suffix == ".bvh":
         return ExistingDance(read_bvh(path)[0], None, path.name)
     if suffix == ".npz":
@@ -78,7 +113,7 @@ def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
         if motion is None:
             rendering = substage(request.report, "rendering")
             motion = render(result.plan, request.repertoire, report=rendering)
-        existing = _of_length(kept.motion, motion.n_frames)
+        existing = of_length(kept.motion, motion.n_frames)
         fast_m_s = led_m_s(existing, motion, kept.frames)
         if best is None or (len(result.unmet), fast_m_s) < (len(best[1].unmet), best[0]):
             best = fast_m_s, result, motion
@@ -86,17 +121,14 @@ def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
             break
     assert best is not None
     _, result, motion = best
-    filled = fill_gaps(existing, motion, kept.frames)
+    plan = _with_kept(result.plan, kept)
+    if result.plan.from_takes:  # the motion of the plan that is written, whatever is left out of it
+        filled = render(plan, request.repertoire, existing=kept.motion)
+    else:
+        filled = fill_gaps(existing, motion, kept.frames)
     broken = _unmet(filled, result.plan, kept, request.constraints, request.repertoire)
     unmet = tuple(dict.fromkeys((*result.unmet, *broken)))
-    return replace(result, plan=_with_kept(result.plan, kept), unmet=unmet), filled
-
-
-def _of_length(motion: Motion, n_frames: int) -> Motion:
-    """The motion cut to a number of frames, or with its last pose held to it."""
-    if motion.n_frames >= n_frames:
-        return motion.sliced(0, n_frames)
-    return motion.sampled(np.minimum(np.arange(n_frames), motion.n_frames - 1).astype(np.float64))
+    return replace(result, plan=plan, unmet=unmet), filled
 
 
 def _with_kept(plan: Plan, kept: KeptDance) -> Plan:

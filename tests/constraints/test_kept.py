@@ -22,8 +22,17 @@ def kept(*spans, duration_s=DURATION_S):
 def test_stretches_are_in_order_and_reach_the_ends():
     found = kept((8.0, 11.95), (0.04, 3.0))
     assert [str(k) for k in found.stretches] == ["0-3", f"8-{DURATION_S:g}"]
-    assert found.frames == ((0, 90), (240, 360))
+    assert found.frames == [(0, 90), (240, 360)]
     assert found.keeps(2.0, 4.0) and not found.keeps(3.0, 8.0)
+
+
+def test_what_is_left_at_an_end_is_kept_if_it_is_too_short():
+    found = kept((6.0, 11.5))
+    assert [str(k) for k in found.stretches] == ["6-12"] and found.frames == [(180, 360)]
+    assert found.notes == ("the last 0.50 s of the existing dance are kept, too short to dance anew",)
+    assert [str(k) for k in kept((1.0, 10.9)).stretches] == ["1-10.9"] and not kept((1.0, 10.9)).notes
+    with pytest.raises(ParameterError, match="it is all kept"):
+        kept((0.9, 11.5))
 
 
 @pytest.mark.parametrize(
@@ -52,7 +61,8 @@ def test_a_dance_of_another_length_is_refused():
 def test_pins_lie_in_gaps():
     found = kept((0.0, 4.0), (8.0, 12.0))
     check_pins_in_gaps(make_constraints(pins=[MotifPin(5.0, 1), TakePin(4.5, 7.5, "a")]), found)
-    for pin in (MotifPin(2.0, 1), TakePin(3.0, 6.0, "a")):
+    check_pins_in_gaps(make_constraints(pins=[MotifPin(4.0, 1), TakePin(4.0, 8.0, "a")]), found)
+    for pin in (MotifPin(2.0, 1), TakePin(3.0, 6.0, "a"), TakePin(3.99, 6.0, "a")):
         with pytest.raises(ParameterError, match="move it into a gap"):
             check_pins_in_gaps(make_constraints(pins=[pin]), found)
 
@@ -65,4 +75,5 @@ def test_text_that_is_no_stretch(text):
 
 def test_stretches_as_text():
     assert parse_keep("1.5-20") == Keep(1.5, 20.0)
+    assert parse_keep("0:10-1:02:03.5") == Keep(10.0, 3723.5)
     assert parse_keep(str(Keep(0.25, 3.0))) == Keep(0.25, 3.0)

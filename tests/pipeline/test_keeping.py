@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +13,7 @@ from command_line import run
 import choreograph as cg
 from choreograph.engines.danced_motifs import danced_motifs
 from choreograph.errors import ParameterError
+from choreograph.plan import PlannedWord
 
 pytestmark = pytest.mark.slow
 
@@ -55,8 +57,102 @@ def test_the_plan_says_what_is_kept_and_of_whom(old, new):
     for before, after in pairwise(blocks):
         assert before.end_s == pytest.approx(after.start_s, abs=2e-3)
     assert cg.Plan.from_json(new.plan.to_json()) == new.plan
-    with pytest.raises(ParameterError, match="dance it again"):
+    with pytest.raises(ParameterError, match="expected the existing dance house, of which the plan keeps"):
         cg.render(new.plan, cg.starter_repertoire())
+
+
+def test_the_plan_is_rendered_again_and_edited(old, new):
+    starter = cg.starter_repertoire()
+    if new.plan.engine == "rollout":
+        with pytest.raises(ParameterError, match="rollout engine, which holds motifs"):
+            cg.render(new.plan, starter, existing=old.motion)
+        return
+    again = cg.render(new.plan, starter, existing=old.motion)
+    assert np.array_equal(again.root_pos_m, new.motion.root_pos_m)
+    assert np.array_equal(again.local_quat, new.motion.local_quat)
+    data = json.loads(new.plan.to_json())
+    if new.plan.engine == "mixer":  # a word in the middle of the gap is danced from another second
+        middle = next(word for word in data["words"] if word["start_s"] > 9.0)
+        middle["source_start_s"], middle["source_end_s"] = 1.0, 1.0 + middle["end_s"] - middle["start_s"]
+    else:
+        data["seconds"][9]["source_times_s"] = np.linspace(2.0, 3.0, 21).tolist()
+    edited = cg.render(cg.Plan.from_json(json.dumps(data)), starter, existing=old.motion)
+    inside, outside = frames(new, cg.Keep(9.0, 10.0)), frames(new, KEEP[0])
+    assert np.array_equal(edited.local_quat[outside], new.motion.local_quat[outside])
+    assert np.abs(edited.local_quat[inside] - new.motion.local_quat[inside]).max() > 0.1
+    for other in (old.motion.resampled(30.0), old.motion.sliced(0, 600)):
+        with pytest.raises(ParameterError, match=r"expected an existing dance of 20\.0 s at 60 fps"):
+            cg.render(new.plan, starter, existing=other)
+    with pytest.raises(ParameterError, match="expected no existing dance"):
+        cg.render(old.plan, starter, existing=old.motion)
+
+
+def test_what_is_left_at_an_end_is_danced_or_kept_too(old):
+    kept = cg.dance(SONG, existing=old, keep=[cg.Keep(0.4, 5.0), cg.Keep(12.0, 19.3)], candidates=16)
+    assert [note for note in kept.notes if "are kept" in note] == [
+        "the first 0.40 s and the last 0.70 s of the existing dance are kept, too short to dance anew"
+    ]
+    assert np.array_equal(kept.motion.root_pos_m[-1], old.motion.root_pos_m[-1])
+    keep = cg.Keep(1.2, 18.8)
+    for engine in ("graph", "mixer"):
+        danced = cg.dance(SONG, existing=old, engine=engine, keep=[keep], seed=3)
+        part = frames(danced, keep)
+        assert np.array_equal(danced.motion.local_quat[part], old.motion.local_quat[part])
+        steps_m = np.linalg.norm(np.diff(danced.motion.root_pos_m, axis=0), axis=1)
+        assert steps_m.max() < 0.06  # a frame: no jump where what is kept begins and ends
+        assert not any("are kept" in note for note in danced.notes)
+
+
+def test_a_take_is_pinned_in_the_whole_gap(old):
+    take = cg.starter_repertoire().takes[0].name
+    for engine in ({"engine": "mixer"}, {"candidates": 16}):
+        made = cg.dance(
+            SONG, existing=old, keep=[cg.Keep(0.0, 10.0), cg.Keep(14.0, SPAN_S)],
+            pins=[cg.TakePin(10.0, 14.0, take)], **engine,
+        )  # fmt: skip
+        for at_s in (10.2, 12.0, 13.8):
+            assert [b.source for b in made.plan.blocks if b.start_s <= at_s < b.end_s] == [take]
+
+
+def test_the_part_of_an_existing_plan_is_danced_by_default(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    asked = ("dance", SONG, "--candidates", "16", "-q")
+    first = run(*asked, "--start", "0:10", "--duration", "12", "-o", "old.json")
+    assert first.exit_code == 0, first.output
+    keep = ("--keep", "0-0:05", "--keep", "9-12")
+    new = run(*asked, "--existing", "old.json", *keep, "-o", "new.json", "-o", "new.npz")
+    assert new.exit_code == 0, new.output
+    plan = cg.Plan.read("new.json")
+    assert (plan.start_s, plan.duration_s) == (10.0, 12.0)
+    loaded = cg.load_song(SONG, start_s=10.0, duration_s=12.0)
+    made = cg.dance(loaded, existing="old.json", keep=[cg.Keep(0, 5), cg.Keep(9, 12)], candidates=16)
+    assert made.plan == plan
+    with pytest.raises(ParameterError, match="expected a song from 10 s of its file on"):
+        cg.dance(cg.load_song(SONG, start_s=11.0), existing="old.json", keep=[cg.Keep(0, 5)])
+    # The plan of a kept dance is rendered, and parts of it are kept, where the existing dance is beside it.
+    again = run("dance", SONG, "--plan", "new.json", "-o", "again.npz", "-q")
+    assert again.exit_code == 0, again.output
+    assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "new.npz").read_bytes()
+    third = run(*asked, "--existing", "new.json", "--keep", "3-12", "-o", "third.npz")
+    assert third.exit_code == 0, third.output
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "old.json").rename(tmp_path / "elsewhere" / "kept.json")
+    lost = run("dance", "--plan", "new.json", "-o", "x.npz")
+    assert lost.exit_code == 2 and "give it with --existing" in lost.output
+    given = run("dance", "--plan", "new.json", "--existing", "elsewhere/kept.json", "-o", "x.npz", "-q")
+    assert given.exit_code == 0, given.output
+    assert (tmp_path / "x.npz").read_bytes() == (tmp_path / "new.npz").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("me.json", "keeps parts of another dance, got its own"), ("../old.json", "in its folder")],
+)
+def test_a_plan_keeps_parts_of_another_file_in_its_folder(old, tmp_path, name, said):
+    part = PlannedWord(0.0, 9.0, 0, "", 0.0, 9.0, cg.Credits(), kept=name)
+    (tmp_path / "me.json").write_text(replace(old.plan, words=(part,)).to_json())
+    refused = run("dance", "--plan", tmp_path / "me.json", "-o", tmp_path / "x.npz")
+    assert refused.exit_code == 2 and said in refused.output
 
 
 def test_a_pin_in_the_gap_is_danced_or_said(old):
