@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import c3d
@@ -57,8 +57,15 @@ def write_c3d(
     missing: Mapping[str, slice] | None = None,
     zeros: Mapping[str, slice] | None = None,
     unit: str | None = None,
+    point_scale: float = -1.0,
+    analog: np.ndarray | None = None,
+    adapt: Callable[[c3d.Writer], None] = lambda writer: None,
 ) -> Path:
-    """Write markers as C3D in mm, Z up; samples in `missing` get a residual of -1, those in `zeros` are 0."""
+    """Write markers as C3D in mm, Z up; samples in `missing` get a residual of -1, those in `zeros` are 0.
+
+    Coordinates are integers where `point_scale` is positive. `analog` (channels, samples a frame) is the same
+    in every frame; `adapt` changes the writer before it writes.
+    """
     n_frames = len(next(iter(markers_m.values())))
     points = np.zeros((n_frames, len(markers_m), 5))
     for column, (name, pos_m) in enumerate(markers_m.items()):
@@ -67,11 +74,13 @@ def write_c3d(
             points[missing[name], column] = [0.5, 0.5, 0.5, -1.0, 0.0]
         if name in (zeros or {}):
             points[zeros[name], column] = 0.0
-    writer = c3d.Writer(point_rate=fps)
+    samples = np.zeros((0, 0)) if analog is None else analog
+    writer = c3d.Writer(point_rate=fps, analog_rate=fps * samples.shape[1], point_scale=point_scale)
     writer.set_point_labels([prefix + name for name in markers_m])
     if unit is not None:
         writer.point_group.set_str("UNITS", "", unit, len(unit))
-    writer.add_frames([(frame, np.zeros((0, 0))) for frame in points.astype(np.float32)])
+    writer.add_frames([(frame, samples) for frame in points.astype(np.float32)])
+    adapt(writer)
     with open(path, "wb") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that there is no analog data
         writer.write(file)

@@ -21,6 +21,7 @@ from choreograph.plan import Plan
 from choreograph.timebase import parse_seconds
 
 SIGNATURE_FORMAT = "choreograph-signature"
+_ROUNDED_SUM = 0.01  # from 1, of shares written with two digits or more
 _TIME = r"[\d:]*\d\.?\d*|\.\d+"  # as `parse_seconds` reads it
 
 
@@ -56,13 +57,20 @@ def parse_ban(text: str) -> Ban:
 
 
 def read_signature(path: str | Path) -> tuple[float, ...]:
-    """The shares (K,) in a signature file; `FormatError` if it is none."""
+    """The shares (K,) in a signature file, made to sum to 1 if rounding left up to 1 % more or less.
+
+    Raises `FormatError` if it is none.
+    """
     data = read_json(path, "a signature")
     shares = data.get("shares") if isinstance(data, dict) and data.get("format") == SIGNATURE_FORMAT else None
     if not isinstance(shares, list) or not shares or not all(map(is_number, shares)):
         raise FormatError(f"{path}: expected a {SIGNATURE_FORMAT} with a list of shares, got something else")
+    values = np.array(shares, np.float64)
+    total = values.sum()
+    if abs(total - 1.0) <= _ROUNDED_SUM:
+        values /= total
     try:
-        return tuple(checked_signature(np.array(shares, np.float64), len(shares)).tolist())
+        return tuple(checked_signature(values, len(shares)).tolist())
     except ParameterError as error:
         raise FormatError(f"{path}: {error}") from None
 

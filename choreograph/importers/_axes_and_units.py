@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,7 +36,7 @@ _TO_Y_UP = {
     "-Z": np.array([_HALF, _HALF, 0.0, 0.0]),
 }
 Z_UP_TO_Y_UP = _TO_Y_UP["+Z"]
-_UP_AXIS_MARGIN = 1.5  # over Y, which another axis needs to count as up: dancers also lie down
+UP_AXIS_MARGIN = 1.5  # over Y, which another axis needs to count as up: dancers also lie down
 
 
 def known_roles(skeleton: Skeleton) -> dict[str, int]:
@@ -81,21 +83,26 @@ def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDA
     roles = known_roles(skeleton)
     if not roles:
         return rot.IDENTITY, ""
-    ends = [
-        pos[:, [roles[f"left_{part}"], roles[f"right_{part}"]]].mean(axis=(0, 1))
-        for part in ("shoulder", "ankle")
-    ]
-    rotation, name = rotation_from_upward(ends[0] - ends[1])
+    rotation, name = rotation_from_upward(upward(roles, pos))
     if not name:
         return rotation, ""
     return rotation, f"rotated from {name} up to +Y up: the shoulders are above the feet along {name}"
+
+
+def upward(roles: Mapping[str, int], pos: NDArray[np.floating]) -> NDArray[np.float64]:
+    """The vector (3,) from the ankles to the shoulders of `pos` (T, J, 3), the mean of all frames."""
+    shoulders, ankles = (
+        pos[:, [roles[f"left_{part}"], roles[f"right_{part}"]]].mean(axis=(0, 1))
+        for part in ("shoulder", "ankle")
+    )
+    return shoulders - ankles
 
 
 def rotation_from_upward(upward: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
     """The rotation (4,) that makes +Y the axis nearest to `upward` (3,), and that axis; "" if it is +Y."""
     axis = int(np.argmax(np.abs(upward)))
     name = f"{'+' if upward[axis] > 0 else '-'}{'XYZ'[axis]}"
-    if name == "+Y" or (axis != 1 and abs(upward[axis]) < _UP_AXIS_MARGIN * abs(upward[1])):
+    if name == "+Y" or (axis != 1 and abs(upward[axis]) < UP_AXIS_MARGIN * abs(upward[1])):
         return rot.IDENTITY, ""
     return _TO_Y_UP[name], name
 

@@ -18,6 +18,7 @@ from choreograph.errors import FormatError
 from choreograph.files import check_regular
 from choreograph.importers._axes_and_units import rotation_from_upward
 from choreograph.motion import rotations as rot
+from choreograph.motion.joint_centres import REQUIRED_MARKERS
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ class Markers:
 
     pos_m: Mapping[str, Floats]  # label -> (T, 3), Y up
     fps: float
-    notes: tuple[str, ...]  # on gaps
+    notes: tuple[str, ...]  # on gaps, and on what is not read
 
     @property
     def n_frames(self) -> int:
@@ -57,13 +58,12 @@ def read_markers(path: Path) -> Markers:
 
     Samples with a negative residual, exactly at the origin, beyond any room, or far from those before and
     after are missing. Prefixes of labels, `subject:`, are cut off. Raises `FormatError` if the file is
-    damaged, over 256 MiB, has no labelled point, or several subjects.
+    damaged, over 256 MiB, has no labelled point, or several dancers.
     """
     labels, points, fps, unit = _read(path)
-    names = _names(path, labels)
+    names, notes = _names(path, labels)
     in_room = (np.abs(unit * points[..., :3]) < _ROOM_M).all(axis=-1)  # (T, P), never where it is NaN
     missing = (points[..., 3] < 0) | (points[..., :3] == 0).all(axis=-1) | ~in_room
-    notes: list[str] = []
     pos_m: dict[str, Floats] = {}
     for column, name in names.items():
         if missing[:, column].all():
@@ -110,13 +110,29 @@ def _read(path: Path) -> tuple[list[str], Floats, float, float]:
     return labels, np.stack(frames), fps, _UNITS_M[unit_name]
 
 
-def _names(path: Path, labels: list[str]) -> dict[int, str]:
-    """Column -> name of the labelled points; those that the software could not name ("*12") are left out."""
-    subjects = {label.rpartition(":")[0] for label in labels if ":" in label}
-    if len(subjects) > 1:
-        raise FormatError(f"{path}: expected one dancer, got subjects {', '.join(sorted(subjects))}")
+def _names(path: Path, labels: list[str]) -> tuple[dict[int, str], list[str]]:
+    """Column -> name of the dancer's labelled points, and a note on what else is recorded.
+
+    Points that the software could not name ("*12") are left out, and those of props: of subjects without the
+    markers of a body.
+    """
+    subjects = [label.rpartition(":")[0] for label in labels]
     short = [label.rpartition(":")[2].upper() for label in labels]
-    return {i: _ALIASES.get(name, name) for i, name in enumerate(short) if name and not name.startswith("*")}
+    names = [_ALIASES.get(name, name) for name in short]
+    of: dict[str, set[str]] = {subject: set() for subject in subjects if subject}
+    for subject, name in zip(subjects, names, strict=True):
+        of.get(subject, set()).add(name)
+    bodies = sorted(subject for subject, own in of.items() if own.issuperset(REQUIRED_MARKERS))
+    if len(of) > 1 and len(bodies) != 1:
+        raise FormatError(f"{path}: expected one dancer, got subjects {', '.join(sorted(of))}")
+    others = sorted(set(of) - set(bodies)) if len(of) > 1 else []
+    notes = [f"markers of {', '.join(others)} are not read: not those of a body"] if others else []
+    kept = {
+        i: name
+        for i, name in enumerate(names)
+        if name and not name.startswith("*") and subjects[i] not in others
+    }
+    return kept, notes
 
 
 def _filled(pos: Floats, missing: NDArray[np.bool_]) -> Floats:

@@ -15,7 +15,7 @@ _BODY = 22  # joints shared by SMPL, SMPL-H and SMPL-X; hands, jaw and eyes foll
 
 
 def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
-    """Motion of axis-angle `poses` (T, 66 or more) and root positions `trans` (T, 3) in metres.
+    """Motion of axis-angle `poses` (T, 66 or more) or (T, J, 3), and root positions `trans` (T, 3) in metres.
 
     The body joints come first and in canonical order. SMPL's two hand joints (72 values) are kept, fingers
     are not. In SMPL the pelvis is a constant vector away from `trans`; estimating the floor corrects its
@@ -25,6 +25,8 @@ def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
         poses, trans = np.asarray(poses, np.float64), np.asarray(trans, np.float64)
     except (TypeError, ValueError):
         raise FormatError("expected poses and translations as arrays of numbers, got others") from None
+    if poses.ndim == 3 and poses.shape[2] == 3:
+        poses = poses.reshape(len(poses), 3 * poses.shape[1])
     if poses.ndim != 2 or poses.shape[1] < 3 * _BODY or poses.shape[1] % 3 or trans.shape != (len(poses), 3):
         raise FormatError(
             f"expected poses (T, 66 or more) and translations (T, 3), got {poses.shape}, {trans.shape}"

@@ -1,4 +1,7 @@
-"""AIST++: SMPL poses in `motions/*.pkl`; file names state genre, performer and music."""
+"""AIST++: SMPL poses in `motions/*.pkl`; file names state genre, performer and music.
+
+Also one of these files alone, and the same arrays as NPZ.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +17,15 @@ from choreograph.importers._axes_and_units import rotation_to_y_up
 from choreograph.importers._pickles import load_arrays
 from choreograph.importers._smpl import rotated_world, smpl_motion
 from choreograph.importers.folder import song_beside
+from choreograph.importers.npz import array_names
+from choreograph.importers.npz import load_arrays as npz_arrays
 from choreograph.motion.motion import Motion
 from choreograph.takes import Credits, Take
 
-LAYOUT = "AIST++: a folder with motions/*.pkl, songs in music/, wav/ or audio/, and ignore_list.txt"
+LAYOUT = (
+    "AIST++: a folder with motions/*.pkl, songs in music/, wav/ or audio/, and ignore_list.txt, or one of "
+    "the pickles"
+)
 FPS = 60.0
 _NAME = re.compile(r"g(?P<genre>[A-Z]{2})_s\w+_c\w+_(?P<performer>d\d+)_(?P<song>m[A-Z]{2}\d+)_ch\d+")
 _GENRES = {
@@ -28,12 +36,18 @@ _KEYS = ("smpl_poses", "smpl_trans", "smpl_scaling")
 
 
 def detect(path: Path) -> bool:
-    """Whether `path` holds pickles in `motions/`."""
+    """Whether `path` holds pickles in `motions/`, or is one such file."""
+    if path.is_file():
+        suffix = path.suffix.lower()
+        return suffix == ".pkl" or (suffix == ".npz" and array_names(path).issuperset(_KEYS))
     return any((path / "motions").glob("*.pkl"))
 
 
 def read(path: Path) -> Iterator[Take]:
     """The takes by name, without those in `ignore_list.txt` (badly reconstructed according to AIST++)."""
+    if path.is_file():
+        yield _take(path.parent, path)
+        return
     ignored = set()
     if (path / "ignore_list.txt").is_file():
         ignored = set(read_text(path / "ignore_list.txt", "a list of takes", fallback="latin-1").split())
@@ -62,7 +76,7 @@ def _take(source: Path, file: Path) -> Take:
 
 
 def _motion(file: Path) -> tuple[Motion, tuple[str, ...]]:
-    content = load_arrays(file)
+    content = npz_arrays(file, _KEYS) if file.suffix.lower() == ".npz" else load_arrays(file)
     missing = [key for key in _KEYS if key not in content]
     if missing:
         raise FormatError(f"{file}: expected {', '.join(_KEYS)}, got no {', '.join(missing)}")

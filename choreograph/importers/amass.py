@@ -1,18 +1,24 @@
-"""AMASS: NPZ files of SMPL-H or SMPL-X poses, Z up, in folders of data set and performer."""
+"""AMASS: NPZ files of SMPL-H or SMPL-X poses, Z up, in folders of data set and performer.
+
+Other data sets use the same keys with Y up, which shows in where the body stands.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from choreograph.errors import FormatError
-from choreograph.importers._axes_and_units import Z_UP_TO_Y_UP
+from choreograph.importers._axes_and_units import UP_AXIS_MARGIN, Z_UP_TO_Y_UP, known_roles, upward
 from choreograph.importers._smpl import rotated_world, smpl_motion
 from choreograph.importers.npz import array_names, load_arrays
+from choreograph.motion.motion import Motion
 from choreograph.takes import Credits, Take
 
 LAYOUT = "AMASS: NAME_poses.npz files in a folder tree, or one of them"
-_RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")  # SMPL-H's, SMPL-X's
+_RATE_KEYS = ("mocap_framerate", "mocap_frame_rate", "fps")  # SMPL-H's, SMPL-X's, others'
 
 
 def detect(path: Path) -> bool:
@@ -45,10 +51,11 @@ def _take(file: Path, source: Path) -> Take:
     rate_key = next(key for key in _RATE_KEYS if key in names)
     arrays = load_arrays(file, ("poses", "trans", rate_key))
     try:
-        fps = float(arrays[rate_key])
+        rate = np.asarray(arrays[rate_key], np.float64)
+        fps = rate.item() if rate.size == 1 else np.nan
         if not 1.0 <= fps <= 1000.0:
             raise FormatError(f"expected a frame rate in {rate_key}, got {fps}")
-        motion = rotated_world(smpl_motion(arrays["poses"], arrays["trans"], fps), Z_UP_TO_Y_UP)
+        motion, up = _y_up(smpl_motion(arrays["poses"], arrays["trans"], fps))
     except (FormatError, TypeError, ValueError) as error:
         raise FormatError(f"{file}: {' '.join(str(error).split())}") from None
     name = file.stem if source.is_file() else file.relative_to(source).with_suffix("").as_posix()
@@ -58,5 +65,13 @@ def _take(file: Path, source: Path) -> Take:
         motion=motion,
         credits=Credits(performer=folder.name, source=f"AMASS {folder.parent.name}".strip()),
         source_paths=(file,),
-        notes=("rotated from Z up, as AMASS is, to Y up; body shape and fingers are left out",),
+        notes=(f"{up}; body shape and fingers are left out",),
     )
+
+
+def _y_up(motion: Motion) -> tuple[Motion, str]:
+    """The motion with Y up, and what was done."""
+    x, y, z = upward(known_roles(motion.skeleton), motion.joint_pos_m())
+    if y > UP_AXIS_MARGIN * max(abs(x), abs(z)):
+        return motion, "read as Y up, along which the body stands, not as Z up, as AMASS is"
+    return rotated_world(motion, Z_UP_TO_Y_UP), "rotated from Z up, as AMASS is, to Y up"

@@ -80,6 +80,10 @@ def test_what_is_written_is_read(tmp_path_factory, intervals_s, metre):
         ("-1.0\n1.0\n", "increasing"),
         ("nan\n", "increasing"),
         ("1 1\n2 1\n3 1\n", "only downbeats"),
+        ('1 1\n"\n', "line 2"),
+        ("1 1\n\x0b\n", "line 2"),
+        ("time beat\ntime beat\n", "line 2"),
+        ("0.5 1.1\n1.0 1.2\n1.5 2.0\n", "line 1"),
         ("1 1\n" + "\n".join(map(str, range(2, 20))), "lack its 1"),
     ],
 )

@@ -80,6 +80,18 @@ def test_other_names_of_markers(tmp_path):
     assert set(read_markers(write_c3d(tmp_path / "a.c3d", points)).pos_m) == set(MARKERS)
 
 
+def test_props_are_not_read_and_noted(tmp_path):
+    stick = {f"stick:{name}": MARKERS["LFIN"] + 0.3 for name in ("TOP", "C7")}
+    points = {f"Ada:{name}": pos_m for name, pos_m in MARKERS.items()} | stick
+    read = read_markers(write_c3d(tmp_path / "a.c3d", points, prefix=""))
+    assert set(read.pos_m) == set(MARKERS)
+    np.testing.assert_allclose(read.pos_m["C7"], MARKERS["C7"], atol=1e-3)
+    assert read.notes == ("markers of stick are not read: not those of a body",)
+    two = {f"{who}:{name}": pos_m for name, pos_m in MARKERS.items() for who in ("Ada", "Ben")}
+    with pytest.raises(FormatError, match="expected one dancer, got subjects Ada, Ben"):
+        read_markers(write_c3d(tmp_path / "b.c3d", two, prefix=""))
+
+
 def test_fingers_without_a_marker(tmp_path):
     path = write_c3d(tmp_path / "a.c3d", {n: p for n, p in MARKERS.items() if n != "RFIN"})
     ((motion, _),) = read_c3d_files([path])
