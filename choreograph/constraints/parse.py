@@ -22,7 +22,7 @@ from choreograph.timebase import parse_seconds
 
 SIGNATURE_FORMAT = "choreograph-signature"
 _ROUNDED_SUM = 0.01  # from 1, of shares written with two digits or more
-_TIME = r"[\d:]*\d\.?\d*|\.\d+"  # as `parse_seconds` reads it
+_TIME = r"[\d:]*\d(?:\.\d*)?|\.\d+"  # as `parse_seconds` reads it
 
 
 def parse_pin(text: str) -> Pin:

@@ -27,7 +27,7 @@ LAYOUT = (
     "the pickles"
 )
 FPS = 60.0
-_NAME = re.compile(r"g(?P<genre>[A-Z]{2})_s\w+_c\w+_(?P<performer>d\d+)_(?P<song>m[A-Z]{2}\d+)_ch\d+")
+_NAME = re.compile(r"g(?P<genre>[A-Z]{2})_s[^_]+_c[^_]+_(?P<performer>d\d+)_(?P<song>m[A-Z]{2}\d+)_ch\d+")
 _GENRES = {
     "BR": "break", "PO": "pop", "LO": "lock", "MH": "middle hip-hop", "LH": "LA hip-hop", "HO": "house",
     "WA": "waack", "KR": "krump", "JS": "street jazz", "JB": "ballet jazz",

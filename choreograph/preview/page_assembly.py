@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from importlib import resources
 from typing import Any
 
+_OF_MODULES = re.compile(r"^(?:import \{[^{}]*\} from [^;\n]*;\n|export )", re.MULTILINE)
+
 
 def page_part(name: str, *, package: str = "choreograph.preview", folder: str = "page") -> str:
     """Text of a page part, from this package or from another one."""
@@ -16,7 +18,7 @@ def page_part(name: str, *, package: str = "choreograph.preview", folder: str = 
 
 def bundle_scripts(modules: Sequence[str]) -> str:
     """ES modules (texts, each after those it imports) as one script: no imports, no exports, one scope."""
-    return "\n".join(re.sub(r"^(import [^;]*;\n|export )", "", text, flags=re.MULTILINE) for text in modules)
+    return "\n".join(_OF_MODULES.sub("", text) for text in modules)
 
 
 def to_script_json(data: Any) -> str:
