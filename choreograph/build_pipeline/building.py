@@ -39,6 +39,7 @@ def build(
     style_changes: Mapping[str, Any] | None = None,
     density_changes: Mapping[str, Any] | None = None,
     allow_outside: bool = False,
+    bone_map: Mapping[str, str] | None = None,
     method: str = "ours",
     report: ProgressReport | None = None,
     training_report: Callable[[Any], None] | None = None,
@@ -51,8 +52,8 @@ def build(
     output : the file to write; work in progress lies beside it in `OUTPUT.build/`
     preset, density, seed, device, beats, resume, keep_networks, compress, rollout, rollout_teacher,
         leave_out, lock_feet, augment_mirror, words, pretrained, style_changes, density_changes,
-        allow_outside, method : as in `BuildOptions`; `choreograph.published.published_build` gives those of
-        the method as published
+        allow_outside, bone_map, method : as in `BuildOptions`; `choreograph.published.published_build` gives
+        those of the method as published
     init_from : repertoire whose networks training starts from
     report : called with the stage's name, how much is done, of how much
     training_report : called with a `TrainingProgress` now and then
@@ -76,7 +77,7 @@ def build(
         lock_feet=lock_feet, augment_mirror=augment_mirror, words=words,
         style_changes={} if style_changes is None else style_changes,
         density_changes={} if density_changes is None else density_changes,
-        allow_outside=allow_outside, method=method,
+        allow_outside=allow_outside, bone_map=bone_map, method=method,
     )  # fmt: skip
     return build_repertoire(
         paths, as_path("the output", output), options,

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from choreograph.arguments import unexpected
 from choreograph.blending.foot_locking import lock_feet
 from choreograph.building.options import BuildOptions
 from choreograph.errors import ParameterError
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.importers import annotate_takes, import_takes, source_notes
 from choreograph.motion.body import body_pos_m
+from choreograph.motion.bone_map import has_bones
 from choreograph.motion.despiking import without_jumps
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import canonical_skeleton
@@ -57,6 +59,15 @@ def _without_jumps(take: Take) -> Take:
     return replace(take, motion=motion, notes=(*take.notes, note))
 
 
+def check_map_fits(takes: Sequence[Take], bone_map: Mapping[str, str]) -> None:
+    """`ParameterError` if no take is on a rig with all bones of the map."""
+    rigs = [take.motion.skeleton.names for take in takes]
+    if not any(has_bones(names, bone_map) for names in rigs):
+        names = max(rigs, key=lambda names: len(set(bone_map.values()) & set(names)))
+        lacking = next(name for name in bone_map.values() if name not in names)
+        raise unexpected("a take whose rig has all bones of the map", lacking, "no joint has this name")
+
+
 def _imported(
     sources: Iterable[str | Path], options: BuildOptions, report: ProgressReport | None
 ) -> tuple[list[Take], tuple[str, ...]]:
@@ -64,7 +75,7 @@ def _imported(
     sources = list(sources)
     takes: list[Take] = []
     for source in sources:
-        for take in import_takes(source, allow_outside=options.allow_outside):
+        for take in import_takes(source, allow_outside=options.allow_outside, bone_map=options.bone_map):
             if take.name not in options.leave_out:
                 takes.append(_without_jumps(take))
             if report is not None:
@@ -72,6 +83,8 @@ def _imported(
     if not takes:
         given = ", ".join(map(str, sources)) or "no source"
         raise ParameterError(f"expected a take or more to build from, got none in {given}: all left out?")
+    if options.bone_map:
+        check_map_fits(takes, options.bone_map)
     for source in sources:  # after all are read: any may know about takes of any other
         takes = annotate_takes(takes, source)
     names = [take.name for take in takes]

@@ -16,6 +16,7 @@ from choreograph.arguments import (
     unexpected,
 )
 from choreograph.files import as_path
+from choreograph.motion.bone_map import check_bone_map
 from choreograph.nets.density.config import density_config
 from choreograph.nets.presets import DEVICES, PRESET_NAMES, config_from_preset
 from choreograph.nets.style.config import style_config
@@ -54,6 +55,8 @@ class BuildOptions:
     style_changes: Mapping[str, Any] = field(default_factory=dict)
     density_changes: Mapping[str, Any] = field(default_factory=dict)
     allow_outside: bool = False  # read songs that a manifest names outside of its folder
+    # Canonical name to the rig's name, for takes whose rig has all bones of it: see `motion.bone_map`.
+    bone_map: Mapping[str, str] | None = None
     method: str = "ours"  # what the file says of how it was built: see `choreograph.published`
 
     def __post_init__(self) -> None:
@@ -63,6 +66,7 @@ class BuildOptions:
         check_choice("beats", self.beats, TRACKER_NAMES)
         check_choice("pretrained", self.pretrained, CHOICES)
         check_text("the method", self.method)
+        check_bone_map(self.bone_map)
         object.__setattr__(self, "seed", as_whole("a seed of 0 or more", self.seed, least=0))
         if self.init_from is not None:
             object.__setattr__(self, "init_from", as_path("a repertoire to start from", self.init_from))

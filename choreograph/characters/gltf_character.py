@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.arguments import check_kind, check_text
-from choreograph.characters.bone_map import find_bones
 from choreograph.characters.performance import Performance, perform
 from choreograph.errors import FormatError, ParameterError
 from choreograph.fbx import convert
 from choreograph.files import as_path
 from choreograph.gltf import GltfDocument, Rig, SkinPoints, read_gltf, read_rig, read_skin_points
+from choreograph.motion.bone_map import find_bones
 from choreograph.motion.motion import Motion
 from choreograph.timebase import frame_times_s
 
@@ -80,7 +80,7 @@ def read_character(path: str | Path, bone_map: Mapping[str, str] | None = None) 
         raise FormatError(f"{path}: expected a character with a skeleton, got none: export it with its skin")
     found = read_rig(document)
     try:
-        bones = find_bones(found.rig, found.human_bones, bone_map)
+        bones = find_bones(found.rig.posed, found.human_bones, bone_map)
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from None
     return GltfCharacter(document, found.rig, found.nodes, bones, read_skin_points(document, found))

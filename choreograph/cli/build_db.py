@@ -62,6 +62,10 @@ _DECIDED = {
 @optgroup.option(
     "--allow-outside", is_flag=True, help="Read songs that a manifest.csv names outside of its folder."
 )
+@optgroup.option(
+    "--map", "map_path", type=_FILE,
+    help="Which bone is which in the takes, as `retarget --save-map` writes it (.json).",
+)  # fmt: skip
 @optgroup.group("Networks")
 @optgroup.option(
     "--preset", default="small", show_default=True, metavar="tiny|small|paper",
@@ -97,7 +101,7 @@ _DECIDED = {
 @optgroup.option("--resume", is_flag=True, help="Continue from the checkpoints of a build that was stopped.")
 @optgroup.option("--device", default="auto", show_default=True, metavar="auto|cpu|cuda")
 @optgroup.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Seed.")
-def command(sources, output, quiet, leave_out, density, published, **options) -> None:
+def command(sources, output, quiet, leave_out, map_path, density, published, **options) -> None:
     """Build a repertoire from SOURCES: folders or files of recorded dances with their music.
 
     Known layouts: a folder of NAME.bvh or NAME.c3d with NAME.wav|mp3|flac|ogg|m4a and an optional
@@ -105,6 +109,7 @@ def command(sources, output, quiet, leave_out, density, published, **options) ->
     AMASS. NAME.counts.csv beside NAME.bvh says where a take is counted: time_s,number,figure.
     """
     import choreograph as cg
+    from choreograph.motion.bone_map import read_bone_map
     from choreograph.published import published_build
 
     if density is not None:
@@ -112,6 +117,7 @@ def command(sources, output, quiet, leave_out, density, published, **options) ->
     options["leave_out"] = names_of(leave_out)
     if "--rollout-teacher" in given_options() and not options["rollout"]:
         raise ParameterError("expected --rollout beside --rollout-teacher or --no-rollout-teacher, got none")
+    options["bone_map"] = read_bone_map(map_path) if map_path else None
     if published:
         given = sorted(set(given_options(except_for=())) & _DECIDED)
         if given:

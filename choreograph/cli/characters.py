@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,13 +56,15 @@ def bvh_of(naming: str | None, units: str | None, rest: str | None, in_place: bo
 @click.argument("motion", type=_FILE)
 @click.argument("output", type=_FILE)
 @click.option("--fps", type=click.FloatRange(1, 1000), help="Frames per second. Default: MOTION's.")
+@click.option("--map", "map_path", type=_FILE, help="Which bone of MOTION is which (.json).")
 @bvh_options
-def convert(motion, output, fps, naming, units, rest, in_place) -> None:
+def convert(motion, output, fps, map_path, naming, units, rest, in_place) -> None:
     """Write MOTION, a file of any format that build-db reads, to OUTPUT.
 
     .bvh, .npz, .glb, .vrma, .usda, .usdc or .fbx, by its suffix.
     """
     from choreograph.exporters import FORMATS, BvhWriter, save_motion
+    from choreograph.motion.bone_map import read_bone_map
     from choreograph.pipeline.saving import check_outputs
 
     if output.suffix.lower().removeprefix(".") not in FORMATS:
@@ -70,7 +72,7 @@ def convert(motion, output, fps, naming, units, rest, in_place) -> None:
     check_outputs([output])
     check_output_options([output])
     bvh = bvh_of(naming, units, rest, in_place)
-    moving = motion_of(motion)
+    moving = motion_of(motion, read_bone_map(map_path) if map_path else None)
     if fps is not None:
         moving = moving.resampled(fps)
     save_motion(output, moving, writer=BvhWriter(bvh) if output.suffix.lower() == ".bvh" else None)
@@ -115,18 +117,21 @@ def character_of(path: Path, map_path: Path | None, save_map: Path | None) -> Gl
         check_target(save_map)
     character = read_character(path, read_bone_map(map_path) if map_path else None)
     if save_map is not None:
-        write_bone_map(save_map, character.rig, character.bones)
+        write_bone_map(save_map, character.rig.names, character.bones)
     return character
 
 
-def motion_of(path: Path) -> Motion:
+def motion_of(path: Path, bone_map: Mapping[str, str] | None = None) -> Motion:
     """The motion of a file that holds one take, its notes printed; `ParameterError` for several takes."""
+    from choreograph.building.importing import check_map_fits
     from choreograph.importers import import_takes, source_notes
 
     if path.is_dir():
         raise ParameterError(f"{path}: expected a file with a motion, got a folder")
-    takes = list(import_takes(path))
+    takes = list(import_takes(path, bone_map=bone_map))
     if len(takes) != 1:
         raise ParameterError(f"{path}: expected a file with one motion, got {len(takes)}")
+    if bone_map:
+        check_map_fits(takes, bone_map)
     show_notes((*takes[0].notes, *source_notes(path)))
     return takes[0].motion

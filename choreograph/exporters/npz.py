@@ -45,6 +45,8 @@ class NpzWriter(Writer):
             "tip_parents": skeleton.tip_parents,
             "tips_m": skeleton.tips_m,
         }
+        if skeleton.roles is not None:
+            arrays["roles"] = skeleton.role_numbers()
         if skeleton.names == CANONICAL_JOINTS:
             arrays["poses"] = rot.to_rotvec(motion.local_quat).reshape(motion.n_frames, -1)  # (T, 72)
             arrays["trans"] = motion.root_pos_m

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.motion import rotations as rot
+from choreograph.motion.rig_structure import PosedBones
 
 Floats = NDArray[np.float64]
 
@@ -39,16 +40,10 @@ class Rig:
         """World matrices (B, 4, 4) of the rest transforms."""
         return world_matrices(self.parents, self.rest_translation, self.rest_quat, self.rest_scale)
 
-    def children(self, bone: int) -> list[int]:
-        """The bones whose parent is `bone`."""
-        return np.flatnonzero(self.parents == bone).tolist()
-
-    def path_from_root(self, bone: int) -> list[int]:
-        """The bones from a root to `bone`, both included."""
-        path = [bone]
-        while self.parents[path[-1]] >= 0:
-            path.append(int(self.parents[path[-1]]))
-        return path[::-1]
+    @property
+    def posed(self) -> PosedBones:
+        """The bones in the bind pose."""
+        return PosedBones(self.names, self.parents, self.bind_pos_m)
 
 
 def distinct(names: Sequence[str]) -> tuple[str, ...]:

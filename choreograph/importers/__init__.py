@@ -13,7 +13,8 @@ folder              a folder of BVH, C3D or glTF files with songs and a manifest
 
 An importer is a module with `LAYOUT` (one line: what it reads), `detect(path) -> bool` and
 `read(path) -> Iterable[Take]`; with `annotate(takes, path) -> list[Take]` if it also knows something about
-takes of other sources. A new layout is one module here; `register` adds one from outside.
+takes of other sources, and with `READS_BONE_MAP` and `read(path, bone_map)` if its rigs name their own bones.
+A new layout is one module here; `register` adds one from outside.
 
 Counts beside any take's motion, `NAME.counts.csv` next to NAME.bvh, are read with it.
 """
@@ -21,7 +22,7 @@ Counts beside any take's motion, `NAME.counts.csv` next to NAME.bvh, are read wi
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -33,6 +34,7 @@ from choreograph.errors import FormatError, ParameterError
 from choreograph.foreign_formats import foreign_format
 from choreograph.importers._count_annotation import with_counts_beside
 from choreograph.motion.body import body_pos_m
+from choreograph.motion.bone_map import check_bone_map
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.takes import Take
@@ -76,22 +78,28 @@ def register(importer: Importer) -> None:
     _registered.insert(0, importer)
 
 
-def import_takes(source: str | Path, *, allow_outside: bool = False) -> Iterator[Take]:
+def import_takes(
+    source: str | Path, *, allow_outside: bool = False, bone_map: Mapping[str, str] | None = None
+) -> Iterator[Take]:
     """The takes in a file or folder, one by one, at 60 fps or their native rate if lower, floor at Y = 0.
 
     A take that cannot be read is an error that names its file; none is skipped silently. A manifest may come
-    from a stranger: songs that it names outside of the folder are read only with `allow_outside`.
+    from a stranger: songs that it names outside of the folder are read only with `allow_outside`. `bone_map`
+    says which bone is which, canonical name to the rig's name, for the takes whose rig has all bones of it.
 
     Raises
     ------
-    ParameterError   if `source` does not exist or has no known layout
-    FormatError      if a file in it is damaged, its rig's joint names are unknown, or a song is elsewhere
+    ParameterError   if `source` does not exist or has no known layout, or the map is none
+    FormatError      if a file in it is damaged, its rig is no body, or a song is elsewhere
     """
     source = _named_source(source)
     if not source.exists():
         raise ParameterError(f"expected takes at {source}, got nothing: there is no such file or folder")
     importer = _importer_of(source)
-    for take in importer.read(source):
+    check_bone_map(bone_map)
+    reads_map = bone_map and getattr(importer, "READS_BONE_MAP", False)
+    read: Callable[..., Iterable[Take]] = importer.read
+    for take in read(source, bone_map) if reads_map else read(source):
         if importer not in _registered and not allow_outside:
             _check_inside(take, source)
         yield _as_stored(with_counts_beside(take))

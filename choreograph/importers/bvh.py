@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +13,17 @@ from choreograph.errors import FormatError, ParameterError
 from choreograph.importers._axes_and_units import known_roles, rotation_to_y_up, to_rotated_axes, unit_m
 from choreograph.importers._bvh_text import BvhText, parse_bvh, read_text
 from choreograph.motion import rotations as rot
+from choreograph.motion.bone_map import take_bones
+from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
+from choreograph.motion.rig_structure import PosedBones
 from choreograph.motion.skeleton import Skeleton
 from choreograph.takes import Credits, Take
 
 LAYOUT = "a single NAME.bvh"
+READS_BONE_MAP = True
 _NAMED = 6  # joints in a note; the others are counted
+_POSES = 8  # of the motion, in which a body is looked for that the rest pose does not show
 _VARIES_M = 1e-3  # bone offsets that vary by more get a note
 
 
@@ -27,19 +32,20 @@ def detect(path: Path) -> bool:
     return path.is_file() and path.suffix.lower() == ".bvh"
 
 
-def read(path: Path) -> Iterator[Take]:
+def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take]:
     """The file as a take without music, named after it."""
-    motion, notes = read_bvh(path)
+    motion, notes = read_bvh(path, bone_map)
     yield Take(path.stem, motion, Credits(source=path.name), source_paths=(path,), notes=notes)
 
 
-def read_bvh(path: str | Path) -> tuple[Motion, tuple[str, ...]]:
+def read_bvh(path: str | Path, bone_map: Mapping[str, str] | None = None) -> tuple[Motion, tuple[str, ...]]:
     """Read a BVH file at its own frame rate.
 
     Position channels are a joint's full translation, as common exporters and readers take them. If all
     below the root stay near zero while the offsets do not, they are added to the offsets instead. The hips
     become the root: transforms above them are applied to them, other branches are left out. Bone offsets
-    that vary over time are replaced by their mean.
+    that vary over time are replaced by their mean. Where the names of joints are unknown, or
+    `bone_map` says which is which, the skeleton has the joints that were found as its `roles`.
 
     Returns
     -------
@@ -54,7 +60,7 @@ def read_bvh(path: str | Path) -> tuple[Motion, tuple[str, ...]]:
     path = Path(path)
     text = read_text(path)
     try:
-        return _to_motion(parse_bvh(text))
+        return _to_motion(parse_bvh(text), bone_map)
     except (FormatError, ParameterError) as error:
         raise FormatError(f"{path}: {error}") from None
 
@@ -70,17 +76,35 @@ class _Body:
     local_quat: NDArray[np.float64]  # (T, J, 4)
     tip_parents: NDArray[np.int64]  # (E,)
     tips: NDArray[np.float64]  # (E, 3)
+    roles: Mapping[str, int] | None = None  # where the names do not say them
 
     def skeleton(self) -> Skeleton:
         """The skeleton whose bone offsets are the joints' mean translations."""
         offsets = self.local_pos.mean(axis=0)  # (J, 3)
         offsets[0] = self.rest[0]
-        return Skeleton(self.names, self.parents, offsets, self.tip_parents, self.tips)
+        return Skeleton(self.names, self.parents, offsets, self.tip_parents, self.tips, roles=self.roles)
+
+    def with_roles(self, bone_map: Mapping[str, str] | None, notes: list[str]) -> _Body:
+        """The body with the roles of joints whose names do not say them."""
+        skeleton = self.skeleton()
+        tips = skeleton.tip_parents, skeleton.rest_pos_m()[skeleton.tip_parents] + skeleton.tips_m
+        rig = PosedBones(self.names, self.parents, skeleton.rest_pos_m(), *tips)
+        roles, note = take_bones(rig, self._poses(skeleton), bone_map)
+        notes += [note] if note else []
+        return replace(self, roles=roles)
+
+    def _poses(self, skeleton: Skeleton) -> Iterator[PosedBones]:
+        """Some frames of the motion."""
+        for frame in np.linspace(0, len(self.local_pos) - 1, _POSES).astype(int):
+            pos, quat = forward(skeleton, self.local_pos[[frame], 0], self.local_quat[[frame]])
+            owners = skeleton.tip_parents
+            tip_pos = pos[0, owners] + rot.rotate(quat[0, owners], skeleton.tips_m)
+            yield PosedBones(self.names, self.parents, pos[0], owners, tip_pos)
 
 
-def _to_motion(text: BvhText) -> tuple[Motion, tuple[str, ...]]:
+def _to_motion(text: BvhText, bone_map: Mapping[str, str] | None) -> tuple[Motion, tuple[str, ...]]:
     notes = list(text.notes)
-    body = _from_hips(_body(text, notes), notes)
+    body = _from_hips(_body(text, notes).with_roles(bone_map, notes), notes)
     skeleton = body.skeleton()
     spread = np.abs(body.local_pos[:, 1:] - skeleton.offsets_m[1:]).max(initial=0.0, axis=(0, 2))  # (J-1,)
     motion = Motion(skeleton, body.local_pos[:, 0], rot.make_continuous(body.local_quat), text.fps)
@@ -96,9 +120,7 @@ def _to_motion(text: BvhText) -> tuple[Motion, tuple[str, ...]]:
     if note:
         notes.append(note)
     offsets, quat = to_rotated_axes(rotation, skeleton.offsets_m * metres, motion.local_quat)
-    upright = Skeleton(
-        body.names, body.parents, offsets, body.tip_parents, rot.rotate(rotation, body.tips * metres)
-    )
+    upright = replace(skeleton, offsets_m=offsets, tips_m=rot.rotate(rotation, body.tips * metres))
     return Motion(upright, rot.rotate(rotation, motion.root_pos_m * metres), quat, text.fps), tuple(notes)
 
 
@@ -173,4 +195,5 @@ def _from_hips(body: _Body, notes: list[str]) -> _Body:
         local_quat=local_quat,
         tip_parents=np.array([new[int(body.tip_parents[i])] for i in tips], np.int64),
         tips=body.tips[tips],
+        roles=None if body.roles is None else {role: new[joint] for role, joint in roles.items()},
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from choreograph.importers import gltf
 from choreograph.takes import Credits, Take
 
 LAYOUT = "a single NAME.fbx, with Blender on this machine"
+READS_BONE_MAP = True
 
 
 def detect(path: Path) -> bool:
@@ -20,7 +21,7 @@ def detect(path: Path) -> bool:
     return path.is_file() and path.suffix.lower() == ".fbx"
 
 
-def read(path: Path) -> Iterator[Take]:
+def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take]:
     """The file's animations as takes without music, named after the file; several also after themselves.
 
     Raises `ParameterError` without Blender, `FormatError` if the file is damaged or has no animation.
@@ -29,7 +30,7 @@ def read(path: Path) -> Iterator[Take]:
         converted = Path(folder) / f"{path.stem}.glb"
         convert(path, converted)
         try:
-            takes = list(gltf.read(converted))
+            takes = list(gltf.read(converted, bone_map))
         except FormatError as error:
             raise FormatError(str(error).replace(str(converted), str(path))) from None
     yield from (replace(take, credits=Credits(source=path.name), source_paths=(path,)) for take in takes)

@@ -6,7 +6,7 @@ import csv
 import io
 import os
 import reprlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +28,7 @@ LAYOUT = (
     "a folder of NAME.bvh, .c3d or .glb with NAME.wav|mp3|flac|ogg|m4a, or a video of that name, and an "
     "optional manifest.csv"
 )
+READS_BONE_MAP = True
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a")
 VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".webm", ".avi")  # whose sound is taken where there is no song
 _LARGEST_OFFSET_S = 4 * LONGEST_S
@@ -40,7 +41,7 @@ def detect(path: Path) -> bool:
     return path.is_dir() and bool(_motion_files(path))
 
 
-def read(path: Path) -> Iterator[Take]:
+def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take]:
     """The folder's takes by name; those of C3D files on one skeleton.
 
     The manifest's columns, all but `name` optional: genre, performer, licence, source; audio_offset_s, the
@@ -56,7 +57,7 @@ def read(path: Path) -> Iterator[Take]:
     for name, file in files.items():
         row = rows.get(name, {})
         song = _song(path, name, row.get("song", ""))
-        motion, notes = fitted[file] if file in fitted else _read_motion(file)
+        motion, notes = fitted[file] if file in fitted else _read_motion(file, bone_map)
         take = Take(
             name=name,
             motion=motion,
@@ -90,11 +91,11 @@ def _why_unread(file: Path) -> str:
     return "music without motion of its name" if suffix in SONG_SUFFIXES else ""
 
 
-def _read_motion(file: Path) -> tuple[Motion, tuple[str, ...]]:
+def _read_motion(file: Path, bone_map: Mapping[str, str] | None) -> tuple[Motion, tuple[str, ...]]:
     """The motion of a BVH file, or the only animation of a glTF file."""
     if not is_gltf(file):
-        return read_bvh(file)
-    motions = read_gltf_motions(file)
+        return read_bvh(file, bone_map)
+    motions = read_gltf_motions(file, bone_map)
     if len(motions) > 1:
         raise FormatError(
             f"{file}: expected one animation of each file in a folder, got {', '.join(motions)}: "

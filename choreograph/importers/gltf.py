@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,10 @@ from choreograph.gltf import GltfDocument, GltfRig, Rig, read_gltf, read_rig
 from choreograph.gltf.rig import distinct, rotations_of, world_matrices
 from choreograph.importers._axes_and_units import unit_m
 from choreograph.motion import rotations as rot
+from choreograph.motion.bone_map import take_bones
 from choreograph.motion.kinematics import to_local
 from choreograph.motion.motion import LONGEST_S, MAX_FRAME_JOINTS, Motion
-from choreograph.motion.rigs import joint_roles
+from choreograph.motion.rigs import roles_by_names
 from choreograph.motion.skeleton import Skeleton
 from choreograph.takes import Credits, Take
 from choreograph.timebase import STORE_FPS, frame_times_s
@@ -27,6 +28,7 @@ Floats = NDArray[np.float64]
 Tracks = dict[tuple[int, str], tuple[Floats, Floats, str]]
 
 LAYOUT = "a single NAME.glb, .gltf or .vrma with animations of a skeleton"
+READS_BONE_MAP = True
 SUFFIXES = (".glb", ".gltf", ".vrma")
 _MAX_ANIMATIONS = 4096
 _BLOCK_POSES = 1 << 18  # frames × bones at a time
@@ -44,19 +46,23 @@ def is_gltf(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
 
 
-def read(path: Path) -> Iterator[Take]:
+def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take]:
     """The file's animations as takes without music, named after the file; several also after themselves."""
-    motions = read_gltf_motions(path)
+    motions = read_gltf_motions(path, bone_map)
     for name, (motion, notes) in motions.items():
         own = path.stem if len(motions) == 1 else f"{path.stem}-{name}"
         yield Take(own, motion, Credits(source=path.name), source_paths=(path,), notes=notes)
 
 
-def read_gltf_motions(path: str | Path) -> dict[str, tuple[Motion, tuple[str, ...]]]:
+def read_gltf_motions(
+    path: str | Path, bone_map: Mapping[str, str] | None = None
+) -> dict[str, tuple[Motion, tuple[str, ...]]]:
     """The animations of a glTF file by name: the motion of the rig, from its hips down, and notes.
 
     Motions are at 60 fps, or at their keys' rate if lower. Rotations are measured from the bind pose, which
-    is the skeleton's rest pose. Raises `FormatError` if the file is damaged, or has no animation or no body.
+    is the skeleton's rest pose; where names of bones are unknown, or `bone_map` says which is which, it has
+    those that were found as its `roles`. Raises `FormatError` if the file is damaged, or has no animation or
+    no body.
     """
     document = read_gltf(path, images=False)
     animations = document.json.get("animations", [])
@@ -68,7 +74,7 @@ def read_gltf_motions(path: str | Path) -> dict[str, tuple[Motion, tuple[str, ..
     reader = _TrackReader(document, {node: bone for bone, node in enumerate(found.nodes)})
     motions: dict[str, tuple[Motion, tuple[str, ...]]] = {}
     try:
-        body = _Body.of(_with_human_names(found))
+        body = _Body.of(_with_human_names(found), bone_map)
         for number, animation in enumerate(animations):
             tracks = reader.tracks(animation)
             if tracks:  # others move a camera or a prop
@@ -91,25 +97,27 @@ class _Body:
     below: list[int]  # (J,) bones, the pelvis first
     skeleton: Skeleton  # in metres
     metres: float  # per unit of the file
-    note: str  # on the unit
+    notes: tuple[str, ...]  # on the unit and the bones
     poses_left: int = MAX_FRAME_JOINTS  # frames × bones that the file may still have
 
     @classmethod
-    def of(cls, rig: Rig) -> _Body:
+    def of(cls, rig: Rig, bone_map: Mapping[str, str] | None) -> _Body:
         """The body of a rig; `FormatError` or `ParameterError` if there is none."""
-        below = _below(rig, _pelvis(rig))
+        roles, found_note = take_bones(rig.posed, bone_map=bone_map)
+        below = _below(rig, _pelvis(rig) if roles is None else roles["pelvis"])
         joint_of = {bone: joint for joint, bone in enumerate(below)}
         parents = np.array([-1, *(joint_of[int(rig.parents[bone])] for bone in below[1:])])
         offsets = rig.bind_pos_m[below].copy()
         offsets[1:] -= rig.bind_pos_m[rig.parents[below[1:]]]
-        skeleton = Skeleton(tuple(rig.names[bone] for bone in below), parents, offsets)
+        names = tuple(rig.names[bone] for bone in below)
+        known = None if roles is None else {role: joint_of[bone] for role, bone in roles.items()}
+        skeleton = Skeleton(names, parents, offsets, roles=known)
         metres, note = unit_m(skeleton, rig.bind_pos_m[None, below])
-        if metres == 1.0:
-            return cls(rig, below, skeleton, 1.0, "")
-        return cls(rig, below, replace(skeleton, offsets_m=metres * offsets), metres, note)
+        notes = tuple(line for line in (found_note, note if metres != 1.0 else "") if line)
+        return cls(rig, below, replace(skeleton, offsets_m=metres * offsets), metres, notes)
 
     def motion(self, tracks: Tracks) -> tuple[Motion, tuple[str, ...]]:
-        """One animation, and a note where the unit is not the metre."""
+        """One animation, and notes on how the rig was read."""
         times_s, fps = _frame_times(tracks)
         self.poses_left -= len(times_s) * self.rig.n_bones
         if self.poses_left < 0:
@@ -118,7 +126,7 @@ class _Body:
         blocks = [self._posed(tracks, times_s[at : at + n_block]) for at in range(0, len(times_s), n_block)]
         root, turned = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
         quat = rot.make_continuous(to_local(self.skeleton, turned))
-        return Motion(self.skeleton, self.metres * root, quat, fps), (self.note,) if self.note else ()
+        return Motion(self.skeleton, self.metres * root, quat, fps), self.notes
 
     def _posed(self, tracks: Tracks, times_s: Floats) -> tuple[Floats, Floats]:
         """The pelvis (T, 3) and how far the bones have turned from their bind pose (T, J, 4)."""
@@ -242,9 +250,7 @@ def _cubic(keys_s: Floats, values: Floats, into: Floats, out: Floats, path: str,
 
 def _pelvis(rig: Rig) -> int:
     """The bone from which the body hangs; `ParameterError` if the bones' names are unknown."""
-    names = distinct(("", *rig.names))
-    parents = np.concatenate([[-1], rig.parents + 1])
-    pelvis = joint_roles(Skeleton(names, parents, np.zeros((len(names), 3))))["pelvis"] - 1
+    pelvis = roles_by_names(("", *rig.names), (-1, *(rig.parents + 1).tolist()))["pelvis"] - 1
     if pelvis < 0:
         raise ParameterError("expected one body, got limbs that hang under different roots")
     return pelvis

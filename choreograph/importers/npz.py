@@ -6,6 +6,7 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,12 @@ import numpy as np
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import check_regular
 from choreograph.motion.motion import Motion, check_length
-from choreograph.motion.skeleton import Skeleton
+from choreograph.motion.skeleton import Skeleton, roles_of
 from choreograph.takes import Credits, Take
 
 LAYOUT = "a single NAME.npz written by this program"
 _NUMBERS = ("root_pos_m", "local_quat", "fps", "parents", "offsets_m", "tip_parents", "tips_m")
+_OPTIONAL = frozenset(("roles",))
 _MAX_BYTES = 1 << 30  # of the arrays, unpacked
 _FREE_BYTES, _UNPACKED_RATIO = 1 << 27, 16  # that compression may explain: motion is hardly compressible
 _LARGEST = 1e6  # of positions in metres and all else that a motion holds
@@ -77,8 +79,9 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
 def read_npz(path: str | Path) -> Motion:
     """The motion in `path`. `ParameterError` if it does not exist, `FormatError` if it is damaged."""
     path = Path(path)
-    arrays = load_arrays(path, ("names", *_NUMBERS))
-    for key in _NUMBERS:
+    numbers = (*_NUMBERS, *_OPTIONAL.intersection(array_names(path)))
+    arrays = load_arrays(path, ("names", *numbers))
+    for key in numbers:
         if arrays[key].dtype.kind not in "iuf" or not (np.abs(arrays[key]) < _LARGEST).all():
             raise FormatError(f"{path}: expected numbers below {_LARGEST:g} in {key}, got something else")
     try:
@@ -90,6 +93,8 @@ def read_npz(path: str | Path) -> Motion:
         skeleton = Skeleton(
             names, *(arrays[key] for key in ("parents", "offsets_m", "tip_parents", "tips_m"))
         )
+        if "roles" in arrays:
+            skeleton = replace(skeleton, roles=roles_of(arrays["roles"]))
         return Motion(skeleton, arrays["root_pos_m"], arrays["local_quat"], fps)
     except (TypeError, ValueError, IndexError, ParameterError) as error:
         raise FormatError(f"{path}: {error}") from None

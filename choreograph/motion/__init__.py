@@ -5,6 +5,8 @@ skeleton              joint hierarchy and rest pose; the canonical 24-joint body
 motion                `Motion`: root positions and local rotations at one rate
 body                  the 21 joints that features, networks and costs use
 rigs                  joint names of common rigs mapped to canonical joints
+rig_structure         bones of a rig with unknown names, by how they hang together
+bone_map              which bone is which: by a user's map, names, or structure
 
 Computation
 rotations             quaternions

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
@@ -20,41 +21,67 @@ _LIMB_NAMES = {
     "ankle": ("ankle", "foot"),
     "foot": ("toebase", "toes", "toe", "ball", "forefoot", "foot"),
     "elbow": ("elbow", "forearm", "lowerarm", "lowarm", "loarm", "farm", "radius"),
-    "shoulder": ("upperarm", "uparm", "uarm", "humerus", "arm", "shoulder"),
+    "shoulder": ("upperarm", "uparm", "uarm", "humerus", "shldr", "arm", "shoulder"),
     "collar": ("collar", "clavicle", "collarbone", "shoulder"),
     "wrist": ("wrist", "hand"),
     "hand": ("hand", "palm"),
 }
-_MIDDLE_NAMES = {"pelvis": ("pelvis", "hips", "hip"), "neck": ("neck", "lowerneck"), "head": ("head",)}
+_MIDDLE_NAMES = {
+    "pelvis": ("pelvis", "hips", "hip"),
+    "neck": ("neck", "lowerneck", "necklower"),
+    "head": ("head",),
+}
 _KNOWN_PARTS = frozenset(name for names in (_LIMB_NAMES | _MIDDLE_NAMES).values() for name in names)
-_REQUIRED = tuple(
+REQUIRED = tuple(
     f"{side}_{part}"
     for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
     for side in ("left", "right")
 )
 _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
-_SUFFIX_WORDS = frozenset(("jnt", "joint", "bone", "bind"))  # "hips_JNT"
+_SUFFIX_WORDS = frozenset(("jnt", "joint", "bone", "bind", "bend"))  # "hips_JNT", DAZ's "lThighBend"
 _NOT_BODY_PARTS = frozenset(
     ("ik", "pole", "ctrl", "target", "prop", "weapon")
 )  # "ik_foot_l" is an IK control
 
 _MIN_UPRIGHT_COS = 0.9  # cosine of the largest lean of an upright body
-_NAMED = 100  # letters of a name that are looked at; joints in an error
+_NAMED = 100  # letters of a name that are looked at
+_FEW, _SHORT = 4, 12  # joints in an error, and letters of their names
 
-_WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
+# Words of MMD's models, in Japanese and in Roman letters.
+_JAPANESE = {
+    "つま先": "toe", "爪先": "toe", "足首": "ankle", "手首": "wrist", "ひざ": "knee", "膝": "knee",
+    "ひじ": "elbow", "肘": "elbow", "左": "left", "右": "right", "肩": "shoulder", "腕": "arm", "足": "leg",
+    "首": "neck", "頭": "head",
+}  # fmt: skip
+_ROMAJI = {
+    "hidari": "left", "migi": "right", "tsumasaki": "toe", "ashikubi": "ankle", "tekubi": "wrist",
+    "hiza": "knee", "hiji": "elbow", "kata": "shoulder", "ude": "arm", "ashi": "leg", "kubi": "neck",
+    "atama": "head",
+}  # fmt: skip
+# The longest first: "足首" is an ankle, and no leg.
+_JAPANESE_WORDS = re.compile("|".join(sorted(_JAPANESE, key=len, reverse=True)))
+_WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\W\d_a-zA-Z]+")
 
 
 def joint_roles(skeleton: Skeleton) -> dict[str, int]:
     """The joints of `skeleton` that correspond to the canonical ones, as canonical name -> index.
 
-    Prefix, case, separators and digits of names are ignored: Mixamo, CMU, MotionBuilder, Bandai-Namco,
-    SMPL, Xsens, Rokoko, Biovision, Unreal and similar rigs. Pelvis and spine are found by hierarchy, not
+    A skeleton whose names do not say it has them as its `roles`. Prefix, case, separators and digits of names
+    are ignored: Mixamo, CMU, MotionBuilder, Bandai-Namco, SMPL, Xsens, Rokoko, Biovision, Unreal, DAZ, MMD
+    and similar rigs. Pelvis and spine are found by hierarchy, not
     by name: the pelvis is where legs and trunk meet, the spine leads from there to where the arms meet.
     Joints that the rig lacks (a middle spine joint, hands) are left out.
 
     Raises `ParameterError` if hips, knees, ankles, shoulders, elbows or wrists cannot be found.
     """
-    return dict(_roles(skeleton.names, tuple(skeleton.parents.tolist())))
+    if skeleton.roles is not None:
+        return dict(skeleton.roles)
+    return roles_by_names(skeleton.names, tuple(skeleton.parents.tolist()))
+
+
+def roles_by_names(names: tuple[str, ...], parents: tuple[int, ...]) -> dict[str, int]:
+    """As `joint_roles`, of joints that need not be a skeleton."""
+    return dict(_roles(names, parents))
 
 
 def rest_pose_is_upright(skeleton: Skeleton) -> bool:
@@ -74,10 +101,11 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
     for joint, name in enumerate(names):
         parts.setdefault(_side_and_part(name), joint)
     roles = _named_limbs(parts)
-    missing = [role for role in _REQUIRED if role not in roles]
+    missing = [role for role in REQUIRED if role not in roles]
     if missing:
         raise ParameterError(
-            f"expected the joint names of a known rig, found no {', '.join(missing)} among {_some(names)}"
+            f"expected the joint names of a known rig or a standing body, found no "
+            f"{', '.join(missing)} among {_some(names)}: say which bone is which with --map"
         )
     for role in ("neck", "head"):
         found = [parts[("", name)] for name in _MIDDLE_NAMES[role] if ("", name) in parts]
@@ -87,6 +115,8 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
     roles |= trunk_roles(parents, roles, named)
     if "head" not in roles:
         roles |= _unnamed_head(names, parents, roles)
+    elif "neck" not in roles:
+        roles |= _unnamed_neck(parents, roles)
     return {name: roles[name] for name in CANONICAL_JOINTS if name in roles}
 
 
@@ -123,14 +153,29 @@ def _unnamed_head(names: Sequence[str], parents: tuple[int, ...], roles: Mapping
     return {"head": chain[-1]} | ({"neck": chain[0]} if len(chain) > 1 else {})
 
 
+def _unnamed_neck(parents: tuple[int, ...], roles: dict[str, int]) -> dict[str, int]:
+    """The neck of a rig that calls it otherwise: the first joint from where the arms meet to the head."""
+    arms = set(_path_from_root(parents, roles["left_shoulder"]))
+    arms |= set(_path_from_root(parents, roles["right_shoulder"]))
+    between = [joint for joint in _path_from_root(parents, roles["head"])[:-1] if joint not in arms]
+    return {"neck": between[0]} if between and parents[between[0]] in arms else {}
+
+
 def _letters(name: str) -> str:
     """A joint's name without prefix, digits and separators."""
-    return "".join(word.lower() for word in _WORDS.findall(name.rsplit(":", 1)[-1]) if not word.isdigit())
+    return "".join(word for word in _words(name) if not word.isdigit())
+
+
+def _words(name: str) -> list[str]:
+    """The words of a joint's name without its prefix, in lower case; Japanese ones in English."""
+    own = unicodedata.normalize("NFKC", name.rsplit(":", 1)[-1][-_NAMED:])
+    own = _JAPANESE_WORDS.sub(lambda found: f" {_JAPANESE[found[0]]} ", own)
+    return [_ROMAJI.get(word.lower(), word.lower()) for word in _WORDS.findall(own)]
 
 
 def _side_and_part(name: str) -> tuple[str, str]:
     """Side ("left", "right" or "") and body part of a joint name; part "" if unknown."""
-    words = [word.lower() for word in _WORDS.findall(name.rsplit(":", 1)[-1][-_NAMED:])]
+    words = _words(name)
     side = next((_SIDES[word] for word in words if word in _SIDES), "")
     words = [word for word in words if word not in _SIDES and not word.isdigit()]
     while words and words[-1] in _SUFFIX_WORDS:
@@ -178,8 +223,8 @@ def _common_ancestor(parents: tuple[int, ...], joints: list[int]) -> int:
 
 def _some(names: Sequence[str]) -> str:
     """The names of a rig, for an error; of many the first."""
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(name[:_NAMED] for name in names[:_NAMED]) + more
+    more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
+    return ", ".join(name[:_SHORT] for name in names[:_FEW]) + more
 
 
 def _spine_roles(spine: list[int]) -> dict[str, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import reprlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -58,6 +59,8 @@ class Skeleton:
     # End sites (bone ends without channels, as in BVH): parent joint and offset.
     tip_parents: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # (E,)
     tips_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))  # (E, 3)
+    # Canonical name -> joint, of a rig whose joints' names do not say it: see `rigs.joint_roles`.
+    roles: Mapping[str, int] | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", as_texts("names of joints", self.names))
@@ -82,6 +85,8 @@ class Skeleton:
                 f"expected end sites with an offset and a joint of {n}, got joints "
                 f"{reprlib.repr(self.tip_parents.tolist())} and offsets {self.tips_m.shape}"
             )
+        if self.roles is not None:
+            self._check_roles(self.roles)
         if len(set(self.names)) != n:
             twice = next(name for name in self.names if self.names.count(name) > 1)
             raise unexpected("joints with a name each", twice, "more than one has it")
@@ -96,6 +101,12 @@ class Skeleton:
             if not np.isfinite(offsets_m).all():
                 got = offsets_m[~np.isfinite(offsets_m).all(axis=1)][0].tolist()
                 raise unexpected(f"finite offsets of {what} in metres", got)
+
+    def _check_roles(self, roles: Mapping[str, int]) -> None:
+        if not isinstance(roles, Mapping) or not set(roles) <= set(CANONICAL_JOINTS):
+            raise unexpected("roles of joints by canonical name", roles)
+        if len(set(roles.values())) != len(roles) or not set(roles.values()) <= set(range(len(self.names))):
+            raise unexpected(f"roles of different joints among {len(self.names)}", dict(roles))
 
     @property
     def n_joints(self) -> int:
@@ -137,12 +148,28 @@ class Skeleton:
         )
         return order if same else None
 
+    def role_numbers(self) -> NDArray[np.int64]:
+        """The roles of the joints as places among the canonical ones, (J,), -1 of joints without one."""
+        numbers = np.full(self.n_joints, -1)
+        for role, joint in (self.roles or {}).items():
+            numbers[joint] = CANONICAL_JOINTS.index(role)
+        return numbers
+
     def rest_pos_m(self) -> NDArray[np.float64]:
         """Joint positions of the rest pose with the root at its rest position, (J, 3)."""
         pos = np.array(self.offsets_m)
         for joint in range(1, self.n_joints):
             pos[joint] += pos[self.parents[joint]]
         return pos
+
+
+def roles_of(numbers: NDArray[np.int64]) -> dict[str, int]:
+    """The roles that `Skeleton.role_numbers` gave as numbers (J,); `ParameterError` for other numbers."""
+    numbers = as_whole_numbers("roles of joints", numbers)
+    given = numbers[numbers >= 0]
+    if (numbers >= len(CANONICAL_JOINTS)).any() or len(set(given.tolist())) != len(given):
+        raise ParameterError(f"expected different roles below {len(CANONICAL_JOINTS)}, got others: damaged")
+    return {CANONICAL_JOINTS[role]: joint for joint, role in enumerate(numbers.tolist()) if role >= 0}
 
 
 @lru_cache(maxsize=1)

@@ -43,6 +43,7 @@ VALUES: dict[str, tuple[float, float | str]] = {
     "skeleton/offsets_m": (-_FAR_M, _FAR_M),
     "skeleton/tip_parents": (0, "<J"),
     "skeleton/tips_m": (-_FAR_M, _FAR_M),
+    "skeleton/roles": (-1, 23),
     "takes/fps": (1e-3, 1000),
     "takes/motion_start": (0, "M"),
     "takes/motion_stop": (0, "M"),

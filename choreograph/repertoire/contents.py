@@ -52,6 +52,7 @@ def to_arrays(
         "skeleton/offsets_m": skeleton.offsets_m,
         "skeleton/tip_parents": skeleton.tip_parents,
         "skeleton/tips_m": skeleton.tips_m,
+        **({} if skeleton.roles is None else {"skeleton/roles": skeleton.role_numbers()}),
         "takes/name": np.array([m.take.name for m in takes]),
         "takes/song_name": np.array([m.take.song_name for m in takes]),
         "takes/notes": np.array(["; ".join(m.take.notes) for m in takes]),

@@ -9,7 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from choreograph.errors import RepertoireError
-from choreograph.repertoire.schema import COUNTS, DATASETS, DOUBT, MOTIFS, VERSION, WITH_COUNTS
+from choreograph.repertoire.schema import COUNTS, DATASETS, DOUBT, MOTIFS, ROLES, VERSION, WITH_COUNTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class NetArrays:
 class Contents:
     """Everything in a repertoire file."""
 
-    # By path: all of `schema.DATASETS` and `COUNTS`, all or none of `MOTIFS` and of `DOUBT`.
+    # By path: all of `schema.DATASETS` and `COUNTS`, all or none of `MOTIFS`, of `DOUBT` and of `ROLES`.
     arrays: Mapping[str, NDArray]
     density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
     provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
@@ -32,9 +32,9 @@ class Contents:
 
 
 def layout_of(names: Container[str], version: int = VERSION) -> dict[str, tuple[str, str]]:
-    """The datasets of a file with these names: all of `schema.MOTIFS` or `DOUBT` if it has any of them."""
+    """The datasets of a file with these names: all or none of `schema.MOTIFS`, `DOUBT`, `ROLES`."""
     layout = DATASETS | (COUNTS if version >= WITH_COUNTS else {})
-    for optional in (DOUBT, MOTIFS):
+    for optional in (DOUBT, MOTIFS, ROLES):
         if any(name in names for name in optional):
             layout |= optional
     return layout

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +19,7 @@ from choreograph.files import as_path
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
-from choreograph.motion.skeleton import Skeleton
+from choreograph.motion.skeleton import Skeleton, roles_of
 from choreograph.repertoire.checks import check_clips
 from choreograph.repertoire.clip_motion import ClipMotion
 from choreograph.repertoire.html_table import html_table
@@ -160,7 +161,10 @@ class Repertoire:
         names = ("parents", "offsets_m", "tip_parents", "tips_m")
         joints = tuple(str(name) for name in self._file.read("skeleton/names"))
         try:
-            return Skeleton(joints, *(self._file.read(f"skeleton/{name}") for name in names))
+            skeleton = Skeleton(joints, *(self._file.read(f"skeleton/{name}") for name in names))
+            if not self._file.has_roles:
+                return skeleton
+            return replace(skeleton, roles=roles_of(self._file.read("skeleton/roles")))
         except ParameterError as error:
             raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
 

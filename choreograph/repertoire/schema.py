@@ -67,6 +67,9 @@ COUNTS: dict[str, tuple[str, str]] = {
 # How doubtful each count is, in files of takes that a network counted; without it, none is.
 DOUBT: dict[str, tuple[str, str]] = {"counts/doubt": ("f4", "U")}
 
+# Which joint is which, in files of a rig whose joints' names do not say it.
+ROLES: dict[str, tuple[str, str]] = {"skeleton/roles": ("i8", "J")}
+
 # Motion words and motifs, all of these or none: K motif, W word, G genre. They need the network `words`.
 MOTIFS: dict[str, tuple[str, str]] = {
     "motifs/embeddings": ("f4", "K 184"),

@@ -34,6 +34,7 @@ from choreograph.repertoire.schema import (
     MOTIFS,
     NETS,
     NETWORKS_FORMAT,
+    ROLES,
     VERSION,
     WITH_COUNTS,
 )
@@ -77,7 +78,9 @@ class RepertoireFile:
             self.has_motifs = "motifs" in file
             self.has_counts = version >= WITH_COUNTS
             self.has_doubt = self.has_counts and all(name in file for name in DOUBT)
-            optional = [*(MOTIFS if self.has_motifs else ()), *(DOUBT if self.has_doubt else ())]
+            self.has_roles = all(name in file for name in ROLES)
+            has = ((MOTIFS, self.has_motifs), (DOUBT, self.has_doubt), (ROLES, self.has_roles))
+            optional = [name for names, is_there in has if is_there for name in names]
             stored = self._check_stored(file, layout_of(optional, version))
             self.density = attribute(file, "density", str)
             self.provenance = from_json(attribute(file, "provenance", str), f"{path}: provenance")
@@ -131,7 +134,7 @@ class RepertoireFile:
         """
         with opened(self.path, "a repertoire") as file:
             data = file[name]
-            if (DATASETS | COUNTS | DOUBT | MOTIFS)[name][0] == "s":
+            if (DATASETS | COUNTS | DOUBT | MOTIFS | ROLES)[name][0] == "s":
                 return _read_text(data, part, self.path.stat().st_size)
             array = _read_quantised(name, data, part) if "step" in data.attrs else data[part]
             checks.check_values(name, array, self._sizes)

@@ -28,7 +28,6 @@ from synthetic_studies import VARIANTS, rate_all, small_study
 import choreograph as cg
 from choreograph.audio.song import load_song
 from choreograph.blending.rendering import render
-from choreograph.characters.bone_map import find_bones, read_bone_map
 from choreograph.config import load_config
 from choreograph.constraints.parse import read_motifs, read_signature
 from choreograph.count_files import read_counts
@@ -39,6 +38,7 @@ from choreograph.gltf import read_gltf, read_rig
 from choreograph.importers import annotate_takes, import_takes, source_notes
 from choreograph.importers._figure_lists import read_choreographies
 from choreograph.motion import rotations as rot
+from choreograph.motion.bone_map import find_bones, read_bone_map
 from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire, write_repertoire
 
@@ -106,13 +106,13 @@ def _characters(folder: Path) -> Iterator[Target]:
 
     def character(path: Path) -> None:
         read = read_rig(read_gltf(path))
-        find_bones(read.rig, read.human_bones)
+        find_bones(read.rig.posed, read.human_bones)
 
     yield _target(folder, "character", "character.glb", "glb", seeds, character)
     names = {"pelvis": rig.rig.names[0], "left_hip": rig.rig.names[1]}
     yield _target(
         folder, "bone-map", "map.json", "json", [json.dumps(names).encode()],
-        lambda path: find_bones(rig.rig, {}, read_bone_map(path)),
+        lambda path: find_bones(rig.rig.posed, {}, read_bone_map(path)),
     )  # fmt: skip
 
 

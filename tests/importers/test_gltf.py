@@ -45,11 +45,8 @@ def test_a_dance_comes_back_from_every_character(tmp_path, name):
     write_character(tmp_path / "a.glb", CHARACTERS[name])
     character = read_character(tmp_path / "a.glb")
     (tmp_path / "b.glb").write_bytes(character.dancing(motion).to_glb())
-    if name.startswith("nameless"):
-        with pytest.raises(FormatError, match="known rig"):
-            read_gltf_motions(tmp_path / "b.glb")
-        return
-    ((back, _),) = read_gltf_motions(tmp_path / "b.glb").values()
+    ((back, notes),) = read_gltf_motions(tmp_path / "b.glb").values()
+    assert any("found by structure" in note for note in notes) == name.startswith("nameless")
     figure = perform(motion, character.rig, character.bones).motion
     limbs = [("left_shoulder", "left_elbow"), ("right_knee", "right_ankle")]
     own = {role: character.rig.names[bone] for role, bone in character.bones.items()}
@@ -254,7 +251,9 @@ def with_5000_animations(document: GltfDocument) -> None:
 
 def without_legs(document: GltfDocument) -> None:
     for node in document.json["nodes"]:
-        node["name"] = node.get("name", "").replace("hip", "x")
+        if "hip" in node.get("name", ""):
+            node["name"] = node["name"].replace("hip", "x")
+            node.pop("children")
 
 
 def with_two_bodies(document: GltfDocument) -> None:

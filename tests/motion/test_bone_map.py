@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
+from command_line import assert_one_line, run
 from synthetic_characters import CHARACTERS, MIXAMO, Spec, write_character
+from synthetic_motions import swaying
+from synthetic_repertoire import synthetic_contents
 
+from choreograph.building.importing import measure_take
 from choreograph.characters import read_bone_map, read_character, write_bone_map
 from choreograph.errors import ChoreographError, FormatError, ParameterError
+from choreograph.exporters import save_motion
 from choreograph.gltf import GltfDocument, read_gltf
+from choreograph.importers import import_takes
+from choreograph.motion import rotations as rot
+from choreograph.motion.motion import Motion
+from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton import Skeleton, canonical_skeleton
+from choreograph.repertoire import Repertoire, write_repertoire
 
 
 def test_a_map_is_written_and_read(tmp_path):
     write_character(tmp_path / "a.glb", CHARACTERS["unreal"])
     character = read_character(tmp_path / "a.glb")
-    write_bone_map(tmp_path / "map.json", character.rig, character.bones)
+    write_bone_map(tmp_path / "map.json", character.rig.names, character.bones)
     given = read_bone_map(tmp_path / "map.json")
     assert given["left_hip"] == "thigh_l"
     assert read_character(tmp_path / "a.glb", given).bones == character.bones
@@ -51,6 +64,83 @@ def test_a_map_with_a_bone_that_is_not_there(tmp_path):
     write_character(tmp_path / "a.glb", CHARACTERS["mixamo"])
     with pytest.raises(ParameterError, match="Tail"):
         read_character(tmp_path / "a.glb", {"pelvis": "Tail"})
+
+
+# Two legs that end in nothing: names and structure say nothing of this body.
+SHAPELESS = {name: f"b{i:02d}" for i, name in enumerate(canonical_skeleton().names)}
+
+
+@pytest.fixture
+def shapeless(tmp_path):
+    """A take whose bones are numbered and lie on one line at rest and in all frames."""
+    body = canonical_skeleton()
+    along_x = np.linalg.norm(body.offsets_m, axis=1)[:, None] * [1.0, 0.0, 0.0]
+    skeleton = Skeleton(tuple(SHAPELESS.values()), body.parents, along_x)
+    still = Motion(skeleton, np.zeros((300, 3)), np.tile(rot.IDENTITY, (300, body.n_joints, 1)), 30.0)
+    folder = tmp_path / "takes"
+    folder.mkdir()
+    save_motion(folder / "take.bvh", still)
+    return folder
+
+
+def test_a_map_says_which_bone_is_which_in_takes(shapeless):
+    with pytest.raises(ChoreographError, match="known rig"):
+        list(import_takes(shapeless))
+    for source in (shapeless, shapeless / "take.bvh"):
+        (take,) = import_takes(source, bone_map=SHAPELESS)
+        skeleton = take.motion.skeleton
+        found = {role: skeleton.names[joint] for role, joint in joint_roles(skeleton).items()}
+        assert found == SHAPELESS
+        assert any("map" in note for note in take.notes)
+
+
+def test_a_few_bones_of_a_map_settle_those_alone(tmp_path):
+    swapped = {"left_wrist": "right_wrist", "right_wrist": "left_wrist"}
+    save_motion(tmp_path / "take.bvh", swaying(60))
+    (take,) = import_takes(tmp_path / "take.bvh", bone_map=swapped)
+    body = canonical_skeleton()
+    skeleton = take.motion.skeleton
+    expected = {role: swapped.get(role, role) for role in body.names}
+    assert {role: skeleton.names[joint] for role, joint in joint_roles(skeleton).items()} == expected
+
+
+def test_roles_are_kept_in_npz_and_repertoires(shapeless, tmp_path):
+    (take,) = import_takes(shapeless, bone_map=SHAPELESS)
+    save_motion(tmp_path / "take.npz", take.motion)
+    (back,) = import_takes(tmp_path / "take.npz")
+    assert joint_roles(back.motion.skeleton) == joint_roles(take.motion.skeleton)
+    contents = synthetic_contents([measure_take(take)])
+    write_repertoire(tmp_path / "rep.h5", contents)
+    stored = Repertoire.open(tmp_path / "rep.h5").skeleton
+    assert joint_roles(stored) == joint_roles(take.motion.skeleton)
+
+
+def test_a_map_that_fits_no_take_is_refused(tmp_path):
+    save_motion(tmp_path / "take.bvh", swaying(60))
+    given = tmp_path / "map.json"
+    given.write_text(json.dumps({"left_knee": "Tail"}))
+    commands = (("build-db", "-o", tmp_path / "made.h5"), ("convert", tmp_path / "made.npz"))
+    for command, *output in commands:
+        said = run(command, tmp_path / "take.bvh", *output, "--map", given)
+        assert_one_line(said, says="'Tail': no joint has this name")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.json", "take.bvh"]
+
+
+def test_convert_takes_a_map(shapeless, tmp_path):
+    given = tmp_path / "map.json"
+    given.write_text(json.dumps(SHAPELESS))
+    done = run("convert", shapeless / "take.bvh", tmp_path / "made.npz", "--map", given)
+    assert done.exit_code == 0, done.output
+    (back,) = import_takes(tmp_path / "made.npz")
+    names = back.motion.skeleton.names
+    assert {role: names[joint] for role, joint in joint_roles(back.motion.skeleton).items()} == SHAPELESS
+
+
+@pytest.mark.parametrize("bone_map", [{"tail": "Tail"}, {"pelvis": 3}, ["pelvis"]])
+def test_what_is_no_map_is_refused(tmp_path, bone_map):
+    save_motion(tmp_path / "take.bvh", swaying(60))
+    with pytest.raises(ParameterError):
+        list(import_takes(tmp_path / "take.bvh", bone_map=bone_map))
 
 
 def no_skeleton(document: GltfDocument) -> None:
