@@ -15,7 +15,6 @@ from synthetic_markers import markers_on, write_c3d
 from synthetic_motions import swaying
 from test_plan import MIXED, PINNED, PLAN, ROLLED
 
-from choreograph.characters.bone_map import read_bone_map
 from choreograph.config import load_config
 from choreograph.constraints.parse import read_signature
 from choreograph.count_files import read_counts
@@ -24,6 +23,7 @@ from choreograph.features.beat_files import read_beats
 from choreograph.importers import import_takes
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
+from choreograph.motion.bone_map import read_bone_map
 from choreograph.plan import Plan
 
 MOTION = swaying(90, fps=60.0)
