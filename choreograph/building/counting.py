@@ -89,7 +89,8 @@ def counted_takes(
                 f", since counts read from the motion are too doubtful ({share} of them expected to be "
                 f"right, doubt {doubt})"
             )
-        notes.append(f"{_number(without)} without counts and danced by motion beats{why}: {_some(without)}")
+        danced = "left out beside counted takes" if len(without) < len(counted) else "danced by motion beats"
+        notes.append(f"{_number(without)} without counts and {danced}{why}: {_some(without)}")
     return counted, tuple(notes)
 
 

@@ -20,6 +20,7 @@ from choreograph.blending.rendering import render
 from choreograph.characters import GltfCharacter, read_character
 from choreograph.config import DanceConfig
 from choreograph.constraints.kept import KeptDance, check_pins_in_gaps, kept_dance
+from choreograph.constraints.left_out import left_out_notes
 from choreograph.constraints.resolve import resolve
 from choreograph.constraints.spec import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
 from choreograph.engines import ENGINES, DanceRequest, check_settings, engine_name
@@ -301,7 +302,9 @@ def _danced(
             motion = render(result.plan, repertoire, report=substage(report, "rendering"))
     else:
         result, motion = fill(request, engine)
-    notes = (*notes, *(() if kept is None else kept.notes), *result.notes, *result.unmet)
+    left_out = left_out_notes(result.plan, repertoire, resolved, config)
+    kept_notes = () if kept is None else kept.notes
+    notes = (*notes, *kept_notes, *result.notes, *left_out, *result.unmet)
     return Dance(motion, result.plan, notes, song.path, result.unmet)
 
 

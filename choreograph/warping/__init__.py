@@ -9,13 +9,13 @@
 """
 
 from choreograph.timebase import MAX_SLOPE, MIN_SLOPE
-from choreograph.warping.count_grids import SongGrid, TakeGrids, steady_times_s
+from choreograph.warping.count_grids import FEWEST_COUNTS, SongGrid, TakeGrids, steady_times_s
 from choreograph.warping.count_maps import CountedClips
 from choreograph.warping.dtw import subsequence_dtw
 from choreograph.warping.segments import ClipBeats, Segments, warp_segments
 from choreograph.warping.time_maps import smooth_time_maps
 
 __all__ = [
-    "MAX_SLOPE", "MIN_SLOPE", "ClipBeats", "CountedClips", "Segments", "SongGrid", "TakeGrids",
-    "smooth_time_maps", "steady_times_s", "subsequence_dtw", "warp_segments",
+    "FEWEST_COUNTS", "MAX_SLOPE", "MIN_SLOPE", "ClipBeats", "CountedClips", "Segments", "SongGrid",
+    "TakeGrids", "smooth_time_maps", "steady_times_s", "subsequence_dtw", "warp_segments",
 ]  # fmt: skip

@@ -16,7 +16,7 @@ from choreograph.warping.micro_timing import accent_shifts_s
 
 Floats = NDArray[np.float64]
 
-_MIN_COUNTS = 4
+FEWEST_COUNTS = 4  # that a song or a take is danced by
 _STIFFNESS = 20.0  # of beat times against the third difference of the grid: jitter of 10 ms is evened out,
 _MAX_SHIFT_S = 0.03  # but no beat is moved further, however suddenly the tempo changes
 _PADDING = 64  # counts beyond both ends, at the period there,
@@ -61,7 +61,7 @@ class SongGrid:
     @classmethod
     def of(cls, counts: Counts, duration_s: float) -> SongGrid | None:
         """The grid of a song's beats; None if it has too few."""
-        if len(counts) < _MIN_COUNTS:
+        if len(counts) < FEWEST_COUNTS:
             return None
         times_s = steady_times_s(counts.times_s)
         first_s, last_s = _end_periods_s(times_s)
@@ -121,7 +121,7 @@ class TakeGrids:
         motion_beats_s: Sequence[Floats] | None = None,
     ) -> None:
         """The grids of takes by their counts, figures and motion beats, for micro-timing."""
-        self.counted = np.array([len(take) >= _MIN_COUNTS for take in counts], bool)  # (takes,)
+        self.counted = np.array([len(take) >= FEWEST_COUNTS for take in counts], bool)  # (takes,)
         parts = [
             _padded(take, _PADDING, _PADDING) if known else (np.zeros(1), np.zeros(1, np.int64))
             for take, known in zip(counts, self.counted, strict=True)

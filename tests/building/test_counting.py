@@ -95,7 +95,7 @@ def test_takes_and_notes(tmp_path):
     assert counted[0].take.counts.source == FROM_MUSIC
     assert notes == (
         "1 take is counted by the song's beats, which the motion keeps to: take0",
-        "2 takes are without counts and danced by motion beats: take1, take2",
+        "2 takes are without counts and left out beside counted takes: take1, take2",
     )
 
 
@@ -121,7 +121,7 @@ def test_takes_without_counts_are_read_from_their_motion_if_that_is_likely_to_be
         "1 take is counted by the motion, with 0.70 of the counts expected to be right: take0",
         "1 take is counted by the motion, but not surely: only 0.50 of the counts expected to be right: "
         "take1",
-        "2 takes are without counts and danced by motion beats, since counts read from the motion are "
+        "2 takes are without counts and left out beside counted takes, since counts read from the motion are "
         "too doubtful (0.42 to 0.70 of them expected to be right, doubt 0.10 to 0.40): take2, take3",
     )
 
