@@ -33,6 +33,7 @@ def build(
     rollout: bool = False,
     rollout_teacher: bool = BuildOptions.rollout_teacher,
     leave_out: Sequence[str] = (),
+    skip_bad: bool = False,
     lock_feet: bool = True,
     augment_mirror: bool = True,
     words: bool = True,
@@ -51,7 +52,7 @@ def build(
     sources : a folder or file of takes, or several
     output : the file to write; work in progress lies beside it in `OUTPUT.build/`
     preset, density, seed, device, beats, resume, keep_networks, compress, rollout, rollout_teacher,
-        leave_out, lock_feet, augment_mirror, words, pretrained, style_changes, density_changes,
+        leave_out, skip_bad, lock_feet, augment_mirror, words, pretrained, style_changes, density_changes,
         allow_outside, bone_map, method : as in `BuildOptions`; `choreograph.published.published_build` gives
         those of the method as published
     init_from : repertoire whose networks training starts from
@@ -62,7 +63,7 @@ def build(
     ------
     ChoreographError  another process builds the same file, or it cannot be written
     ParameterError    no take is left, two takes share a name, an unknown choice, an argument of another type
-    FormatError       a source is damaged
+    FormatError       a source is damaged; an `UnreadFilesError` names several damaged files
     RepertoireError   a repertoire to start from cannot be read
     """
     paths = as_list("sources", [sources] if isinstance(sources, str | Path) else sources, "paths", str | Path)
@@ -73,7 +74,7 @@ def build(
         init_from=None if init_from is None else as_path("init_from", init_from),
         pretrained=pretrained, keep_networks=keep_networks,
         compress=compress, rollout=rollout, rollout_teacher=rollout_teacher,
-        leave_out=as_texts("leave_out", leave_out),
+        leave_out=as_texts("leave_out", leave_out), skip_bad=skip_bad,
         lock_feet=lock_feet, augment_mirror=augment_mirror, words=words,
         style_changes={} if style_changes is None else style_changes,
         density_changes={} if density_changes is None else density_changes,

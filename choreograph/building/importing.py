@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from choreograph.arguments import unexpected
 from choreograph.blending.foot_locking import lock_feet
 from choreograph.building.options import BuildOptions
-from choreograph.errors import ParameterError
+from choreograph.errors import ChoreographError, ParameterError
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.importers import annotate_takes, import_takes, source_notes
+from choreograph.importers import (
+    Unread,
+    annotate_takes,
+    raise_errors,
+    read_source,
+    unit_in_notes,
+    unread_notes,
+)
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.bone_map import has_bones
 from choreograph.motion.despiking import without_jumps
@@ -24,22 +32,148 @@ from choreograph.repertoire.contents import MeasuredTake
 from choreograph.takes import Take
 from choreograph.timebase import CLIP_S, NET_FPS, STORE_FPS
 
+LEFT_OUT = "left out, as asked"
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """What a build finds in its sources, before it does anything to the takes."""
+
+    takes: list[Take]  # with what other sources know about them
+    left_out: list[Take]  # as the options ask
+    unread: list[tuple[Path, Unread]]  # source and file
+
+    def notes(self) -> tuple[str, ...]:
+        """Notes on takes, and on files of each source that gave none."""
+        notes = [f"{take.name}: {note}" for take in self.takes for note in take.notes]
+        for source in dict.fromkeys(source for source, _ in self.unread):
+            files = [file for of, file in self.unread if of == source]
+            notes += [f"{source}: {note}" for note in unread_notes(source, files)]
+        return tuple(notes)
+
 
 def measured_takes(
     sources: Iterable[str | Path], options: BuildOptions, report: ProgressReport | None
 ) -> tuple[list[MeasuredTake], tuple[str, ...]]:
     """All takes of the sources with their features, on one skeleton, and notes on what was unusual.
 
-    Raises `ParameterError` if no take is left or two share a name, `FormatError` if a source is damaged.
+    Raises `ParameterError` if no take is left or two share a name, `FormatError` if a source is damaged; not
+    for files and names that the options skip.
     """
-    takes, notes = _imported(sources, options, report)
+    imported = import_sources([Path(source) for source in sources], options, report)
+    check_takes(imported, options)
+    takes = [_without_jumps(take) for take in imported.takes]
+    notes = replace(imported, takes=takes).notes()
+    takes, skeleton_notes = _on_one_skeleton(takes)
+    notes = (*notes, *skeleton_notes)
     if options.lock_feet:
         takes = [replace(take, motion=lock_feet(take.motion)) for take in takes]
     measured = [measure_take(take) for take in takes]
-    short = [m.take.name for m in measured if len(m.body_pos_m) < CLIP_S * NET_FPS]
+    short = [m.take.name for m in measured if is_short(len(m.body_pos_m))]
     if short:
         notes = (*notes, f"{', '.join(short)}: shorter than {CLIP_S} s: no clip comes from there")
     return measured, notes
+
+
+def import_sources(sources: Sequence[Path], options: BuildOptions, report: ProgressReport | None) -> Imported:
+    """The takes of the sources and the files that gave none; of two takes of one name the second is unread.
+
+    Raises `ParameterError` if a source does not exist or has no known layout.
+    """
+    takes: list[Take] = []
+    left_out: list[Take] = []
+    unread: list[tuple[Path, Unread]] = []
+    names: set[str] = set()
+    for source in sources:
+        for found in read_source(source, allow_outside=options.allow_outside, bone_map=options.bone_map):
+            if isinstance(found, Unread):
+                is_left_out = found.path.stem in options.leave_out
+                unread.append((source, Unread(found.path, LEFT_OUT) if is_left_out else found))
+            elif found.name in options.leave_out:
+                left_out.append(found)
+            elif found.name in names:
+                unread.append((source, _namesake(found, source)))
+            else:
+                names.add(found.name)
+                takes.append(found)
+            if report is not None:
+                report("importing", len(takes), 0)
+    for source in sources:  # after all are read: any may know about takes of any other
+        try:
+            takes = annotate_takes(takes, source)
+        except ChoreographError as error:
+            unread.append((source, Unread.damaged(source, error)))
+    return Imported(takes, left_out, unread)
+
+
+def check_takes(imported: Imported, options: BuildOptions) -> None:
+    """Raise the error of a file that cannot be read, or one that lists several; not with `skip_bad`.
+
+    Raises `ParameterError` if there is no take, or none on a rig that a map of bones fits.
+    """
+    if not options.skip_bad:
+        raise_errors(
+            (file for _, file in imported.unread),
+            cure=" (--skip-bad, or skip_bad=True, builds from the others)",
+        )
+    if not imported.takes:
+        why = next((f"{file.path}: {file.why}" for _, file in imported.unread), "all left out?")
+        raise ParameterError(f"expected a take or more to build from, got none: {why}")
+    if options.bone_map:
+        check_map_fits(imported.takes, options.bone_map)
+
+
+class CheckedFile(NamedTuple):
+    """What a build would do with a file; "" where there is nothing to say."""
+
+    path: Path
+    rig: str  # the root joint, and how many joints there are
+    units: str  # of length, as they were found or the format states them
+    counts: str
+    length: str
+    happens: str  # read, left out, skipped or bad, and why
+    is_read: bool = False
+    is_bad: bool = False
+
+
+def checked_files(imported: Imported) -> list[CheckedFile]:
+    """A row for each take and each file that gave none, by path."""
+    rows = [_checked_take(take, "") for take in imported.takes]
+    rows += [_checked_take(take, LEFT_OUT) for take in imported.left_out]
+    for _, file in imported.unread:
+        is_bad = file.error is not None
+        happens = LEFT_OUT if file.why == LEFT_OUT else f"{'bad' if is_bad else 'skipped'}: {file.why}"
+        rows.append(CheckedFile(file.path, "", "", "", "", happens, is_bad=is_bad))
+    return sorted(rows, key=lambda row: row.path)
+
+
+def _checked_take(take: Take, left_out: str) -> CheckedFile:
+    motion = take.motion
+    song = f"to {take.song_path.name}" if take.song_path else "without music"
+    short = f", shorter than {CLIP_S} s: no clip" if is_short(motion.resampled(NET_FPS).n_frames) else ""
+    return CheckedFile(
+        path=take.source_paths[0] if take.source_paths else Path(take.name),
+        rig=f"{motion.skeleton.names[0][:24]}, {motion.skeleton.n_joints} joints",
+        units=unit_in_notes(take.notes) or "stated",
+        counts=f"{len(take.counts)}" if len(take.counts) else "none",
+        length=f"{motion.duration_s:.1f} s",
+        happens=left_out or f"read as {take.name}, {song}{short}",
+        is_read=not left_out,
+    )
+
+
+def is_short(n_frames: int) -> bool:
+    """Whether no clip comes from so many frames at 20 fps."""
+    return n_frames < CLIP_S * NET_FPS
+
+
+def _namesake(take: Take, source: Path) -> Unread:
+    """A take that has the name of another, as unread."""
+    error = ParameterError(
+        f"expected a name for each take, but two takes are called {take.name!r}: the sources overlap, or "
+        "need other names"
+    )
+    return Unread.damaged(take.source_paths[0] if take.source_paths else source, error)
 
 
 def measure_take(take: Take) -> MeasuredTake:
@@ -68,37 +202,11 @@ def check_map_fits(takes: Sequence[Take], bone_map: Mapping[str, str]) -> None:
         raise unexpected("a take whose rig has all bones of the map", lacking, "no joint has this name")
 
 
-def _imported(
-    sources: Iterable[str | Path], options: BuildOptions, report: ProgressReport | None
-) -> tuple[list[Take], tuple[str, ...]]:
-    """All takes on one skeleton, and notes."""
-    sources = list(sources)
-    takes: list[Take] = []
-    for source in sources:
-        for take in import_takes(source, allow_outside=options.allow_outside, bone_map=options.bone_map):
-            if take.name not in options.leave_out:
-                takes.append(_without_jumps(take))
-            if report is not None:
-                report("importing", len(takes), 0)
-    if not takes:
-        given = ", ".join(map(str, sources)) or "no source"
-        raise ParameterError(f"expected a take or more to build from, got none in {given}: all left out?")
-    if options.bone_map:
-        check_map_fits(takes, options.bone_map)
-    for source in sources:  # after all are read: any may know about takes of any other
-        takes = annotate_takes(takes, source)
-    names = [take.name for take in takes]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ParameterError(
-            f"expected a name for each take, but two takes are called {twice[0]!r}: the sources overlap, or "
-            "need other names"
-        )
-    notes = [f"{take.name}: {note}" for take in takes for note in take.notes]
-    notes += [f"{source}: {note}" for source in sources for note in source_notes(source)]
+def _on_one_skeleton(takes: list[Take]) -> tuple[list[Take], tuple[str, ...]]:
+    """The takes, retargeted to the canonical body unless they share a skeleton, and a note if so."""
     first = takes[0].motion.skeleton
     if all(take.motion.skeleton.same_as(first) for take in takes):
-        return takes, tuple(notes)
-    notes.append("the takes are on different skeletons: all are retargeted to the canonical body")
+        return takes, ()
     body = canonical_skeleton()
-    return [replace(take, motion=retarget(take.motion, body)) for take in takes], tuple(notes)
+    note = "the takes are on different skeletons: all are retargeted to the canonical body"
+    return [replace(take, motion=retarget(take.motion, body)) for take in takes], (note,)

@@ -48,6 +48,7 @@ class BuildOptions:
     rollout: bool = False  # train the rollout network, which takes as long as all others together
     rollout_teacher: bool = True  # the rollout network learns from graph dances, too
     leave_out: tuple[str, ...] = ()  # takes left out of everything, by name
+    skip_bad: bool = False  # build from the other takes where files cannot be read
     lock_feet: bool = True  # of takes, before anything is measured
     augment_mirror: bool = True  # train on mirrored motion, too
     words: bool = True  # find motion words and motifs; without, no word network is stored either

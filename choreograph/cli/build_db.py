@@ -9,10 +9,11 @@ import click
 from click_option_group import optgroup
 
 from choreograph.cli.options import Command, given_options, names_of
-from choreograph.cli.present import examples, say, show_notes, stages
+from choreograph.cli.present import examples, printable, say, show_notes, stages
 from choreograph.errors import ParameterError
 
 _FILE = click.Path(path_type=Path)
+_WIDEST = 60  # letters of a column of --check; longer cells push the next ones
 # By --published.
 _DECIDED = {
     "--augment-mirror", "--density", "--init-from", "--keep-networks", "--lock-feet", "--pretrained",
@@ -25,6 +26,7 @@ _DECIDED = {
     short_help="Build a repertoire from takes and their songs.",
     epilog=examples(
         "choreograph build-db takes/ -o rep.h5                      NAME.bvh with NAME.wav in one folder",
+        "choreograph build-db takes/ --check                        what would be read, and why not",
         "choreograph build-db takes/ -o rep.h5 --resume             continues a build that was stopped",
         "choreograph build-db dance-with-melody/ choreonet/ -o rep.h5   takes, counted by the other's lists",
         "choreograph build-db aist/motions -o rep.h5 --preset tiny  quick, to try it out",
@@ -33,7 +35,12 @@ _DECIDED = {
 )
 @click.argument("sources", nargs=-1, required=True, type=_FILE)
 @optgroup.group("Output")
-@optgroup.option("-o", "--output", required=True, type=_FILE, help="Repertoire to write.")
+@optgroup.option("-o", "--output", type=_FILE, help="Repertoire to write; required without --check.")
+@optgroup.option(
+    "--check", is_flag=True,
+    help="Build nothing: read the sources and print a row for each file with rig, units, counts, length, "
+    "and what a build does with it.",
+)  # fmt: skip
 @optgroup.option("--compress", is_flag=True, help="A third of the size: motion in 16 bits.")
 @optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes.")
 @optgroup.group("Takes")
@@ -42,6 +49,9 @@ _DECIDED = {
     multiple=True,
     metavar="TAKE",
     help="Leave out this take, or @FILE of names.",
+)
+@optgroup.option(
+    "--skip-bad", is_flag=True, help="Build from the others where files cannot be read, and note those."
 )
 @optgroup.option(
     "--lock-feet/--no-lock-feet", default=True, show_default=True,
@@ -101,16 +111,20 @@ _DECIDED = {
 @optgroup.option("--resume", is_flag=True, help="Continue from the checkpoints of a build that was stopped.")
 @optgroup.option("--device", default="auto", show_default=True, metavar="auto|cpu|cuda")
 @optgroup.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Seed.")
-def command(sources, output, quiet, leave_out, map_path, density, published, **options) -> None:
+def command(sources, output, check, quiet, leave_out, map_path, density, published, **options) -> None:
     """Build a repertoire from SOURCES: folders or files of recorded dances with their music.
 
-    Known layouts: a folder of NAME.bvh or NAME.c3d with NAME.wav|mp3|flac|ogg|m4a and an optional
-    manifest.csv; dance-with-melody; ChoreoNet, whose lists also count dance-with-melody's takes; AIST++;
-    AMASS. NAME.counts.csv beside NAME.bvh says where a take is counted: time_s,number,figure.
+    Known layouts, of which a folder may have several: NAME.bvh, .c3d, .glb, .npz or (with Blender) .fbx with
+    NAME.wav|mp3|flac|ogg|m4a and an optional manifest.csv; dance-with-melody; ChoreoNet, whose lists also
+    count dance-with-melody's takes; AIST++; AMASS. NAME.counts.csv beside NAME.bvh says where a take is
+    counted: time_s,number,figure.
     """
     import choreograph as cg
     from choreograph.motion.bone_map import read_bone_map
     from choreograph.published import published_build
+
+    if output is None and not check:
+        raise click.UsageError("Missing option '-o' / '--output'.")
 
     if density is not None:
         options["density"] = density
@@ -125,6 +139,9 @@ def command(sources, output, quiet, leave_out, map_path, density, published, **o
                 f"--published decides how networks are trained: leave out {', '.join(given)}"
             )
         options |= published_build(options["preset"])
+    if check:
+        _check(sources, options, quiet=quiet)
+        return
     try:
         with stages(quiet=quiet) as shown:
             built = cg.build(sources, output, report=shown.report, training_report=shown.training, **options)
@@ -134,3 +151,30 @@ def command(sources, output, quiet, leave_out, map_path, density, published, **o
     if not quiet:
         show_notes(built.notes)
         say(f"{output}: {len(built.repertoire.takes)} takes, {built.repertoire.n_clips} clips")
+
+
+def _check(sources, options, *, quiet: bool) -> None:
+    """Print a row for each file of the sources; an error if a build would be refused."""
+    from choreograph.building.importing import check_takes, checked_files, import_sources
+    from choreograph.building.options import BuildOptions
+
+    settings = BuildOptions(**options)
+    with stages(quiet=quiet) as shown:
+        imported = import_sources(sources, settings, shown.report)
+    files = checked_files(imported)
+    table = [("file", "rig", "units", "counts", "length", "what happens")]
+    table += [(_shown(f.path), f.rig, f.units, f.counts, f.length, f.happens) for f in files]
+    rows = [tuple(map(printable, row)) for row in table]
+    widths = [min(max(map(len, column)), _WIDEST) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = [f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)]
+        say("  ".join(cells).rstrip())
+    n_read, n_bad = sum(file.is_read for file in files), sum(file.is_bad for file in files)
+    say(f"{len(files)} rows: {n_read} read, {n_bad} bad, {len(files) - n_read - n_bad} not read")
+    check_takes(imported, settings)
+
+
+def _shown(path: Path) -> str:
+    """The path from the current folder, if it is there."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)

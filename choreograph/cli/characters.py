@@ -124,7 +124,7 @@ def character_of(path: Path, map_path: Path | None, save_map: Path | None) -> Gl
 def motion_of(path: Path, bone_map: Mapping[str, str] | None = None) -> Motion:
     """The motion of a file that holds one take, its notes printed; `ParameterError` for several takes."""
     from choreograph.building.importing import check_map_fits
-    from choreograph.importers import import_takes, source_notes
+    from choreograph.importers import import_takes
 
     if path.is_dir():
         raise ParameterError(f"{path}: expected a file with a motion, got a folder")
@@ -133,5 +133,5 @@ def motion_of(path: Path, bone_map: Mapping[str, str] | None = None) -> Motion:
         raise ParameterError(f"{path}: expected a file with one motion, got {len(takes)}")
     if bone_map:
         check_map_fits(takes, bone_map)
-    show_notes((*takes[0].notes, *source_notes(path)))
+    show_notes(takes[0].notes)
     return takes[0].motion

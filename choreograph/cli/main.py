@@ -45,7 +45,8 @@ class _Commands(click.Group):
             with _printable_usage():
                 return super().invoke(ctx)
         except ChoreographError as error:
-            say(f"choreograph: {' '.join(str(error).split())}", err=True)
+            for line in error.lines:
+                say(f"choreograph: {' '.join(line.split())}", err=True)
             sys.exit(2)
         except OSError as error:
             if error.errno != errno.ENAMETOOLONG:

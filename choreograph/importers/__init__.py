@@ -1,4 +1,4 @@
-"""Takes from files: `import_takes` detects the layout of a file or folder and reads it.
+"""Takes from files: `import_takes` detects the layouts of a file or folder and reads them.
 
 dance_with_melody   the dance-with-melody dataset
 choreonet           ChoreoNet: recordings with figures, and lists that count dance_with_melody's takes
@@ -9,14 +9,15 @@ bvh                 one BVH file
 c3d                 one C3D file
 gltf                one glTF file (.glb, .gltf, .vrma): each of its animations
 fbx                 one FBX file, by way of Blender
-folder              a folder of BVH, C3D or glTF files with songs and a manifest
+folder              a folder of BVH, C3D, glTF, NPZ or FBX files with songs
 
 An importer is a module with `LAYOUT` (one line: what it reads), `detect(path) -> bool` and
-`read(path) -> Iterable[Take]`; with `annotate(takes, path) -> list[Take]` if it also knows something about
-takes of other sources, and with `READS_BONE_MAP` and `read(path, bone_map)` if its rigs name their own bones.
-A new layout is one module here; `register` adds one from outside.
+`read(path) -> Iterable[Take | Unread]`; with `annotate(takes, path) -> list[Take]` if it also knows something
+about takes of other sources, and with `READS_BONE_MAP` and `read(path, bone_map)` if its rigs name their own
+bones. A new layout is one module here; `register` adds one from outside.
 
-Counts beside any take's motion, `NAME.counts.csv` next to NAME.bvh, are read with it.
+A folder may have several layouts: all are read. A `manifest.csv` in it says more of the takes of all of them
+(`_manifest`). Counts beside any take's motion, `NAME.counts.csv` next to NAME.bvh, are read with it.
 """
 
 from __future__ import annotations
@@ -30,9 +31,18 @@ from typing import Protocol
 
 import numpy as np
 
-from choreograph.errors import FormatError, ParameterError
+from choreograph.errors import ChoreographError, FormatError, ParameterError
 from choreograph.foreign_formats import foreign_format
+from choreograph.importers._axes_and_units import unit_in_notes
 from choreograph.importers._count_annotation import with_counts_beside
+from choreograph.importers._manifest import Manifest, read_manifest
+from choreograph.importers._unread import (
+    Unread,
+    named_source,
+    raise_errors,
+    unread_files,
+    unread_notes,
+)
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.bone_map import check_bone_map
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m
@@ -40,7 +50,10 @@ from choreograph.motion.motion import Motion
 from choreograph.takes import Take
 from choreograph.timebase import STORE_FPS
 
-__all__ = ["Importer", "annotate_takes", "import_takes", "register"]
+__all__ = [
+    "Importer", "Unread", "annotate_takes", "import_takes", "raise_errors", "read_source", "register",
+    "unit_in_notes", "unread_notes",
+]  # fmt: skip
 
 
 class Importer(Protocol):
@@ -51,8 +64,11 @@ class Importer(Protocol):
     def detect(self, path: Path) -> bool:
         """Whether `path` has this layout; fast, and never raises."""
 
-    def read(self, path: Path) -> Iterable[Take]:
-        """The takes in `path`, one by one, in a fixed order; a `FormatError` names the file."""
+    def read(self, path: Path) -> Iterable[Take | Unread]:
+        """The takes in `path`, one by one, in a fixed order, and files that gave none and why.
+
+        A `FormatError` names the file, and ends the takes of this layout.
+        """
 
 
 _BUILTIN = (
@@ -66,7 +82,7 @@ _BUILTIN = (
     "gltf",
     "fbx",
     "folder",
-)  # the first that detects its layout reads
+)  # of those that detect a file the first reads it; of a folder all read what they know
 _FLOOR_NOTE_M = 0.05
 _ACCELERATION_FPS = 30.0
 _MAX_ACCELERATION_M_S2 = 30.0  # 3 g; takes known to be correct have at most 21 m/s²
@@ -83,53 +99,92 @@ def import_takes(
 ) -> Iterator[Take]:
     """The takes in a file or folder, one by one, at 60 fps or their native rate if lower, floor at Y = 0.
 
-    A take that cannot be read is an error that names its file; none is skipped silently. A manifest may come
-    from a stranger: songs that it names outside of the folder are read only with `allow_outside`. `bone_map`
-    says which bone is which, canonical name to the rig's name, for the takes whose rig has all bones of it.
+    Takes that cannot be read are an error after the others, which names all their files; none is skipped
+    silently. A manifest may come from a stranger: songs that it names outside of the folder are read only
+    with `allow_outside`. `bone_map` says which bone is which, canonical name to the rig's name, for the takes
+    whose rig has all bones of it.
 
     Raises
     ------
     ParameterError   if `source` does not exist or has no known layout, or the map is none
     FormatError      if a file in it is damaged, its rig is no body, or a song is elsewhere
     """
-    source = _named_source(source)
+    unread = []
+    for found in read_source(source, allow_outside=allow_outside, bone_map=bone_map):
+        if isinstance(found, Take):
+            yield found
+        elif found.error is not None:
+            unread.append(found)
+    raise_errors(unread)
+
+
+def read_source(
+    source: str | Path, *, allow_outside: bool = False, bone_map: Mapping[str, str] | None = None
+) -> Iterator[Take | Unread]:
+    """The takes in a file or folder as `import_takes` gives them, and files that gave none and why.
+
+    Raises `ParameterError` if `source` does not exist or has no known layout, or the map is none.
+    """
+    source = named_source(source)
     if not source.exists():
         raise ParameterError(f"expected takes at {source}, got nothing: there is no such file or folder")
-    importer = _importer_of(source)
     check_bone_map(bone_map)
-    reads_map = bone_map and getattr(importer, "READS_BONE_MAP", False)
-    read: Callable[..., Iterable[Take]] = importer.read
-    for take in read(source, bone_map) if reads_map else read(source):
-        if importer not in _registered and not allow_outside:
-            _check_inside(take, source)
-        yield _as_stored(with_counts_beside(take))
+    importers = _importers_of(source)
+    manifest = read_manifest(source)
+    used: set[Path] = set()  # files that were read, or are said to be unread
+    names: set[str] = set()  # of all takes, read or not
+    for importer in importers:
+        for found in _found_by(importer, source, bone_map):
+            if isinstance(found, Take):
+                names.add(found.name)
+                used.update(found.source_paths)
+                found = _finished(found, source, manifest, allow_outside or importer in _registered)
+            elif found.path in used and found.path.is_file():  # damaged, and said so by another layout
+                continue
+            if isinstance(found, Unread):
+                names |= {found.path.stem, found.path.name}
+                used.add(found.path)
+            else:
+                used.update(found.source_paths)
+            yield found
+    yield from manifest.unused(names)
+    if source.is_dir() and not any(importer in _registered for importer in importers):
+        yield from unread_files(source, used)
 
 
 def annotate_takes(takes: Sequence[Take], source: str | Path) -> list[Take]:
     """The takes of all sources, with what `source` knows about them, such as counts of another's takes.
 
-    Raises as `import_takes` does.
+    Raises `ParameterError` if it has no known layout, `FormatError` if it is damaged.
     """
-    source = _named_source(source)
-    annotate = getattr(_importer_of(source), "annotate", None)
-    return list(takes) if annotate is None else annotate(takes, source)
+    source = named_source(source)
+    for importer in _importers_of(source):
+        annotate = getattr(importer, "annotate", None)
+        takes = takes if annotate is None else annotate(takes, source)
+    return list(takes)
 
 
-def source_notes(source: str | Path) -> tuple[str, ...]:
-    """What a source holds that looks like motion or music and is not read, a line for each reason.
+def _found_by(
+    importer: Importer, source: Path, bone_map: Mapping[str, str] | None
+) -> Iterator[Take | Unread]:
+    """What an importer reads; an error that ends it is of the whole source."""
+    reads_map = bone_map and getattr(importer, "READS_BONE_MAP", False)
+    read: Callable[..., Iterable[Take | Unread]] = importer.read
+    try:
+        yield from read(source, bone_map) if reads_map else read(source)
+    except ChoreographError as error:
+        yield Unread.damaged(source, error)
 
-    Raises as `import_takes` does if `source` has no known layout.
-    """
-    source = _named_source(source)
-    notes = getattr(_importer_of(source), "notes", None)
-    return () if notes is None else notes(source)
 
-
-def _named_source(source: str | Path) -> Path:
-    """The source by a path that ends in its own name, which some layouts read; "." and links do not."""
-    path = Path(source)
-    real = path.resolve()
-    return real if path.is_dir() and path.name != real.name else path
+def _finished(take: Take, source: Path, manifest: Manifest, allow_outside: bool) -> Take | Unread:
+    """The take with what stands beside it, as it is stored."""
+    try:
+        take = manifest.applied(take)
+        if not allow_outside:
+            _check_inside(take, source)
+        return _as_stored(with_counts_beside(take))
+    except ChoreographError as error:
+        return Unread.damaged(take.source_paths[0] if take.source_paths else source, error)
 
 
 def _check_inside(take: Take, source: Path) -> None:
@@ -170,14 +225,18 @@ def _pelvis_acceleration_m_s2(motion: Motion) -> float:
     )
 
 
-def _importer_of(source: Path) -> Importer:
-    importers = [*_registered, *(import_module(f"{__name__}.{name}") for name in _BUILTIN)]
-    for importer in importers:
+def _importers_of(source: Path) -> list[Importer]:
+    """The importers that read a file or folder: an added one alone, else all built-in ones of a folder."""
+    builtin: list[Importer] = [import_module(f"{__name__}.{name}") for name in _BUILTIN]
+    for importer in _registered:
         if importer.detect(source):
-            return importer
+            return [importer]
+    found = [importer for importer in builtin if importer.detect(source)]
+    if found:
+        return found if source.is_dir() else found[:1]
     if source.is_dir() and not any(source.iterdir()):
         raise ParameterError(f"expected takes at {source}, got nothing: the folder is empty")
-    layouts = "; ".join(importer.LAYOUT for importer in importers)
+    layouts = "; ".join(importer.LAYOUT for importer in [*_registered, *builtin])
     foreign = foreign_format(source)
     if foreign is not None:
         raise ParameterError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ _UNITS_M = {
     "CMU units (0.45 of an inch)": 0.0254 / 0.45,
     "feet": 0.3048,
 }
+_READ_AS, _NO_UNIT = "read as ", "matches no known unit"
 _LEG_OF_HEIGHT = 0.46  # hip to ankle over body height, average adult
 
 _HALF = float(np.sqrt(0.5))
@@ -70,9 +71,19 @@ def unit_m(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[float, str]:
         raise FormatError("all joints are in the same place: the skeleton has no bone lengths")
     for name, metres in _UNITS_M.items():
         if _PLAUSIBLE_HEIGHT_M[0] <= height * metres <= _PLAUSIBLE_HEIGHT_M[1]:
-            return metres, f"read as {name}, which makes the body {height * metres:.2f} m tall"
+            return metres, f"{_READ_AS}{name}, which makes the body {height * metres:.2f} m tall"
     metres = _BODY_HEIGHT_M / height
-    return metres, f"a body {height:.4g} units tall matches no known unit: scaled to {_BODY_HEIGHT_M:.2f} m"
+    return metres, f"a body {height:.4g} units tall {_NO_UNIT}: scaled to {_BODY_HEIGHT_M:.2f} m"
+
+
+def unit_in_notes(notes: Iterable[str]) -> str:
+    """The unit that `unit_m` noted; "" if none of `notes` is its own."""
+    for note in notes:
+        if note.startswith(_READ_AS):
+            return note.removeprefix(_READ_AS).partition(",")[0]
+        if _NO_UNIT in note:
+            return "unknown"
+    return ""
 
 
 def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDArray[np.float64], str]:

@@ -6,7 +6,8 @@ Also one of these files alone, and the same arrays as NPZ.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,8 @@ from choreograph.files import read_text
 from choreograph.importers._axes_and_units import rotation_to_y_up
 from choreograph.importers._pickles import load_arrays
 from choreograph.importers._smpl import rotated_world, smpl_motion
-from choreograph.importers.folder import song_beside
+from choreograph.importers._unread import Unread, attempted
+from choreograph.importers.folder import SongsByName
 from choreograph.importers.npz import array_names
 from choreograph.importers.npz import load_arrays as npz_arrays
 from choreograph.motion.motion import Motion
@@ -43,27 +45,33 @@ def detect(path: Path) -> bool:
     return any((path / "motions").glob("*.pkl"))
 
 
-def read(path: Path) -> Iterator[Take]:
+def read(path: Path) -> Iterator[Take | Unread]:
     """The takes by name, without those in `ignore_list.txt` (badly reconstructed according to AIST++)."""
     if path.is_file():
-        yield _take(path.parent, path)
+        yield attempted(partial(_take, _songs_in(path.parent)), path)
         return
     ignored = set()
     if (path / "ignore_list.txt").is_file():
         ignored = set(read_text(path / "ignore_list.txt", "a list of takes", fallback="latin-1").split())
-    for file in sorted((path / "motions").glob("*.pkl")):
-        if file.stem not in ignored:
-            yield _take(path, file)
+    songs = _songs_in(path)
+    for file in sorted((path / "motions").glob("[!.]*.pkl")):
+        if file.stem in ignored:
+            yield Unread(file, "in ignore_list.txt")
+        else:
+            yield attempted(partial(_take, songs), file)
 
 
-def _take(source: Path, file: Path) -> Take:
+def _songs_in(path: Path) -> list[SongsByName]:
+    return [SongsByName.in_folder(path / folder) for folder in ("music", "wav", "audio")]
+
+
+def _take(songs: Sequence[SongsByName], file: Path) -> Take:
     motion, notes = _motion(file)
     named = _NAME.fullmatch(file.stem)
     if named is None:
         notes += ("the file name does not state genre, performer and music",)
     parts = named.groupdict() if named else {"genre": "", "performer": "", "song": ""}
-    songs = (song_beside(source / folder, parts["song"]) for folder in ("music", "wav", "audio"))
-    song = next((song for song in songs if song), None)
+    song = next(filter(None, (folder.of(parts["song"]) for folder in songs)), None)
     return Take(
         name=file.stem,
         motion=motion,

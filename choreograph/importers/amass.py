@@ -6,6 +6,7 @@ Other data sets use the same keys with Y up, which shows in where the body stand
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from choreograph.errors import FormatError
 from choreograph.importers._axes_and_units import UP_AXIS_MARGIN, Z_UP_TO_Y_UP, known_roles, upward
 from choreograph.importers._smpl import rotated_world, smpl_motion
+from choreograph.importers._unread import Unread, attempted
 from choreograph.importers.npz import array_names, load_arrays
 from choreograph.motion.motion import Motion
 from choreograph.takes import Credits, Take
@@ -25,20 +27,25 @@ def detect(path: Path) -> bool:
     """Whether `path` is an AMASS file or a folder tree with one."""
     if path.is_file():
         return path.suffix.lower() == ".npz" and _is_motion(path)
-    return any(_is_motion(file) for file in path.rglob("*.npz"))
+    return any(_is_motion(file) for file in _files(path))
 
 
-def read(path: Path) -> Iterator[Take]:
-    """Takes without music, by path; files without poses, such as body shapes, are skipped.
+def read(path: Path) -> Iterator[Take | Unread]:
+    """Takes without music, by path; files without poses, such as body shapes, are not read.
 
     A file's folder is the performer; the folder above it is the data set, the source.
     """
-    files = [path] if path.is_file() else sorted(path.rglob("*.npz"))
-    for file in files:
+    for file in [path] if path.is_file() else _files(path):
         if _is_motion(file):
-            yield _take(file, path)
+            yield attempted(partial(_take, path), file)
         elif not array_names(file):
-            raise FormatError(f"{file}: not a valid NPZ file: damaged, cut off, or another format")
+            error = FormatError(f"{file}: not a valid NPZ file: damaged, cut off, or another format")
+            yield Unread.damaged(file, error)
+
+
+def _files(folder: Path) -> list[Path]:
+    # Hidden files come from other programs, such as macOS's "._NAME.npz".
+    return sorted(folder.rglob("[!.]*.npz"))
 
 
 def _is_motion(file: Path) -> bool:
@@ -46,7 +53,7 @@ def _is_motion(file: Path) -> bool:
     return {"poses", "trans"} <= names and not names.isdisjoint(_RATE_KEYS)
 
 
-def _take(file: Path, source: Path) -> Take:
+def _take(source: Path, file: Path) -> Take:
     names = array_names(file)
     rate_key = next(key for key in _RATE_KEYS if key in names)
     arrays = load_arrays(file, ("poses", "trans", rate_key))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 
 from choreograph.errors import FormatError, ParameterError
 from choreograph.importers._c3d_markers import Markers, read_markers
+from choreograph.importers._unread import Unread, attempted
 from choreograph.motion.floor import estimate_floor_m
 from choreograph.motion.joint_centres import joint_centres
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
@@ -36,35 +39,46 @@ def is_c3d(path: Path) -> bool:
     return path.suffix.lower() == ".c3d" and not path.name.startswith(".")
 
 
-def read(path: Path) -> Iterator[Take]:
+def read(path: Path) -> Iterator[Take | Unread]:
     """The file as a take without music, named after it."""
-    ((motion, notes),) = read_c3d_files([path])
+    (found,) = read_c3d_files([path])
+    if isinstance(found, Unread):
+        yield found
+        return
+    motion, notes = found
     yield Take(path.stem, motion, Credits(source=path.name), source_paths=(path,), notes=notes)
 
 
-def read_c3d_files(paths: Sequence[Path]) -> list[tuple[Motion, tuple[str, ...]]]:
+def read_c3d_files(paths: Sequence[Path]) -> list[tuple[Motion, tuple[str, ...]] | Unread]:
     """The motions of C3D files and notes on each, all on one skeleton, the mean of all frames.
 
     Recordings are scaled to its size first: of one dancer that changes little, of several it keeps their
-    feet from sliding. Raises `FormatError` if a file is damaged or lacks a marker.
+    feet from sliding. A file that is damaged or lacks a marker is unread.
     """
-    recordings = [read_markers(path) for path in paths]
-    centres = [_centres(path, markers) for path, markers in zip(paths, recordings, strict=True)]
-    roles = centres[0][1]  # the same for all
-    skeleton = measure_skeleton(np.concatenate([pos_m for pos_m, _ in centres]), roles)
-    fitted = []
-    for path, (pos_m, _), markers in zip(paths, centres, recordings, strict=True):
-        try:
-            fitted.append(_fitted(skeleton, pos_m, roles, markers))
-        except (ValueError, np.linalg.LinAlgError):  # axes of a body whose joints are in one place
-            raise FormatError(
-                f"{path}: expected markers on a body, got some in one place: damaged?"
-            ) from None
-    return fitted
+    recordings = [attempted(_recording, path) for path in paths]
+    read = [recording for recording in recordings if not isinstance(recording, Unread)]
+    if not read:
+        return [recording for recording in recordings if isinstance(recording, Unread)]
+    roles = read[0].roles  # the same for all
+    skeleton = measure_skeleton(np.concatenate([recording.pos_m for recording in read]), roles)
+    return [
+        recording if isinstance(recording, Unread) else attempted(partial(_fitted, skeleton, recording), path)
+        for path, recording in zip(paths, recordings, strict=True)
+    ]
 
 
-def _centres(path: Path, markers: Markers) -> tuple[Floats, tuple[str, ...]]:
-    """The joints of one recording, in metres, and their names."""
+@dataclass(frozen=True, eq=False)
+class _Recording:
+    """Markers, and the joints between them."""
+
+    markers: Markers
+    pos_m: Floats  # (T, R, 3)
+    roles: tuple[str, ...]  # R of them
+
+
+def _recording(path: Path) -> _Recording:
+    """One file; `FormatError` if it is damaged or lacks a marker."""
+    markers = read_markers(path)
     try:
         check_length(markers.n_frames, len(markers.pos_m), markers.fps)
         pos_m, roles = joint_centres(markers.pos_m)
@@ -75,10 +89,17 @@ def _centres(path: Path, markers: Markers) -> tuple[Floats, tuple[str, ...]]:
         raise FormatError(
             f"{path}: expected markers of a body, got one {height_m:.3g} m tall: is the unit right?"
         )
-    return pos_m, roles
+    return _Recording(markers, pos_m, roles)
 
 
-def _fitted(
+def _fitted(skeleton: Skeleton, recording: _Recording, path: Path) -> tuple[Motion, tuple[str, ...]]:
+    try:
+        return _on_skeleton(skeleton, recording.pos_m, recording.roles, recording.markers)
+    except (ValueError, np.linalg.LinAlgError):  # axes of a body whose joints are in one place
+        raise FormatError(f"{path}: expected markers on a body, got some in one place: damaged?") from None
+
+
+def _on_skeleton(
     skeleton: Skeleton, pos_m: Floats, roles: tuple[str, ...], markers: Markers
 ) -> tuple[Motion, tuple[str, ...]]:
     ratio = size_ratio(measure_skeleton(pos_m, roles), skeleton)

@@ -25,6 +25,7 @@ from choreograph.importers._figure_lists import (
     read_choreographies,
     read_recorded_figures,
 )
+from choreograph.importers._unread import Unread
 from choreograph.importers.c3d import is_c3d, read_c3d_files
 from choreograph.takes import Credits, Take
 
@@ -49,10 +50,10 @@ def detect(path: Path) -> bool:
     )
 
 
-def read(path: Path) -> Iterator[Take]:
+def read(path: Path) -> Iterator[Take | Unread]:
     """The recordings by name, on one skeleton; those without figures are takes without counts.
 
-    Raises `FormatError` if a recording or a list is damaged.
+    Raises `FormatError` if the list of figures is damaged.
     """
     folder = path / "c3d"
     files = sorted(file for file in folder.iterdir() if is_c3d(file)) if folder.is_dir() else []
@@ -63,7 +64,11 @@ def read(path: Path) -> Iterator[Take]:
         for row in read_recorded_figures(path / _FIGURES):
             if is_figure(row.name):
                 rows[row.recording].append(row)
-    for file, (motion, notes) in zip(files, read_c3d_files(files), strict=True):
+    for file, found in zip(files, read_c3d_files(files), strict=True):
+        if isinstance(found, Unread):
+            yield found
+            continue
+        motion, notes = found
         named = sorted(rows[file.stem], key=lambda row: row.start_frame)
         genre = GENRES.get(named[0].name[:1], "") if named else ""
         counts, figures, wrong = _counted(named, motion.fps, genre, motion.duration_s)

@@ -11,7 +11,9 @@ line for five frames, which makes corners that no body can dance: there we bridg
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ from numpy.typing import NDArray
 
 from choreograph.errors import FormatError
 from choreograph.files import read_json
+from choreograph.importers._unread import Unread, attempted
 from choreograph.motion.bridging import Span, bridged, bridged_rotations
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m, track_floor_m
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
@@ -36,7 +39,7 @@ from choreograph.takes import Credits, Take
 
 Floats = NDArray[np.float64]
 
-LAYOUT = "dance-with-melody: a folder of DANCE_<G>_<n>, or one of them"
+LAYOUT = "dance-with-melody: a folder of DANCE_<G>_<n> with skeletons.json, or one of them"
 _FOLDER = re.compile(r"DANCE_([A-Z])_(\d+)")
 _GENRES = {"C": "cha-cha", "R": "rumba", "T": "tango", "W": "waltz"}
 _SOURCE = "Tang, Jia, Mao 2018, Dance with Melody"
@@ -64,23 +67,25 @@ def detect(path: Path) -> bool:
     return bool(_folders(path))
 
 
-def read(path: Path) -> list[Take]:
-    """All takes under `path` (or the one), on one skeleton, feet on y = 0; songs without motion are skipped.
-
-    Raises `FormatError` if a file does not have the dataset's layout.
-    """
-    folders = [folder for folder in _folders(path) if (folder / "skeletons.json").is_file()]
-    if not folders:
-        raise FormatError(
-            f"{path}: expected a skeletons.json in some DANCE_<G>_<n> folder, got songs without motion"
-        )
-    points = {folder: read_points_m(folder / "skeletons.json") for folder in folders}
+def read(path: Path) -> Iterator[Take | Unread]:
+    """All takes under `path` (or the one), on one skeleton, feet on y = 0; songs alone are no takes."""
+    found = {folder: attempted(_points_of, folder) for folder in _folders(path)}
+    points = {folder: pos_m for folder, pos_m in found.items() if not isinstance(pos_m, Unread)}
+    yield from (unread for unread in found.values() if isinstance(unread, Unread))
+    if not points:
+        return
     joins = {folder: straight_spans(pos_m) for folder, pos_m in points.items()}
     points = {folder: without_spikes(pos_m) for folder, pos_m in points.items()}
     all_points = np.concatenate(list(points.values()))  # (sum of T, 22, 3)
     bodies = cluster_bodies(all_points, ROLES, min(N_BODIES, len(all_points)))
     skeleton = measure_skeleton(all_points, ROLES)
-    return [_take(folder, pos_m, joins[folder], skeleton, bodies) for folder, pos_m in points.items()]
+    for folder, pos_m in points.items():
+        take = partial(_take, pos_m=pos_m, joins=joins[folder], skeleton=skeleton, bodies=bodies)
+        yield attempted(take, folder)
+
+
+def _points_of(folder: Path) -> Floats:
+    return read_points_m(folder / "skeletons.json")
 
 
 def read_points_m(path: Path) -> Floats:
@@ -129,12 +134,8 @@ def straight_spans(pos_m: Floats) -> list[Span]:
 def _folders(path: Path) -> list[Path]:
     if not path.is_dir():
         return []
-    candidates = [path, *path.iterdir()]
-    found = [
-        p
-        for p in candidates
-        if _FOLDER.fullmatch(p.name) and ((p / "skeletons.json").is_file() or (p / "audio.mp3").is_file())
-    ]
+    named = [folder for folder in (path, *path.iterdir()) if _FOLDER.fullmatch(folder.name)]
+    found = [folder for folder in named if (folder / "skeletons.json").is_file()]
     return sorted(found, key=lambda folder: folder.name)
 
 

@@ -13,7 +13,7 @@ from choreograph.building.segmentation import segment_takes
 from choreograph.errors import ParameterError
 from choreograph.files import as_path
 from choreograph.importers import import_takes
-from choreograph.importers.folder import song_beside
+from choreograph.importers.folder import SongsByName
 from choreograph.motifs.signatures import signature
 from choreograph.motion.retargeting import retarget
 from choreograph.pipeline.arguments import as_repertoire
@@ -63,7 +63,7 @@ def _only_take(path: Path) -> Take:
     if len(takes) != 1:
         raise ParameterError(f"{path}: expected one take to dance again, got {len(takes)}")
     take = takes[0]
-    song = take.song_path or song_beside(path.parent, path.stem)
+    song = take.song_path or SongsByName.in_folder(path.parent).of(path.stem)
     return replace(take, song_path=song)
 
 

@@ -35,7 +35,7 @@ from choreograph.evaluation.study_files import KEY_NAME, read_key, read_ratings
 from choreograph.exporters import save_motion
 from choreograph.features.beat_files import read_beats
 from choreograph.gltf import read_gltf, read_rig
-from choreograph.importers import annotate_takes, import_takes, source_notes
+from choreograph.importers import annotate_takes, import_takes
 from choreograph.importers._figure_lists import read_choreographies
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import find_bones, read_bone_map
@@ -70,7 +70,6 @@ def _takes(path: Path) -> None:
     """What `build-db` does with a source before it measures anything."""
     takes = annotate_takes(list(import_takes(path)), path)
     assert takes
-    source_notes(path)
 
 
 def _motions(folder: Path) -> Iterator[Target]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from choreograph.errors import FormatError
-from choreograph.importers import dance_with_melody
+from choreograph.importers import dance_with_melody, import_takes
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
@@ -39,7 +39,7 @@ def _write(folder: Path, **changes) -> Path:
 )
 def test_damaged_files_end_in_one_line(tmp_path, changes, words):
     with pytest.raises(FormatError, match=words) as caught:
-        dance_with_melody.read(_write(tmp_path / "DANCE_C_9", **changes))
+        list(import_takes(_write(tmp_path / "DANCE_C_9", **changes)))
     assert "\n" not in str(caught.value)
 
 
@@ -47,7 +47,7 @@ def test_not_json(tmp_path):
     folder = _write(tmp_path / "DANCE_W_9")
     (folder / "skeletons.json").write_text("{")
     with pytest.raises(FormatError, match="JSON"):
-        dance_with_melody.read(tmp_path)
+        list(import_takes(tmp_path))
 
 
 def test_other_folders_are_not_detected(tmp_path):
@@ -136,7 +136,7 @@ def test_a_real_take_fits_and_stands_on_the_floor():
 def test_real_takes_of_two_bodies_fit_their_markers_on_one_skeleton(tmp_path):
     for name in ("DANCE_C_2", "DANCE_C_6", "DANCE_W_5"):  # the hardest by body, by jumps, by splices
         (tmp_path / name).symlink_to(DATA / name)
-    takes = dance_with_melody.read(tmp_path)
+    takes = list(dance_with_melody.read(tmp_path))
     points = [dance_with_melody.read_points_m(DATA / take.name / "skeletons.json") for take in takes]
     bodies = cluster_bodies(np.concatenate(points), dance_with_melody.ROLES, dance_with_melody.N_BODIES)
     for take, pos_m in zip(takes, points, strict=True):

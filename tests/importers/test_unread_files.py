@@ -11,7 +11,13 @@ from synthetic_repertoire import write_clicks
 
 from choreograph.audio.song import load_song
 from choreograph.exporters import save_motion
-from choreograph.importers import import_takes, source_notes
+from choreograph.fbx.conversion import VARIABLE
+from choreograph.importers import Unread, import_takes, read_source, unread_notes
+
+
+def source_notes(folder):
+    """The notes on the files of a folder that gave no take."""
+    return unread_notes(folder, [found for found in read_source(folder) if isinstance(found, Unread)])
 
 
 def write_video(path, *, sound: bool) -> None:
@@ -41,7 +47,8 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_mixed_folder_lists_what_it_skipped_and_why(folder):
+def test_a_mixed_folder_lists_what_it_skipped_and_why(folder, monkeypatch):
+    monkeypatch.setenv(VARIABLE, str(folder / "nothing"))  # no Blender
     for name in ("b.vmd", "c.vmd", "d.fbx", "e.usdz", "f.mp3", "readme.txt", ".a.bvh"):
         (folder / name).write_bytes(b"x")
     (folder / "more").mkdir()
