@@ -1,7 +1,7 @@
 """Tables of text: CSV as this program, spreadsheets and people write it.
 
 Cells are separated by commas, semicolons or tabs, whichever the header has most of. Column names may be in
-capitals. Blank rows, empty columns at the right and a first line `sep=;` are passed over. The text is UTF-8
+capitals. Blank rows, blank columns without a name and a first line `sep=;` are passed over. The text is UTF-8
 or UTF-16; what is neither is read as Windows-1252, which spreadsheets write. Numbers may have a decimal
 comma.
 """
@@ -12,9 +12,10 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -32,16 +33,25 @@ class Row:
 
     where: str  # file and line, for errors
     cells: dict[str, str]  # column -> cell, without the spaces around it
+    error: FormatError | None = None  # on other cells than the columns'
 
 
 def read_table(
-    path: Path, what: str, *, required: Collection[str], optional: Collection[str] | None = None
+    path: Path,
+    what: str,
+    *,
+    required: Collection[str],
+    optional: Collection[str] | None = None,
+    other_names: Mapping[str, str] = MappingProxyType({}),
+    keep_wrong: bool = False,
 ) -> list[Row]:
-    """The rows of a table that are not blank, each with a cell for every column.
+    """The rows of a table that are not blank, each with a cell for every column that has a name.
 
-    Without `optional`, other columns may have any name. Raises `FormatError` as `read_text` does, and if a
-    required column is missing, another is there twice or not among `optional`, or a row has more or fewer
-    cells than the header.
+    Without `optional`, other columns may have any name. `other_names` of columns are read as theirs.
+
+    Raises `FormatError` as `read_text` does, and if a required column is missing, another is there twice or
+    not among `optional`, or a row has more or fewer cells than the header. Such rows have `error` instead if
+    they are kept.
     """
     text = read_text(path, what, fallback="cp1252", max_bytes=MAX_TABLE_BYTES)
     text = text.replace("\0", "").replace("\r\n", "\n").replace("\r", "\n")  # the csv module fails on NUL
@@ -49,14 +59,16 @@ def read_table(
     states_separator = len(first) == len("sep=;") and first.lower().startswith("sep=")
     separator = first[-1] if states_separator else max(_SEPARATORS, key=first.count)
     lines = _lines(path, what, text, separator)[int(states_separator) :]
-    columns = ["_".join(name.lower().split()) for name in lines[0][1]] if lines else []
+    columns = ["_".join(re.split(r"[\s_-]+", name.lower())) for name in lines[0][1]] if lines else []
+    columns = [other_names.get(name, name) for name in columns]
     while columns and not columns[-1]:
         columns.pop()
-    _check_columns(path, what, columns, required, optional)
-    return [
-        Row(f"{path}, line {line}", _cells(f"{path}, line {line}", columns, cells))
-        for line, cells in lines[1:]
-    ]
+    _check_columns(path, what, [name for name in columns if name], required, optional)
+    rows = [_row(f"{path}, line {line}", columns, cells) for line, cells in lines[1:]]
+    for row in rows:
+        if row.error is not None and not keep_wrong:
+            raise row.error
+    return rows
 
 
 def as_number(cell: str) -> float:
@@ -89,9 +101,14 @@ def _check_columns(
         raise FormatError(f"{path}: expected {what} with the header {known}, got {wrong[0]}")
 
 
-def _cells(where: str, columns: list[str], cells: list[str]) -> dict[str, str]:
-    if len(cells) < len(columns) or any(cells[len(columns) :]):
-        raise FormatError(
+def _row(where: str, columns: list[str], cells: list[str]) -> Row:
+    named = {column: cell for column, cell in zip(columns, cells, strict=False) if column}
+    nameless = [cell for column, cell in zip(columns, cells, strict=False) if cell and not column]
+    error = None
+    if nameless:
+        error = FormatError(f"{where}: expected a name of the column of {nameless[0][:_SHOWN]!r}, got ''")
+    elif len(cells) < len(columns) or any(cells[len(columns) :]):
+        error = FormatError(
             f"{where}: expected {len(columns)} cells, got {len(cells)}: a cell with a separator needs quotes"
         )
-    return dict(zip(columns, cells, strict=False))
+    return Row(where, named, error)

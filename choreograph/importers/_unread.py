@@ -108,7 +108,7 @@ def _why_unread(path: Path, *, is_below: bool) -> str:
     if path.name.lower().endswith(COUNTS_SUFFIX):
         return "counts without a motion of their name"
     if suffix == ".pkl" and not is_below:
-        return "pickles are read from the folder motions/ of AIST++ alone"
+        return "pickles of AIST++ are read from its folder motions/, or given by themselves"
     if path.stem.lower() == "manifest" and suffix in _MANIFESTS and not is_below:
         return "expected manifest.csv: save the table as CSV under that name"
     return ""

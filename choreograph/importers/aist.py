@@ -42,7 +42,7 @@ def detect(path: Path) -> bool:
     if path.is_file():
         suffix = path.suffix.lower()
         return suffix == ".pkl" or (suffix == ".npz" and array_names(path).issuperset(_KEYS))
-    return any((path / "motions").glob("*.pkl"))
+    return any((path / "motions").glob("[!.]*.pkl"))
 
 
 def read(path: Path) -> Iterator[Take | Unread]:
