@@ -79,8 +79,9 @@ def unit_m(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[float, str]:
 def unit_in_notes(notes: Iterable[str]) -> str:
     """The unit that `unit_m` noted; "" if none of `notes` is its own."""
     for note in notes:
-        if note.startswith(_READ_AS):
-            return note.removeprefix(_READ_AS).partition(",")[0]
+        unit = note.removeprefix(_READ_AS).partition(",")[0]
+        if unit in _UNITS_M:
+            return unit
         if _NO_UNIT in note:
             return "unknown"
     return ""

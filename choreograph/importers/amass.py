@@ -50,7 +50,8 @@ def _files(folder: Path) -> list[Path]:
 
 def _is_motion(file: Path) -> bool:
     names = array_names(file)
-    return {"poses", "trans"} <= names and not names.isdisjoint(_RATE_KEYS)
+    is_ours = "root_pos_m" in names  # this program writes the same arrays beside its own
+    return {"poses", "trans"} <= names and not names.isdisjoint(_RATE_KEYS) and not is_ours
 
 
 def _take(source: Path, file: Path) -> Take:

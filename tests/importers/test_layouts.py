@@ -178,6 +178,7 @@ def test_an_npz_of_this_program_is_a_take(tmp_path):
     save_motion(tmp_path / "a.npz", MOTION)
     (take,) = import_takes(tmp_path / "a.npz")
     assert_same_poses(take.motion)
+    assert take.motion.skeleton.same_as(MOTION.skeleton) and take.credits.source == "a.npz"
 
 
 @pytest.mark.parametrize("protocol", [0, 2, 4, 5])
