@@ -42,6 +42,7 @@ class Imported:
     takes: list[Take]  # with what other sources know about them
     left_out: list[Take]  # as the options ask
     unread: list[tuple[Path, Unread]]  # source and file
+    not_found: list[str]  # names to leave out that nothing has
 
     def notes(self) -> tuple[str, ...]:
         """Notes on takes, and on files of each source that gave none."""
@@ -49,6 +50,8 @@ class Imported:
         for source in dict.fromkeys(source for source, _ in self.unread):
             files = [file for of, file in self.unread if of == source]
             notes += [f"{source}: {note}" for note in unread_notes(source, files)]
+        if self.not_found:
+            notes.append(f"no take to leave out is called {' or '.join(map(repr, self.not_found))}")
         return tuple(notes)
 
 
@@ -84,12 +87,16 @@ def import_sources(sources: Sequence[Path], options: BuildOptions, report: Progr
     left_out: list[Take] = []
     unread: list[tuple[Path, Unread]] = []
     names: set[str] = set()
+    excluded, found_excluded = set(options.leave_out), set()
     for source in sources:
         for found in read_source(source, allow_outside=options.allow_outside, bone_map=options.bone_map):
             if isinstance(found, Unread):
-                is_left_out = found.path.stem in options.leave_out
-                unread.append((source, Unread(found.path, LEFT_OUT) if is_left_out else found))
-            elif found.name in options.leave_out:
+                if found.path.stem in excluded:
+                    found_excluded.add(found.path.stem)
+                    found = Unread(found.path, LEFT_OUT)
+                unread.append((source, found))
+            elif found.name in excluded:
+                found_excluded.add(found.name)
                 left_out.append(found)
             elif found.name in names:
                 unread.append((source, _namesake(found, source)))
@@ -103,7 +110,7 @@ def import_sources(sources: Sequence[Path], options: BuildOptions, report: Progr
             takes = annotate_takes(takes, source)
         except ChoreographError as error:
             unread.append((source, Unread.damaged(source, error)))
-    return Imported(takes, left_out, unread)
+    return Imported(takes, left_out, unread, sorted(excluded - found_excluded))
 
 
 def check_takes(imported: Imported, options: BuildOptions) -> None:

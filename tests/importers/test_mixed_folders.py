@@ -161,8 +161,9 @@ def test_skip_bad_builds_from_the_rest_and_notes_each(tmp_path):
 def test_a_bad_take_that_is_left_out_is_no_error(tmp_path):
     save_motion(tmp_path / "a.bvh", MOTION)
     (tmp_path / "bad.bvh").write_text("HIERARCHY")
-    takes, _ = measured_takes([tmp_path], BuildOptions(leave_out=("bad",)), None)
+    takes, notes = measured_takes([tmp_path], BuildOptions(leave_out=("bad", "typo")), None)
     assert [m.take.name for m in takes] == ["a"]
+    assert "no take to leave out is called 'typo'" in notes
 
 
 def test_check_prints_a_row_for_each_file_and_builds_nothing(tmp_path, no_blender):
