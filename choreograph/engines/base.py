@@ -108,7 +108,7 @@ class Engine(Protocol):
 def check_settings(
     engine: Engine, engines: Sequence[Engine], config: DanceConfig, given: Collection[str]
 ) -> None:
-    """Raise `ParameterError` for a setting that `engine` does not use.
+    """Raise `ParameterError` for a setting that `engine` does not use, or not beside another setting.
 
     A setting counts if its name is among those `given`, or if its value in `config` is not the default.
     """
@@ -120,6 +120,12 @@ def check_settings(
         raise ParameterError(
             f"expected no {name.replace('_', ' ')} with the {engine.name} engine: it is a setting of the "
             f"{users} engine; leave it out, or choose that engine"
+        )
+    aligning = sorted({"density", "time_maps"} & set(given))
+    if config.warping == "none" and aligning:
+        raise ParameterError(
+            f"expected no {aligning[0].replace('_', ' ')} with the warping none, which aligns nothing: leave "
+            "it out, or choose the warping dtw"
         )
 
 

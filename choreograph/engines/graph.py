@@ -41,6 +41,7 @@ from choreograph.plan import Plan, PlannedSecond, PlannedWord
 from choreograph.progress import substage
 from choreograph.repertoire import Repertoire
 from choreograph.timebase import CLIP_S, NET_FPS
+from choreograph.warping import FEWEST_COUNTS
 
 _COST_DECIMALS = 4  # of a cost in a plan: beyond them CPUs differ
 
@@ -104,6 +105,8 @@ class GraphEngine:
         notes: tuple[str, ...] = ()
         if repertoire.n_clips < config.candidates and config.planner != "motion-graph":
             notes = (f"{repertoire.n_clips} clips, fewer than {config.candidates} candidates: all take part",)
+        if note := _unaligned_note(request):
+            notes = (*notes, note)
         goals, goal_notes = _goals(request)
         path, weights = _search_path(request, goals)
         plan = _to_plan(path, weights, request)
@@ -114,6 +117,19 @@ class GraphEngine:
             with_words = partial(_with_words, plan, repertoire)
             plan, motion = enforce_motifs(*with_words(()), constraints, repertoire, with_words)
         return EngineResult(plan, (*notes, *goal_notes), motion)
+
+
+def _unaligned_note(request: DanceRequest) -> str:
+    """A note if settings of the DTW were changed, but takes are danced by their counts; else empty."""
+    config, repertoire = request.config, request.repertoire
+    default = DanceConfig()
+    changed = [name for name in ("density", "time_maps") if getattr(config, name) != getattr(default, name)]
+    counted = any(len(repertoire.counts(take)) >= FEWEST_COUNTS for take in range(len(repertoire.takes)))
+    by_counts = config.warping == "counts" and len(request.song_features.counts) >= FEWEST_COUNTS
+    if not changed or not counted or not by_counts:
+        return ""
+    names = " and ".join(name.replace("_", " ") for name in changed)
+    return f"no effect of {names}: takes are danced by their counts; the warping dtw uses them"
 
 
 def _with_words(plan: Plan, repertoire: Repertoire, words: tuple[PlannedWord, ...]) -> tuple[Plan, Motion]:

@@ -88,11 +88,16 @@ class MixedDance:
 
 
 def sequence_notes(constraints: Constraints, n_words: int) -> tuple[str, ...]:
-    """Notes on a motif sequence that is longer or shorter than a dance of `n_words`."""
+    """Notes on a motif sequence that is longer or shorter than a dance of `n_words`, or decides all of it."""
     given = len(constraints.motifs)
+    notes: tuple[str, ...] = ()
     if given > n_words:
-        return (f"{given} motifs were given for a dance of {n_words} words: the last ones are left out",)
-    if 0 < given < n_words:
+        notes = (f"{given} motifs were given for a dance of {n_words} words: the last ones are left out",)
+    if given >= n_words and constraints.signature is not None:
+        notes += ("the signature has no effect, since all motifs were given",)
+    if given >= n_words:
+        return notes
+    if given:
         return (f"{given} motifs were given for a dance of {n_words} words: the rest is drawn",)
     return ()
 

@@ -31,7 +31,7 @@ def plan_motion_graph(
     Only the first second of each warped segment is a node, so completeness and style play no part. As in
     Kovar's motion graphs, the graph over clips is pruned to its largest strongly connected component, so
     that the walk has no dead ends. The edge is then chosen by the warped poses of each second's candidates.
-    User-defined node costs count as in the other planners.
+    User-defined costs count as in the other planners.
     """
     n_seconds = source.n_seconds
     allowed_clips = _largest_component(source, song_features, part(report, 0, n_seconds, 2 * n_seconds))
@@ -48,19 +48,29 @@ def plan_motion_graph(
         for w in custom:
             value = w.cost.node(layer, song_features)
             total += 0.0 if value is None else w.weight * np.asarray(value)
-        edges = np.zeros(layer.n_nodes)
-        for w in transition:
-            if nodes:
-                value = w.cost.edge(nodes[-1], layer, song_features)
-                edges += 0.0 if value is None else w.weight * np.asarray(value)[0]
-        if not np.isfinite(total + edges).any():
+        smoothness = np.zeros(layer.n_nodes)
+        if nodes:
+            smoothness = _edges(transition, nodes[-1], layer, song_features)
+            total += _edges(custom, nodes[-1], layer, song_features)
+        if not np.isfinite(total + smoothness).any():
             raise NoPathError(f"every node of second {second} is forbidden: relax a cost that returns inf")
-        best = int(np.argmin(total + edges))
+        best = int(np.argmin(total + smoothness))
         nodes.append(layer.subset(np.array([best])))
-        terms.append({Transition.name: float(edges[best])})
+        terms.append({Transition.name: float(smoothness[best])})
         if report is not None:
             report(n_seconds + second + 1, 2 * n_seconds)
     return Path(tuple(nodes), tuple(terms))
+
+
+def _edges(
+    costs: Sequence[WeightedCost], before: Layer, layer: Layer, song_features: SongFeatures
+) -> NDArray[np.float64]:
+    """The weighted costs of going from the one node `before` to each of a layer (N,)."""
+    total = np.zeros(layer.n_nodes)
+    for w in costs:
+        value = w.cost.edge(before, layer, song_features)
+        total += 0.0 if value is None else w.weight * np.asarray(value)[0]
+    return total
 
 
 def _largest_component(

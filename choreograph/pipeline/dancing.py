@@ -28,7 +28,7 @@ from choreograph.errors import ParameterError
 from choreograph.exporters import BvhOptions
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.files import as_path
-from choreograph.graph import Cost
+from choreograph.graph import BUILTIN_COSTS, Cost, Transition
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
@@ -264,10 +264,22 @@ def _configured(
     given = {name: value for name, value in settings.items() if value is not None}
     if weights is not None:
         given["weights"] = {**config.weights, **as_weights(weights)}
+        _check_weights_used(given.get("planner", config.planner), as_weights(weights))
     config = replace(config, engine=engine_name(config, engine, requested), **given)
     used = {*given, *(name for name, is_given in beside.items() if is_given)}
     check_settings(ENGINES[config.engine], list(ENGINES.values()), config, used)
     return config
+
+
+def _check_weights_used(planner: str, weights: Mapping[str, float]) -> None:
+    """Raise `ParameterError` for the weight of a cost that the planner leaves out."""
+    unused = {cost.name for cost in BUILTIN_COSTS} - {Transition.name}
+    given = sorted(unused & set(weights))
+    if planner == "motion-graph" and given:
+        raise ParameterError(
+            f"expected the planner exact or greedy beside a weight of {given[0]!r}, got motion-graph, which "
+            "walks by transition, stillness and costs of yours alone"
+        )
 
 
 @one_thread()

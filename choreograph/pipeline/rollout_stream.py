@@ -18,6 +18,7 @@ from choreograph.constraints.likely_genre import genre_note, likely_genre
 from choreograph.constraints.spec import make_constraints
 from choreograph.counts import Counts
 from choreograph.engines.rollout import lead_in
+from choreograph.errors import ParameterError
 from choreograph.features.count_phase import count_phase
 from choreograph.features.rhythm_stream import RhythmStream
 from choreograph.motifs.vocabulary import ALL_GENRES
@@ -55,7 +56,7 @@ class RolloutStream:
     genre : danced; by default the one nearest to the whole song, or with counts alone all together
     seed : of the choice of motifs
     fps : of the frames
-    beats : of a song, as `dance` takes them
+    beats : of a song, as `dance` takes them; not with counts, which are its beats
 
     Iterating gives a `RolloutFrame` every 1 / fps of the song. Counts are known from the start: tracked in
     the whole song, or given, as a DJ's clock gives them; so is the genre. All else is as a song plays: a
@@ -94,6 +95,8 @@ class RolloutStream:
         self.notes: tuple[str, ...] = ()  # what is unusual about the song, one line each
         loaded: Song | None = None
         if isinstance(song, Counts):
+            if beats != DEFAULT_BEATS:
+                raise ParameterError(f"expected no beats beside counts, which are the song's, got {beats!r}")
             self.counts = song
         else:
             loaded = as_song("a song", song)

@@ -94,8 +94,8 @@ def test_what_is_left_at_an_end_is_danced_or_kept_too(old):
     ]
     assert np.array_equal(kept.motion.root_pos_m[-1], old.motion.root_pos_m[-1])
     keep = cg.Keep(1.2, 18.8)
-    for engine in ("graph", "mixer"):
-        danced = cg.dance(SONG, existing=old, engine=engine, keep=[keep], seed=3)
+    for engine in ({"engine": "mixer"}, {"candidates": 16}):
+        danced = cg.dance(SONG, existing=old, keep=[keep], seed=3, **engine)
         part = frames(danced, keep)
         assert np.array_equal(danced.motion.local_quat[part], old.motion.local_quat[part])
         steps_m = np.linalg.norm(np.diff(danced.motion.root_pos_m, axis=0), axis=1)
