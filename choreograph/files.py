@@ -1,4 +1,4 @@
-"""Atomic writing of files, reading those of strangers, and checksums."""
+"""Atomic writing of files and never over an input, reading those of strangers, and checksums."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import re
 import stat
 import uuid
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,12 @@ from choreograph.errors import ChoreographError, FormatError, ParameterError
 
 MAX_TEXT_BYTES = 1 << 24  # of a plan, a list or another file that a person may read
 MAX_TABLE_BYTES = 1 << 22  # of a table, each row of which takes a hundred times its bytes
+_LONG_NAME_BYTES = 100  # of a file; the names of its temporary files have a checksum in its place
+_LONG_SUFFIX_BYTES = 16
+_NAME_MAX_BYTES = 255  # where the system does not say
+# Beginnings of what is written here and read from no folder: a repertoire, a page or report, an evaluation.
+_RESULT = re.compile(rb'\x89HDF\r\n\x1a\n|<!doctype html>|\{\s*"format": "choreograph-evaluation"')
+_HEAD_BYTES, _TAIL_BYTES = 1 << 22, 1 << 16  # the index of a long video comes before what wrote it
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
@@ -40,9 +47,16 @@ def as_path(what: str, path: object) -> Path:
 def check_target(path: str | Path) -> Path:
     """The path as a `Path`, of a file to be made or replaced.
 
-    Raises `ParameterError` if its folder is missing or cannot be written to, or it is no file itself.
+    Raises `ParameterError` if its folder is missing or cannot be written to, the system does not allow its
+    name, or it is no file itself.
     """
     path = Path(path)
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except (OSError, ValueError) as error:  # too long for the file system; with a NUL
+        raise ParameterError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}") from None
     if not path.parent.is_dir():
         raise ParameterError(f"cannot write {path}: there is no folder {path.parent}")
     if path.is_dir():
@@ -52,6 +66,79 @@ def check_target(path: str | Path) -> Path:
     if not os.access(path.parent, os.W_OK):
         raise ParameterError(f"cannot write {path}: the folder {path.parent} is read-only")
     return path
+
+
+def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path], *, hint: str = "") -> None:
+    """Raise `ParameterError` if an output is an input or another output; `hint` ends the latter's message.
+
+    Files are compared as the system has them, links resolved. Of a folder that is an input every file is one,
+    but for repertoires, pages and evaluations, which are not read from folders.
+    """
+    known: dict[object, Path] = {}
+    for output in map(Path, outputs):
+        first = known.setdefault(file_identity(output), output)
+        if first is not output:
+            both = f"{first} twice" if first == output else f"{first} and {output}, which are one file"
+            raise ParameterError(f"expected a file of its own for each output, got {both}{hint}")
+    replaced = {key: path for key, path in known.items() if os.path.isfile(path) and not _is_result(path)}
+    for given in map(Path, inputs):
+        found = known.get(file_identity(given))
+        if found is None and replaced and os.path.isdir(given):
+            found = next(filter(None, (replaced.get(file_identity(f)) for f in _files_below(given))), None)
+        if found is not None:
+            raise ParameterError(f"cannot write {found}: it is an input, {given}: give another name")
+
+
+def file_identity(path: Path) -> object:
+    """What two paths of one file have in common: its inode, or the resolved path if there is no file yet."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return os.path.realpath(path)
+    return found.st_dev, found.st_ino
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    """All files in a folder and in those below it, links followed, each folder once."""
+    seen: set[object] = set()
+    for parent, folders, names in os.walk(folder, followlinks=True):
+        identity = file_identity(Path(parent))
+        if identity in seen:
+            folders.clear()
+            continue
+        seen.add(identity)
+        yield from (Path(parent) / name for name in names)
+
+
+def _is_result(path: Path) -> bool:
+    return _RESULT.match(ends_of(path)) is not None
+
+
+def free_names(paths: Iterable[Path], is_taken: Callable[[Path], bool]) -> list[Path]:
+    """The paths, or if one is taken all of them as NAME-new, NAME-new-2 and so on, where none is."""
+    paths = list(paths)
+    added = chain(("", "-new"), (f"-new-{number}" for number in count(2)))
+    named = ([path.with_name(f"{path.stem}{end}{path.suffix}") for path in paths] for end in added)
+    return next(names for names in named if not any(map(is_taken, names)))
+
+
+def ends_of(path: str | Path) -> bytes:
+    """The beginning and the end of a file, where formats say what wrote it; nothing if it cannot be read."""
+    with suppress(OSError), open(path, "rb") as file:
+        head = file.read(_HEAD_BYTES)
+        file.seek(max(file.tell(), os.path.getsize(path) - _TAIL_BYTES))
+        return head + file.read(_TAIL_BYTES)
+    return b""
+
+
+def folder_beside(path: Path, suffix: str) -> Path:
+    """The folder for work in progress on a file: its name, or a checksum of a long one, and a suffix."""
+    try:
+        longest = os.pathconf(path.parent, "PC_NAME_MAX")
+    except (AttributeError, OSError, ValueError):
+        longest = _NAME_MAX_BYTES
+    name = path.name + suffix
+    return path.with_name(name if len(os.fsencode(name)) <= longest else _name_checksum(path) + suffix)
 
 
 @contextmanager
@@ -74,7 +161,8 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     """
     path = check_target(path)
     remove_leftovers(path)
-    temporary = path.with_name(f".{path.stem}.{_writer()}-{uuid.uuid4().hex[:8]}{path.suffix}")
+    stem, suffix = _temporary_name(path)
+    temporary = path.with_name(f".{stem}.{_writer()}-{uuid.uuid4().hex[:8]}{suffix}")
     try:
         with writing(path):
             yield temporary
@@ -86,12 +174,24 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 def remove_leftovers(path: Path) -> None:
     """Remove temporary files of `path` whose writers were killed on this machine."""
     machine, _ = _writer().split("-")
-    pattern = re.compile(rf"\.{re.escape(path.stem)}\.{machine}-(\d+)-[0-9a-f]{{8}}{re.escape(path.suffix)}")
+    stem, suffix = map(re.escape, _temporary_name(path))
+    pattern = re.compile(rf"\.{stem}\.{machine}-(\d+)-[0-9a-f]{{8}}{suffix}")
     with suppress(OSError):  # a folder that cannot be listed, or a file that another process removes
         for name in os.listdir(path.parent):
             left = pattern.fullmatch(name)
             if left and not is_running(int(left[1])):
                 (path.parent / name).unlink(missing_ok=True)
+
+
+def _temporary_name(path: Path) -> tuple[str, str]:
+    """Stem and suffix of the names of a file's temporary files, short enough for any file system."""
+    suffix = path.suffix if len(os.fsencode(path.suffix)) <= _LONG_SUFFIX_BYTES else ""
+    is_long = len(os.fsencode(path.name)) > _LONG_NAME_BYTES
+    return _name_checksum(path) if is_long else path.stem, suffix
+
+
+def _name_checksum(path: Path) -> str:
+    return f"{zlib.crc32(os.fsencode(path.name)):08x}"
 
 
 def _writer() -> str:

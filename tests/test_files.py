@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from choreograph.errors import ChoreographError, ParameterError
-from choreograph.files import atomic_path, is_running
+from choreograph.files import atomic_path, check_apart, check_target, is_running
 
 _KILLED_WHILE_WRITING = """
 import os, signal, sys
@@ -63,3 +63,45 @@ def test_running_processes_are_known():
     ended.wait()
     assert is_running(os.getpid()) and is_running(1)
     assert not is_running(ended.pid) and not is_running(10**30)
+
+
+@pytest.mark.parametrize("name", ["x" * 255, "x" * 250 + ".json", "a." + "x" * 253, "é" * 127, ".json"])
+def test_names_of_any_length_are_written_and_their_leftovers_removed(tmp_path, name):
+    target = tmp_path / name
+    subprocess.run([sys.executable, "-c", _KILLED_WHILE_WRITING, str(target)], check=False)
+    (left,) = names(tmp_path)
+    assert left != name and len(os.fsencode(left)) <= 255
+    with atomic_path(target) as temporary:
+        temporary.write_text("new")
+    assert names(tmp_path) == [name]
+
+
+def test_a_name_that_the_system_does_not_allow_is_refused(tmp_path):
+    for name in ("x" * 256, "a\0b"):
+        with pytest.raises(ParameterError, match="cannot write"):
+            check_target(tmp_path / name)
+
+
+def test_files_are_compared_as_the_system_has_them(tmp_path):
+    (tmp_path / "a").touch()
+    os.link(tmp_path / "a", tmp_path / "b")
+    (tmp_path / "c").symlink_to("a")
+    (tmp_path / "up").symlink_to(".")
+    for one in ("b", "c", "up/a", "up/up/b"):
+        with pytest.raises(ParameterError, match="input"):
+            check_apart([tmp_path / one], [tmp_path / "a"])
+        with pytest.raises(ParameterError, match="input"):
+            check_apart([tmp_path / one], [tmp_path])  # "up" leads back to the folder, without an end
+    with pytest.raises(ParameterError, match="one file"):
+        check_apart([tmp_path / "new", tmp_path / "up" / "new"], [])
+    check_apart([tmp_path / "new", tmp_path / "a"], [tmp_path / "other"])
+
+
+def test_in_a_folder_of_takes_results_may_be_replaced(tmp_path):
+    (tmp_path / "rep.h5").write_bytes(b"\x89HDF\r\n\x1a\n")
+    (tmp_path / "report.html").write_text("<!doctype html>")
+    (tmp_path / "e.json").write_text('{\n "format": "choreograph-evaluation"')
+    for name in names(tmp_path):
+        check_apart([tmp_path / name], [tmp_path])
+        with pytest.raises(ParameterError, match="input"):
+            check_apart([tmp_path / name], [tmp_path / name])

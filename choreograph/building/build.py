@@ -26,7 +26,7 @@ from choreograph.building.train_networks import (
 from choreograph.building.training_content import source_checksums, training_content, training_context
 from choreograph.counts import FROM_MOTION
 from choreograph.features.density import motion_density
-from choreograph.files import check_target
+from choreograph.files import check_apart, check_target, folder_beside
 from choreograph.locked_folder import locked_folder
 from choreograph.motifs.vocabulary import Vocabulary
 from choreograph.pretrained import pretrained_set
@@ -72,7 +72,8 @@ def build_repertoire(
     select_device(options.device)
     sources = tuple(sources)
     output = check_target(output)
-    work = output.with_name(output.name + ".build")
+    work = folder_beside(output, ".build")
+    check_apart([output, work], [*sources, *([options.init_from] if options.init_from else ())])
     with locked_folder(work, doing=f"builds {output.name}"):
         notes = _write_built(sources, output, work, options, teacher, report, training_report)
     return BuildResult(Repertoire.open(output), notes)
@@ -91,6 +92,7 @@ def _write_built(
     shipped = pretrained_set(options.pretrained)
     pretrained = PretrainedWeights.of(options, shipped)
     measured, notes = measured_takes(sources, options, report)
+    check_apart([output], [path for m in measured for path in m.take.source_paths])
     checksums = source_checksums(measured, sources)
     content = training_content(measured, checksums, options)
     resume_notes: list[str] = []

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 from click_option_group import optgroup
 
-from choreograph.cli.options import Command, given_options, names_of
+from choreograph.cli.options import Command, check_outputs_apart, given_options, names_of
 from choreograph.cli.present import examples, printable, say, show_notes, stages
 from choreograph.errors import ParameterError
 
@@ -125,7 +125,7 @@ def command(sources, output, check, quiet, leave_out, map_path, density, publish
 
     if output is None and not check:
         raise click.UsageError("Missing option '-o' / '--output'.")
-
+    check_outputs_apart([output], named_by=("output",))
     if density is not None:
         options["density"] = density
     options["leave_out"] = names_of(leave_out)

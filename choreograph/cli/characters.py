@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import click
 
 from choreograph.arguments import unexpected
-from choreograph.cli.options import Command, check_output_options
+from choreograph.cli.options import Command, check_output_options, check_outputs_apart
 from choreograph.cli.present import examples, say, show_notes
 from choreograph.errors import ParameterError
+from choreograph.files import check_target
 
 if TYPE_CHECKING:
     from choreograph.characters import GltfCharacter
@@ -70,6 +71,7 @@ def convert(motion, output, fps, map_path, naming, units, rest, in_place) -> Non
     if output.suffix.lower().removeprefix(".") not in FORMATS:
         raise unexpected(f"a file of {', '.join(f'.{name}' for name in FORMATS)}", str(output))
     check_outputs([output])
+    check_outputs_apart([output], named_by=("output",))
     check_output_options([output])
     bvh = bvh_of(naming, units, rest, in_place)
     moving = motion_of(motion, read_bone_map(map_path) if map_path else None)
@@ -102,23 +104,37 @@ def retarget(motion, character, output, map_path, save_map) -> None:
     if output.suffix.lower() not in (".glb", ".fbx"):
         raise unexpected("a .glb or .fbx for the character to move in", str(output))
     check_outputs([output])
-    figure = character_of(character, map_path, save_map)
+    check_map_target(save_map)
+    check_outputs_apart([output, save_map], named_by=("output", "save_map"))
+    figure = character_of(character, map_path)
     moving = motion_of(motion)
+    write_map(save_map, figure)
     save_on_character(output, moving, figure)
     say(f"{output}: {moving.duration_s:.1f} s, {len(figure.bones)} bones of {figure.rig.n_bones} known")
 
 
-def character_of(path: Path, map_path: Path | None, save_map: Path | None) -> GltfCharacter:
-    """The character of a file, with the user's map; the map of what was found is written if wanted."""
-    from choreograph.characters import read_bone_map, read_character, write_bone_map
-    from choreograph.files import check_target
+def character_of(path: Path, map_path: Path | None) -> GltfCharacter:
+    """The character of a file, with the user's map."""
+    from choreograph.characters import read_bone_map, read_character
 
-    if save_map is not None:
-        check_target(save_map)
-    character = read_character(path, read_bone_map(map_path) if map_path else None)
-    if save_map is not None:
-        write_bone_map(save_map, character.rig.names, character.bones)
-    return character
+    return read_character(path, read_bone_map(map_path) if map_path else None)
+
+
+def check_map_target(path: Path | None) -> None:
+    """Raise `ParameterError` if no map of bones can be written to the path; None: none is wanted."""
+    if path is None:
+        return
+    if path.suffix.lower() != ".json":
+        raise unexpected("a .json for --save-map", str(path))
+    check_target(path)
+
+
+def write_map(path: Path | None, character: GltfCharacter | None) -> None:
+    """Write which bones of the character were found, if that is wanted."""
+    from choreograph.characters import write_bone_map
+
+    if path is not None and character is not None:
+        write_bone_map(path, character.rig.names, character.bones)
 
 
 def motion_of(path: Path, bone_map: Mapping[str, str] | None = None) -> Motion:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from choreograph.cli.characters import bvh_of, character_of
-from choreograph.cli.dance_jobs import Job, check_jobs, jobs_of, run_jobs
+from choreograph.cli.characters import bvh_of, character_of, check_map_target, write_map
+from choreograph.cli.dance_jobs import Job, check_jobs, jobs_of, run_jobs, with_free_names
 from choreograph.cli.dance_options import dance_options
 from choreograph.cli.dance_results import present
-from choreograph.cli.options import Command, check_output_options, given_options
+from choreograph.cli.options import Command, check_output_options, given_options, input_files
 from choreograph.cli.present import StageLines, examples, stages
 from choreograph.errors import NoPathError, ParameterError
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _BESIDE_A_PLAN = {
     "songs", "db", "output", "character", "map_path", "save_map", "naming", "units", "rest", "in_place",
-    "loop", "with_clicks", "opened", "plan_path", "existing", "as_json", "as_lines",
+    "force", "loop", "with_clicks", "opened", "plan_path", "existing", "as_json", "as_lines",
     "quiet",
 }  # fmt: skip
 
@@ -48,8 +48,8 @@ _BESIDE_A_PLAN = {
 @dance_options
 def command(
     songs, db, output, character, map_path, save_map, naming, units, rest, in_place, loop, with_clicks,
-    opened, as_json, as_lines, quiet, plan_path, variations, start, duration, weight, config, published,
-    genre, signature, motif_file, recreate, pin, ban, keep, strict, **settings,
+    opened, force, as_json, as_lines, quiet, plan_path, variations, start, duration, weight, config,
+    published, genre, signature, motif_file, recreate, pin, ban, keep, strict, **settings,
 ) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file), or for each of several."""
     import choreograph as cg
@@ -60,9 +60,12 @@ def command(
     if plan_path is not None:
         _refuse_beside_a_plan(songs)
     jobs = jobs_of(songs or ((plan_path,) if plan_path else ()), output, opened, variations)
-    first = jobs[0].outputs[0]
-    notes = check_output_options(first)
-    check_jobs(jobs)
+    notes = check_output_options(jobs[0].outputs[0])
+    inputs = input_files(except_for=("output", "save_map"), with_songs=("recreate",))
+    jobs, moved = with_free_names(jobs, output, inputs, force=force)
+    check_map_target(save_map)
+    check_jobs(jobs, save_map, inputs)
+    first, notes = jobs[0].outputs[0], (*notes, *moved)
     bvh = bvh_of(naming, units, rest, in_place)
     figure = _character(character, map_path, save_map, first)
     to_save = {"character": figure, "bvh": bvh, "loop": loop, "click": with_clicks}
@@ -87,6 +90,7 @@ def command(
         unmet = [line for one in made for line in one.unmet]
         if strict and unmet:
             raise NoPathError(unmet[0])
+        write_map(save_map, figure)
         for one, paths in zip(made, job.outputs, strict=True):
             for path in paths:
                 one.save(path, **options_used(path, to_save), report=report)
@@ -108,7 +112,7 @@ def _character(path: Path | None, map_path: Path | None, save_map: Path | None, 
         if map_path or save_map:
             raise ParameterError("expected --character FILE beside --map or --save-map")
         return None
-    character = character_of(path, map_path, save_map)
+    character = character_of(path, map_path)
     check_character(character, outputs)
     return character
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from choreograph.config import MAX_VARIATIONS
 from choreograph.errors import ChoreographError, ParameterError
+from choreograph.files import check_apart, file_identity, free_names
 
 if TYPE_CHECKING:
     from choreograph.cli.present import StageLines, Stages
@@ -43,22 +44,56 @@ def jobs_of(songs: Sequence[Path], given: Outputs, opened: bool, variations: int
         raise ParameterError("expected a SONG, or --plan FILE; `choreograph songs` lists a few to begin with")
     if variations is not None and not 1 <= variations <= MAX_VARIATIONS:
         raise ParameterError(f"expected 1 to {MAX_VARIATIONS} variations, got {variations}")
-    jobs = tuple(Job(song, _numbered(_outputs_for(given, song.stem, opened), variations)) for song in songs)
-    written = Counter(path for job in jobs for outputs in job.outputs for path in outputs)
-    twice = [str(path) for path, n in written.items() if n > 1]
-    if twice:
-        hint = f": put {SONG} into the name" if len(songs) > 1 and given else ""
-        raise ParameterError(f"expected a file of its own for each dance, got {twice[0]} twice{hint}")
+    jobs = tuple(
+        Job(song, _numbered(_outputs_for(given, _name_of(song), opened), variations)) for song in songs
+    )
+    hint = f": put {SONG} into the name" if len(songs) > 1 and given else ""
+    check_apart(_paths(jobs), (), hint=hint)
     if opened and len(songs) > 1:
         raise ParameterError(f"expected one SONG to --open the page of, got {len(songs)}")
     return jobs
 
 
-def check_jobs(jobs: Sequence[Job]) -> None:
-    """Raise before any work if a file cannot be written; make the folders of several songs' dances."""
+def with_free_names(
+    jobs: Sequence[Job], given: Outputs, inputs: Sequence[Path], *, force: bool
+) -> tuple[tuple[Job, ...], tuple[str, ...]]:
+    """The jobs, with other names where files are that no dance made here may replace; and notes on these.
+
+    Names that the user `given` stay. The others, made of a song's name, are changed where an input is, or a
+    file that is no dance written here, unless `force`.
+    """
+    from choreograph.pipeline.saving import is_saved_dance
+
+    used = {file_identity(path) for path in (*_paths(jobs), *inputs)}
+    read = {file_identity(path) for path in inputs}
+    notes = []
+
+    def is_kept(path: Path) -> bool:
+        is_strange = os.path.lexists(path) and not is_saved_dance(path)
+        return file_identity(path) in read or (is_strange and not force)
+
+    def renamed(outputs: Outputs) -> Outputs:
+        made = [path for path in outputs if path not in given]
+        kept = next(filter(is_kept, made), None)
+        if kept is None:
+            return outputs
+        names = free_names(made, lambda path: file_identity(path) in used or is_kept(path))
+        used.update(map(file_identity, names))
+        why = "an input" if file_identity(kept) in read else "no dance that choreograph wrote"
+        cure = "" if file_identity(kept) in read else ", or --force replaces it"
+        notes.append(f"{kept} is {why} and is kept: the dance goes to {' and '.join(map(str, names))}{cure}")
+        new = dict(zip(made, names, strict=True))
+        return tuple(new.get(path, path) for path in outputs)
+
+    jobs = tuple(replace(job, outputs=tuple(map(renamed, job.outputs))) for job in jobs)
+    return jobs, tuple(notes)
+
+
+def check_jobs(jobs: Sequence[Job], save_map: Path | None, inputs: Sequence[Path]) -> None:
+    """Raise before any work if a file is an input or cannot be written; make the folders of several songs."""
     from choreograph.pipeline.saving import check_outputs
 
-    paths = [path for job in jobs for outputs in job.outputs for path in outputs]
+    paths = _paths(jobs)
     if len(jobs) > 1:
         check_outputs([path.name for path in paths])
         for folder in {path.parent for path in paths}:
@@ -67,6 +102,7 @@ def check_jobs(jobs: Sequence[Job]) -> None:
             except OSError as error:
                 raise ParameterError(f"cannot make the folder {folder}: {error.strerror}") from error
     check_outputs(paths)
+    check_apart([*paths, *([save_map] if save_map else [])], inputs)
 
 
 def run_jobs(
@@ -84,6 +120,15 @@ def run_jobs(
             results.append(Result(job, error=" ".join(str(error).split())))
     shown.report("songs", len(jobs), len(jobs))
     return results
+
+
+def _paths(jobs: Sequence[Job]) -> list[Path]:
+    return [path for job in jobs for outputs in job.outputs for path in outputs]
+
+
+def _name_of(song: Path) -> str:
+    """What stands for a song in the names of files: its name without suffix, unless dots alone remain."""
+    return song.stem if song.stem.strip(".") else song.name
 
 
 def _outputs_for(given: Outputs, stem: str, opened: bool) -> Outputs:

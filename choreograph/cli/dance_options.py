@@ -44,6 +44,10 @@ _OUTPUT = (
     optgroup.option(
         "--click", "with_clicks", is_flag=True, help="Click on the counts in the video, higher on count 1."
     ),
+    optgroup.option(
+        "--force", is_flag=True,
+        help="Replace files of the default names, and of those with {song}, that are no dances made here.",
+    ),
     optgroup.option("--open", "opened", is_flag=True, help="Open the page in the browser."),
     optgroup.option("--fps", type=float, help="Frames per second of the dance (60)."),
     optgroup.option("--variations", type=int, metavar="N", help="N different dances: NAME-1.bvh, …"),

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 import click
 from click_option_group import optgroup
 
-from choreograph.cli.options import Command, Seconds, given_options, names_of
+from choreograph.cli.options import Command, Seconds, check_outputs_apart, given_options, names_of
 from choreograph.cli.present import examples, printable, say, show_notes, stages, table_console
 from choreograph.errors import ChoreographError, ParameterError
+from choreograph.files import folder_beside
 
 if TYPE_CHECKING:
     from choreograph.evaluation import Evaluation, KeptDances
@@ -90,8 +91,10 @@ def command(
         raise ParameterError(
             f"expected --songs beside {', '.join(sorted(for_songs))}, got a DANCE: leave it out"
         )
-    _check_targets(report, json_path)
-    output = report if json_path in (None, "-") else Path(json_path)
+    targets = _targets(report, json_path)
+    output = targets[-1] if targets else None
+    beside = folder_beside(output, ".dances") if output is not None and dance is None else None
+    check_outputs_apart([*targets, beside], named_by=("report", "json_path"))
     if resume and output is None:
         raise ParameterError("expected --report or --json FILE with --resume: dances are kept beside it")
     beats = beats or DEFAULT_TRACKER
@@ -114,16 +117,15 @@ def command(
         _show(evaluation)
 
 
-def _check_targets(report: Path | None, json_path: str | None) -> None:
-    """Raise before any work if the report or the JSON cannot be written."""
+def _targets(report: Path | None, json_path: str | None) -> list[Path]:
+    """The files to write; raises before any work if one cannot be written."""
     from choreograph.evaluation.plots import expect_matplotlib
     from choreograph.files import check_target
 
-    for path in (report, None if json_path == "-" else json_path):
-        if path is not None:
-            check_target(path)
     if report:
         expect_matplotlib()
+    given = (report, None if json_path == "-" else json_path)
+    return [check_target(path) for path in given if path is not None]
 
 
 def _of_dance(dance, song, db, duration, beats):
@@ -148,7 +150,7 @@ def _kept(output: Path | None, resume: bool) -> Iterator[KeptDances | None]:
     if output is None:
         yield None
         return
-    folder = output.with_name(output.name + ".dances")
+    folder = folder_beside(output, ".dances")
     with kept_dances(folder, resume=resume, doing=f"evaluates for {output.name}") as kept:
         try:
             yield kept

@@ -9,9 +9,11 @@ from typing import Any
 
 import click
 
-from choreograph.cli.options import Command
+from choreograph.arguments import unexpected
+from choreograph.cli.options import Command, check_outputs_apart
 from choreograph.cli.present import examples, say
 from choreograph.errors import ParameterError
+from choreograph.files import check_target
 
 _N_COMMON = 5  # motifs shown of each genre
 
@@ -50,6 +52,12 @@ def command(db, as_json, plots, signature, counts, output) -> None:
         raise ParameterError(
             "expected --signature or --counts with -o alone, got --json or --plots beside it"
         )
+    if output is not None:
+        suffix, option = (".json", "--signature") if signature is not None else (".csv", "--counts")
+        if output.suffix.lower() != suffix:
+            raise unexpected(f"a {suffix} for {option}", str(output))
+        check_target(output)
+    check_outputs_apart([output], named_by=("output", "plots"), with_songs=("signature",))
     repertoire = Repertoire.open(db or STARTER_PATH)
     if signature is not None:
         from choreograph.constraints.parse import write_signature

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from choreograph.errors import ParameterError
-from choreograph.files import read_text
+from choreograph.files import check_apart, read_text
 from choreograph.timebase import parse_seconds
 
 # Options of the command line by the option of `Dance.save` that they are for.
@@ -20,6 +21,8 @@ _SAVE_OPTIONS = {
     "loop": ("--loop",),
     "click": ("--click",),
 }
+
+_NAMES_OR_FILES = {"beats", "recreate", "signature"}  # options that take either
 
 
 class Command(click.Command):
@@ -56,6 +59,43 @@ def given_options(*, except_for: Collection[str] = ()) -> list[str]:
         and option.name is not None
         and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
     ]
+
+
+def input_files(*, except_for: Collection[str], with_songs: Collection[str] = ()) -> list[Path]:
+    """The files and folders that the running command is to read, and those read with them.
+
+    That is what its arguments and options name, but for those that name outputs, `except_for`. `with_songs`
+    may name a motion file that is read with the song beside it.
+    """
+    from choreograph.importers import read_beside
+    from choreograph.importers.folder import SongsByName
+
+    files: list[Path] = []
+    for name, given in click.get_current_context().params.items():
+        values = () if name in except_for else given if isinstance(given, tuple) else (given,)
+        lists = [Path(value[1:]) for value in values if isinstance(value, str) and value.startswith("@")]
+        named = [
+            Path(value) for value in values if isinstance(value, Path) or (value and name in _NAMES_OR_FILES)
+        ]
+        found = [path for path in (*lists, *named) if os.path.exists(path)]
+        files += [*found, *(file for path in found for file in read_beside(path))]
+        if name in with_songs:
+            songs = (SongsByName.in_folder(path.parent).of(path.stem) for path in found)
+            files += filter(None, songs)
+    return files
+
+
+def check_outputs_apart(
+    outputs: Sequence[Path | None], *, named_by: Collection[str], with_songs: Collection[str] = ()
+) -> None:
+    """Raise `ParameterError` before any work if an output is an input or another output of the command.
+
+    `outputs` are those that are wanted, by the options `named_by`; `with_songs` as for `input_files`.
+    """
+    check_apart(
+        [path for path in outputs if path is not None],
+        input_files(except_for=named_by, with_songs=with_songs),
+    )
 
 
 def _flag(option: click.Parameter) -> str:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from pathlib import Path
 
 import click
 
 from choreograph.cli.options import Command, given_options
-from choreograph.cli.present import examples, say
+from choreograph.cli.present import examples, say, show_notes
 from choreograph.errors import ParameterError
-from choreograph.files import atomic_path
+from choreograph.files import atomic_path, free_names, sha256_of
 
 
 @click.command(
@@ -40,13 +41,25 @@ def command(folder, name, as_json) -> None:
         click.echo(songs[name])
         return
     if folder is not None:
-        for path in songs.values():
-            with atomic_path(folder / path.name) as temporary:
-                shutil.copyfile(path, temporary)
-        songs = {song: folder / path.name for song, path in songs.items()}
+        songs = {song: _copied(path, folder / path.name) for song, path in songs.items()}
     if as_json:
         click.echo(json.dumps({song: str(path) for song, path in songs.items()}, indent=1))
         return
     width = max(map(len, songs), default=0)
     for song, path in songs.items():
         say(f"{song:<{width}}  {path}")
+
+
+def _copied(song: Path, target: Path) -> Path:
+    """The copy of a song, under another name than `target` where that is another file."""
+    [path] = free_names([target], lambda at: os.path.lexists(at) and not _is_copy(at, song))
+    if path != target:
+        show_notes([f"{target} is another file and is kept: the song is copied to {path}"])
+    if not path.exists():
+        with atomic_path(path) as temporary:
+            shutil.copyfile(song, temporary)
+    return path
+
+
+def _is_copy(path: Path, song: Path) -> bool:
+    return path.is_file() and sha256_of(path) == sha256_of(song)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from choreograph.cli.options import Command, Seconds, names_of
+from choreograph.cli.options import Command, Seconds, check_outputs_apart, names_of
 from choreograph.cli.present import examples, printable, say, stages, table_console
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def write(
     from choreograph.starter import starter_repertoire
 
     check_study_folder(output)
+    check_outputs_apart([output / PAGE_NAME, output / KEY_NAME], named_by=("output",))
     chosen = variants_named(variants or ("paper",))
     repertoire = starter_repertoire() if db is None else Repertoire.open(db)
     with stages(quiet=quiet) as shown:
@@ -89,8 +90,10 @@ def write(
 def show(study, json_path, quiet) -> None:
     """Show the answers in the folder STUDY: means with 95 % intervals, and which variants differ."""
     from choreograph.evaluation.study_results import read_study
-    from choreograph.files import atomic_path
+    from choreograph.files import atomic_path, check_target
 
+    if json_path not in (None, "-"):
+        check_outputs_apart([check_target(json_path)], named_by=("json_path",))
     results = read_study(study)
     text = json.dumps(results.to_dict(), indent=1, ensure_ascii=False) + "\n"
     if json_path == "-":

@@ -15,6 +15,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ import numpy as np
 
 from choreograph.errors import ParameterError
 from choreograph.evaluation.study_questions import ASKED, QUESTIONS, mixed_order, pair_questions, paired
-from choreograph.files import atomic_path
+from choreograph.files import atomic_path, check_apart
 from choreograph.mannequin.skinned_mesh import build_mannequin
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget, share_skeleton
@@ -98,6 +99,8 @@ def write_study(
     ordered = _shuffled(dances, rng)
     pairs = paired(ordered, rng) if ask != "ratings" else []
     check_study_folder(folder)
+    listed = [dance.song_path for of_variant in dances.values() for dance in of_variant]
+    check_apart([folder / PAGE_NAME, folder / KEY_NAME], listed)
     questions = [q for q in QUESTIONS if ask != "pairs" and (sound or not q.needs_sound)]
     excerpts = _excerpts([dance for _, _, dance in ordered], excerpt_s)
     data, texts = _page_data(excerpts, sound=sound)
@@ -134,10 +137,11 @@ def write_study(
 def check_study_folder(folder: str | Path) -> None:
     """Raise `ParameterError` if the folder already holds a study, or cannot be created."""
     folder = Path(folder)
-    if (folder / KEY_NAME).exists():
-        raise ParameterError(
-            f"{folder}: expected a folder without a study, got one already there: its ratings need {KEY_NAME}"
-        )
+    for name in (KEY_NAME, PAGE_NAME):
+        if os.path.lexists(folder / name):
+            raise ParameterError(
+                f"{folder}: expected a folder without a study, got {name} already there: its ratings need it"
+            )
     if not folder.parent.is_dir() or (folder.exists() and not folder.is_dir()):
         raise ParameterError(
             f"{folder}: expected a folder to write to: it is a file, or its parent is missing"

@@ -15,7 +15,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from choreograph.arguments import unexpected
-from choreograph.exporters._base import Writer
+from choreograph.exporters._base import DANCE_GENERATOR, GENERATOR, Writer
 from choreograph.exporters.bvh import BvhOptions, BvhWriter
 from choreograph.exporters.fbx import FbxWriter
 from choreograph.exporters.glb import GlbWriter
@@ -26,7 +26,9 @@ from choreograph.files import atomic_path
 from choreograph.motion.motion import Motion
 
 __all__ = [
+    "DANCE_GENERATOR",
     "FORMATS",
+    "GENERATOR",
     "BvhOptions",
     "BvhWriter",
     "FbxWriter",

@@ -17,6 +17,8 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 
+# The format has no place for comments: a dance is known by zeros after the ten digits of its frame time.
+DANCE_DIGITS = "000"
 _ORDERS = tuple("".join(axes) for axes in itertools.permutations("XYZ"))
 
 
@@ -65,7 +67,8 @@ class BvhWriter(Writer):
         with open(path, "w", encoding="utf-8", newline="\n") as file:
             file.write("HIERARCHY\n")
             file.writelines(f"{text}\n" for text in self._hierarchy(motion.skeleton, 0, ""))
-            file.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1.0 / motion.fps:.10f}\n")
+            mark = DANCE_DIGITS if self.is_dance else ""
+            file.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1.0 / motion.fps:.10f}{mark}\n")
             for block in frame_blocks(motion.n_frames):
                 file.writelines(line % tuple(row) + "\n" for row in rows[block].tolist())
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph._version import __version__
-from choreograph.exporters._base import Writer
+from choreograph.exporters._base import DANCE_GENERATOR, GENERATOR, Writer
 from choreograph.gltf import INDICES, VERTICES, GltfDocument
 from choreograph.mannequin import PARTS, SkinnedMesh, build_mannequin
 from choreograph.motion import rotations as rot
@@ -31,14 +30,15 @@ class GlbWriter(Writer):
 
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`."""
-        path.write_bytes(dance_document(motion).to_glb())
+        document = dance_document(motion)
+        path.write_bytes((as_dance(document) if self.is_dance else document).to_glb())
 
 
 def dance_document(motion: Motion) -> GltfDocument:
     """The document of a dance on the mannequin."""
     mesh = build_mannequin(motion.skeleton, motion)
     floor_m = np.array([0.0, mesh.vertices_m[:, 1].min(), 0.0])
-    document = GltfDocument.empty(f"choreograph {__version__}")
+    document = GltfDocument.empty(GENERATOR)
     _add_joints(document, motion, mesh, floor_m)
     skin = _add_skin(document, mesh, floor_m)
     body = document.add("nodes", {"name": "body", "mesh": _add_mesh(document, mesh, floor_m), "skin": skin})
@@ -46,6 +46,14 @@ def dance_document(motion: Motion) -> GltfDocument:
     document.json["scene"] = 0
     add_animation(document, motion)
     return document
+
+
+def as_dance(document: GltfDocument) -> GltfDocument:
+    """The document saying, at the beginning of its file, that it is a dance."""
+    asset = {**document.json["asset"], "generator": DANCE_GENERATOR}
+    marked = document.copy()
+    marked.json = {"asset": asset} | {kind: value for kind, value in marked.json.items() if kind != "asset"}
+    return marked
 
 
 def add_animation(document: GltfDocument, motion: Motion, name: str = ANIMATION_NAME) -> None:

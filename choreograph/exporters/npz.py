@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from choreograph.exporters._base import Writer
+from choreograph.exporters._base import DANCE_GENERATOR, GENERATOR, Writer
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS
@@ -54,3 +54,4 @@ class NpzWriter(Writer):
             for name, array in arrays.items():
                 with archive.open(zipfile.ZipInfo(f"{name}.npy", _EPOCH), "w", force_zip64=True) as file:
                     np.lib.format.write_array(file, array, allow_pickle=False)
+            archive.comment = (DANCE_GENERATOR if self.is_dance else GENERATOR).encode()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
-from choreograph.exporters._base import Writer
+from choreograph.exporters._base import DANCE_GENERATOR, GENERATOR, Writer
 from choreograph.exporters.glb import linear_light
 from choreograph.mannequin import PARTS, SkinnedMesh, build_mannequin
 from choreograph.motion import rotations as rot
@@ -37,6 +37,7 @@ class UsdaWriter(Writer):
         from pxr import Tf
 
         stage = dance_stage(motion)
+        stage.GetRootLayer().comment = DANCE_GENERATOR if self.is_dance else GENERATOR
         try:
             written = stage.GetRootLayer().Export(str(path))
         except Tf.ErrorException as error:

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from choreograph._version import __version__
-from choreograph.exporters._base import Writer
-from choreograph.exporters.glb import add_animation
+from choreograph.exporters._base import GENERATOR, Writer
+from choreograph.exporters.glb import add_animation, as_dance
 from choreograph.gltf import GltfDocument
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
@@ -40,7 +39,7 @@ class VrmaWriter(Writer):
         """Write `motion`; `ParameterError` if its joint names are unknown."""
         body = canonical_skeleton()
         dancer = motion if motion.skeleton.same_as(body) else retarget(motion, body)
-        document = GltfDocument.empty(f"choreograph {__version__}")
+        document = GltfDocument.empty(GENERATOR)
         offsets_m = body.offsets_m.copy()
         # Players scale by the height of the hips, so the soles must be on the floor as an avatar's are.
         offsets_m[0, 1] -= body.rest_pos_m()[body.index("left_foot"), 1]
@@ -56,4 +55,4 @@ class VrmaWriter(Writer):
             "VRMC_vrm_animation": {"specVersion": "1.0", "humanoid": {"humanBones": bones}}
         }
         add_animation(document, dancer)
-        path.write_bytes(document.to_glb())
+        path.write_bytes((as_dance(document) if self.is_dance else document).to_glb())

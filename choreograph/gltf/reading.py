@@ -58,6 +58,18 @@ def read_gltf(path: str | Path, *, images: bool = True) -> GltfDocument:
     return document
 
 
+def referenced_files(path: str | Path) -> list[Path]:
+    """The files that the buffers and images of a `.gltf` are in; none if it cannot be read."""
+    path = Path(path)
+    try:
+        data = _parsed(path, bytes(_chunks(path, memoryview(_read(path)))[0]))
+        entries = [entry for kind in ("buffers", "images") for entry in data.get(kind, []) if "uri" in entry]
+        sources = [_source(path, entry["uri"]) for entry in entries]
+    except FormatError:
+        return []
+    return [source for source in sources if isinstance(source, Path)]
+
+
 def _read(path: Path) -> bytes:
     try:
         if not path.is_file():

@@ -31,8 +31,10 @@ from typing import Protocol
 
 import numpy as np
 
+from choreograph.count_files import SUFFIX
 from choreograph.errors import ChoreographError, FormatError, ParameterError
 from choreograph.foreign_formats import foreign_format
+from choreograph.gltf import referenced_files
 from choreograph.importers._axes_and_units import unit_in_notes
 from choreograph.importers._count_annotation import with_counts_beside
 from choreograph.importers._manifest import Manifest, read_manifest
@@ -162,6 +164,15 @@ def annotate_takes(takes: Sequence[Take], source: str | Path) -> list[Take]:
         annotate = getattr(importer, "annotate", None)
         takes = takes if annotate is None else annotate(takes, source)
     return list(takes)
+
+
+def read_beside(path: Path) -> list[Path]:
+    """The files that are read with a file of motion or a character: its counts, what a .gltf refers to."""
+    counts = path.with_suffix(SUFFIX) if path.stem else path
+    return [
+        *([counts] if os.path.isfile(counts) else []),
+        *(referenced_files(path) if path.suffix.lower() == ".gltf" else []),
+    ]
 
 
 def _found_by(

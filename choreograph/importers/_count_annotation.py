@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ def with_counts_beside(take: Take) -> Take:
     if take.counts.source == ANNOTATED or not take.source_paths:
         return take
     beside = take.source_paths[0].with_suffix(SUFFIX)
-    return with_counts_of(take, beside) if beside.exists() else take
+    return with_counts_of(take, beside) if os.path.exists(beside) else take
 
 
 def with_counts_of(take: Take, path: Path) -> Take:

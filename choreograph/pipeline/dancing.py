@@ -27,7 +27,7 @@ from choreograph.engines import ENGINES, DanceRequest, check_settings, engine_na
 from choreograph.errors import ParameterError
 from choreograph.exporters import BvhOptions
 from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.files import as_path
+from choreograph.files import as_path, check_apart
 from choreograph.graph import BUILTIN_COSTS, Cost, Transition
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
@@ -108,6 +108,7 @@ class Dance:
         check_kind("loop", loop, bool)
         check_function("report", report)
         if isinstance(character, str | Path):
+            check_apart([path], [character])
             character = read_character(character)
         for what, given, kind in (("a character", character, GltfCharacter), ("bvh", bvh, BvhOptions)):
             if not (given is None or isinstance(given, kind)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,11 +15,15 @@ from numpy.typing import NDArray
 from choreograph.characters import GltfCharacter
 from choreograph.counts import bars_of
 from choreograph.errors import ParameterError
-from choreograph.exporters import FORMATS, BvhOptions, BvhWriter, save_motion
+from choreograph.exporters import FORMATS, BvhOptions, BvhWriter, get_writer, save_motion
+from choreograph.exporters.bvh import DANCE_DIGITS
+from choreograph.exporters.glb import as_dance
 from choreograph.exporters.usd import require_usd
 from choreograph.fbx import convert, require_blender
-from choreograph.files import as_path, atomic_path, check_target
+from choreograph.files import as_path, atomic_path, check_apart, check_target, ends_of
+from choreograph.gltf import GltfDocument
 from choreograph.motion.motion import Motion
+from choreograph.plan import FORMAT as PLAN_FORMAT
 from choreograph.plan import Plan
 from choreograph.progress import ProgressReport, substage
 
@@ -29,6 +34,12 @@ if TYPE_CHECKING:
 USED_BY: dict[str, tuple[str, ...]] = {
     "character": ("html", "glb", "fbx"), "bvh": ("bvh",), "loop": FORMATS, "click": ("mp4",),
 }  # fmt: skip
+# What files of dances hold near one of their ends: their generator, a BVH's frame time, the format of a plan.
+_SAVED_DANCE = re.compile(
+    rb"choreograph [\w.+-]{1,32}: a d"  # the compression of .usdc leaves out "ance", which "/Dance" ends in
+    rb"|\nMOTION\nFrames: \d+\nFrame Time: \d\.\d{10}" + DANCE_DIGITS.encode() + rb"\n"
+    rb'|"format": "' + PLAN_FORMAT.encode() + rb'"'
+)
 _STRIP_POSES = 40
 
 
@@ -52,18 +63,28 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
     be written, `FormatError` if the song can no longer be read.
     """
     check_outputs([path])
+    character = parts.character
+    read = [parts.song_path] if parts.song_path is not None else []
+    check_apart([path], [*read, *([Path(character.document.name)] if character is not None else [])])
     suffix = format_of(path)
-    if suffix in ("glb", "fbx") and parts.character is not None:
-        save_on_character(path, parts.motion, parts.character)
+    if suffix in ("glb", "fbx") and character is not None:
+        _save_document(path, as_dance(character.dancing(parts.motion)))
     elif suffix in FORMATS:
-        save_motion(path, parts.motion, writer=BvhWriter(parts.bvh) if suffix == "bvh" else None)
+        writer = BvhWriter(parts.bvh) if suffix == "bvh" else get_writer(suffix)
+        writer.is_dance = True
+        save_motion(path, parts.motion, writer=writer)
     else:
         _SAVERS[suffix](parts, Path(path), report)
 
 
 def save_on_character(path: str | Path, motion: Motion, character: GltfCharacter) -> None:
     """Write the character again, as GLB or FBX, with the motion as its animation; raises as `save_dance`."""
-    content = character.dancing(motion).to_glb()
+    check_apart([path], [Path(character.document.name)])
+    _save_document(path, character.dancing(motion))
+
+
+def _save_document(path: str | Path, document: GltfDocument) -> None:
+    content = document.to_glb()
     with atomic_path(path) as temporary:
         if format_of(path) != "fbx":
             temporary.write_bytes(content)
@@ -101,6 +122,14 @@ def check_outputs(paths: Sequence[str | Path]) -> None:
         if format_of(path) in ("usda", "usdc"):
             require_usd(path)
         check_target(path)
+
+
+def is_saved_dance(path: str | Path) -> bool:
+    """Whether a file is a dance that `save_dance` wrote, which another dance may replace.
+
+    Not so of an .fbx, in which Blender leaves no place to say it, nor of a dance that another program saved.
+    """
+    return _SAVED_DANCE.search(ends_of(path)) is not None
 
 
 def check_character(character: GltfCharacter, paths: Sequence[str | Path]) -> None:

@@ -6,6 +6,8 @@ After Figures 3 and 12 of Rhythm is a Dancer. Needs the extra `plots` (matplotli
 from __future__ import annotations
 
 import colorsys
+import logging
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
-from choreograph.files import atomic_path
+from choreograph.exporters import GENERATOR
+from choreograph.files import atomic_path, ends_of, free_names
 from choreograph.motifs.signatures import signature
 from choreograph.motifs.templates import dances_of, distance_over_time, distances_to_template
 from choreograph.motifs.vocabulary import ALL_GENRES, Vocabulary
@@ -23,12 +26,14 @@ from choreograph.repertoire import Repertoire
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_LOG = logging.getLogger(__name__)
 MOTIFS_SHOWN = 20  # as in Figure 3
 STRIPS = 12
 _TAKES_SHOWN = 3  # below a template: the nearest, the middle one and the farthest
 _DPI = 110
 _GOLDEN = 0.618034  # turns of hue from motif to motif: neighbours differ
 _COLUMNS = 3  # of panels
+_NAME_LETTERS = 40  # of a genre, in the name of a file
 _MEAN_POINTS = 200
 
 
@@ -36,7 +41,8 @@ def write_motif_plots(folder: str | Path, repertoire: Repertoire) -> list[Path]:
     """Write all plots into `folder`, made if missing; the files.
 
     `signature-GENRE.png`, `transitions-GENRE.png`, `distance-over-time.png` and, of the most frequent motifs,
-    `motif-NUMBER.png`. Raises `ParameterError` if matplotlib is missing or the folder cannot be made,
+    `motif-NUMBER.png`. Where one of them is there and was not written here, all get other names, which is
+    logged. Raises `ParameterError` if matplotlib is missing or the folder cannot be made,
     `RepertoireError` if the repertoire has no motion words.
     """
     _expect_matplotlib()
@@ -49,20 +55,25 @@ def write_motif_plots(folder: str | Path, repertoire: Repertoire) -> list[Path]:
     genres = vocabulary.genres[:-1] or (ALL_GENRES,)
     take_genres = [take.credits.genre for take in repertoire.takes]
     dances = {genre: dances_of(vocabulary, take_genres, genre) for genre in genres}
-    written = []
+    motifs = range(min(STRIPS, vocabulary.n_motifs))
+    usual = [f"{kind}-{_file_name(genre)}.png" for genre in genres for kind in ("signature", "transitions")]
+    usual += ["distance-over-time.png", *(f"motif-{motif:03d}.png" for motif in motifs)]
+    written = free_names((folder / name for name in usual), _is_strange)
+    if written[0].name != usual[0]:
+        _LOG.warning("%s holds other files of these names: the plots are %s, …", folder, written[0].name)
+    paths = iter(written)
     for genre in genres:
-        written.append(folder / f"signature-{_file_name(genre)}.png")
-        _save(signature_figure(vocabulary, genre, dances[genre], names), written[-1])
-        written.append(folder / f"transitions-{_file_name(genre)}.png")
-        _save(transitions_figure(vocabulary, genre), written[-1])
-    written.append(folder / "distance-over-time.png")
-    _save(distance_figure(vocabulary, dances), written[-1])
-    for motif in range(min(STRIPS, vocabulary.n_motifs)):
-        written.append(folder / f"motif-{motif:03d}.png")
-        write_motif_strip(
-            written[-1], [_shown(repertoire, word) for word in words_to_show(vocabulary, motif)]
-        )
+        _save(signature_figure(vocabulary, genre, dances[genre], names), next(paths))
+        _save(transitions_figure(vocabulary, genre), next(paths))
+    _save(distance_figure(vocabulary, dances), next(paths))
+    for motif, path in zip(motifs, paths, strict=True):
+        write_motif_strip(path, [_shown(repertoire, word) for word in words_to_show(vocabulary, motif)])
     return written
+
+
+def _is_strange(path: Path) -> bool:
+    """Whether there is a file that is no picture written here."""
+    return os.path.lexists(path) and GENERATOR.split()[0].encode() not in ends_of(path)
 
 
 def signature_figure(vocabulary: Vocabulary, genre: str, takes: list[int], names: list[str]) -> Figure:
@@ -152,7 +163,7 @@ def _takes(number: int) -> str:
 
 
 def _file_name(genre: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in genre)
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in genre[:_NAME_LETTERS])
 
 
 def _expect_matplotlib() -> None:
@@ -172,4 +183,4 @@ def _figure(width: float, height: float) -> Figure:
 
 def _save(figure: Figure, path: Path) -> None:
     with atomic_path(path) as temporary:
-        figure.savefig(temporary)
+        figure.savefig(temporary, metadata={"Software": GENERATOR})

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
-from choreograph.files import atomic_path, check_target
+from choreograph.exporters import DANCE_GENERATOR
+from choreograph.files import atomic_path, check_apart, check_target
 from choreograph.motion.motion import Motion
 from choreograph.plan import Block, Plan, PlannedSecond
 from choreograph.preview.compression import deflate_base64
@@ -81,6 +82,7 @@ def write_page(
     ChoreographError   the disk is full or not writable
     """
     path = check_target(path)
+    check_apart([path], [] if song_path is None else [song_path])
     beats_s = _checked_beats(motion_beats_s)
     duration_s = _checked_duration(motion, plan, duration_s)
     start_s = plan.start_s if start_s is None else start_s
@@ -204,6 +206,7 @@ def _page_text(title: str, body: PageBody, dance: str, levels: str, sound: str) 
     elements = [f'<script type="text/plain" id="{name}">{text}</script>' for name, text in body.data.items()]
     return fill_template(
         page_part("index.html"),
+        generator=DANCE_GENERATOR,
         title=html.escape(title),
         style=page_part("style.css"),
         dance=dance,

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from PIL.PngImagePlugin import PngInfo
 
 from choreograph.errors import ParameterError
+from choreograph.exporters import DANCE_GENERATOR
 from choreograph.files import atomic_path
 from choreograph.motion.motion import Motion
 from choreograph.preview.camera_path import follow_camera
@@ -40,8 +42,10 @@ def write_strip(
     `ChoreographError` if it cannot be written.
     """
     sheet = draw_strip(motion, times_s, labels=labels, columns=columns, tile=tile)
+    about = PngInfo()
+    about.add_text("Software", DANCE_GENERATOR)
     with atomic_path(path) as temporary:
-        Image.fromarray(sheet).save(temporary, format="PNG")
+        Image.fromarray(sheet).save(temporary, format="PNG", pnginfo=about)
 
 
 def draw_strip(

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from choreograph.errors import ChoreographError, ParameterError
-from choreograph.files import atomic_path, check_target
+from choreograph.exporters import DANCE_GENERATOR
+from choreograph.files import atomic_path, check_apart, check_target
 from choreograph.motion.motion import Motion
 from choreograph.preview.camera_path import Shots, follow_camera
 from choreograph.preview.clicks import Clicks
@@ -76,6 +77,7 @@ def write_video(
     import av
 
     path = check_target(path)
+    check_apart([path], [] if song_path is None else [song_path])
     duration_s = _checked(motion, duration_s, size, fps)
     n_frames = max(1, seconds_to_frames(duration_s, fps))
     times_s = np.minimum(frame_times_s(n_frames, fps), motion.duration_s)
@@ -122,6 +124,7 @@ def _encode(
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
         bitexact: Any = av.container.Flags.bitexact  # no version, no date
         container.flags |= bitexact.value
+        container.metadata["comment"] = DANCE_GENERATOR
         rate = Fraction(fps).limit_denominator(1001)
         picture = _picture_stream(container, name, size, rate)
         packets: Iterator[Any] = iter(())

@@ -8,7 +8,7 @@ from shutil import copyfile
 from typing import Any
 
 from choreograph.building import BuildOptions, build_repertoire
-from choreograph.files import atomic_path
+from choreograph.files import atomic_path, check_apart, check_target
 from choreograph.locked_folder import locked_folder
 from choreograph.progress import ProgressReport
 from choreograph.repertoire import Repertoire
@@ -31,6 +31,7 @@ def build_starter(
     takes. Takes and checkpoints stay in `work`, so that an interrupted run can resume. Returns the repertoire
     and notes; raises as `build_repertoire`, and `ChoreographError` if another process works in `work`.
     """
+    check_apart([check_target(output)], [work / "takes"])
     with locked_folder(work, doing=f"builds {output.name}"):
         return _built_starter(work, output, preset, seed, report, training_report)
 

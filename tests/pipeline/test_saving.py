@@ -1,8 +1,9 @@
-"""What a strip shows of a dance, and which formats use which options of `Dance.save`."""
+"""What is saved of a dance: strips, options by format, what files say they are; never over an input."""
 
 from __future__ import annotations
 
 import inspect
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +15,11 @@ from synthetic_pages import plan_for
 import choreograph as cg
 from choreograph.counts import numbers_in_bar
 from choreograph.errors import ParameterError
-from choreograph.exporters import BvhOptions
-from choreograph.pipeline.saving import OUTPUT_FORMATS, SavedParts, save_dance
+from choreograph.exporters import BvhOptions, save_motion
+from choreograph.importers import import_takes
+from choreograph.pipeline.saving import OUTPUT_FORMATS, SavedParts, is_saved_dance, save_dance
 from choreograph.preview import strip
+from choreograph.preview.video import write_video
 
 
 @pytest.fixture
@@ -99,3 +102,48 @@ def test_an_option_that_a_format_does_not_use_is_refused(tmp_path, monkeypatch, 
     without, parts = seen
     field = {"click": "with_clicks", "loop": "motion"}.get(option, option)
     assert getattr(parts, field) is not getattr(without, field)
+
+
+@pytest.mark.parametrize("suffix", OUTPUT_FORMATS)
+def test_dances_are_known_by_their_files(made, tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    if suffix == "fbx":
+        pytest.skip("an FBX says nothing of who made it")
+    if suffix.startswith("usd"):
+        pytest.importorskip("pxr")
+    if suffix == "mp4":
+        write_video(path, made.motion.sliced(0, 30), size=(64, 64))
+    else:
+        made.save(path)
+    assert is_saved_dance(path)
+    if suffix not in ("json", "html", "mp4", "png"):
+        save_motion(path, made.motion)
+        assert not is_saved_dance(path)  # it may be a recording
+
+
+@pytest.mark.parametrize("stem", ["x" * 240, "x" * 251, "é" * 125])
+def test_names_near_the_limit_are_written(made, tmp_path, stem):
+    for suffix in (".bvh", ".npz"):
+        made.save(tmp_path / f"{stem}{suffix}")
+    assert len(list(tmp_path.iterdir())) == 2
+    (take,) = import_takes(tmp_path / f"{stem}.bvh")
+    assert take.name == stem
+
+
+def test_the_api_writes_over_no_input(made, tmp_path):
+    folder = tmp_path / "takes"
+    folder.mkdir()
+    save_motion(folder / "a.bvh", swaying(60))
+    with pytest.raises(ParameterError, match="input"):
+        cg.build(folder, folder / "a.bvh")
+    write_character(tmp_path / "hero.glb", CHARACTERS["unreal"])
+    hero = (tmp_path / "hero.glb").read_bytes()
+    for given in (tmp_path / "hero.glb", cg.read_character(tmp_path / "hero.glb")):
+        with pytest.raises(ParameterError, match="input"):
+            made.save(tmp_path / "hero.glb", character=given)
+    assert (tmp_path / "hero.glb").read_bytes() == hero
+    clip = tmp_path / "clip.mp4"
+    shutil.copy(made.song_path, clip)
+    with pytest.raises(ParameterError, match="input"):
+        cg.Dance(made.motion, made.plan, song_path=clip).save(clip)
+    assert clip.read_bytes() == made.song_path.read_bytes()

@@ -1,0 +1,306 @@
+"""No output is an input, of any command, however it is spelled; default names replace no file of others."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+from command_line import assert_one_line, run
+from synthetic_characters import CHARACTERS, write_character
+from synthetic_motions import stepping
+
+import choreograph as cg
+from choreograph.cli.dance_jobs import Job, jobs_of, with_free_names
+from choreograph.cli.main import main
+from choreograph.exporters import save_motion
+from choreograph.pipeline.saving import is_saved_dance
+
+MINE = b"mine, and of no format: nothing may be read before the outputs are checked"
+
+# By command: the words that name an input, MINE or a FOLDER/ with such a file in it; the words before the
+# output; the suffixes that it may have.
+_DANCE_INPUTS = (
+    ["MINE"], ["s.wav", "--db", "MINE"], ["s.wav", "--config", "MINE"], ["s.wav", "--beats", "MINE"],
+    ["s.wav", "--signature", "MINE"], ["s.wav", "--motifs", "MINE"], ["s.wav", "--recreate", "MINE"],
+    ["s.wav", "--existing", "MINE", "--keep", "0-2"], ["s.wav", "--style-song", "MINE"], ["--plan", "MINE"],
+)  # fmt: skip
+_MAPPED = ["s.wav", "--character", "MINE"], ["s.wav", "--character", "hero.glb", "--map", "MINE"]
+_EVALUATED = (
+    ["MINE", "s.wav"], ["d.bvh", "MINE"], ["d.bvh", "s.wav", "--db", "MINE"],
+    ["d.bvh", "s.wav", "--beats", "MINE"], ["--songs", "FOLDER/"],
+    ["--songs", "other", "--counted-by", "FOLDER/"], ["--songs", "other", "--experts", "FOLDER/"],
+    ["--songs", "other", "--judge", "MINE"], ["--songs", "other", "--only", "@MINE"],
+    ["--songs", "other", "--beats", "FOLDER/"],
+)  # fmt: skip
+TABLE = {
+    "dance": [
+        (_DANCE_INPUTS, ["-o"], (".bvh", ".mp4", ".json")),
+        (_MAPPED, ["-o"], (".glb",)),
+        (_MAPPED, ["-o", "a.glb", "--save-map"], (".json",)),
+        ([["MINE", "--character", "hero.glb"]], ["-o", "a.glb", "--save-map"], (".json",)),
+    ],
+    "convert": [
+        ([["MINE"]], [], (".bvh", ".glb", ".npz")),
+        ([["d.bvh", "--map", "MINE"]], ["--"], (".bvh",)),
+    ],
+    "retarget": [
+        (
+            [["MINE", "hero.glb"], ["d.bvh", "MINE"], ["d.bvh", "hero.glb", "--map", "MINE"]],
+            ["-o"],
+            (".glb",),
+        ),
+        (
+            [["MINE", "hero.glb"], ["d.bvh", "MINE"], ["d.bvh", "hero.glb", "--map", "MINE"]],
+            ["-o", "a.glb", "--save-map"],
+            (".json",),
+        ),
+    ],
+    "inspect": [
+        ([["MINE", "--signature", "waltz"], ["--signature", "MINE"]], ["-o"], (".json",)),
+        ([["MINE", "--counts", "take0"]], ["-o"], (".csv",)),
+    ],
+    "build-db": [
+        (
+            [
+                ["MINE"],
+                ["FOLDER/"],
+                ["other", "--init-from", "MINE"],
+                ["other", "--leave-out", "@MINE"],
+                ["other", "--map", "MINE"],
+            ],
+            ["-o"],
+            (".bvh", ".h5"),
+        )
+    ],
+    "evaluate": [(_EVALUATED, ["--report"], (".html",)), (_EVALUATED, ["--json"], (".json",))],
+    "study show": [([["FOLDER/"]], ["--json"], (".json",))],
+    "build-starter": [([["--work", "starter"]], ["-o"], (".h5",))],
+}
+
+
+def cases() -> Iterator[object]:
+    for command, rows in TABLE.items():
+        for inputs, outputs, suffixes in rows:
+            for words in inputs:
+                for suffix in suffixes:
+                    yield pytest.param(
+                        command, words, outputs, suffix, id=" ".join((command, *words, *outputs, suffix))
+                    )
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    """Files that are beside what the cases are about: none is read."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("s.wav", "d.bvh", "hero.glb", "other/s.wav"):
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).write_bytes(b"other")
+    return tmp_path
+
+
+def spelled(mine: Path, folder: Path) -> dict[str, Path]:
+    """The file by other names: as the system has it, one file."""
+    links = folder / "links"
+    links.mkdir()
+    (links / f"soft{mine.suffix}").symlink_to(mine)
+    os.link(mine, links / f"hard{mine.suffix}")
+    (links / "parent").symlink_to(mine.parent)
+    return {
+        "relative": mine.relative_to(folder), "absolute": mine, "soft link": links / f"soft{mine.suffix}",
+        "hard link": links / f"hard{mine.suffix}", "linked folder": links / "parent" / mine.name,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("command", "words", "outputs", "suffix"), list(cases()))
+def test_no_output_is_an_input(folder, command, words, outputs, suffix):
+    where = {"FOLDER/": "folder", "--work": "starter/takes"}
+    inside = next((where[word] for word in words if word in where), ".")
+    mine = (folder / inside / f"mine{suffix}").resolve()
+    mine.parent.mkdir(parents=True, exist_ok=True)
+    mine.write_bytes(MINE)
+    given = [word.replace("MINE", mine.name).replace("FOLDER/", "folder") for word in words]
+    names = spelled(mine, folder)
+    before = contents(folder)
+    for how, output in names.items():
+        result = run(*command.split(), *given, *outputs, output)
+        assert_one_line(result, says="input")
+        assert contents(folder) == before, how
+
+
+def test_the_table_is_of_all_commands():
+    """A new command, or a new option that names a file to write, belongs into the table."""
+    context = click.Context(main)
+    written = {"output", "save_map", "report", "json_path", "folder", "plots", "work"}
+    for name in main.list_commands(context):
+        command = main.get_command(context, name)
+        commands = command.commands if isinstance(command, click.Group) else {"": command}
+        for sub, of_sub in commands.items():
+            full = f"{name} {sub}".strip()
+            has_outputs = written & {option.name for option in of_sub.params}
+            assert full in TABLE or full in ("songs", "study write") or not has_outputs, full
+    assert len(list(cases())) >= 60
+
+
+@pytest.mark.parametrize("suffix", [".wav", ".counts.csv"])
+def test_what_is_read_beside_an_input_is_an_input(folder, suffix):
+    Path("walk.bvh").write_bytes(MINE)
+    beside = Path(f"walk{suffix}")
+    beside.write_bytes(MINE)
+    outputs = {".wav": "link.json", ".counts.csv": "link.csv"}[suffix]
+    Path(outputs).symlink_to(beside)
+    option = "--signature" if suffix == ".wav" else "--counts"
+    result = run("inspect", "walk.bvh", option, "walk.bvh", "-o", outputs)
+    assert_one_line(result, says="input")
+    assert beside.read_bytes() == MINE
+
+
+def test_files_that_a_gltf_refers_to_are_inputs(folder):
+    Path("hero.json").write_bytes(MINE)
+    asset = {"asset": {"version": "2.0"}, "buffers": [{"uri": "hero.json", "byteLength": len(MINE)}]}
+    Path("hero.gltf").write_text(json.dumps(asset))
+    result = run("retarget", "d.bvh", "hero.gltf", "-o", "a.glb", "--save-map", "hero.json")
+    assert_one_line(result, says="input")
+    assert Path("hero.json").read_bytes() == MINE
+
+
+def test_a_study_replaces_nothing(folder):
+    for name in ("study.html", "key.json"):
+        Path("new").mkdir(exist_ok=True)
+        Path("new", name).write_bytes(MINE)
+        assert_one_line(run("study", "write", "--songs", "other", "-o", "new"), says=name)
+        assert Path("new", name).read_bytes() == MINE
+        Path("new", name).unlink()
+
+
+def test_songs_are_copied_beside_files_of_their_names(folder):
+    Path("house.ogg").write_bytes(MINE)
+    result = run("songs", "--copy", ".")
+    assert result.exit_code == 0 and "note: house.ogg is another file" in result.stderr
+    assert Path("house.ogg").read_bytes() == MINE and Path("house-new.ogg").stat().st_size > 1000
+    first = contents(folder)
+    assert run("songs", "--copy", ".").exit_code == 0 and contents(folder) == first
+
+
+def test_a_map_is_not_written_before_the_motion_is_read(folder):
+    write_character(folder / "hero.glb", CHARACTERS["unreal"])
+    assert_one_line(
+        run("retarget", "d.bvh", "hero.glb", "-o", "a.glb", "--save-map", "map.json"), says="d.bvh"
+    )
+    assert not Path("map.json").exists()
+    assert_one_line(run("retarget", "d.bvh", "hero.glb", "-o", "a.glb", "--save-map", "d.bvh"), says=".json")
+
+
+@pytest.mark.parametrize("second", ["{folder}/d.bvh", "./d.bvh", "soft.bvh", "hard.bvh", "linked/d.bvh"])
+def test_two_spellings_of_an_output_are_one_file(folder, second):
+    Path("soft.bvh").symlink_to("d.bvh")
+    os.link("d.bvh", "hard.bvh")
+    Path("linked").symlink_to(".")
+    before = contents(folder)
+    result = run("dance", "s.wav", "-o", "d.bvh", "-o", second.format(folder=folder))
+    assert_one_line(result, says="one file" if second != "./d.bvh" else "twice")
+    assert contents(folder) == before
+
+
+def test_a_song_named_by_dots_stays_in_its_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for song in ("...mp3", "..mp3", "....", ".mp3", "a..mp3"):
+        for given in ("out/{song}/x.bvh", "out/{song}.bvh"):
+            [job] = jobs_of([Path(song)], (Path(given),), False, None)
+            [[path]] = job.outputs
+            inside = Path(os.path.realpath(path)).relative_to(tmp_path / "out")
+            assert len(inside.parts) == given.count("/") and ".." not in path.parts
+
+
+# Names that are chosen by default
+
+
+def named(jobs: tuple[Job, ...]) -> list[str]:
+    return [str(path) for job in jobs for outputs in job.outputs for path in outputs]
+
+
+@pytest.mark.parametrize(
+    ("songs", "given", "there", "expected"),
+    [
+        (["walk.wav"], [], ["walk.bvh"], ["walk-new.bvh", "walk-new.html"]),
+        (["walk.wav"], [], ["walk.html", "walk-new.bvh"], ["walk-new-2.bvh", "walk-new-2.html"]),
+        (["walk.wav"], ["walk.bvh"], ["walk.bvh"], ["walk.bvh"]),
+        (["walk.wav"], ["{song}.bvh", "b.npz"], ["walk.bvh", "b.npz"], ["walk-new.bvh", "b.npz"]),
+        (["a.wav", "a-new.wav"], [], ["a.bvh"], ["a-new-2.bvh", "a-new-2.html", "a-new.bvh", "a-new.html"]),
+        (["clip.mp4"], ["{song}.mp4"], ["clip.mp4"], ["clip-new.mp4"]),
+    ],
+)  # fmt: skip
+def test_default_names_are_of_no_file_of_others(folder, songs, given, there, expected):
+    for name in there:
+        Path(name).write_bytes(MINE)
+    outputs, inputs = tuple(map(Path, given)), [Path(song) for song in songs]
+    jobs, notes = with_free_names(jobs_of(inputs, outputs, False, None), outputs, inputs, force=False)
+    assert named(jobs) == expected
+    assert len(notes) == (expected[0] not in given)
+    assert all(name in notes[0] for name in expected if "new" in name and name[0] in "cw")
+    forced, _ = with_free_names(jobs_of(inputs, outputs, False, None), outputs, inputs, force=True)
+    assert ("clip-new.mp4" in named(forced)) == ("clip.mp4" in there)  # never over an input
+    assert [Path(name).read_bytes() for name in there] == [MINE] * len(there)
+
+
+def test_a_recording_beside_its_song_stays(tmp_path, monkeypatch, db, song):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(song, "walk.wav")
+    save_motion("walk.bvh", stepping(60))
+    recording = Path("walk.bvh").read_bytes()
+    dance = ("dance", "walk.wav", "--db", db, "--duration", 5)
+    for _ in range(2):  # the second replaces the dance of the first
+        danced = run(*dance)
+        assert danced.exit_code == 0, danced.output
+        assert (
+            "note: walk.bvh is no dance" in danced.stderr
+            and "walk-new.bvh and walk-new.html" in danced.stderr
+        )
+        assert sorted(path.name for path in tmp_path.iterdir()) == [
+            "walk-new.bvh", "walk-new.html", "walk.bvh", "walk.wav",
+        ]  # fmt: skip
+        assert Path("walk.bvh").read_bytes() == recording
+    assert is_saved_dance("walk-new.bvh") and is_saved_dance("walk-new.html")
+
+
+# Names near the system's limit, which is 255 bytes
+
+
+def test_a_repertoire_with_a_long_name_is_built(tmp_path):
+    folder = tmp_path / "takes"
+    folder.mkdir()
+    save_motion(folder / f"{'t' * 251}.bvh", stepping(300))
+    for name in ("r" * 252 + ".h5", "r" * 255):
+        built = cg.build(
+            folder, tmp_path / name, preset="tiny", words=False, pretrained="nothing", lock_feet=False
+        )
+        assert built.repertoire.path.name == name
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["dance", "s.wav", "-o", "x" * 252 + ".bvh"],
+        ["dance", "x" * 252 + ".wav"],
+        ["dance", "s.wav", "-o", "x" * 250 + ".bvh", "--variations", 12],
+        ["convert", "d.bvh", "x" * 252 + ".bvh"],
+        ["build-db", "other", "-o", "x" * 256],
+        ["evaluate", "--songs", "other", "--json", "x" * 256],
+        ["dance", "s.wav", "-o", "/".join(["f" * 250] * 20) + "/a.bvh"],
+    ],
+    ids=lambda arguments: arguments[0],
+)  # fmt: skip
+def test_longer_names_are_refused_before_any_work(folder, arguments):
+    before = contents(folder)
+    result = run(*arguments)
+    assert_one_line(result, says="cannot write")
+    assert len(result.stderr) <= 301 and contents(folder) == before
