@@ -16,13 +16,22 @@ from .glb import Floats, Skeleton, Tracks
 
 _Y_UP = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))  # from Blender's Z up
 _SAME_SCALE = 1e-3
+_GENERATED_PREFIXES = ("DEF-", "ORG-", "MCH-")
 
 
 def skeleton_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Skeleton:
-    """The bones of an armature object at rest; `DanceError` if it is edited, empty or scaled unevenly."""
+    """The bones of an armature object at rest.
+
+    `DanceError` if it is edited, empty or scaled unevenly, or a rig of controls.
+    """
     bones = armature.data.bones
     if armature.mode == "EDIT" or not bones:
         raise DanceError(f"{armature.name}: expected an armature with bones, and not in Edit Mode")
+    if _is_generated(armature):
+        raise DanceError(
+            f"{armature.name}: expected bones that are free to dance, got a rig of controls that Rigify "
+            "generated, whose constraints hold them: let its metarig dance"
+        )
     scale = armature.matrix_world.to_scale()
     if armature.matrix_world.determinant() <= 0 or max(scale) - min(scale) > _SAME_SCALE * max(scale):
         raise DanceError(
@@ -48,6 +57,14 @@ def skeleton_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Skeleton:
         world=np.array(world),
         unit_m=of_armature.median_scale,
         corners_m=np.array([moved.min(axis=0), moved.max(axis=0)]),
+    )
+
+
+def _is_generated(armature: bpy.types.Object) -> bool:
+    """Whether Rigify generated a rig: it marks it, and names its deforming, original and helper bones."""
+    names = armature.data.bones.keys()
+    return "rig_id" in armature.data or all(
+        any(name.startswith(prefix) for name in names) for prefix in _GENERATED_PREFIXES
     )
 
 

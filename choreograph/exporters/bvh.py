@@ -10,7 +10,7 @@ import numpy as np
 
 from choreograph.arguments import as_number, check_choice, check_kind
 from choreograph.exporters._base import Writer
-from choreograph.exporters.naming import NAMES, renamed
+from choreograph.exporters.naming import NAMES, renamed, word_of
 from choreograph.exporters.rest_pose import REST_POSES, with_rest_pose
 from choreograph.frame_blocks import frame_blocks
 from choreograph.motion import rotations as rot
@@ -79,7 +79,7 @@ class BvhWriter(Writer):
         position = "Xposition Yposition Zposition " if joint == 0 else ""
         rotation = " ".join(f"{axis}rotation" for axis in self.options.order)
         lines = [
-            f"{indent}{'JOINT' if joint else 'ROOT'} {skeleton.names[joint]}",
+            f"{indent}{'JOINT' if joint else 'ROOT'} {word_of(skeleton.names[joint])}",
             f"{indent}{{",
             f"{indent}  {self._offset(offset)}",
             f"{indent}  CHANNELS {3 if joint else 6} {position}{rotation}",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.exporters._base import DANCE_GENERATOR, GENERATOR, Writer
+from choreograph.exporters.naming import text_names
 from choreograph.gltf import INDICES, VERTICES, GltfDocument
 from choreograph.mannequin import PARTS, SkinnedMesh, build_mannequin
 from choreograph.motion import rotations as rot
@@ -82,7 +83,7 @@ def _add_joints(
     """The joints in the bind pose, as the first nodes."""
     skeleton = motion.skeleton
     local = to_local(skeleton, mesh.bind_quat)  # (J, 4)
-    for joint, name in enumerate(skeleton.names):
+    for joint, name in enumerate(text_names(skeleton.names)):
         offset = skeleton.offsets_m[joint] if joint else mesh.bind_pos_m[0] - floor_m
         node = {
             "name": name,

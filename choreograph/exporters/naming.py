@@ -1,13 +1,23 @@
-"""Names of the canonical joints in other programs: a motion with these is mapped there without a click."""
+"""Names of joints in files: those of other programs, and any name so that every reader reads it back.
+
+A motion with the names of another program is mapped there without a click. A name that a format cannot hold
+is escaped: bytes of UTF-8 as "%20", as in URLs, so that two names never become one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from choreograph.errors import ParameterError
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
+
+_PLAIN = frozenset("_-.:|")  # beside letters, marks and digits, what every reader of BVH takes
+_ESCAPED = re.compile("(?:%[0-9A-F]{2})+")
+_NO_NAME = "%"  # which no escaped name is
 
 _LIMBS = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist", "hand")
 _TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
@@ -61,3 +71,59 @@ def renamed(motion: Motion, naming: str) -> Motion:
         NAMES[naming].get(role_of.get(joint, ""), name) for joint, name in enumerate(motion.skeleton.names)
     )
     return replace(motion, skeleton=replace(motion.skeleton, names=names))
+
+
+def word_of(name: str) -> str:
+    """A name as one word without braces, quotes or comments, as BVH needs it: readers split its lines."""
+    return "".join(each if _is_plain(each) else _as_bytes(each) for each in name) or _NO_NAME
+
+
+def name_of_word(word: str) -> str:
+    """The name that `word_of` wrote as a word; words of other programs are as they are."""
+    if word == _NO_NAME:
+        return ""
+    return _ESCAPED.sub(_unescaped, word)
+
+
+def text_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The names as different texts that can be stored: those with characters that cannot are escaped."""
+    return _distinct([name if _is_text(name) else word_of(name) for name in names], taken=names)
+
+
+def identifiers(names: Sequence[str]) -> tuple[str, ...]:
+    """Different identifiers of ASCII letters, digits and "_" for names, as paths in USD have them."""
+    own = [re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names]
+    return _distinct([f"_{name}" if name[0].isdigit() else name for name in own])
+
+
+def _is_plain(character: str) -> bool:
+    return character in _PLAIN or unicodedata.category(character)[0] in "LMN"
+
+
+def _is_text(name: str) -> bool:
+    """Whether a name has no control characters, no half of a surrogate pair, and is not empty."""
+    return bool(name) and all(unicodedata.category(each) not in ("Cc", "Cs") for each in name)
+
+
+def _as_bytes(character: str) -> str:
+    return "".join(f"%{byte:02X}" for byte in character.encode("utf-8", "surrogatepass"))
+
+
+def _unescaped(found: re.Match[str]) -> str:
+    try:
+        return bytes.fromhex(found[0].replace("%", "")).decode("utf-8", "surrogatepass")
+    except UnicodeDecodeError:  # of another program, which means something else by it
+        return found[0]
+
+
+def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> tuple[str, ...]:
+    """The names, those that repeat with a number that none has."""
+    used, found = set(taken) | set(names), []
+    seen: set[str] = set()
+    for place, name in enumerate(names):
+        own, number = name, place
+        while own in seen or (own != name and own in used):
+            own, number = f"{name}_{number}", number + 1
+        seen.add(own)
+        found.append(own)
+    return tuple(found)

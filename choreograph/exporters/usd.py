@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from choreograph.errors import ParameterError
 from choreograph.exporters._base import DANCE_GENERATOR, GENERATOR, Writer
 from choreograph.exporters.glb import linear_light
+from choreograph.exporters.naming import identifiers, text_names
 from choreograph.mannequin import PARTS, SkinnedMesh, build_mannequin
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import to_local
@@ -96,11 +97,8 @@ def dance_stage(motion: Motion) -> Usd.Stage:
 
 def _joint_paths(motion: Motion) -> list[str]:
     """Names of joints below one another, as UsdSkel wants them: "pelvis/left_hip/left_knee"."""
-    from pxr import Tf
-
     paths: list[str] = []
-    for name, parent in zip(motion.skeleton.names, motion.skeleton.parents, strict=True):
-        own = Tf.MakeValidIdentifier(name)
+    for own, parent in zip(identifiers(motion.skeleton.names), motion.skeleton.parents, strict=True):
         paths.append(own if parent < 0 else f"{paths[parent]}/{own}")
     return paths
 
@@ -117,7 +115,7 @@ def _add_skeleton(
     offsets_m[0] = bind_pos_m[0]
     skeleton = UsdSkel.Skeleton.Define(stage, f"{_ROOT}/Skeleton")
     skeleton.CreateJointsAttr(joints)
-    skeleton.CreateJointNamesAttr(list(motion.skeleton.names))
+    skeleton.CreateJointNamesAttr(list(text_names(motion.skeleton.names)))
     skeleton.CreateBindTransformsAttr(
         [_matrix(*both) for both in zip(bind_pos_m, mesh.bind_quat, strict=True)]
     )

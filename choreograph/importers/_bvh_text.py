@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import FormatError, ParameterError
+from choreograph.exporters.naming import name_of_word
 from choreograph.files import read_bytes
 from choreograph.motion.motion import check_length
 from choreograph.motion.skeleton import MAX_JOINTS
@@ -172,7 +173,8 @@ class _Hierarchy:
         joint = len(bvh.names)
         if joint == MAX_JOINTS:
             raise FormatError(f"expected at most {MAX_JOINTS} joints, got more")
-        name = base = self.name_until_brace() or f"joint{joint}"
+        written = self.name_until_brace()
+        name = base = name_of_word(written) if written else f"joint{joint}"
         while name in self.copies:
             self.copies[base] += 1
             name = f"{base}_{self.copies[base]}"

@@ -23,7 +23,7 @@ from choreograph.takes import Credits, Take
 LAYOUT = "a single NAME.bvh"
 READS_BONE_MAP = True
 _NAMED = 6  # joints in a note; the others are counted
-_POSES = 8  # of the motion, in which a body is looked for that the rest pose does not show
+_POSES = 4  # of the motion, in which a body is looked for that the rest pose does not show
 _VARIES_M = 1e-3  # bone offsets that vary by more get a note
 
 

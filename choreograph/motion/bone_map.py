@@ -19,6 +19,7 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS
 
 Floats = NDArray[np.float64]
 
+_MOST_BONES = 1024  # that are looked at in many poses; bodies with faces and hands have some hundreds
 _NOTED = ("pelvis", "left_knee", "right_elbow")
 # Matrices for row vectors that take Y, Z, -Z, X, -X and -Y to Y, the usual ones first.
 _TO_Y_UP = tuple(
@@ -81,7 +82,7 @@ def take_bones(
         return roles, "its bones are those that the map says"
     if _roles_or_none(rig) is not None:
         return None, ""
-    for posed in chain((rig,), more_poses):
+    for posed in chain((rig,), more_poses) if rig.n_bones <= _MOST_BONES else ():
         for to_y_up in _TO_Y_UP:
             try:
                 roles = bones_by_structure(posed.turned(to_y_up))

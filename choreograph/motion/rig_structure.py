@@ -105,7 +105,7 @@ def head_by_structure(rig: PosedBones, bones: dict[str, int]) -> dict[str, int]:
 def _limbs(rig: PosedBones, beside: Floats, height: float) -> dict[str, int]:
     """Legs and arms with sides "+" and "-" of the axis that `beside` (B,) is measured along."""
     limbs: dict[str, int] = {}
-    ends = [bone for bone in range(rig.n_bones) if not rig.children(bone)]
+    ends = sorted(set(range(rig.n_bones)) - set(rig.parents.tolist()))
     floor = rig.pos[:, 1].min()
     for side, sign in (("+", 1.0), ("-", -1.0)):
         chains = [_side_chain(rig, end, sign * beside) for end in ends]
@@ -126,9 +126,11 @@ def _limbs(rig: PosedBones, beside: Floats, height: float) -> dict[str, int]:
 
 def _side_chain(rig: PosedBones, end: int, beside: Floats) -> list[int]:
     """The bones from the last one in the middle, not included, to an end on one side."""
-    path = rig.path_from_root(end)
-    last = max((i for i, bone in enumerate(path) if beside[bone] < _BESIDE), default=-1)
-    return path[last + 1 :]
+    chain, bone = [], end
+    while bone >= 0 and beside[bone] >= _BESIDE:
+        chain.append(bone)
+        bone = int(rig.parents[bone])
+    return chain[::-1]
 
 
 def _leg_parts(rig: PosedBones, chain: list[int], floor: float, height: float) -> dict[str, int]:

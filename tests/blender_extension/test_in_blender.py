@@ -166,6 +166,42 @@ def test_a_song_that_cannot_be_read_is_said_and_nothing_changes(seen):
     assert states["after_error"] == states["before"]
 
 
+def test_a_rig_that_rigify_generated_is_refused_and_nothing_changes(package, program, tmp_path):
+    """Marked as Rigify does, and, as after a link or an append, known by its bones alone."""
+    script, seen = tmp_path / "generate.py", tmp_path / "seen.json"
+    script.write_text(
+        "import json, sys\n"
+        "from pathlib import Path\n"
+        "import bpy\n"
+        "package, program, song, seen = sys.argv[sys.argv.index('--') + 1 :]\n"
+        "bpy.ops.wm.read_factory_settings(use_empty=True)\n"
+        "bpy.ops.extensions.package_install_files(\n"
+        "    filepath=package, repo='user_default', enable_on_install=True)\n"
+        "bpy.context.preferences.addons['bl_ext.user_default.choreograph'].preferences.program = program\n"
+        "bpy.ops.preferences.addon_enable(module='rigify')\n"
+        "bpy.ops.object.armature_human_metarig_add()\n"
+        "bpy.ops.pose.rigify_generate()\n"
+        "rig = next(each for each in bpy.data.objects if each.type == 'ARMATURE' and 'rig_id' in each.data)\n"
+        "settings = bpy.context.scene.choreograph\n"
+        "settings.armature, settings.song, settings.duration_s = rig, song, 2.0\n"
+        "said = []\n"
+        "for _ in range(2):\n"
+        "    try:\n"
+        "        bpy.ops.choreograph.dance()\n"
+        "        said.append('danced')\n"
+        "    except RuntimeError as error:\n"
+        "        said.append(str(error))\n"
+        "    rig.data.pop('rig_id', None)\n"
+        "actions = len(bpy.data.actions)\n"
+        "Path(seen).write_text(json.dumps({'said': said, 'actions': actions}))\n"
+    )
+    in_blender(script, package, program, SONG, seen, user=tmp_path / "user")
+    found = json.loads(seen.read_text())
+    assert len(found["said"]) == 2 and found["actions"] == 0
+    for said in found["said"]:
+        assert "Rigify generated" in said and len(said.strip().splitlines()) == 1
+
+
 def test_a_pin_takes_the_previews_range(seen):
     states, _ = seen
     assert states["pin"].startswith("1.000-4.000=take:house-")
