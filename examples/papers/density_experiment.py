@@ -164,7 +164,7 @@ def heard(song: EvaluatedSong, nets: Networks, clips: Clips) -> Music:
     loaded = song.load()
     mel, n_seconds = log_mel(loaded.samples), int(loaded.duration_s)
     trackers = (DEFAULT_TRACKER, second_tracker(DEFAULT_TRACKER))
-    beats_s = {name: beats_of(loaded, name, start_s=song.start_s).times_s for name in trackers}
+    beats_s = {name: beats_of(loaded, name).times_s for name in trackers}
     curves = {
         "analytic": (music_density(n_seconds, beats_s[DEFAULT_TRACKER]) - clips.shift) / clips.factor,
         "learned": nets.music.song_density(mel, n_seconds),

@@ -233,7 +233,7 @@ def real_metre_lines(given: argparse.Namespace) -> list[Line]:
     for song in find_songs(given.data):
         metre = METRES.get(song.genre, DEFAULT_METRE)
         wanted.append(metre)
-        right.append(beats_of(song.load(), given.beats, start_s=song.start_s).metre == metre)
+        right.append(beats_of(song.load(), given.beats).metre == metre)
     commoner = max(wanted.count(metre) for metre in set(wanted)) / len(wanted)
     what = f"metre of {len(wanted)} real songs, waltz against the rest"
     return [Line(what, "0.85", f"{np.mean(right):.2f}", f"{commoner:.2f}")]
