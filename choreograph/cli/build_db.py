@@ -13,7 +13,7 @@ from choreograph.cli.present import examples, printable, say, show_notes, stages
 from choreograph.errors import ParameterError
 
 _FILE = click.Path(path_type=Path)
-_WIDEST = 60  # letters of a column of --check; longer cells push the next ones
+_WIDEST = 80  # letters of a column of --check; longer cells push the next ones
 # By --published.
 _DECIDED = {
     "--augment-mirror", "--density", "--init-from", "--keep-networks", "--lock-feet", "--pretrained",
