@@ -75,7 +75,7 @@ def read_text(path: Path) -> str:
 def parse_bvh(text: str) -> BvhText:
     """Parse BVH text; `FormatError` (without the file's name) if it is incomplete or damaged."""
     head, *motion = _MOTION.split(text, maxsplit=1)
-    tokens = re.sub(r"([{}])", r" \1 ", _COMMENT.sub("", head)).split()
+    tokens = _COMMENT.sub("", head).replace("{", " { ").replace("}", " } ").split()
     if not tokens or tokens[0].upper() != "HIERARCHY":
         what = reprlib.repr(tokens[0]) if tokens else "nothing"
         raise FormatError(f"expected a BVH, which starts with HIERARCHY, got {what}")
