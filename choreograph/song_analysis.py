@@ -28,7 +28,7 @@ from choreograph.features.phrasing import dance_span_s
 from choreograph.features.rhythm import rhythm_features
 from choreograph.features.sections import Sections, song_sections
 from choreograph.features.song_features import SongFeatures
-from choreograph.one_thread import one_thread
+from choreograph.numerics import one_thread
 from choreograph.progress import StepReport, part
 from choreograph.repertoire import Repertoire
 from choreograph.song_counts import DEFAULT_BEATS, names_a_tracker, song_counts

@@ -20,6 +20,7 @@ from choreograph.arguments import as_number, as_texts, check_text, unexpected
 from choreograph.audio.decode import Blocks, decode
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import as_path, check_regular
+from choreograph.numerics import default_numerics
 from choreograph.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 
 SILENCE_PEAK = 1e-4  # -80 dB: a song whose peak amplitude is lower counts as silent
@@ -86,6 +87,7 @@ def check_span(start_s: Any, duration_s: Any) -> None:
         raise unexpected("a duration in seconds above 0", duration_s)
 
 
+@default_numerics()
 def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | None = None) -> Song:
     """Decode an audio file (or a video's sound) to mono at 22.05 kHz.
 

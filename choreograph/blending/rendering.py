@@ -23,6 +23,7 @@ from choreograph.blending.runs import (
 from choreograph.blending.sampled_runs import MotionReader
 from choreograph.errors import ParameterError
 from choreograph.motion.motion import Motion
+from choreograph.numerics import default_numerics
 from choreograph.plan import Plan, PlannedWord
 from choreograph.progress import StepReport, part
 from choreograph.repertoire import Repertoire
@@ -32,6 +33,7 @@ _STEPS = 100  # of its progress
 LENGTH_SLACK_S = 0.1  # the first and last frames of a take, or of an existing dance, are repeated so long
 
 
+@default_numerics()
 def render(
     plan: Plan,
     repertoire: Repertoire,

@@ -13,9 +13,11 @@ from choreograph.building.build import build_repertoire
 from choreograph.building.options import BuildOptions
 from choreograph.building.result import BuildResult
 from choreograph.files import as_path
+from choreograph.numerics import default_numerics
 from choreograph.progress import ProgressReport
 
 
+@default_numerics()
 def build(
     sources: str | Path | Iterable[str | Path],
     output: str | Path,

@@ -19,6 +19,7 @@ from choreograph.files import as_path
 from choreograph.gltf import GltfDocument, Rig, SkinPoints, read_gltf, read_rig, read_skin_points
 from choreograph.motion.bone_map import find_bones
 from choreograph.motion.motion import Motion
+from choreograph.numerics import default_numerics
 from choreograph.timebase import frame_times_s
 
 Floats = NDArray[np.float64]
@@ -67,6 +68,7 @@ class GltfCharacter:
         return document
 
 
+@default_numerics()
 def read_character(path: str | Path, bone_map: Mapping[str, str] | None = None) -> GltfCharacter:
     """The character of a .glb, .gltf or .vrm file, or with Blender on this machine of an .fbx.
 

@@ -38,6 +38,7 @@ from choreograph.evaluation.songs import EvaluatedSong, check_unseen
 from choreograph.evaluation.variants import Variant, check_variant, dance_variant, variants_named
 from choreograph.features.music_beats import DEFAULT_TRACKER
 from choreograph.metrics import labels
+from choreograph.numerics import default_numerics
 from choreograph.pipeline import Dance
 from choreograph.plan import Plan
 from choreograph.progress import ProgressReport
@@ -63,6 +64,7 @@ class EvaluationConfig:
             )
 
 
+@default_numerics()
 def evaluate(
     repertoire: Repertoire,
     songs: Sequence[EvaluatedSong],

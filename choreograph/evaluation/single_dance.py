@@ -18,9 +18,11 @@ from choreograph.evaluation.results import SINGLE, Evaluation, ExampleDance, Exa
 from choreograph.evaluation.song_music import second_tracker, song_music
 from choreograph.features.music_beats import DEFAULT_TRACKER
 from choreograph.motion.motion import Motion
+from choreograph.numerics import default_numerics
 from choreograph.repertoire import Repertoire
 
 
+@default_numerics()
 def evaluate_dance(
     motion: Motion,
     song: Song,

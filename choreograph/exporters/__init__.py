@@ -24,6 +24,7 @@ from choreograph.exporters.usd import UsdaWriter, UsdcWriter
 from choreograph.exporters.vrma import VrmaWriter
 from choreograph.files import atomic_path
 from choreograph.motion.motion import Motion
+from choreograph.numerics import default_numerics
 
 __all__ = [
     "DANCE_GENERATOR",
@@ -56,6 +57,7 @@ def get_writer(format: str) -> Writer:
     return _WRITERS[format.lower()]()
 
 
+@default_numerics()
 def save_motion(path: str | Path, motion: Motion, *, writer: Writer | None = None) -> None:
     """Write `motion` atomically, in the format of the path's suffix or with `writer`.
 

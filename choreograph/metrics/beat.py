@@ -35,6 +35,7 @@ from scipy.signal import argrelextrema
 
 from choreograph.errors import ParameterError
 from choreograph.motion.body import body_pos_at
+from choreograph.numerics import default_numerics
 from choreograph.timebase import frames_to_seconds
 
 WINDOW_S = 0.07
@@ -153,6 +154,7 @@ def published_motion_beats_s(body_pos_m: NDArray[np.floating], fps: float, varia
     return frames_to_seconds(argrelextrema(speed, np.less, order=known.order)[0], known.fps)
 
 
+@default_numerics()
 def evaluate(motion_beats_s: Times, music_beats_s: Times) -> dict[str, float]:
     """All beat metrics by name."""
     validate(motion_beats_s, music_beats_s)
@@ -168,6 +170,7 @@ def evaluate(motion_beats_s: Times, music_beats_s: Times) -> dict[str, float]:
     }
 
 
+@default_numerics()
 def evaluate_published(
     body_pos_m: NDArray[np.floating],
     fps: float,
@@ -193,6 +196,7 @@ def evaluate_published(
     return scores
 
 
+@default_numerics()
 def evaluate_chance(
     motion_beats_s: Times,
     music_beats_s: Times,

@@ -41,6 +41,7 @@ from numpy.typing import NDArray
 from choreograph.errors import ParameterError
 from choreograph.motion.body import BODY_JOINTS, body_pos_at, checked_body_pos_m
 from choreograph.motion.floor import estimate_floor_m
+from choreograph.numerics import default_numerics
 
 Floats = NDArray[np.float64]
 
@@ -104,6 +105,7 @@ def foot_skating_ratio(
     return float(np.mean((slides & contact).sum(axis=0)[frames > 0] / frames[frames > 0]))
 
 
+@default_numerics()
 def evaluate(body_pos_m: Floats, fps: float) -> dict[str, float]:
     """All metrics of this module by name. Raises `ParameterError` as `validate` does."""
     return {

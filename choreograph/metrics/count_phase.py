@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from choreograph.errors import ParameterError
 from choreograph.metrics.counts import beat_positions
 from choreograph.metrics.references import halves
+from choreograph.numerics import default_numerics
 
 Floats = NDArray[np.float64]
 
@@ -75,6 +76,7 @@ def phase_distance(a: ArrayLike, b: ArrayLike) -> float:
     return float(np.abs(flow - np.median(flow)).mean())
 
 
+@default_numerics()
 def evaluate(
     danced_phases: ArrayLike,
     expert_dances: Sequence[ArrayLike],

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from choreograph.errors import ParameterError
+from choreograph.numerics import default_numerics
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -125,6 +126,7 @@ def beat_positions(times_s: ArrayLike, beats_s: ArrayLike) -> Floats:
     return before + (times - beats[before]) / (beats[before + 1] - beats[before])
 
 
+@default_numerics()
 def evaluate(
     danced_s: ArrayLike, danced_numbers: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLike
 ) -> dict[str, float]:
@@ -141,6 +143,7 @@ def evaluate(
     }
 
 
+@default_numerics()
 def evaluate_chance(
     danced_s: ArrayLike,
     danced_numbers: ArrayLike,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
 from choreograph.motion.body import body_pos_at, checked_body_pos_m
+from choreograph.numerics import default_numerics
 from choreograph.timebase import STORE_FPS, frame_times_s, seconds_to_frames
 
 Floats = NDArray[np.float64]
@@ -55,6 +56,7 @@ def hold_delay_s(body_pos_m: Floats, fps: float, last_strong_s: float) -> float:
     return held_from_s(body_pos_m, fps) - last_strong_s
 
 
+@default_numerics()
 def evaluate(body_pos_m: Floats, fps: float, last_strong_s: float | None = None) -> dict[str, float]:
     """All metrics of this module by name; the delay only with the song's last strong count."""
     validate(body_pos_m, fps, last_strong_s)

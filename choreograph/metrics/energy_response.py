@@ -20,6 +20,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from choreograph.errors import ParameterError
 from choreograph.motion.body import BODY_JOINTS, body_pos_at, checked_body_pos_m
+from choreograph.numerics import default_numerics
 from choreograph.timebase import NET_FPS
 
 Floats = NDArray[np.float64]
@@ -124,6 +125,7 @@ def pooled_response(songs: Sequence[tuple[Floats, Floats]]) -> float:
     return _correlation(loudness, np.concatenate([size / size.mean() - 1.0 for _, size in telling]))
 
 
+@default_numerics()
 def evaluate(
     body_pos_m: Floats,
     fps: float,
@@ -136,6 +138,7 @@ def evaluate(
     return _scores(motion_size(body_pos_m, fps), danced_s, bounds_s, loudness_db)
 
 
+@default_numerics()
 def evaluate_chance(
     body_pos_m: Floats,
     fps: float,

@@ -48,6 +48,7 @@ from choreograph.metrics.frechet import fit_gaussian, frechet_distance
 from choreograph.motion.body import body_indices
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS
+from choreograph.numerics import default_numerics
 from choreograph.timebase import frame_times_s, seconds_to_frames
 
 Floats = NDArray[np.float64]
@@ -178,6 +179,7 @@ def diversity(
     return float(pdist(_normalised(features, real, variant) if normalised else features).mean())
 
 
+@default_numerics()
 def evaluate(dances: DanceFeatures, real: DanceFeatures, *, normalised: bool = True) -> dict[str, float]:
     """FID and diversity for both kinds of features by name, and the diversity of the real set as the target.
 

@@ -37,6 +37,7 @@ from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS, Skeleton
+from choreograph.numerics import default_numerics
 from choreograph.timebase import NET_FPS
 
 Floats = NDArray[np.float64]
@@ -144,6 +145,7 @@ def fmd(dances: Sequence[Motion], real: Sequence[Motion]) -> float:
     return evaluate(dances, real)["fmd"]
 
 
+@default_numerics()
 def evaluate(dances: Sequence[Motion], real: Sequence[Motion]) -> dict[str, float]:
     """FPD and FMD by name, rad².
 

@@ -41,6 +41,7 @@ from choreograph.errors import ParameterError
 from choreograph.features.mel import log_mel, mel_band_hz
 from choreograph.features.onsets import onset_envelopes
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, body_pos_at
+from choreograph.numerics import default_numerics
 from choreograph.timebase import MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_S, frames_to_seconds
 
 Floats = NDArray[np.float64]
@@ -164,6 +165,7 @@ def validate(dance_labels: Floats, music_labels: Floats) -> None:
         )
 
 
+@default_numerics()
 def evaluate(dance_labels: Floats, music_labels: Floats) -> dict[str, float]:
     """Distance of every pair by name, and its chance level."""
     distances, chance = (f(dance_labels, music_labels) for f in (label_distances, chance_distances))

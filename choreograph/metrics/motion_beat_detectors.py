@@ -28,6 +28,7 @@ from scipy.ndimage import gaussian_filter1d
 from choreograph.features.motion_beats import motion_beat_times_s
 from choreograph.metrics import beat
 from choreograph.motion.body import body_pos_at, checked_body_pos_m
+from choreograph.numerics import default_numerics
 from choreograph.timebase import STORE_FPS, frames_to_seconds
 
 Floats = NDArray[np.float64]
@@ -87,6 +88,7 @@ def f_score_mean_of_detectors(body_pos_m: Floats, fps: float, music_beats_s: Flo
     return evaluate(body_pos_m, fps, music_beats_s)["f_score_mean"]
 
 
+@default_numerics()
 def evaluate(body_pos_m: Floats, fps: float, music_beats_s: Floats) -> dict[str, float]:
     """The F-score at 70 ms by every detector, as `f_score_…`, and their mean."""
     validate(body_pos_m, fps, music_beats_s)
@@ -99,6 +101,7 @@ def scores_of(motion_beats_s: Mapping[str, Floats], music_beats_s: Floats) -> di
     return {**scores, "f_score_mean": float(np.mean(list(scores.values())))}
 
 
+@default_numerics()
 def evaluate_chance(
     motion_beats_s: Mapping[str, Floats],
     music_beats_s: Floats,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from choreograph.errors import ParameterError
 from choreograph.metrics import contact_scores
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, body_pos_at, checked_body_pos_m
+from choreograph.numerics import default_numerics
 from choreograph.timebase import NET_FPS, STORE_FPS, frame_times_s
 
 Floats = NDArray[np.float64]
@@ -156,6 +157,7 @@ def limb_length_spread_mm(body_pos_m: Floats, fps: float) -> float:
     return float(lengths_m.std(axis=0).max() * 1000.0)
 
 
+@default_numerics()
 def evaluate(
     body_pos_m: Floats, fps: float, boundary_times_s: Times = (), *, sole_pos_m: Floats | None = None
 ) -> dict[str, float]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
+from choreograph.numerics import default_numerics
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -77,6 +78,7 @@ def mean_over_groups(values: Floats, groups: Sequence[str]) -> float:
     return float(np.mean([values[names == name].mean() for name in np.unique(names)]))
 
 
+@default_numerics()
 def evaluate(relevant: Bools, k: int, *, groups: Sequence[str] | None = None) -> dict[str, float]:
     """All metrics of complete rankings by name, each with its chance level, averaged over groups if given.
 

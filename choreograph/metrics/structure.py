@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
 from choreograph.histograms import chi_square_distance
+from choreograph.numerics import default_numerics
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -142,6 +143,7 @@ def section_agreement(similarity: Floats, section_labels: Sequence[str] | Indice
     return float(pairs[equal].mean() - pairs[~equal].mean())
 
 
+@default_numerics()
 def evaluate(
     motifs: Indices,
     starts_s: Floats,

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
+from choreograph.numerics import default_numerics
 
 Strings = NDArray[np.str_]
 
@@ -64,6 +65,7 @@ def seconds_to_switch(danced: Sequence[str], wanted: Sequence[str]) -> list[floa
     return waits
 
 
+@default_numerics()
 def evaluate(danced: Sequence[str], wanted: Sequence[str]) -> dict[str, float]:
     """Means over the song's parts: own genre with its chance, the worst part's, and time to switch."""
     shares, waits = own_genre_shares(danced, wanted), seconds_to_switch(danced, wanted)

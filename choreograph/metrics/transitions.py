@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from choreograph.errors import ParameterError
 from choreograph.metrics import counts
 from choreograph.metrics.counts import WITHIN_BEATS, beat_positions
+from choreograph.numerics import default_numerics
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -79,6 +80,7 @@ def at_borders(
     return _share(_at_bars(transitions_s, beats_s, beat_numbers) | figures)
 
 
+@default_numerics()
 def evaluate(
     transitions_s: ArrayLike,
     duration_s: float,

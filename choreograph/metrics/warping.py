@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.errors import ParameterError
+from choreograph.numerics import default_numerics
 
 Floats = NDArray[np.float64]
 
@@ -70,6 +71,7 @@ def summary_ms(errors_ms: Floats) -> dict[str, float]:
     }
 
 
+@default_numerics()
 def evaluate(time_maps: Floats) -> dict[str, float]:
     """Slope percentiles of the maps and shares at the limits, by name."""
     slopes = np.diff(validate(time_maps), axis=-1)

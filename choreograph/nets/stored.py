@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from choreograph.errors import ParameterError
 from choreograph.nets.presets import check_fields
+from choreograph.numerics import default_numerics
 
 _BATCH_SIZE = 128  # at inference
 
@@ -30,6 +31,7 @@ class StoredNet(nn.Module):
         return {n: v.detach().cpu().numpy() for n, v in self.state_dict().items()}, asdict(self.config)
 
     @classmethod
+    @default_numerics()
     def from_arrays(cls, arrays: Mapping[str, NDArray], config: Mapping[str, Any]) -> Self:
         """The network of `to_arrays`; `ParameterError` if weights and config disagree.
 
@@ -46,14 +48,19 @@ class StoredNet(nn.Module):
             f"expected weights of the {cls.__name__} configured, got others: the file mixes versions"
         )
         try:
-            with torch.device("meta"):  # shapes alone: a configuration may claim more than memory holds
-                shapes = {key: tuple(value.shape) for key, value in cls(config).state_dict().items()}
+            # Shapes alone: a configuration may claim more than memory holds, and weights are not drawn.
+            with torch.device("meta"):
+                net = cls(config)
         except (RuntimeError, ValueError, TypeError, IndexError, ArithmeticError) as error:
             raise ParameterError(f"{mismatch} ({str(error).splitlines()[0][:80]})") from error
-        if shapes != {key: np.shape(value) for key, value in arrays.items()}:
+        expected = net.state_dict()
+        if {key: tuple(value.shape) for key, value in expected.items()} != {
+            key: np.shape(value) for key, value in arrays.items()
+        }:
             raise mismatch
-        net = cls(config)
-        net.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in arrays.items()})
+        weights = {key: torch.from_numpy(np.array(value)) for key, value in arrays.items()}
+        weights = {key: value.to(expected[key].dtype) for key, value in weights.items()}
+        net.load_state_dict(weights, assign=True)
         return net.eval()
 
     def _in_batches(self, n: int, infer: Callable[[slice], Tensor], *row_shape: int) -> NDArray[np.float32]:

@@ -32,7 +32,7 @@ from choreograph.graph import BUILTIN_COSTS, Cost, Transition
 from choreograph.motifs.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.one_thread import one_thread
+from choreograph.numerics import default_numerics, one_thread
 from choreograph.pipeline.arguments import (
     as_config,
     as_costs,
@@ -72,15 +72,18 @@ class Dance:
             object.__setattr__(self, name, as_texts(f"{name} of a dance", getattr(self, name)))
 
     @cached_property
+    @default_numerics()
     def motion_beats_s(self) -> NDArray[np.float64]:
         """Motion beats of the finished dance in seconds, (Q,)."""
         return motion_beat_times_s(body_pos_m(self.motion.resampled(STORE_FPS)), STORE_FPS)
 
     @cached_property
+    @default_numerics()
     def loop(self) -> Loop:
         """The dance cut to whole bars, ending where it begins; `ParameterError` if it has not two bars."""
         return looped(self.motion, self.plan.danced_bars_s)
 
+    @default_numerics()
     def save(
         self,
         path: str | Path,
@@ -139,6 +142,7 @@ class Dance:
         )
 
 
+@default_numerics()
 def dance(
     song: str | Path | Song,
     repertoire: str | Path | Repertoire | None = None,

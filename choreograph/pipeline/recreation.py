@@ -16,11 +16,13 @@ from choreograph.importers import import_takes
 from choreograph.importers.folder import SongsByName
 from choreograph.motifs.signatures import signature
 from choreograph.motion.retargeting import retarget
+from choreograph.numerics import default_numerics
 from choreograph.pipeline.arguments import as_repertoire
 from choreograph.repertoire import Repertoire
 from choreograph.takes import Take
 
 
+@default_numerics()
 def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
     """The motifs of a dance in their order, to be danced again to another song.
 
@@ -48,6 +50,7 @@ def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
     return tuple(motifs.tolist())
 
 
+@default_numerics()
 def signature_of(name: str, repertoire: Repertoire) -> NDArray[np.float64]:
     """The signature (K,) of a genre, or of a take as `motifs_of` finds it; raises as it does."""
     repertoire = as_repertoire(repertoire)

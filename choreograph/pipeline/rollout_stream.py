@@ -22,6 +22,7 @@ from choreograph.errors import ParameterError
 from choreograph.features.count_phase import count_phase
 from choreograph.features.rhythm_stream import RhythmStream
 from choreograph.motifs.vocabulary import ALL_GENRES
+from choreograph.numerics import default_numerics
 from choreograph.pipeline.arguments import as_repertoire, as_song
 from choreograph.repertoire import Repertoire
 from choreograph.rollout.motif_stream import MotifStream, StreamedWord
@@ -76,6 +77,7 @@ class RolloutStream:
 
     look_ahead_s = 0.5
 
+    @default_numerics()
     def __init__(
         self,
         song: str | Path | Song | Counts,
@@ -139,6 +141,7 @@ class RolloutStream:
             raise unexpected(f"a motif for 1 to {_MOST_WORDS} words", n_words)
         self._motifs.request(motif, int(n_words))
 
+    @default_numerics()
     def feed(self, samples: NDArray[np.floating]) -> None:
         """Add sound (S,), mono at 22.05 kHz, that follows what was fed before.
 
@@ -166,6 +169,7 @@ class RolloutStream:
         n_frames = max(1, seconds_to_frames(self._rhythm.heard_s, self.fps))
         return self._rhythm.has_ended and self._n_frames >= n_frames
 
+    @default_numerics()
     def _advance(self) -> None:
         """Hear one more row of the rhythm and, once the network's look-ahead is heard, predict a pose."""
         from choreograph.nets.rollout.data import LOOKAHEAD_FRAMES  # torch takes a second to import

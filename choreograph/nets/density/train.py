@@ -33,8 +33,9 @@ def train_motion_density(
     Raises `ParameterError` if no take has 8 s of motion.
     """
     usable = clip_takes(takes)
-    torch.manual_seed(seed)
-    estimator, decoder = MotionDensity(config), MotionDecoder(config)
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        estimator, decoder = MotionDensity(config), MotionDecoder(config)
     nets = nn.ModuleDict({"estimator": estimator, "decoder": decoder})
     if pretrained is not None:
         load_pretrained(estimator, "motion_density", pretrained)

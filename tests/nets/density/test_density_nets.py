@@ -78,7 +78,9 @@ def test_paper_preset_has_the_papers_sizes_and_gradients_everywhere():
 def test_training_lowers_the_loss_and_estimates_curves_of_any_take(tiny):
     seen = []
     context = TrainingContext(device="cpu", report=seen.append)
+    generator = torch.get_rng_state()
     net = train_motion_density([click_take("a"), click_take("b", seed=1)], tiny, seed=0, context=context)
+    assert torch.equal(torch.get_rng_state(), generator)
     assert np.mean([p.loss for p in seen[-5:]]) < 0.8 * np.mean([p.loss for p in seen[:5]])
     curve = net.take_density(click_take(duration_s=11).body_pos_m[:-7])
     assert curve.shape == (213,)
