@@ -47,7 +47,7 @@ LARGEST_SLOPE = 1.2  # over all sizes
 LARGEST_STEP = (
     25.0  # from a size to ten times as much: 10^1.2, and more where data leave the processor's cache
 )
-LEAST_S = 0.05  # below it, what each file takes and the clock count for more than its size
+LEAST_S = 0.08  # below it, what each file takes and the clock count for more than its size
 LONGEST_S = 0.6  # hostile files that would take longer are left out, to keep the tests short
 Bytes = Callable[[int], bytes]  # of about a size
 

@@ -253,6 +253,10 @@ def _text_of(node: ast.expr, texts: dict[str, str]) -> str:
         return _text_of(node.left, texts) + _text_of(node.right, texts)
     if isinstance(node, ast.Attribute) and node.attr == "pattern":
         return texts[ast.unparse(node.value)]
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "encode":
+        return "x"  # a text in bytes
+    if isinstance(node, ast.Call) and ast.unparse(node.func) == "'|'.join":
+        return "x|y"  # words of a table
     assert isinstance(node, ast.Constant), f"expected a pattern that is written there: {ast.unparse(node)}"
     return node.value if isinstance(node.value, str) else node.value.decode("latin-1")
 

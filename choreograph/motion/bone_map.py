@@ -115,9 +115,9 @@ def read_bone_map(path: str | Path) -> dict[str, str]:
     data = read_json(path, "a map of bones")
     if not (isinstance(data, dict) and all(isinstance(name, str) for name in data.values())):
         raise FormatError(f"{path}: expected an object of bones' names by canonical name")
-    unknown = sorted(set(data) - set(CANONICAL_JOINTS))
+    unknown = set(data) - set(CANONICAL_JOINTS)
     if unknown:
-        raise FormatError(f"{path}: expected keys among {', '.join(CANONICAL_JOINTS)}, got {unknown[0]!r}")
+        raise FormatError(f"{path}: expected keys among {', '.join(CANONICAL_JOINTS)}, got {min(unknown)!r}")
     return data
 
 
