@@ -18,7 +18,6 @@ from choreograph.constraints.likely_genre import genre_note, likely_genre
 from choreograph.constraints.spec import make_constraints
 from choreograph.counts import Counts
 from choreograph.engines.rollout import lead_in
-from choreograph.errors import ParameterError
 from choreograph.features.count_phase import count_phase
 from choreograph.features.rhythm_stream import RhythmStream
 from choreograph.motifs.vocabulary import ALL_GENRES
@@ -97,8 +96,8 @@ class RolloutStream:
         self.notes: tuple[str, ...] = ()  # what is unusual about the song, one line each
         loaded: Song | None = None
         if isinstance(song, Counts):
-            if beats != DEFAULT_BEATS:
-                raise ParameterError(f"expected no beats beside counts, which are the song's, got {beats!r}")
+            if str(beats) != DEFAULT_BEATS:  # arrays, too, are refused
+                raise unexpected("no beats beside counts, which are the song's", beats)
             self.counts = song
         else:
             loaded = as_song("a song", song)
