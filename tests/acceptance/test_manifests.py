@@ -109,6 +109,9 @@ MANIFESTS = (
 )  # fmt: skip
 
 
+FILES = [SaneFile(manifest.name, manifest.write) for manifest in MANIFESTS]
+
+
 def read_manifest(folder: Path) -> None:
     """Read the takes of a folder, and assert that the first has what its manifest says."""
     manifest = next(manifest for manifest in MANIFESTS if manifest.name == folder.name)
@@ -129,5 +132,4 @@ def read_manifest(folder: Path) -> None:
 
 def test_sane_manifests_are_read(tmp_path):
     """None of them is refused: 1 % of as many is none."""
-    files = [SaneFile(manifest.name, manifest.write) for manifest in MANIFESTS]
-    assert_read(files, read_manifest, tmp_path, n_files=40)
+    assert_read(FILES, read_manifest, tmp_path, n_files=40)

@@ -172,8 +172,11 @@ def smpl_files() -> list[SaneFile]:
     ]
 
 
+C3D_FILES, SMPL_FILES = c3d_files(), smpl_files()
+
+
 def test_takes_are_read(tmp_path):
-    assert_read([*c3d_files(), *smpl_files()], check_takes, tmp_path, n_files=36)
+    assert_read([*C3D_FILES, *SMPL_FILES], check_takes, tmp_path, n_files=36)
 
 
 COUNTS = "time_s,number,figure\n0.480,1,Größe\n0.962,2,\n1.445,3,\n2.410,1,-\n"

@@ -398,9 +398,11 @@ RIGS = {
 }  # fmt: skip
 
 
+FILES = [SaneFile(name, partial(write_bvh, rig)) for name, rig in RIGS.items()]
+
+
 def test_rigs_are_read_with_every_joint_where_it_is(tmp_path):
-    files = [SaneFile(name, partial(write_bvh, rig)) for name, rig in RIGS.items()]
-    assert_read(files, _check, tmp_path, n_files=40)
+    assert_read(FILES, _check, tmp_path, n_files=40)
 
 
 def _check(path: Path) -> None:

@@ -1,5 +1,8 @@
 """Inputs tried in child processes, which may neither crash, hang nor take memory without bound.
 
+Other failures are CPU time that grows faster than the input, sane files that are refused, and files that are
+no longer the same when they are written and read again.
+
 A child works through the inputs of one target for a while and tells its parent of each, so that the parent
 knows which one a child that died or hung was at. Inputs follow from the seed and their number.
 """
@@ -9,18 +12,22 @@ from __future__ import annotations
 import faulthandler
 import json
 import os
+import re
 import resource
 import select
 import signal
 import sys
+import tempfile
 import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from fuzz.mutations import mutated
+from acceptance.corpus import MAX_REFUSED_SHARE, SaneFile
+from fuzz.mutations import REPEATS, Repeated, mutated, repeated
 
 from choreograph.errors import ChoreographError
 
@@ -28,6 +35,14 @@ BEYOND_BYTES = 2 << 30  # of address space, over what the program takes before t
 CPU_S = 10.0  # an input takes at most that long
 WALL_S = 60.0  # and is ended after that, on a machine that may be busy
 SLICE_S = 5.0  # of one target before it is the next one's turn
+REPEATED_SHARE = 0.1  # of the inputs: with one part many times
+MAX_SLOPE = 1.2  # CPU time grows as this power of how often a part is there, at most
+SLOPE_CPU_S = (
+    0.3,
+    4.0,
+)  # of an input whose slope is measured: above noise, and all measurements within WALL_S
+N_TRIALS = 3  # of a slope that is too steep at first
+ROUND_TRIP_BYTES = 1 << 18  # of the largest input that is written and read again
 
 
 @dataclass(frozen=True)
@@ -38,8 +53,21 @@ class Target:
     file_name: str  # that a file to be read has in its folder
     kind: str  # of changes: see `mutations`
     seeds: Sequence[bytes]
-    read: Callable[[Path], object]  # may raise `ChoreographError`
+    read: Callable[[Path], Any]  # may raise `ChoreographError`
     folder: Path  # where files beside it lie
+    # Writes what was read into a folder and reads it again; raises `AssertionError` unless it is the same.
+    round_trip: Callable[[Any, Path], None] | None = None
+    sane: Sequence[SaneFile] = ()  # of which at most 1 % may be refused
+
+
+@dataclass(frozen=True)
+class Input:
+    """A file to be read."""
+
+    data: bytes
+    repeated: Repeated | None = None  # how it is made, if a part is repeated
+    is_seed: bool = False  # must be read
+    sane: SaneFile | None = None  # written instead of the data
 
 
 @dataclass
@@ -51,6 +79,7 @@ class Tally:
     failures: dict[str, tuple[int, str]] = field(default_factory=dict)  # by place: first input, what happened
     slowest: tuple[float, int] = (0.0, -1)  # CPU seconds, input
     hungriest: tuple[float, int] = (0.0, -1)  # MB of memory that it took, input
+    refused_sane: dict[str, str] = field(default_factory=dict)  # name of the file: error
 
     def add(self, number: int, outcome: dict) -> None:
         """Count one input."""
@@ -58,6 +87,7 @@ class Tally:
         self.was_read += outcome.get("read", False)
         self.slowest = max(self.slowest, (outcome.get("cpu_s", 0.0), number))
         self.hungriest = max(self.hungriest, (outcome.get("mb", 0.0), number))
+        self.refused_sane |= outcome.get("refused_sane", {})
         failure = outcome.get("failure")
         if failure is None and outcome.get("cpu_s", 0.0) > CPU_S:
             failure = f"slow: {outcome['cpu_s']:.1f} s"
@@ -65,10 +95,14 @@ class Tally:
             self.failures.setdefault(failure.splitlines()[-1][:200], (number, failure))
 
 
-def input_of(target: Target, seed: int, number: int) -> bytes:
+def input_of(target: Target, seed: int, number: int) -> Input:
     """The input of that number."""
     key = [seed, int.from_bytes(target.name.encode(), "little"), number]
-    return mutated(target.kind, target.seeds, np.random.default_rng(key))
+    rng = np.random.default_rng(key)
+    if rng.random() < REPEATED_SHARE:
+        made = repeated(target.kind, target.seeds, rng)
+        return Input(made.make(made.times), made)
+    return Input(mutated(target.kind, target.seeds, rng))
 
 
 def fuzz(
@@ -88,7 +122,23 @@ def fuzz(
             return tallies
 
 
-def replay(target: Target, inputs: Sequence[bytes]) -> Tally:
+def accepted(target: Target) -> Tally:
+    """Try the untouched seeds, which must be read, and the sane files."""
+    tally = replay(
+        target,
+        [
+            *(Input(data, is_seed=True) for data in target.seeds),
+            *(Input(b"", sane=file) for file in target.sane),
+        ],
+    )
+    if len(tally.refused_sane) > MAX_REFUSED_SHARE * len(target.sane):
+        tally.failures |= {
+            f"refused, though sane: {name}": (-1, line) for name, line in tally.refused_sane.items()
+        }
+    return tally
+
+
+def replay(target: Target, inputs: Sequence[Input]) -> Tally:
     """Try given inputs."""
     tally = Tally()
     while tally.tried < len(inputs):
@@ -96,7 +146,7 @@ def replay(target: Target, inputs: Sequence[bytes]) -> Tally:
     return tally
 
 
-def _in_child(target: Target, tally: Tally, make: Callable[[int], bytes], last: int, slice_s: float) -> None:
+def _in_child(target: Target, tally: Tally, make: Callable[[int], Input], last: int, slice_s: float) -> None:
     """Try inputs from `tally.tried` on: to the last, for `slice_s`, or until one ends the child."""
     from_child, to_parent = os.pipe()
     child = os.fork()
@@ -124,7 +174,7 @@ def _in_child(target: Target, tally: Tally, make: Callable[[int], bytes], last: 
 
 
 def _try_inputs(
-    target: Target, make: Callable[[int], bytes], numbers: range, slice_s: float, pipe: int
+    target: Target, make: Callable[[int], Input], numbers: range, slice_s: float, pipe: int
 ) -> None:
     """In the child: a line of JSON for each input; never returns."""
     faulthandler.disable()  # a crash is reported as its signal, not as pages of a traceback
@@ -135,31 +185,101 @@ def _try_inputs(
     n_virtual_bytes = int(Path("/proc/self/statm").read_text().split()[0]) * page
     resource.setrlimit(resource.RLIMIT_AS, (n_virtual_bytes + BEYOND_BYTES,) * 2)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    path, end = target.folder / target.file_name, time.monotonic() + slice_s
+    end = time.monotonic() + slice_s
     for number in numbers:
-        path.write_bytes(make(number))
-        Path("/proc/self/clear_refs").write_text("5")  # the peak of memory begins anew
-        before, began = _peak_bytes(), time.process_time()
-        outcome = _outcome(target, path)
-        outcome["cpu_s"] = time.process_time() - began
-        outcome["mb"] = (_peak_bytes() - before) / 1e6
+        outcome = _tried(target, make(number))
         os.write(pipe, (json.dumps(outcome) + "\n").encode())
         if time.monotonic() > end:
             break
     os._exit(0)
 
 
-def _outcome(target: Target, path: Path) -> dict:
+def _tried(target: Target, given: Input) -> dict:
+    """What comes of an input; whether it was read, and why not otherwise."""
+    if given.sane is None:
+        path = target.folder / target.file_name
+        path.write_bytes(given.data)
+    else:
+        own = target.folder / "sane" / given.sane.name
+        own.mkdir(parents=True)
+        path = given.sane.write(own)
+    Path("/proc/self/clear_refs").write_text("5")  # the peak of memory begins anew
+    before = _peak_bytes()
+    outcome, read = _outcome(target, path)
+    outcome["mb"] = (_peak_bytes() - before) / 1e6
+    if "failure" in outcome:
+        return outcome
+    if "refusal" in outcome and given.is_seed:
+        outcome["failure"] = f"{outcome['refusal']}\nan untouched seed is refused"
+    elif "refusal" in outcome and given.sane is not None:
+        outcome["refused_sane"] = {given.sane.name: outcome["refusal"]}
+    elif "read" in outcome and target.round_trip is not None and len(given.data) <= ROUND_TRIP_BYTES:
+        outcome |= _lost(target.round_trip, read, target.folder)
+    if given.repeated is not None:
+        outcome |= _steep(target, path, given.repeated, outcome)
+    return outcome
+
+
+def _outcome(target: Target, path: Path) -> tuple[dict, Any]:
+    """How the file was read, in how much CPU time, and what was read."""
+    read = None
+    began = time.process_time()
     try:
-        target.read(path)
-    except ChoreographError:
-        return {}
+        read = target.read(path)
+        outcome: dict[str, Any] = {"read": True}
+    except ChoreographError as error:
+        outcome = {"refusal": str(error)}
     except Exception as error:  # noqa: BLE001  # whatever is raised instead is what we are after
-        frames = traceback.extract_tb(error.__traceback__)
-        place = next((f for f in reversed(frames) if "choreograph/" in f.filename), frames[-1])
-        text = " ".join(str(error).split())[:100]
-        return {"failure": f"{text}\n{type(error).__name__} in {Path(place.filename).name}:{place.lineno}"}
-    return {"read": True}
+        outcome = {"failure": _described(error)}
+    outcome["cpu_s"] = time.process_time() - began
+    return outcome, read
+
+
+def _described(error: Exception) -> str:
+    """The error's text, and in a second line its kind and place."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = next((f for f in reversed(frames) if "choreograph/" in f.filename), frames[-1])
+    text = " ".join(str(error).split())[:100]
+    return f"{text}\n{type(error).__name__} in {Path(place.filename).name}:{place.lineno}"
+
+
+def _lost(round_trip: Callable[[Any, Path], None], read: Any, folder: Path) -> dict:
+    """A failure if what was read is not the same after it is written and read again."""
+    with tempfile.TemporaryDirectory(dir=folder) as own:
+        try:
+            round_trip(read, Path(own))
+        except Exception as error:  # noqa: BLE001  # whatever keeps it from being written and read
+            return {"failure": f"lost round trip: {_described(error)}"}
+    return {}
+
+
+def _steep(target: Target, path: Path, made: Repeated, outcome: dict) -> dict:
+    """A failure if CPU time grows too fast with the repeats, from a quarter to half of them to all.
+
+    From one to the other, a reader may also begin to do more or less with the file: both steps must be steep,
+    and what comes of the file must be the same.
+    """
+    if not SLOPE_CPU_S[0] <= outcome["cpu_s"] <= SLOPE_CPU_S[1] or made.times < 4 * REPEATS[0]:
+        return {}
+    slope = 0.0
+    for n_trials in (1, N_TRIALS):
+        cpu_s = []
+        for n in (made.times // 4, made.times // 2, made.times):
+            path.write_bytes(made.make(n))
+            tried = [_outcome(target, path)[0] for _ in range(n_trials)]
+            if any(_kind(other) != _kind(outcome) for other in tried):
+                return {}
+            cpu_s.append(min(other["cpu_s"] for other in tried))
+        slope = float(np.diff(np.log2(cpu_s)).min())
+        if slope <= MAX_SLOPE:
+            return {}
+    what = f"{made.times} repeats took {cpu_s[-1]:.1f} s"
+    return {"failure": f"{what}\n{target.name}: CPU time grows as n^{slope:.1f}"}
+
+
+def _kind(outcome: dict) -> str:
+    """What came of a file, but for its numbers."""
+    return re.sub(r"[\d.]+", "", outcome.get("refusal", "read"))
 
 
 def _peak_bytes() -> int:

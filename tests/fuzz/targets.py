@@ -5,13 +5,18 @@ from __future__ import annotations
 import io
 import json
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
 import soundfile
+from acceptance import test_bvh, test_glb, test_manifests, test_rigs, test_songs
+from acceptance.corpus import SaneFile
+from acceptance.test_other_formats import BEAT_FILES, C3D_FILES, COUNT_FILES, SMPL_FILES, text_files
 from fuzz.harness import Target
+from fuzz.round_trips import counts_again, plan_again, signature_again, takes_again
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_markers import markers_on, write_c3d
 from synthetic_motions import stepping, swaying
@@ -41,6 +46,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import find_bones, read_bone_map
 from choreograph.plan import Plan
 from choreograph.repertoire import Repertoire, write_repertoire
+from choreograph.takes import Take
 
 MOTION = stepping(60, period_s=0.5)
 _COUNTS = "time_s,number,figure\n0.100,1,basic\n0.600,2,\n1.100,3,\n1.600,4,-\n"
@@ -59,17 +65,19 @@ def all_targets(folder: Path) -> list[Target]:
 
 
 def _target(
-    folder: Path, name: str, file_name: str, kind: str, seeds: list[bytes], read: Callable[[Path], object]
-) -> Target:
+    folder: Path, name: str, file_name: str, kind: str, seeds: list[bytes], read: Callable[[Path], Any],
+    *, round_trip: Callable[[Any, Path], None] | None = None, sane: Sequence[SaneFile] = (),
+) -> Target:  # fmt: skip
     own = folder / name
     own.mkdir(parents=True, exist_ok=True)
-    return Target(name, file_name, kind, seeds, read, own)
+    return Target(name, file_name, kind, seeds, read, own, round_trip, sane)
 
 
-def _takes(path: Path) -> None:
+def _takes(path: Path) -> list[Take]:
     """What `build-db` does with a source before it measures anything."""
     takes = annotate_takes(list(import_takes(path)), path)
     assert takes
+    return takes
 
 
 def _motions(folder: Path) -> Iterator[Target]:
@@ -77,23 +85,55 @@ def _motions(folder: Path) -> Iterator[Target]:
         save_motion(folder / f"good.{suffix}", motion)
         return (folder / f"good.{suffix}").read_bytes()
 
-    yield _target(folder, "bvh", "take.bvh", "words", [saved("bvh"), saved("bvh", swaying(20))], _takes)
-    yield _target(folder, "npz", "take.npz", "npz", [saved("npz"), saved("npz", swaying(20))], _takes)
-    yield _target(folder, "glb", "take.glb", "glb", [saved("glb"), saved("vrma")], _takes)
+    for suffix, kind, others, sane in (
+        ("bvh", "words", [saved("bvh", swaying(20))], [*test_bvh.FILES, *test_rigs.FILES]),
+        ("npz", "npz", [saved("npz", swaying(20))], []),
+        ("glb", "glb", [saved("vrma")], test_glb.FILES),
+    ):
+        seeds = [saved(suffix), *others]
+        yield _target(
+            folder, suffix, f"take.{suffix}", kind, seeds, _takes, round_trip=takes_again, sane=sane
+        )
     markers = write_c3d(folder / "good.c3d", markers_on(swaying(90, fps=80.0)))
-    yield _target(folder, "c3d", "take.c3d", "bytes", [markers.read_bytes()], _takes)
+    yield _target(
+        folder,
+        "c3d",
+        "take.c3d",
+        "bytes",
+        [markers.read_bytes()],
+        _takes,
+        round_trip=takes_again,
+        sane=C3D_FILES,
+    )
     poses, trans = rot.to_rotvec(MOTION.local_quat).reshape(MOTION.n_frames, -1), MOTION.root_pos_m
     smpl = {"smpl_poses": poses, "smpl_trans": 93 * trans, "smpl_scaling": np.array([93.0]), "smpl_loss": 0.1}
     pickles = [pickle.dumps(smpl, protocol=protocol) for protocol in (0, 2, 4, 5)]
 
-    def aist(path: Path) -> None:
-        _takes(path.parents[1])
+    def aist(path: Path) -> list[Take]:
+        return _takes(path.parents[1])
 
     (folder / "pkl" / "motions").mkdir(parents=True)
-    yield _target(folder, "pkl", "motions/gBR_sBM_cAll_d04_mBR0_ch01.pkl", "bytes", pickles, aist)
+    yield _target(
+        folder,
+        "pkl",
+        "motions/gBR_sBM_cAll_d04_mBR0_ch01.pkl",
+        "bytes",
+        pickles,
+        aist,
+        round_trip=takes_again,
+    )
     packed = io.BytesIO()
     np.savez(packed, poses=np.hstack([poses[:, :66], np.zeros((60, 90))]), trans=trans, mocap_framerate=30.0)
-    yield _target(folder, "amass", "take.npz", "npz", [packed.getvalue()], _takes)
+    yield _target(
+        folder,
+        "amass",
+        "take.npz",
+        "npz",
+        [packed.getvalue()],
+        _takes,
+        round_trip=takes_again,
+        sane=SMPL_FILES,
+    )
 
 
 def _characters(folder: Path) -> Iterator[Target]:
@@ -116,15 +156,21 @@ def _characters(folder: Path) -> Iterator[Target]:
 
 
 def _tables(folder: Path) -> Iterator[Target]:
-    def beside(path: Path) -> None:
-        _takes(path.parent)
+    def beside(path: Path) -> list[Take]:
+        return _takes(path.parent if path.is_file() else path)  # the sane manifests' own folders
 
-    manifest = _target(folder, "manifest", "manifest.csv", "table", [_MANIFEST.encode()], beside)
+    manifest = _target(
+        folder, "manifest", "manifest.csv", "table", [_MANIFEST.encode()], beside, sane=test_manifests.FILES
+    )
     save_motion(manifest.folder / "take.bvh", MOTION)
     write_clicks(manifest.folder / "song.wav", duration_s=3.0)
     yield manifest
-    yield _target(folder, "counts", "take.counts.csv", "table", [_COUNTS.encode()], read_counts)
-    yield _target(folder, "beats", "song.beats", "words", [_BEATS.encode()], read_beats)
+    counts, beats = text_files("take.counts.csv", COUNT_FILES), text_files("song.beats", BEAT_FILES)
+    yield _target(
+        folder, "counts", "take.counts.csv", "table", [_COUNTS.encode()], read_counts,
+        round_trip=counts_again, sane=counts,
+    )  # fmt: skip
+    yield _target(folder, "beats", "song.beats", "words", [_BEATS.encode()], read_beats, sane=beats)
     yield _target(folder, "config", "config.toml", "words", [_CONFIG.encode()], load_config)
     figures = _target(folder, "figures", "figures.csv", "table", [_FIGURES.encode()], beside)
     (figures.folder / "c3d").mkdir()
@@ -180,10 +226,12 @@ def _dances(folder: Path) -> Iterator[Target]:
 
     yield _target(folder, "danced-repertoire", "rep.h5", "hdf5", seeds, dance)
 
-    def plan(path: Path) -> None:
-        render(Plan.read(path), repertoire)
+    def plan(path: Path) -> Plan:
+        read = Plan.read(path)
+        render(read, repertoire)
+        return read
 
-    yield _target(folder, "plan", "plan.json", "json", plans, plan)
+    yield _target(folder, "plan", "plan.json", "json", plans, plan, round_trip=plan_again)
     n_motifs = repertoire.vocabulary.n_motifs
     signature = {
         "format": "choreograph-signature",
@@ -192,7 +240,13 @@ def _dances(folder: Path) -> Iterator[Target]:
         "shares": [1 / n_motifs] * n_motifs,
     }
     yield _target(
-        folder, "signature", "signature.json", "json", [json.dumps(signature).encode()], read_signature
+        folder,
+        "signature",
+        "signature.json",
+        "json",
+        [json.dumps(signature).encode()],
+        read_signature,
+        round_trip=signature_again,
     )
     motifs = [[1, 2, 3], [{"at_s": 1.0, "motif": 2}]]
     yield _target(
@@ -227,7 +281,7 @@ def _songs(folder: Path) -> Iterator[Target]:
         seeds.append(content.getvalue())
     for kind, codec in (("mp3", "libmp3lame"), ("mp4", "aac"), ("matroska", "libopus")):
         seeds.append(_encoded(samples, kind, codec))
-    yield _target(folder, "song", "song.mp3", "bytes", seeds, load_song)
+    yield _target(folder, "song", "song.mp3", "bytes", seeds, load_song, sane=test_songs.FILES)
 
 
 def _encoded(samples: np.ndarray, kind: str, codec: str) -> bytes:

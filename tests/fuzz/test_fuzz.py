@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from fuzz.harness import Target, fuzz, input_of, replay
+from acceptance.corpus import SaneFile
+from fuzz.harness import Input, Target, accepted, fuzz, input_of, replay
+from fuzz.mutations import MAX_BYTES, Repeated, _join, _lengthen_digits, _repeated_json, repeated
 from fuzz.targets import all_targets
 
 from choreograph.errors import FormatError
@@ -51,18 +55,95 @@ def test_the_harness_finds_planted_failures(tmp_path, monkeypatch, content, foun
     """The failure is of the input that caused it, and the inputs after it are tried as well."""
     monkeypatch.setattr("fuzz.harness.WALL_S", 2.0)
     target = Target("planted", "file", "bytes", [b"ok"], _planted, tmp_path)
-    tally = replay(target, [b"ok", content, b"ok"])
+    tally = replay(target, [Input(b"ok"), Input(content), Input(b"ok")])
     assert tally.tried == 3
     assert [number for number, _ in tally.failures.values()] == ([] if found is None else [1])
     assert found is None or found in next(iter(tally.failures))
 
 
+@pytest.mark.parametrize(
+    ("power", "step_s", "found"),
+    [
+        (1.0, 0.0, False),
+        (2.0, 0.0, True),
+        (0.0, 0.2, False),  # does more from some length on, all at once
+    ],
+)
+def test_cpu_time_that_grows_faster_than_the_input_is_found(tmp_path, monkeypatch, power, step_s, found):
+    """At 0.15 s for all repeats, of which a quarter and a half are tried as well."""
+    monkeypatch.setattr("fuzz.harness.SLOPE_CPU_S", (0.1, 1.0))
+
+    def read(path: Path) -> None:
+        share = len(path.read_bytes()) / 1000
+        end = time.process_time() + 0.15 * share**power + step_s * (share > 0.7)
+        while time.process_time() < end:
+            pass
+
+    target = Target("planted", "file", "bytes", [b"ok"], read, tmp_path)
+    made = Repeated(1000, lambda n: b"x" * n)
+    tally = replay(target, [Input(made.make(made.times), made)])
+    assert bool(tally.failures) == found
+    assert not found or "planted: CPU time grows as n^" in next(iter(tally.failures))
+
+
+def test_refused_seeds_and_sane_files_are_found(tmp_path):
+    def written(content: bytes):
+        def write(folder: Path) -> Path:
+            (folder / "any name").write_bytes(content)
+            return folder / "any name"
+
+        return write
+
+    def files(n_refused: int) -> list[SaneFile]:
+        return [SaneFile(f"{i}", written(b"refused" if i < n_refused else b"ok")) for i in range(100)]
+
+    target = Target("planted", "file", "bytes", [b"ok", b"refused"], _planted, tmp_path)
+    assert "an untouched seed is refused" in accepted(target).failures
+    for n_refused in (0, 1, 2):
+        own = tmp_path / f"{n_refused}"
+        own.mkdir()
+        tally = accepted(replace(target, seeds=[b"ok"], folder=own, sane=files(n_refused)))
+        named = [f"refused, though sane: {i}" for i in range(n_refused)]
+        assert list(tally.failures) == (named if n_refused == 2 else [])
+        assert tally.tried == 101
+
+
+def test_what_is_lost_between_reading_and_writing_is_found(tmp_path):
+    def round_trip(read: bytes, folder: Path) -> None:
+        (folder / "again").write_bytes(read[:3])
+        assert (folder / "again").read_bytes() == read, "shorter"
+
+    target = Target("planted", "file", "bytes", [b"ok"], Path.read_bytes, tmp_path, round_trip)
+    assert not replay(target, [Input(b"abc")]).failures
+    ((_, what),) = replay(target, [Input(b"abcd")]).failures.values()
+    assert what.startswith("lost round trip: shorter")
+
+
+def test_operators(tmp_path):
+    """Parts are there 10 to 1,000,000 times, files are joined, and runs of digits made longer."""
+    times = []
+    for number in range(200):
+        made = repeated("words", [b"one 1\ntwo 2\n"], np.random.default_rng(number))
+        times.append(made.times)
+        few, more = (len(made.make(n)) for n in (10, 20))
+        assert few < more and len(made.make(made.times)) <= MAX_BYTES + more
+    assert min(times) < 20 and max(times) > 300_000
+    for content, n_entries in ((b"[1, 2]", 1001), (b'{"a": 1}', 1000)):
+        make = _repeated_json(content, np.random.default_rng(0))
+        assert len(json.loads(make(1000))) == n_entries and json.loads(make(1)) == json.loads(content)
+    seeds, rng = [b"one 1", b"two 2"], np.random.default_rng(0)
+    assert {_join(b"one 1", seeds, rng) for _ in range(20)} == {b"one 1one 1", b"one 1two 2"}
+    longer = _lengthen_digits(b"a 12 b", seeds, rng)
+    assert longer.startswith(b"a 12") and longer.endswith(b" b") and longer[2:-2].isdigit()
+    assert _lengthen_digits(b"none", seeds, rng) == b"none"
+
+
 def test_inputs_follow_from_the_seed(tmp_path):
     target = Target("planted", "file", "json", [b'{"a": [1, 2, 3]}'], _planted, tmp_path)
-    inputs = [input_of(target, 1, number) for number in range(50)]
-    assert inputs == [input_of(target, 1, number) for number in range(50)]
-    assert len(set(inputs)) > 30
-    assert inputs != [input_of(target, 2, number) for number in range(50)]
+    inputs = [input_of(target, 1, number) for number in range(30)]
+    assert inputs == [input_of(target, 1, number) for number in range(30)]
+    assert len({given.data for given in inputs}) > 20
+    assert inputs != [input_of(target, 2, number) for number in range(30)]
 
 
 @pytest.fixture(scope="module")
@@ -72,9 +153,9 @@ def targets(tmp_path_factory):
 
 @pytest.mark.slow
 def test_good_files_are_read(targets):
-    """Else nothing of what is changed in them would be looked at."""
+    """Else nothing of what is changed in them would be looked at. Sane files have tests of their own."""
     for target in targets:
-        tally = replay(target, target.seeds)
+        tally = accepted(replace(target, sane=()))
         assert (tally.was_read, tally.failures) == (len(target.seeds), {}), target.name
 
 
@@ -83,7 +164,7 @@ def test_what_once_failed_is_read_or_refused(targets):
     by_name = {target.name: target for target in targets}
     for folder in sorted(path for path in CORPUS.iterdir() if path.is_dir()):
         files = sorted(folder.iterdir())
-        tally = replay(by_name[folder.name], [file.read_bytes() for file in files])
+        tally = replay(by_name[folder.name], [Input(file.read_bytes()) for file in files])
         assert not tally.failures, folder.name
 
 
