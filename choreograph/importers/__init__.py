@@ -48,7 +48,7 @@ from choreograph.importers._unread import (
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.bone_map import check_bone_map
 from choreograph.motion.floor import estimate_floor_m, sole_pos_m
-from choreograph.motion.motion import Motion
+from choreograph.motion.motion import FARTHEST_M, Motion
 from choreograph.takes import Take
 from choreograph.timebase import STORE_FPS
 
@@ -209,10 +209,17 @@ def _check_inside(take: Take, source: Path) -> None:
 
 
 def _as_stored(take: Take) -> Take:
+    skeleton = take.motion.skeleton
+    path = take.source_paths[0]
+    farthest_m = max(np.abs(take.motion.root_pos_m).max(), np.abs(skeleton.offsets_m).max())
+    if farthest_m >= FARTHEST_M:
+        raise FormatError(
+            f"{path}: expected a body within {FARTHEST_M:g} m, got one at {farthest_m:.3g} m: is the unit right?"
+        )
     try:
         floor_m = estimate_floor_m(sole_pos_m(take.motion))
     except ParameterError as error:
-        raise FormatError(f"{take.source_paths[0]}: {error}") from None
+        raise FormatError(f"{path}: {error}") from None
     motion = take.motion.moved(shift_m=np.array([0.0, -floor_m, 0.0]))
     notes = take.notes
     if abs(floor_m) > _FLOOR_NOTE_M:

@@ -13,7 +13,7 @@ import numpy as np
 
 from choreograph.errors import FormatError, ParameterError
 from choreograph.files import check_regular
-from choreograph.motion.motion import Motion, check_length
+from choreograph.motion.motion import FARTHEST_M, Motion, check_length
 from choreograph.motion.skeleton import Skeleton, roles_of
 from choreograph.takes import Credits, Take
 
@@ -22,7 +22,8 @@ _NUMBERS = ("root_pos_m", "local_quat", "fps", "parents", "offsets_m", "tip_pare
 _OPTIONAL = frozenset(("roles",))
 _MAX_BYTES = 1 << 30  # of the arrays, unpacked
 _FREE_BYTES, _UNPACKED_RATIO = 1 << 27, 16  # that compression may explain: motion is hardly compressible
-_LARGEST = 1e6  # of positions in metres and all else that a motion holds
+_ROUNDED = 1e-6  # of a unit quaternion's length from 1
+_SHORTEST = 1e-3  # quaternion that has a direction
 
 
 def detect(path: Path) -> bool:
@@ -82,8 +83,8 @@ def read_npz(path: str | Path) -> Motion:
     numbers = (*_NUMBERS, *_OPTIONAL.intersection(array_names(path)))
     arrays = load_arrays(path, ("names", *numbers))
     for key in numbers:
-        if arrays[key].dtype.kind not in "iuf" or not (np.abs(arrays[key]) < _LARGEST).all():
-            raise FormatError(f"{path}: expected numbers below {_LARGEST:g} in {key}, got something else")
+        if arrays[key].dtype.kind not in "iuf" or not (np.abs(arrays[key]) < FARTHEST_M).all():
+            raise FormatError(f"{path}: expected numbers below {FARTHEST_M:g} in {key}, got something else")
     try:
         fps = float(arrays["fps"])
         if not fps > 0:
@@ -95,6 +96,14 @@ def read_npz(path: str | Path) -> Motion:
         )
         if "roles" in arrays:
             skeleton = replace(skeleton, roles=roles_of(arrays["roles"]))
-        return Motion(skeleton, arrays["root_pos_m"], arrays["local_quat"], fps)
+        return Motion(skeleton, arrays["root_pos_m"], _unit(arrays["local_quat"]), fps)
     except (TypeError, ValueError, IndexError, ParameterError) as error:
         raise FormatError(f"{path}: {error}") from None
+
+
+def _unit(quat: np.ndarray) -> np.ndarray:
+    """Quaternions (..., 4) of length 1, bit for bit as they are where that is theirs already."""
+    length = np.linalg.norm(np.asarray(quat, np.float64), axis=-1, keepdims=True)
+    if (length < _SHORTEST).any():
+        raise FormatError("expected rotations as quaternions of length 1, got some of length 0: damaged?")
+    return quat if (np.abs(length - 1.0) <= _ROUNDED).all() else quat / length

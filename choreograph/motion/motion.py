@@ -18,6 +18,7 @@ from choreograph.motion.skeleton import Skeleton
 from choreograph.timebase import STORE_FPS, frame_times_s, seconds_to_frames
 
 LONGEST_S = 3600.0  # of a recording
+FARTHEST_M = 1e6  # from the origin, of a body that is read: beyond, the precision of files is lost
 _SPLINE_FRAME_JOINTS = 1 << 17  # frames × joints interpolated at once: 90 s of a body at 60 fps
 MAX_FRAME_JOINTS = 1 << 24  # frames × joints of a recording: an hour at 60 fps of a body with fingers
 MAX_SAMPLED_FRAME_JOINTS = 1 << 26  # of a motion at another rate: 2 GB

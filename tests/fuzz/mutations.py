@@ -194,7 +194,7 @@ def _repeated_json(data: bytes, rng: Rng) -> Callable[[int], bytes]:
 
 def _holders(content: Any) -> list[Any]:
     """All lists and objects in a content, itself included."""
-    found, i = [content], 0
+    found, i = [content] if isinstance(content, dict | list) else [], 0
     while i < len(found):
         entries = found[i].values() if isinstance(found[i], dict) else found[i]
         found += [entry for entry in entries if isinstance(entry, dict | list)]

@@ -38,6 +38,8 @@ def takes_again(takes: Iterable[Take], folder: Path) -> None:
         bone_map = _map_of(motion.skeleton)
         save_motion(folder / "again.bvh", motion)
         _assert_same_motion(read_bvh(folder / "again.bvh", bone_map=bone_map)[0], motion, "bvh")
+        if motion.fps < 1.0:
+            continue  # glTF states no rate: there are frames between keys over a second apart
         save_motion(folder / "again.glb", motion)
         ((again, _),) = read_gltf_motions(folder / "again.glb", bone_map=bone_map).values()
         _assert_same_motion(again, motion, "glb")

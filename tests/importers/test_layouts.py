@@ -16,6 +16,7 @@ from choreograph.counts import ANNOTATED, Figure
 from choreograph.errors import FormatError, ParameterError
 from choreograph.exporters import save_motion
 from choreograph.importers import import_takes
+from choreograph.importers.npz import read_npz
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 
@@ -288,3 +289,25 @@ def test_an_importer_can_be_added(tmp_path, monkeypatch):
     importers.register(Mine())
     (tmp_path / "a.mine").touch()
     assert [take.name for take in import_takes(tmp_path / "a.mine")] == ["x"]
+
+
+def test_bodies_beyond_reach_are_refused(tmp_path):
+    """Their precision would be lost, and what is written of them could not be read."""
+    amass(tmp_path / "near.npz")
+    with np.load(tmp_path / "near.npz") as archive:
+        arrays = dict(archive)
+    np.savez(tmp_path / "far.npz", **arrays | {"trans": arrays["trans"] + 2e6})
+    with pytest.raises(FormatError, match=r"far\.npz: expected a body within 1e\+06 m, got one at 2e\+06 m"):
+        list(import_takes(tmp_path / "far.npz"))
+
+
+def test_quaternions_of_an_npz_are_made_unit(tmp_path):
+    save_motion(tmp_path / "exact.npz", MOTION)
+    with np.load(tmp_path / "exact.npz") as archive:
+        arrays = dict(archive)
+    for name, scale in (("rounded", 1.002), ("none", 0.0)):
+        np.savez(tmp_path / f"{name}.npz", **arrays | {"local_quat": scale * arrays["local_quat"]})
+    np.testing.assert_array_equal(read_npz(tmp_path / "exact.npz").local_quat, MOTION.local_quat)
+    np.testing.assert_allclose(read_npz(tmp_path / "rounded.npz").local_quat, MOTION.local_quat, atol=1e-12)
+    with pytest.raises(FormatError, match="quaternions of length 1, got some of length 0"):
+        read_npz(tmp_path / "none.npz")
