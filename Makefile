@@ -37,7 +37,7 @@ test-newest:
 	.venv-newest/bin/pip install --quiet --upgrade --upgrade-strategy eager --editable '.[test]'
 	.venv-newest/bin/pytest -n auto --dist loadfile -m "not alone"
 
-# Damaged and hostile files of every format, for as long as wanted; what fails goes to tests/fuzz/corpus.
+# Sane, damaged and hostile files of every format, for as long as wanted; what fails goes to tests/fuzz/corpus.
 fuzz: setup
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m fuzz --minutes $(MINUTES) $(if $(SEED),--seed $(SEED))
 

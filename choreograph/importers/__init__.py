@@ -214,7 +214,8 @@ def _as_stored(take: Take) -> Take:
     farthest_m = max(np.abs(take.motion.root_pos_m).max(), np.abs(skeleton.offsets_m).max())
     if farthest_m >= FARTHEST_M:
         raise FormatError(
-            f"{path}: expected a body within {FARTHEST_M:g} m, got one at {farthest_m:.3g} m: is the unit right?"
+            f"{path}: expected a body within {FARTHEST_M:g} m, got one at {farthest_m:.3g} m: is the unit "
+            "right?"
         )
     try:
         floor_m = estimate_floor_m(sole_pos_m(take.motion))
