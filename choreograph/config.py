@@ -106,7 +106,7 @@ def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfi
     text = read_text(path, "a config (TOML)")
     try:
         data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # an integer of too many digits is no TOMLDecodeError
         raise FormatError(f"{path}: expected a config (TOML), could not read it: {error}") from error
     known = [f.name for f in fields(DanceConfig)]
     unknown = sorted(set(data) - set(known))

@@ -48,7 +48,7 @@ LARGEST_STEP = (
     25.0  # from a size to ten times as much: 10^1.2, and more where data leave the processor's cache
 )
 LEAST_S = 0.08  # below it, what each file takes and the clock count for more than its size
-LONGEST_S = 0.6  # hostile files that would take longer are left out, to keep the tests short
+LONGEST_S = 0.3  # hostile files that would take longer are left out, to keep the tests short
 Bytes = Callable[[int], bytes]  # of about a size
 
 

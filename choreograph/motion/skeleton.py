@@ -83,7 +83,7 @@ class Skeleton:
         ).any():
             raise ParameterError(
                 f"expected end sites with an offset and a joint of {n}, got joints "
-                f"{reprlib.repr(self.tip_parents.tolist())} and offsets {self.tips_m.shape}"
+                f"{reprlib.repr(self.tip_parents.ravel()[:6].tolist())} and offsets {self.tips_m.shape}"
             )
         if self.roles is not None:
             self._check_roles(self.roles)
