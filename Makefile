@@ -56,8 +56,8 @@ dance: setup
 
 # Renders the built-in takes and songs and rebuilds the built-in repertoire.
 starter: setup
-	$(BIN)/python -m choreograph.starter.song_recipe
-	$(BIN)/choreograph build-starter
+	$(BIN)/python -m content.starter_songs
+	$(BIN)/python -m content.starter
 
 # Kills every kind of long work at random moments, and lets it run into a full disk: a quarter of an hour.
 faults: setup

@@ -1,5 +1,5 @@
 """`python -m choreograph`."""
 
-from choreograph.cli import run
+from choreograph.cli.main import run
 
 run()

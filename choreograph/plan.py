@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from choreograph.arguments import is_number
-from choreograph.config import TRANSITION_LENGTHS_S, DanceConfig
-from choreograph.errors import FormatError, ParameterError
-from choreograph.files import as_path, read_text
-from choreograph.takes import Credits
-from choreograph.timebase import NODE_FRAMES, SEGMENT_S
+from choreograph.core.arguments import is_number
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.files import as_path, read_text
+from choreograph.core.timebase import NODE_FRAMES, SEGMENT_S
+from choreograph.motion.motion import Credits
+from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig
 
 FORMAT = "choreograph-plan"
 VERSION = 7  # every version before it is still read: see `_upgraded`

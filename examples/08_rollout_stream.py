@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 import choreograph as cg
-from choreograph.exporters import save_motion
+from choreograph.formats.register import save_motion
 
 
 def main(song: str = "", db: str = "", out: str = "stream.bvh") -> None:

@@ -2,7 +2,7 @@
 
 from click.testing import CliRunner, Result
 
-from choreograph.cli import main
+from choreograph.cli.main import main
 
 
 def run(*arguments: object) -> Result:

@@ -61,8 +61,9 @@ def rolling(tmp_path_factory):
     from synthetic_motions import stepping
     from synthetic_repertoire import write_clicks
 
-    from choreograph.building import BuildOptions, build_repertoire
-    from choreograph.exporters import save_motion
+    from choreograph.formats.register import save_motion
+    from choreograph.library.building.build import build_repertoire
+    from choreograph.library.building.options import BuildOptions
 
     folder = tmp_path_factory.mktemp("rolling")
     save_motion(folder / "steps.bvh", stepping(30 * 30, period_s=0.5, seed=1))
@@ -76,7 +77,7 @@ def few_density_steps():
     """Trains the tempo-density networks of the preset `tiny` for a moment only."""
     from dataclasses import replace
 
-    from choreograph.nets.density import config
+    from choreograph.nets import configs as config
 
     with pytest.MonkeyPatch.context() as patch:
         few = replace(config._PRESETS["tiny"], steps=20, music_steps=20)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 def bone_heads_m(paths: Sequence[Path], frames: Sequence[int], fps: float, folder: Path) -> dict[str, dict]:
     """Heads of bones by the file's name and the bone's, lists (T, 3), world, Y up; frames count from 0."""
-    from choreograph.fbx import find_blender
+    from choreograph.formats.fbx import find_blender
 
     (folder / "frames.json").write_text(json.dumps({"frames": [int(frame) for frame in frames], "fps": fps}))
     words = [__file__, "--", folder / "frames.json", folder / "heads.json", *paths]

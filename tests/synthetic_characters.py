@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from choreograph.exporters.glb import _add_mesh
-from choreograph.gltf import GltfDocument
-from choreograph.mannequin import build_mannequin, skin_matrices
+from choreograph.formats.glb import _add_mesh
+from choreograph.formats.gltf_document import GltfDocument
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
+from choreograph.motion.mannequin.skinned_mesh import build_mannequin, skin_matrices
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 _LIMBS = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")

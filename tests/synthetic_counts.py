@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from choreograph.counts import Counts, make_counts, numbers_in_bar
+from choreograph.core.counts import Counts, make_counts, numbers_in_bar
 
 
 def counted(

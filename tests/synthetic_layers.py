@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from choreograph.counts import Counts
-from choreograph.features.sections import Sections
-from choreograph.features.song_features import SongFeatures
-from choreograph.graph import ClipTable, LayerSource, node_motifs, song_words_s
-from choreograph.timebase import CLIP_FRAMES, NODE_FRAMES, SEGMENT_FRAMES
-from choreograph.warping import Segments
-from choreograph.warping.count_maps import NO_TRACK
+from choreograph.choreography.graph.layers import ClipTable, LayerSource
+from choreograph.choreography.graph.motif_costs import node_motifs, song_words_s
+from choreograph.choreography.graph.segments import Segments
+from choreograph.choreography.graph.warping import NO_TRACK
+from choreograph.core.counts import Counts
+from choreograph.core.timebase import CLIP_FRAMES, NODE_FRAMES, SEGMENT_FRAMES
+from choreograph.music.sections import Sections
+from choreograph.music.song_features import SongFeatures
 
 
 class RandomPoses:

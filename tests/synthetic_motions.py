@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from choreograph.motion import rotations as rot
-from choreograph.motion.floor import estimate_floor_m, sole_pos_m
+from choreograph.motion.contacts import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton

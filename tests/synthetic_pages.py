@@ -9,10 +9,9 @@ import numpy as np
 import soundfile
 from synthetic_motions import swaying
 
-from choreograph.motion.motion import Motion
+from choreograph.motion.motion import Credits, Motion
 from choreograph.plan import Plan, PlannedSecond
-from choreograph.preview.page import write_page
-from choreograph.takes import Credits
+from choreograph.view.page import write_page
 
 TAKES = ("anna-waltz", "ben-house", "cleo-salsa")
 SEGMENT_S = 2

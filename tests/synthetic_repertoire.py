@@ -10,18 +10,17 @@ import numpy as np
 import soundfile
 from synthetic_motions import stepping
 
-from choreograph.counts import Figure, make_counts, numbers_in_bar
-from choreograph.features.density import motion_density
-from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.motifs.clustering import find_motifs
-from choreograph.motifs.vocabulary import Vocabulary, make_vocabulary
-from choreograph.motifs.words import segment_words
+from choreograph.core.counts import Figure, make_counts, numbers_in_bar
+from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ
+from choreograph.library.motifs import Vocabulary, find_motifs, make_vocabulary, motif_arrays
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.schema import Contents, NetArrays
+from choreograph.library.words import segment_words
+from choreograph.library.writing import MeasuredTake, to_arrays, write_repertoire
 from choreograph.motion.body import body_pos_m
-from choreograph.repertoire import Contents, NetArrays, Repertoire, write_repertoire
-from choreograph.repertoire.contents import MeasuredTake, to_arrays
-from choreograph.repertoire.motif_arrays import motif_arrays
-from choreograph.takes import Credits, Take
-from choreograph.timebase import NET_FPS, SAMPLE_RATE_HZ
+from choreograph.motion.motion import Credits, Take
+from choreograph.motion.motion_beats import motion_beat_times_s
+from choreograph.music.song_features import motion_density
 
 PERIODS_S = (0.5, 0.6, 0.75)
 
@@ -74,8 +73,8 @@ def synthetic_vocabulary(takes: Sequence[MeasuredTake]) -> tuple[Vocabulary, Net
     """The takes' words, segmented on their motion beats, and the untrained network that embeds them."""
     import torch
 
-    from choreograph.nets.words.config import word_config
-    from choreograph.nets.words.model import WordNet
+    from choreograph.nets.configs import word_config
+    from choreograph.nets.words import WordNet
 
     cut = [segment_words(body_pos_m(m.take.motion), m.take.motion.fps, m.motion_beats_s) for m in takes]
     words = np.concatenate([c.body_pos_m for c in cut])

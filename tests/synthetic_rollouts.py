@@ -2,21 +2,17 @@
 
 import numpy as np
 
-from choreograph.counts import make_counts, numbers_in_bar
-from choreograph.features.count_phase import count_phase
-from choreograph.features.frame_rhythm import FRAME_RHYTHM_FPS
-from choreograph.motifs.words import segment_words
+from choreograph.choreography.rollout.generation import MotifSequence
+from choreograph.core.counts import count_phase, make_counts, numbers_in_bar
+from choreograph.library.words import segment_words
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.nets.rollout.data import ROLLOUT_FPS
-from choreograph.nets.rollout.training_data import RolloutTake
-from choreograph.nets.words.config import word_config
-from choreograph.nets.words.data import WordTake
-from choreograph.nets.words.model import WordNet
-from choreograph.nets.words.train import train_word_net
-from choreograph.rollout.generation import MotifSequence
+from choreograph.music.frame_rhythm import FRAME_RHYTHM_FPS
+from choreograph.nets.configs import word_config
+from choreograph.nets.rollout_data import ROLLOUT_FPS, RolloutTake
+from choreograph.nets.words import WordNet, WordTake, train_word_net
 
 BEAT_S = 0.5
 N_BEATS = 24

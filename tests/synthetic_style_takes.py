@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from choreograph.features.rhythm import PATTERN, RHYTHM_DIM, TEMPO
-from choreograph.nets.style.data import StyleSong, StyleTake
+from choreograph.music.rhythm import PATTERN, RHYTHM_DIM, TEMPO
+from choreograph.nets.style_data import StyleSong, StyleTake
 
 _TEMPO_COLUMNS = {"a": 5, "b": 14, "c": 23}
 

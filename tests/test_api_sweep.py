@@ -27,10 +27,11 @@ from synthetic_repertoire import (
 )
 
 import choreograph as cg
-from choreograph.characters import perform
-from choreograph.counts import make_counts, numbers_in_bar
+from choreograph.characters.performance import perform
+from choreograph.core.counts import make_counts, numbers_in_bar
+from choreograph.library.schema import NetArrays
+from choreograph.library.writing import write_repertoire
 from choreograph.pipeline import dancing
-from choreograph.repertoire import NetArrays, write_repertoire
 
 MODULES = {"metrics"}  # whose functions have checks, and tests of them, of their own
 # What an error from inside is; one that is none of these fails the test by itself.
@@ -87,8 +88,8 @@ def sound(call: Callable[..., Any], /, **arguments: Any) -> Sound:
 @pytest.fixture(scope="module")
 def things(tmp_path_factory):
     """A repertoire with motifs and an untrained rollout network, a song, a dance to it, and parts of them."""
-    from choreograph.nets.rollout.config import rollout_config
-    from choreograph.nets.rollout.model import RolloutNet
+    from choreograph.nets.configs import rollout_config
+    from choreograph.nets.rollout import RolloutNet
 
     folder = tmp_path_factory.mktemp("sweep")
     takes = with_counts(synthetic_takes(duration_s=15.0))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from choreograph.config import DEFAULT_WEIGHTS, DanceConfig, load_config, resolve_weights
-from choreograph.errors import FormatError, ParameterError
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.settings import DEFAULT_WEIGHTS, DanceConfig, load_config, resolve_weights
 
 
 def written(path, text: str):

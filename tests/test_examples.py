@@ -17,19 +17,21 @@ from synthetic_motions import stepping
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 import choreograph as cg
-from choreograph.count_files import write_counts
-from choreograph.counts import make_counts, numbers_in_bar
-from choreograph.exporters import save_motion
-from choreograph.warping import subsequence_dtw
+from choreograph.choreography.graph.warping import subsequence_dtw
+from choreograph.core.counts import make_counts, numbers_in_bar
+from choreograph.formats.register import save_motion
+from choreograph.formats.tables import write_counts
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
-SCRIPTS = sorted((ROOT / "examples" / "papers").glob("*.py"))
+SCRIPTS = sorted(
+    path for path in (ROOT / "research").glob("*.py") if "__main__" in path.read_text(encoding="utf-8")
+)
 PAPERS = [path for path in SCRIPTS if "__main__" in path.read_text(encoding="utf-8")]  # not what they share
 GUIDES = [ROOT / "README.md", ROOT / "blender_extension" / "README.md"]
-PAGES = [*GUIDES, *sorted((ROOT / "examples" / "results").glob("*.md"))]
-MODEL_CARDS = [ROOT / "choreograph" / folder / "MODEL_CARD.md" for folder in ("starter", "pretrained")]
+PAGES = [*GUIDES, *sorted((ROOT / "research" / "results").glob("*.md"))]
+MODEL_CARDS = [ROOT / "choreograph" / "library" / "shipped" / name for name in ("STARTER.md", "NETWORKS.md")]
 WRITTEN = {
     "01_own_library.py": ("rep.h5", "own.bvh"),
     "02_own_cost.py": ("low.bvh",),
@@ -72,7 +74,7 @@ def test_an_example_is_short(path):
 
 
 def run_script(name: str, *arguments: object) -> str:
-    command = [sys.executable, str(ROOT / "examples" / "papers" / name), *map(str, arguments)]
+    command = [sys.executable, str(ROOT / "research" / name), *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -95,7 +97,7 @@ def db(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_dtw_of_phase_curves_finds_a_planted_warp_and_is_the_engines_in_one_dimension():
-    script = runpy.run_path(str(ROOT / "examples" / "papers" / "warping_experiment.py"))
+    script = runpy.run_path(str(ROOT / "research" / "warping_experiment.py"))
     rng = np.random.default_rng(0)
     query, targets = rng.normal(size=80).astype(np.float32), rng.normal(size=(5, 160)).astype(np.float32)
     paths, _ = subsequence_dtw(query, targets)

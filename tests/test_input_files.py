@@ -7,8 +7,8 @@ import os
 
 import pytest
 
-from choreograph.errors import FormatError, ParameterError
-from choreograph.files import check_regular, check_target, read_bytes, read_json, read_text
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.files import check_regular, check_target, read_bytes, read_json, read_text
 
 
 def test_files_are_read(tmp_path):

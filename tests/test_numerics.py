@@ -13,7 +13,7 @@ import torch
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import choreograph as cg
-from choreograph.metrics import beat
+from choreograph.evaluation.metrics import beat
 
 
 def settings() -> dict[str, object]:

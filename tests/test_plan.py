@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from choreograph.config import ENGINES, PLANNERS
-from choreograph.errors import FormatError
+from choreograph.core.errors import FormatError
+from choreograph.motion.motion import Credits
 from choreograph.plan import Plan, PlannedSecond, PlannedWord
-from choreograph.takes import Credits
+from choreograph.settings import ENGINES, PLANNERS
 
 SCHEMA = json.loads(
     (Path(__file__).resolve().parents[1] / "data_schema" / "plan.schema.json").read_text(encoding="utf-8")

@@ -16,18 +16,17 @@ from synthetic_repertoire import (
 )
 
 import choreograph as cg
-from choreograph import published
-from choreograph.blending.assembly import assemble
-from choreograph.blending.rendering import motion_reader, plan_runs
-from choreograph.config import DEFAULT_WEIGHTS
-from choreograph.errors import ParameterError, RepertoireError
+from choreograph import settings as published
+from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.evaluation.variants import VARIANTS, dance_variant, variants_named
-from choreograph.exporters import save_motion
-from choreograph.features.density import motion_density
-from choreograph.nets.density.config import DensityConfig
-from choreograph.nets.density.model import MotionDensity
-from choreograph.nets.style.config import StyleConfig
-from choreograph.repertoire import Repertoire, write_repertoire
+from choreograph.formats.register import save_motion
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.writing import write_repertoire
+from choreograph.music.song_features import motion_density
+from choreograph.nets.configs import DensityConfig, StyleConfig
+from choreograph.nets.density import MotionDensity
+from choreograph.render.rendering import assemble, motion_reader, plan_runs
+from choreograph.settings import DEFAULT_WEIGHTS
 
 pytestmark = pytest.mark.slow
 
@@ -134,7 +133,7 @@ def learned_contents():
 
 
 def test_counts_of_takes_are_ignored(learned_contents, song, tmp_path, monkeypatch):
-    from choreograph import song_analysis
+    from choreograph.choreography import song_analysis
 
     def wanted(repertoire, mel, beats_s, n_seconds):
         return np.tile(motion_density(80, np.arange(0.25, 4.0, 0.5)), (n_seconds, 1))

@@ -24,22 +24,23 @@ import soundfile
 from synthetic_markers import markers_on, write_c3d
 from synthetic_motions import swaying
 
-from choreograph.audio.song import load_song
-from choreograph.config import load_config
-from choreograph.constraints.parse import read_motifs, read_signature
-from choreograph.count_files import read_counts
-from choreograph.errors import ChoreographError
-from choreograph.exporters import save_motion
-from choreograph.features.beat_files import read_beats
-from choreograph.gltf import GltfDocument, read_gltf, read_rig, read_skin_points
-from choreograph.importers import import_takes
-from choreograph.importers._c3d_markers import read_markers
-from choreograph.importers._figure_lists import read_choreographies, read_recorded_figures
-from choreograph.importers.dance_with_melody import read_points_m
+from choreograph.choreography.constraints import read_motifs, read_signature
+from choreograph.core.errors import ChoreographError
+from choreograph.formats.c3d import read_markers
+from choreograph.formats.choreonet import read_choreographies, read_recorded_figures
+from choreograph.formats.dance_with_melody import read_points_m
+from choreograph.formats.gltf_document import GltfDocument
+from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.gltf_rig import read_rig, read_skin_points
+from choreograph.formats.register import import_takes, save_motion
+from choreograph.formats.tables import read_counts
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import read_bone_map
 from choreograph.motion.motion import Motion
+from choreograph.music.beats import read_beats
+from choreograph.music.song import load_song
 from choreograph.plan import Plan
+from choreograph.settings import load_config
 
 _TO_FRAMES = "HIERARCHY\nROOT a {\nCHANNELS 1 Xrotation\n}\nMOTION\n"
 SIZES = (10_000, 100_000, 1_000_000, 10_000_000)  # bytes

@@ -11,16 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.arguments import check_kind, check_text
 from choreograph.characters.performance import Performance, perform
-from choreograph.errors import FormatError, ParameterError
-from choreograph.fbx import convert
-from choreograph.files import as_path
-from choreograph.gltf import GltfDocument, Rig, SkinPoints, read_gltf, read_rig, read_skin_points
+from choreograph.core.arguments import check_kind, check_text
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.files import as_path
+from choreograph.core.numerics import default_numerics
+from choreograph.core.timebase import frame_times_s
+from choreograph.formats.fbx import convert
+from choreograph.formats.gltf_document import GltfDocument
+from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.gltf_rig import Rig, SkinPoints, read_rig, read_skin_points
 from choreograph.motion.bone_map import find_bones
 from choreograph.motion.motion import Motion
-from choreograph.numerics import default_numerics
-from choreograph.timebase import frame_times_s
 
 Floats = NDArray[np.float64]
 

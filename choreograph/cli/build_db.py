@@ -8,9 +8,18 @@ from pathlib import Path
 import click
 from click_option_group import optgroup
 
-from choreograph.cli.options import Command, check_outputs_apart, given_options, names_of
-from choreograph.cli.present import examples, printable, say, show_notes, stages
-from choreograph.errors import ParameterError
+from choreograph.cli.present import (
+    Command,
+    check_outputs_apart,
+    examples,
+    given_options,
+    names_of,
+    printable,
+    say,
+    show_notes,
+    stages,
+)
+from choreograph.core.errors import ParameterError
 
 _FILE = click.Path(path_type=Path)
 _WIDEST = 80  # letters of a column of --check; longer cells push the next ones
@@ -121,7 +130,7 @@ def command(sources, output, check, quiet, leave_out, map_path, density, publish
     """
     import choreograph as cg
     from choreograph.motion.bone_map import read_bone_map
-    from choreograph.published import published_build
+    from choreograph.settings import published_build
 
     if output is None and not check:
         raise click.UsageError("Missing option '-o' / '--output'.")
@@ -155,8 +164,8 @@ def command(sources, output, check, quiet, leave_out, map_path, density, publish
 
 def _check(sources, options, *, quiet: bool) -> None:
     """Print a row for each file of the sources; an error if a build would be refused."""
-    from choreograph.building.importing import check_takes, checked_files, import_sources
-    from choreograph.building.options import BuildOptions
+    from choreograph.library.building.options import BuildOptions
+    from choreograph.library.building.takes import check_takes, checked_files, import_sources
 
     settings = BuildOptions(**options)
     with stages(quiet=quiet) as shown:

@@ -8,15 +8,21 @@ from typing import TYPE_CHECKING
 
 import click
 
-from choreograph.arguments import unexpected
-from choreograph.cli.options import Command, check_output_options, check_outputs_apart
-from choreograph.cli.present import examples, say, show_notes
-from choreograph.errors import ParameterError
-from choreograph.files import check_target
+from choreograph.cli.present import (
+    Command,
+    check_output_options,
+    check_outputs_apart,
+    examples,
+    say,
+    show_notes,
+)
+from choreograph.core.arguments import unexpected
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import check_target
 
 if TYPE_CHECKING:
-    from choreograph.characters import GltfCharacter
-    from choreograph.exporters import BvhOptions
+    from choreograph.characters.gltf_character import GltfCharacter
+    from choreograph.formats.bvh import BvhOptions
     from choreograph.motion.motion import Motion
 
 _FILE = click.Path(path_type=Path)
@@ -40,7 +46,7 @@ def bvh_options(command: Callable) -> Callable:
 
 def bvh_of(naming: str | None, units: str | None, rest: str | None, in_place: bool) -> BvhOptions:
     """How .bvh files are written."""
-    from choreograph.exporters import BvhOptions
+    from choreograph.formats.bvh import BvhOptions
 
     return BvhOptions(UNITS[units or "cm"], naming=naming or "smpl", in_place=in_place, rest=rest)
 
@@ -64,7 +70,8 @@ def convert(motion, output, fps, map_path, naming, units, rest, in_place) -> Non
 
     .bvh, .npz, .glb, .vrma, .usda, .usdc or .fbx, by its suffix.
     """
-    from choreograph.exporters import FORMATS, BvhWriter, save_motion
+    from choreograph.formats.bvh import BvhWriter
+    from choreograph.formats.register import FORMATS, save_motion
     from choreograph.motion.bone_map import read_bone_map
     from choreograph.pipeline.saving import check_outputs
 
@@ -115,7 +122,8 @@ def retarget(motion, character, output, map_path, save_map) -> None:
 
 def character_of(path: Path, map_path: Path | None) -> GltfCharacter:
     """The character of a file, with the user's map."""
-    from choreograph.characters import read_bone_map, read_character
+    from choreograph.characters.gltf_character import read_character
+    from choreograph.motion.bone_map import read_bone_map
 
     return read_character(path, read_bone_map(map_path) if map_path else None)
 
@@ -131,7 +139,7 @@ def check_map_target(path: Path | None) -> None:
 
 def write_map(path: Path | None, character: GltfCharacter | None) -> None:
     """Write which bones of the character were found, if that is wanted."""
-    from choreograph.characters import write_bone_map
+    from choreograph.motion.bone_map import write_bone_map
 
     if path is not None and character is not None:
         write_bone_map(path, character.rig.names, character.bones)
@@ -139,8 +147,8 @@ def write_map(path: Path | None, character: GltfCharacter | None) -> None:
 
 def motion_of(path: Path, bone_map: Mapping[str, str] | None = None) -> Motion:
     """The motion of a file that holds one take, its notes printed; `ParameterError` for several takes."""
-    from choreograph.building.importing import check_map_fits
-    from choreograph.importers import import_takes
+    from choreograph.formats.register import import_takes
+    from choreograph.library.building.takes import check_map_fits
 
     if path.is_dir():
         raise ParameterError(f"{path}: expected a file with a motion, got a folder")

@@ -9,15 +9,21 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from choreograph.cli.characters import bvh_of, character_of, check_map_target, write_map
-from choreograph.cli.dance_jobs import Job, check_jobs, jobs_of, run_jobs, with_free_names
+from choreograph.cli.dance_jobs import Job, check_jobs, jobs_of, present, run_jobs, with_free_names
 from choreograph.cli.dance_options import dance_options
-from choreograph.cli.dance_results import present
-from choreograph.cli.options import Command, check_output_options, given_options, input_files
-from choreograph.cli.present import StageLines, examples, stages
-from choreograph.errors import NoPathError, ParameterError
+from choreograph.cli.present import (
+    Command,
+    StageLines,
+    check_output_options,
+    examples,
+    given_options,
+    input_files,
+    stages,
+)
+from choreograph.core.errors import NoPathError, ParameterError
 
 if TYPE_CHECKING:
-    from choreograph.progress import ProgressReport
+    from choreograph.core.progress import ProgressReport
 
 _BESIDE_A_PLAN = {
     "songs", "db", "output", "character", "map_path", "save_map", "naming", "units", "rest", "in_place",
@@ -53,9 +59,8 @@ def command(
 ) -> None:  # fmt: skip
     """Make a dance for SONG (any audio file), or for each of several."""
     import choreograph as cg
-    from choreograph.config import load_config
     from choreograph.pipeline.saving import options_used
-    from choreograph.published import published_dance
+    from choreograph.settings import load_config, published_dance
 
     if plan_path is not None:
         _refuse_beside_a_plan(songs)
@@ -137,8 +142,14 @@ def _rendered(plan_path: Path, song: Path | None, repertoire, existing: Path | N
 
 def _constraints(repertoire, genre, signature, motif_file, recreate, pins, bans, keeps) -> dict[str, Any]:
     """The constraints of a dance, from the command line's text and files."""
-    from choreograph.constraints.parse import parse_ban, parse_keep, parse_pin, read_motifs, read_signature
-    from choreograph.pipeline.recreation import motifs_of
+    from choreograph.choreography.constraints import (
+        parse_ban,
+        parse_keep,
+        parse_pin,
+        read_motifs,
+        read_signature,
+    )
+    from choreograph.pipeline.variations import motifs_of
 
     if motif_file is not None and recreate is not None:
         raise ParameterError("expected --motifs or --recreate, got both: each gives the whole sequence")

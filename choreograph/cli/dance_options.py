@@ -13,7 +13,7 @@ import click
 from click_option_group import optgroup
 
 from choreograph.cli.characters import NAMINGS, RESTS, UNITS
-from choreograph.cli.options import Seconds
+from choreograph.cli.present import Seconds
 
 _FILE = click.Path(path_type=Path)
 

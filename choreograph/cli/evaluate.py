@@ -11,13 +11,25 @@ from typing import TYPE_CHECKING
 import click
 from click_option_group import optgroup
 
-from choreograph.cli.options import Command, Seconds, check_outputs_apart, given_options, names_of
-from choreograph.cli.present import examples, printable, say, show_notes, stages, table_console
-from choreograph.errors import ChoreographError, ParameterError
-from choreograph.files import folder_beside
+from choreograph.cli.present import (
+    Command,
+    Seconds,
+    check_outputs_apart,
+    examples,
+    given_options,
+    names_of,
+    printable,
+    say,
+    show_notes,
+    stages,
+    table_console,
+)
+from choreograph.core.errors import ChoreographError, ParameterError
+from choreograph.core.files import folder_beside
 
 if TYPE_CHECKING:
-    from choreograph.evaluation import Evaluation, KeptDances
+    from choreograph.evaluation.results import Evaluation
+    from choreograph.evaluation.variants import KeptDances
 
 _FILE = click.Path(path_type=Path)
 # These are of dances that are made.
@@ -82,8 +94,11 @@ def command(
     json_path, resume, quiet,
 ) -> None:  # fmt: skip
     """Measure dances: made with --db to the songs of DIR, or DANCE (BVH, NPZ, …) against its SONG."""
-    from choreograph.evaluation import EvaluationConfig, find_songs, to_json, variants_named
-    from choreograph.features.music_beats import DEFAULT_TRACKER
+    from choreograph.evaluation.results import to_json
+    from choreograph.evaluation.run import EvaluationConfig
+    from choreograph.evaluation.songs import find_songs
+    from choreograph.evaluation.variants import variants_named
+    from choreograph.music.beats import DEFAULT_TRACKER
 
     if (folder is None) == (dance is None) or (dance is not None and song is None):
         raise ParameterError("expected --songs DIR to dance to, or a DANCE and its SONG")
@@ -119,8 +134,8 @@ def command(
 
 def _targets(report: Path | None, json_path: str | None) -> list[Path]:
     """The files to write; raises before any work if one cannot be written."""
+    from choreograph.core.files import check_target
     from choreograph.evaluation.plots import expect_matplotlib
-    from choreograph.files import check_target
 
     if report:
         expect_matplotlib()
@@ -129,10 +144,10 @@ def _targets(report: Path | None, json_path: str | None) -> list[Path]:
 
 
 def _of_dance(dance, song, db, duration, beats):
-    from choreograph.audio.song import load_song
-    from choreograph.evaluation import evaluate_dance
-    from choreograph.importers import import_takes
-    from choreograph.repertoire import Repertoire
+    from choreograph.evaluation.dance_scores import evaluate_dance
+    from choreograph.formats.register import import_takes
+    from choreograph.library.repertoire import Repertoire
+    from choreograph.music.song import load_song
 
     takes = list(import_takes(dance))
     if len(takes) != 1:
@@ -145,7 +160,7 @@ def _of_dance(dance, song, db, duration, beats):
 @contextmanager
 def _kept(output: Path | None, resume: bool) -> Iterator[KeptDances | None]:
     """The dances that are kept beside the output; where they are kept and not all are made, says so."""
-    from choreograph.evaluation import kept_dances
+    from choreograph.evaluation.variants import kept_dances
 
     if output is None:
         yield None
@@ -164,8 +179,9 @@ def _kept(output: Path | None, resume: bool) -> Iterator[KeptDances | None]:
 
 
 def _write(evaluation: Evaluation, report: Path | None, json_path: str | None) -> None:
-    from choreograph.evaluation import to_json, write_report
-    from choreograph.files import atomic_path
+    from choreograph.core.files import atomic_path
+    from choreograph.evaluation.report import write_report
+    from choreograph.evaluation.results import to_json
 
     if report:
         write_report(report, evaluation)
@@ -175,9 +191,10 @@ def _write(evaluation: Evaluation, report: Path | None, json_path: str | None) -
 
 
 def _of_songs(songs, db, config, judge, experts, kept, report):
-    from choreograph.evaluation import evaluate, read_experts
-    from choreograph.repertoire import Repertoire
-    from choreograph.starter import starter_repertoire
+    from choreograph.evaluation.run import evaluate
+    from choreograph.evaluation.songs import read_experts
+    from choreograph.library.builtin import starter_repertoire
+    from choreograph.library.repertoire import Repertoire
 
     repertoire = starter_repertoire() if db is None else Repertoire.open(db)
     judging = None if judge is None else Repertoire.open(judge)
@@ -189,8 +206,7 @@ def _show(evaluation) -> None:
     """Print the tables; where stdout is no terminal, as wide as they are."""
     from rich.table import Table
 
-    from choreograph.evaluation import tables
-    from choreograph.evaluation.tables import column_title
+    from choreograph.evaluation.results import column_title, tables
 
     console = table_console(max(80, 44 + 30 * len(evaluation.variants)))
     for table in tables(evaluation):
@@ -208,7 +224,7 @@ def _show(evaluation) -> None:
 
 
 def _cell(cell, digits: int) -> str:
-    from choreograph.evaluation.tables import number_text
+    from choreograph.evaluation.results import number_text
 
     if cell is None:
         return "-"

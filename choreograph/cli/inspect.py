@@ -9,11 +9,10 @@ from typing import Any
 
 import click
 
-from choreograph.arguments import unexpected
-from choreograph.cli.options import Command, check_outputs_apart
-from choreograph.cli.present import examples, say
-from choreograph.errors import ParameterError
-from choreograph.files import check_target
+from choreograph.cli.present import Command, check_outputs_apart, examples, say
+from choreograph.core.arguments import unexpected
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import check_target
 
 _N_COMMON = 5  # motifs shown of each genre
 
@@ -43,8 +42,8 @@ _N_COMMON = 5  # motifs shown of each genre
 )
 def command(db, as_json, plots, signature, counts, output) -> None:
     """Show takes, clips, networks and motifs of the repertoire DB (default: the built-in one)."""
-    from choreograph.repertoire import Repertoire
-    from choreograph.starter import STARTER_PATH
+    from choreograph.library.builtin import STARTER_PATH
+    from choreograph.library.repertoire import Repertoire
 
     if sum(option is not None for option in (signature, counts)) != (output is not None):
         raise ParameterError("expected either --signature TAKE|GENRE or --counts TAKE together with -o FILE")
@@ -60,15 +59,15 @@ def command(db, as_json, plots, signature, counts, output) -> None:
     check_outputs_apart([output], named_by=("output", "plots"), with_songs=("signature",))
     repertoire = Repertoire.open(db or STARTER_PATH)
     if signature is not None:
-        from choreograph.constraints.parse import write_signature
-        from choreograph.pipeline.recreation import signature_of
+        from choreograph.choreography.constraints import write_signature
+        from choreograph.pipeline.variations import signature_of
 
         shares = signature_of(signature, repertoire)
         write_signature(output, shares, name=signature, repertoire=repertoire.path.name)
         say(f"{output}: signature of {signature}, {int((shares > 0).sum())} of {len(shares)} motifs")
         return
     if counts is not None:
-        from choreograph.count_files import write_counts
+        from choreograph.formats.tables import write_counts
 
         take = repertoire.take_index(counts)
         write_counts(output, repertoire.counts(take), repertoire.figures(take))
@@ -76,7 +75,7 @@ def command(db, as_json, plots, signature, counts, output) -> None:
         return
     facts = _facts(repertoire)
     if plots is not None:
-        from choreograph.preview.motif_plots import write_motif_plots
+        from choreograph.view.motif_plots import write_motif_plots
 
         facts["plots"] = [str(path) for path in write_motif_plots(plots, repertoire)]
     if as_json:
@@ -122,8 +121,8 @@ def _counts_facts(repertoire, take: int) -> dict[str, Any]:
 
 
 def _vocabulary_facts(repertoire) -> dict[str, Any]:
-    from choreograph.motifs.signatures import chi_square_distance
-    from choreograph.motifs.templates import dances_of, distances_to_template
+    from choreograph.core.numerics import chi_square_distance
+    from choreograph.view.motif_plots import dances_of, distances_to_template
 
     vocabulary = repertoire.vocabulary
     take_genres = [take.credits.genre for take in repertoire.takes]

@@ -1,21 +1,30 @@
-"""What commands show: lines, tables and notes, progress bars, examples in their help.
-
-What is printed for people goes through `say`, or through `printable` to a `table_console`: names of files,
-takes and joints may come from strangers and hold control characters.
-"""
+"""What commands share: kinds of options, notes on stderr, progress bars, examples in their help."""
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import check_apart, read_text
+from choreograph.core.timebase import parse_seconds
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
+
+# What commands show: lines, tables and notes, progress bars, examples in their help.
+#
+# What is printed for people goes through `say`, or through `printable` to a `table_console`: names of files,
+# takes and joints may come from strangers and hold control characters.
+
 
 MAX_LINE = 300  # characters of a printed line
 _CUT = 130, 130  # characters at both ends of a line that is longer
@@ -104,3 +113,147 @@ def stages(*, quiet: bool) -> Iterator[Stages]:
     )  # fmt: skip
     with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as progress:
         yield Stages(progress)
+
+
+# Options that commands share: given once, times, names from files, and which files an option is for.
+
+
+# Options of the command line by the option of `Dance.save` that they are for.
+_SAVE_OPTIONS = {
+    "character": ("--character",),
+    "bvh": ("--names", "--units", "--rest", "--in-place"),
+    "loop": ("--loop",),
+    "click": ("--click",),
+}
+
+_NAMES_OR_FILES = {"beats", "recreate", "signature"}  # options that take either
+
+
+class Command(click.Command):
+    """A command that refuses an option given twice, unless it is one to repeat: click takes the last."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        _, _, given = self.make_parser(ctx).parse_args(list(args))
+        for option in given:
+            repeatable = not isinstance(option, click.Option) or option.multiple or option.count
+            if not repeatable and given.count(option) > 1:
+                raise ParameterError(f"expected {_flag(option)} once, got it {given.count(option)} times")
+        return super().parse_args(ctx, args)
+
+
+class Seconds(click.ParamType):
+    """A time, in seconds (`75.5`) or with minutes and hours (`1:15.5`)."""
+
+    name = "seconds"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        try:
+            return parse_seconds(value) if isinstance(value, str) else float(value)
+        except ParameterError as error:
+            self.fail(str(error), param, ctx)
+
+
+def given_options(*, except_for: Collection[str] = ()) -> list[str]:
+    """The flags that the user gave to the running command, in the order of its help; not `except_for`."""
+    context = click.get_current_context()
+    return [
+        _flag(option)
+        for option in context.command.params
+        if option.name not in except_for
+        and option.name is not None
+        and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
+    ]
+
+
+def input_files(*, except_for: Collection[str], with_songs: Collection[str] = ()) -> list[Path]:
+    """The files and folders that the running command is to read, and those read with them.
+
+    That is what its arguments and options name, but for those that name outputs, `except_for`. `with_songs`
+    may name a motion file that is read with the song beside it.
+    """
+    from choreograph.formats.folder import SongsByName
+    from choreograph.formats.register import read_beside
+
+    files: list[Path] = []
+    for name, given in click.get_current_context().params.items():
+        values = () if name in except_for else given if isinstance(given, tuple) else (given,)
+        lists = [Path(value[1:]) for value in values if isinstance(value, str) and value.startswith("@")]
+        named = [
+            Path(value) for value in values if isinstance(value, Path) or (value and name in _NAMES_OR_FILES)
+        ]
+        found = [path for path in (*lists, *named) if os.path.exists(path)]
+        files += [*found, *(file for path in found for file in read_beside(path))]
+        if name in with_songs:
+            songs = (SongsByName.in_folder(path.parent).of(path.stem) for path in found)
+            files += filter(None, songs)
+    return files
+
+
+def check_outputs_apart(
+    outputs: Sequence[Path | None], *, named_by: Collection[str], with_songs: Collection[str] = ()
+) -> None:
+    """Raise `ParameterError` before any work if an output is an input or another output of the command.
+
+    `outputs` are those that are wanted, by the options `named_by`; `with_songs` as for `input_files`.
+    """
+    check_apart(
+        [path for path in outputs if path is not None],
+        input_files(except_for=named_by, with_songs=with_songs),
+    )
+
+
+def _flag(option: click.Parameter) -> str:
+    return max(option.opts, key=len)
+
+
+def names_of(given: tuple[str, ...]) -> tuple[str, ...]:
+    """The names given, each @FILE replaced by the names in it; `FormatError` if one cannot be read."""
+    names: list[str] = []
+    for name in given:
+        if not name.startswith("@"):
+            names.append(name)
+            continue
+        lines = read_text(name[1:], "a list of names").splitlines()
+        names += [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+    return tuple(names)
+
+
+def check_output_options(outputs: Sequence[Path]) -> tuple[str, ...]:
+    """A note on the options given for files that cannot use them; none if all files use all of them.
+
+    Raises `ParameterError` for an option that no file uses, and for a character beside USD files, which would
+    hold the mannequin.
+    """
+    from choreograph.pipeline.saving import USED_BY, format_of
+
+    formats = list(dict.fromkeys(format_of(path) for path in outputs))
+    given = set(given_options())
+    without: dict[tuple[str, ...], list[str]] = {}  # formats -> flags that have no effect on them
+    for option, flags in _SAVE_OPTIONS.items():
+        asked = [flag for flag in flags if flag in given]
+        unused = tuple(format for format in formats if format not in USED_BY[option])
+        if asked and len(unused) == len(formats):
+            raise ParameterError(
+                f"expected {_suffixes(USED_BY[option], 'or')} for {_listed(asked, 'and')}, got "
+                f"{_suffixes(formats, 'and')}: add -o NAME.{USED_BY[option][0]}"
+            )
+        if option == "character" and asked and {"usda", "usdc"} & set(unused):
+            raise ParameterError(
+                "expected no USD file beside --character, got one: characters dance in "
+                f"{_suffixes(USED_BY[option], 'and')} alone"
+            )
+        if asked and unused:
+            without.setdefault(unused, []).extend(asked)
+    parts = []
+    for others, useless in without.items():
+        verb = "have" if len(useless) > 1 else "has"
+        parts.append(f"{_listed(useless, 'and')} {verb} no effect on {_suffixes(others, 'and')}")
+    return ("; ".join(parts),) if parts else ()
+
+
+def _suffixes(formats: Sequence[str], word: str) -> str:
+    return _listed([f".{format}" for format in formats], word)
+
+
+def _listed(items: Sequence[str], word: str) -> str:
+    return f" {word} ".join(part for part in (", ".join(items[:-1]), items[-1]) if part)

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import click
 
-from choreograph.cli.options import Command, given_options
-from choreograph.cli.present import examples, say, show_notes
-from choreograph.errors import ParameterError
-from choreograph.files import atomic_path, free_names, sha256_of
+from choreograph.cli.present import Command, examples, given_options, say, show_notes
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import atomic_path, free_names, sha256_of
 
 
 @click.command(
@@ -30,7 +29,7 @@ from choreograph.files import atomic_path, free_names, sha256_of
 @click.option("--json", "as_json", is_flag=True, help="Print names and paths as JSON.")
 def command(folder, name, as_json) -> None:
     """List the built-in songs. The project made them; use them as you like."""
-    from choreograph.starter import example_songs
+    from choreograph.library.builtin import example_songs
 
     songs = example_songs()
     if name is not None:

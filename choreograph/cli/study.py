@@ -8,8 +8,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from choreograph.cli.options import Command, Seconds, check_outputs_apart, names_of
-from choreograph.cli.present import examples, printable, say, stages, table_console
+from choreograph.cli.present import (
+    Command,
+    Seconds,
+    check_outputs_apart,
+    examples,
+    names_of,
+    printable,
+    say,
+    stages,
+    table_console,
+)
 
 if TYPE_CHECKING:
     from choreograph.evaluation.study_results import StudyResults
@@ -59,11 +68,17 @@ def write(
     folder, output, db, only, variants, seen, duration, excerpt, ask, silent, order_seed, quiet,
 ) -> None:  # fmt: skip
     """Dance in every variant to every song of DIR, and write one page that shows them in random order."""
-    from choreograph.evaluation import find_songs, variants_named
-    from choreograph.evaluation.study import KEY_NAME, PAGE_NAME, check_study_folder, write_study
-    from choreograph.evaluation.study_dances import make_study_dances
-    from choreograph.repertoire import Repertoire
-    from choreograph.starter import starter_repertoire
+    from choreograph.evaluation.songs import find_songs
+    from choreograph.evaluation.study import (
+        KEY_NAME,
+        PAGE_NAME,
+        check_study_folder,
+        make_study_dances,
+        write_study,
+    )
+    from choreograph.evaluation.variants import variants_named
+    from choreograph.library.builtin import starter_repertoire
+    from choreograph.library.repertoire import Repertoire
 
     check_study_folder(output)
     check_outputs_apart([output / PAGE_NAME, output / KEY_NAME], named_by=("output",))
@@ -89,8 +104,8 @@ def write(
 @click.option("-q", "--quiet", is_flag=True, help="No table.")
 def show(study, json_path, quiet) -> None:
     """Show the answers in the folder STUDY: means with 95 % intervals, and which variants differ."""
+    from choreograph.core.files import atomic_path, check_target
     from choreograph.evaluation.study_results import read_study
-    from choreograph.files import atomic_path, check_target
 
     if json_path not in (None, "-"):
         check_outputs_apart([check_target(json_path)], named_by=("json_path",))
@@ -110,7 +125,7 @@ def _show_tables(results: StudyResults) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from choreograph.evaluation.study_questions import PAIR_QUESTIONS, QUESTIONS
+    from choreograph.evaluation.study import PAIR_QUESTIONS, QUESTIONS
 
     console = table_console()
     say(f"{results.n_raters} raters, {results.n_songs} songs; 95 % intervals in brackets")

@@ -1,24 +1,82 @@
-"""All scores of one dance that need no other dance."""
+"""All scores of one dance, also of one that any system made."""
 
 from __future__ import annotations
 
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
 import numpy as np
 
-from choreograph.evaluation.counted_dance import CountedDance
-from choreograph.evaluation.danced_counts import counted_share
-from choreograph.evaluation.motif_scores import DancedMotifs, MotifScorer
-from choreograph.evaluation.motion_scores import (
+from choreograph.core.counts import NO_COUNTS, Counts
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import default_numerics
+from choreograph.core.timebase import NET_FPS
+from choreograph.evaluation.danced_counts import CountedDance, counted_share
+from choreograph.evaluation.plan_scores import (
+    DancedMotifs,
+    MotifScorer,
+    plan_scores,
+    transition_scores,
+    transition_times_s,
+)
+from choreograph.evaluation.results import SINGLE, Evaluation, ExampleDance, ExampleSong, MeasuredDance
+from choreograph.evaluation.scores import (
+    RealDances,
+    Scores,
     beat_scores,
+    check_measurable,
     count_scores,
     ending_scores,
     energy_scores,
     physical_scores,
     second_opinion_scores,
 )
-from choreograph.evaluation.plan_scores import plan_scores, transition_scores, transition_times_s
-from choreograph.evaluation.read_counts import read_count_scores
-from choreograph.evaluation.scores import Scores
-from choreograph.evaluation.song_music import SongMusic
+from choreograph.evaluation.songs import SongMusic, second_tracker, song_music
+from choreograph.library.building.counting import MotionReader, motion_reader
+from choreograph.library.builtin import pretrained_set
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.music.beats import DEFAULT_TRACKER
+from choreograph.music.song import Song
+
+# The counts of a dance as a network reads them from its motion alone.
+#
+# Of a dance made of takes the counts are known (`danced_counts`); of one that a network generated they are
+# not. The reader hears no music, so that it cannot hear the beats it is held against; but where it errs in
+# the experts' own dances, it errs here, too: read a dance's share beside that of real ones.
+
+
+_NAMES = {"counts_within": "counts_read_within", "downbeat_share": "downbeat_share_read"}
+_SHORTEST_S = 4.0  # of a motion with counts to be read
+
+
+def read_counts(motion: Motion) -> Counts:
+    """Counts of a motion by the shipped network that knows most dances; none below 4 s."""
+    if motion.duration_s < _SHORTEST_S:
+        return NO_COUNTS
+    return _reader()(body_pos_m(motion.resampled(NET_FPS)))
+
+
+def read_count_scores(motion: Motion, music: SongMusic, rng: np.random.Generator) -> Scores:
+    """The counts read from a motion against the song's beats, at the level that the motion counts at."""
+    read = read_counts(motion)
+    scores = count_scores(read, music.counted_as(read), music.duration_s, rng)
+    return Scores(
+        {new: scores.values[name] for name, new in _NAMES.items() if name in scores.values},
+        {new: scores.chance[name] for name, new in _NAMES.items() if name in scores.chance},
+    )
+
+
+@cache
+def _reader() -> MotionReader:
+    read = motion_reader(pretrained_set("research"))
+    assert read is not None, "the set 'research' has a network that counts motion"
+    return read
+
+
+# All scores of one dance that need no other dance.
 
 
 def dance_scores(
@@ -52,3 +110,56 @@ def dance_scores(
         scores |= transition_scores(plan, dance.repertoire, counts)
         scores |= Scores({"counted_share": counted_share(plan, dance.repertoire)})
     return scores, motifs
+
+
+# Evaluate one dance of any system.
+
+
+@default_numerics()
+def evaluate_dance(
+    motion: Motion,
+    song: Song,
+    *,
+    name: str = "dance",
+    beats: str | Path = DEFAULT_TRACKER,
+    repertoire: Repertoire | None = None,
+) -> Evaluation:
+    """Measure one dance of any system to a song; with a repertoire also against its takes and motifs.
+
+    Dance and song start together, and the longer one is cut. Raises `ParameterError` if the rig's joint names
+    are unknown or the beats cannot be used.
+    """
+    check_measurable(motion, name)
+    length_s = min(motion.duration_s, song.duration_s)
+    motion = motion.sliced(0, max(1, round(length_s * motion.fps)))
+    music = song_music(song, beats)
+    rng = np.random.default_rng(0)
+    scorer = MotifScorer(repertoire) if repertoire is not None and repertoire.has_vocabulary else None
+    scores, motifs = dance_scores(CountedDance(SINGLE, song.name, motion), music, rng, scorer=scorer)
+    notes: list[str] = list(song.notes)
+    if repertoire is not None:
+        takes = [(repertoire.motion(i)[0], take.song_name) for i, take in enumerate(repertoire.takes)]
+        try:
+            real = RealDances([m for m, _ in takes], [name for _, name in takes], like=motion)
+            scores |= real.scores(motion, song.name, rng)
+        except ParameterError as error:
+            notes.append(f"no Fréchet distances: {error}")
+    facts = {
+        "choreograph": version("choreograph"),
+        "repertoire": repertoire.path.name if repertoire else None,
+        "songs": [song.name],
+        "seeds": 1,
+        "beats": Path(beats).name,
+        "second_beats": second_tracker(beats),
+        "motifs_judged_by": scorer.network if scorer else "nothing",
+        "frechet_against": "the repertoire's takes" if repertoire else "nothing",
+        "seen": False,
+    }
+    example = ExampleSong(
+        song.name,
+        music.beats_s,
+        (ExampleDance(SINGLE, motion, None, motifs),),
+        scorer.template("") if scorer else None,
+    )
+    measured = MeasuredDance(SINGLE, song.name, 0, scores)
+    return Evaluation(facts, {SINGLE: name}, (measured,), (), tuple(notes), example)

@@ -1,18 +1,23 @@
-"""The counts and figures of the takes as they come to lie in a dance, by the time maps of its plan."""
+"""A dance with its counts and its plan, and the counts of the takes as they lie in it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.blending.rendering import plan_runs
-from choreograph.blending.runs import Run
-from choreograph.counts import NO_COUNTS, Counts
+from choreograph.core.counts import NO_COUNTS, Counts
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
-from choreograph.repertoire import Repertoire
+from choreograph.render.rendering import plan_runs
+from choreograph.render.runs import Run
+
+# The counts and figures of the takes as they come to lie in a dance, by the time maps of its plan.
+
 
 Floats = NDArray[np.float64]
 
@@ -121,3 +126,26 @@ def _danced(plan: Plan, times_s: Floats) -> NDArray[np.bool_]:
     return (times_s >= first_s) & (
         times_s <= min(plan.duration_s + _ROUNDING_S, plan.danced_until_s + _OVERLAP_S)
     )
+
+
+# `CountedDance`: a dance to one of the evaluated songs with its counts and its plan, to be measured.
+
+
+@dataclass(frozen=True, eq=False)
+class CountedDance:
+    """A dance from the song's first second on: a variant's, a real take, or an expert's choreography."""
+
+    variant: str  # column of the tables
+    song: str  # name of the `EvaluatedSong`, or of another song
+    motion: Motion
+    counts: Counts = NO_COUNTS  # its own, in seconds of the dance
+    plan: Plan | None = None
+    repertoire: Repertoire | None = None  # that the plan's takes are in
+    genre: str = ""  # where it is known
+
+    @classmethod
+    def from_plan(
+        cls, variant: str, song: str, motion: Motion, plan: Plan, repertoire: Repertoire
+    ) -> CountedDance:
+        """A dance with the plan it was rendered from: its counts are those of its takes."""
+        return cls(variant, song, motion, danced_counts(plan, repertoire), plan, repertoire)

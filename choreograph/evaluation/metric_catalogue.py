@@ -2,10 +2,115 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from choreograph.evaluation.metric_limits import LIMITS
+# What each number of an evaluation does not tell, in one clause.
+
+
+_ONE_TRACKER = "only as right as the tracked beats"
+_SMALL_SETS = "biased upwards by small sets"
+_MORE_BEATS = "rises with the number of motion beats alone"
+_DETECTOR = "one detector's view, and rests need not lie on beats"
+_PUBLISHED = "keeps the public code's bugs, for comparison with papers only"
+
+LIMITS: Mapping[str, str] = {
+    "counts_within": f"{_ONE_TRACKER}; a dance at half the tempo is on every beat",
+    "counts_within_second": "trackers disagree on the octave and by a few hundredths of a second",
+    "downbeat_share": "only as right as the tracked bars",
+    "downbeat_nearest": "says nothing of how far off the beat",
+    "count_error_beats": "a mean: a few counts half a beat off weigh as many a little off",
+    "count_error_s": "slow songs allow larger errors",
+    "count_drift": "joins that set the count right hide drift within the takes",
+    "counts_per_beat": "½ or 2 may be the tracker's octave, not the dance's",
+    "counts_read_within": "no higher than the reader is right: compare with the real dances",
+    "downbeat_share_read": "bars are what the reader takes for each other most",
+    "counted_share": "says that counts are known, not that they are right",
+    "transitions_per_minute": "few may mean smooth, or one take played through",
+    "transition_gap_s": "a mean: says nothing of the shortest",
+    "transitions_on_counts": _ONE_TRACKER,
+    "transitions_at_borders": "a tracked bar may begin on a wrong beat",
+    "transitions_at_bar_borders": "only as right as the tracked bars",
+    "transitions_at_figure_borders": "0 for takes whose figures are not known",
+    "f_score_mean": "resting on beats, which experts on the count rarely do",
+    "f_score_mean_second": "resting on beats, which experts on the count rarely do",
+    "f_score": "the engine's search may minimise this very distance with this detector",
+    "f_score_aist": _DETECTOR,
+    "f_score_gaussian_50_ms": _DETECTOR,
+    "f_score_savitzky_golay": _DETECTOR,
+    "f_score_gaussian_100_ms": _DETECTOR,
+    "phase_distance": "of one dance, with few motion beats, it is large by chance",
+    "phase_nearness": "unstable where experts of a genre share no clear phase",
+    "motion_to_music": "0 for a single motion beat in the right place",
+    "music_to_motion": "falls with the number of motion beats alone",
+    "aligned_share_published": "the paper does not state its filter's length, which decides how many beats",
+    "beat_ratio_published": "the paper does not state its filter's length, which decides how many beats",
+    "aligned_share": "1 for a single motion beat in the right place",
+    "beat_ratio": "says nothing of where the beats are",
+    "alignment_fact": "perfect for a single motion beat in the right place",
+    "alignment_bailando": _MORE_BEATS,
+    "alignment_lodge": _MORE_BEATS,
+    "alignment_fact_published": "perfect for a single motion beat in the right place",
+    "alignment_bailando_published": _MORE_BEATS,
+    "alignment_lodge_published": _MORE_BEATS,
+    "energy_response": "over a song's few sections it is large by chance: a mean of many songs tells",
+    "energy_response_space": "of single poses: a wide pose held still counts as well",
+    "soft_to_loud_speed": "two sections only; a dance that stands still in one section reads 0",
+    "soft_to_loud_space": "near 1 for most dances, since a body standing still fills most of it",
+    "opening_speed_m_s": "low for a dance that never moves",
+    "closing_speed_m_s": "low for a dance that never moves",
+    "closing_held": "one slow frame at the end is enough",
+    "hold_delay_s": "of the dances that hold their last pose only; below 0 if held before",
+    "fpd": "of poses by rotations: no time, no music; a single dance is never as varied as the real ones",
+    "fmd": "of three poses at a time: no phrase, no music",
+    "fpd_all": _SMALL_SETS,
+    "fmd_all": _SMALL_SETS,
+    "fid_k": _SMALL_SETS,
+    "fid_g": _SMALL_SETS,
+    "diversity_k": "noise is diverse",
+    "diversity_g": "noise is diverse",
+    "fid_k_published": _PUBLISHED,
+    "fid_g_published": _PUBLISHED,
+    "diversity_k_published": _PUBLISHED,
+    "diversity_g_published": _PUBLISHED,
+    "label_distance_openness": "supposes that open poses go with wide note intervals",
+    "label_distance_intensity": "supposes that fast motion goes with dense onsets",
+    "label_distance_rhythm": "supposes that motion beats are as dense as onsets",
+    "label_distance_asymmetry": "supposes that asymmetric poses go with bright spectra",
+    "foot_slide_cm_s": "a dance's own glides count as sliding",
+    "foot_skating_ratio": "a dance's own glides count as skating",
+    "foot_skating_ratio_published": _PUBLISHED,
+    "pfc": "one jump of the body scales the whole dance",
+    "pfc_pieces": "low for a dance that hardly moves",
+    "floor_penetration_cm": "soles are estimated from the rig",
+    "floating_share": "soles are estimated from the rig",
+    "jerk_p95_m_s3": "at 20 fps: misses pops of a frame or two",
+    "jerk_ratio_at_boundaries": "low as well where the rest is jerky",
+    "speed_ratio_at_boundaries": "1 for a still body at transitions between still poses",
+    "jumps_per_minute": "an accent of a hand that is faster than 5 cm a frame² would count as well",
+    "limb_length_spread_mm": "0 for any motion of a skeleton",
+    "signature_chi2": "by one word network, named above: what it does not see does not count",
+    "transition_bits": "low for a dance that repeats its genre's commonest step",
+    "section_agreement": "needs repeated sections that were found in the song",
+    "section_agreement_in_step": "lost by one word more or less",
+    "longest_repeat_motifs": "two words of one motif may differ",
+    "longest_repeat_s": "does not see the same step in another take",
+    "distinct_takes_per_minute": "high for a patchwork",
+    "own_genre": "the take's label, whatever the part of it looks like",
+    "slope_p05": "of seconds of takes only, not of words",
+    "slope_median": "of seconds of takes only, not of words",
+    "slope_p95": "of seconds of takes only, not of words",
+    "share_at_slowest": "of seconds of takes only, not of words",
+    "share_at_fastest": "of seconds of takes only, not of words",
+    "precision": "genre is coarser than style",
+    "recall": "at most 50 clips over the genre's clips",
+    "mean_reciprocal_rank": "of the first clip of the genre only",
+}
+
+
+# All metrics of an evaluation by family: name, label, unit, better direction, source and limits.
+
 
 Better = Literal["higher", "lower", "real"]  # "real": the closer to real dances, the better
 

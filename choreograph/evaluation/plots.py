@@ -10,16 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from choreograph.errors import ParameterError
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import chi_square_distance
+from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.evaluation.metric_catalogue import METRICS
 from choreograph.evaluation.plan_scores import time_maps
-from choreograph.evaluation.results import REAL, Evaluation, ExampleDance, ExampleSong, dances_of
-from choreograph.evaluation.tables import column_title, song_table
-from choreograph.features.motion_beats import mean_joint_speed_m_s, motion_beat_times_s
-from choreograph.motifs.signatures import chi_square_distance
+from choreograph.evaluation.results import (
+    REAL,
+    Evaluation,
+    ExampleDance,
+    ExampleSong,
+    column_title,
+    dances_of,
+    song_table,
+)
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.timebase import STORE_FPS, frame_times_s
+from choreograph.motion.motion_beats import mean_joint_speed_m_s, motion_beat_times_s
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -180,7 +187,7 @@ def convergence_figure(example: ExampleSong) -> Figure | None:
 
 def strips(example: ExampleSong) -> Mapping[str, bytes]:
     """PNG of the poses on the first beats of the song, by variant."""
-    from choreograph.preview.strip import draw_strip
+    from choreograph.view.renderer import draw_strip
 
     pictures = {}
     for dance in example.dances:

@@ -7,11 +7,19 @@ import html
 from importlib import resources
 from pathlib import Path
 
+from choreograph.core.files import atomic_path, check_target
 from choreograph.evaluation import plots
 from choreograph.evaluation.metric_catalogue import Metric
-from choreograph.evaluation.results import Evaluation
-from choreograph.evaluation.tables import Cell, Row, Table, column_title, number_text, song_table, tables
-from choreograph.files import atomic_path, check_target
+from choreograph.evaluation.results import (
+    Cell,
+    Evaluation,
+    Row,
+    Table,
+    column_title,
+    number_text,
+    song_table,
+    tables,
+)
 
 _ARROWS = {"higher": "↑", "lower": "↓", "real": "≈"}
 _ARROW_TITLES = {"higher": "higher is better", "lower": "lower is better", "real": "closer to real is better"}

@@ -1,19 +1,24 @@
-"""The results of an evaluation: the scores of every dance, and all dances to one song for the plots."""
+"""The results of an evaluation, and tables of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.evaluation.motif_scores import DancedMotifs
-from choreograph.evaluation.phase_scores import DancedPhases
-from choreograph.evaluation.scores import Scores
+from choreograph.evaluation.metric_catalogue import FAMILIES, METRICS, Metric
+from choreograph.evaluation.plan_scores import DancedMotifs
+from choreograph.evaluation.scores import DancedPhases, Scores
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
+
+# The results of an evaluation: the scores of every dance, and all dances to one song for the plots.
+
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +61,7 @@ class ExampleSong:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Everything that was measured; `tables.tables` summarises it."""
+    """Everything that was measured; `formats.tables.tables` summarises it."""
 
     facts: Mapping[str, Any]  # what was evaluated and how, for the report and JSON
     variants: Mapping[str, str]  # name -> description, in the order of the tables
@@ -70,3 +75,137 @@ class Evaluation:
 def dances_of(dances: Iterable[MeasuredDance], variant: str) -> list[MeasuredDance]:
     """The dances of one variant."""
     return [dance for dance in dances if dance.variant == variant]
+
+
+# Summarise an evaluation in tables: one row per metric, one column per variant; and write it as JSON.
+
+
+FORMAT = "choreograph-evaluation"
+VERSION = 2
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A variant's values of one metric, over songs and seeds."""
+
+    mean: float
+    spread: float  # standard deviation; 0 for a single value
+    n: int
+    chance: float | None = None  # mean chance level
+
+
+@dataclass(frozen=True)
+class Row:
+    """One metric over the columns of a table; None where it does not apply."""
+
+    metric: Metric
+    cells: tuple[Cell | None, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """The metrics of one family."""
+
+    family: str
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def tables(evaluation: Evaluation) -> tuple[Table, ...]:
+    """One table for each family that was measured; variants first, then real dances and takes."""
+    result = []
+    for family, caption in FAMILIES.items():
+        dances = evaluation.sets if family == "sets" else evaluation.dances
+        metrics = [metric for metric in METRICS.values() if metric.family == family]
+        columns = tuple(
+            name
+            for name in evaluation.variants
+            if any(m.name in d.scores.values for d in dances_of(dances, name) for m in metrics)
+        )
+        rows = tuple(row for m in metrics if any((row := _row(m, dances, columns)).cells))
+        if rows:
+            result.append(Table(family, caption, columns, rows))
+    return tuple(result)
+
+
+def song_table(evaluation: Evaluation, metric: str) -> dict[str, dict[str, float]]:
+    """Mean of a metric over seeds, by song and variant."""
+    rows: dict[str, dict[str, float]] = {}
+    for song in evaluation.facts["songs"]:
+        for variant in evaluation.variants:
+            values = _values(metric, [d for d in dances_of(evaluation.dances, variant) if d.song == song])
+            if values:
+                rows.setdefault(song, {})[variant] = float(np.mean(values))
+    return rows
+
+
+def _row(metric: Metric, dances: Sequence[MeasuredDance], columns: tuple[str, ...]) -> Row:
+    return Row(metric, tuple(_cell(metric.name, dances_of(dances, name)) for name in columns))
+
+
+def _cell(metric: str, dances: Sequence[MeasuredDance]) -> Cell | None:
+    values = _values(metric, dances)
+    if not values:
+        return None
+    chance = [d.scores.chance[metric] for d in dances if metric in d.scores.chance]
+    chance = [value for value in chance if math.isfinite(value)]
+    return Cell(
+        float(np.mean(values)), float(np.std(values)), len(values), float(np.mean(chance)) if chance else None
+    )
+
+
+def _values(metric: str, dances: Sequence[MeasuredDance]) -> list[float]:
+    """All finite values; a dance without motion beats, for example, has no beat distance."""
+    values = [d.scores.values[metric] for d in dances if metric in d.scores.values]
+    return [value for value in values if math.isfinite(value)]
+
+
+def to_json(evaluation: Evaluation) -> str:
+    """The evaluation as JSON text after `data_schema/evaluation.schema.json`; nan becomes null."""
+    data = {
+        "format": FORMAT,
+        "version": VERSION,
+        "facts": dict(evaluation.facts),
+        "variants": dict(evaluation.variants),
+        "metrics": {name: {**asdict(metric), "limits": metric.limits} for name, metric in METRICS.items()},
+        "tables": [
+            {
+                "family": table.family,
+                "columns": list(table.columns),
+                "rows": {
+                    row.metric.name: [None if cell is None else asdict(cell) for cell in row.cells]
+                    for row in table.rows
+                },
+            }
+            for table in tables(evaluation)
+        ],
+        "dances": [_dance_data(dance) for dance in evaluation.dances],
+        "sets": [_dance_data(dance) for dance in evaluation.sets],
+        "notes": list(evaluation.notes),
+    }
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _dance_data(dance: MeasuredDance) -> dict:
+    return {
+        "variant": dance.variant,
+        "song": dance.song,
+        "seed": dance.seed,
+        "values": {name: _finite(value) for name, value in dance.scores.values.items()},
+        "chance": {name: _finite(value) for name, value in dance.scores.chance.items()},
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def number_text(value: float, digits: int) -> str:
+    """A number as displayed in tables; the published FID explodes to fifteen digits on constant features."""
+    return f"{value:.1e}" if abs(value) >= 1e6 else f"{value:.{digits}f}"
+
+
+def column_title(name: str) -> str:
+    """The title of a column."""
+    return {EXPERT: "experts on the beat", REAL: "real dances", TAKES: "takes used"}.get(name, name)

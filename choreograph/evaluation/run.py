@@ -11,15 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.audio.song import Song
-from choreograph.errors import ParameterError
-from choreograph.evaluation.counted_dance import CountedDance
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import default_numerics
+from choreograph.core.progress import ProgressReport
 from choreograph.evaluation.dance_scores import dance_scores
-from choreograph.evaluation.kept_dances import KeptDances
-from choreograph.evaluation.motif_scores import scorer_for
-from choreograph.evaluation.motion_scores import dance_label_values, label_scores, physical_scores
-from choreograph.evaluation.phase_scores import DancedPhases, danced_phases, phase_scores
-from choreograph.evaluation.realism_scores import FeatureRows, RealDances, real_set_scores, set_scores
+from choreograph.evaluation.danced_counts import CountedDance
+from choreograph.evaluation.metrics import labels
+from choreograph.evaluation.plan_scores import retrieval_scores, scorer_for
 from choreograph.evaluation.results import (
     EXPERT,
     REAL,
@@ -31,18 +29,27 @@ from choreograph.evaluation.results import (
     MeasuredDance,
     dances_of,
 )
-from choreograph.evaluation.retrieval_scores import retrieval_scores
-from choreograph.evaluation.scores import Scores, weighted_mean
-from choreograph.evaluation.song_music import SongMusic, second_tracker, song_music
-from choreograph.evaluation.songs import EvaluatedSong, check_unseen
-from choreograph.evaluation.variants import Variant, check_variant, dance_variant, variants_named
-from choreograph.features.music_beats import DEFAULT_TRACKER
-from choreograph.metrics import labels
-from choreograph.numerics import default_numerics
-from choreograph.pipeline import Dance
+from choreograph.evaluation.scores import (
+    DancedPhases,
+    FeatureRows,
+    RealDances,
+    Scores,
+    dance_label_values,
+    danced_phases,
+    label_scores,
+    phase_scores,
+    physical_scores,
+    real_set_scores,
+    set_scores,
+    weighted_mean,
+)
+from choreograph.evaluation.songs import EvaluatedSong, SongMusic, check_unseen, second_tracker, song_music
+from choreograph.evaluation.variants import KeptDances, Variant, check_variant, dance_variant, variants_named
+from choreograph.library.repertoire import Repertoire
+from choreograph.music.beats import DEFAULT_TRACKER
+from choreograph.music.song import Song
+from choreograph.pipeline.dancing import Dance
 from choreograph.plan import Plan
-from choreograph.progress import ProgressReport
-from choreograph.repertoire import Repertoire
 
 Floats = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""The songs of an evaluation: the audio files in a folder, with the real takes to them if there are any."""
+"""The songs of an evaluation, what dances to them are measured against, and expert dances from files."""
 
 from __future__ import annotations
 
@@ -7,16 +7,27 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from choreograph.audio.song import Song, load_song
-from choreograph.counts import Counts
-from choreograph.errors import ParameterError
-from choreograph.features.mel import log_mel
-from choreograph.files import sha256_of
-from choreograph.importers import annotate_takes, import_takes
-from choreograph.repertoire import Repertoire
-from choreograph.song_counts import names_a_tracker, song_counts
-from choreograph.takes import Take
+from choreograph.core.counts import Counts
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import sha256_of
+from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.evaluation.danced_counts import CountedDance
+from choreograph.evaluation.metrics.energy_response import section_loudness_db
+from choreograph.evaluation.results import EXPERT
+from choreograph.formats.register import annotate_takes, import_takes
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.songs import names_a_tracker, song_counts
+from choreograph.motion.motion import Take
+from choreograph.music.beats import DEFAULT_TRACKER, get_beat_tracker
+from choreograph.music.mel import log_mel
+from choreograph.music.metrical_level import choose_level, metrical_levels, tempo_bpm
+from choreograph.music.sections import Sections, song_sections
+from choreograph.music.song import Song, load_song
+
+# The songs of an evaluation: the audio files in a folder, with the real takes to them if there are any.
+
 
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a", ".opus", ".aac", ".aif", ".aiff")
 
@@ -127,3 +138,86 @@ def beats_of(song: Song, beats: str | Path) -> Counts:
     if not names_a_tracker(beats) and Path(beats).is_dir():
         beats = Path(beats) / f"{(song.path or Path(song.name)).stem}.txt"
     return song_counts(song, log_mel(song.samples), beats)
+
+
+# What dances to a song are measured against: its beats in bars, a second tracker's beats, its sections.
+
+
+Floats = NDArray[np.float64]
+
+SECOND_TRACKER = "librosa"
+
+
+@dataclass(frozen=True, eq=False)
+class SongMusic:
+    """The music of a song as dances are measured against it."""
+
+    levels: tuple[Counts, ...]  # its beats in bars: as tracked, then at half and double tempo where that fits
+    second_beats_s: Floats  # (Q',) by another tracker
+    sections: Sections
+    section_loudness_db: Floats  # (S,)
+    duration_s: float
+
+    @property
+    def beats_s(self) -> Floats:
+        """The beats as tracked, in seconds, (Q,)."""
+        return self.levels[0].times_s
+
+    def counted_as(self, danced: Counts) -> Counts:
+        """The beats at the level that a dance counts at; as tracked if its counts are not known.
+
+        Both levels are in the music, and dancing at the other one is no error.
+        """
+        if len(danced) < 2 or len(self.levels) == 1:
+            return self.levels[0]
+        bpm = {level.metre: np.array([tempo_bpm(danced)]) for level in self.levels}
+        return choose_level(self.levels, bpm, {metre: np.ones(1) for metre in bpm})
+
+
+def second_tracker(beats: str | Path) -> str:
+    """The tracker of the second opinion: librosa, or the default one if librosa gives the first."""
+    return DEFAULT_TRACKER if str(beats) == SECOND_TRACKER else SECOND_TRACKER
+
+
+def song_music(song: Song, beats: str | Path) -> SongMusic:
+    """Beats by a tracker's name or from a file, as `beats_of` takes them, and the rest. Raises as it does.
+
+    The beats of a file are danced to at their own level.
+    """
+    counts = beats_of(song, beats)
+    mel = log_mel(song.samples)  # (T, 96)
+    sections = song_sections(song.samples, counts.times_s)
+    return SongMusic(
+        metrical_levels(song.samples, mel, counts) if names_a_tracker(beats) else (counts,),
+        get_beat_tracker(second_tracker(beats)).beats(song, mel),
+        sections,
+        section_loudness_db(song.samples, SAMPLE_RATE_HZ, sections.bounds_s),
+        song.duration_s,
+    )
+
+
+# Expert dances from files: a folder of dances with their counts beside them, named as their songs.
+
+
+def read_experts(folder: str | Path, songs: Sequence[EvaluatedSong]) -> list[CountedDance]:
+    """The dances in a folder, each from the first second of its song's danced part on.
+
+    `folder` is in any layout of takes: SONG.bvh with SONG.counts.csv, and genres in manifest.csv, say. Dances
+    to evaluated songs are cut to their length; those to other songs serve as references of their genre.
+    Raises `ParameterError` if none is to an evaluated song, `FormatError` if a file is damaged.
+    """
+    by_name = {song.name: song for song in songs}
+    dances = []
+    for take in import_takes(folder):
+        song = by_name.get(take.name)
+        motion = take.motion
+        if song is not None and song.duration_s is not None:
+            motion = motion.sliced(0, min(motion.n_frames, max(1, round(song.duration_s * motion.fps))))
+        genre = take.credits.genre or (song.genre if song else "")
+        counts = take.counts.within(0.0, motion.duration_s)
+        dances.append(CountedDance(EXPERT, take.name, motion, counts, genre=genre))
+    if not any(dance.song in by_name for dance in dances):
+        raise ParameterError(
+            f"{folder}: expected dances named as the songs ({', '.join(sorted(by_name))}), got none"
+        )
+    return dances

@@ -1,4 +1,4 @@
-"""The 21 body joints that features, networks and costs use, on any skeleton."""
+"""The 21 body joints that features, networks and costs use, and poses in the root frame."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from choreograph.errors import ParameterError
-from choreograph.frame_blocks import frame_blocks
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import frame_blocks
+from choreograph.core.timebase import frame_times_s
+from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS, Skeleton
-from choreograph.timebase import frame_times_s
+
+# The 21 body joints that features, networks and costs use, on any skeleton.
+
 
 # The canonical body without its hands and its middle spine joint.
 BODY_JOINTS = tuple(j for j in CANONICAL_JOINTS if j not in ("spine2", "left_hand", "right_hand"))
@@ -94,3 +98,48 @@ def mirrored(body_pos_m: NDArray[np.floating]) -> NDArray[np.floating]:
     for left, right in LEFT_RIGHT:
         order[[left, right]] = right, left
     return body_pos_m[..., order, :] * np.array([-1.0, 1.0, 1.0])
+
+
+# Heading and ground position of a body, and poses relative to them (in the root frame).
+
+
+Floats = NDArray[np.float64]
+
+_PELVIS = BODY_JOINTS.index("pelvis")
+_ACROSS = tuple(
+    (BODY_JOINTS.index(f"left_{part}"), BODY_JOINTS.index(f"right_{part}")) for part in ("hip", "shoulder")
+)
+
+
+def heading_rad(body_pos_m: Floats) -> Floats:
+    """Heading (...) of body positions (..., 21, 3): 0 faces +Z, positive turns towards +X.
+
+    Forward is perpendicular to the mean of hip and shoulder axes, on the ground.
+    """
+    left, right = (list(side) for side in zip(*_ACROSS, strict=True))
+    across = (body_pos_m[..., left, :] - body_pos_m[..., right, :]).sum(axis=-2)  # (..., 3)
+    return np.arctan2(-across[..., 2], across[..., 0])  # left is +X when facing +Z
+
+
+def ground_pos_m(body_pos_m: Floats) -> Floats:
+    """Pelvis position projected on the ground, (..., 3) with Y = 0, of body positions (..., 21, 3)."""
+    return body_pos_m[..., _PELVIS, :] * np.array([1.0, 0.0, 1.0])
+
+
+def to_root_frame(body_pos_m: Floats, vectors: Floats | None = None) -> Floats:
+    """Poses (..., 21, 3) at heading 0 above the origin; or `vectors` (velocities), if given, only rotated."""
+    rotation = rot.about_y(-heading_rad(body_pos_m))[..., None, :]  # (..., 1, 4)
+    if vectors is not None:
+        return rot.rotate(rotation, vectors)
+    return rot.rotate(rotation, body_pos_m - ground_pos_m(body_pos_m)[..., None, :])
+
+
+def clips_to_root_frame(body_pos_m: Floats) -> Floats:
+    """Clips (..., T, 21, 3), each rigidly moved: heading 0 in the middle frame, mean ground position 0.
+
+    Travel and turning within a clip are kept.
+    """
+    middle = body_pos_m[..., body_pos_m.shape[-3] // 2, :, :]  # (..., 21, 3)
+    rotation = rot.about_y(-heading_rad(middle))[..., None, None, :]  # (..., 1, 1, 4)
+    mean_ground = ground_pos_m(body_pos_m).mean(axis=-2)[..., None, None, :]  # (..., 1, 1, 3)
+    return rot.rotate(rotation, body_pos_m - mean_ground)

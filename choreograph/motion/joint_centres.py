@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 
-from choreograph.errors import ParameterError
+from choreograph.core.errors import ParameterError
 
 Floats = NDArray[np.float64]
 Markers = Mapping[str, Floats]  # name -> (T, 3) in metres, Y up

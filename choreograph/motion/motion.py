@@ -1,21 +1,35 @@
-"""`Motion`: root positions and local rotations at one rate, on a skeleton."""
+"""`Motion`: root positions and local rotations of a skeleton; `Take`: one recorded performance."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from choreograph.arguments import as_floats, as_number, check_kind, is_whole, unexpected
-from choreograph.errors import ParameterError
-from choreograph.frame_blocks import frame_blocks
+from choreograph.core.arguments import (
+    as_floats,
+    as_list,
+    as_number,
+    as_texts,
+    check_kind,
+    check_text,
+    is_whole,
+    unexpected,
+)
+from choreograph.core.counts import NO_COUNTS, Counts, Figure
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import as_path
+from choreograph.core.numerics import frame_blocks, frame_weights, interpolate_frames
+from choreograph.core.timebase import STORE_FPS, frame_times_s, seconds_to_frames
 from choreograph.motion import rotations as rot
-from choreograph.motion.interpolation import frame_weights, interpolate_frames
 from choreograph.motion.kinematics import forward
 from choreograph.motion.skeleton import Skeleton
-from choreograph.timebase import STORE_FPS, frame_times_s, seconds_to_frames
+
+# `Motion`: root positions and local rotations at one rate, on a skeleton.
+
 
 LONGEST_S = 3600.0  # of a recording
 FARTHEST_M = 1e6  # from the origin, of a body that is read: beyond, the precision of files is lost
@@ -159,3 +173,55 @@ def _as_frames(frames: object) -> NDArray[np.float64]:
     if array.ndim != 1 or not array.size or not np.isfinite(array).all():
         raise unexpected("one finite frame or more (T',)", frames)
     return array
+
+
+# `Take`: one recorded performance with its music, the unit of import and of train/test splits.
+
+
+@dataclass(frozen=True)
+class Credits:
+    """Performer, licence and source of a take; empty where the source does not state them.
+
+    Raises `ParameterError` unless all are text.
+    """
+
+    genre: str = ""
+    performer: str = ""
+    licence: str = ""
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        check_text("credits", self.genre, self.performer, self.licence, self.source)
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """One performance: its motion, its song file and its credits.
+
+    Raises `ParameterError` if a field is of another type.
+    """
+
+    name: str  # unique in a repertoire
+    motion: Motion
+    credits: Credits
+    song_path: Path | None = None  # None: motion only
+    song_start_s: float = 0.0  # time in the song file of the motion's first frame
+    song_name: str = ""  # the same for all takes of a song: splits keep them together
+    source_paths: tuple[Path, ...] = ()  # all files the take was read from, for checksums
+    notes: tuple[str, ...] = ()  # anything unusual in the files and how it was handled, one line each
+    counts: Counts = NO_COUNTS
+    figures: tuple[Figure, ...] = ()  # in order, where the data names them
+
+    def __post_init__(self) -> None:
+        check_text("the names of a take and its song", self.name, self.song_name)
+        check_kind("the motion of a take", self.motion, Motion)
+        check_kind("the credits of a take", self.credits, Credits)
+        if self.song_path is not None:
+            object.__setattr__(self, "song_path", as_path("the song of a take", self.song_path))
+        as_number("song_start_s of a take in seconds", self.song_start_s)
+        sources = as_list("the source_paths of a take", self.source_paths, "paths", str | Path)
+        object.__setattr__(self, "source_paths", tuple(map(Path, sources)))
+        object.__setattr__(self, "notes", as_texts("notes on a take", self.notes))
+        check_kind("the counts of a take", self.counts, Counts)
+        figures = as_list("the figures of a take", self.figures, "Figure", Figure)
+        object.__setattr__(self, "figures", figures)

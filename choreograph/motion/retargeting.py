@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from choreograph.motion import rotations as rot
-from choreograph.motion.floor import estimate_floor_m, sole_pos_m
+from choreograph.motion.contacts import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles, rest_pose_is_upright

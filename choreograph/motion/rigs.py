@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from choreograph.errors import ParameterError
+from choreograph.core.errors import ParameterError
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 
 # Names of a limb's joints, best first. The order of the rows matters where rigs use a word differently:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from choreograph.frame_blocks import frame_blocks
+from choreograph.core.numerics import frame_blocks
 
 Floats = NDArray[np.float64]
 

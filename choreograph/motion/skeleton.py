@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.arguments import (
+from choreograph.core.arguments import (
     as_floats,
     as_number,
     as_texts,
@@ -18,7 +18,7 @@ from choreograph.arguments import (
     check_kind,
     unexpected,
 )
-from choreograph.errors import ParameterError
+from choreograph.core.errors import ParameterError
 
 CANONICAL_JOINTS = (
     "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle",

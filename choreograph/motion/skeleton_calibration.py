@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 from scipy.ndimage import gaussian_filter1d
 
-from choreograph.errors import ParameterError
+from choreograph.core.errors import ParameterError
 from choreograph.motion.marker_fitting import REQUIRED_ROLES
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
 

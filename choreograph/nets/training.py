@@ -29,10 +29,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from choreograph.arguments import check_choice
-from choreograph.errors import ChoreographError, ParameterError
-from choreograph.files import atomic_path, writing
-from choreograph.nets.presets import DEVICES
+from choreograph.core.arguments import check_choice
+from choreograph.core.errors import ChoreographError, ParameterError
+from choreograph.core.files import atomic_path, writing
+from choreograph.nets.configs import DEVICES
 
 CHECKPOINT_EVERY_S = 30.0
 LOG_LINES = 200  # of a run, about, however long it is

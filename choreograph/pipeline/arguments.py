@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from choreograph.arguments import as_list, unexpected
-from choreograph.audio.song import Song, load_song
-from choreograph.config import DanceConfig
-from choreograph.graph import Cost
-from choreograph.repertoire import Repertoire
-from choreograph.starter.library import starter_repertoire
+from choreograph.choreography.graph.costs import Cost
+from choreograph.core.arguments import as_list, unexpected
+from choreograph.library.builtin import starter_repertoire
+from choreograph.library.repertoire import Repertoire
+from choreograph.music.song import Song, load_song
+from choreograph.settings import DanceConfig
 
 _SHORTER_S = 0.1  # than asked for, which deserves no note
 

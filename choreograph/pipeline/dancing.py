@@ -13,41 +13,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.arguments import as_list, as_texts, check_function, check_kind, unexpected
-from choreograph.audio.song import Song, check_span
-from choreograph.blending.looping import Loop, looped
-from choreograph.blending.rendering import render
-from choreograph.characters import GltfCharacter, read_character
-from choreograph.config import DanceConfig
-from choreograph.constraints.kept import KeptDance, check_pins_in_gaps, kept_dance
-from choreograph.constraints.left_out import left_out_notes
-from choreograph.constraints.resolve import resolve
-from choreograph.constraints.spec import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
-from choreograph.engines import ENGINES, DanceRequest, check_settings, engine_name
-from choreograph.errors import ParameterError
-from choreograph.exporters import BvhOptions
-from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.files import as_path, check_apart
-from choreograph.graph import BUILTIN_COSTS, Cost, Transition
-from choreograph.motifs.words import dance_bounds_s
+from choreograph.characters.gltf_character import GltfCharacter, read_character
+from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
+from choreograph.choreography.engine import DanceRequest, check_settings
+from choreograph.choreography.engines import ENGINES, engine_name
+from choreograph.choreography.genres import left_out_notes
+from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, Transition
+from choreograph.choreography.slots import KeptDance, check_pins_in_gaps, kept_dance, resolve
+from choreograph.choreography.song_analysis import analyse_song
+from choreograph.core.arguments import as_list, as_texts, check_function, check_kind, unexpected
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import as_path, check_apart
+from choreograph.core.numerics import default_numerics, one_thread
+from choreograph.core.progress import ProgressReport, substage
+from choreograph.core.timebase import STORE_FPS
+from choreograph.formats.bvh import BvhOptions
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.numerics import default_numerics, one_thread
-from choreograph.pipeline.arguments import (
-    as_config,
-    as_costs,
-    as_repertoire,
-    as_song,
-    as_weights,
-)
-from choreograph.pipeline.keeping import ExistingDance, fill, read_existing
+from choreograph.motion.motion_beats import motion_beat_times_s
+from choreograph.music.song import Song, check_span
+from choreograph.pipeline.arguments import as_config, as_costs, as_repertoire, as_song, as_weights
+from choreograph.pipeline.keeping import ExistingDance, Unlike, fill, read_existing
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
-from choreograph.pipeline.unlike import Unlike
 from choreograph.plan import Plan
-from choreograph.progress import ProgressReport, substage
-from choreograph.repertoire import Repertoire
-from choreograph.song_analysis import analyse_song
-from choreograph.timebase import STORE_FPS
+from choreograph.render.filled_gaps import Loop, looped
+from choreograph.render.rendering import render
+from choreograph.settings import DanceConfig
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +184,7 @@ def dance(
     planner, candidates, selection, warping, density, time_maps, blending, transitions, lock_feet, hold_ends,
         keep_on_stage, motif_draw, style_strength, style_window, fps, seed, beats : settings, as in
         `DanceConfig`; those given here replace `config`'s. `beats` is a tracker's name or the path of a file
-        of beats (`features.beat_files`), with times in the song file
+        of beats (`music.beats`), with times in the song file
     genre : whose signature and motif transitions the dance follows; by default the genre whose takes are
         nearest to the song in style. With weights 0 of "signature" and "motif_transition" a graph dance
         follows none
@@ -203,7 +196,7 @@ def dance(
         are danced anew
     existing : a dance to the same part of the song, as made by `dance` or as the path of a .bvh, .npz or plan
     style_song : another song, whose style the rollout engine's motion takes on
-    config : all settings in one object; default `DanceConfig()`. `choreograph.published.published_dance()`
+    config : all settings in one object; default `DanceConfig()`. `choreograph.settings.published_dance()`
         makes the one of the method as published
     weights : cost name -> weight, replacing those of `config`; 0 leaves a cost out; graph engine only
     costs : custom costs beside the built-in ones; weight 1 unless given; graph engine only

@@ -1,30 +1,56 @@
-"""Stretches of an existing dance kept in a new one to the same song: the motion filled, and the plan."""
+"""Other dances to the same song: stretches of one kept, or what others do avoided."""
 
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from choreograph.blending.filled_gaps import fill_gaps, led_m_s, of_length
-from choreograph.blending.rendering import render
-from choreograph.constraints.kept import KeptDance
-from choreograph.constraints.resolve import ResolvedConstraints
-from choreograph.constraints.spec import Keep
-from choreograph.engines.base import DanceRequest, Engine, EngineResult
-from choreograph.engines.danced_motifs import danced_motifs
-from choreograph.engines.enforce_motifs import is_danced, violated_slots
-from choreograph.errors import ParameterError
-from choreograph.importers.bvh import read_bvh
-from choreograph.importers.npz import read_npz
-from choreograph.motion.motion import Motion
+from choreograph.choreography.constraints import Keep
+from choreograph.choreography.enforcement import danced_motifs, is_danced, violated_slots
+from choreograph.choreography.engine import DanceRequest, Engine, EngineResult
+from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.graph.layers import Layer
+from choreograph.choreography.slots import KeptDance, ResolvedConstraints
+from choreograph.core.errors import ParameterError
+from choreograph.core.progress import substage
+from choreograph.core.timebase import NET_FPS
+from choreograph.formats.bvh import read_bvh
+from choreograph.formats.npz import read_npz
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion.motion import Credits, Motion
+from choreograph.music.song_features import SongFeatures
 from choreograph.plan import Plan, PlannedWord
-from choreograph.progress import substage
-from choreograph.repertoire import Repertoire
-from choreograph.takes import Credits
+from choreograph.render.filled_gaps import fill_gaps, led_m_s, of_length
+from choreograph.render.rendering import render
+
+# A cost that keeps a dance from repeating what others of the same song do.
+
+
+_SAME_S = 0.5  # parts of a take nearer than this look the same
+
+
+class Unlike(Cost):
+    """1 for what an earlier dance danced in this second: the same take within half a second."""
+
+    def __init__(self, earlier: Sequence[Plan]) -> None:
+        self._earlier = [plan for plan in earlier if plan.seconds]
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> NDArray[np.floating]:
+        same = np.zeros(layer.n_nodes, bool)
+        start_s = layer.take_frames[:, 0] / NET_FPS
+        for plan in self._earlier:
+            there = plan.seconds[layer.second]
+            same |= (layer.take_names == there.take) & (abs(start_s - there.source_times_s[0]) < _SAME_S)
+        return same.astype(np.float64)
+
+
+# Stretches of an existing dance kept in a new one to the same song: the motion filled, and the plan.
+
 
 _ATTEMPTS = 4  # at a filling that ends near where it should
 _LED_M_S = 0.08  # standing feet that are led no faster hardly slide

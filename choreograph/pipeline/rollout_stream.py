@@ -11,26 +11,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.arguments import is_whole, unexpected
-from choreograph.audio.song import Song
-from choreograph.config import DanceConfig
-from choreograph.constraints.likely_genre import genre_note, likely_genre
-from choreograph.constraints.spec import make_constraints
-from choreograph.counts import Counts
-from choreograph.engines.rollout import lead_in
-from choreograph.features.count_phase import count_phase
-from choreograph.features.rhythm_stream import RhythmStream
-from choreograph.motifs.vocabulary import ALL_GENRES
-from choreograph.numerics import default_numerics
+from choreograph.choreography.constraints import make_constraints
+from choreograph.choreography.genres import genre_note, likely_genre
+from choreograph.choreography.rollout.engine import lead_in
+from choreograph.choreography.rollout.streaming import MotifStream, StreamedWord
+from choreograph.choreography.song_analysis import analyse_song
+from choreograph.core.arguments import is_whole, unexpected
+from choreograph.core.counts import Counts, count_phase
+from choreograph.core.numerics import default_numerics
+from choreograph.core.timebase import seconds_to_frames
+from choreograph.library.motifs import ALL_GENRES
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.songs import DEFAULT_BEATS
+from choreograph.music.frame_rhythm import RhythmStream
+from choreograph.music.song import Song
 from choreograph.pipeline.arguments import as_repertoire, as_song
-from choreograph.repertoire import Repertoire
-from choreograph.rollout.motif_stream import MotifStream, StreamedWord
-from choreograph.song_analysis import analyse_song
-from choreograph.song_counts import DEFAULT_BEATS
-from choreograph.timebase import seconds_to_frames
+from choreograph.settings import DanceConfig
 
 if TYPE_CHECKING:
-    from choreograph.rollout.streaming import DanceStream, FrameCondition
+    from choreograph.choreography.rollout.streaming import DanceStream, FrameCondition
 
 Floats = NDArray[np.float64]
 
@@ -171,7 +170,7 @@ class RolloutStream:
     @default_numerics()
     def _advance(self) -> None:
         """Hear one more row of the rhythm and, once the network's look-ahead is heard, predict a pose."""
-        from choreograph.nets.rollout.data import LOOKAHEAD_FRAMES  # torch takes a second to import
+        from choreograph.nets.rollout_data import LOOKAHEAD_FRAMES  # torch takes a second to import
 
         rhythm = self._rhythm.next_row()
         self._n_rows += 1
@@ -184,8 +183,8 @@ class RolloutStream:
         self._n_poses += 1
 
     def _begin_word(self) -> None:
-        from choreograph.nets.rollout.data import ROLLOUT_FPS
-        from choreograph.rollout.streaming import DanceStream, FrameCondition
+        from choreograph.choreography.rollout.streaming import DanceStream, FrameCondition
+        from choreograph.nets.rollout_data import ROLLOUT_FPS
 
         word = self._motifs.begin_word()
         frames = np.arange(self._n_poses, int(np.ceil((word.end_s - 1e-6) * ROLLOUT_FPS)))

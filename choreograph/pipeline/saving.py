@@ -12,23 +12,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.characters import GltfCharacter
-from choreograph.counts import bars_of
-from choreograph.errors import ParameterError
-from choreograph.exporters import FORMATS, BvhOptions, BvhWriter, get_writer, save_motion
-from choreograph.exporters.bvh import DANCE_DIGITS
-from choreograph.exporters.glb import as_dance
-from choreograph.exporters.usd import require_usd
-from choreograph.fbx import convert, require_blender
-from choreograph.files import as_path, atomic_path, check_apart, check_target, ends_of
-from choreograph.gltf import GltfDocument
+from choreograph.characters.gltf_character import GltfCharacter
+from choreograph.core.counts import bars_of
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import as_path, atomic_path, check_apart, check_target, ends_of
+from choreograph.core.progress import ProgressReport, substage
+from choreograph.formats.bvh import DANCE_DIGITS, BvhOptions, BvhWriter
+from choreograph.formats.fbx import convert, require_blender
+from choreograph.formats.glb import as_dance
+from choreograph.formats.gltf_document import GltfDocument
+from choreograph.formats.register import FORMATS, get_writer, save_motion
+from choreograph.formats.usd import require_usd
 from choreograph.motion.motion import Motion
 from choreograph.plan import FORMAT as PLAN_FORMAT
 from choreograph.plan import Plan
-from choreograph.progress import ProgressReport, substage
 
 if TYPE_CHECKING:
-    from choreograph.preview.page_bodies import PageCharacter
+    from choreograph.view.page_data import PageCharacter
 
 # The formats that use an option of `Dance.save`.
 USED_BY: dict[str, tuple[str, ...]] = {
@@ -134,7 +134,7 @@ def is_saved_dance(path: str | Path) -> bool:
 
 def check_character(character: GltfCharacter, paths: Sequence[str | Path]) -> None:
     """Raise `ParameterError` before any work if one of the files is a page, and cannot show the character."""
-    from choreograph.preview.page_bodies import check_page_character
+    from choreograph.view.page_data import check_page_character
 
     if any(format_of(path) == "html" for path in paths):
         check_page_character(character.document)
@@ -151,7 +151,7 @@ def _save_plan(parts: SavedParts, path: Path, report: ProgressReport | None) -> 
 
 
 def _save_page(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
-    from choreograph.preview.page import write_page
+    from choreograph.view.page import write_page
 
     if report is not None:
         report("writing the page", 0, 0)
@@ -163,15 +163,15 @@ def _save_page(parts: SavedParts, path: Path, report: ProgressReport | None) -> 
 
 
 def _in_page(character: GltfCharacter, motion: Motion) -> PageCharacter:
-    from choreograph.preview.page_bodies import PageCharacter
+    from choreograph.view.page_data import PageCharacter
 
     nodes = {name: character.nodes[bone] for name, bone in character.bones.items()}
     return PageCharacter(character.dancing(motion), nodes)
 
 
 def _save_video(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
-    from choreograph.preview.clicks import Clicks
-    from choreograph.preview.video import write_video
+    from choreograph.view.sound import Clicks
+    from choreograph.view.video import write_video
 
     plan = parts.plan
     clicks = Clicks(plan.music_beats_s, plan.music_beat_numbers) if parts.with_clicks else None
@@ -181,7 +181,7 @@ def _save_video(parts: SavedParts, path: Path, report: ProgressReport | None) ->
 
 
 def _save_strip(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
-    from choreograph.preview.strip import write_strip
+    from choreograph.view.renderer import write_strip
 
     plan, duration_s = parts.plan, parts.motion.duration_s
     shown = _shown_beats(plan, duration_s)

@@ -1,4 +1,4 @@
-"""Several dances for one song that all differ."""
+"""Several dances for one song that all differ, and the motifs of a dance to be danced again."""
 
 from __future__ import annotations
 
@@ -6,16 +6,30 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from choreograph.arguments import is_whole, unexpected
-from choreograph.audio.song import Song
-from choreograph.config import MAX_VARIATIONS
-from choreograph.engines import ENGINES
-from choreograph.errors import ParameterError
-from choreograph.pipeline.arguments import as_config, as_costs, as_song
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.engines import ENGINES
+from choreograph.core.arguments import is_whole, unexpected
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import as_path
+from choreograph.core.numerics import default_numerics
+from choreograph.formats.folder import SongsByName
+from choreograph.formats.register import import_takes
+from choreograph.library.building.takes import measure_take, segment_takes
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.words import signature
+from choreograph.motion.motion import Take
+from choreograph.motion.retargeting import retarget
+from choreograph.music.song import Song
+from choreograph.pipeline.arguments import as_config, as_costs, as_repertoire, as_song
 from choreograph.pipeline.dancing import Dance, dance
-from choreograph.pipeline.unlike import Unlike
+from choreograph.pipeline.keeping import Unlike
 from choreograph.plan import Plan
-from choreograph.repertoire import Repertoire
+from choreograph.settings import MAX_VARIATIONS
+
+# Several dances for one song that all differ.
+
 
 _SEEDS = 3  # tried for each variation
 
@@ -53,3 +67,60 @@ def _content(plan: Plan) -> list[tuple[object, ...]]:
     """What is danced, without what it cost."""
     sources = [(b.start_s, b.planned.take, b.source_start_s, b.source_end_s) for b in plan.blocks]
     return [*sources, *((word.start_s, word.motif) for word in plan.words)]
+
+
+# The motif sequence and the signature of an existing dance.
+
+
+@default_numerics()
+def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
+    """The motifs of a dance in their order, to be danced again to another song.
+
+    `take` is the name of a take of the repertoire, or a motion file (or a folder of one take). A file is
+    segmented on the beats of the song beside it, or on its motion beats if there is none.
+
+    Raises `ParameterError` if it is neither, or has no motion word; `FormatError` if the file is damaged;
+    `RepertoireError` without a vocabulary.
+    """
+    repertoire = as_repertoire(repertoire)
+    vocabulary = repertoire.vocabulary
+    as_path("a take, or its name", take)
+    names = [info.name for info in repertoire.takes]
+    if str(take) in names:
+        motifs = vocabulary.word_motif[vocabulary.words_of_take(names.index(str(take)))]
+    elif Path(take).exists():
+        [cut], _ = segment_takes([measure_take(_on_skeleton(_only_take(Path(take)), repertoire))])
+        motifs = vocabulary.motifs.nearest(repertoire.word_net().embed(cut.words.body_pos_m))
+    else:
+        raise ParameterError(
+            f"expected a take of {repertoire.path.name} or a motion file with its song beside it, got {take}"
+        )
+    if len(motifs) == 0:
+        raise ParameterError(f"{take}: expected two beats or more to segment it on, got fewer")
+    return tuple(motifs.tolist())
+
+
+@default_numerics()
+def signature_of(name: str, repertoire: Repertoire) -> NDArray[np.float64]:
+    """The signature (K,) of a genre, or of a take as `motifs_of` finds it; raises as it does."""
+    repertoire = as_repertoire(repertoire)
+    vocabulary = repertoire.vocabulary
+    as_path("a take, or the name of one or of a genre", name)
+    if name in vocabulary.genres:
+        return vocabulary.signatures[vocabulary.genre_index(name)]
+    return signature(np.array(motifs_of(name, repertoire)), vocabulary.n_motifs)
+
+
+def _only_take(path: Path) -> Take:
+    takes = list(import_takes(path))
+    if len(takes) != 1:
+        raise ParameterError(f"{path}: expected one take to dance again, got {len(takes)}")
+    take = takes[0]
+    song = take.song_path or SongsByName.in_folder(path.parent).of(path.stem)
+    return replace(take, song_path=song)
+
+
+def _on_skeleton(take: Take, repertoire: Repertoire) -> Take:
+    if take.motion.skeleton.same_as(repertoire.skeleton):
+        return take
+    return replace(take, motion=retarget(take.motion, repertoire.skeleton))

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from choreograph.errors import ChoreographError
+from choreograph.core.errors import ChoreographError
 
 MAX_REFUSED_SHARE = 0.01
 

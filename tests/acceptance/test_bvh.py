@@ -12,7 +12,7 @@ from acceptance.corpus import SaneFile, assert_read
 from synthetic_characters import MIXAMO, RIGIFY, UNREAL, VRM
 from synthetic_motions import swaying
 
-from choreograph.importers import import_takes
+from choreograph.formats.register import import_takes
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 

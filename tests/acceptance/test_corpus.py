@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from acceptance.corpus import SaneFile, assert_read, refusals
 
-from choreograph.errors import FormatError
+from choreograph.core.errors import FormatError
 
 
 def _read(path: Path) -> None:

@@ -15,10 +15,9 @@ from acceptance.corpus import SaneFile, assert_read
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import swaying
 
-from choreograph.characters import read_character
-from choreograph.exporters import save_motion
-from choreograph.gltf import GltfDocument
-from choreograph.importers import import_takes
+from choreograph.characters.gltf_character import read_character
+from choreograph.formats.gltf_document import GltfDocument
+from choreograph.formats.register import import_takes, save_motion
 from choreograph.motion.body import body_pos_m
 
 WITHIN = 0.02  # of distances between joints; rotations in 8 bits are that coarse

@@ -9,8 +9,7 @@ from typing import Any
 from acceptance.corpus import SaneFile, assert_read
 from synthetic_motions import swaying
 
-from choreograph.exporters import save_motion
-from choreograph.importers import import_takes
+from choreograph.formats.register import import_takes, save_motion
 
 WALTZ = {"genre": "waltz"}
 ALL = {"genre": "waltz", "performer": "Zoë", "licence": "CC BY 4.0", "source": "home", "audio_offset_s": 1.5}

@@ -15,16 +15,15 @@ from synthetic_markers import markers_on, write_c3d
 from synthetic_motions import swaying
 from test_plan import MIXED, PINNED, PLAN, ROLLED
 
-from choreograph.config import load_config
-from choreograph.constraints.parse import read_signature
-from choreograph.count_files import read_counts
-from choreograph.exporters import save_motion
-from choreograph.features.beat_files import read_beats
-from choreograph.importers import import_takes
+from choreograph.choreography.constraints import read_signature
+from choreograph.formats.register import import_takes, save_motion
+from choreograph.formats.tables import read_counts
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.bone_map import read_bone_map
+from choreograph.music.beats import read_beats
 from choreograph.plan import Plan
+from choreograph.settings import load_config
 
 MOTION = swaying(90, fps=60.0)
 MARKERS = markers_on(MOTION)

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from acceptance.corpus import SaneFile, assert_read
 
-from choreograph.errors import FormatError
-from choreograph.importers import import_takes
+from choreograph.core.errors import FormatError
+from choreograph.formats.register import import_takes
 from choreograph.motion import rotations as rot
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import canonical_skeleton

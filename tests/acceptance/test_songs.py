@@ -29,8 +29,8 @@ from synthetic_songs import (
     without_total_samples,
 )
 
-from choreograph.audio.song import load_song
-from choreograph.timebase import SAMPLE_RATE_HZ
+from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.music.song import load_song
 
 JOINED = "joined"  # begins the names of files that hold two songs
 

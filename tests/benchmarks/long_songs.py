@@ -23,7 +23,7 @@ import soundfile
 from numpy.typing import NDArray
 
 import choreograph as cg
-from choreograph.timebase import SAMPLE_RATE_HZ
+from choreograph.core.timebase import SAMPLE_RATE_HZ
 
 OUTPUTS = (("npz",), ("bvh", "html"))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic_motions import swaying
 
-from choreograph.preview.camera_path import follow_camera
+from choreograph.view.renderer import follow_camera
 
 pytestmark = pytest.mark.slow
 

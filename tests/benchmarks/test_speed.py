@@ -16,16 +16,20 @@ import numpy as np
 import pytest
 from synthetic_repertoire import synthetic_contents, synthetic_takes, write_clicks
 
-from choreograph.config import DEFAULT_WEIGHTS
-from choreograph.counts import Counts
-from choreograph.features.density import music_density
-from choreograph.features.sections import Sections
-from choreograph.features.song_features import SongFeatures
-from choreograph.graph import BUILTIN_COSTS, ClipTable, LayerSource, WeightedCost, plan_exact
-from choreograph.repertoire import Repertoire, write_repertoire
-from choreograph.starter import starter_repertoire
-from choreograph.synthesis.songs import render_song, write_song
-from choreograph.warping import ClipBeats, subsequence_dtw, warp_segments
+from choreograph.choreography.graph.costs import BUILTIN_COSTS
+from choreograph.choreography.graph.layers import ClipTable, LayerSource
+from choreograph.choreography.graph.motif_costs import WeightedCost
+from choreograph.choreography.graph.planners import plan_exact
+from choreograph.choreography.graph.segments import ClipBeats, warp_segments
+from choreograph.choreography.graph.warping import subsequence_dtw
+from choreograph.core.counts import Counts
+from choreograph.library.builtin import starter_repertoire
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.writing import write_repertoire
+from choreograph.music.sections import Sections
+from choreograph.music.song_features import SongFeatures, music_density
+from choreograph.music.synthesis.song import render_song, write_song
+from choreograph.settings import DEFAULT_WEIGHTS
 
 N_SECONDS, K, N_CLIPS = 180, 512, 2000
 

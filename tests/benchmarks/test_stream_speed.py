@@ -9,9 +9,9 @@ import pytest
 import torch
 from synthetic_rollouts import synthetic_motion
 
-from choreograph.nets.rollout.config import rollout_config
-from choreograph.nets.rollout.model import RolloutNet
-from choreograph.rollout.streaming import DanceStream, FrameCondition
+from choreograph.choreography.rollout.streaming import DanceStream, FrameCondition
+from choreograph.nets.configs import rollout_config
+from choreograph.nets.rollout import RolloutNet
 
 pytestmark = pytest.mark.slow
 

@@ -18,8 +18,9 @@ from scipy.spatial import cKDTree
 from synthetic_characters import CHARACTERS, write_character
 
 import choreograph as cg
-from choreograph.characters import perform, read_character
-from choreograph.fbx import find_blender
+from choreograph.characters.gltf_character import read_character
+from choreograph.characters.performance import perform
+from choreograph.formats.fbx import find_blender
 
 ROOT = Path(__file__).resolve().parents[2]
 SONG = cg.example_songs()["house"]
@@ -70,7 +71,7 @@ def program(tmp_path_factory):
     path = tmp_path_factory.mktemp("program") / "choreograph"
     path.write_text(
         f"#!{sys.executable}\nimport sys\nsys.path.insert(0, {str(ROOT)!r})\n"
-        "from choreograph.cli import main\nmain()\n"
+        "from choreograph.cli.main import main\nmain()\n"
     )
     path.chmod(0o755)
     return path

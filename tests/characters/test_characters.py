@@ -13,9 +13,9 @@ from gltf_worlds import node_worlds
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import stepping
 
-from choreograph.characters import perform, read_character
-from choreograph.characters.helper_bones import rolled
-from choreograph.gltf import GltfDocument
+from choreograph.characters.gltf_character import read_character
+from choreograph.characters.performance import perform, rolled
+from choreograph.formats.gltf_document import GltfDocument
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion

@@ -12,11 +12,12 @@ import pytest
 from gltf_worlds import inside_body, node_worlds, skinned_vertices_m
 from synthetic_characters import CHARACTERS, write_character
 
-from choreograph.characters import perform, read_character
-from choreograph.metrics.physical import foot_slide_cm_s
+from choreograph.characters.gltf_character import read_character
+from choreograph.characters.performance import perform
+from choreograph.evaluation.metrics.physical import foot_slide_cm_s
+from choreograph.library.builtin import starter_repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.starter.library import starter_repertoire
 
 FRAMES = np.arange(0, 120, 6)
 

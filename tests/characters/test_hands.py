@@ -9,12 +9,11 @@ import pytest
 from gltf_worlds import inside_body
 from synthetic_motions import swaying
 
-from choreograph.characters import perform, read_character
-from choreograph.characters.gltf_character import GltfCharacter
-from choreograph.exporters import save_motion
-from choreograph.gltf import SkinPoints
-from choreograph.motion.inverse_kinematics import move_limb
-from choreograph.motion.kinematics import forward, to_local
+from choreograph.characters.gltf_character import GltfCharacter, read_character
+from choreograph.characters.performance import perform
+from choreograph.formats.gltf_rig import SkinPoints
+from choreograph.formats.register import save_motion
+from choreograph.motion.kinematics import forward, move_limb, to_local
 from choreograph.motion.motion import Motion
 
 FRAMES = np.arange(0, 120, 8)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from command_line import assert_one_line, run
 
-from choreograph.importers.bvh import read_bvh
+from choreograph.formats.bvh import read_bvh
 
 
 @pytest.fixture

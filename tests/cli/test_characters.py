@@ -9,10 +9,10 @@ from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import swaying
 
 from choreograph.cli.characters import NAMINGS
-from choreograph.exporters import BvhOptions, BvhWriter, save_motion
-from choreograph.exporters.naming import NAMES
-from choreograph.gltf import read_gltf
-from choreograph.importers import import_takes
+from choreograph.formats.bvh import BvhOptions, BvhWriter
+from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.register import import_takes, save_motion
+from choreograph.formats.writer import NAMES
 
 
 @pytest.fixture

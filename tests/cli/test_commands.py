@@ -15,10 +15,10 @@ from synthetic_motions import swaying
 from synthetic_repertoire import write_clicks
 
 import choreograph as cg
-from choreograph.errors import ParameterError
-from choreograph.exporters import save_motion
-from choreograph.repertoire import Repertoire
-from choreograph.timebase import SAMPLE_RATE_HZ
+from choreograph.core.errors import ParameterError
+from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.formats.register import save_motion
+from choreograph.library.repertoire import Repertoire
 
 pytestmark = pytest.mark.slow
 
@@ -93,7 +93,7 @@ def test_inspect_prints_text_and_json(db):
 
 
 def test_inspect_prints_and_plots_the_motifs_of_genres(tmp_path, monkeypatch, db_with_motifs):
-    monkeypatch.setattr("choreograph.preview.motif_plots.STRIPS", 1)
+    monkeypatch.setattr("choreograph.view.motif_plots.STRIPS", 1)
     path = db_with_motifs
     shown = run("inspect", path, "--plots", tmp_path / "plots")
     assert shown.exit_code == 0, shown.output

@@ -8,7 +8,7 @@ import pytest
 
 _BROKEN = """
 import choreograph.cli.songs
-from choreograph.cli import run
+from choreograph.cli.main import run
 
 def broken(**_):
     raise {error}

@@ -6,7 +6,7 @@ import pytest
 from command_line import assert_one_line, run
 from synthetic_motions import stepping
 
-from choreograph.exporters import save_motion
+from choreograph.formats.register import save_motion
 
 pytestmark = pytest.mark.slow
 

@@ -9,7 +9,7 @@ import click
 import pytest
 from command_line import assert_one_line, run
 
-from choreograph.cli import main
+from choreograph.cli.main import main
 from choreograph.pipeline.saving import OUTPUT_FORMATS
 
 # What each option of files needs beside it, and the formats that it acts on.

@@ -17,7 +17,7 @@ from synthetic_motions import stepping
 import choreograph as cg
 from choreograph.cli.dance_jobs import Job, jobs_of, with_free_names
 from choreograph.cli.main import main
-from choreograph.exporters import save_motion
+from choreograph.formats.register import save_motion
 from choreograph.pipeline.saving import is_saved_dance
 
 MINE = b"mine, and of no format: nothing may be read before the outputs are checked"
@@ -79,7 +79,6 @@ TABLE = {
     ],
     "evaluate": [(_EVALUATED, ["--report"], (".html",)), (_EVALUATED, ["--json"], (".json",))],
     "study show": [([["FOLDER/"]], ["--json"], (".json",))],
-    "build-starter": [([["--work", "starter"]], ["-o"], (".h5",))],
 }
 
 

@@ -10,7 +10,7 @@ import pytest
 from command_line import assert_one_line, run
 from synthetic_repertoire import synthetic_repertoire, synthetic_takes
 
-from choreograph.cli.crash import report_crash
+from choreograph.cli.main import report_crash
 from choreograph.cli.present import MAX_LINE, line_of, printable, show_notes
 
 HOSTILE = "a\x1b[2J\x07[b]:smile:\x9b31m\u202e\r"

@@ -11,9 +11,8 @@ import pytest
 from command_line import assert_one_line, run
 from synthetic_motions import stepping
 
-from choreograph.errors import FormatError
-from choreograph.exporters import save_motion
-from choreograph.importers import import_takes
+from choreograph.core.errors import FormatError
+from choreograph.formats.register import import_takes, save_motion
 
 WAIT_S = 300  # a whole dance, its kernels compiled anew beside other tests, takes over a minute
 

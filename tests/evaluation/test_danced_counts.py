@@ -9,9 +9,9 @@ import pytest
 from synthetic_repertoire import PERIODS_S, synthetic_repertoire, synthetic_takes, with_counts
 
 from choreograph.evaluation.danced_counts import counted_share, danced_counts, figure_borders_s
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion.motion import Credits
 from choreograph.plan import Plan, PlannedSecond, PlannedWord
-from choreograph.repertoire import Repertoire
-from choreograph.takes import Credits
 
 NOBODY = Credits()
 

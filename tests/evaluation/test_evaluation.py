@@ -11,40 +11,30 @@ import pytest
 from synthetic_motions import stepping, swaying
 from synthetic_repertoire import synthetic_repertoire, synthetic_takes, with_counts, write_clicks
 
-from choreograph.audio.song import load_song
-from choreograph.counts import NO_COUNTS, Counts, numbers_in_bar
-from choreograph.errors import FormatError, ParameterError
-from choreograph.evaluation import (
-    METRICS,
-    CountedDance,
-    EvaluationConfig,
-    evaluate,
-    evaluate_dance,
-    find_songs,
-    read_experts,
-    tables,
-    to_json,
-    variants_named,
-    write_report,
-)
-from choreograph.evaluation.metric_catalogue import FAMILIES
-from choreograph.evaluation.metric_limits import LIMITS
-from choreograph.evaluation.motif_scores import DancedMotifs, MotifScorer
-from choreograph.evaluation.motion_scores import energy_scores
+from choreograph.core.counts import NO_COUNTS, Counts, numbers_in_bar
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.evaluation.dance_scores import evaluate_dance
+from choreograph.evaluation.danced_counts import CountedDance
+from choreograph.evaluation.metric_catalogue import FAMILIES, LIMITS, METRICS
 from choreograph.evaluation.plan_scores import (
+    DancedMotifs,
+    MotifScorer,
     genre_by_second,
     plan_scores,
     transition_scores,
     transition_times_s,
 )
-from choreograph.evaluation.song_music import song_music
-from choreograph.evaluation.songs import beats_of
-from choreograph.evaluation.tables import number_text
-from choreograph.evaluation.variants import VARIANTS, dance_variant
-from choreograph.exporters import save_motion
-from choreograph.features.metrical_level import tempo_bpm
-from choreograph.features.sections import Sections
-from choreograph.repertoire import Repertoire
+from choreograph.evaluation.report import write_report
+from choreograph.evaluation.results import number_text, tables, to_json
+from choreograph.evaluation.run import EvaluationConfig, evaluate
+from choreograph.evaluation.scores import energy_scores
+from choreograph.evaluation.songs import beats_of, find_songs, read_experts, song_music
+from choreograph.evaluation.variants import VARIANTS, dance_variant, variants_named
+from choreograph.formats.register import save_motion
+from choreograph.library.repertoire import Repertoire
+from choreograph.music.metrical_level import tempo_bpm
+from choreograph.music.sections import Sections
+from choreograph.music.song import load_song
 
 pytestmark = pytest.mark.slow
 
@@ -177,8 +167,8 @@ def test_songs_the_repertoire_was_built_from_are_refused(repertoire, tmp_path):
 
 
 def test_a_renamed_song_is_recognised_by_its_checksum(repertoire, tmp_path, monkeypatch):
+    from choreograph.core.files import sha256_of
     from choreograph.evaluation.songs import check_unseen
-    from choreograph.files import sha256_of
 
     path = write_clicks(tmp_path / "renamed.wav", duration_s=5.0)
     check_unseen(find_songs(tmp_path), repertoire)

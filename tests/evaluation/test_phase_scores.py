@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic_motions import stepping
 
-from choreograph.evaluation.phase_scores import DancedPhases, danced_phases, phase_scores, phases_by_genre
+from choreograph.evaluation.scores import DancedPhases, danced_phases, phase_scores, phases_by_genre
 
 RNG = np.random.default_rng(0)
 

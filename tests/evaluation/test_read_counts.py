@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import choreograph as cg
-from choreograph.counts import Counts
-from choreograph.evaluation.read_counts import read_count_scores, read_counts
-from choreograph.evaluation.song_music import SongMusic
-from choreograph.features.sections import Sections
+from choreograph.core.counts import Counts
+from choreograph.evaluation.dance_scores import read_count_scores, read_counts
+from choreograph.evaluation.songs import SongMusic
+from choreograph.music.sections import Sections
 
 
 @pytest.fixture(scope="module", params=["cha-cha", "waltz"])

@@ -11,19 +11,12 @@ import pytest
 from command_line import assert_one_line, run
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
-from choreograph.errors import NoPathError, RepertoireError
-from choreograph.evaluation import (
-    EvaluationConfig,
-    evaluate,
-    find_songs,
-    kept_dances,
-    to_json,
-    variants_named,
-)
-from choreograph.evaluation import (
-    run as run_module,
-)
-from choreograph.evaluation.variants import dance_variant
+from choreograph.core.errors import NoPathError, RepertoireError
+from choreograph.evaluation import run as run_module
+from choreograph.evaluation.results import to_json
+from choreograph.evaluation.run import EvaluationConfig, evaluate
+from choreograph.evaluation.songs import find_songs
+from choreograph.evaluation.variants import dance_variant, kept_dances, variants_named
 
 pytestmark = pytest.mark.slow
 

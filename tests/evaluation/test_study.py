@@ -12,9 +12,8 @@ import pytest
 from synthetic_motions import swaying
 from synthetic_studies import VARIANTS, read_key, small_study
 
-from choreograph.errors import FormatError, ParameterError
-from choreograph.evaluation.study import StudyDance, write_study
-from choreograph.evaluation.study_questions import QUESTIONS
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.evaluation.study import QUESTIONS, StudyDance, write_study
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from synthetic_studies import VARIANTS, choose_all, rate_all, rating, read_key, small_study, write_rating
 
-from choreograph.errors import FormatError
-from choreograph.evaluation.study_questions import QUESTIONS
+from choreograph.core.errors import FormatError
+from choreograph.evaluation.study import QUESTIONS
 from choreograph.evaluation.study_results import _Bootstrap, read_study
 
 SCHEMA = json.loads(

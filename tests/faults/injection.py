@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from subprocess import DEVNULL, run
 
-from choreograph.files import is_running
+from choreograph.core.files import is_running
 
 _POLL_S = 0.002
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")

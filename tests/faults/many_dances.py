@@ -17,8 +17,8 @@ from pathlib import Path
 from synthetic_repertoire import write_clicks
 
 import choreograph as cg
-from choreograph.repertoire import Repertoire
-from choreograph.starter import starter_repertoire
+from choreograph.library.builtin import starter_repertoire
+from choreograph.library.repertoire import Repertoire
 
 DURATION_S = 10.0
 

@@ -10,12 +10,12 @@ from pathlib import Path
 from synthetic_motions import stepping
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
-from choreograph.cli import main
-from choreograph.exporters import save_motion
+from choreograph.cli.main import main
+from choreograph.formats.register import save_motion
+from choreograph.nets import configs as rollout_config
+from choreograph.nets import configs as style_config
+from choreograph.nets import configs as word_config
 from choreograph.nets import training
-from choreograph.nets.rollout import config as rollout_config
-from choreograph.nets.style import config as style_config
-from choreograph.nets.words import config as word_config
 
 _STEPS = 5  # of every training
 
@@ -82,6 +82,6 @@ def write_inputs(folder: Path) -> None:
 
 def _shorten_trainings(checkpoint_every_s: float) -> None:
     training.CHECKPOINT_EVERY_S = checkpoint_every_s
-    for presets in (style_config._STYLE_PRESETS, word_config._PRESETS, rollout_config._PRESETS):
+    for presets in (style_config._STYLE_PRESETS, word_config._WORD_PRESETS, rollout_config._ROLLOUT_PRESETS):
         presets["tiny"] = replace(presets["tiny"], steps=_STEPS)
     sys.stdin.close()  # nothing waits for an answer

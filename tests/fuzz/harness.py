@@ -29,7 +29,7 @@ import numpy as np
 from acceptance.corpus import MAX_REFUSED_SHARE, SaneFile
 from fuzz.mutations import REPEATS, Repeated, mutated, repeated
 
-from choreograph.errors import ChoreographError
+from choreograph.core.errors import ChoreographError
 
 BEYOND_BYTES = 2 << 30  # of address space, over what the program takes before the first input
 CPU_S = 10.0  # an input takes at most that long

@@ -7,20 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from choreograph.constraints.parse import read_signature, write_signature
-from choreograph.count_files import read_counts, write_counts
-from choreograph.counts import Counts, Figure
-from choreograph.errors import FormatError
-from choreograph.exporters import save_motion
-from choreograph.importers._axes_and_units import rotation_to_y_up, unit_m
-from choreograph.importers.bvh import read_bvh
-from choreograph.importers.gltf import read_gltf_motions
-from choreograph.importers.npz import read_npz
+from choreograph.choreography.constraints import read_signature, write_signature
+from choreograph.core.counts import Counts, Figure
+from choreograph.core.errors import FormatError
+from choreograph.formats.axes_and_units import rotation_to_y_up, unit_m
+from choreograph.formats.bvh import read_bvh
+from choreograph.formats.gltf import read_gltf_motions
+from choreograph.formats.npz import read_npz
+from choreograph.formats.register import save_motion
+from choreograph.formats.tables import read_counts, write_counts
 from choreograph.motion.body import body_pos_m
-from choreograph.motion.motion import Motion
+from choreograph.motion.motion import Motion, Take
 from choreograph.motion.skeleton import Skeleton
 from choreograph.plan import Plan
-from choreograph.takes import Take
 
 TOLERANCE = 1e-4  # of the largest distance from the origin and the longest bone, at least of a metre
 _MAX_TAKES = 3  # of one file

@@ -31,22 +31,24 @@ from synthetic_repertoire import (
 from synthetic_studies import VARIANTS, rate_all, small_study
 
 import choreograph as cg
-from choreograph.audio.song import load_song
-from choreograph.blending.rendering import render
-from choreograph.config import load_config
-from choreograph.constraints.parse import read_motifs, read_signature
-from choreograph.count_files import read_counts
-from choreograph.evaluation.study_files import KEY_NAME, read_key, read_ratings
-from choreograph.exporters import save_motion
-from choreograph.features.beat_files import read_beats
-from choreograph.gltf import read_gltf, read_rig
-from choreograph.importers import annotate_takes, import_takes
-from choreograph.importers._figure_lists import read_choreographies
+from choreograph.choreography.constraints import read_motifs, read_signature
+from choreograph.evaluation.study import KEY_NAME
+from choreograph.evaluation.study_results import read_key, read_ratings
+from choreograph.formats.choreonet import read_choreographies
+from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.gltf_rig import read_rig
+from choreograph.formats.register import annotate_takes, import_takes, save_motion
+from choreograph.formats.tables import read_counts
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.writing import write_repertoire
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import find_bones, read_bone_map
+from choreograph.motion.motion import Take
+from choreograph.music.beats import read_beats
+from choreograph.music.song import load_song
 from choreograph.plan import Plan
-from choreograph.repertoire import Repertoire, write_repertoire
-from choreograph.takes import Take
+from choreograph.render.rendering import render
+from choreograph.settings import load_config
 
 MOTION = stepping(60, period_s=0.5)
 _COUNTS = "time_s,number,figure\n0.100,1,basic\n0.600,2,\n1.100,3,\n1.600,4,-\n"

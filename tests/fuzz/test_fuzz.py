@@ -16,7 +16,7 @@ from fuzz.harness import Input, Target, accepted, fuzz, input_of, replay
 from fuzz.mutations import MAX_BYTES, Repeated, _join, _lengthen_digits, _repeated_json, repeated
 from fuzz.targets import all_targets
 
-from choreograph.errors import FormatError
+from choreograph.core.errors import FormatError
 
 CORPUS = Path(__file__).with_name("corpus")
 N_INPUTS = 60  # of each target; `make fuzz` tries as many as there is time for

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.metrics import beat, fid, frechet, labels, physical, retrieval, structure, warping
+from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.evaluation.metrics import beat, fid, frechet, labels, physical, retrieval, structure, warping
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.motion.rotations import from_rotvec
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.timebase import SAMPLE_RATE_HZ
 
 FOLDER = Path(__file__).parent
 FPS = 60.0

@@ -11,17 +11,19 @@ from synthetic_characters import CHARACTERS, MIXAMO, Spec, write_character
 from synthetic_motions import swaying
 from synthetic_repertoire import synthetic_contents
 
-from choreograph.building.importing import measure_take
-from choreograph.characters import read_bone_map, read_character, write_bone_map
-from choreograph.errors import ChoreographError, FormatError, ParameterError
-from choreograph.exporters import save_motion
-from choreograph.gltf import GltfDocument, read_gltf
-from choreograph.importers import import_takes
+from choreograph.characters.gltf_character import read_character
+from choreograph.core.errors import ChoreographError, FormatError, ParameterError
+from choreograph.formats.gltf_document import GltfDocument
+from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.register import import_takes, save_motion
+from choreograph.library.building.takes import measure_take
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.writing import write_repertoire
 from choreograph.motion import rotations as rot
+from choreograph.motion.bone_map import read_bone_map, write_bone_map
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
-from choreograph.repertoire import Repertoire, write_repertoire
 
 
 def test_a_map_is_written_and_read(tmp_path):

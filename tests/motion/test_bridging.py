@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from choreograph.motion import rotations as rot
-from choreograph.motion.bridging import bridged, bridged_rotations
+from choreograph.motion.cleaning import bridged, bridged_rotations
 
 
 @given(start=st.integers(2, 15), length=st.integers(1, 6), seed=st.integers(0, 2**32 - 1))

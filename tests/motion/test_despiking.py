@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from choreograph.motion import rotations as rot
-from choreograph.motion.despiking import without_jumps
+from choreograph.motion.cleaning import without_jumps
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from choreograph.motion.interpolation import interpolate_frames
+from choreograph.core.numerics import interpolate_frames
 
 
 def test_values_are_linear_between_frames_and_repeat_the_ends_outside():

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from choreograph.motion import rotations as rot
-from choreograph.motion.inverse_kinematics import two_bone
+from choreograph.motion.kinematics import two_bone
 
 HINGE = np.array([1.0, 0.0, 0.0])
 SEEDS = st.integers(0, 2**32 - 1)

@@ -9,7 +9,7 @@ import pytest
 from synthetic_markers import markers_on
 from synthetic_motions import swaying
 
-from choreograph.errors import ParameterError
+from choreograph.core.errors import ParameterError
 from choreograph.motion.joint_centres import REQUIRED_MARKERS, joint_centres
 from choreograph.motion.kinematics import forward
 

@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from choreograph.errors import ParameterError
+from choreograph.core.errors import ParameterError
 from choreograph.motion import rotations as rot
-from choreograph.motion.floor import estimate_floor_m, track_floor_m
-from choreograph.motion.inverse_kinematics import two_bone
-from choreograph.motion.kinematics import forward
+from choreograph.motion.cleaning import bridge_flips, smoothed_angle
+from choreograph.motion.contacts import estimate_floor_m, track_floor_m
+from choreograph.motion.kinematics import forward, two_bone
 from choreograph.motion.marker_fitting import REQUIRED_ROLES, fit_error_m, fit_positions
-from choreograph.motion.rotation_smoothing import bridge_flips, smoothed_angle
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
 from choreograph.motion.skeleton_calibration import resized, size_ratio
 

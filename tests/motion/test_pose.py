@@ -9,9 +9,16 @@ from hypothesis import strategies as st
 from synthetic_motions import swaying
 
 from choreograph.motion import rotations as rot
-from choreograph.motion.body import BODY_JOINTS, body_pos_m, mirrored
+from choreograph.motion.body import (
+    BODY_JOINTS,
+    body_pos_m,
+    clips_to_root_frame,
+    ground_pos_m,
+    heading_rad,
+    mirrored,
+    to_root_frame,
+)
 from choreograph.motion.motion import Motion
-from choreograph.motion.pose import clips_to_root_frame, ground_pos_m, heading_rad, to_root_frame
 from choreograph.motion.skeleton import canonical_skeleton
 
 BODY = body_pos_m(swaying(20, seed=3))  # (T, 21, 3)

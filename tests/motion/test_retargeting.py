@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from synthetic_motions import on_other_axes, swaying
 
-from choreograph.errors import ParameterError
-from choreograph.importers.bvh import read_bvh
+from choreograph.core.errors import ParameterError
+from choreograph.formats.bvh import read_bvh
 from choreograph.motion import rotations as rot
-from choreograph.motion.floor import estimate_floor_m, sole_pos_m
+from choreograph.motion.contacts import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.retargeting import retarget, share_skeleton
 from choreograph.motion.rigs import joint_roles, rest_pose_is_upright

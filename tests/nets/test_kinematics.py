@@ -9,7 +9,7 @@ from synthetic_rollouts import random_motion
 
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
-from choreograph.nets.kinematics import BodyKinematics, geodesic_rad
+from choreograph.nets.stored import BodyKinematics, geodesic_rad
 
 
 @given(st.integers(0, 1000))

@@ -5,11 +5,8 @@ import sys
 
 import pytest
 
-from choreograph.errors import ParameterError
-from choreograph.nets.density.config import density_config
-from choreograph.nets.rollout.config import rollout_config
-from choreograph.nets.style.config import style_config
-from choreograph.nets.words.config import word_config
+from choreograph.core.errors import ParameterError
+from choreograph.nets.configs import density_config, rollout_config, style_config, word_config
 
 
 @pytest.mark.parametrize("config", [style_config, density_config, word_config, rollout_config])
@@ -22,8 +19,6 @@ def test_fields_are_changed_by_name_and_unknown_names_are_refused(config):
 
 
 def test_configurations_do_not_import_torch():
-    modules = ", ".join(
-        f"choreograph.nets.{name}.config" for name in ("style", "density", "words", "rollout")
-    )
+    modules = "choreograph.nets.configs, choreograph.nets.count_configs"
     code = f"import sys, {modules}; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

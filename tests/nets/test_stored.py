@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import nn
 
-from choreograph.errors import ParameterError
+from choreograph.core.errors import ParameterError
 from choreograph.nets.stored import StoredNet
 
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 from torch import nn
 
-from choreograph.errors import ChoreographError, ParameterError
+from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.nets.training import TrainingContext, load_pretrained, select_device, steps_of_epochs, train
 
 

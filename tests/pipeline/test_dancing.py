@@ -13,13 +13,14 @@ import soundfile
 from synthetic_repertoire import synthetic_repertoire, synthetic_takes, write_clicks
 
 import choreograph as cg
-from choreograph.blending.assembly import BLENDINGS
-from choreograph.errors import ChoreographError, NoPathError, ParameterError, RepertoireError
-from choreograph.features.motion_beats import motion_beat_times_s
-from choreograph.graph import BUILTIN_COSTS, Stillness
-from choreograph.metrics.beat import f_score
+from choreograph.choreography.graph.costs import BUILTIN_COSTS
+from choreograph.choreography.graph.motif_costs import Stillness
+from choreograph.core.errors import ChoreographError, NoPathError, ParameterError, RepertoireError
+from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.evaluation.metrics.beat import f_score
 from choreograph.motion.body import body_pos_m
-from choreograph.timebase import SAMPLE_RATE_HZ
+from choreograph.motion.motion_beats import motion_beat_times_s
+from choreograph.settings import BLENDINGS
 
 
 def takes_of(dance) -> set[str]:

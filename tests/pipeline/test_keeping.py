@@ -11,8 +11,8 @@ import pytest
 from command_line import run
 
 import choreograph as cg
-from choreograph.engines.danced_motifs import danced_motifs
-from choreograph.errors import ParameterError
+from choreograph.choreography.enforcement import danced_motifs
+from choreograph.core.errors import ParameterError
 from choreograph.plan import PlannedWord
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from choreograph.importers import import_takes
+from choreograph.formats.register import import_takes
 from choreograph.plan import Plan
 
 pytestmark = pytest.mark.slow

@@ -11,11 +11,11 @@ import pytest
 from synthetic_repertoire import write_clicks
 
 import choreograph as cg
-from choreograph.blending import stage
+from choreograph.choreography.engines import ENGINES
 from choreograph.cli.dance import command
-from choreograph.engines import ENGINES
-from choreograph.errors import ChoreographError
+from choreograph.core.errors import ChoreographError
 from choreograph.pipeline import dancing
+from choreograph.render import runs as stage
 
 pytestmark = pytest.mark.slow
 

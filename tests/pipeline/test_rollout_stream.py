@@ -7,8 +7,8 @@ import pytest
 from synthetic_repertoire import synthetic_repertoire
 
 import choreograph as cg
-from choreograph.counts import NO_COUNTS, make_counts, numbers_in_bar
-from choreograph.timebase import SAMPLE_RATE_HZ
+from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
+from choreograph.core.timebase import SAMPLE_RATE_HZ
 
 pytestmark = pytest.mark.slow
 

@@ -13,13 +13,13 @@ from synthetic_motions import swaying
 from synthetic_pages import plan_for
 
 import choreograph as cg
-from choreograph.counts import numbers_in_bar
-from choreograph.errors import ParameterError
-from choreograph.exporters import BvhOptions, save_motion
-from choreograph.importers import import_takes
+from choreograph.core.counts import numbers_in_bar
+from choreograph.core.errors import ParameterError
+from choreograph.formats.bvh import BvhOptions
+from choreograph.formats.register import import_takes, save_motion
 from choreograph.pipeline.saving import OUTPUT_FORMATS, SavedParts, is_saved_dance, save_dance
-from choreograph.preview import strip
-from choreograph.preview.video import write_video
+from choreograph.view import renderer as strip
+from choreograph.view.video import write_video
 
 
 @pytest.fixture

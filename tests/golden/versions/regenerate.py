@@ -30,12 +30,11 @@ from synthetic_repertoire import (
 )
 
 import choreograph as cg
-from choreograph.features.motion_beats import motion_beat_times_s
+from choreograph.core.timebase import NET_FPS
+from choreograph.library.writing import MeasuredTake, write_repertoire
 from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.plan import Plan, PlannedWord
-from choreograph.repertoire import write_repertoire
-from choreograph.repertoire.contents import MeasuredTake
-from choreograph.timebase import NET_FPS
 
 FOLDER = Path(__file__).parent
 CHECKOUT = FOLDER.parents[2]
@@ -62,8 +61,9 @@ STUDIES: Mapping[str, str] = {"study-1": "c6d086c", "study-2": NOW}
 _WRITE_REPERTOIRE = """
 import sys
 import numpy as np
-from choreograph.repertoire import Contents, write_repertoire
-from choreograph.repertoire import schema
+from choreograph.library.schema import Contents
+from choreograph.library.writing import write_repertoire
+from choreograph.library import schema
 source, target, option = sys.argv[1:]
 known = {**schema.DATASETS, **getattr(schema, "COUNTS", {})}
 with np.load(source) as data:
@@ -77,7 +77,7 @@ import json, sys
 from dataclasses import fields
 from pathlib import Path
 from choreograph import plan as plans
-from choreograph.takes import Credits
+from choreograph.motion.motion import Credits
 source, target = sys.argv[1:]
 EARLIER = {"begins_s": "start_s", "fade_s": "transition_s"}
 def made(kind, data):

@@ -1,0 +1,307 @@
+"""Feet of a character that stand on the floor, and hands that stay out of its body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from choreograph.formats.gltf_rig import SkinPoints
+from choreograph.motion import rotations as rot
+from choreograph.motion.contacts import estimate_floor_m, sole_pos_m
+from choreograph.motion.foot_locking import smooth_cover
+from choreograph.motion.kinematics import forward, move_limb, to_local
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton, canonical_skeleton
+
+# How far a character's body reaches around its bones: what its hands must stay out of.
+
+
+Floats = NDArray[np.float64]
+
+_FEWEST = 12  # points of a part that say its shape
+_ELLIPSES = 4  # of a part
+_WITHIN = (4.0, 96.0)  # percentiles of an ellipse's points that it reaches from and to
+_THIGH_FROM = 0.2  # of the thigh: above it is the hip, which the trunk covers
+_UP = np.array([0.0, 1.0, 0.0])
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPart:
+    """A stack of ellipses that moves with a joint; its measures are of the rest pose, in the world."""
+
+    joint: int
+    start_m: Floats  # (3,) of its axis
+    end_m: Floats  # (3,)
+    across: Floats  # (2, 3) unit, the axes of the ellipses
+    middle_m: Floats  # (S, 2) of ellipses at even distances along the axis
+    radii_m: Floats  # (S, 2)
+
+    def way_out_m(self, point_m: Floats, radius_m: float) -> Floats:
+        """The shift (T, 3) that brings a ball around a point (T, 3) to the surface; 0 where it is outside.
+
+        Points are of consecutive frames, as they lie in the rest pose. While it is inside it is brought out
+        one way, which the frames near the surface say: at the axis all ways are equally far.
+        """
+        flat, radii, inside = self._across(point_m, radius_m)
+        size = np.linalg.norm(flat / radii, axis=-1)
+        inside &= size < 1.0
+        shift = np.zeros((len(point_m), 2))
+        steps = np.flatnonzero(np.diff(inside, prepend=False, append=False))
+        for start, stop in zip(steps[::2], steps[1::2], strict=True):
+            span = slice(start, stop)
+            normals = flat[span] / radii[span] ** 2
+            way = np.sum(normals * size[span, None] ** 2, axis=0)
+            way = way / max(float(np.linalg.norm(way)), 1e-9)
+            # The end of the ray: |(flat + t way) / radii| = 1.
+            a, b = np.sum((way / radii[span]) ** 2, axis=-1), np.sum(normals * way, axis=-1)
+            reach = (-b + np.sqrt(np.maximum(b**2 - a * (size[span] ** 2 - 1.0), 0.0))) / np.maximum(a, 1e-9)
+            shift[span] = reach[:, None] * way
+        return shift @ self.across
+
+    def depth_m(self, point_m: Floats) -> float:
+        """How deep the deepest of points (N, 3) of the rest pose is inside; negative if all are outside."""
+        flat, radii, inside = self._across(point_m, 0.0)
+        depth = (1.0 - np.linalg.norm(flat / radii, axis=-1)) * radii.min(axis=-1)
+        return float(np.max(np.where(inside, depth, -1.0)))
+
+    def _across(self, point_m: Floats, radius_m: float) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        """Points (T, 2) against the middle of the ellipse beside them, its radii (T, 2), and whether it is
+        between the ends of the axis."""
+        axis = self.end_m - self.start_m
+        along = (point_m - self.start_m) @ axis / (axis @ axis)  # (T,)
+        flat = (point_m - self.start_m) @ self.across.T - self._at(along, self.middle_m)
+        return flat, self._at(along, self.radii_m) + radius_m, (along >= 0.0) & (along <= 1.0)
+
+    def _at(self, along: Floats, values: Floats) -> Floats:
+        """Values (S, 2) of the ellipses at shares (T,) of the axis, (T, 2)."""
+        places = (np.arange(len(values)) + 0.5) / len(values)
+        return np.stack([np.interp(along, places, column) for column in values.T], axis=-1)
+
+
+def body_parts(
+    skeleton: Skeleton, bone_of_joint: Sequence[int], skin: SkinPoints, front: Floats
+) -> tuple[BodyPart, ...]:
+    """Trunk, head and thighs of a figure by the points that its skin has around them.
+
+    `front` (3,) is where it looks in its rest pose. Parts with too few points are left out; all are made
+    thinner where hands would be inside of them in the rest pose, since clothes and hair reach farther.
+    """
+    rest = skeleton.rest_pos_m()
+    points = [skin.pos_m[skin.bone == bone] for bone in bone_of_joint]
+    left = np.cross(_UP, front)
+    parts = []
+    points[0] = _with_hips(skeleton, points)
+    for joint, (start_m, end_m) in _axes(skeleton, points).items():
+        own = points[joint]
+        if len(own) >= _FEWEST and np.linalg.norm(end_m - start_m) > 1e-3:
+            parts.append(_part(joint, start_m, end_m, own, left))
+    return tuple(_thinner(part, rest, skeleton) for part in parts)
+
+
+def _with_hips(skeleton: Skeleton, points: Sequence[Floats]) -> Floats:
+    """The pelvis's points (V, 3) and those of the thighs beside it."""
+    beside = []
+    for side in ("left", "right"):
+        hip, knee = skeleton.index(f"{side}_hip"), skeleton.index(f"{side}_knee")
+        start, end = skeleton.rest_pos_m()[[hip, knee]]
+        along = (points[hip] - start) @ (end - start) / ((end - start) @ (end - start))
+        beside.append(points[hip][along < _THIGH_FROM])
+    return np.concatenate([points[0], *beside])
+
+
+def _axes(skeleton: Skeleton, points: Sequence[Floats]) -> dict[int, tuple[Floats, Floats]]:
+    """Where the axis of each part begins and ends, (3,) each, by its joint."""
+    rest = skeleton.rest_pos_m()
+    neck = skeleton.names.index("neck") if "neck" in skeleton.names else None
+    top = skeleton.index("left_shoulder") if neck is None else neck
+    path = [int(skeleton.parents[top])]
+    while path[-1] > 0:
+        path.append(int(skeleton.parents[path[-1]]))
+    path = path[::-1]
+    shoulders = rest[[skeleton.index(f"{side}_shoulder") for side in ("left", "right")]].mean(axis=0)
+    axes = {joint: (rest[joint], rest[above]) for joint, above in pairwise(path)}
+    axes[path[-1]] = rest[path[-1]], shoulders if neck is None else rest[neck]
+    if "head" in skeleton.names and len(points[skeleton.index("head")]):
+        head = skeleton.index("head")
+        axes[head] = rest[head], rest[head] * [1, 0, 1] + [0, float(points[head][:, 1].max()), 0]
+    for side in ("left", "right"):
+        hip, knee = rest[[skeleton.index(f"{side}_hip"), skeleton.index(f"{side}_knee")]]
+        axes[skeleton.index(f"{side}_hip")] = hip + _THIGH_FROM * (knee - hip), knee
+    # The trunk goes down to where the thighs begin to be parts of their own.
+    start, end = axes[0]
+    thighs = np.mean([axes[skeleton.index(f"{side}_hip")][0] for side in ("left", "right")], axis=0)
+    axes[0] = start * [1, 0, 1] + thighs * [0, 1, 0], end
+    return axes
+
+
+def _part(joint: int, start_m: Floats, end_m: Floats, points_m: Floats, left: Floats) -> BodyPart:
+    axis = end_m - start_m
+    first = left - axis * (left @ axis) / (axis @ axis)
+    first = first / np.linalg.norm(first)
+    across = np.stack([first, np.cross(axis / np.linalg.norm(axis), first)])
+    flat = (points_m - start_m) @ across.T  # (V, 2)
+    along = (points_m - start_m) @ axis / (axis @ axis)
+    low, high = [], []
+    for place in (np.arange(_ELLIPSES) + 0.5) / _ELLIPSES:
+        near = np.argsort(np.abs(along - place))  # those that are level with it, or the nearest few
+        n_level = np.count_nonzero(np.abs(along - place) < 0.75 / _ELLIPSES)
+        level = flat[near[: max(n_level, _FEWEST)]]
+        low.append(np.percentile(level, _WITHIN[0], axis=0))
+        high.append(np.percentile(level, _WITHIN[1], axis=0))
+    lows, highs = np.array(low), np.array(high)  # (S, 2)
+    radii_m = np.maximum((highs - lows) / 2, 1e-3)
+    return BodyPart(joint, start_m, end_m, across, (lows + highs) / 2, radii_m)
+
+
+def _thinner(part: BodyPart, rest_m: Floats, skeleton: Skeleton) -> BodyPart:
+    wrists = rest_m[[skeleton.index(f"{side}_wrist") for side in ("left", "right")]]
+    depth_m = part.depth_m(wrists)
+    if depth_m <= 0:
+        return part
+    return replace(part, radii_m=np.maximum(part.radii_m - depth_m, 1e-3))
+
+
+def place_in_rest(points_m: Floats, joint_pos_m: Floats, joint_quat: Floats, rest_pos_m: Floats) -> Floats:
+    """World points (T, 3) as they lie in the rest pose of a joint at (T, 3), turned by (T, 4)."""
+    return rot.rotate(rot.invert(joint_quat), points_m - joint_pos_m) + rest_pos_m
+
+
+# Hands kept from entering the body: of other proportions, it reaches into itself where no dancer did.
+
+
+_EASE_S = 0.12  # to each side, over which a hand is led out and back
+_PASSES = 3  # a hand led out of one part may be in another
+_PALM = 0.35  # of the forearm, beyond the wrist: where a hand is thickest
+_THICKNESS = 0.08  # of the forearm: half a hand's
+
+
+def keep_hands_out(figure: Motion, parts: Sequence[BodyPart], front: Floats) -> Motion:
+    """The figure with wrists and palms led to the surface of the body where they are inside of it.
+
+    `front` (3,) is where it looks in its rest pose, to which elbows bend. Hands keep their rotation. Where
+    they are outside, nothing changes, up to the easing before and after.
+    """
+    skeleton = figure.skeleton
+    pos_m, quat = forward(skeleton, figure.root_pos_m, figure.local_quat)  # (T, J, 3), (T, J, 4)
+    rest = skeleton.rest_pos_m()
+    ease = max(2, round(_EASE_S * figure.fps))
+    moved = False
+    for side in ("left", "right"):
+        shoulder, elbow, wrist = (skeleton.index(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist"))
+        bone = rest[elbow] - rest[shoulder]
+        axis = np.cross(bone, front)
+        axis = axis / max(float(np.linalg.norm(axis)), 1e-9)
+        forearm = rest[wrist] - rest[elbow]
+        for _ in range(_PASSES):
+            palm = pos_m[:, wrist] + rot.rotate(quat[:, wrist], _PALM * forearm)
+            radius = _THICKNESS * float(np.linalg.norm(forearm))
+            shift = _way_out([pos_m[:, wrist], palm], parts, pos_m, quat, rest, radius, ease)
+            if not shift.any():
+                break
+            hinge = rot.rotate(quat[:, elbow], axis)
+            move_limb(skeleton, (shoulder, elbow, wrist), pos_m, quat, pos_m[:, wrist] + shift, hinge)
+            pos_m = forward(skeleton, figure.root_pos_m, to_local(skeleton, quat))[0]
+            moved = True
+    return replace(figure, local_quat=rot.make_continuous(to_local(skeleton, quat))) if moved else figure
+
+
+def _way_out(
+    points_m: Sequence[Floats],
+    parts: Sequence[BodyPart],
+    pos_m: Floats,
+    quat: Floats,
+    rest_m: Floats,
+    radius_m: float,
+    ease: int,
+) -> Floats:
+    """The smooth shift (T, 3) that brings points (T, 3) of a hand out of the part they are deepest in."""
+    shift = np.zeros((len(pos_m), 3))
+    for part in parts:
+        at, turned = pos_m[:, part.joint], quat[:, part.joint]
+        for point in points_m:
+            way = part.way_out_m(place_in_rest(point, at, turned, rest_m[part.joint]), radius_m)
+            farther = np.linalg.norm(way, axis=-1) > np.linalg.norm(shift, axis=-1)
+            shift[farther] = rot.rotate(turned, way)[farther]
+    if not shift.any():
+        return shift
+    smooth = gaussian_filter1d(shift, ease / 2.0, axis=0, mode="nearest")
+    smooth /= np.maximum(np.linalg.norm(smooth, axis=-1, keepdims=True), 1e-12)
+    return smooth_cover(np.linalg.norm(shift, axis=-1), ease)[:, None] * smooth
+
+
+# Feet of a character where the dancer's are: on the floor, and standing still as long.
+#
+# Of other proportions, legs that only point as the dancer's do would slide, float and sink.
+
+
+_SHIFT_S = 0.03  # feet are moved more smoothly than heel and ball take turns
+_HEADING_S = 0.5  # a stance turns that slowly: hips swing over feet that stand
+_FRONT = np.array([0.0, 0.0, 1.0])
+
+
+def placed_feet(dancer: Motion, figure: Motion) -> tuple[Motion, Floats]:
+    """The figure, its hips on the dancer's path scaled by leg length; and how far its feet are to be moved.
+
+    They belong where the dancer's are, scaled: the balls of the feet on the ground, the lowest points of the
+    soles in height. Feet of another length against the legs would slide, and on tiptoe float or sink. What is
+    common to all frames is not moved by: its height is the hips', its place the stance of the figure's own
+    hips. (T, 2, 3) is the rest.
+    """
+    scale = _leg_m(figure.skeleton) / _leg_m(dancer.skeleton)
+    hips = [[skeleton.index(f"{side}_hip") for side in ("left", "right")]
+            for skeleton in (dancer.skeleton, figure.skeleton)]  # fmt: skip
+    path = scale * dancer.joint_pos_m()[:, hips[0]].mean(axis=1)
+    at_origin = figure.joint_pos_m()[:, hips[1]].mean(axis=1)
+    placed = replace(figure, root_pos_m=path - at_origin)
+    dancers = _sole_pos_m(dancer, _dancers_soles()) - [0.0, estimate_floor_m(sole_pos_m(dancer)), 0.0]
+    own = _sole_pos_m(placed, figure.skeleton.tips_m.reshape(2, -1, 3))  # (T, 2, P, 3) heel, ball, …
+    shift_m = scale * dancers[:, :, 1] - own[:, :, 1]  # (T, 2, 3)
+    shift_m[..., 1] = scale * dancers[..., 1].min(axis=-1) - own[..., 1].min(axis=-1)
+    height_m = float(np.median(shift_m[..., 1]))
+    shift_m[..., 1] -= height_m
+    shift_m -= _stance_m(placed, shift_m)
+    shift_m = gaussian_filter1d(shift_m, _SHIFT_S * figure.fps, axis=0, mode="nearest")
+    return placed.moved(shift_m=np.array([0.0, height_m, 0.0])), shift_m
+
+
+def _stance_m(figure: Motion, shift_m: Floats) -> Floats:
+    """What shifts (T, 2, 3) on the ground have in common, seen from where the hips look for some time."""
+    ahead = rot.rotate(figure.local_quat[:, 0], _FRONT)
+    ahead = gaussian_filter1d(ahead, _HEADING_S * figure.fps, axis=0, mode="nearest")
+    heading = rot.about_y(np.arctan2(ahead[:, 0], ahead[:, 2]))[:, None]  # (T, 1, 4)
+    common_m = np.median(rot.rotate(rot.invert(heading), shift_m), axis=0) * [1.0, 0.0, 1.0]  # (2, 3)
+    return rot.rotate(heading, np.broadcast_to(common_m, shift_m.shape))
+
+
+def _dancers_soles() -> Floats:
+    """From the canonical body's ankles to its soles below heel and ball, (2, 2, 3)."""
+    body = canonical_skeleton()
+    rest = body.rest_pos_m()
+    feet = [[rest[body.index(f"{side}_{part}")] for part in ("ankle", "foot")] for side in ("left", "right")]
+    return np.stack([sole_offsets_m(ankle, [ankle, ball], ball[1]) for ankle, ball in feet])
+
+
+def _sole_pos_m(motion: Motion, soles_m: Floats) -> Floats:
+    """Points of both soles (T, 2, P, 3); `soles_m` (2, P, 3) are their offsets from the ankles."""
+    pos_m, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)  # (T, J, 3), (T, J, 4)
+    ankles = [motion.skeleton.index(f"{side}_ankle") for side in ("left", "right")]
+    return pos_m[:, ankles, None] + rot.rotate(quat[:, ankles, None], soles_m)
+
+
+def sole_offsets_m(ankle_m: Floats, points_m: Sequence[Floats], floor_m: float) -> Floats:
+    """From an ankle (3,) to the sole below points (3,) of its foot, (P, 3)."""
+    return np.stack([point * [1, 0, 1] + [0, floor_m, 0] - ankle_m for point in points_m])
+
+
+def _leg_m(skeleton: Skeleton) -> float:
+    """Mean length of both legs, hip to ankle along the bones."""
+    rest = skeleton.rest_pos_m()
+    chains = [
+        [skeleton.index(f"{side}_{part}") for part in ("hip", "knee", "ankle")] for side in ("left", "right")
+    ]
+    return float(np.linalg.norm(np.diff(rest[chains], axis=1), axis=-1).sum(axis=-1).mean())

@@ -1,0 +1,276 @@
+"""Constraints as the user states them: pins, bans, a genre, a signature, a motif sequence; and their text."""
+
+from __future__ import annotations
+
+import json
+import re
+import reprlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.arguments import as_floats, as_list, check_text, is_number, is_whole, unexpected
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.files import atomic_path, check_target, read_json
+from choreograph.core.timebase import parse_seconds
+from choreograph.library.words import checked_signature
+from choreograph.plan import FORMAT as PLAN_FORMAT
+from choreograph.plan import Plan
+
+# Constraints as the user states them: pins, bans, a genre, a signature, a motif sequence.
+
+
+@dataclass(frozen=True)
+class MotifPin:
+    """A motif in the beat interval around a time of the dance."""
+
+    at_s: float
+    motif: int
+
+    def __post_init__(self) -> None:
+        _check_times(self, "at_s")
+        _check_motif(self)
+
+    def __str__(self) -> str:
+        return f"{self.at_s:g}=motif:{self.motif}"
+
+
+@dataclass(frozen=True)
+class TakePin:
+    """Only one take, from one time of the dance to another."""
+
+    start_s: float
+    end_s: float
+    take: str
+
+    def __post_init__(self) -> None:
+        _check_times(self, "start_s", "end_s")
+        _check_names(self, "take")
+
+    def __str__(self) -> str:
+        return f"{self.start_s:g}-{self.end_s:g}=take:{self.take}"
+
+
+@dataclass(frozen=True)
+class Keep:
+    """A stretch of another dance to the same song that is kept as it is."""
+
+    start_s: float
+    end_s: float
+
+    def __post_init__(self) -> None:
+        _check_times(self, "start_s", "end_s")
+
+    def __str__(self) -> str:
+        return f"{self.start_s:g}-{self.end_s:g}"
+
+
+@dataclass(frozen=True)
+class Ban:
+    """One take, one genre or one motif that must not be danced: give exactly one of the three."""
+
+    take: str | None = None
+    genre: str | None = None
+    motif: int | None = None
+
+    def __post_init__(self) -> None:
+        if sum(value is not None for value in vars(self).values()) != 1:
+            raise unexpected("a ban of one take, genre or motif", vars(self))
+        if self.motif is not None:
+            _check_motif(self)
+        _check_names(self, *(name for name in ("take", "genre") if getattr(self, name) is not None))
+
+    def __str__(self) -> str:
+        kind, name = next((k, v) for k, v in vars(self).items() if v is not None)
+        return f"{kind}:{name}"
+
+
+def _check_times(constraint: object, *names: str) -> None:
+    for name in names:
+        if not is_number(getattr(constraint, name)):
+            raise unexpected(f"{name} of a {type(constraint).__name__} in seconds", getattr(constraint, name))
+
+
+def _check_names(constraint: object, *names: str) -> None:
+    for name in names:
+        if not isinstance(getattr(constraint, name), str):
+            what = f"the {name} of a {type(constraint).__name__} by name"
+            raise unexpected(what, getattr(constraint, name))
+
+
+def _check_motif(constraint: MotifPin | Ban) -> None:
+    motif = constraint.motif
+    if not is_whole(motif) or motif < 0:
+        raise unexpected(f"the motif of a {type(constraint).__name__} as a number of 0 or more", motif)
+
+
+Pin = MotifPin | TakePin
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """Everything requested of a dance beside its song; by default nothing."""
+
+    genre: str | None = None
+    signature: tuple[float, ...] | None = None  # (K,) shares of the motifs
+    motifs: tuple[int, ...] = ()  # of the dance's words, from the first word on
+    pins: tuple[Pin, ...] = ()
+    bans: tuple[Ban, ...] = ()
+
+    @property
+    def need_motifs(self) -> bool:
+        """Whether they can only be met with a repertoire that has motifs."""
+        motif_pins = any(isinstance(pin, MotifPin) for pin in self.pins)
+        motif_bans = any(ban.motif is not None for ban in self.bans)
+        return bool(self.genre or self.signature or self.motifs or motif_pins or motif_bans)
+
+    @property
+    def take_pins(self) -> tuple[TakePin, ...]:
+        """The pins of takes."""
+        return tuple(pin for pin in self.pins if isinstance(pin, TakePin))
+
+    def __str__(self) -> str:
+        return ", ".join([*(f"--pin {pin}" for pin in self.pins), *(f"--ban {ban}" for ban in self.bans)])
+
+
+def make_constraints(
+    *,
+    genre: str | None = None,
+    signature: Sequence[float] | NDArray[np.floating] | None = None,
+    motifs: Sequence[int] | Sequence[MotifPin] = (),
+    pins: Sequence[Pin] = (),
+    bans: Sequence[Ban] = (),
+) -> Constraints:
+    """Constraints from the arguments of a caller; motifs with times become pins.
+
+    Raises `ParameterError` for an argument of another type, or a signature that does not sum to 1.
+    """
+    if genre is not None:
+        check_text("a genre", genre)
+    pins = as_list("pins", pins, "MotifPin or TakePin", MotifPin | TakePin)
+    bans = as_list("bans", bans, "Ban", Ban)
+    motifs = as_list("motifs", motifs, "whole numbers or MotifPin", int | np.integer | MotifPin)
+    timed = [motif for motif in motifs if isinstance(motif, MotifPin)]
+    untimed = [motif for motif in motifs if not isinstance(motif, MotifPin)]
+    if timed and untimed:
+        raise ParameterError("expected motifs that all have times, or none, got both")
+    return Constraints(
+        genre, _shares(signature), tuple(int(motif) for motif in untimed), (*pins, *timed), bans
+    )
+
+
+def _shares(signature: object) -> tuple[float, ...] | None:
+    if signature is None:
+        return None
+    shares = as_floats("a signature as a list of shares", signature)
+    return tuple(checked_signature(shares, max(1, shares.size)).tolist())
+
+
+# Constraints from the command line's text and from files: pins, bans, signatures, motif sequences.
+
+
+SIGNATURE_FORMAT = "choreograph-signature"
+_ROUNDED_SUM = 0.01  # from 1, of shares written with two digits or more
+_TIME = r"[\d:]*\d(?:\.\d*)?|\.\d+"  # as `parse_seconds` reads it
+
+
+def parse_pin(text: str) -> Pin:
+    """`12.0=motif:41` or `0:30-0:38=take:NAME`; `ParameterError` for anything else."""
+    at = re.fullmatch(rf"({_TIME})=motif:(\d+)", text)
+    over = re.fullmatch(rf"({_TIME})-({_TIME})=take:(.+)", text)
+    if at:
+        return MotifPin(parse_seconds(at[1]), int(at[2]))
+    if over:
+        return TakePin(parse_seconds(over[1]), parse_seconds(over[2]), over[3])
+    raise ParameterError(f"expected --pin SECOND=motif:NUMBER or FROM-TO=take:NAME, got {text!r}")
+
+
+def parse_keep(text: str) -> Keep:
+    """`12.5-30` or `0:12.5-0:30`; `ParameterError` for anything else."""
+    span = re.fullmatch(rf"({_TIME})-({_TIME})", text)
+    if span:
+        return Keep(parse_seconds(span[1]), parse_seconds(span[2]))
+    raise ParameterError(f"expected --keep FROM-TO, such as 12.5-30 or 0:12.5-0:30, got {text!r}")
+
+
+def parse_ban(text: str) -> Ban:
+    """`take:NAME`, `genre:NAME` or `motif:NUMBER`; `ParameterError` for anything else."""
+    kind, _, name = text.partition(":")
+    if name and kind == "take":
+        return Ban(take=name)
+    if name and kind == "genre":
+        return Ban(genre=name)
+    if kind == "motif" and name.isdecimal():
+        return Ban(motif=int(name))
+    raise ParameterError(f"expected --ban take:NAME, genre:NAME or motif:NUMBER, got {text!r}")
+
+
+def read_signature(path: str | Path) -> tuple[float, ...]:
+    """The shares (K,) in a signature file, made to sum to 1 if rounding left up to 1 % more or less.
+
+    Raises `FormatError` if it is none.
+    """
+    data = read_json(path, "a signature")
+    shares = data.get("shares") if isinstance(data, dict) and data.get("format") == SIGNATURE_FORMAT else None
+    if not isinstance(shares, list) or not shares or not all(map(is_number, shares)):
+        raise FormatError(f"{path}: expected a {SIGNATURE_FORMAT} with a list of shares, got something else")
+    values = np.array(shares, np.float64)
+    total = values.sum()
+    if abs(total - 1.0) <= _ROUNDED_SUM:
+        values /= total
+    try:
+        return tuple(checked_signature(values, len(shares)).tolist())
+    except ParameterError as error:
+        raise FormatError(f"{path}: {error}") from None
+
+
+def write_signature(path: str | Path, shares: NDArray[np.floating], *, name: str, repertoire: str) -> None:
+    """Write a signature (K,): of a take or genre called `name`, over the motifs of `repertoire`."""
+    check_target(path)
+    data = {
+        "format": SIGNATURE_FORMAT, "version": 1, "name": name, "repertoire": repertoire,
+        "shares": [float(share) for share in shares],
+    }  # fmt: skip
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def read_motifs(path: str | Path) -> tuple[int, ...] | tuple[MotifPin, ...]:
+    """The motifs in a file: a list of numbers, one a word; a list of {"at_s": 12.0, "motif": 41}; or a plan.
+
+    A plan of words gives its words' motifs, a plan of the graph engine its pinned words with their times.
+    Raises `FormatError` if the file is none of these.
+    """
+    data = read_json(path, "a list of motifs, or a plan")
+    if isinstance(data, dict) and data.get("format") == PLAN_FORMAT:
+        plan = Plan.read(path)
+        if not plan.words:
+            raise FormatError(f"{path}: expected a plan of motifs, got one of seconds alone")
+        if not plan.seconds:
+            return tuple(word.motif for word in plan.words)
+        return tuple(MotifPin((word.start_s + word.end_s) / 2, word.motif) for word in plan.words)
+    if isinstance(data, list) and data and all(_is_motif(entry) for entry in data):
+        return tuple(data)
+    if isinstance(data, list) and data and all(_is_timed(entry) for entry in data):
+        return tuple(MotifPin(entry["at_s"], entry["motif"]) for entry in data)
+    raise FormatError(
+        f'{path}: expected a list of motif numbers, of {{"at_s": seconds, "motif": number}}, or a plan, got '
+        f"{reprlib.repr(data)}"
+    )
+
+
+def _is_motif(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def _is_timed(entry: Any) -> bool:
+    return (
+        isinstance(entry, dict)
+        and set(entry) == {"at_s", "motif"}
+        and is_number(entry["at_s"])
+        and _is_motif(entry["motif"])
+    )

@@ -1,0 +1,242 @@
+"""Pinned, banned and kept motion in a dance: words replaced until the rendered motion obeys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.graph.layers import Layer
+from choreograph.choreography.mixer.words import (
+    AROUND_S,
+    CandidatePool,
+    Candidates,
+    consecutive_slots,
+    search_words,
+)
+from choreograph.choreography.slots import KeptDance, ResolvedConstraints
+from choreograph.core.counts import Counts
+from choreograph.core.errors import NoPathError
+from choreograph.core.timebase import WORD_FPS
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.words import poses_at, segment_words
+from choreograph.motion.body import body_pos_m, clips_to_root_frame, to_root_frame
+from choreograph.motion.motion import Motion
+from choreograph.music.sections import coming_to_rest_s
+from choreograph.music.song_features import SongFeatures
+from choreograph.plan import Plan, PlannedWord
+
+# Which motif each word of a rendered motion shows.
+
+
+def danced_motifs(motion: Motion, bounds_s: NDArray[np.float64], repertoire: Repertoire) -> NDArray[np.int64]:
+    """The motif of each word (N,) of a motion segmented at `bounds_s` (N + 1,), as a repertoire's own are.
+
+    -1 for a word too short to have one.
+    """
+    return motifs_of_embeddings(danced_embeddings(motion, bounds_s, repertoire), repertoire)
+
+
+def danced_embeddings(
+    motion: Motion, bounds_s: NDArray[np.float64], repertoire: Repertoire
+) -> NDArray[np.float32]:
+    """The embedding of each word (N, D) of a motion segmented at `bounds_s` (N + 1,); nan if too short."""
+    body = body_pos_m(motion.resampled(WORD_FPS))
+    inside = np.clip(bounds_s, 0.0, (len(body) - 1) / WORD_FPS)
+    words = segment_words(body, WORD_FPS, inside)
+    medoids = repertoire.vocabulary.motifs.embeddings  # (K, D)
+    embeddings = np.full((len(bounds_s) - 1, medoids.shape[1]), np.nan, np.float32)
+    if len(words):
+        slots = np.searchsorted(bounds_s, (words.start_s + words.end_s) / 2, side="right") - 1
+        embeddings[slots] = repertoire.word_net().embed(words.body_pos_m)
+    return embeddings
+
+
+def motifs_of_embeddings(embeddings: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.int64]:
+    """The motif (N,) nearest to each embedding (N, D); -1 for nan."""
+    motifs = np.full(len(embeddings), -1, np.int64)
+    known = ~np.isnan(embeddings[:, 0])
+    if known.any():
+        motifs[known] = repertoire.vocabulary.motifs.nearest(embeddings[known])
+    return motifs
+
+
+# Pinned and banned motifs in a dance: words of takes replace what violates them, until nothing does.
+
+
+Indices = NDArray[np.int64]
+WithWords = Callable[[tuple[PlannedWord, ...]], tuple[Plan, Motion]]
+
+
+def enforce_motifs(
+    plan: Plan,
+    motion: Motion,
+    constraints: ResolvedConstraints,
+    repertoire: Repertoire,
+    with_words: WithWords,
+) -> tuple[Plan, Motion]:
+    """The plan with words wherever pinned motifs are not danced, or banned ones are, and its motion.
+
+    Each word is the one with the best transitions from and to what is danced around it. The result is
+    rendered, by `with_words`, and checked: a word that no longer shows its motif, or makes another slot
+    wrong, is replaced by the next best.
+
+    Raises `NoPathError` naming the motif and the time for which no word is left.
+    """
+    song_counts = Counts(np.array(plan.music_beats_s), np.array(plan.music_beat_numbers), plan.metre)
+    pool = CandidatePool.of(constraints, repertoire, song_counts, np.random.default_rng(plan.seed))
+    surroundings = _Surroundings(body_pos_m(motion), motion.fps)
+    candidates: dict[int, Candidates] = {}
+    chosen: dict[int, int] = {}
+    enforced = plan
+    while True:
+        danced = danced_motifs(motion, constraints.bounds_s, repertoire)
+        wrong = [slot for slot in violated_slots(danced, constraints) if is_danced(slot, plan, constraints)]
+        if not wrong:
+            return enforced, motion
+        for slot in wrong:
+            here = candidates.get(slot) or surroundings.candidates(pool, slot)
+            candidates[slot] = here.without(chosen[slot]) if slot in chosen else here
+            if not candidates[slot].any_left:
+                raise NoPathError(no_word_left(slot, constraints))
+        chosen = _chosen(candidates)
+        words = tuple(pool.planned(slot, word, pinned=True) for slot, word in sorted(chosen.items()))
+        enforced, motion = with_words(words)
+
+
+def is_danced(slot: int, plan: Plan, constraints: ResolvedConstraints) -> bool:
+    """Whether a slot is danced throughout, and not in part or all of it a pose that is held."""
+    end_s = plan.duration_s if plan.closing_s is None else coming_to_rest_s(plan.opening_s, plan.closing_s)[0]
+    start_s, stop_s = constraints.bounds_s[slot : slot + 2]
+    return start_s >= plan.opening_s and stop_s <= end_s
+
+
+def violated_slots(danced: Indices, constraints: ResolvedConstraints) -> list[int]:
+    """Slots whose motif (N,) is not the required one, or is banned; -1 is a word without a motif."""
+    banned = np.append(constraints.motif_banned, False)[danced]
+    return [
+        slot
+        for slot, motif in enumerate(danced)
+        if banned[slot] or (slot in constraints.motifs and motif != constraints.motifs[slot])
+    ]
+
+
+def no_word_left(slot: int, constraints: ResolvedConstraints) -> str:
+    """The message for a slot that no word is left for."""
+    at = f"{constraints.bounds_s[slot]:.1f} s"
+    if slot in constraints.motifs:
+        return (
+            f"no word of motif {constraints.motifs[slot]} can be danced at {at} so that it stays that motif: "
+            "pin it elsewhere, or another"
+        )
+    return f"no word can be danced at {at} that is none of the banned motifs: ban fewer"
+
+
+def _chosen(candidates: dict[int, Candidates]) -> dict[int, int]:
+    """The word of every slot; words of consecutive slots are chosen together."""
+    chosen: dict[int, int] = {}
+    for slots in consecutive_slots(dict.fromkeys(candidates)):
+        words = search_words([candidates[slot] for slot in slots])
+        chosen.update(zip(slots, words.tolist(), strict=True))
+    return chosen
+
+
+class _Surroundings:
+    """The dance that words are put into: its poses at their borders."""
+
+    def __init__(self, body: NDArray[np.float64], fps: float) -> None:
+        self._body, self._fps = body, fps
+
+    def candidates(self, pool: CandidatePool, slot: int) -> Candidates:
+        """The words for a slot; the distance from the dance at both borders adds to their cost."""
+        here = pool.candidates(slot, pool.constraints.motifs.get(slot))
+        start_s, end_s = pool.constraints.bounds_s[slot : slot + 2]
+        distance_m = self._distance_m(here.first_m, start_s) + self._distance_m(here.last_m, end_s)
+        return replace(here, cost_m=here.cost_m + distance_m)
+
+    def _distance_m(self, poses_m: NDArray[np.floating], at_s: float) -> NDArray[np.floating]:
+        danced_m = clips_to_root_frame(poses_at(self._body, self._fps, at_s + AROUND_S))  # (3, 21, 3)
+        return np.sqrt(np.square(poses_m - danced_m).sum(axis=-1).mean(axis=(1, 2)))
+
+
+# What is kept of another dance, as engines see it: where its gaps begin and end, and in which poses.
+
+
+Floats = NDArray[np.float64]
+
+_POSE_WEIGHT = 6.0  # a metre: twice the default of `transition`, since a gap has but two ends
+_VELOCITY_WEIGHT = 0.6  # a metre a second
+
+
+@dataclass(frozen=True)
+class Border:
+    """Where a gap begins, or ends."""
+
+    at_s: float
+    begins: bool
+
+
+def gap_borders(kept: KeptDance, duration_s: float) -> list[Border]:
+    """Where gaps begin after what is kept, and end before it."""
+    ends = [Border(k.end_s, True) for k in kept.stretches if k.end_s < duration_s]
+    starts = [Border(k.start_s, False) for k in kept.stretches if k.start_s > 0]
+    return sorted(ends + starts, key=lambda border: border.at_s)
+
+
+class KeptBorders(Cost):
+    """Distance in pose and velocity of nodes at a gap's borders from the existing dance there.
+
+    Nodes are compared on the whole second nearest to a border, where the existing dance has just been left or
+    is about to begin.
+    """
+
+    name = "kept_borders"
+    min_jump_cost = 0.0
+
+    def __init__(self, kept: KeptDance, duration_s: float) -> None:
+        body, fps = body_pos_m(kept.motion), kept.motion.fps
+        self._at: dict[tuple[int, bool], tuple[Floats, Floats]] = {}
+        for border in gap_borders(kept, duration_s):
+            second = round(border.at_s)
+            poses = poses_at(body, fps, second + AROUND_S)  # (3, 21, 3)
+            velocity = (poses[2] - poses[0]) / (AROUND_S[2] - AROUND_S[0])
+            of_layer = second if border.begins else second - 1
+            self._at[of_layer, border.begins] = to_root_frame(poses[1]), to_root_frame(poses[1], velocity)
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
+        cost = np.zeros(layer.n_nodes)
+        for begins in (True, False):
+            if (layer.second, begins) not in self._at:
+                continue
+            pose_m, velocity_m_s = self._at[layer.second, begins]
+            poses = layer.first_pose_m if begins else layer.last_pose_m
+            velocities = layer.first_velocity_m_s if begins else layer.last_velocity_m_s
+            cost += _POSE_WEIGHT * _rms(poses - pose_m) + _VELOCITY_WEIGHT * _rms(velocities - velocity_m_s)
+        return cost if cost.any() else None
+
+
+def with_border_costs(
+    candidates: list[Candidates], kept: KeptDance, constraints: ResolvedConstraints
+) -> list[Candidates]:
+    """The words for each slot (N,), the dearer the farther from the existing dance at a gap's borders."""
+    body, fps, bounds_s = body_pos_m(kept.motion), kept.motion.fps, constraints.bounds_s
+    dearer = list(candidates)
+    for border in gap_borders(kept, float(bounds_s[-1])):
+        nearest = int(np.abs(bounds_s - border.at_s).argmin())
+        slot = nearest if border.begins else nearest - 1
+        if not 0 <= slot < len(dearer):
+            continue
+        here = dearer[slot]
+        poses = clips_to_root_frame(poses_at(body, fps, bounds_s[nearest] + AROUND_S))  # (3, 21, 3)
+        own = here.first_m if border.begins else here.last_m
+        distance_m = np.sqrt(np.square(own - poses).sum(axis=-1).mean(axis=(1, 2)))
+        dearer[slot] = replace(here, cost_m=here.cost_m + distance_m)
+    return dearer
+
+
+def _rms(vectors: NDArray[np.floating]) -> Floats:
+    """Root mean square lengths (N,) of vectors (N, 21, 3)."""
+    return np.sqrt(np.square(vectors).sum(axis=-1).mean(axis=-1))

@@ -1,0 +1,132 @@
+"""What an engine is: a way from a song's features and the user's constraints to a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, fields
+from typing import Protocol
+
+from choreograph.choreography.constraints import Constraints
+from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.slots import KeptDance, ResolvedConstraints
+from choreograph.core.errors import ParameterError
+from choreograph.core.progress import ProgressReport
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion.motion import Motion
+from choreograph.music.sections import coming_to_rest_s
+from choreograph.music.song import Song
+from choreograph.music.song_features import SongFeatures
+from choreograph.plan import Plan
+from choreograph.settings import DanceConfig
+
+COMMON_SETTINGS = frozenset({"engine", "fps", "seed", "beats"})  # that every engine uses
+
+
+@dataclass(frozen=True, eq=False)
+class DanceRequest:
+    """One dance to plan: everything an engine may use."""
+
+    song: Song
+    song_features: SongFeatures
+    repertoire: Repertoire
+    config: DanceConfig
+    constraints: ResolvedConstraints
+    costs: tuple[Cost, ...] = ()  # the user's
+    style_song: Song | None = None
+    kept: KeptDance | None = None  # of which stretches replace what is planned
+    report: ProgressReport | None = None
+
+    @property
+    def danced_span_s(self) -> tuple[float, float]:
+        """When the first pose is left, and the last one taken.
+
+        The whole song where motifs ask for more, or no pose is held.
+        """
+        features, resolved = self.song_features, self.constraints
+        if not self.config.hold_ends:
+            return 0.0, features.duration_s
+        wanted = sorted(resolved.motifs)
+        early = wanted and resolved.bounds_s[wanted[0]] < features.opening_s
+        rests_from_s, _ = coming_to_rest_s(features.opening_s, features.closing_s)
+        late = wanted and resolved.bounds_s[wanted[-1] + 1] > rests_from_s
+        return (
+            0.0 if early else features.opening_s,
+            features.duration_s if late else features.closing_s,
+        )
+
+    def new_plan(self, **parts) -> Plan:
+        """A plan with what every engine's plan says of the song, the repertoire and the settings."""
+        features, config, counts = self.song_features, self.config, self.song_features.counts
+        opening_s, closing_s = self.danced_span_s
+        common = {
+            "song": features.name, "duration_s": features.duration_s, "start_s": self.song.start_s,
+            "repertoire": self.repertoire.path.name, "planner": config.planner, "blending": config.blending,
+            "seed": config.seed, "fps": config.fps, "weights": {}, "seconds": (), "words": (),
+            "music_beats_s": tuple(float(beat) for beat in features.beat_times_s),
+            "music_beat_numbers": tuple(map(int, counts.numbers)) if counts.has_bars else (),
+            "metre": counts.metre, "opening_s": opening_s,
+            "closing_s": closing_s if closing_s < features.duration_s else None,
+            "lock_feet": config.lock_feet, "keep_on_stage": config.keep_on_stage,
+        }  # fmt: skip
+        return Plan(**{**common, **parts})
+
+
+@dataclass(frozen=True, eq=False)
+class EngineResult:
+    """A final plan, transitions and their times included, and notes on what was unusual."""
+
+    plan: Plan
+    notes: tuple[str, ...] = ()  # one line each
+    motion: Motion | None = None  # the plan rendered, where the engine had to; None: render it
+    unmet: tuple[str, ...] = ()  # what was requested and is not danced, one line each
+
+
+class Engine(Protocol):
+    """A way from song features and constraints to a plan."""
+
+    name: str
+    settings: frozenset[str]  # fields of `DanceConfig` and arguments of `dance` beyond `COMMON_SETTINGS`
+
+    def check(
+        self,
+        repertoire: Repertoire,
+        config: DanceConfig,
+        constraints: Constraints,
+        costs: Sequence[Cost],
+    ) -> None:
+        """Raise before any work if the engine cannot dance like this.
+
+        `RepertoireError` if the repertoire lacks what the engine needs, `ParameterError` for constraints or
+        costs that it cannot follow.
+        """
+
+    def plan(self, request: DanceRequest) -> EngineResult:
+        """The dance; `NoPathError` if the constraints leave none."""
+
+
+def check_settings(
+    engine: Engine, engines: Sequence[Engine], config: DanceConfig, given: Collection[str]
+) -> None:
+    """Raise `ParameterError` for a setting that `engine` does not use, or not beside another setting.
+
+    A setting counts if its name is among those `given`, or if its value in `config` is not the default.
+    """
+    changed = {f.name for f in fields(DanceConfig) if getattr(config, f.name) != _default(f.name)}
+    unused = sorted((changed | set(given)) - COMMON_SETTINGS - engine.settings)
+    if unused:
+        name = unused[0]
+        users = " or ".join(other.name for other in engines if name in other.settings)
+        raise ParameterError(
+            f"expected no {name.replace('_', ' ')} with the {engine.name} engine: it is a setting of the "
+            f"{users} engine; leave it out, or choose that engine"
+        )
+    aligning = sorted({"density", "time_maps"} & set(given))
+    if config.warping == "none" and aligning:
+        raise ParameterError(
+            f"expected no {aligning[0].replace('_', ' ')} with the warping none, which aligns nothing: leave "
+            "it out, or choose the warping dtw"
+        )
+
+
+def _default(name: str) -> object:
+    return getattr(DanceConfig(), name)

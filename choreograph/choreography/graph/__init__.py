@@ -1,0 +1,1 @@
+"""The graph engine: clips warped to the music, costs, and planners that find the best path (ChoreoGraph)."""

@@ -1,0 +1,352 @@
+"""Costs of nodes and edges. The built-in ones use only what a user-defined cost can use, too."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.graph.layers import Layer
+from choreograph.choreography.selection import energy_mismatch, steps_mismatch
+from choreograph.core.kernel_cache import njit
+from choreograph.core.timebase import CLIP_FRAMES, NODE_FRAMES
+from choreograph.music.song_features import SongFeatures
+
+# Compiled loops of the planners: edge costs, and the cheapest predecessor of each node.
+#
+# Each call runs on one thread: the planner evaluates parts of a block of edges in threads of its own.
+
+
+# A squared distance is the difference of sums: below this share of them it is their rounding error, which
+# depends on how many rows are multiplied at once.
+_ROUNDING = np.float32(2e-6)
+
+
+@njit(nogil=True)
+def distances_from_product(product, sq_a, sq_b, scale):  # pragma: no cover - compiled
+    """√(scale · (|a|² + |b|² - 2 a·b)) in place of the products a·b, (P, N) float32; 0 within rounding."""
+    n_a, n_b = product.shape
+    for i in range(n_a):
+        for j in range(n_b):
+            both = sq_a[i] + sq_b[j]
+            d = both - np.float32(2.0) * product[i, j]
+            product[i, j] = np.sqrt(d * scale) if d > _ROUNDING * both else np.float32(0.0)
+    return product
+
+
+@njit(nogil=True)
+def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
+    """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32; float32 in."""
+    n_a, n_b = edges.shape
+    parent = np.zeros(n_b, np.int32)
+    block = 512
+    for b in range((n_b + block - 1) // block):
+        best = np.full(block, np.float32(np.inf))
+        first = b * block
+        width = min(block, n_b - first)
+        for i in range(n_a):
+            r = reached[i]
+            for j in range(width):
+                c = r + edges[i, first + j]
+                if c < best[j]:
+                    best[j] = c
+                    parent[first + j] = i
+    return parent
+
+
+@njit(nogil=True)
+def revisits(take_a, end_a, take_b, start_b, min_frames, max_frames):  # pragma: no cover - compiled
+    """1 where a and b share a take and b starts between `min_frames` and `max_frames` before a ends, (P, N).
+
+    Both limits are exclusive.
+    """
+    n_a, n_b = len(take_a), len(take_b)
+    back = np.zeros((n_a, n_b), np.float32)
+    for i in range(n_a):
+        for j in range(n_b):
+            if take_a[i] == take_b[j] and min_frames < end_a[i] - start_b[j] < max_frames:
+                back[i, j] = 1.0
+    return back
+
+
+@njit(nogil=True)
+def motif_count_costs(step_cost, counts, motifs):  # pragma: no cover - compiled
+    """Sum over a node's motifs of step_cost[motif, times danced before], (P, N) float32.
+
+    step_cost (K, C) float32; counts (P, K) along the path to each predecessor; motifs (N, W) padded with -1.
+    """
+    n_a, n_b, width = len(counts), len(motifs), motifs.shape[1]
+    n_motifs, n_counts = step_cost.shape
+    repeats = np.zeros((n_b, width), np.int64)  # how often the node itself has danced the motif before
+    for j in range(n_b):
+        for w in range(width):
+            for v in range(w):
+                repeats[j, w] += motifs[j, v] == motifs[j, w]
+    next_cost = np.empty(n_motifs, np.float32)
+    total = np.zeros((n_a, n_b), np.float32)
+    for i in range(n_a):
+        for k in range(n_motifs):
+            next_cost[k] = step_cost[k, min(counts[i, k], n_counts - 1)]
+        for j in range(n_b):
+            cost = np.float32(0.0)
+            for w in range(width):
+                motif = motifs[j, w]
+                if motif < 0:
+                    break
+                if repeats[j, w] == 0:
+                    cost += next_cost[motif]
+                else:
+                    cost += step_cost[motif, min(counts[i, motif] + repeats[j, w], n_counts - 1)]
+            total[i, j] = cost
+    return total
+
+
+# Costs of nodes and edges. The built-in ones use only what a user-defined cost can use, too.
+
+
+Floats = NDArray[np.floating]
+
+_USAGE_SCALE_S = 12.0  # three minutes in 15 takes
+_STILL_M_S = 0.1  # bodies this slow hardly differ in velocity
+_OVERLAP_FRAMES = NODE_FRAMES // 4  # a step back of at most this is no repeat: takes change on a shared beat
+
+
+class Cost:
+    """A cost on nodes, on edges, or on both. Subclass it and override what you need.
+
+    `name` is its name in plans, weights and errors; the default is the class name in lower case. Values
+    may have any unit: the weight scales them. `inf` forbids, `nan` is an error. `min_jump_cost` is a lower
+    bound of every edge between two warped segments; with it the exact planner skips edges that cannot be
+    on the cheapest path. Set it to 0 if no edge is negative.
+    """
+
+    name: str = ""
+    min_jump_cost: float = -math.inf
+
+    def __init_subclass__(cls, **kwargs: object) -> None:
+        super().__init_subclass__(**kwargs)
+        if "name" not in cls.__dict__:
+            cls.name = cls.__name__.lower()
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
+        """Cost (N,) of dancing each node of `layer`, or None."""
+        return None
+
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats | None:
+        """Cost (P, N) of going from each node of `previous` to each of `next`, or None."""
+        return None
+
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats | float:
+        """Lower bounds of edges between segments: one per node of `next`, (N,), or one for all."""
+        return self.min_jump_cost
+
+
+class Style(Cost):
+    """‖S_x(clip) - S_m(second)‖₂: distance of a clip's style from the music's (equation 5)."""
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return np.linalg.norm(layer.style - song_features.style[layer.second], axis=1)
+
+
+class Completeness(Cost):
+    """1 for leaving a warped segment; less for staying in it, the longer an action has no beat.
+
+    σ((20 - V) / 5) with V the frames from the last motion beat before the border to the first after
+    it (ChoreoGraph, section 3.3). In a second without a beat, the gap extends to its far end. Ours: staying
+    in a take that is danced by its counts costs nothing. Its figures say where an action is complete
+    (`Phrasing`); to leave it where it rests makes dances rest where their dancers do not.
+    """
+
+    min_jump_cost = 1.0
+
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+        cost = np.ones((previous.n_nodes, next.n_nodes), np.float32)
+        here, there = previous.successors_in(next)
+        last = np.nan_to_num(previous.last_beat[here], nan=0.0)
+        first = np.nan_to_num(next.first_beat[there], nan=float(NODE_FRAMES))
+        gap = NODE_FRAMES - last + first  # frames, at most two seconds
+        by_beats = 1.0 / (1.0 + np.exp(-(NODE_FRAMES - gap) / 5.0))
+        cost[here, there] = np.where(previous.track[here] >= 0, 0.0, by_beats)
+        return cost
+
+
+class Transition(Cost):
+    """Root mean square joint distance in metres, with the next body aligned to the previous one.
+
+    The paper's ‖·‖₂ over all joints, divided by √21 so that it is in metres for any number of joints, and
+    measured at the border of the two seconds: consecutive nodes of a segment are at distance 0. The first
+    node costs nothing.
+    """
+
+    min_jump_cost = 0.0
+
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+        return _rms_distances(previous.last_pose_m, next.first_pose_m)
+
+
+class Velocity(Cost):
+    """Root mean square difference of joint velocities at the border, over the two bodies' mean speed (ours).
+
+    0 where both move alike, up to 2 where one rests or they move against each other. Relative, because the
+    difference itself is least where both rest: takes would change there, and dances rest more than their
+    dancers do.
+    """
+
+    min_jump_cost = 0.0
+
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+        difference_m_s = _rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)
+        speed_m_s = 0.5 * (
+            _rms_speed_m_s(previous.last_velocity_m_s)[:, None] + _rms_speed_m_s(next.first_velocity_m_s)
+        )
+        return difference_m_s / (speed_m_s + np.float32(_STILL_M_S))
+
+
+class Rhythm(Cost):
+    """Share of unmatched beats plus the mismatch of tempo-densities, of the warped node.
+
+    Ours: the paper's costs do not measure the result of the warp, and select clips that cannot be warped
+    to the beat. A node whose take's counts lie on the beats costs only their doubt, where they were read from
+    the motion.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        by_density = layer.unmatched_beat + layer.density_mismatch
+        return np.where(layer.track >= 0, layer.count_doubt, by_density)
+
+
+class Accents(Cost):
+    """Share of unmatched beats, motion's and music's, of a node whose take's counts lie on the beats (ours).
+
+    Bodies come to rest where their technique has them rest, rarely on the count itself: a high weight makes
+    dances that stop on every beat, as no dancer does.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return np.where(layer.track >= 0, layer.unmatched_beat, 0.0)
+
+
+class Bars(Cost):
+    """Share of the second's beats whose number in the bar is not the take's (ours).
+
+    It is 0 where bars lie on bars; a take of another metre pays for most beats.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return layer.off_bar
+
+
+class Phrasing(Cost):
+    """How ill-timed a change of takes is for the choreography of both, 0 … 1 (ours).
+
+    0 where one take's figure has ended and the other's begins, 1 inside figures and off count 1.
+    """
+
+    min_jump_cost = 0.0
+
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+        cost = 0.5 * (previous.leave_penalty[:, None] + next.enter_penalty).astype(np.float32)
+        cost[previous.successors_in(next)] = 0.0
+        return cost
+
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+        return 0.5 * (previous.leave_penalty.min() + next.enter_penalty)
+
+
+class Energy(Cost):
+    """Lively motion where the song is softer than its mean, quiet motion where it is louder (ours).
+
+    A song of one loudness asks for nothing.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        louder = float(song_features.energy[layer.second] - song_features.energy.mean())
+        return energy_mismatch(louder, layer.liveliness)
+
+
+class Steps(Cost):
+    """Steps that are rare where onsets are dense, or dense where they are rare (ours).
+
+    Both as ranks: of the clip in its genre, of the second in its song.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return steps_mismatch(float(song_features.onset_density[layer.second]), layer.steps)
+
+
+class Pace(Cost):
+    """Change of playback speed from the recording, in octaves, averaged over quarters of the second.
+
+    Ours: in the paper every warp within the slope limits is free, and its dances look hectic. At 1.5 times
+    the speed, feet slide 1.5 times as fast and accelerations are more than doubled.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        slopes = np.diff(layer.source_frames[:, :: NODE_FRAMES // 4], axis=1) / (NODE_FRAMES // 4)  # (N, 4)
+        return np.abs(np.log2(slopes)).mean(axis=1)
+
+
+class Variety(Cost):
+    """Recent use of the node's take by the dance so far, in seconds, over 12.
+
+    Ours: the paper's cheapest path tends to play one long take on and on.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return layer.recent_usage_s / _USAGE_SCALE_S
+
+
+class Repeat(Cost):
+    """1 for an edge that goes back in the same take by less than a clip's length (ours).
+
+    A step back of up to a quarter of a second is free: both sides may contain the same beat.
+    """
+
+    min_jump_cost = 0.0
+
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+
+        return revisits(
+            previous.take,
+            previous.take_frames[:, 1],
+            next.take,
+            next.take_frames[:, 0],
+            _OVERLAP_FRAMES,
+            CLIP_FRAMES,
+        )
+
+
+BUILTIN_COSTS: tuple[type[Cost], ...] = (
+    Style,
+    Completeness,
+    Transition,
+    Velocity,
+    Rhythm,
+    Accents,
+    Bars,
+    Phrasing,
+    Energy,
+    Steps,
+    Pace,
+    Variety,
+    Repeat,
+)
+
+
+def _rms_distances(a: Floats, b: Floats) -> Floats:
+    """Root mean square joint distances (P, N) of poses (P, 21, 3) and (N, 21, 3)."""
+
+    n_joints = a.shape[1]
+    flat_a = np.ascontiguousarray(a, np.float32).reshape(len(a), -1)
+    flat_b = np.ascontiguousarray(b, np.float32).reshape(len(b), -1)
+    sq_a = np.einsum("pd,pd->p", flat_a, flat_a)
+    sq_b = np.einsum("nd,nd->n", flat_b, flat_b)
+    return distances_from_product(flat_a @ flat_b.T, sq_a, sq_b, np.float32(1.0 / n_joints))
+
+
+def _rms_speed_m_s(velocity_m_s: Floats) -> NDArray[np.float32]:
+    """Root mean square joint speeds (N,) of velocities (N, 21, 3)."""
+    return np.sqrt(
+        np.einsum("njd,njd->n", velocity_m_s, velocity_m_s) / velocity_m_s.shape[1], dtype=np.float32
+    )

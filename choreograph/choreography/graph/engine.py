@@ -1,0 +1,262 @@
+"""The graph engine: the best path through a graph of warped clips, and its transitions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from choreograph.choreography.constraints import Constraints, TakePin
+from choreograph.choreography.enforcement import KeptBorders, enforce_motifs
+from choreograph.choreography.engine import DanceRequest, EngineResult
+from choreograph.choreography.genres import SectionGoal, section_goals
+from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost
+from choreograph.choreography.graph.layer_source import AllowedNodes, make_layers
+from choreograph.choreography.graph.layers import Layer, LayerSource
+from choreograph.choreography.graph.motif_costs import (
+    MOTIF_COSTS,
+    MotifTransition,
+    Signature,
+    Stillness,
+    WeightedCost,
+)
+from choreograph.choreography.graph.planners import Path, plan_exact, plan_greedy
+from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
+from choreograph.core.progress import substage
+from choreograph.core.timebase import CLIP_S, NET_FPS
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion.motion import Motion
+from choreograph.music.count_grids import FEWEST_COUNTS
+from choreograph.music.sections import REACH_S, join_times_s
+from choreograph.plan import Plan, PlannedSecond, PlannedWord
+from choreograph.render.rendering import motion_reader, render, runs_of_seconds
+from choreograph.render.runs import Run, TransitionTiming
+from choreograph.render.transitions import time_transitions
+from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig, resolve_weights
+
+_COST_DECIMALS = 4  # of a cost in a plan: beyond them CPUs differ
+
+
+class GraphEngine:
+    """Seconds of warped takes, and the path through a graph of them (ChoreoGraph, section 3)."""
+
+    name = "graph"
+    settings = frozenset(
+        {
+            "planner",
+            "candidates",
+            "selection",
+            "warping",
+            "density",
+            "time_maps",
+            "blending",
+            "transitions",
+            "lock_feet",
+            "hold_ends",
+            "keep_on_stage",
+            "weights",
+            "costs",
+        }
+    )
+
+    def check(
+        self,
+        repertoire: Repertoire,
+        config: DanceConfig,
+        constraints: Constraints,
+        costs: Sequence[Cost],
+    ) -> None:
+        """As `Engine.check`: it needs clips, and dances seconds rather than a whole sequence of motifs."""
+        if config.planner == "motion-graph" and (constraints.genre or constraints.signature):
+            raise ParameterError(
+                "expected the planner exact or greedy for a genre or signature, got motion-graph, which "
+                "follows none"
+            )
+        if constraints.motifs:
+            raise ParameterError(
+                "expected the mixer or rollout engine for a whole sequence of motifs, or motifs with their "
+                "times, got the graph engine, which dances seconds"
+            )
+        cost_weights(config, costs)
+        if repertoire.n_clips == 0:
+            raise RepertoireError(
+                f"{repertoire.path}: expected takes of {CLIP_S} s or more, got shorter ones alone: no clip"
+            )
+        if config.density == "learned" and repertoire.density != "learned":
+            raise RepertoireError(
+                f"{repertoire.path}: expected learned tempo-densities, got {repertoire.density} ones: "
+                "build it again with `choreograph build-db --density learned`, or --published"
+            )
+        if constraints.need_motifs:
+            _ = repertoire.vocabulary
+
+    def plan(self, request: DanceRequest) -> EngineResult:
+        """The cheapest path found, with transitions; words where motifs are pinned or banned."""
+        constraints, config, repertoire = request.constraints, request.config, request.repertoire
+        notes: tuple[str, ...] = ()
+        if repertoire.n_clips < config.candidates and config.planner != "motion-graph":
+            notes = (f"{repertoire.n_clips} clips, fewer than {config.candidates} candidates: all take part",)
+        if note := _unaligned_note(request):
+            notes = (*notes, note)
+        goals, goal_notes = _goals(request)
+        path, weights = _search_path(request, goals)
+        plan = _to_plan(path, weights, request)
+        if config.transitions == "beats":
+            plan = with_transitions_on_counts(plan, request)
+        motion = None
+        if constraints.constrains_motifs:
+            with_words = partial(_with_words, plan, repertoire)
+            plan, motion = enforce_motifs(*with_words(()), constraints, repertoire, with_words)
+        return EngineResult(plan, (*notes, *goal_notes), motion)
+
+
+def _unaligned_note(request: DanceRequest) -> str:
+    """A note if settings of the DTW were changed, but takes are danced by their counts; else empty."""
+    config, repertoire = request.config, request.repertoire
+    default = DanceConfig()
+    changed = [name for name in ("density", "time_maps") if getattr(config, name) != getattr(default, name)]
+    counted = any(len(repertoire.counts(take)) >= FEWEST_COUNTS for take in range(len(repertoire.takes)))
+    by_counts = config.warping == "counts" and len(request.song_features.counts) >= FEWEST_COUNTS
+    if not changed or not counted or not by_counts:
+        return ""
+    names = " and ".join(name.replace("_", " ") for name in changed)
+    return f"no effect of {names}: takes are danced by their counts; the warping dtw uses them"
+
+
+def _with_words(plan: Plan, repertoire: Repertoire, words: tuple[PlannedWord, ...]) -> tuple[Plan, Motion]:
+    """The plan with words in place of what it dances there, and its motion."""
+    enforced = replace(plan, words=words)
+    return enforced, render(enforced, repertoire)
+
+
+def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]:
+    """The weight of every cost that may take part, the user's `costs` among them.
+
+    Raises `ParameterError` if two costs share a name, or a weight belongs to no cost.
+    """
+    known: tuple[type[Cost], ...] = (*BUILTIN_COSTS, Stillness, *MOTIF_COSTS)
+    names = [
+        *(cost.name for cost in known),
+        *(cost.name for cost in costs),
+    ]
+    if len(set(names)) != len(names):
+        raise ParameterError(
+            f"expected costs with a name each, but two share a name among {', '.join(names)}: give yours its "
+            "own `name`"
+        )
+    return resolve_weights(config.weights, names)
+
+
+def with_transitions_on_counts(plan: Plan, request: DanceRequest) -> Plan:
+    """The plan with every transition on the downbeat or beat near its second, as long as it needs to be.
+
+    No other take starts earlier, or plays on later, than planned where a take is pinned.
+    """
+    repertoire, pins = request.repertoire, request.constraints.requested.take_pins
+    runs = runs_of_seconds(plan)
+    joins_s = join_times_s(request.song_features.counts, len(plan.seconds) + 1)
+    fixed = [False, *(any(_borders_pin(pin, *pair) for pin in pins) for pair in pairwise(runs))]
+    timings = time_transitions(
+        runs, [float(joins_s[round(run.start_s)]) for run in runs],
+        {take.name: take.duration_s for take in repertoire.takes}, motion_reader(repertoire),
+        fps=plan.fps, blending=plan.blending, fixed=fixed,
+        report=substage(request.report, "timing transitions"),
+    )  # fmt: skip
+    by_second = {round(run.start_s): timing for run, timing in zip(runs, timings, strict=True)}
+    seconds = []
+    for second in plan.seconds:
+        timing = by_second.get(second.second, TransitionTiming(second.second))
+        transition_s = second.transition_s if timing.transition_s is None else timing.transition_s
+        seconds.append(replace(second, start_s=round(timing.start_s, 5), transition_s=transition_s))
+    return replace(plan, seconds=tuple(seconds))
+
+
+def _borders_pin(pin: TakePin, before: Run, after: Run) -> bool:
+    """Whether the transition lies at or in a pinned take's time, and is not from that take to itself."""
+    near = pin.start_s - REACH_S < after.start_s < pin.end_s + REACH_S
+    return near and not before.take == after.take == pin.take
+
+
+def _goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, ...]]:
+    """The goals of the motif costs, where they take part, and notes.
+
+    Raises `ParameterError` if there is none although the user gave a weight of a motif cost.
+    """
+    config = request.config
+    weights = cost_weights(config, request.costs)
+    goals: list[SectionGoal] = []
+    notes: tuple[str, ...] = ()
+    if any(weights[cost.name] for cost in MOTIF_COSTS) and config.planner != "motion-graph":
+        goals, notes = section_goals(request)
+    given = [cost.name for cost in MOTIF_COSTS if config.weights.get(cost.name)]
+    if given and not goals:
+        raise ParameterError(
+            "expected a genre or signature that the repertoire knows, with the exact or greedy planner, "
+            f"beside a weight of {given[0]!r}, got no genre to follow"
+        )
+    return goals, notes
+
+
+def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[Path, dict[str, float]]:
+    """The path that the planner finds, and the weights of the costs it was searched by."""
+    features, config = request.song_features, request.config
+    costs: list[Cost] = [*(cost() for cost in BUILTIN_COSTS), *request.costs]
+    costs.append(Stillness(request.repertoire.clip_motion))
+    if goals:
+        parts = [(part.first_second, part.goal) for part in goals]
+        costs += [Signature(parts, features), MotifTransition(parts, features)]
+    known = cost_weights(config, request.costs)
+    weights = {cost.name: known[cost.name] for cost in costs}
+    weighted = [WeightedCost(cost, weights[cost.name]) for cost in costs]
+    if request.kept is not None:
+        weighted.append(WeightedCost(KeptBorders(request.kept, features.duration_s), 1.0))
+    allowed = AllowedNodes.of(request.constraints, request.repertoire, features.n_seconds)
+    if allowed is not None:
+        weighted.append(WeightedCost(allowed, 1.0))
+    try:
+        return _plan_path(make_layers(request, weighted, allowed, goals), weighted, request), weights
+    except NoPathError as error:
+        if allowed is None:
+            raise
+        raise NoPathError(f"{error}; requested: {request.constraints.requested}") from error
+
+
+def _plan_path(source: LayerSource, costs: list[WeightedCost], request: DanceRequest) -> Path:
+    planner, report = request.config.planner, substage(request.report, "planning")
+    if planner == "motion-graph":
+        from choreograph.choreography.graph.motion_graph import plan_motion_graph
+
+        return plan_motion_graph(source, costs, request.song_features, report=report)
+    plan = plan_exact if planner == "exact" else plan_greedy
+    return plan(source, costs, request.song_features, report=report)
+
+
+def _to_plan(path: Path, weights: dict[str, float], request: DanceRequest) -> Plan:
+    seconds = [
+        _planned_second(node, costs, request) for node, costs in zip(path.nodes, path.costs, strict=True)
+    ]
+    return request.new_plan(engine=GraphEngine.name, weights=weights, seconds=tuple(seconds))
+
+
+def _planned_second(node: Layer, costs: dict[str, float], request: DanceRequest) -> PlannedSecond:
+    """A second of a layer of one node; its transition is on the second until it is searched for."""
+    repertoire = request.repertoire
+    clip, take = int(node.clip[0]), repertoire.takes[int(node.take[0])]
+    clip_start_s = repertoire.clip_start_s(clip)
+    times_s = clip_start_s + node.source_frames[0].astype(np.float64) / NET_FPS  # (21,)
+    return PlannedSecond(
+        second=node.second,
+        take=take.name,
+        clip=clip,
+        clip_start_s=clip_start_s,
+        segment_second=node.second - int(node.offset[0]),
+        offset=int(node.offset[0]),
+        source_times_s=tuple(float(time) for time in times_s.round(5)),
+        start_s=float(node.second),
+        transition_s=TRANSITION_LENGTHS_S[request.config.blending][0],
+        costs={name: round(cost, _COST_DECIMALS) for name, cost in costs.items()},
+        credits=take.credits,
+    )

@@ -1,0 +1,304 @@
+"""The graph of a dance: clips selected, allowed and warped for every second of the song."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.constraints import TakePin
+from choreograph.choreography.engine import DanceRequest
+from choreograph.choreography.genres import SectionGoal, song_metre_at
+from choreograph.choreography.graph.costs import Cost, Energy, Steps
+from choreograph.choreography.graph.layers import ClipTable, Layer, LayerSource
+from choreograph.choreography.graph.motif_costs import (
+    MOTIF_COSTS,
+    Signature,
+    WeightedCost,
+    node_motifs,
+    song_words_s,
+    words_between,
+)
+from choreograph.choreography.graph.segments import ClipBeats, warp_segments
+from choreograph.choreography.graph.warping import CountedClips
+from choreograph.choreography.selection import (
+    Alignments,
+    clip_signature_mismatch,
+    draw_clips,
+    energy_mismatch,
+    select_clips,
+    steps_mismatch,
+)
+from choreograph.choreography.slots import ResolvedConstraints
+from choreograph.core.errors import ParameterError
+from choreograph.core.progress import substage
+from choreograph.core.timebase import NET_FPS, SEGMENT_S, frames_to_seconds
+from choreograph.library.motifs import SpanMotifLookup
+from choreograph.library.repertoire import Repertoire
+from choreograph.music.count_grids import SongGrid, TakeGrids
+from choreograph.music.sections import REACH_S, join_times_s
+from choreograph.music.song_features import SongFeatures
+
+# The cost that forbids banned takes and motifs, and every other take where one is pinned.
+
+
+class AllowedNodes(Cost):
+    """Infinite for nodes that the user's pins and bans exclude, 0 for the others."""
+
+    name = "constraints"
+
+    def __init__(self, takes: NDArray[np.bool_], motif_banned: NDArray[np.bool_]) -> None:
+        self.takes = takes  # (S, takes) which may be danced in each second
+        self.motif_banned = np.append(motif_banned, False)  # (K + 1,) the last one for no motif: index -1
+
+    @classmethod
+    def of(
+        cls, constraints: ResolvedConstraints, repertoire: Repertoire, n_seconds: int
+    ) -> AllowedNodes | None:
+        """For a dance of so many seconds; None if nothing is excluded.
+
+        Raises `ParameterError` if two pinned takes share a second, or a pinned take has no clip.
+        """
+        takes = np.tile(constraints.take_allowed, (n_seconds, 1))
+        for second, pin in _pinned_seconds(constraints.requested.take_pins, n_seconds).items():
+            take = repertoire.take_index(pin.take)
+            if not (repertoire.clip_take == take).any():
+                raise ParameterError(
+                    f"expected pins of takes of 8 s or more, the length of a clip, got {pin}"
+                )
+            takes[second] = np.arange(takes.shape[1]) == take
+        if takes.all() and not constraints.motif_banned.any():
+            return None
+        return cls(takes, constraints.motif_banned)
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> NDArray[np.floating]:
+        allowed = self.takes[layer.second, layer.take] & ~self.motif_banned[layer.motifs].any(axis=1)
+        return np.where(allowed, 0.0, np.inf)
+
+
+def _pinned_seconds(pins: tuple[TakePin, ...], n_seconds: int) -> dict[int, TakePin]:
+    """Second -> the pin that holds there."""
+    owner: dict[int, TakePin] = {}
+    for pin in pins:
+        for second in range(int(pin.start_s), int(np.ceil(pin.end_s))):
+            other = owner.setdefault(second, pin)
+            if other.take != pin.take:
+                raise ParameterError(
+                    "expected one pinned take in a second, since the graph engine dances whole ones, but "
+                    f"{other} and {pin} share second {second}: move one, or use the mixer"
+                )
+    # Transitions move to beats: another take would reach into the pin from the seconds beside it.
+    for pin in pins:
+        for second in (int(pin.start_s - REACH_S), int(pin.end_s + REACH_S)):
+            if 0 <= second < n_seconds:
+                owner.setdefault(second, pin)
+    return owner
+
+
+# Which clips of the repertoire take part in the graph of a dance, second by second.
+
+
+_OTHER_METRE = 2.0  # style loss added to clips of another metre than the song's
+_FEEL = 0.5  # style loss of the quietest clip where the song is loudest; genres are 1 or more apart
+
+Floats = NDArray[np.floating]
+Mask = NDArray[np.bool_]
+
+
+def candidate_clips(
+    request: DanceRequest,
+    goals: Sequence[SectionGoal],
+    costs: Sequence[WeightedCost],
+    allowed: AllowedNodes | None,
+) -> NDArray[np.int64]:
+    """The clips that take part in each second, (S, K)."""
+    repertoire = request.repertoire
+
+    def may_dance(second: int) -> Mask:
+        if allowed is None:
+            return np.ones(repertoire.n_clips, bool)
+        return allowed.takes[second, repertoire.clip_take]
+
+    if request.config.selection == "style":
+        return _nearest_in_style(request, goals, costs, may_dance)
+    return _drawn(request, goals, may_dance)
+
+
+def _drawn(
+    request: DanceRequest, goals: Sequence[SectionGoal], may_dance: Callable[[int], Mask]
+) -> NDArray[np.int64]:
+    """Clips drawn at random; with selection by genre at least half are of the music's genre and metre."""
+    config, repertoire, n_seconds = request.config, request.repertoire, request.song_features.n_seconds
+    rng = np.random.default_rng(config.seed)
+    return draw_clips(
+        Alignments(repertoire.clip_take, n_seconds, rng), n_seconds,
+        candidates=config.candidates, may_dance=may_dance,
+        suits=_suits(request, goals) if config.selection == "genre" else None,
+    )  # fmt: skip
+
+
+def _suits(request: DanceRequest, goals: Sequence[SectionGoal]) -> Callable[[int], Mask]:
+    """Which clips (N,) are of the metre of a second, and of the genre of its goal if it has one."""
+    repertoire = request.repertoire
+    genre_of_clip = np.array([take.credits.genre for take in repertoire.takes])[repertoire.clip_take]
+    other_metre = _other_metre(request)
+    genres: list[str | None] = [None] * request.song_features.n_seconds
+    for goal in goals:
+        genres[goal.first_second :] = [goal.genre] * (len(genres) - goal.first_second)
+
+    def suits(second: int) -> Mask:
+        same_metre, genre = other_metre[second] == 0, genres[second]
+        return same_metre if genre is None else same_metre & (genre_of_clip == genre)
+
+    return suits
+
+
+def _nearest_in_style(
+    request: DanceRequest,
+    goals: Sequence[SectionGoal],
+    costs: Sequence[WeightedCost],
+    may_dance: Callable[[int], Mask],
+) -> NDArray[np.int64]:
+    """The clips of the least style loss (the paper's selection), and of what else is asked for."""
+    features, config, repertoire = request.song_features, request.config, request.repertoire
+    mismatch = _signature_mismatch(request, goals, costs)
+    other_metre = _other_metre(request)
+    feel = _feel_mismatch(request, costs)
+
+    def penalty(second: int) -> Floats:
+        loss = mismatch[second] + _OTHER_METRE * other_metre[second] + feel(second)
+        return np.where(may_dance(second), loss, np.inf)
+
+    return select_clips(
+        features.style, features.beat_count, repertoire.clip_style, repertoire.clip_beat_count,
+        candidates=config.candidates, beat_weight=repertoire.selection_beat_weight, penalty=penalty,
+    )  # fmt: skip
+
+
+def _signature_mismatch(
+    request: DanceRequest, goals: Sequence[SectionGoal], costs: Sequence[WeightedCost]
+) -> list[NDArray[np.float64]]:
+    """How little of each clip (N,) the signature of each second's goal wants; 0 without a signature."""
+    repertoire, n_seconds = request.repertoire, request.song_features.n_seconds
+    weight = sum(w.weight for w in costs if isinstance(w.cost, Signature))
+    mismatch = [np.zeros(repertoire.n_clips)] * n_seconds
+    if weight == 0:
+        return mismatch
+    for goal, stop in zip(goals, [*(g.first_second for g in goals[1:]), n_seconds], strict=True):
+        of_goal = weight * clip_signature_mismatch(
+            repertoire.vocabulary,
+            goal.goal.signature,
+            repertoire.clip_take,
+            frames_to_seconds(repertoire.clip_start_frame, NET_FPS),
+            n_words=max(1, words_between(request.song_features, goal.first_second, stop)),
+        )
+        mismatch[goal.first_second : stop] = [of_goal] * (stop - goal.first_second)
+    return mismatch
+
+
+def _other_metre(request: DanceRequest) -> list[NDArray[np.float64]]:
+    """How surely each clip (N,) is of another metre than each second of the song, 0 to 1."""
+    repertoire, features = request.repertoire, request.song_features
+    metre = np.array([repertoire.counts(take).metre for take in range(len(repertoire.takes))])
+    of_clip = metre[repertoire.clip_take]
+    confidence = features.counts.confidence if request.config.warping == "counts" else 0.0
+    metre_at = song_metre_at(features)
+    other = {
+        of_song: confidence * ((of_clip > 0) & (of_song > 0) & (of_clip != of_song))
+        for of_song in np.unique(metre_at)
+    }
+    return [other[of_song] for of_song in metre_at]
+
+
+def _feel_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Callable[[int], Floats]:
+    """How far each clip (N,) is from a second in energy and in density of steps, as far as these matter."""
+    repertoire, features = request.repertoire, request.song_features
+    weights = {type(w.cost): w.weight for w in costs}
+    energy, steps = (_FEEL * (weights.get(cost, 0.0) > 0) for cost in (Energy, Steps))
+
+    def mismatch(second: int) -> Floats:
+        louder = float(features.energy[second : second + SEGMENT_S].mean() - features.energy.mean())
+        density = float(features.onset_density[second])
+        return energy * energy_mismatch(louder, repertoire.clip_motion.liveliness_ranks) + (
+            steps * steps_mismatch(density, repertoire.clip_motion.step_ranks)
+        )
+
+    return mismatch
+
+
+# The graph of a dance: clips selected and warped for every second of the song.
+
+
+_TIE_BREAK_S = 4.0  # takes start with up to so much usage, by the seed: another seed, another dance
+
+
+def make_layers(
+    request: DanceRequest,
+    costs: Sequence[WeightedCost],
+    allowed: AllowedNodes | None,
+    goals: Sequence[SectionGoal],
+) -> LayerSource:
+    """The layers of every second: clips selected, warped onto the music, and labelled with motifs."""
+    features, config, repertoire = request.song_features, request.config, request.repertoire
+    clips = ClipTable(
+        repertoire.clip_take,
+        repertoire.clip_start_frame,
+        np.array([take.name for take in repertoire.takes]),
+        np.array([take.credits.genre for take in repertoire.takes]),
+        repertoire.clip_style,
+        repertoire.clip_motion.step_ranks,
+    )
+    joins_s = _joins_s(request)
+    segments = warp_segments(
+        candidate_clips(request, goals, costs, allowed), features.density, features.beat_times_s,
+        repertoire.clip_motion.density, repertoire.clip_motion.speed, _clip_beats(repertoire),
+        counted=_counted_clips(request, joins_s), as_recorded=config.warping == "none",
+        smoothed=config.time_maps == "smooth",
+        report=substage(request.report, "warping"),
+    )  # fmt: skip
+    motifs, n_motifs = None, 0
+    if any(isinstance(w.cost, (AllowedNodes, *MOTIF_COSTS)) for w in costs) and repertoire.has_vocabulary:
+        vocabulary = repertoire.vocabulary
+        lookup = SpanMotifLookup(
+            repertoire.body_pos_m, NET_FPS, repertoire.word_net().embed, vocabulary.motifs
+        )
+        motifs = node_motifs(segments, clips, song_words_s(features), lookup.motifs_of)
+        n_motifs = vocabulary.n_motifs
+    tie_break_s = _TIE_BREAK_S * np.random.default_rng(config.seed).random(len(repertoire.takes))
+    return LayerSource(
+        segments, clips, repertoire.clip_motion, tie_break_s=tie_break_s, motifs=motifs, n_motifs=n_motifs,
+        goal_starts=[goal.first_second for goal in goals], join_times_s=joins_s,
+    )  # fmt: skip
+
+
+def _joins_s(request: DanceRequest) -> NDArray[np.float64]:
+    """Where takes may change around each second, (S + 5,)."""
+    n_borders = request.song_features.n_seconds + SEGMENT_S + 1
+    if request.config.transitions == "seconds":
+        return np.arange(n_borders, dtype=np.float64)
+    return join_times_s(request.song_features.counts, n_borders)
+
+
+def _counted_clips(request: DanceRequest, joins_s: NDArray[np.float64]) -> CountedClips | None:
+    """The clips of takes with counts; None if there are none, or counts are not to be used."""
+    if request.config.warping != "counts":
+        return None
+    repertoire = request.repertoire
+    takes = range(len(repertoire.takes))
+    grids = TakeGrids(
+        [repertoire.counts(take) for take in takes],
+        [repertoire.figures(take) for take in takes],
+        [repertoire.motion_beats_s(take) for take in takes],
+    )
+    song = SongGrid.of(request.song_features.counts, request.song_features.duration_s)
+    if song is None or not grids.counted.any():
+        return None
+    return CountedClips.of(repertoire.clip_take, repertoire.clip_start_frame, grids, song, joins_s)
+
+
+def _clip_beats(repertoire: Repertoire) -> ClipBeats:
+    beats = [repertoire.clip_motion_beats(clip) for clip in range(repertoire.n_clips)]
+    stops = np.cumsum([len(b) for b in beats])
+    starts = stops - [len(b) for b in beats]
+    return ClipBeats(np.concatenate(beats), np.stack([starts, stops], axis=1))

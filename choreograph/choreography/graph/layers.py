@@ -1,0 +1,285 @@
+"""Layers: the nodes active in each second, built from the warped segments of the last four."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.graph.segments import Segments
+from choreograph.core.arguments import check_kind, unexpected
+from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_S
+
+Floats = NDArray[np.floating]
+Ints = NDArray[np.integer]
+
+_ALL = slice(None)
+_USAGE_DECAY_S = 120.0  # time constant: recent usage falls to 1/e after this time
+USAGE_MEMORY_S = 16 * 120  # usage of longer ago is below 2e-7 of that of now
+
+
+class PoseBank(Protocol):
+    """What layers need from the repertoire, of clips at fractional frames."""
+
+    def poses_m(self, clip: Ints, frames: Floats) -> tuple[Floats, Floats]:
+        """Poses (N, 21, 3) and velocities (N, 21, 3) in m/s, both in the root frame."""
+        ...
+
+    def liveliness(self, clip: Ints, start: Floats, stop: Floats) -> Floats:
+        """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
+        ...
+
+    def count_doubt(self, clip: Ints, start: Floats, stop: Floats) -> Floats:
+        """Doubt (N,), 0 … 1, of the counts half way between two frames of each clip."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """All nodes active in one second. Axis 0 of every array field is the node.
+
+    Poses are in the root frame (pelvis above the origin, facing +Z), so that poses of two nodes compare as
+    if one had been aligned to the other. `first_*` and `last_*` are at the two borders of the second: the
+    last pose of a node is the first pose of its successor in the segment.
+    """
+
+    second: int  # second of the song
+    segment: Ints  # (N,) second × K + rank, the same for all nodes of one warped segment
+    offset: Ints  # (N,) 0 … 3: the node's quarter of its segment
+    clip: Ints  # (N,) index in the repertoire
+    take: Ints  # (N,) index in the repertoire
+    take_names: NDArray[np.str_]  # (N,)
+    genre: NDArray[np.str_]  # (N,)
+    style: Floats  # (N, 32) of the clip
+    recent_usage_s: Floats  # (N,) recent use of the node's take by the cheapest path so far, decayed
+    take_frames: Floats  # (N, 2) take frames (20 fps) at the second's two borders
+    density_mismatch: Floats  # (N,) mean squared difference of tempo-densities in this second
+    unmatched_beat: Floats  # (N,) share of this second's music and motion beats without a partner
+    first_beat: Floats  # (N,) frame (20 fps) of the first motion beat in the second, nan if none
+    last_beat: Floats  # (N,) frame of the last one
+    track: Ints  # (N,) the same for nodes of one continuous time map of a counted take; -1 for other nodes
+    count_doubt: Floats  # (N,) of the counts of the node's take here, 0 … 1: 0 if no network read them
+    off_bar: Floats  # (N,) share of this second's beats whose number in the bar is not the take's
+    enter_penalty: Floats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
+    leave_penalty: Floats  # (N,) of leaving it at the second's end
+    liveliness: Floats  # (N,) rank of its travel and width as danced among its genre's seconds, 0 … 1
+    steps: Floats  # (N,) rank of the clip's steps in its genre, 0 … 1
+    source_frames: Floats  # (N, 21) clip frames at the 20 output frames and the second's end
+    first_pose_m: Floats  # (N, 21, 3) where takes may change at the second's start,
+    last_pose_m: Floats  # (N, 21, 3) and at its end
+    first_velocity_m_s: Floats  # (N, 21, 3)
+    last_velocity_m_s: Floats  # (N, 21, 3)
+    motifs: Ints  # (N, W) of the node's words, in order, padded with -1; W = 0 if no cost uses motifs
+    motif_counts: Ints  # (N, M) of each motif along the cheapest path to the node; M = 0 likewise
+    new_goal: bool = False  # motifs are counted anew from this second on
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes N."""
+        return len(self.segment)
+
+    def subset(self, nodes: Ints | NDArray[np.bool_]) -> Layer:
+        """The layer with only these nodes, by index or mask; `ParameterError` for anything else."""
+        try:
+            if not isinstance(nodes, slice) and np.ndim(nodes) != 1:
+                raise IndexError
+            arrays = {name: getattr(self, name)[nodes] for name in _ARRAYS}
+        except (IndexError, ValueError):
+            n_nodes = self.n_nodes
+            raise unexpected(f"indices below {n_nodes} of nodes, or a mask ({n_nodes},)", nodes) from None
+        return replace(self, **arrays)
+
+    def with_motif_counts(self, counts_before: Ints) -> Layer:
+        """The layer with `counts_before` (N, M) of the path to each node plus the node's own motifs.
+
+        Where a new goal begins, only its own. Raises `ParameterError` for anything but such counts.
+        """
+        check_kind("motif counts", counts_before, np.ndarray)
+        shape = self.motif_counts.shape
+        if counts_before.shape != shape or counts_before.dtype.kind not in "iu":
+            raise unexpected(f"motif counts {shape} as whole numbers", counts_before)
+        if counts_before.shape[1] == 0:
+            return self
+        counts = np.zeros_like(counts_before) if self.new_goal else counts_before.copy()
+        node, slot = np.nonzero(self.motifs >= 0)
+        np.add.at(counts, (node, self.motifs[node, slot]), 1)
+        return replace(self, motif_counts=counts)
+
+    def with_recent_usage(self, recent_usage_s: Floats) -> Layer:
+        """The layer with the recent usage of each take, (takes,), looked up for its nodes.
+
+        Raises `ParameterError` for anything but an array of as many numbers or more.
+        """
+        check_kind("recent usage", recent_usage_s, np.ndarray)
+        n_takes = int(self.take.max(initial=-1)) + 1
+        if recent_usage_s.dtype.kind != "f" or recent_usage_s.ndim != 1 or len(recent_usage_s) < n_takes:
+            raise unexpected(f"recent usage in seconds of {n_takes} takes or more (takes,)", recent_usage_s)
+        return replace(self, recent_usage_s=recent_usage_s[self.take])
+
+    def successors_in(self, following: Layer) -> tuple[Ints, Ints]:
+        """Pairs (node here, node of `following`) that are consecutive in one warped segment or track.
+
+        Raises `ParameterError` for anything but a layer.
+        """
+        check_kind("the following layer", following, Layer)
+        here = np.where(self.track >= 0, -2 - self.track, self.segment * SEGMENT_S + self.offset + 1)
+        there = np.where(
+            following.track >= 0, -2 - following.track, following.segment * SEGMENT_S + following.offset
+        )
+        there = np.where((following.track < 0) & (following.offset == 0), -1, there)  # a segment's first
+        order = np.argsort(here)
+        row = order[np.minimum(np.searchsorted(here, there, sorter=order), self.n_nodes - 1)]
+        follows = here[row] == there
+        return row[follows], np.flatnonzero(follows)
+
+
+_ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in ("second", "new_goal"))
+
+
+@dataclass(frozen=True, eq=False)
+class ClipTable:
+    """Columns of the repertoire's clips and takes that layers show."""
+
+    take: Ints  # (N,)
+    start_frame: Ints  # (N,) in its take, 20 fps
+    take_names: NDArray[np.str_]  # (takes,)
+    genres: NDArray[np.str_]  # (takes,)
+    style: NDArray[np.float32]  # (N, 32)
+    steps: NDArray[np.float32]  # (N,) rank in its genre
+
+
+class LayerSource:
+    """Builds the layer of any second from the segments inserted in it and in the three seconds before.
+
+    `tie_break_s` (takes,) is the recent usage that each take starts with, in seconds; None: usage is not
+    counted. `motifs` (S, K, 4, W) are those of each node as `node_motifs` gives them, out of `n_motifs`;
+    None: no cost uses motifs. They are counted anew from each of the `goal_starts` (seconds) on.
+    `join_times_s` (S + 5,) are the instants around the seconds at which takes may change; None: the seconds.
+    """
+
+    def __init__(
+        self,
+        segments: Segments,
+        clips: ClipTable,
+        poses: PoseBank,
+        *,
+        tie_break_s: Floats | None = None,
+        motifs: NDArray[np.integer] | None = None,
+        n_motifs: int = 0,
+        goal_starts: Collection[int] = (),
+        join_times_s: NDArray[np.float64] | None = None,
+    ) -> None:
+        self._segments = segments
+        self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
+        self._n_motifs = 0 if motifs is None else n_motifs
+        self._tie_break_s = tie_break_s
+        self._clips = clips
+        self._poses = poses
+        self._goal_starts = frozenset(goal_starts)
+        seconds = np.arange(len(segments.clip) + SEGMENT_S + 1, dtype=np.float64)
+        self._join_times_s = seconds if join_times_s is None else join_times_s
+        self._latest_borders: dict[int, tuple[Floats, Floats]] = {}
+
+    @property
+    def n_seconds(self) -> int:
+        """Number of layers S."""
+        return len(self._segments.clip)
+
+    def recent_usage_after(self, takes: Sequence[int]) -> NDArray[np.float32]:
+        """Recent usage (takes,) in seconds after `takes` have been danced, one per second."""
+        n_takes = len(self._clips.take_names)
+        if self._tie_break_s is None:
+            return np.zeros(n_takes, np.float32)
+        decay = np.exp(-np.arange(len(takes))[::-1] / _USAGE_DECAY_S)
+        usage_s = np.bincount(np.asarray(takes, np.int64), decay, n_takes)
+        return (self._tie_break_s + usage_s).astype(np.float32)
+
+    def layer(self, second: int) -> Layer:
+        """All nodes active in `second`."""
+        inserted = range(max(0, second - SEGMENT_S + 1), second + 1)
+        parts = [self._quarter(start, second - start) for start in reversed(inserted)]
+        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
+        layer = Layer(second=second, new_goal=parts[0].new_goal, **arrays)
+        return layer.subset(_one_per_track(layer.track)) if (layer.track >= 0).any() else layer
+
+    def node(self, key: int) -> Layer:
+        """The one node with segment × 4 + offset = `key`, without building its whole layer."""
+        segment, offset = divmod(key, SEGMENT_S)
+        start, rank = divmod(segment, self._segments.clip.shape[1])
+        # Indexing copies: a view would keep the time maps of all candidates alive.
+        return self._quarter(start, offset, slice(rank, rank + 1)).subset(np.array([0]))
+
+    def _borders(self, start: int) -> tuple[Floats, Floats]:
+        """`_make_borders` of all segments; the latest are kept.
+
+        Not by an `lru_cache` of a method, which keeps the source, and with it all time maps, alive.
+        """
+        if start not in self._latest_borders:
+            # A layer looks at the last four insertions, and the planner at two layers.
+            if len(self._latest_borders) > SEGMENT_S:
+                self._latest_borders.pop(next(iter(self._latest_borders)))
+            self._latest_borders[start] = self._make_borders(start)
+        return self._latest_borders[start]
+
+    def _make_borders(self, start: int, part: slice = _ALL) -> tuple[Floats, Floats]:
+        """Poses and velocities at the five borders of the segments inserted at `start`, (5, K, 21, 3)."""
+        clip = self._segments.clip[start, part]
+        maps = self._segments.time_maps[start, part]
+        joins = (self._join_times_s[start : start + SEGMENT_S + 1] - start) * NET_FPS  # (5,) output frames
+        low = np.clip(np.floor(joins).astype(np.int64), 0, maps.shape[1] - 2)
+        speed = maps[:, low + 1] - maps[:, low]  # (K, 5) source frames per output frame
+        borders = maps[:, low] + (joins - low) * speed  # (K, 5)
+        pose, velocity = self._poses.poses_m(np.repeat(clip, 5), borders.ravel())
+        shape = (len(clip), 5, *pose.shape[1:])
+        velocity = velocity.reshape(shape) * speed[:, :, None, None]
+        return pose.reshape(shape).swapaxes(0, 1), velocity.swapaxes(0, 1)
+
+    def _quarter(self, start: int, offset: int, part: slice = _ALL) -> Layer:
+        """Quarter `offset` of the segments inserted at `start`, as the part of a layer that they make."""
+        segments, clips = self._segments, self._clips
+        clip = segments.clip[start, part]
+        take = clips.take[clip]
+        k = segments.clip.shape[1]
+        pose, velocity = self._borders(start) if part == _ALL else self._make_borders(start, part)
+        window = slice(offset * NODE_FRAMES, (offset + 1) * NODE_FRAMES + 1)
+        source_frames = segments.time_maps[start, part, window]  # (K, 21)
+        return Layer(
+            second=start + offset,
+            segment=start * k + np.arange(k)[part],
+            offset=np.full(len(clip), offset),
+            clip=clip,
+            take=take,
+            take_names=clips.take_names[take],
+            genre=clips.genres[take],
+            style=clips.style[clip],
+            recent_usage_s=np.zeros(len(clip), np.float32),
+            take_frames=clips.start_frame[clip, None] + source_frames[:, ::NODE_FRAMES],
+            density_mismatch=segments.density_mismatch[start, part, offset],
+            unmatched_beat=segments.unmatched_beat[start, part, offset],
+            first_beat=segments.first_beat[start, part, offset],
+            last_beat=segments.last_beat[start, part, offset],
+            track=segments.track[start, part],
+            count_doubt=self._poses.count_doubt(clip, source_frames[:, 0], source_frames[:, -1]),
+            off_bar=segments.off_bar[start, part, offset],
+            enter_penalty=segments.phrase_penalty[start, part, offset],
+            leave_penalty=segments.phrase_penalty[start, part, offset + 1],
+            liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
+            steps=clips.steps[clip],
+            source_frames=source_frames,
+            first_pose_m=pose[offset],
+            last_pose_m=pose[offset + 1],
+            first_velocity_m_s=velocity[offset],
+            last_velocity_m_s=velocity[offset + 1],
+            motifs=self._motifs[start, part, offset],
+            motif_counts=np.zeros((len(clip), self._n_motifs), np.int16),
+            new_goal=start + offset in self._goal_starts,
+        )
+
+
+def _one_per_track(track: Ints) -> Ints:
+    """Indices of nodes (N,) without those that repeat a track: the first of each stays."""
+    _, first = np.unique(np.where(track >= 0, track, -1 - np.arange(len(track))), return_index=True)
+    return np.sort(first)

@@ -1,0 +1,345 @@
+"""Costs of motifs and of endings, and the weighted sum of all costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.graph.layers import ClipTable, Layer, PoseBank
+from choreograph.choreography.graph.segments import Segments
+from choreograph.choreography.motif_sequences import MotifGoal
+from choreograph.core.arguments import as_array
+from choreograph.core.errors import NoPathError, ParameterError
+from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
+from choreograph.library.words import dance_bounds_s
+from choreograph.motion.body import BODY_JOINTS
+from choreograph.music.sections import held_times_s
+from choreograph.music.song_features import SongFeatures
+
+# The motifs that each node dances.
+#
+# Words last from music beat to music beat. A word belongs to the second of the song that its middle is in.
+
+
+Floats = NDArray[np.floating]
+MotifsOf = Callable[[NDArray[np.int64], Floats, Floats], NDArray[np.integer]]
+
+NO_MOTIF = -1
+_BLOCK_S = 64  # seconds of the song whose spans are in memory at a time, 0.5 MB each
+
+
+def node_motifs(
+    segments: Segments, clips: ClipTable, word_bounds_s: Floats, motifs_of: MotifsOf
+) -> NDArray[np.int16]:
+    """Motifs of the nodes of all warped segments.
+
+    Parameters
+    ----------
+    word_bounds_s : float array (Q + 1,)   times where the song's words begin and end; `song_words_s`
+    motifs_of : (take, start_s, stop_s) -> motifs, arrays (M,); see `library.motifs.SpanMotifLookup`
+
+    Returns
+    -------
+    int array (S, K, 4, W), in order, padded with -1; all nodes of a second have as many. Where a word
+    extends beyond its segment, the time map is extrapolated.
+    """
+    n_seconds, k = segments.clip.shape
+    owner = np.floor((word_bounds_s[1:] + word_bounds_s[:-1]) / 2).astype(np.int64)  # (Q,) second of the song
+    words = [np.flatnonzero(owner == second) for second in range(n_seconds + SEGMENT_S - 1)]
+    width = max((len(w) for w in words), default=0)
+    motifs = np.full((n_seconds, k, SEGMENT_S, width), NO_MOTIF, np.int16)
+    for first in range(0, n_seconds, _BLOCK_S):
+        requests, takes, starts, stops = [], [], [], []
+        for second in range(first, min(first + _BLOCK_S, n_seconds)):
+            inside = np.concatenate(words[second : second + SEGMENT_S])
+            clip = segments.clip[second]
+            bounds = np.stack([word_bounds_s[inside], word_bounds_s[inside + 1]])  # (2, M)
+            frames = clips.start_frame[clip, None, None] + _source_frames(
+                segments.time_maps[second], bounds - second
+            )
+            requests.append((second, inside, owner[inside] - second))
+            takes.append(np.repeat(clips.take[clip], len(inside)))
+            starts.append(frames[:, 0].ravel() / NET_FPS)
+            stops.append(frames[:, 1].ravel() / NET_FPS)
+        labels = motifs_of(*(np.concatenate(parts) for parts in (takes, starts, stops)))
+        stop = 0
+        for second, inside, offset in requests:
+            start, stop = stop, stop + k * len(inside)
+            slot = inside - np.array([words[second + o][0] for o in offset], np.int64)
+            motifs[second][:, offset, slot] = labels[start:stop].reshape(k, len(inside))
+    return motifs
+
+
+def _source_frames(maps: NDArray[np.floating], times_s: Floats) -> NDArray[np.float64]:
+    """Clip frames (K, ...) of times (...) in a segment by its time maps (K, 81), extrapolated outside."""
+    frames = np.asarray(times_s) * NET_FPS
+    low = np.clip(np.floor(frames).astype(np.int64), 0, SEGMENT_FRAMES - 1)
+    return maps[:, low] + (frames - low) * (maps[:, low + 1] - maps[:, low]).astype(np.float64)
+
+
+# Costs that steer a dance towards a genre: its motif signature and its motif transitions.
+
+
+_MIN_PROBABILITY = 1e-3  # transitions never seen cost as much as one in a thousand
+
+
+Goals = Sequence[tuple[int, MotifGoal]]  # (first second, goal) of each part of the song, in order
+
+
+class Signature(Cost):
+    """χ² distance of the signature of each part of the dance to its goal's (Rhythm is a Dancer, equation 11).
+
+    The mean over the seconds of a part is the distance of the finished part. With counts c_k of the part so
+    far, N words in it and the goal's signature s_k, the distance is
+    Σ_k ½ (c_k - N s_k)² / (c_k + N s_k) / N: a sum over motifs, so that each word costs the change that it
+    makes. A word of a missing motif has a negative cost, down to -1; one too many costs up to 1 (times
+    seconds per word). The counts are those along the path to a node (`Layer.motif_counts`), as in equation
+    5. Unlike there, a motif counts as missing until it has occurred as often as in all of the part. The paper
+    has one goal for the whole song.
+    """
+
+    def __init__(self, goals: Goals, song_features: SongFeatures) -> None:
+        self._part = _part_at(goals, song_features)
+        stops = [*(second for second, _ in goals[1:]), song_features.n_seconds]
+        self._step_cost = [
+            _signature_steps(goal, words_between(song_features, first, stop), stop - first)
+            for (first, goal), stop in zip(goals, stops, strict=True)
+        ]
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
+        if layer.second > 0:
+            return None
+        return self._costs(np.zeros((1, len(self._step_cost[0])), np.int16), layer)[0]
+
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+        return self._costs(_counts_before(previous, next), next)
+
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+        step_cost = self._step_cost[self._part[next.second]]
+        least = step_cost[np.arange(len(step_cost)), _counts_before(previous, next)].min(axis=0)  # (K,)
+        return np.append(least, 0.0)[next.motifs].sum(axis=1)
+
+    def _costs(self, counts: NDArray[np.integer], layer: Layer) -> NDArray[np.float32]:
+        from choreograph.choreography.graph.costs import motif_count_costs
+
+        step_cost = self._step_cost[self._part[layer.second]]
+        return motif_count_costs(step_cost, counts, np.ascontiguousarray(layer.motifs))
+
+
+def _signature_steps(goal: MotifGoal, n_words: int, n_seconds: int) -> NDArray[np.float32]:
+    """What one more word of a motif costs after each number of them, (K, N + 1)."""
+    n_words = max(n_words, 1)
+    counts = np.arange(n_words + 2)
+    expected = n_words * goal.signature[:, None]  # (K, 1)
+    both = counts + expected  # (K, N + 2)
+    distance = 0.5 * np.square(counts - expected) / np.where(both > 0, both, 1.0)
+    return np.ascontiguousarray(n_seconds / n_words * (np.diff(distance, axis=1) + 0.5), np.float32)
+
+
+def _counts_before(previous: Layer, next: Layer) -> NDArray[np.integer]:
+    """Counts (P, K) of motifs along the paths to `previous`, of the part that `next` is in."""
+    return np.zeros_like(previous.motif_counts) if next.new_goal else previous.motif_counts
+
+
+class MotifTransition(Cost):
+    """-log of the probability that a motif follows the one before it, 1 for one in a thousand or less.
+
+    The sum over a song's seconds is scaled so that its mean is the mean over the song's words. Nodes pay
+    for the transitions between their own words, edges for that from the last word of the previous second.
+    The probabilities are those of the goal where the later word is danced.
+    """
+
+    name = "motif_transition"
+    min_jump_cost = 0.0
+
+    def __init__(self, goals: Goals, song_features: SongFeatures) -> None:
+        self._part = _part_at(goals, song_features)
+        n_words = len(song_words_s(song_features)) - 1
+        self._cost = [_transition_costs(goal, song_features.n_seconds / n_words) for _, goal in goals]
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+        return self._cost_at(layer)[layer.motifs[:, :-1], layer.motifs[:, 1:]].sum(axis=1)
+
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+        return self._cost_at(next)[_last_motif(previous)[:, None], _first_motif(next)]
+
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+        return self._cost_at(next)[np.unique(_last_motif(previous))].min(axis=0)[_first_motif(next)]
+
+    def _cost_at(self, layer: Layer) -> NDArray[np.float32]:
+        return self._cost[self._part[layer.second]]
+
+
+def _transition_costs(goal: MotifGoal, scale: float) -> NDArray[np.float32]:
+    """Costs (K + 1, K + 1) of a goal's transitions; the extra row and column are for no motif, index -1."""
+    cost = np.log(np.clip(goal.transitions, _MIN_PROBABILITY, 1.0)) / np.log(_MIN_PROBABILITY)
+    padded = np.zeros((len(cost) + 1, len(cost) + 1), np.float32)
+    padded[:-1, :-1] = scale * cost
+    return padded
+
+
+def _part_at(goals: Goals, song_features: SongFeatures) -> NDArray[np.int64]:
+    """Index of the goal in each second, (S,)."""
+    firsts = [second for second, _ in goals]
+    return np.searchsorted(firsts, np.arange(song_features.n_seconds), "right") - 1
+
+
+MOTIF_COSTS: tuple[type[Cost], ...] = (Signature, MotifTransition)
+
+
+def song_words_s(song_features: SongFeatures) -> NDArray[np.float64]:
+    """Times (Q + 1,) at which the words of a dance to the song begin and end."""
+    return dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
+
+
+def words_between(song_features: SongFeatures, first_second: int, stop_second: int) -> int:
+    """How many words of the song have their middle in these seconds, as `node_motifs` gives them to nodes."""
+    bounds_s = song_words_s(song_features)
+    middles_s = (bounds_s[:-1] + bounds_s[1:]) / 2
+    return int(((middles_s >= first_second) & (middles_s < stop_second)).sum())
+
+
+def _first_motif(layer: Layer) -> NDArray[np.integer]:
+    """The first motif of each node, (N,); -1 for a node without words."""
+    return layer.motifs[:, 0] if layer.motifs.shape[1] else np.full(layer.n_nodes, NO_MOTIF)
+
+
+def _last_motif(layer: Layer) -> NDArray[np.integer]:
+    """The last motif of each node, (N,); -1 for a node without words."""
+    n_words = (layer.motifs != NO_MOTIF).sum(axis=1)
+    last = layer.motifs[np.arange(layer.n_nodes), n_words - 1] if layer.motifs.shape[1] else NO_MOTIF
+    return np.where(n_words > 0, last, NO_MOTIF)
+
+
+# The cost that lets a dance begin and end in poses that can be held.
+
+
+_ANKLES = tuple(BODY_JOINTS.index(f"{side}_ankle") for side in ("left", "right"))
+
+
+class Stillness(Cost):
+    """Restlessness of the poses that are held before the first count and after the last (ours).
+
+    Mean joint speed in m/s, plus ten times the height of one foot over the other in metres.
+    """
+
+    def __init__(self, poses: PoseBank) -> None:
+        self._poses = poses
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
+        first_s, last_s = held_times_s(song_features.opening_s, song_features.closing_s)
+        held_s = [first_s] if song_features.opening_s > 0 else []
+        held_s += [last_s] if song_features.closing_s < song_features.duration_s else []
+        here = [at_s for at_s in held_s if layer.second <= at_s < layer.second + 1]
+        if not here:
+            return None
+        return np.sum([self._restlessness(layer, at_s) for at_s in here], axis=0)
+
+    def _restlessness(self, layer: Layer, at_s: float) -> Floats:
+        frame = (at_s - layer.second) * NET_FPS
+        low = min(int(frame), NODE_FRAMES - 1)
+        slope = layer.source_frames[:, low + 1] - layer.source_frames[:, low]
+        pose_m, velocity_m_s = self._poses.poses_m(
+            layer.clip, layer.source_frames[:, low] + (frame - low) * slope
+        )
+        speed_m_s = np.linalg.norm(velocity_m_s, axis=-1).mean(axis=1) * slope
+        lifted_m = np.ptp(pose_m[:, _ANKLES, 1], axis=1)
+        return speed_m_s + 10.0 * lifted_m
+
+
+# Weighted sums of costs, with what user-defined costs return checked.
+
+
+@dataclass(frozen=True)
+class WeightedCost:
+    """A cost and its weight; a weight of 0 leaves it out."""
+
+    cost: Cost
+    weight: float
+
+
+def allowed_nodes(
+    layer: Layer, costs: Sequence[WeightedCost], song_features: SongFeatures
+) -> tuple[Layer, NDArray[np.float64]]:
+    """The layer without its forbidden nodes, and the weighted node costs (N,) of the rest.
+
+    Raises `NoPathError` if all are forbidden.
+    """
+    total = np.zeros(layer.n_nodes)
+    for _, cost in weighted_terms(costs, lambda c: c.node(layer, song_features), (layer.n_nodes,)):
+        total += cost
+    allowed = np.isfinite(total)
+    if not allowed.any():
+        raise NoPathError(f"every node of second {layer.second} is forbidden: relax a cost that returns inf")
+    return (layer, total) if allowed.all() else (layer.subset(allowed), total[allowed])
+
+
+def weighted_terms(
+    costs: Sequence[WeightedCost], evaluate: Callable[[Cost], Floats | None], shape: tuple[int, ...]
+) -> Iterator[tuple[str, Floats]]:
+    """Name and weighted values of every cost that `evaluate` gives values for.
+
+    Raises `ParameterError` for nan or a wrong shape.
+    """
+    for weighted in costs:
+        if weighted.weight == 0:
+            continue
+        value = evaluate(weighted.cost)
+        if value is None:
+            continue
+        value = _checked(value, shape, weighted.cost)
+        if np.isnan(np.min(value, initial=0.0)):
+            raise _is_nan(weighted.cost)
+        yield weighted.cost.name, weighted.weight * value
+
+
+def _checked(value: Any, shape: tuple[int, ...], cost: Cost) -> NDArray:
+    """What a cost returned as an array; `ParameterError` unless that is of numbers and the shape."""
+    array = as_array(f"what cost {cost.name!r} returns", value)
+    if array.shape != shape:
+        raise ParameterError(f"expected an array {shape} of cost {cost.name!r}, got {array.shape}")
+    return array
+
+
+def _is_nan(cost: Cost) -> ParameterError:
+    return ParameterError(f"expected numbers of cost {cost.name!r}, or inf to forbid, got nan")
+
+
+def edge_costs(
+    previous: Layer, following: Layer, costs: Sequence[WeightedCost], song_features: SongFeatures
+) -> NDArray[np.float32]:
+    """Weighted edge costs (P, N) float32.
+
+    Raises `ParameterError` for nan, a wrong shape, or an edge below the cost's own lower bound.
+    """
+    total = np.zeros((previous.n_nodes, following.n_nodes), np.float32)
+    for weighted in costs:
+        if weighted.weight == 0:
+            continue
+        value = weighted.cost.edge(previous, following, song_features)
+        if value is None:
+            continue
+        value = _checked(value, total.shape, weighted.cost).astype(np.float32, copy=False)
+        least = value.min(initial=np.inf)
+        if np.isnan(least):
+            raise _is_nan(weighted.cost)
+        if least < weighted.cost.min_jump_cost:
+            _check_jumps(previous, following, value, weighted.cost)
+        total += np.float32(weighted.weight) * value
+    return total
+
+
+def _check_jumps(previous: Layer, following: Layer, value: NDArray[np.float32], cost: Cost) -> None:
+    """Raise `ParameterError` if an edge between segments is below the cost's lower bound."""
+    jumps = np.array(value)
+    jumps[previous.successors_in(following)] = np.inf
+    if jumps.min(initial=np.inf) < cost.min_jump_cost:
+        raise ParameterError(
+            f"cost {cost.name!r}: expected no edge between segments below its min_jump_cost of "
+            f"{cost.min_jump_cost:g}, got {jumps.min():g}"
+        )

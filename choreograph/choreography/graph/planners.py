@@ -1,0 +1,277 @@
+"""Planners: which node to dance in each second."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost
+from choreograph.choreography.graph.layers import USAGE_MEMORY_S, Layer, LayerSource
+from choreograph.choreography.graph.motif_costs import (
+    MOTIF_COSTS,
+    WeightedCost,
+    allowed_nodes,
+    edge_costs,
+    weighted_terms,
+)
+from choreograph.core.errors import NoPathError
+from choreograph.core.timebase import SEGMENT_S
+from choreograph.music.song_features import SongFeatures
+
+Floats = NDArray[np.floating]
+Ints = NDArray[np.integer]
+Report = Callable[[int, int], None]  # seconds planned, seconds in all
+
+_PRUNE_BELOW = 0.8  # copying a part of a layer takes about a fifth of the time of its edges
+_BLOCK = 128  # predecessors whose edges are evaluated at once: 1 MB at 2,048 nodes
+_THREADS = min(4, os.cpu_count() or 1)
+_MIN_EDGES_FOR_THREADS = 100_000  # a millisecond's work
+_PAIR_BLOCK = 64  # successor pairs are evaluated as the diagonal of a block of edges of this size
+_ROUNDING = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """The chosen node of every second, as layers of one node, and its costs."""
+
+    nodes: tuple[Layer, ...]  # S layers of one node
+    costs: tuple[dict[str, float], ...]  # S: cost name -> weighted cost, node and edge from the last
+
+    @property
+    def total(self) -> float:
+        """Sum of all weighted costs."""
+        return sum(sum(costs.values()) for costs in self.costs)
+
+
+# Multi-threaded BLAS competes with the planner's threads for the cores: four times slower.
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def plan_exact(
+    source: LayerSource,
+    costs: Sequence[WeightedCost],
+    song_features: SongFeatures,
+    *,
+    report: Report | None = None,
+) -> Path:
+    """The cheapest path over the whole song, by dynamic programming over the layers (Viterbi).
+
+    The paper plans greedily (section 3.3). Two kinds of cost depend on the path so far, and make the result
+    cheap rather than the cheapest. `Signature` is evaluated along the cheapest path found to each node: a
+    beam search as wide as a layer has nodes. Recent usage of takes is that of the cheapest path so far, and
+    is fixed for each second. Without recent usage, never costlier than `plan_greedy` on the same layers.
+
+    Raises `NoPathError` naming the second if no path is allowed, `ParameterError` if a cost returns nan, a
+    wrong shape, or an edge below its own lower bound.
+    """
+    usage_s = [source.recent_usage_after([])]
+    layer, reached = allowed_nodes(source.layer(0).with_recent_usage(usage_s[0]), costs, song_features)
+    greedy = _GreedyPath(layer, reached) if layer.motif_counts.size else None
+    layer = layer.with_motif_counts(layer.motif_counts)
+    node_keys = [_node_keys(layer)]
+    takes = [layer.take.astype(np.int32)]
+    parents: list[NDArray[np.int32]] = []
+    with ThreadPoolExecutor(_THREADS) as pool:
+        for second in range(1, source.n_seconds):
+            recent = _backtrack(
+                parents[-USAGE_MEMORY_S:], takes[-USAGE_MEMORY_S - 1 :], int(np.argmin(reached))
+            )
+            usage_s.append(source.recent_usage_after(recent))
+            following, node_cost = allowed_nodes(
+                source.layer(second).with_recent_usage(usage_s[-1]), costs, song_features
+            )
+            best, parent = _viterbi_step(layer, following, reached, costs, song_features, pool)
+            if not np.isfinite(best).any():
+                raise NoPathError(f"no allowed edge into second {second}: relax a cost that returns inf")
+            if greedy is not None and not greedy.extend(following, node_cost, costs, song_features):
+                greedy = None
+            # Nodes that cannot be reached stay, at infinite cost, so that indices agree.
+            reached = best + node_cost
+            layer = following.with_motif_counts(layer.motif_counts[parent])
+            node_keys.append(_node_keys(layer))
+            takes.append(layer.take.astype(np.int32))
+            parents.append(parent.astype(np.int32))
+            if report is not None:
+                report(second + 1, source.n_seconds)
+    keys = _backtrack(parents, node_keys, int(np.argmin(reached)))
+    if greedy is not None and greedy.total < reached.min():
+        keys = greedy.keys
+    return _path_with_costs(source, keys, usage_s, costs, song_features)
+
+
+def plan_greedy(
+    source: LayerSource,
+    costs: Sequence[WeightedCost],
+    song_features: SongFeatures,
+    *,
+    report: Report | None = None,
+) -> Path:
+    """The cheapest next node, second by second (ChoreoGraph, section 3.3).
+
+    Raises as `plan_exact`. It can also run into a dead end that `plan_exact` avoids.
+    """
+    usage_s = [source.recent_usage_after([])]
+    path = _GreedyPath(*allowed_nodes(source.layer(0).with_recent_usage(usage_s[0]), costs, song_features))
+    for second in range(1, source.n_seconds):
+        usage_s.append(source.recent_usage_after(path.takes))
+        layer = source.layer(second).with_recent_usage(usage_s[-1])
+        if not path.extend(*allowed_nodes(layer, costs, song_features), costs, song_features):
+            raise NoPathError(f"no allowed edge into second {second}: relax a cost that returns inf")
+        if report is not None:
+            report(second + 1, source.n_seconds)
+    return _path_with_costs(source, path.keys, usage_s, costs, song_features)
+
+
+class _GreedyPath:
+    """The greedy path so far: its cost, its nodes, and the last of them."""
+
+    def __init__(self, layer: Layer, node_cost: NDArray[np.float64]) -> None:
+        self.total = float(node_cost.min())
+        self.keys: list[int] = []
+        self.takes: list[int] = []
+        self._append(layer, int(np.argmin(node_cost)), layer.motif_counts[:1])
+
+    def extend(
+        self,
+        layer: Layer,
+        node_cost: NDArray[np.float64],
+        costs: Sequence[WeightedCost],
+        song_features: SongFeatures,
+    ) -> bool:
+        """Append the cheapest node of `layer`; False if no edge into it is allowed."""
+        total = node_cost + edge_costs(self._last, layer, costs, song_features)[0]
+        best = int(np.argmin(total))
+        if not np.isfinite(total[best]):
+            return False
+        self.total += float(total[best])
+        self._append(layer, best, self._last.motif_counts)
+        return True
+
+    def _append(self, layer: Layer, node: int, counts_before: Ints) -> None:
+        self._last = layer.subset(np.array([node])).with_motif_counts(counts_before)
+        self.keys.append(int(self._last.segment[0] * 4 + self._last.offset[0]))
+        self.takes.append(int(self._last.take[0]))
+
+
+def _node_keys(layer: Layer) -> NDArray[np.int32]:
+    """What `LayerSource.node` finds each node by, (N,): 12 days of song before they overflow."""
+    return (layer.segment * SEGMENT_S + layer.offset).astype(np.int32)
+
+
+def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[Ints], last: int) -> list[int]:
+    """`values` (N,) of every layer along the cheapest path to node `last` of the last layer."""
+    found = [int(values[-1][last])]
+    for parent, here in zip(reversed(parents), reversed(values[:-1]), strict=True):
+        last = int(parent[last])
+        found.append(int(here[last]))
+    return found[::-1]
+
+
+def _viterbi_step(
+    layer: Layer,
+    following: Layer,
+    reached: NDArray[np.float64],
+    costs: Sequence[WeightedCost],
+    song_features: SongFeatures,
+    pool: ThreadPoolExecutor,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Cost of the cheapest path into every node of `following`, and its last node in `layer`.
+
+    Branch and bound: first the edges inside segments, one into each node. Then all predecessors, cheapest
+    first, in growing blocks. A predecessor whose cost plus the lower bound of a jump exceeds the best path
+    found into a node cannot improve it, and such rows and columns of the edges are not evaluated. The result
+    is that of all edges.
+    """
+    from choreograph.choreography.graph.costs import cheapest_predecessor
+
+    best, parent = _continue_segments(layer, following, reached, costs, song_features)
+    order = np.argsort(reached, kind="stable")
+    order = order[np.isfinite(reached[order])]
+    with_edges = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
+    thread_safe = all(type(w.cost) in (*BUILTIN_COSTS, *MOTIF_COSTS) for w in with_edges)
+    bound = np.zeros(following.n_nodes)
+    for w in with_edges:
+        bound += (
+            w.weight * w.cost.min_edge_costs(layer, following, song_features) if w.weight > 0 else -np.inf
+        )
+    start = 0
+    while start < len(order):
+        block = order[start : start + max(_BLOCK, start)]
+        start += len(block)
+        # The float32 sums of edges may be below their bound by a rounding error.
+        improvable = np.flatnonzero(best > reached[block[0]] + bound - _ROUNDING)
+        if len(improvable) == 0:
+            break
+        if len(improvable) > _PRUNE_BELOW * following.n_nodes:
+            improvable = np.arange(following.n_nodes)
+        # User-defined costs may keep state between calls: only the built-in ones are evaluated in threads.
+        in_threads = thread_safe and len(block) * len(improvable) > _MIN_EDGES_FOR_THREADS
+
+        def improve(part: NDArray[np.int64], block: NDArray[np.int64] = block) -> None:
+            there = following if len(part) == following.n_nodes else following.subset(part)
+            edges = edge_costs(layer.subset(block), there, costs, song_features)
+            rows = cheapest_predecessor((reached[block] - reached[block[0]]).astype(np.float32), edges)
+            cost = reached[block[rows]] + edges[rows, np.arange(len(part))]
+            better = cost < best[part]
+            best[part[better]] = cost[better]
+            parent[part[better]] = block[rows[better]]
+
+        if in_threads:
+            list(pool.map(improve, np.array_split(improvable, _THREADS)))
+        else:
+            improve(improvable)
+    return best, parent
+
+
+def _continue_segments(
+    layer: Layer,
+    following: Layer,
+    reached: NDArray[np.float64],
+    costs: Sequence[WeightedCost],
+    song_features: SongFeatures,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Cost of reaching each node from its predecessor in the same segment, inf without, and that node."""
+    best = np.full(following.n_nodes, np.inf)
+    parent = np.zeros(following.n_nodes, np.int64)
+    here, there = layer.successors_in(following)
+    for start in range(0, len(here), _PAIR_BLOCK):
+        a, b = here[start : start + _PAIR_BLOCK], there[start : start + _PAIR_BLOCK]
+        edges = edge_costs(layer.subset(a), following.subset(b), costs, song_features)
+        best[b] = reached[a] + np.diagonal(edges)
+        parent[b] = a
+    return best, parent
+
+
+def _path_with_costs(
+    source: LayerSource,
+    keys: list[int],
+    usage_s: Sequence[Floats],
+    costs: Sequence[WeightedCost],
+    song_features: SongFeatures,
+) -> Path:
+    """The path through the nodes with keys segment × 4 + offset, with every cost term of each."""
+    nodes: list[Layer] = []
+    terms_of: list[dict[str, float]] = []
+    for key, recent_usage_s in zip(keys, usage_s, strict=True):
+        node = source.node(key).with_recent_usage(recent_usage_s)
+        last = nodes[-1] if nodes else None
+        terms_of.append(_terms_of(last, node, costs, song_features))
+        nodes.append(node.with_motif_counts(node.motif_counts if last is None else last.motif_counts))
+    return Path(tuple(nodes), tuple(terms_of))
+
+
+def _terms_of(
+    last: Layer | None, node: Layer, costs: Sequence[WeightedCost], song_features: SongFeatures
+) -> dict[str, float]:
+    """Weighted cost of a node and of the edge from the last one, by cost name."""
+    terms = {weighted.cost.name: 0.0 for weighted in costs}
+    for name, value in weighted_terms(costs, lambda c: c.node(node, song_features), (1,)):
+        terms[name] += float(value[0])
+    if last is not None:
+        for name, value in weighted_terms(costs, lambda c: c.edge(last, node, song_features), (1, 1)):
+            terms[name] += float(value[0, 0])
+    return terms

@@ -1,0 +1,224 @@
+"""The mixer engine: a sequence of motifs, and the words that dance it (Rhythm is a Dancer)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.constraints import Constraints
+from choreograph.choreography.enforcement import (
+    danced_motifs,
+    is_danced,
+    no_word_left,
+    violated_slots,
+    with_border_costs,
+)
+from choreograph.choreography.engine import DanceRequest, EngineResult
+from choreograph.choreography.genres import choose_goal
+from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.mixer.words import (
+    SEARCHES,
+    CandidatePool,
+    Candidates,
+    consecutive_slots,
+    search_words,
+)
+from choreograph.choreography.motif_sequences import MotifGoal, draw_motifs
+from choreograph.core.errors import NoPathError, ParameterError
+from choreograph.core.progress import StepReport, part, substage
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion.motion import Motion
+from choreograph.plan import Plan, PlannedWord
+from choreograph.render.rendering import render
+from choreograph.settings import DanceConfig
+
+Indices = NDArray[np.int64]
+
+_STEPS = 10  # of the progress of a rendering
+_KEEP_M = 0.1  # cost of replacing a word that shows its motif, to help another
+_ROUNDS = 6  # renderings until every word shows its motif; pinned and banned motifs may take more
+
+
+class MixerEngine:
+    """Motion words of takes (Rhythm is a Dancer, sections 4.3 and 5.2.5)."""
+
+    name = "mixer"
+    settings = frozenset({"planner", "blending", "motif_draw"})
+
+    def check(
+        self,
+        repertoire: Repertoire,
+        config: DanceConfig,
+        constraints: Constraints,
+        costs: Sequence[Cost],
+    ) -> None:
+        """As `Engine.check`: it needs motifs, and a planner among `SEARCHES`."""
+        if config.planner not in SEARCHES:
+            raise ParameterError(
+                f"expected a planner among {', '.join(SEARCHES)} for the mixer, got {config.planner!r}"
+            )
+        _ = repertoire.vocabulary
+
+    def plan(self, request: DanceRequest) -> EngineResult:
+        """A dance of motion words; it follows the genre nearest to the song unless one is given."""
+        constraints = request.constraints.requested
+        goal, notes = choose_goal(request.song_features, request.repertoire, constraints)
+        mixed = mix(request, goal)
+        if len(mixed.wrong):
+            notes = (*notes, f"{len(mixed.wrong)} of {len(mixed.wanted)} words do not show their motifs")
+        notes = (*notes, *sequence_notes(constraints, len(mixed.wanted)))
+        return EngineResult(mixed.plan, notes, mixed.motion)
+
+
+@dataclass(frozen=True, eq=False)
+class MixedDance:
+    """A rendered dance of words, and what its words should be."""
+
+    plan: Plan
+    motion: Motion
+    words: Indices  # (N,) of the vocabulary
+    wanted: Indices  # (N,) motif of each word
+    danced: Indices  # (N,) motif that the rendered motion shows there; -1 for a word too short to have one
+    broken: tuple[int, ...]  # slots where a pinned motif is not danced, or a banned one is
+
+    @property
+    def wrong(self) -> Indices:
+        """Slots whose motif is not the one wanted."""
+        return np.flatnonzero((self.danced != self.wanted) & (self.danced >= 0))
+
+    @property
+    def n_violations(self) -> tuple[int, int]:
+        """Slots that break constraints, and slots that show another motif than planned."""
+        return len(self.broken), len(self.wrong)
+
+
+def sequence_notes(constraints: Constraints, n_words: int) -> tuple[str, ...]:
+    """Notes on a motif sequence that is longer or shorter than a dance of `n_words`, or decides all of it."""
+    given = len(constraints.motifs)
+    notes: tuple[str, ...] = ()
+    if given > n_words:
+        notes = (f"{given} motifs were given for a dance of {n_words} words: the last ones are left out",)
+    if given >= n_words and constraints.signature is not None:
+        notes += ("the signature has no effect, since all motifs were given",)
+    if given >= n_words:
+        return notes
+    if given:
+        return (f"{given} motifs were given for a dance of {n_words} words: the rest is drawn",)
+    return ()
+
+
+def mix(request: DanceRequest, goal: MotifGoal) -> MixedDance:
+    """A dance of motion words (Rhythm is a Dancer, sections 4.3 and 5.2.5).
+
+    A word that no longer shows its motif after blending is replaced, and the dance is rendered again: that
+    check, choosing all words together, and that words begin on the count of the bar that the music is at,
+    are ours.
+
+    Raises `ParameterError` if constraints contradict each other, `NoPathError` naming the time at which no
+    word shows a pinned motif or avoids a banned one, `RepertoireError` without a vocabulary.
+    """
+    constraints, config = request.constraints, request.config
+    rng = np.random.default_rng(config.seed)
+    pool = CandidatePool.of(constraints, request.repertoire, request.song_features.counts, rng)
+    wanted = _motifs(pool, config, goal)
+    candidates = [pool.candidates(slot, int(motif)) for slot, motif in enumerate(wanted)]
+    if request.kept is not None:
+        candidates = with_border_costs(candidates, request.kept, constraints)
+    locked = set(constraints.pinned)
+    report = substage(request.report, "mixing")
+    best: MixedDance | None = None
+    rounds = 0
+    while True:
+        words = search_words(candidates, search=config.planner)
+        steps = _STEPS * max(_ROUNDS, rounds + 1)
+        of_round = part(report, _STEPS * rounds, _STEPS * (rounds + 1), steps)
+        mixed = _rendered(words, locked, pool, request, of_round)
+        if best is None or mixed.n_violations < best.n_violations:
+            best = mixed
+        rounds += 1
+        if best.n_violations == (0, 0) or (rounds >= _ROUNDS and not best.broken):
+            if report is not None:
+                report(steps, steps)
+            return best
+        locked.update(mixed.broken)
+        candidates = [_next_candidates(slot, here, mixed, pool) for slot, here in enumerate(candidates)]
+
+
+def _rendered(
+    words: Indices,
+    locked: Collection[int],
+    pool: CandidatePool,
+    request: DanceRequest,
+    report: StepReport | None,
+) -> MixedDance:
+    constraints = request.constraints
+    plan = _to_plan(words, locked, pool, request)
+    motion = render(plan, request.repertoire, report=report)
+    chosen = pool.vocabulary.word_motif[words]
+    held = [not is_danced(slot, plan, constraints) for slot in range(constraints.n_words)]
+    # What is held shows no motif of its own.
+    danced = np.where(held, chosen, danced_motifs(motion, constraints.bounds_s, request.repertoire))
+    pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
+    broken = violated_slots(danced, replace(constraints, motifs=pinned))
+    return MixedDance(plan, motion, words, chosen, danced, tuple(broken))
+
+
+def _next_candidates(slot: int, here: Candidates, mixed: MixedDance, pool: CandidatePool) -> Candidates:
+    """The candidates for another try: not the word that failed, and one that did not fail again if possible.
+
+    A slot that shows a banned motif whatever word of its own motif is taken may show any other, unless its
+    motif was requested. Raises `NoPathError` if nothing is left where a constraint must hold.
+    """
+    word = int(mixed.words[slot])
+    if slot not in mixed.broken and slot not in mixed.wrong:
+        return here.preferring(word, _KEEP_M)
+    left = here.without(word)
+    if not left.any_left and slot in mixed.broken:
+        if slot in pool.constraints.motifs:
+            raise NoPathError(no_word_left(slot, pool.constraints))
+        left = pool.candidates(slot, None).without(*here.words)
+        if not left.any_left:
+            raise NoPathError(no_word_left(slot, pool.constraints))
+    return left if left.any_left else here
+
+
+def _motifs(pool: CandidatePool, config: DanceConfig, goal: MotifGoal) -> Indices:
+    """The motif of every word (N,): as requested, the take's own where one is pinned, the rest drawn."""
+    constraints = pool.constraints
+    motifs = dict(constraints.motifs)
+    for slots in consecutive_slots(constraints.takes):
+        of_take = [pool.candidates(slot, motifs.get(slot)) for slot in slots]
+        if any(len(here.words) == 0 for here in of_take):
+            raise ParameterError(
+                "expected a pinned take with motion words that may be danced, got none at "
+                f"{constraints.bounds_s[slots[0]]:.1f} s"
+            )
+        passage = search_words(of_take, search=config.planner)
+        motifs.update(zip(slots, pool.vocabulary.word_motif[passage].tolist(), strict=True))
+    return draw_motifs(
+        constraints.n_words, goal.signature, goal.transitions, rng=pool.rng, pins=motifs,
+        banned=np.flatnonzero(~pool.motif_allowed()).tolist(), possible=pool.motif_possible(),
+        need=config.motif_draw,
+    )  # fmt: skip
+
+
+def _to_plan(words: Indices, locked: Collection[int], pool: CandidatePool, request: DanceRequest) -> Plan:
+    planned = [pool.planned(slot, int(word), pinned=slot in locked) for slot, word in enumerate(words)]
+    duration_s = request.song_features.duration_s
+    planned[0] = _extended(planned[0], 0.0, planned[0].end_s, pool.repertoire)
+    planned[-1] = _extended(planned[-1], planned[-1].start_s, duration_s, pool.repertoire)
+    return request.new_plan(engine=MixerEngine.name, words=tuple(planned))
+
+
+def _extended(word: PlannedWord, start_s: float, end_s: float, repertoire: Repertoire) -> PlannedWord:
+    """A word that begins earlier or ends later at the same speed, as far as its take goes."""
+    speed = (word.source_end_s - word.source_start_s) / (word.end_s - word.start_s)
+    take = repertoire.takes[repertoire.take_index(word.take)]
+    first = max(0.0, word.source_start_s - speed * (word.start_s - start_s))
+    last = min(take.duration_s, word.source_end_s + speed * (end_s - word.end_s))
+    return replace(
+        word, start_s=start_s, end_s=end_s, source_start_s=round(first, 6), source_end_s=round(last, 6)
+    )

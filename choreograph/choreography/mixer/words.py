@@ -1,0 +1,299 @@
+"""The words that may be danced in each slot, what each costs, and the search for the best sequence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.motif_sequences import (
+    bar_positions,
+    possible_motifs,
+    word_positions,
+    words_on_count,
+)
+from choreograph.choreography.slots import ResolvedConstraints
+from choreograph.core.counts import Counts
+from choreograph.core.errors import NoPathError, ParameterError
+from choreograph.core.numerics import squared_distances
+from choreograph.core.timebase import NET_FPS, WORD_FRAMES
+from choreograph.library.motifs import Vocabulary
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.words import poses_at
+from choreograph.motion.body import clips_to_root_frame
+from choreograph.music.count_grids import accent_shifts_s
+from choreograph.plan import PlannedWord
+
+# The words of a repertoire as the mixer compares them: poses at their borders, and their motif margin.
+
+
+Floats = NDArray[np.floating]
+Indices = NDArray[np.int64]
+
+AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS  # the three poses that a transition is judged by
+
+
+class WordBank:
+    """Reads words from the takes' positions, (T, 21, 3) at 20 fps, and embeds each when first needed.
+
+    Words are danced from and to `bounds_s` (W, 2) of their takes; by default where they were cut.
+    """
+
+    def __init__(
+        self,
+        vocabulary: Vocabulary,
+        body_pos_m: Callable[[int], Floats],
+        embed: Callable[[Floats], NDArray[np.float32]],
+        bounds_s: Floats | None = None,
+    ) -> None:
+        self.vocabulary = vocabulary
+        cut_s = np.stack([vocabulary.word_start_s, vocabulary.word_end_s], axis=1)
+        self.bounds_s = cut_s if bounds_s is None else bounds_s
+        self._body_pos_m = body_pos_m
+        self._embed = embed
+        self._margin_m = np.full(len(vocabulary.word_motif), np.nan)
+
+    def borders_m(self, words: Indices, lengths_s: float) -> tuple[Floats, Floats]:
+        """The three poses around the start and the end of words (M,), each (M, 3, 21, 3), in the root frame.
+
+        They are a twentieth of a second apart in the dance, where the words last `lengths_s`.
+        """
+        bounds_s = self.bounds_s[words]  # (M, 2)
+        speed = np.diff(bounds_s, axis=1) / lengths_s  # (M, 1)
+        poses = self._poses_m(words, bounds_s[..., None] + speed[..., None] * AROUND_S)
+        poses = clips_to_root_frame(poses)  # (M, 2, 3, 21, 3)
+        return poses[:, 0], poses[:, 1]
+
+    def motif_margin_m(self, words: Indices) -> Floats:
+        """How much nearer each word (M,) is to its motif than to the next; negative if it is not."""
+        new = np.unique(words[np.isnan(self._margin_m[words])])
+        if len(new):
+            self._margin_m[new] = self._measured_margin_m(new)
+        return self._margin_m[words]
+
+    def _measured_margin_m(self, words: Indices) -> Floats:
+        v = self.vocabulary
+        share = np.linspace(0.0, 1.0, WORD_FRAMES)
+        length_s = v.word_end_s[words] - v.word_start_s[words]
+        poses = self._poses_m(words, v.word_start_s[words, None] + length_s[:, None] * share)
+        embedded = self._embed(clips_to_root_frame(poses)).astype(np.float64)  # (M, D)
+        medoids = v.motifs.embeddings.astype(np.float64)  # (K, D)
+        distance = np.sqrt(squared_distances(embedded, medoids))  # (M, K)
+        rows, own = np.arange(len(words)), v.word_motif[words]
+        to_own = distance[rows, own]
+        distance[rows, own] = np.inf
+        return np.minimum(distance.min(axis=1), 1.0) - to_own  # with one motif alone the next is a metre away
+
+    def _poses_m(self, words: Indices, times_s: Floats) -> NDArray[np.float64]:
+        """Poses (M, ..., 21, 3) of the words' takes at times (M, ...)."""
+        poses = np.empty((*times_s.shape, 21, 3))
+        takes = self.vocabulary.word_take[words]
+        for take in np.unique(takes):
+            poses[takes == take] = poses_at(self._body_pos_m(int(take)), NET_FPS, times_s[takes == take])
+        return poses
+
+
+def accented_bounds_s(repertoire: Repertoire) -> Floats:
+    """From when to when (W, 2) of its take each word is danced, so that its accents fall on the beat (ours).
+
+    Words are cut on counts. Where a take has its accents just beside them, words begin and end there instead,
+    as far off as the graph engine's time maps put them (`music.count_grids`).
+    """
+    v = repertoire.vocabulary
+    bounds_s = np.stack([v.word_start_s, v.word_end_s], axis=1).astype(np.float64)
+    for take in np.unique(v.word_take):
+        counts_s = repertoire.counts(int(take)).times_s
+        if len(counts_s) < 2:
+            continue
+        shifts_s = accent_shifts_s(repertoire.motion_beats_s(int(take)), counts_s)
+        own = v.word_take == take
+        bounds_s[own] += np.interp(bounds_s[own], counts_s, shifts_s, left=0.0, right=0.0)
+    return bounds_s
+
+
+# The words that may be danced in each slot of one dance, and what each costs on its own.
+
+
+# Costs of a word on its own, in metres of joint distance.
+_SAFE_MARGIN_M = 0.04  # a word should be nearer to its motif than to any other by this: transitions move it
+_SPEED_COST_M = 0.1  # of twice or half its speed
+_OTHER_COUNT_M = 0.5  # of a word that begins on another count than the music's
+_TIE_BREAK_M = 0.02  # left to the seed
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """The words that may be danced in one slot of the dance, M of them."""
+
+    words: Indices  # (M,) indices in the vocabulary
+    cost_m: Floats  # (M,) of the word on its own, in metres of joint distance; inf forbids
+    first_m: Floats  # (M, 3, 21, 3) the poses around its start, in the root frame
+    last_m: Floats  # (M, 3, 21, 3) the poses around its end
+
+    @property
+    def any_left(self) -> bool:
+        """Whether a word is not forbidden."""
+        return bool(np.isfinite(self.cost_m).any())
+
+    def without(self, *words: int) -> Candidates:
+        """The same, with some words forbidden."""
+        return replace(self, cost_m=np.where(np.isin(self.words, words), np.inf, self.cost_m))
+
+    def preferring(self, word: int, by_m: float) -> Candidates:
+        """The same, with all words but one more expensive."""
+        return replace(self, cost_m=self.cost_m + by_m * (self.words != word))
+
+
+@dataclass(frozen=True, eq=False)
+class CandidatePool:
+    """All words of a repertoire that the constraints of one dance allow."""
+
+    constraints: ResolvedConstraints
+    repertoire: Repertoire
+    bank: WordBank
+    rng: np.random.Generator
+    slot_position: (
+        Indices  # (N,) where in the song's bar each slot begins: see `choreography.motif_sequences`
+    )
+    word_position: Indices  # (words,) where in its take's bar each word does
+
+    @classmethod
+    def of(
+        cls,
+        constraints: ResolvedConstraints,
+        repertoire: Repertoire,
+        song_counts: Counts,
+        rng: np.random.Generator,
+    ) -> CandidatePool:
+        """The pool of a repertoire; `RepertoireError` if it has no vocabulary."""
+        vocabulary = repertoire.vocabulary
+        embed = repertoire.word_net().embed
+        bank = WordBank(vocabulary, repertoire.body_pos_m, embed, accented_bounds_s(repertoire))
+        slots = bar_positions(constraints.bounds_s[:-1], song_counts)
+        return cls(constraints, repertoire, bank, rng, slots, word_positions(vocabulary, repertoire.counts))
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """The vocabulary of the words."""
+        return self.bank.vocabulary
+
+    def length_s(self, slot: int) -> float:
+        """How long the word in a slot lasts."""
+        return float(self.constraints.bounds_s[slot + 1] - self.constraints.bounds_s[slot])
+
+    def candidates(self, slot: int, motif: int | None) -> Candidates:
+        """Words of a motif, or of every motif that is not banned if None, for a slot; perhaps none."""
+        constraints, v = self.constraints, self.vocabulary
+        fits = constraints.take_allowed[v.word_take] & ~constraints.motif_banned[v.word_motif]
+        if motif is not None:
+            fits &= v.word_motif == motif
+        if slot in constraints.takes:
+            fits &= v.word_take == constraints.takes[slot]
+        words = np.flatnonzero(fits)
+        octaves = np.log2((v.word_end_s[words] - v.word_start_s[words]) / self.length_s(slot))
+        cost = _SPEED_COST_M * octaves**2 + _TIE_BREAK_M * self.rng.exponential(size=len(words))
+        cost += np.maximum(_SAFE_MARGIN_M - self.bank.motif_margin_m(words), 0.0)
+        cost += _OTHER_COUNT_M * ~self._on_count(slot, words)
+        return Candidates(words, cost, *self.bank.borders_m(words, self.length_s(slot)))
+
+    def motif_allowed(self) -> NDArray[np.bool_]:
+        """Motifs (K,) that are not banned and have a word that may be danced."""
+        allowed = np.zeros(self.vocabulary.n_motifs, bool)
+        allowed[self.vocabulary.word_motif[self.constraints.take_allowed[self.vocabulary.word_take]]] = True
+        return allowed & ~self.constraints.motif_banned
+
+    def motif_possible(self) -> NDArray[np.bool_]:
+        """Motifs (N, K) that have a word, of a take that may be danced, on the count of each slot."""
+        v = self.vocabulary
+        words = np.flatnonzero(self.constraints.take_allowed[v.word_take])
+        return possible_motifs(self.slot_position, self.word_position, words, v)
+
+    def _on_count(self, slot: int, words: Indices) -> NDArray[np.bool_]:
+        """Which words (M,) begin where the slot does in its bar; all where that is not known of any word."""
+        return words_on_count(self.slot_position[slot], self.word_position, words)
+
+    def planned(self, slot: int, word: int, *, pinned: bool) -> PlannedWord:
+        """A word in its slot of the dance."""
+        v, bounds_s = self.vocabulary, self.constraints.bounds_s
+        take, source_s = self.repertoire.takes[v.word_take[word]], self.bank.bounds_s[word]
+        return PlannedWord(
+            start_s=round(float(bounds_s[slot]), 6), end_s=round(float(bounds_s[slot + 1]), 6),
+            motif=int(v.word_motif[word]), take=take.name,
+            source_start_s=round(float(source_s[0]), 6), source_end_s=round(float(source_s[1]), 6),
+            credits=take.credits, pinned=pinned,
+        )  # fmt: skip
+
+
+def consecutive_slots(slots: Mapping[int, object]) -> list[list[int]]:
+    """Slots that follow one another with the same value, in order."""
+    groups: list[list[int]] = []
+    for slot in sorted(slots):
+        if groups and groups[-1][-1] == slot - 1 and slots[slot - 1] == slots[slot]:
+            groups[-1].append(slot)
+        else:
+            groups.append([slot])
+    return groups
+
+
+# The choreography mixer's search: for each slot the word that continues best from the word before.
+#
+# In Rhythm is a Dancer, section 5.2.5, each word is chosen once, after the one before it (`greedy`). By
+# default (`exact`) all words are chosen together: the cheapest sequence. The paper compares the first three
+# poses of a word with the last three of the word before. Here both are compared with what their take does
+# around the same instant, so that position and velocity are compared at the transition, and a word that
+# really followed costs nothing.
+
+
+SEARCHES = ("exact", "greedy")
+_REPEAT_COST_M = 0.15  # of the very same word again, in metres of joint distance
+
+
+def search_words(candidates: Sequence[Candidates], *, search: str = "exact") -> Indices:
+    """A word for every slot, (N,): the cheapest sequence.
+
+    Going from one word to the next costs the root mean square distance of their three poses at the
+    transition, in metres, and more if it is the same word again.
+
+    Raises `ParameterError` for an unknown search, `NoPathError` naming the slot where every word is
+    forbidden.
+    """
+    if search not in SEARCHES:
+        raise ParameterError(f"expected a search among {', '.join(SEARCHES)}, got {search!r}")
+    for slot, here in enumerate(candidates):
+        if not here.any_left:
+            raise NoPathError(f"every word of slot {slot} of the dance is forbidden")
+    if not candidates:
+        return np.zeros(0, np.int64)
+    rows = (_greedy if search == "greedy" else _cheapest)(candidates)
+    return np.array([here.words[row] for here, row in zip(candidates, rows, strict=True)])
+
+
+def _greedy(candidates: Sequence[Candidates]) -> list[int]:
+    rows = [int(np.argmin(candidates[0].cost_m))]
+    for before, here in pairwise(candidates):
+        rows.append(int(np.argmin(_transition_costs_m(before, here)[rows[-1]] + here.cost_m)))
+    return rows
+
+
+def _cheapest(candidates: Sequence[Candidates]) -> list[int]:
+    reached = candidates[0].cost_m  # (M,)
+    parents: list[Indices] = []
+    for before, here in pairwise(candidates):
+        paths = reached[:, None] + _transition_costs_m(before, here)  # (M, M')
+        parents.append(np.argmin(paths, axis=0))
+        reached = paths[parents[-1], np.arange(len(here.words))] + here.cost_m
+    rows = [int(np.argmin(reached))]
+    for parent in reversed(parents):
+        rows.append(int(parent[rows[-1]]))
+    return rows[::-1]
+
+
+def _transition_costs_m(before: Candidates, here: Candidates) -> Floats:
+    """Cost of going from each word (M) to each of the next slot (M'), (M, M')."""
+    a, b = before.last_m.reshape(len(before.words), -1), here.first_m.reshape(len(here.words), -1)
+    n_points = a.shape[1] // 3
+    again = before.words[:, None] == here.words
+    return np.sqrt(squared_distances(a, b) / n_points) + _REPEAT_COST_M * again

@@ -1,0 +1,273 @@
+"""Sequences of motifs: the goals of a dance, and draws that reach them on the right beats of the bar."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.counts import Counts, bars_of
+from choreograph.core.errors import ParameterError
+from choreograph.library.motifs import ALL_GENRES, Vocabulary
+from choreograph.library.words import checked_signature
+
+# Goals for a whole dance: its motif signature and its motif transitions.
+
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class MotifGoal:
+    """The target signature, and the probabilities of transitions between motifs."""
+
+    signature: Floats  # (K,)
+    transitions: Floats  # (K, K) row i: probabilities of the motif after motif i
+
+
+def motif_goal(
+    vocabulary: Vocabulary, *, genre: str | None = None, signature: Floats | None = None
+) -> MotifGoal:
+    """The goal of a genre, or of a custom signature (K,) with a genre's transitions.
+
+    Without a genre the transitions are those of all takes. Raises `ParameterError` for an unknown genre, or
+    a signature that does not match this vocabulary's motifs or does not sum to 1.
+    """
+    row = vocabulary.genre_index(ALL_GENRES if genre is None else genre)
+    shares = vocabulary.signatures[row] if signature is None else signature
+    return MotifGoal(checked_signature(shares, vocabulary.n_motifs), vocabulary.transitions[row])
+
+
+# Where in the bar motion words begin: what a word on count 1 needs is a slot on the music's downbeat.
+
+
+Indices = NDArray[np.int64]
+
+UNKNOWN = 0
+_WITHIN = 0.15  # of a count's length: farther from a count, a word is not on it
+_MANY = 100  # more than the counts of any bar
+
+
+def bar_positions(times_s: NDArray[np.floating], counts: Counts) -> Indices:
+    """Position (N,) of the count at each time, 100 × the counts in its bar + its number; `UNKNOWN` between.
+
+    A bar that the counts do not hold in full is of the counts' metre. So a 3 of a waltz is no 3 of four.
+    """
+    found = np.full(len(times_s), UNKNOWN, np.int64)
+    if not counts.has_bars or len(counts) < 2:
+        return found
+    bar = bars_of(counts.numbers)  # (Q,)
+    length = np.full(bar.max() + 1, counts.metre)
+    for whole in range(1, int(bar.max())):
+        length[whole] = np.sum(bar == whole)
+    position = _MANY * length[bar] + counts.numbers  # (Q,)
+    nearest = np.abs(counts.times_s - np.asarray(times_s)[:, None]).argmin(axis=1)  # (N,)
+    period_s = np.gradient(counts.times_s)[nearest]
+    on_count = np.abs(counts.times_s[nearest] - times_s) < _WITHIN * period_s
+    found[on_count] = position[nearest[on_count]]
+    return found
+
+
+def word_positions(vocabulary: Vocabulary, counts_of: Callable[[int], Counts]) -> Indices:
+    """Position in the bar on which every word begins, (N,); `counts_of` gives a take's counts."""
+    positions = np.full(len(vocabulary.word_take), UNKNOWN, np.int64)
+    for take in np.unique(vocabulary.word_take):
+        words = vocabulary.words_of_take(int(take))
+        positions[words] = bar_positions(vocabulary.word_start_s[words], counts_of(int(take)))
+    return positions
+
+
+def words_on_count(wanted: int, word_position: Indices, words: Indices) -> NDArray[np.bool_]:
+    """Which of the words (M,) begin on a position in the bar; all where it is not known, or known of no word.
+
+    `word_position` (W,) is that of all words, `wanted` that of a slot of the dance.
+    """
+    known = wanted != UNKNOWN and bool((word_position != UNKNOWN).any())
+    return word_position[words] == wanted if known else np.ones(len(words), bool)
+
+
+def possible_motifs(
+    slot_position: Indices, word_position: Indices, words: Indices, vocabulary: Vocabulary
+) -> NDArray[np.bool_]:
+    """Motifs (N, K) that have one of the words (M,) on the count of each slot (N,)."""
+    possible = np.zeros((len(slot_position), vocabulary.n_motifs), bool)
+    for slot, wanted in enumerate(slot_position):
+        possible[slot, vocabulary.word_motif[words[words_on_count(wanted, word_position, words)]]] = True
+    return possible
+
+
+# Sequences of motifs, drawn to have a genre's signature and transitions, around pinned motifs.
+#
+# Rhythm is a Dancer, section 4.3. Equation 5 is, componentwise, p_{k+1} = |s_k - s_G| · T_j, normalised to
+# sum to 1: s_k is the signature of the dance so far, s_G the target signature, T_j the row of the transition
+# matrix for the last motif. Read literally, a motif danced too often is as likely as one danced too seldom.
+# This contradicts the text, which raises "the probability of missing motifs". Our default is therefore the
+# missing part of the difference, max(s_G - s_k, 0) (parameter `need`).
+
+
+NEEDS = ("missing", "absolute")
+_UNSEEN = 1e-9  # probability of unseen transitions in the backward messages, for pins that need one
+_DEAD_END = 1e-7  # missing motifs with a smaller share of the probability reach the next pin only by these
+
+
+def draw_motifs(
+    n_words: int,
+    signature: Floats,
+    transitions: Floats,
+    *,
+    rng: np.random.Generator,
+    pins: Mapping[int, int] | None = None,
+    banned: Collection[int] = (),
+    possible: NDArray[np.bool_] | None = None,
+    need: str = "missing",
+) -> NDArray[np.int64]:
+    """A dance of `n_words` motifs, (N,).
+
+    Parameters
+    ----------
+    signature : float array (K,)       target signature s_G
+    transitions : float array (K, K)   row i: probabilities of the motif after motif i
+    pins : position -> motif           always kept; pinning all positions re-creates a given dance
+    banned : motifs that must not occur
+    possible : bool array (N, K)       which motifs each word may be (ours: those that have a word on its
+        count); where none is, all are
+    need : "missing" or "absolute": how equation 5's difference is read, see above
+
+    Each motif is drawn by equation 5 times the probability that the transitions lead from it to the next
+    pin in the remaining steps, by possible motifs (backward messages, one per position). So gaps are filled
+    with observed transitions wherever possible. Pinned motifs count as danced from the start; the gaps
+    supply the rest of the signature. If no missing motif can follow, any motif that can follow is drawn; if
+    none can follow, because pins or bans contradict the transitions, any allowed motif.
+
+    Raises `ParameterError` if shapes disagree, the signature or a row does not sum to 1, a pin is outside
+    the dance, a pin or ban is of an unknown motif, a pinned motif is banned, or all motifs are.
+    """
+    n_motifs = len(np.atleast_1d(signature))
+    target = checked_signature(signature, n_motifs)
+    transitions = _checked_transitions(transitions, n_motifs)
+    if n_words < 0 or need not in NEEDS:
+        raise ParameterError(
+            f"expected at least 0 words and a need among {', '.join(NEEDS)}, got {n_words} and {need!r}"
+        )
+    pins = dict(pins or {})
+    allowed = _allowed_at(_allowed(n_motifs, pins, banned, n_words), possible, n_words)  # (N, K)
+    smoothed = (1.0 - _UNSEEN) * transitions + _UNSEEN / n_motifs
+    last = n_words - 1 if possible is not None else max(pins, default=0)
+    messages = _backward_messages(last, smoothed, pins, allowed)
+    counts = np.bincount(list(pins.values()), minlength=n_motifs).astype(np.float64)
+    motifs = np.empty(n_words, np.int64)
+    for position in range(n_words):
+        if position in pins:
+            motifs[position] = pins[position]
+            continue
+        prior = transitions[motifs[position - 1]] if position else target
+        possible_now = messages[position] * allowed[position]
+        motifs[position] = _drawn(prior, possible_now, _need(counts, target, need), rng)
+        counts[motifs[position]] += 1
+    return motifs
+
+
+def draw_next_motif(
+    danced: NDArray[np.floating],
+    signature: Floats,
+    transitions: Floats,
+    *,
+    rng: np.random.Generator,
+    previous: int | None,
+    possible: NDArray[np.bool_],
+    need: str = "missing",
+) -> int:
+    """The motif of one more word of a dance that goes on: `draw_motifs` without pins, word by word.
+
+    `danced` (K,) is how often each motif was danced so far and `previous` the last one, None before the first
+    word. `possible` (2, K) is which motifs this word and the one after it may be; no word beyond is
+    considered. A row without any means all. `signature` (K,) and `transitions` (K, K) are of a checked goal.
+    """
+    allowed = np.where(possible.any(axis=1, keepdims=True), possible, True)
+    n_motifs = len(signature)
+    onwards = ((1.0 - _UNSEEN) * transitions + _UNSEEN / n_motifs) @ allowed[1]
+    prior = signature if previous is None else transitions[previous]
+    missing = _need(np.asarray(danced, np.float64), signature, need)
+    return _drawn(prior, onwards / onwards.max() * allowed[0], missing, rng)
+
+
+def _drawn(prior: Floats, possible: Floats, need: Floats, rng: np.random.Generator) -> int:
+    """A motif by equation 5: of those that may follow and are needed, else may follow, else are possible."""
+    feasible = prior * possible
+    weights = feasible * need
+    if weights.sum() <= _DEAD_END * feasible.sum():
+        weights = feasible if feasible.sum() > 0 else possible
+    return int(rng.choice(len(weights), p=weights / weights.sum()))
+
+
+def _need(counts: Floats, target: Floats, need: str) -> Floats:
+    """Equation 5's difference of signatures, (K,), from the counts of the dance so far (K,)."""
+    missing = target - counts / max(1.0, counts.sum())
+    return np.maximum(missing, 0.0) if need == "missing" else np.abs(missing)
+
+
+def _backward_messages(
+    last: int, transitions: Floats, pins: Mapping[int, int], allowed: NDArray[np.bool_]
+) -> Floats:
+    """Likelihood (N, K) that the transitions lead from each motif at a position to all later pins.
+
+    Scaled so that the largest of a position is 1; all ones from position `last` on. `allowed` (N, K).
+    """
+    messages = np.ones(allowed.shape)
+    for position in range(last - 1, -1, -1):
+        if position + 1 in pins:
+            message = transitions[:, pins[position + 1]] * messages[position + 1, pins[position + 1]]
+        else:
+            message = transitions @ (messages[position + 1] * allowed[position + 1])
+        messages[position] = message / message.max()
+    return messages
+
+
+def _allowed(
+    n_motifs: int, pins: Mapping[int, int], banned: Collection[int], n_words: int
+) -> NDArray[np.bool_]:
+    """Which motifs may be drawn, (K,)."""
+    for motif in (*pins.values(), *banned):
+        if not 0 <= motif < n_motifs:
+            raise ParameterError(f"expected motifs 0 to {n_motifs - 1}, got motif {motif}")
+    for position, motif in pins.items():
+        if not 0 <= position < n_words:
+            raise ParameterError(
+                f"expected pins at words 0 to {n_words - 1} of the dance, got a pin at word {position}"
+            )
+        if motif in banned:
+            raise ParameterError(
+                f"expected pinned motifs that are not banned, got motif {motif}, pinned at word {position}: "
+                "remove the pin or the ban"
+            )
+    allowed = np.ones(n_motifs, bool)
+    allowed[list(banned)] = False
+    if not allowed.any():
+        raise ParameterError(f"expected at least one motif that is not banned, got all {n_motifs} banned")
+    return allowed
+
+
+def _allowed_at(
+    allowed: NDArray[np.bool_], possible: NDArray[np.bool_] | None, n_words: int
+) -> NDArray[np.bool_]:
+    """Which motifs may be drawn at each position, (N, K): at least one."""
+    everywhere = np.broadcast_to(allowed, (n_words, len(allowed)))
+    if possible is None:
+        return everywhere
+    if np.shape(possible) != everywhere.shape:
+        raise ParameterError(f"expected possible motifs {everywhere.shape}, got {np.shape(possible)}")
+    both = everywhere & possible
+    return np.where(both.any(axis=1, keepdims=True), both, everywhere)
+
+
+def _checked_transitions(transitions: Floats, n_motifs: int) -> Floats:
+    rows = np.asarray(transitions, np.float64)
+    if rows.shape != (n_motifs, n_motifs):
+        raise ParameterError(f"expected transitions ({n_motifs}, {n_motifs}), got {rows.shape}")
+    if not (np.isfinite(rows).all() and (rows >= 0).all() and np.allclose(rows.sum(axis=1), 1.0)):
+        raise ParameterError(
+            "expected rows of transition probabilities that sum to 1, got negative values or other sums"
+        )
+    return rows

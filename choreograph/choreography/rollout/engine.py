@@ -1,0 +1,333 @@
+"""The rollout engine: a sequence of motifs, drawn or given, danced by the repertoire's recurrent network."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.constraints import Constraints
+from choreograph.choreography.enforcement import (
+    danced_embeddings,
+    danced_motifs,
+    enforce_motifs,
+    is_danced,
+    motifs_of_embeddings,
+    violated_slots,
+)
+from choreograph.choreography.engine import DanceRequest, EngineResult
+from choreograph.choreography.genres import choose_goal
+from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.mixer.engine import sequence_notes
+from choreograph.choreography.motif_sequences import (
+    MotifGoal,
+    bar_positions,
+    draw_motifs,
+    possible_motifs,
+    word_positions,
+)
+from choreograph.choreography.slots import ResolvedConstraints
+from choreograph.core.counts import count_phase
+from choreograph.core.errors import NoPathError, ParameterError
+from choreograph.core.progress import substage
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
+from choreograph.library.words import dance_bounds_s
+from choreograph.motion.motion import Credits, Motion
+from choreograph.music.frame_rhythm import rhythm_from, word_spectra
+from choreograph.music.mel import log_mel
+from choreograph.music.song import Song
+from choreograph.plan import Plan, PlannedWord
+from choreograph.render.rendering import hold_ends, render_over
+from choreograph.settings import DanceConfig
+
+Indices = NDArray[np.int64]
+Floats = NDArray[np.float32]
+
+_ATTEMPTS = 4  # at a dance that shows what is requested
+
+
+class RolloutEngine:
+    """A network's motion (Rhythm is a Dancer, section 4)."""
+
+    name = "rollout"
+    settings = frozenset({"motif_draw", "style_song", "style_strength", "style_window"})
+
+    def check(
+        self,
+        repertoire: Repertoire,
+        config: DanceConfig,
+        constraints: Constraints,
+        costs: Sequence[Cost],
+    ) -> None:
+        """As `Engine.check`: it needs motifs and a rollout network, and dances no take."""
+        repertoire.rollout_net()
+        _ = repertoire.vocabulary
+
+    def plan(self, request: DanceRequest) -> EngineResult:
+        """A dance of the network; it follows the genre nearest to the song unless one is given."""
+        constraints = request.constraints.requested
+        goal, notes = choose_goal(request.song_features, request.repertoire, constraints)
+        result = roll_out_motifs(request, goal)
+        return replace(result, notes=(*notes, *sequence_notes(constraints, len(result.plan.words))))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rollout:
+    """One try at a dance."""
+
+    motifs: Indices  # (N,) drawn or given
+    asked: Floats  # (N, D) embeddings that the network was conditioned on
+    motion: Motion
+    shown: Floats  # (N, D) embeddings of what the motion shows; those asked where nothing was requested
+    danced: Indices  # (N,) motifs of these
+    wrong: tuple[int, ...]  # slots that do not show what was requested
+
+
+def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
+    """Motifs drawn towards a goal and danced by the network, with the plan's motion.
+
+    The style of the motion (equation 4) is the song's, or another song's (`style_song`), from beat to beat.
+    The motion is looked at: where a requested motif is not danced, or a banned one is, the dance is drawn
+    anew. A requested motif is then begun earlier and held longer, and asked for as much more as was missed of
+    it. Where no try has met a pin or a ban, a word of a take is laid over the motion; what cannot be met so
+    either is in `unmet`.
+
+    Raises `ParameterError` if constraints name takes, `RepertoireError` without a vocabulary or a rollout
+    network.
+    """
+    features = request.song_features
+    bounds_s = np.concatenate([[0.0], request.constraints.bounds_s[1:-1], [features.duration_s]])
+    constraints = replace(request.constraints, bounds_s=bounds_s)
+    _refuse_takes(constraints)
+    credits = Credits(performer=f"learned from {len(request.repertoire.takes)} takes")
+    plan = request.new_plan(engine=RolloutEngine.name)
+    dance = _rolled_out(request, goal, plan, constraints)
+    plan = replace(plan, words=_planned_words(dance.motifs, constraints, credits))
+    if dance.wrong:
+        dance, plan = _laid_over(dance, plan, constraints, request.repertoire)
+    return EngineResult(plan, motion=dance.motion, unmet=_unmet(dance, constraints))
+
+
+def _rolled_out(
+    request: DanceRequest, goal: MotifGoal, plan: Plan, constraints: ResolvedConstraints
+) -> _Rollout:
+    """The first try that shows all motifs requested and none banned, or that with the fewest wrong ones."""
+    best: _Rollout | None = None
+    for attempt in range(_ATTEMPTS if constraints.constrains_motifs else 1):
+        wrong = best.wrong if best else ()
+        motifs = _drawn_motifs(request, goal, constraints, attempt, _held_longer(wrong, attempt, constraints))
+        asked = _asked(motifs, best, attempt, constraints, request.repertoire)
+        if best is not None and np.array_equal(asked, best.asked):
+            break  # the network would dance the same
+        motion = hold_ends(_generated(request, constraints, motifs, asked), plan.opening_s, plan.closing_s)
+        dance = _looked_at(motifs, asked, motion, plan, constraints, request.repertoire)
+        if best is None or len(dance.wrong) < len(best.wrong):
+            best = dance
+        if not best.wrong:
+            break
+    assert best is not None
+    return best
+
+
+def _asked(
+    motifs: Indices,
+    best: _Rollout | None,
+    attempt: int,
+    constraints: ResolvedConstraints,
+    repertoire: Repertoire,
+) -> Floats:
+    """Embeddings (N, D) to condition on: medoids, and for requests as far beyond as the best try fell short.
+
+    Later attempts go a part of that way.
+    """
+    medoids = repertoire.vocabulary.motifs.embeddings
+    asked = medoids[motifs].astype(np.float32)
+    if best is not None:
+        for slot in constraints.motifs:
+            missed = asked[slot] - best.shown[slot] if slot in best.wrong else np.zeros(1, np.float32)
+            asked[slot] = best.asked[slot] + np.nan_to_num(missed) / attempt
+    return asked
+
+
+def _looked_at(
+    motifs: Indices,
+    asked: Floats,
+    motion: Motion,
+    plan: Plan,
+    constraints: ResolvedConstraints,
+    repertoire: Repertoire,
+) -> _Rollout:
+    """The try with what its motion shows; a motion is only segmented where something was requested."""
+    if not constraints.constrains_motifs:
+        return _Rollout(motifs, asked, motion, asked, motifs, ())
+    shown = danced_embeddings(motion, constraints.bounds_s, repertoire)
+    danced = motifs_of_embeddings(shown, repertoire)
+    wrong = [slot for slot in violated_slots(danced, constraints) if is_danced(slot, plan, constraints)]
+    return _Rollout(motifs, asked, motion, shown, danced, tuple(wrong))
+
+
+def _laid_over(
+    dance: _Rollout, plan: Plan, constraints: ResolvedConstraints, repertoire: Repertoire
+) -> tuple[_Rollout, Plan]:
+    """The try and its plan with words of takes where it breaks pins and bans; as they are if none help."""
+    pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
+
+    def with_words(words: tuple[PlannedWord, ...]) -> tuple[Plan, Motion]:
+        by_start = {word.start_s: word for word in words}
+        laid = tuple(by_start.get(word.start_s, word) for word in plan.words)
+        return replace(plan, words=laid), render_over(dance.motion, words, repertoire)
+
+    try:
+        plan, motion = enforce_motifs(
+            plan, dance.motion, replace(constraints, motifs=pinned), repertoire, with_words
+        )
+    except NoPathError:
+        return dance, plan
+    return _looked_at(dance.motifs, dance.asked, motion, plan, constraints, repertoire), plan
+
+
+def _held_longer(wrong: Sequence[int], slots: int, constraints: ResolvedConstraints) -> dict[int, int]:
+    """The motifs of slots before each wrong one, which begin its motif, and of the one after, where free."""
+    held: dict[int, int] = {}
+    for slot in set(wrong) & set(constraints.motifs):
+        near = range(max(0, slot - slots), min(constraints.n_words, slot + 2))
+        held |= dict.fromkeys(set(near) - set(constraints.motifs), constraints.motifs[slot])
+    return held
+
+
+def _unmet(dance: _Rollout, constraints: ResolvedConstraints) -> tuple[str, ...]:
+    """A line on each pin and ban that no try has kept, and one on the other motifs of a given sequence."""
+    lines, others = [], []
+    for slot in dance.wrong:
+        shown = int(dance.danced[slot])
+        there = f"{'no motif' if shown < 0 else f'motif {shown}'} at {constraints.bounds_s[slot]:.1f} s"
+        if slot not in constraints.motifs:
+            lines.append(f"expected no banned motif, but the network dances {there}: use --engine mixer")
+        elif slot in constraints.pinned:
+            lines.append(
+                f"expected motif {constraints.motifs[slot]}, but the network dances {there}: pin it "
+                "elsewhere, or use --engine mixer"
+            )
+        else:
+            others.append(there)
+    if others:
+        lines.append(
+            f"expected {len(constraints.motifs)} motifs as given, but {len(others)} are danced as others "
+            f"({', '.join(others[:3])}{', …' if len(others) > 3 else ''}): use --engine mixer"
+        )
+    return tuple(lines)
+
+
+def _drawn_motifs(
+    request: DanceRequest,
+    goal: MotifGoal,
+    constraints: ResolvedConstraints,
+    attempt: int,
+    held: Mapping[int, int],
+) -> Indices:
+    """The motifs of every slot (N,) towards a goal; another attempt draws others."""
+    repertoire, seed = request.repertoire, request.config.seed
+    vocabulary = repertoire.vocabulary
+    possible = possible_motifs(
+        bar_positions(constraints.bounds_s[:-1], request.song_features.counts),
+        word_positions(vocabulary, repertoire.counts), np.arange(len(vocabulary.word_motif)), vocabulary,
+    )  # fmt: skip
+    return draw_motifs(
+        constraints.n_words, goal.signature, goal.transitions,
+        rng=np.random.default_rng([seed, attempt] if attempt else seed),
+        pins={**_kept_motifs(request, constraints), **held, **constraints.motifs},
+        banned=np.flatnonzero(constraints.motif_banned).tolist(), possible=possible,
+        need=request.config.motif_draw,
+    )  # fmt: skip
+
+
+def _kept_motifs(request: DanceRequest, constraints: ResolvedConstraints) -> dict[int, int]:
+    """What is danced in the slots of a dance that are kept: the motifs in the gaps follow from it."""
+    if request.kept is None:
+        return {}
+    danced = danced_motifs(request.kept.motion, constraints.bounds_s, request.repertoire)
+    spans_s = pairwise(constraints.bounds_s.tolist())
+    return {
+        slot: int(motif)
+        for slot, (motif, span_s) in enumerate(zip(danced, spans_s, strict=True))
+        if motif >= 0 and request.kept.keeps(*span_s)
+    }
+
+
+def _generated(
+    request: DanceRequest, constraints: ResolvedConstraints, motifs: Indices, asked: Floats
+) -> Motion:
+    """The network's dance to the song of motifs (N,), conditioned on embeddings (N, D)."""
+    from choreograph.choreography.rollout.generation import HeldPoses, MotifSequence, generate_motion
+    from choreograph.nets.rollout_data import ROLLOUT_FPS  # torch takes a second to import
+
+    repertoire, features, config = request.repertoire, request.song_features, request.config
+    bounds_s, report = constraints.bounds_s, request.report
+    spectral = (
+        word_spectra(request.song, bounds_s, report=substage(report, "analysing the music of motifs"))
+        if request.style_song is None
+        else _repeated_spectra(request.style_song, len(motifs), config.beats)
+    )
+    sequence = MotifSequence(
+        start_s=bounds_s[:-1],
+        end_s=bounds_s[1:],
+        motif=asked,
+        rhythm=rhythm_from(request.song, features.beat_times_s, 0.0),
+        count_phase=count_phase(features.counts, np.arange(0.0, features.duration_s, 1.0 / ROLLOUT_FPS)),
+        spectral=spectral,
+    )
+    net = repertoire.rollout_net().with_style(config.style_strength, config.style_window)
+    return generate_motion(
+        net, sequence, lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
+        held=None if request.kept is None else HeldPoses.of(request.kept.motion, request.kept.frames),
+        report=substage(report, "dancing"),
+    )  # fmt: skip
+
+
+def _refuse_takes(constraints: ResolvedConstraints) -> None:
+    """The network dances no take, so none can be pinned or banned."""
+    if constraints.takes or not constraints.take_allowed.all():
+        raise ParameterError(
+            "expected pins and bans of motifs, got takes or genres: the rollout engine dances no take; use "
+            "--engine graph or mixer, or --genre"
+        )
+
+
+def _planned_words(
+    motifs: Indices, constraints: ResolvedConstraints, credits: Credits
+) -> tuple[PlannedWord, ...]:
+    bounds = constraints.bounds_s.round(6).tolist()
+    return tuple(
+        PlannedWord(bounds[slot], bounds[slot + 1], int(motif), "", 0.0, 0.0, credits,
+                    pinned=slot in constraints.pinned)
+        for slot, motif in enumerate(motifs)
+    )  # fmt: skip
+
+
+def lead_in(motif: int, repertoire: Repertoire, fps: float) -> Motion:
+    """The recorded motion that leads up to a motif's medoid; at a take's very beginning, into it."""
+    from choreograph.choreography.rollout.generation import SEED_FRAMES
+
+    v = repertoire.vocabulary
+    word = int(v.motifs.words[motif])
+    length_s = (SEED_FRAMES + 1) / fps
+    end_s = max(float(v.word_start_s[word]), length_s)
+    motion, first_s = repertoire.motion(int(v.word_take[word]), end_s - length_s, end_s)
+    times_s = end_s - np.arange(SEED_FRAMES, 0, -1) / fps
+    return motion.sampled((times_s - first_s) * motion.fps, fps=fps)
+
+
+def _repeated_spectra(song: Song, n_words: int, beats: str | Path) -> NDArray[np.float32]:
+    """Spectral features (N, 87) of a song from beat to beat, repeated where it ends.
+
+    `beats` is the dance's setting; a file is of the song danced to, so that this one is tracked.
+    """
+    tracker = beats if names_a_tracker(beats) else DEFAULT_BEATS
+    tracked_s = song_counts(song, log_mel(song.samples), tracker).times_s
+    spectra = word_spectra(song, dance_bounds_s(tracked_s, song.duration_s))
+    return spectra[np.arange(n_words) % len(spectra)]

@@ -1,0 +1,171 @@
+"""Generation with the rollout network: a sequence of motifs to a motion (Rhythm is a Dancer, section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.timebase import frame_times_s, seconds_to_frames, times_to_frames
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.contacts import foot_contacts
+from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton
+from choreograph.nets.rollout import N_FEET, RolloutNet
+from choreograph.nets.rollout_data import ROLLOUT_FPS, to_motion, to_poses, word_conditions
+from choreograph.render.runs import steer_rad
+
+Floats = NDArray[np.float64]
+
+SEED_FRAMES = 15  # recorded poses before the first generated one, as in the paper
+# Gaussian deviations. The network jumps at a new motif; smoothing brings its jerk down to that of people.
+_SMOOTH_S = 0.02
+SMOOTH_HEADING_S = 0.08
+SHIFT_S = 0.1  # of locked feet: generated motion is so smooth that quick shifts add no motion beats to it
+STEER_FRAMES = 2 * ROLLOUT_FPS  # the direction of travel is that of the next two seconds
+
+
+@dataclass(frozen=True, eq=False)
+class MotifSequence:
+    """The motifs to dance, word after word without gaps, and the music's features to dance them by."""
+
+    start_s: Floats  # (N,) of the words
+    end_s: Floats  # (N,)
+    motif: NDArray[np.floating]  # (N, 184) embedding of each word's motif
+    rhythm: NDArray[np.floating]  # (T', 4) of the song, `music.frame_rhythm`
+    count_phase: NDArray[np.floating]  # (T', 4) of the song, `core.counts`
+    spectral: NDArray[np.floating] | None  # (N, 87) of each word's music; None: no style
+
+
+@dataclass(frozen=True, eq=False)
+class HeldPoses:
+    """Poses that the network is given instead of its own: it goes on from them."""
+
+    poses: NDArray[np.float32]  # (T, P) at 30 fps
+    held: NDArray[np.bool_]  # (T,) which of them are given
+
+    @classmethod
+    def of(cls, motion: Motion, stretches: Sequence[tuple[int, int]]) -> HeldPoses:
+        """Those of a motion within stretches of its frames: each the first, and the one after the last."""
+        poses = to_poses(motion.resampled(ROLLOUT_FPS))
+        frame = np.arange(len(poses)) * motion.fps / ROLLOUT_FPS
+        held = [(frame >= first) & (frame < stop) for first, stop in stretches]
+        return cls(poses, np.any(held, axis=0))
+
+
+def generate_motion(
+    net: RolloutNet,
+    sequence: MotifSequence,
+    seed_motion: Motion,
+    *,
+    fps: float,
+    held: HeldPoses | None = None,
+    report: Callable[[int, int], None] | None = None,
+) -> Motion:
+    """Dance a sequence of motifs, with locked feet, on the skeleton of `seed_motion`.
+
+    Parameters
+    ----------
+    seed_motion : two frames or more of recorded motion at 30 fps that leads up to the first word. The last 15
+        frames initialise the network's state and are not part of the dance.
+    fps : of the dance
+    held : poses of another dance to the song, to go on from
+
+    Poses from the network are smoothed a little and the heading more. The path is steered back where it
+    leaves the stage (ours). Feet are locked where the network predicts contact and they nearly stand
+    (`motion.foot_locking`).
+
+    Raises `ParameterError` if the sequence is empty or the skeleton is not the network's.
+    """
+    poses, contacts = generate_poses(net, sequence, seed_motion, held=held, report=report)
+    motion = _on_stage(poses, sequence, seed_motion.skeleton)
+    motion, contacts = _at_rate(motion, contacts, fps, sequence.end_s[-1])
+    contacts = contacts.repeat(2, axis=1) * foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4)
+    locked = lock_feet(motion, np.sqrt(contacts), shift_s=SHIFT_S)
+    return lock_feet(locked)  # more feet nearly stand now
+
+
+@torch.no_grad()
+def generate_poses(
+    net: RolloutNet,
+    sequence: MotifSequence,
+    seed_motion: Motion,
+    *,
+    held: HeldPoses | None = None,
+    report: Callable[[int, int], None] | None = None,
+) -> tuple[NDArray[np.float32], Floats]:
+    """Pose rows (T, P) at 30 fps as the network predicts them, with style, and contacts (T, 2)."""
+    if len(sequence.start_s) == 0:
+        raise ParameterError("expected a sequence of one motion word or more, got none")
+    check_skeleton(net, seed_motion.skeleton)
+    n_frames = max(1, seconds_to_frames(float(sequence.end_s[-1]), ROLLOUT_FPS))
+    conditions = word_conditions(
+        sequence.start_s,
+        sequence.end_s,
+        n_frames,
+        sequence.rhythm,
+        sequence.count_phase,
+        sequence.motif,
+        sequence.spectral,
+    )
+    gate_inputs, condition = (values[0] for values in net.embed_conditions(conditions))  # (T, ...)
+    seed_poses = torch.from_numpy(to_poses(seed_motion)[-SEED_FRAMES:])
+    state = net.initial_state(1)
+    for row in seed_poses[:-1]:
+        _, state = net.step(row[None], gate_inputs[:1], condition[:1], state)
+    pose, generated = seed_poses[-1:], []
+    for frame in range(n_frames):
+        now = slice(frame, frame + 1)
+        pose, state = net.step(pose, gate_inputs[now], condition[now], state)
+        generated.append(pose)
+        is_held = held is not None and frame < len(held.held) and held.held[frame]
+        pose = torch.from_numpy(held.poses[now]) if held and is_held else net.as_input(pose)
+        done = frame + 1
+        if report is not None and (done % ROLLOUT_FPS == 0 or done == n_frames):
+            report(-(-done // ROLLOUT_FPS), -(-n_frames // ROLLOUT_FPS))  # seconds
+    rows = net.as_input(net.apply_style(torch.stack(generated, dim=1), conditions))[0].numpy()
+    return rows, rows[:, -N_FEET:].astype(np.float64)
+
+
+def check_skeleton(net: RolloutNet, skeleton: Skeleton) -> None:
+    """Raise `ParameterError` unless the network was trained on a skeleton of as many joints."""
+    if skeleton.n_joints != net.config.n_joints:
+        raise ParameterError(
+            f"expected a skeleton of {net.config.n_joints} joints, which the rollout network was trained on, "
+            f"got one of {skeleton.n_joints}"
+        )
+
+
+def _on_stage(poses: NDArray[np.float32], sequence: MotifSequence, skeleton: Skeleton) -> Motion:
+    """The motion of pose rows (T, P), smoothed, and steered back to the stage word by word."""
+    rows = gaussian_filter1d(poses.astype(np.float64), _SMOOTH_S * ROLLOUT_FPS, axis=0, mode="nearest")
+    rows[:, 3] = gaussian_filter1d(rows[:, 3], SMOOTH_HEADING_S * ROLLOUT_FPS, mode="nearest")
+    rows[0, 3] = 0.0
+    bounds = np.rint(times_to_frames([*sequence.start_s, sequence.end_s[-1]], ROLLOUT_FPS)).astype(np.int64)
+    position, heading = np.zeros(3), 0.0  # of the frame before the word
+    for first, stop in zip(bounds[:-1], bounds[1:].clip(max=len(rows)), strict=True):
+        before = max(first - 1, 0)
+        ahead = rows[before : max(stop, first + STEER_FRAMES)]
+        travel = to_motion(ahead, skeleton, heading_rad=heading).root_pos_m[-1] * [1.0, 0.0, 1.0]
+        window = np.hanning(stop - before + 2)[1:-1]
+        window[0] = 0.0
+        rows[before:stop, 3] += steer_rad(position, travel) * window / max(window.sum(), 1e-9)
+        steered = to_motion(rows[before:stop], skeleton, heading_rad=heading)
+        position = position + steered.root_pos_m[-1] * [1.0, 0.0, 1.0]
+        heading += float(rows[before + 1 : stop, 3].sum())
+    return to_motion(rows, skeleton)
+
+
+def _at_rate(motion: Motion, contacts: Floats, fps: float, duration_s: float) -> tuple[Motion, Floats]:
+    """Motion and contacts (T, 2) at the dance's rate; the motion by cubic splines."""
+    n_frames = max(1, seconds_to_frames(duration_s, fps))
+    times = np.minimum(frame_times_s(n_frames, fps), (motion.n_frames - 1) / ROLLOUT_FPS)
+    knots = frame_times_s(motion.n_frames, ROLLOUT_FPS)
+    contacts = np.stack([np.interp(times, knots, column) for column in contacts.T], axis=1)
+    return motion.sampled_smooth(times * ROLLOUT_FPS, fps=fps), contacts

@@ -1,0 +1,281 @@
+"""Constraints and kept stretches held against a repertoire and a song: one slot per word of the dance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.constraints import Constraints, Keep, MotifPin, TakePin
+from choreograph.choreography.motif_sequences import MotifGoal, motif_goal
+from choreograph.core.errors import ParameterError
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion.motion import Motion
+from choreograph.plan import Plan
+from choreograph.render.filled_gaps import stretch_frames
+from choreograph.render.rendering import LENGTH_SLACK_S
+
+# A dance of which stretches are kept, held against the song that it is danced to.
+
+
+SHORTEST_GAP_S = 2.0  # two transitions of half a second, and as long between them
+_SHORTEST_END_S = 1.0  # before or after all that is kept: one transition, and as long beside it
+_TOUCH_S = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class KeptDance:
+    """Stretches of a dance that are kept; the gaps between them are danced anew."""
+
+    motion: Motion  # (T frames) the whole dance, at the rate of the new one
+    stretches: tuple[Keep, ...]  # in order, disjoint
+    name: str  # of its file, for the plan
+    plan: Plan | None = None  # that explains it, where it is known
+    notes: tuple[str, ...] = ()  # on what is kept beyond what was asked for
+
+    @property
+    def frames(self) -> list[tuple[int, int]]:
+        """Each stretch as its first frame, and the one after its last."""
+        spans_s = [(keep.start_s, keep.end_s) for keep in self.stretches]
+        return stretch_frames(spans_s, self.motion.fps, self.motion.n_frames)
+
+    def keeps(self, start_s: float, end_s: float) -> bool:
+        """Whether any part of a span is kept."""
+        return any(start_s < k.end_s and k.start_s < end_s for k in self.stretches)
+
+
+def kept_dance(
+    motion: Motion, keeps: Sequence[Keep], duration_s: float, *, name: str, plan: Plan | None = None
+) -> KeptDance:
+    """The stretches of a dance that are kept in another one of `duration_s`.
+
+    What is left at the start or end is kept, too, with a note, if it is shorter than a second. Raises
+    `ParameterError` if there is no stretch, one is empty or outside the dance, two overlap, a gap is shorter
+    than 2 s, nothing is left to dance, or the motion is not as long as the dance.
+    """
+    for keep in keeps:
+        if not 0 <= keep.start_s < keep.end_s <= duration_s + LENGTH_SLACK_S:
+            raise ParameterError(
+                f"expected a start before its end of what is kept, within the dance of {duration_s:g} s, got "
+                f"{keep}"
+            )
+    if not keeps:
+        raise ParameterError("expected a stretch to keep of the existing dance, got none")
+    if abs(motion.duration_s - duration_s) > LENGTH_SLACK_S:
+        raise ParameterError(
+            f"expected a dance of {duration_s:.1f} s to keep parts of, got one of {motion.duration_s:.1f} s: "
+            "is it to another song, or another part of it?"
+        )
+    stretches, notes = _to_the_ends(sorted(keeps, key=lambda keep: keep.start_s), duration_s)
+    borders_s = [0.0, *(at for keep in stretches for at in (keep.start_s, keep.end_s)), duration_s]
+    gaps_s = [stop - start for start, stop in zip(borders_s[::2], borders_s[1::2], strict=True)]
+    if min(gaps_s) < -_TOUCH_S:
+        raise ParameterError(f"expected stretches that do not overlap, got {', '.join(map(str, stretches))}")
+    if max(gaps_s) <= _TOUCH_S:
+        raise ParameterError("expected a part of the dance that is not kept, got none: it is all kept")
+    short = [gap for gap in gaps_s[1:-1] if _TOUCH_S < gap < SHORTEST_GAP_S]
+    if short:
+        raise ParameterError(
+            f"expected gaps of {SHORTEST_GAP_S:g} s or more between what is kept, got one of {short[0]:.2f} "
+            "s: keep less, or all of it"
+        )
+    return KeptDance(motion, tuple(stretches), name, plan, notes)
+
+
+def _to_the_ends(keeps: Sequence[Keep], duration_s: float) -> tuple[list[Keep], tuple[str, ...]]:
+    """Stretches in order, to the very start or end of the dance where too little is left there; and notes."""
+    stretches = list(keeps)
+    before_s, after_s = keeps[0].start_s, duration_s - keeps[-1].end_s
+    if before_s < _SHORTEST_END_S:
+        stretches[0] = replace(stretches[0], start_s=0.0)
+    if after_s < _SHORTEST_END_S:
+        stretches[-1] = replace(stretches[-1], end_s=duration_s)
+    too_short = [
+        f"the {which} {left_s:.2f} s"
+        for which, left_s in (("first", before_s), ("last", after_s))
+        if LENGTH_SLACK_S < left_s < _SHORTEST_END_S
+    ]
+    if not too_short:
+        return stretches, ()
+    return stretches, (f"{' and '.join(too_short)} of the existing dance are kept, too short to dance anew",)
+
+
+def check_pins_in_gaps(constraints: Constraints, kept: KeptDance) -> None:
+    """Raise `ParameterError` for a pin in a stretch that is kept."""
+    for pin in constraints.pins:
+        span_s = (pin.at_s, pin.at_s) if isinstance(pin, MotifPin) else (pin.start_s, pin.end_s)
+        if kept.keeps(span_s[0] + _TOUCH_S, span_s[1] - _TOUCH_S):
+            raise ParameterError(
+                f"expected pins where the existing dance is not kept, got {pin}: move it into a gap"
+            )
+
+
+# Constraints held against a repertoire and a song: one slot per word of the dance, and no contradictions.
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedConstraints:
+    """What each word of one dance may be; slots count the words from 0."""
+
+    requested: Constraints
+    bounds_s: NDArray[np.float64]  # (N + 1,) times at which words begin and end
+    motifs: dict[int, int]  # slot -> motif that must be danced there
+    takes: dict[int, int]  # slot -> take that must be danced there
+    pinned: frozenset[int]  # slots with a pinned motif
+    take_allowed: NDArray[np.bool_]  # (takes,)
+    motif_banned: NDArray[np.bool_]  # (K,); empty without a vocabulary
+
+    @property
+    def n_words(self) -> int:
+        """Number of words N."""
+        return len(self.bounds_s) - 1
+
+    @property
+    def constrains_motifs(self) -> bool:
+        """Whether some motif must be danced, or must not."""
+        return bool(self.motifs) or bool(self.motif_banned.any())
+
+
+def resolve(
+    constraints: Constraints, repertoire: Repertoire, bounds_s: NDArray[np.float64], duration_s: float
+) -> ResolvedConstraints:
+    """The constraints on each word of a dance whose words begin and end at `bounds_s` (N + 1,).
+
+    Raises
+    ------
+    ParameterError    an unknown motif, genre or take; a pin outside the dance; pins or bans that contradict
+                      each other; a signature of another vocabulary
+    RepertoireError   motifs are requested of a repertoire without motifs
+    """
+    n_motifs = repertoire.vocabulary.n_motifs if constraints.need_motifs or repertoire.has_vocabulary else 0
+    if constraints.genre is not None:
+        repertoire.vocabulary.genre_index(constraints.genre)
+    take_allowed, motif_banned = _bans(constraints, repertoire, n_motifs)
+    motifs = {
+        slot: _checked_motif(motif, n_motifs)
+        for slot, motif in enumerate(constraints.motifs[: len(bounds_s) - 1])
+    }
+    pinned: dict[int, MotifPin] = {}
+    takes: dict[int, tuple[int, TakePin]] = {}
+    for pin in constraints.pins:
+        if isinstance(pin, MotifPin):
+            slot = _slot_of(pin, bounds_s, duration_s)
+            _checked_motif(pin.motif, n_motifs)
+            other = pinned.setdefault(slot, pin)
+            if other.motif != pin.motif:
+                raise ParameterError(f"expected one motif in one beat, got {other} and {pin}: give up one")
+            motifs[slot] = pin.motif
+        else:
+            index = _allowed_take(pin, repertoire, take_allowed)
+            for slot in _slots_of(pin, bounds_s, duration_s):
+                _, first = takes.setdefault(slot, (index, pin))
+                if first.take != pin.take:
+                    raise ParameterError(
+                        f"expected pins of takes that do not overlap, got {first} and {pin}: give up one or "
+                        "shorten it"
+                    )
+    resolved = ResolvedConstraints(
+        constraints, bounds_s, motifs, {slot: index for slot, (index, _) in takes.items()},
+        frozenset(pinned), take_allowed, motif_banned,
+    )  # fmt: skip
+    if motifs:
+        _check_words_exist(resolved, repertoire)
+    return resolved
+
+
+def target_goal(constraints: Constraints, repertoire: Repertoire, genre: str | None = None) -> MotifGoal:
+    """Signature and motif transitions as requested, or else of a genre, or else of all takes.
+
+    Raises `ParameterError` for an unknown genre or a signature of another vocabulary.
+    """
+    shares = None if constraints.signature is None else np.array(constraints.signature)
+    n_motifs = repertoire.vocabulary.n_motifs
+    if shares is not None and len(shares) != n_motifs:
+        raise ParameterError(
+            f"expected a signature of this repertoire's {n_motifs} motifs, got {len(shares)} shares: it may "
+            "be of another repertoire"
+        )
+    return motif_goal(repertoire.vocabulary, genre=constraints.genre or genre, signature=shares)
+
+
+def _bans(
+    constraints: Constraints, repertoire: Repertoire, n_motifs: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Takes that may be danced, and motifs that may not."""
+    take_allowed, motif_banned = np.ones(len(repertoire.takes), bool), np.zeros(n_motifs, bool)
+    genres = [take.credits.genre for take in repertoire.takes]
+    for ban in constraints.bans:
+        if ban.take is not None:
+            take_allowed[_take_index(ban.take, repertoire)] = False
+        elif ban.genre is not None:
+            if ban.genre not in genres:
+                known = ", ".join(sorted({genre for genre in genres if genre}))
+                raise ParameterError(f"expected a ban of a genre among {known}, got {ban.genre!r}")
+            take_allowed[[genre == ban.genre for genre in genres]] = False
+        elif ban.motif is not None:
+            motif_banned[_checked_motif(ban.motif, n_motifs)] = True
+    if not take_allowed.any():
+        given = ", ".join(map(str, constraints.bans))
+        raise ParameterError(f"expected bans that leave a take, got {given}: every take is banned")
+    return take_allowed, motif_banned
+
+
+def _take_index(name: str, repertoire: Repertoire) -> int:
+    names = [take.name for take in repertoire.takes]
+    if name not in names:
+        raise ParameterError(
+            f"expected a take of {repertoire.path.name}, which has {len(names)}, got {name!r}"
+        )
+    return names.index(name)
+
+
+def _allowed_take(pin: TakePin, repertoire: Repertoire, take_allowed: NDArray[np.bool_]) -> int:
+    index = _take_index(pin.take, repertoire)
+    if not take_allowed[index]:
+        raise ParameterError(f"expected pins of takes that are not banned, got {pin}: give up one")
+    return index
+
+
+def _checked_motif(motif: int, n_motifs: int) -> int:
+    if not 0 <= motif < n_motifs:
+        raise ParameterError(f"expected motifs 0 to {n_motifs - 1}, got motif {motif}")
+    return motif
+
+
+def _slot_of(pin: MotifPin, bounds_s: NDArray[np.float64], duration_s: float) -> int:
+    if not 0 <= pin.at_s < duration_s:
+        raise ParameterError(f"expected a pin within the dance, which lasts {duration_s:g} s, got {pin}")
+    return int(np.clip(np.searchsorted(bounds_s, pin.at_s, side="right") - 1, 0, len(bounds_s) - 2))
+
+
+def _slots_of(pin: TakePin, bounds_s: NDArray[np.float64], duration_s: float) -> range:
+    if not 0 <= pin.start_s < pin.end_s <= duration_s + _TOUCH_S:
+        raise ParameterError(
+            f"expected a pin with a start before its end, within the dance of {duration_s:g} s, got {pin}"
+        )
+    first = np.searchsorted(bounds_s, pin.start_s + _TOUCH_S, side="right") - 1
+    last = np.searchsorted(bounds_s, pin.end_s - _TOUCH_S, side="right") - 1
+    return range(max(0, int(first)), min(int(last), len(bounds_s) - 2) + 1)
+
+
+def _check_words_exist(resolved: ResolvedConstraints, repertoire: Repertoire) -> None:
+    """Raise `ParameterError` where the constraints leave no word to dance."""
+    vocabulary = repertoire.vocabulary
+    for slot, motif in resolved.motifs.items():
+        at = f"{resolved.bounds_s[slot]:.1f} s"
+        if resolved.motif_banned[motif]:
+            raise ParameterError(
+                f"expected motifs that are not banned, got motif {motif} at {at}: give up one"
+            )
+        takes = vocabulary.word_take[vocabulary.words_of_motif(motif)]
+        if not resolved.take_allowed[takes].any():
+            raise ParameterError(
+                f"expected motifs that a take has, got motif {motif} at {at}, whose takes are all banned"
+            )
+        if slot in resolved.takes and not (takes == resolved.takes[slot]).any():
+            name = repertoire.takes[resolved.takes[slot]].name
+            raise ParameterError(
+                f"expected motifs of {name}, which is pinned at {at}, got motif {motif}: the take has none"
+            )

@@ -1,0 +1,198 @@
+"""Song analysis: beats, style and wanted tempo-density of a song, by a repertoire's networks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from choreograph.core.counts import Counts
+from choreograph.core.numerics import one_thread
+from choreograph.core.progress import StepReport, part
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
+from choreograph.music.mel import log_mel, onset_density
+from choreograph.music.metrical_level import (
+    at_changes,
+    between,
+    change_times_s,
+    choose_level,
+    joined,
+    metrical_levels,
+    tempo_bpm,
+)
+from choreograph.music.rhythm import rhythm_features
+from choreograph.music.sections import Sections, dance_span_s, song_sections
+from choreograph.music.song import Song
+from choreograph.music.song_features import SongFeatures, energy_per_second, music_density
+
+_STEPS = 100  # of its progress, of which a song's sections take most
+_NEAREST_CLIPS = 32  # whose takes say at which tempo a second of the song can be danced
+
+
+@one_thread()
+def analyse_song(
+    song: Song,
+    repertoire: Repertoire,
+    *,
+    beats: str | Path = DEFAULT_BEATS,
+    genre: str | None = None,
+    report: StepReport | None = None,
+) -> tuple[SongFeatures, tuple[str, ...]]:
+    """Features of every second of a song, and notes on what is unusual about it.
+
+    `beats` is one of `library.songs.TRACKER_NAMES` or a file (see `music.beats`) whose times are
+    those of the song file. Half or double of the tracked tempo is taken where takes are danced clearly nearer
+    to their own tempo so: those of `genre`, or else those nearest in style. Without style networks all style
+    vectors are zero. Raises `ParameterError` for an unknown tracker, `FormatError` for a file that cannot be
+    read.
+    """
+    n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
+    notes = list(song.notes)
+    mel = log_mel(song.samples, report=part(report, 0, 10, _STEPS))  # (T, 96)
+    counts = song_counts(song, mel, beats)
+    if report is not None:
+        report(20, _STEPS)
+    style, beat_count, style_notes = _style(repertoire, mel, counts, n_seconds)
+    notes += style_notes
+    if report is not None:
+        report(25, _STEPS)
+    sections = _sections(song, counts, part(report, 25, 60, _STEPS))
+    if names_a_tracker(beats):
+        tracked, counts = counts, _danceable(counts, song, mel, sections, repertoire, style, genre)
+        if counts is not tracked:
+            sections = _sections(song, counts, part(report, 60, 95, _STEPS))
+            which = f"takes of {genre}" if genre else "takes nearest in style"
+            notes.append(
+                f"{song.name}: counted at {tempo_bpm(counts):.0f} BPM rather than the tracked "
+                f"{tempo_bpm(tracked):.0f}, which is nearer to the tempo of the {which}"
+            )
+    if len(counts) == 0:
+        notes.append(f"{song.name}: no beats found: the dance keeps the rhythm of its takes")
+    opening_s, closing_s = dance_span_s(counts, mel, song.duration_s)
+    features = SongFeatures(
+        song.name,
+        song.duration_s,
+        counts,
+        style,
+        beat_count,
+        _wanted_density(repertoire, mel, counts.times_s, n_seconds),
+        sections,
+        energy_per_second(song.samples, n_seconds),
+        opening_s,
+        closing_s,
+        onset_density(mel, n_seconds),
+    )
+    if report is not None:
+        report(_STEPS, _STEPS)
+    return features, tuple(notes)
+
+
+def _sections(song: Song, counts: Counts, report: StepReport | None) -> Sections:
+    return song_sections(
+        song.samples,
+        counts.times_s,
+        downbeat_times_s=counts.downbeat_times_s,
+        change_times_s=change_times_s(counts),
+        report=report,
+    )
+
+
+def _danceable(
+    tracked: Counts,
+    song: Song,
+    mel: NDArray[np.float32],
+    sections: Sections,
+    repertoire: Repertoire,
+    style: NDArray[np.float32],
+    genre: str | None,
+) -> Counts:
+    """The song's counts, each part at the metrical level that suits the takes: see `music.metrical_level`.
+
+    A part is as long as the tracked tempo and metre stay the same.
+    """
+    counted = ((i, repertoire.counts(i)) for i in range(len(repertoire.takes)))
+    takes = [i for i, counts in counted if counts.has_bars and len(counts) > 1]  # one count has no tempo
+    if not takes or not tracked.has_bars:
+        return tracked
+    of_genre = [i for i in takes if repertoire.takes[i].credits.genre == genre]
+    if of_genre:
+        takes, style = of_genre, np.zeros_like(style)  # without style all of them count the same
+    levels = metrical_levels(song.samples, mel, tracked)
+    bounds_s = sections.bounds_s[1:-1]
+    bounds_s = np.r_[-np.inf, bounds_s[at_changes(bounds_s, change_times_s(tracked))], np.inf]
+    if len(bounds_s) == 2:
+        return choose_level(levels, *_take_tempi(repertoire, takes, style))
+    chosen = []
+    for start_s, stop_s in pairwise(bounds_s):
+        seconds = style[int(np.clip(start_s, 0, len(style) - 1)) : int(np.clip(stop_s, 1, len(style)))]
+        parts = [between(level, start_s, stop_s) for level in levels]
+        if len(parts[0]) > 1:  # a single beat stays as it was tracked
+            parts = [part for part in parts if len(part) > 1]
+            parts = [choose_level(parts, *_take_tempi(repertoire, takes, seconds))]
+        chosen.append(parts[0])
+    whole = joined(chosen)
+    return tracked if np.array_equal(whole.times_s, tracked.times_s) else whole
+
+
+def _take_tempi(
+    repertoire: Repertoire, takes: Sequence[int], style: NDArray[np.float32]
+) -> tuple[dict[int, NDArray[np.float64]], dict[int, NDArray[np.float64]]]:
+    """By metre, the tempi (X,) of the counted takes, and how near each is to a part's style (S, 32)."""
+    near = _nearness(style, repertoire)  # (takes,)
+    tempi_bpm, weights = {}, {}
+    for metre in {repertoire.counts(i).metre for i in takes}:
+        of_metre = [i for i in takes if repertoire.counts(i).metre == metre]
+        tempi_bpm[metre] = np.array([tempo_bpm(repertoire.counts(i)) for i in of_metre])
+        weights[metre] = near[of_metre]
+    return tempi_bpm, weights
+
+
+def _nearness(style: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.float64]:
+    """Share of each take, (takes,), of the clips nearest in style to the song's seconds (S, 32).
+
+    Without style networks all takes count the same.
+    """
+    if not style.any():
+        return np.ones(len(repertoire.takes))
+    n_nearest = min(_NEAREST_CLIPS, repertoire.n_clips)
+    _, nearest = cKDTree(repertoire.clip_style).query(style, n_nearest)  # (S, K)
+    counted = np.bincount(repertoire.clip_take[np.ravel(nearest)], minlength=len(repertoire.takes))
+    return counted / counted.sum()
+
+
+def _style(
+    repertoire: Repertoire, mel: NDArray[np.float32], counts: Counts, n_seconds: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], list[str]]:
+    """Style vectors (S, 32) of the 4 s from each second, the motion beats (S,) expected there, and notes."""
+    without = (
+        np.zeros((n_seconds, repertoire.clip_style.shape[1]), np.float32),
+        np.zeros(n_seconds, np.float32),
+    )
+    if "style" not in repertoire.net_names:
+        return *without, [f"{repertoire.path.name}: no style networks: clips are not chosen by style"]
+    from choreograph.nets.style import StyleNets
+
+    net = repertoire.net("style")
+    if not StyleNets.can_read(net.weights):
+        older = "style networks of an older version: clips are not chosen by style until it is built again"
+        return *without, [f"{repertoire.path.name}: {older}"]
+    nets = StyleNets.from_arrays(net.weights, net.config)
+    style = nets.embed_music(mel, rhythm_features(mel, counts), np.arange(n_seconds))
+    return style, nets.predict_beat_count(style), []
+
+
+def _wanted_density(
+    repertoire: Repertoire, mel: NDArray[np.float32], beat_times_s: NDArray[np.float64], n_seconds: int
+) -> NDArray[np.float32]:
+    """Tempo-density (S, 80) wanted in the 4 s from each second."""
+    if repertoire.density == "learned":
+        from choreograph.nets.density import MusicDensity
+
+        net = repertoire.net("music_density")
+        return MusicDensity.from_arrays(net.weights, net.config).song_density(mel, n_seconds)
+    return music_density(n_seconds, beat_times_s)

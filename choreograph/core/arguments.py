@@ -1,0 +1,132 @@
+"""Arguments of a caller, held against what is expected: the checks that public functions share.
+
+Public functions check what they are given once, where it enters; kernels take it as checked.
+"""
+
+from __future__ import annotations
+
+import math
+import reprlib
+import sys
+from collections.abc import Collection, Iterable, Mapping
+from types import UnionType
+from typing import Any, TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import ParameterError
+
+_EXACT = 2.0**53  # below it, floats hold every whole number
+
+
+def unexpected(wanted: str, got: object, likely: str = "") -> ParameterError:
+    """The error to raise: "expected WANTED, got GOT: LIKELY", the value shortened."""
+    return ParameterError(f"expected {wanted}, got {reprlib.repr(got)}{likely and f': {likely}'}")
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value from TOML or JSON is a finite number; True and False are not, nor is 10**400."""
+    limit = sys.float_info.max
+    return isinstance(value, int | float) and not isinstance(value, bool) and -limit <= value <= limit
+
+
+def is_whole(value: Any) -> TypeGuard[int | np.integer]:
+    """Whether a value is a whole number, Python's or numpy's; True and False are not."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def check_kind(what: str, value: object, kind: type, likely: str = "") -> None:
+    """Raise `ParameterError` unless a value is an instance of `kind`, a subclass's included."""
+    if not isinstance(value, kind):
+        raise unexpected(f"{what} as {_NAMES.get(kind, kind.__name__)}", value, likely)
+
+
+_NAMES: dict[type, str] = {str: "text", bool: "True or False", np.ndarray: "an array"}
+
+
+def check_text(what: str, *values: object) -> None:
+    """Raise `ParameterError` unless all values are text."""
+    for value in values:
+        check_kind(what, value, str)
+
+
+def check_choice(what: str, value: object, choices: Collection[str]) -> None:
+    """Raise `ParameterError` unless a value is one of the texts."""
+    if not isinstance(value, str) or value not in choices:
+        raise unexpected(f"{what} among {', '.join(choices)}", value)
+
+
+def as_number(wanted: str, value: Any, *, above: float = -math.inf) -> float:
+    """A finite number, Python's or numpy's; `ParameterError` unless it is one, and `above` that."""
+    plain = value.item() if isinstance(value, np.integer | np.floating) else value
+    if not is_number(plain) or not plain > above:
+        raise unexpected(wanted, value)
+    return float(plain)
+
+
+def as_whole(wanted: str, value: Any, *, least: int) -> int:
+    """A whole number, Python's or numpy's, as an int; `ParameterError` unless it is `least` or more."""
+    if not is_whole(value) or value < least:
+        raise unexpected(wanted, value)
+    return int(value)
+
+
+def as_index(what: str, value: Any, n: int) -> int:
+    """An index from 0 on; `ParameterError` unless it is a whole number below `n`."""
+    if not is_whole(value) or not 0 <= value < n:
+        raise unexpected(f"{what} as a whole number from 0 to {n - 1}", value)
+    return int(value)
+
+
+def as_floats(what: str, values: Any) -> NDArray[np.float64]:
+    """Numbers as an array, one of float64 as it is; `ParameterError` for anything else."""
+    return as_array(what, values).astype(np.float64, copy=False)
+
+
+def as_whole_numbers(what: str, values: Any) -> NDArray[np.int64]:
+    """Whole numbers as an array, one of int64 as it is; `ParameterError` for anything else."""
+    array = as_array(what, values)
+    if array.dtype.kind == "f" and not (np.abs(array) < _EXACT).all():
+        raise unexpected(f"{what} as whole numbers", values)
+    whole = array.astype(np.int64, copy=False)
+    if not np.equal(whole, array).all():
+        raise unexpected(f"{what} as whole numbers", values)
+    return whole
+
+
+def as_array(what: str, values: Any) -> NDArray:
+    """Numbers of any type as an array, one as it is; `ParameterError` for anything else."""
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError, RuntimeError):  # ragged lists; arrays of other libraries on other devices
+        raise unexpected(f"{what} as an array of numbers", values) from None
+    if array.dtype.kind not in "biuf":
+        raise unexpected(f"{what} as an array of numbers", values)
+    return array
+
+
+def as_list(what: str, values: Any, kinds: str, types: type | UnionType) -> tuple[Any, ...]:
+    """Values of `types`, in words `kinds`, as a tuple; `ParameterError` unless all are, in a collection.
+
+    Text is no collection here, and True no number.
+    """
+    if isinstance(values, str | bytes | Mapping) or not isinstance(values, Iterable):
+        raise unexpected(f"{what} as a list of {kinds}", values)
+    listed = tuple(values)
+    for value in listed:
+        if isinstance(value, bool) or not isinstance(value, types):
+            likely = "a class instead of an instance?" if isinstance(value, type) else ""
+            raise unexpected(f"{what} as {kinds}", value, likely)
+    return listed
+
+
+def as_texts(what: str, values: Any) -> tuple[str, ...]:
+    """Texts as a tuple; `ParameterError` unless they are a list of them: one text alone is none."""
+    return as_list(what, values, "texts", str)
+
+
+def check_function(what: str, value: object) -> None:
+    """Raise `ParameterError` unless a value is None or can be called."""
+    if not (value is None or callable(value)):
+        raise unexpected(f"a function as {what}", value)

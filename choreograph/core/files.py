@@ -1,0 +1,333 @@
+"""Files: written atomically, read with checks, locked folders of work, checksums."""
+
+from __future__ import annotations
+
+import codecs
+import hashlib
+import json
+import os
+import platform
+import re
+import stat
+import uuid
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from itertools import chain, count
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from choreograph.core.arguments import unexpected
+from choreograph.core.errors import ChoreographError, FormatError, ParameterError
+
+# Atomic writing of files and never over an input, reading those of strangers, and checksums.
+
+
+MAX_TEXT_BYTES = 1 << 24  # of a plan, a list or another file that a person may read
+MAX_TABLE_BYTES = 1 << 22  # of a table, each row of which takes a hundred times its bytes
+_LONG_NAME_BYTES = 100  # of a file; the names of its temporary files have a checksum in its place
+_LONG_SUFFIX_BYTES = 16
+_NAME_MAX_BYTES = 255  # where the system does not say
+# Beginnings of what is written here and read from no folder: a repertoire, a page or report, an evaluation.
+_RESULT = re.compile(rb'\x89HDF\r\n\x1a\n|<!doctype html>|\{\s*"format": "choreograph-evaluation"')
+_HEAD_BYTES, _TAIL_BYTES = 1 << 22, 1 << 16  # the index of a long video comes before what wrote it
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+def as_path(what: str, path: object) -> Path:
+    """The path of `what`; `ParameterError` for anything but text or a `PathLike`."""
+    if not isinstance(path, str | os.PathLike):
+        raise unexpected(f"the path of {what}", path)
+    return Path(path)
+
+
+def check_target(path: str | Path) -> Path:
+    """The path as a `Path`, of a file to be made or replaced.
+
+    Raises `ParameterError` if its folder is missing or cannot be written to, the system does not allow its
+    name, or it is no file itself.
+    """
+    path = Path(path)
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except (OSError, ValueError) as error:  # too long for the file system; with a NUL
+        raise ParameterError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}") from None
+    if not path.parent.is_dir():
+        raise ParameterError(f"cannot write {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise ParameterError(f"cannot write {path}: it is a folder")
+    if path.exists() and not path.is_file():
+        raise ParameterError(f"cannot write {path}: it is a pipe, a socket or a device")
+    if not os.access(path.parent, os.W_OK):
+        raise ParameterError(f"cannot write {path}: the folder {path.parent} is read-only")
+    return path
+
+
+def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path], *, hint: str = "") -> None:
+    """Raise `ParameterError` if an output is an input or another output; `hint` ends the latter's message.
+
+    Files are compared as the system has them, links resolved. Of a folder that is an input every file is one,
+    but for repertoires, pages and evaluations, which are not read from folders.
+    """
+    known: dict[object, Path] = {}
+    for output in map(Path, outputs):
+        first = known.setdefault(file_identity(output), output)
+        if first is not output:
+            both = f"{first} twice" if first == output else f"{first} and {output}, which are one file"
+            raise ParameterError(f"expected a file of its own for each output, got {both}{hint}")
+    replaced = {key: path for key, path in known.items() if os.path.isfile(path) and not _is_result(path)}
+    for given in map(Path, inputs):
+        found = known.get(file_identity(given))
+        if found is None and replaced and os.path.isdir(given):
+            found = next(filter(None, (replaced.get(file_identity(f)) for f in _files_below(given))), None)
+        if found is not None:
+            raise ParameterError(f"cannot write {found}: it is an input, {given}: give another name")
+
+
+def file_identity(path: Path) -> object:
+    """What two paths of one file have in common: its inode, or the resolved path if there is no file yet."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return os.path.realpath(path)
+    return found.st_dev, found.st_ino
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    """All files in a folder and in those below it, links followed, each folder once."""
+    seen: set[object] = set()
+    for parent, folders, names in os.walk(folder, followlinks=True):
+        identity = file_identity(Path(parent))
+        if identity in seen:
+            folders.clear()
+            continue
+        seen.add(identity)
+        yield from (Path(parent) / name for name in names)
+
+
+def _is_result(path: Path) -> bool:
+    return _RESULT.match(ends_of(path)) is not None
+
+
+def free_names(paths: Iterable[Path], is_taken: Callable[[Path], bool]) -> list[Path]:
+    """The paths, or if one is taken all of them as NAME-new, NAME-new-2 and so on, where none is."""
+    paths = list(paths)
+    added = chain(("", "-new"), (f"-new-{number}" for number in count(2)))
+    named = ([path.with_name(f"{path.stem}{end}{path.suffix}") for path in paths] for end in added)
+    return next(names for names in named if not any(map(is_taken, names)))
+
+
+def ends_of(path: str | Path) -> bytes:
+    """The beginning and the end of a file, where formats say what wrote it; nothing if it cannot be read."""
+    with suppress(OSError), open(path, "rb") as file:
+        head = file.read(_HEAD_BYTES)
+        file.seek(max(file.tell(), os.path.getsize(path) - _TAIL_BYTES))
+        return head + file.read(_TAIL_BYTES)
+    return b""
+
+
+def folder_beside(path: Path, suffix: str) -> Path:
+    """The folder for work in progress on a file: its name, or a checksum of a long one, and a suffix."""
+    try:
+        longest = os.pathconf(path.parent, "PC_NAME_MAX")
+    except (AttributeError, OSError, ValueError):
+        longest = _NAME_MAX_BYTES
+    name = path.name + suffix
+    return path.with_name(name if len(os.fsencode(name)) <= longest else _name_checksum(path) + suffix)
+
+
+@contextmanager
+def writing(path: str | Path) -> Iterator[None]:
+    """Turn an `OSError` of the body (disk full, no permission) into a `ChoreographError` on `path`."""
+    try:
+        yield
+    except OSError as error:
+        raise ChoreographError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+@contextmanager
+def atomic_path(path: str | Path) -> Iterator[Path]:
+    """A temporary path beside `path`, renamed to it at the end and removed if anything fails.
+
+    What killed processes left of such files is removed first.
+
+    Raises `ParameterError` as `check_target` does, and `ChoreographError` for an `OSError` in the body or
+    while renaming.
+    """
+    path = check_target(path)
+    remove_leftovers(path)
+    stem, suffix = _temporary_name(path)
+    temporary = path.with_name(f".{stem}.{_writer()}-{uuid.uuid4().hex[:8]}{suffix}")
+    try:
+        with writing(path):
+            yield temporary
+            temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def remove_leftovers(path: Path) -> None:
+    """Remove temporary files of `path` whose writers were killed on this machine."""
+    machine, _ = _writer().split("-")
+    stem, suffix = map(re.escape, _temporary_name(path))
+    pattern = re.compile(rf"\.{stem}\.{machine}-(\d+)-[0-9a-f]{{8}}{suffix}")
+    with suppress(OSError):  # a folder that cannot be listed, or a file that another process removes
+        for name in os.listdir(path.parent):
+            left = pattern.fullmatch(name)
+            if left and not is_running(int(left[1])):
+                (path.parent / name).unlink(missing_ok=True)
+
+
+def _temporary_name(path: Path) -> tuple[str, str]:
+    """Stem and suffix of the names of a file's temporary files, short enough for any file system."""
+    suffix = path.suffix if len(os.fsencode(path.suffix)) <= _LONG_SUFFIX_BYTES else ""
+    is_long = len(os.fsencode(path.name)) > _LONG_NAME_BYTES
+    return _name_checksum(path) if is_long else path.stem, suffix
+
+
+def _name_checksum(path: Path) -> str:
+    return f"{zlib.crc32(os.fsencode(path.name)):08x}"
+
+
+def _writer() -> str:
+    """This process in the names of its temporary files: machine and process id."""
+    return f"{zlib.crc32(platform.node().encode()):08x}-{os.getpid()}"
+
+
+def is_running(pid: int) -> bool:
+    """Whether there is a process with this id; True where it cannot be asked without harm."""
+    if os.name == "nt":  # there, signal 0 ends the process
+        return True
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def check_regular(path: str | Path, what: str) -> Path:
+    """The path as a `Path`, of an existing file that can be read to its end.
+
+    Raises `FormatError` if it is missing, or a folder, or a pipe, socket or device: those may never end.
+    """
+    path = Path(path)
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FormatError(f"{path}: expected {what}, could not find it: {reason}") from error
+    if not stat.S_ISREG(mode):
+        kind = _KINDS.get(stat.S_IFMT(mode), "something else")
+        raise FormatError(f"{path}: expected {what}, got {kind}: name a file, not what a program writes to")
+    return path
+
+
+def read_bytes(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
+    """The content of a file of at most `max_bytes`.
+
+    Raises `FormatError` as `check_regular` does, and if it is larger or cannot be read.
+    """
+    path = check_regular(path, what)
+    try:
+        with open(path, "rb") as file:
+            data = file.read(max_bytes + 1)
+    except OSError as error:
+        raise FormatError(f"{path}: expected {what}, could not read it: {error.strerror}") from error
+    if len(data) > max_bytes:
+        raise FormatError(f"{path}: expected {what} of up to {max_bytes >> 20} MiB, got more: another file?")
+    return data
+
+
+def read_text(
+    path: str | Path, what: str, *, fallback: str | None = None, max_bytes: int = MAX_TEXT_BYTES
+) -> str:
+    """The text of a file in UTF-8, in UTF-16 with its mark, or in the encoding `fallback` if it is neither.
+
+    Raises `FormatError` as of `read_bytes`, and if it is no such text.
+    """
+    data = read_bytes(path, what, max_bytes=max_bytes)
+    is_utf_16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    try:
+        return data.decode("utf-16" if is_utf_16 else "utf-8-sig")
+    except UnicodeDecodeError as error:
+        if fallback is None:
+            raise FormatError(f"{path}: expected {what}, got no text in UTF-8 ({error.reason})") from error
+        return data.decode(fallback, errors="replace")
+
+
+def read_json(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) -> Any:
+    """The content of a JSON file; `FormatError` as of `read_text`, and if it is no JSON."""
+    text = read_text(path, what, max_bytes=max_bytes)
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise FormatError(
+            f"{path}: expected {what}, got no valid JSON ({reason}): cut off, or another file"
+        ) from error
+
+
+def sha256_of(path: str | Path) -> str:
+    """SHA-256 of a file's bytes, hexadecimal."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+# Folders of work in progress, in which one process works at a time.
+
+
+_LOCK, _OWNER = "lock", "owner.json"
+
+
+@contextmanager
+def locked_folder(folder: Path, *, doing: str) -> Iterator[None]:
+    """Hold a folder, made if missing, while the block runs; removed again if nothing is left in it.
+
+    The operating system frees the lock of a process that ends in whatever way, so no lock is ever stale.
+    A second process is told who does it, since when, and what: `doing`, as in "builds rep.h5".
+
+    Raises `ChoreographError` if another process holds the folder, or it cannot be written.
+    """
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(folder / _LOCK)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            raise ChoreographError(_held_message(folder)) from None
+    try:
+        with atomic_path(folder / _OWNER) as temporary:
+            since = datetime.now().astimezone().isoformat(" ", "seconds")
+            temporary.write_text(
+                json.dumps({"pid": os.getpid(), "does": doing, "since": since}), encoding="utf-8"
+            )
+        yield
+    finally:
+        with suppress(OSError):  # the files may stay, but must go before another process holds the folder
+            (folder / _OWNER).unlink(missing_ok=True)
+            (folder / _LOCK).unlink(missing_ok=True)
+        lock.release()
+        with suppress(OSError):  # not empty
+            folder.rmdir()
+
+
+def _held_message(folder: Path) -> str:
+    try:
+        owner = json.loads((folder / _OWNER).read_text(encoding="utf-8"))
+        who = f"process {owner['pid']} {owner['does']} since {owner['since']}"
+    except (OSError, ValueError, KeyError, TypeError):  # it has just begun, or just ended
+        who = "another process"
+    return f"expected {folder} to be free, got one in use: {who}; wait for it, end it, or write elsewhere"

@@ -1,0 +1,177 @@
+"""Small numerics that several rooms share: blocks of frames, distances, interpolation, one thread."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+# The settings of NumPy and torch: the default ones in our functions, the caller's around them.
+#
+# Both libraries keep settings for a whole process or thread, and programs that use us change them. Results do
+# not depend on them, and they are the same afterwards. Random numbers are drawn from generators of our own;
+# of torch's, which is global, the state is forked.
+
+
+@contextmanager
+def default_numerics() -> Iterator[None]:
+    """NumPy and torch have their default settings in the block; decorates functions, too.
+
+    These are what NumPy does about errors of floating-point numbers, and torch's default type and device, its
+    precision of products, autocast, and whether gradients are recorded. Torch is not imported for it.
+    """
+    with ExitStack() as stack:
+        stack.enter_context(np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"))
+        if "torch" in sys.modules:
+            stack.enter_context(_default_torch())
+        yield
+
+
+@contextmanager
+def _default_torch() -> Iterator[None]:
+    import torch
+
+    dtype, precision = torch.get_default_dtype(), torch.get_float32_matmul_precision()
+    with ExitStack() as stack:
+        # Those of the whole process are changed only where they differ, for the sake of other threads.
+        if dtype != torch.float32:
+            stack.callback(torch.set_default_dtype, dtype)
+            torch.set_default_dtype(torch.float32)
+        if precision != "highest":
+            stack.callback(torch.set_float32_matmul_precision, precision)
+            torch.set_float32_matmul_precision("highest")
+        if torch.get_default_device().type != "cpu":
+            stack.enter_context(torch.device("cpu"))
+        if torch.is_autocast_enabled("cpu"):
+            stack.enter_context(torch.autocast("cpu", enabled=False))
+        stack.enter_context(torch.inference_mode(False))
+        stack.enter_context(torch.enable_grad())
+        yield
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """As `default_numerics`, and BLAS and torch use one thread: sums have one order on any number of cores.
+
+    A dance gains nothing from more: its arrays are small, and the planner has threads of its own.
+    """
+    import torch  # a second to import
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with threadpool_limits(1, user_api="blas"), default_numerics():
+            yield
+    finally:
+        torch.set_num_threads(before)
+
+
+# Long songs and motions in blocks of frames: what is only needed on the way does not grow with them.
+
+
+BLOCK_FRAMES = 4096  # 68 s at 60 fps
+
+
+def frame_blocks(n_frames: int, size: int = BLOCK_FRAMES) -> Iterator[slice]:
+    """Consecutive slices of at most `size` frames that cover frames 0 … `n_frames` - 1."""
+    for start in range(0, n_frames, size):
+        yield slice(start, min(start + size, n_frames))
+
+
+def sums_before(blocks: Iterable[NDArray[np.floating]], frames: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Sums (..., D) of all rows before each of `frames` (...), from 0 to T, of rows (T, D) in blocks.
+
+    Rows are added one after another, so that the blocks' sizes change no bit.
+    """
+    sums = np.zeros((*np.shape(frames), 0))
+    before, position = np.zeros(0), 0
+    for block in blocks:  # (T_b, D)
+        if position == 0:
+            before = np.zeros(block.shape[1])
+            sums = np.zeros((*np.shape(frames), block.shape[1]))
+        running = np.cumsum(np.concatenate([before[None], block]), axis=0)  # (T_b + 1, D)
+        inside = (frames > position) & (frames <= position + len(block))
+        sums[inside] = running[frames[inside] - position]
+        before, position = running[-1], position + len(block)
+    return sums
+
+
+# Distances between all pairs of many vectors, by a matrix product.
+#
+# For searches over many clips or words, where the product is 2 to 15 times faster than
+# `scipy.spatial.distance.cdist`. Use cdist where both sides are small or equal vectors must be at exactly 0.
+
+
+Floats = NDArray[np.floating]
+
+
+def squared_distances(a: Floats, b: Floats, *, b_squares: Floats | None = None) -> Floats:
+    """Squared Euclidean distances (N, M) of vectors (N, D) and (M, D), never below 0.
+
+    Computed as |a|² + |b|² - 2 a·b: the rounding error is that of |a|² + |b|², also for equal vectors.
+    `b_squares` (M,) are |b|², for callers that pass the same `b` many times.
+    """
+    if b_squares is None:
+        b_squares = np.sum(b**2, axis=1)
+    return np.maximum(np.sum(a**2, axis=1)[:, None] + b_squares - 2.0 * a @ b.T, 0.0)
+
+
+# Distance between normalised histograms.
+
+
+Float64s = NDArray[np.float64]
+
+
+def chi_square_distance(a: Float64s, b: Float64s) -> Float64s:
+    """Chi-square distance of histograms (..., K) that sum to 1, from 0 (equal) to 1 (disjoint); broadcasts.
+
+    ½ Σ_k (a_k - b_k)² / (a_k + b_k), our reading of Rhythm is a Dancer, equation 11. Bins empty in both add
+    nothing.
+    """
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    both = a + b
+    return 0.5 * np.sum(np.square(a - b) / np.where(both > 0, both, 1.0), axis=-1)
+
+
+# Linear interpolation at fractional frames.
+
+
+Indices = NDArray[np.int64]
+
+
+def frame_weights(frames: Floats, n_frames: int) -> tuple[Indices, Indices, NDArray[np.float64]]:
+    """Indices of the frames before and after fractional `frames` (...), and the weight of the latter.
+
+    Each has the shape of `frames`, which is clamped to 0 … `n_frames` - 1.
+    """
+    inside: NDArray[np.float64] = np.clip(np.asarray(frames, np.float64), 0.0, n_frames - 1)
+    low: Indices = np.minimum(inside.astype(np.int64), max(n_frames - 2, 0))
+    high: Indices = np.minimum(low + 1, n_frames - 1)
+    return low, high, inside - low
+
+
+def interpolate_frames(values: Floats, frames: Floats) -> NDArray[np.float64]:
+    """`values` (T, ...) at fractional `frames` (F...), clamped to the first and last: (F..., ...)."""
+    low, high, weight = frame_weights(frames, len(values))
+    weight = weight.reshape((*weight.shape, *[1] * (values.ndim - 1)))
+    return values[low] * (1 - weight) + values[high] * weight
+
+
+# Zigzag encoding: signed 16-bit integers as unsigned ones, small magnitudes as small numbers.
+#
+# 0, -1, 1, -2, … become 0, 1, 2, 3, …: the high byte of a small number is then 0 whatever its sign, so that
+# differences compress well.
+
+
+def zigzag_encode(integers: NDArray[np.int16]) -> NDArray[np.uint16]:
+    """Signed integers (...) int16 as unsigned ones (...) uint16."""
+    return ((integers << 1) ^ (integers >> 15)).view(np.uint16)
+
+
+def zigzag_decode(encoded: NDArray[np.uint16]) -> NDArray[np.int16]:
+    """The integers (...) int16 that `zigzag_encode` was given."""
+    return ((encoded >> 1) ^ -(encoded & 1)).view(np.int16)

@@ -1,0 +1,117 @@
+"""Phase of motion beats within the count: where, from beat to beat, a body comes to rest.
+
+Conventions: motion beats and music beats in seconds, increasing. A phase is from 0 (on the beat) to 1 (the
+next beat), so 0.9 is just early. A histogram (`N_BINS`,) of shares has its first bin centred on the beat and
+is circular: the last bin is next to the first.
+
+Dancers rest where their genre's technique has them rest, which is rarely on the beat itself, so a dance is
+compared with experts of its genre, not with the beat. The distance is the earth mover's on the circle, in
+beats: how far motion beats would have to be moved on average, at most ½ beat, ¼ from all in one place to
+uniform. χ² would call a shift by one bin as far as one by half a beat, and would depend on where bins end.
+
+A distance between finite samples is never 0. So a dance is compared with one half of the experts' dances,
+split by song, and so are its chance level, uniformly random phases, and its floor, the other half of the
+experts: as many phases of each, over many splits. All three are large where there are few dances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import default_numerics
+from choreograph.evaluation.metrics.counts import beat_positions
+from choreograph.evaluation.metrics.references import halves
+
+Floats = NDArray[np.float64]
+
+ROUNDS = 50  # splits of the experts
+_NAMES = ("phase_distance", "phase_distance_chance", "phase_distance_halves", "phase_nearness")
+N_BINS = 8  # of 60 to 90 ms at a dance's tempo, no finer than motion beats are detected
+
+
+def validate(phases: ArrayLike) -> None:
+    """Raise `ParameterError` unless phases (Q,) are from 0 to 1."""
+    given = np.asarray(phases, np.float64)
+    if given.ndim != 1 or not ((given >= 0) & (given <= 1)).all():
+        raise ParameterError(f"expected phases (Q,) from 0 to 1, got an array of {given.shape}")
+
+
+def phases(motion_beats_s: ArrayLike, beats_s: ArrayLike) -> Floats:
+    """Phases (Q',) of the motion beats between the first and the last of the music beats."""
+    position = beat_positions(motion_beats_s, beats_s)
+    position = position[(position >= 0) & (position <= np.size(beats_s) - 1)]
+    return position % 1.0
+
+
+def phase_histogram(phases: ArrayLike, *, n_bins: int = N_BINS) -> Floats:
+    """Shares (n_bins,) of the phases (Q,) by bin, the first centred on the beat; nan without phases."""
+    validate(phases)
+    given = np.asarray(phases, np.float64)
+    if len(given) == 0:
+        return np.full(n_bins, np.nan)
+    nearest_bin = np.floor(given * n_bins + 0.5).astype(int) % n_bins
+    return np.bincount(nearest_bin, minlength=n_bins) / len(given)
+
+
+def phase_distance(a: ArrayLike, b: ArrayLike) -> float:
+    """Earth mover's distance on the circle between two histograms (K,) of shares, in beats, 0 … ½.
+
+    What flows over each border between bins is the difference of the cumulative shares, up to a constant
+    that circles all round; its best value is their median (Werman et al., 1986). nan if a share is.
+
+    Raises `ParameterError` unless both have the same number of bins and sum to 1.
+    """
+    shares = [np.asarray(h, np.float64) for h in (a, b)]
+    if shares[0].ndim != 1 or shares[0].shape != shares[1].shape:
+        raise ParameterError(f"expected two histograms (K,), got {shares[0].shape} and {shares[1].shape}")
+    if any(np.isnan(h).any() for h in shares):
+        return float("nan")
+    if any((h < 0).any() or abs(h.sum() - 1.0) > 1e-6 for h in shares):
+        raise ParameterError("expected histograms of shares that sum to 1, got others: counts, not shares?")
+    flow = np.cumsum(shares[0] - shares[1])
+    return float(np.abs(flow - np.median(flow)).mean())
+
+
+@default_numerics()
+def evaluate(
+    danced_phases: ArrayLike,
+    expert_dances: Sequence[ArrayLike],
+    expert_songs: Sequence[str],
+    rng: np.random.Generator,
+    *,
+    rounds: int = ROUNDS,
+) -> dict[str, float]:
+    """Mean distances to a random half of the experts' phases, which are given by dance with its song.
+
+    Of the danced phases (Q,), of uniformly random ones (`_chance`), and of the other half (`_halves`).
+    `phase_nearness` is how far the dance is on the way from chance (0) to the halves (1); nan where the
+    halves are no nearer to each other than chance: those experts share no phase. All nan without danced
+    phases, or with experts' dances to fewer than two songs.
+    """
+    validate(danced_phases)
+    danced = np.asarray(danced_phases, np.float64)
+    known = [
+        (np.asarray(d, np.float64), s) for d, s in zip(expert_dances, expert_songs, strict=True) if np.size(d)
+    ]
+    if len(danced) == 0 or len({song for _, song in known}) < 2:
+        return dict.fromkeys(_NAMES, float("nan"))
+    found = []
+    for _ in range(rounds):
+        one, other = (
+            np.concatenate([known[i][0] for i in half]) for half in halves([song for _, song in known], rng)
+        )
+        n = min(len(danced), len(one))
+        samples = (
+            rng.choice(danced, n, replace=False),
+            rng.uniform(0, 1, n),
+            rng.choice(one, n, replace=False),
+        )
+        reference = phase_histogram(other)
+        found.append([phase_distance(phase_histogram(sample), reference) for sample in samples])
+    distance, chance, halved = np.mean(found, axis=0)  # (3,) from (rounds, 3)
+    nearness = (chance - distance) / (chance - halved) if chance > halved else float("nan")
+    return dict(zip(_NAMES, map(float, (distance, chance, halved, nearness)), strict=True))

@@ -1,0 +1,223 @@
+"""FID_k, FID_g and diversity, as dance papers report them, and the kinetic and geometric features they use.
+
+Kinetic features (Onuma, Faloutsos, Hodgins 2008): for each of 24 joints the mean squared horizontal velocity,
+the mean squared vertical velocity and the mean acceleration, 72 numbers. Geometric features (Müller, Röder,
+Clausen 2005): the shares of frames in which 32 relations hold (see `geometric_relations`). FID_k and FID_g
+are squared Fréchet distances between a set of dances and real dances in these features. Div_k and Div_g (also
+Dist_k, Dist_g) are the mean distance between two dances of the set.
+
+Conventions: positions (T, 24, 3) of the canonical joints in metres, Y up, at any rate. Both variants first
+resample to 60 fps by cubic splines, the rate of AIST++ and of the published tables, because windows are five
+frames wide. The tables use 20 s of a dance as one sample, and so does `features_of`.
+
+There are two variants because the code that the field shares (fairmotion, AIST++, Bailando and their copies)
+has bugs:
+
+- "published" reproduces that code, for comparison with old tables. Kinetic: a misplaced bracket makes the
+  earlier velocity p_t − p_{t−1}/dt, so the "acceleration" is mostly 3600 times the position and depends on
+  where the dancer stands. As in Bailando's evaluation, the origin is the pelvis in the first frame (AIST++
+  uses the world origin). Bailando's repository has since fixed the bracket, so newer tables may be right.
+  Geometric: dt is 1/120 s at 60 fps, so all speeds count double; some relations use the wrong joints or sides
+  (`geometric_relations`); lengths are those of one body model. AI Choreographer's own table comes from a
+  still older feature extractor, as its authors say.
+- "corrected": a true acceleration, the true dt, the relations of the original authors, and the dancer's own
+  lengths. Position and heading change nothing, and a mirror only swaps left and right.
+
+Normalisation: each feature by the mean and standard deviation of the real set, for FID and diversity alike,
+as in the code of AI Choreographer and Bailando; `normalised=False` leaves features raw. A feature that is
+constant in the real set is only centred ("published" divides by 1e-10, as that code does, and explodes).
+Covariances are not regularised (see `frechet`), but 72 dimensions need hundreds of dances: with fewer the
+distance is biased upwards. Compare sets of equal size, and report the distance between two halves of the real
+set with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial.distance import pdist
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import default_numerics
+from choreograph.core.timebase import frame_times_s, seconds_to_frames
+from choreograph.evaluation.metrics import geometric_relations
+from choreograph.evaluation.metrics.frechet import fit_gaussian, frechet_distance
+from choreograph.motion.body import body_indices
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import CANONICAL_JOINTS
+
+Floats = NDArray[np.float64]
+Variant = Literal["published", "corrected"]
+
+FEATURE_FPS = 60.0
+PIECE_S = 20.0
+_WINDOW = 2  # frames on either side, over which velocities and accelerations are averaged
+_PUBLISHED_RELATION_FPS = 120.0
+_PUBLISHED_LENGTHS_M = geometric_relations.Lengths(humerus=0.256838, shoulders=0.390848, hips=0.119247)
+_PUBLISHED_TINY = 1e-10
+_CONSTANT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class DanceFeatures:
+    """Features of N dances or pieces of dances, one row each."""
+
+    kinetic: Floats  # (N, 72)
+    geometric: Floats  # (N, 32)
+    variant: Variant
+
+
+def canonical_pos_m(motion: Motion) -> Floats:
+    """World positions (T, 24, 3) of the canonical joints in metres; a joint the rig lacks is at its parent.
+
+    Raises `ParameterError` if the rig's joint names are unknown.
+    """
+    return motion.joint_pos_m()[:, body_indices(motion.skeleton, CANONICAL_JOINTS)]
+
+
+def validate(pos_m: NDArray[np.floating], fps: float, variant: Variant) -> Floats:
+    """Positions (T, 24, 3) resampled to 60 fps, (T', 24, 3).
+
+    Raises `ParameterError` unless positions are finite, T' is at least 3, and rate and variant are valid.
+    """
+    if variant not in ("published", "corrected"):
+        raise ParameterError(f"expected variant 'published' or 'corrected', got {variant!r}")
+    pos = np.asarray(pos_m, np.float64)
+    if pos.ndim != 3 or pos.shape[1:] != (len(CANONICAL_JOINTS), 3) or len(pos) == 0:
+        raise ParameterError(f"expected positions (T, {len(CANONICAL_JOINTS)}, 3), got {pos.shape}")
+    if not np.isfinite(pos).all():
+        raise ParameterError("expected finite positions, got nan or infinity")
+    if not (np.isfinite(fps) and fps > 0):
+        raise ParameterError(f"expected a positive frame rate, got {fps}")
+    if fps != FEATURE_FPS and len(pos) > 1:
+        times_s = frame_times_s(len(pos), fps)
+        wanted_s = frame_times_s(int(times_s[-1] * FEATURE_FPS + 1e-6) + 1, FEATURE_FPS)
+        pos = CubicSpline(times_s, pos)(np.minimum(wanted_s, times_s[-1]))
+    if len(pos) < 3:
+        raise ParameterError(f"expected a dance of at least 3 frames at 60 fps, got {len(pos)}")
+    return pos
+
+
+def kinetic(pos_m: NDArray[np.floating], fps: float, *, variant: Variant = "corrected") -> Floats:
+    """Kinetic features (72,) of positions (T, 24, 3): per joint m²/s² horizontal, m²/s² vertical, m/s².
+
+    Velocities and accelerations are averaged over five frames (fewer at the ends) before their length is
+    taken. Raises `ParameterError` as `validate` does.
+    """
+    pos, dt_s = validate(pos_m, fps, variant), 1.0 / FEATURE_FPS
+    pos = pos - pos[:1, :1]
+    velocity = np.diff(pos, axis=0) / dt_s  # (T-1, 24, 3), of frames 1 … T - 1
+    acceleration = np.diff(velocity, axis=0) / dt_s  # (T-2, 24, 3), of frames 1 … T - 2
+    if variant == "published":
+        acceleration = (velocity[1:] - (pos[1:-1] - pos[:-2] / dt_s)) / dt_s
+    mean_velocity = _windowed_mean(velocity, len(velocity))  # (T-1, 24, 3)
+    horizontal = np.sum(mean_velocity[..., [0, 2]] ** 2, axis=-1)
+    vertical = mean_velocity[..., 1] ** 2
+    effort = np.linalg.norm(_windowed_mean(acceleration, len(velocity)), axis=-1)
+    return np.stack([horizontal, vertical, effort], axis=-1).mean(axis=0).reshape(-1)  # (72,)
+
+
+def geometric(pos_m: NDArray[np.floating], fps: float, *, variant: Variant = "corrected") -> Floats:
+    """Geometric features (32,) of positions (T, 24, 3): shares of the frames, 0 … 1.
+
+    Raises `ParameterError` as `validate` does.
+    """
+    pos = validate(pos_m, fps, variant)
+    if variant == "published":
+        return geometric_relations.shares(
+            geometric_relations.PUBLISHED, pos, _PUBLISHED_RELATION_FPS, _PUBLISHED_LENGTHS_M
+        )
+    return geometric_relations.shares(
+        geometric_relations.CORRECTED, pos, FEATURE_FPS, geometric_relations.measure_lengths(pos)
+    )
+
+
+def features_of(
+    motions: Sequence[Motion], *, variant: Variant = "corrected", piece_s: float = PIECE_S
+) -> DanceFeatures:
+    """Features of each full piece of `piece_s` seconds of each motion; a shorter motion is one piece.
+
+    Raises `ParameterError` if there is no motion, and as `canonical_pos_m` and `validate` do.
+    """
+    if len(motions) == 0:
+        raise ParameterError("expected at least one motion, got none")
+    if not piece_s > 0:
+        raise ParameterError(f"expected pieces of a positive length, got {piece_s} s")
+    rows: tuple[list[Floats], list[Floats]] = ([], [])
+    for motion in motions:
+        pos = canonical_pos_m(motion)
+        length = max(1, seconds_to_frames(piece_s, motion.fps))
+        for start in range(0, max(1, len(pos) - length + 1), length):
+            for row, feature in zip(rows, (kinetic, geometric), strict=True):
+                row.append(feature(pos[start : start + length], motion.fps, variant=variant))
+    return DanceFeatures(np.stack(rows[0]), np.stack(rows[1]), variant)
+
+
+def fid(features: Floats, real: Floats, *, variant: Variant = "corrected", normalised: bool = True) -> float:
+    """Squared Fréchet distance between features (N, D) and those of real dances (N', D).
+
+    Raises `ParameterError` if a set has fewer than two rows, or the sets differ in D.
+    """
+    _check_sets(features, real)
+    sides = (_normalised(side, real, variant) if normalised else side for side in (features, real))
+    return frechet_distance(*(fit_gaussian(side) for side in sides))
+
+
+def diversity(
+    features: Floats, real: Floats, *, variant: Variant = "corrected", normalised: bool = True
+) -> float:
+    """Mean Euclidean distance between two rows of features (N, D), normalised by the real ones (N', D).
+
+    Raises `ParameterError` as `fid` does.
+    """
+    _check_sets(features, real)
+    return float(pdist(_normalised(features, real, variant) if normalised else features).mean())
+
+
+@default_numerics()
+def evaluate(dances: DanceFeatures, real: DanceFeatures, *, normalised: bool = True) -> dict[str, float]:
+    """FID and diversity for both kinds of features by name, and the diversity of the real set as the target.
+
+    Raises `ParameterError` if the variants differ, or a set has fewer than two dances.
+    """
+    if dances.variant != real.variant:
+        raise ParameterError(f"expected features of one variant, got {dances.variant} and {real.variant}")
+    scores = {}
+    for letter, ours, theirs in (
+        ("k", dances.kinetic, real.kinetic),
+        ("g", dances.geometric, real.geometric),
+    ):
+        how = {"variant": real.variant, "normalised": normalised}
+        scores[f"fid_{letter}"] = fid(ours, theirs, **how)  # type: ignore[arg-type]
+        scores[f"diversity_{letter}"] = diversity(ours, theirs, **how)  # type: ignore[arg-type]
+        scores[f"real_diversity_{letter}"] = diversity(theirs, theirs, **how)  # type: ignore[arg-type]
+    return scores
+
+
+def _windowed_mean(values: Floats, n_frames: int) -> Floats:
+    """Means of `values` (N, ...) over up to `_WINDOW` rows on either side of rows 0 … n_frames - 1."""
+    sums = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])  # (N + 1, ...)
+    rows = np.arange(n_frames)
+    low, high = np.maximum(rows - _WINDOW, 0), np.minimum(rows + _WINDOW + 1, len(values))
+    return (sums[high] - sums[low]) / (high - low).reshape(-1, *[1] * (values.ndim - 1))
+
+
+def _check_sets(features: Floats, real: Floats) -> None:
+    for name, rows in (("dances", features), ("real dances", real)):
+        if rows.ndim != 2 or len(rows) < 2 or rows.shape[1] != real.shape[1]:
+            raise ParameterError(
+                f"expected features (N, {real.shape[-1]}) of 2 or more {name}, got {rows.shape}"
+            )
+
+
+def _normalised(features: Floats, real: Floats, variant: Variant) -> Floats:
+    spread = real.std(axis=0)
+    divisor = (
+        spread + _PUBLISHED_TINY if variant == "published" else np.where(spread > _CONSTANT, spread, 1.0)
+    )
+    return (features - real.mean(axis=0)) / divisor

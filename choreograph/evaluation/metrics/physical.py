@@ -1,0 +1,218 @@
+"""Physical plausibility: foot sliding, floor, jerk, transitions, one-frame jumps, bone lengths.
+
+Conventions: body positions (T, 21, 3) in metres at `fps`, Y up, the floor at y = 0. A foot is low when its
+ball is at most `LOW_M` above the floor. Speed and jerk are first and third differences of the joint positions
+at 20 fps, whatever the source's rate, so that dances and takes compare; m/s and m/s³. `validate` raises
+`ParameterError` for positions that are not finite or have another shape, and for an invalid rate. The
+published foot scores, with their thresholds and bugs, are in `evaluation.metrics.contact_scores`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import default_numerics
+from choreograph.core.timebase import NET_FPS, STORE_FPS, frame_times_s
+from choreograph.evaluation.metrics import contact_scores
+from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, body_pos_at, checked_body_pos_m
+
+Floats = NDArray[np.float64]
+Times = Sequence[float] | Floats
+
+LOW_M = 0.05
+JERK_FPS = NET_FPS
+ANKLE_OVER_SOLE_M = 0.07  # of the canonical body; 7 to 10 cm on real ones
+NEAR_M = 0.08  # a standing ball joint is 2 cm above its sole, and captures are off by several cm either way
+JUMP_S = 0.7  # flight time of a jump of 60 cm, which few dancers reach
+BOUNDARY_HALF_WIDTH_S = 0.12
+JUMP_M_PER_FRAME2 = 0.05  # at 60 fps: 18 times gravity, which no joint of a dancer reaches
+SAME_JUMP_S = 0.1
+_FEET = [BODY_JOINTS.index("left_foot"), BODY_JOINTS.index("right_foot")]
+_ANKLES = [BODY_JOINTS.index("left_ankle"), BODY_JOINTS.index("right_ankle")]
+# Bones that are a single rigid bone on every rig; the number of trunk joints differs between rigs.
+_LIMB_BONES = [
+    BODY_JOINTS.index(f"{side}_{end}")
+    for side in ("left", "right")
+    for end in ("knee", "ankle", "foot", "elbow", "wrist")
+]
+
+
+def validate(body_pos_m: Floats, fps: float, boundary_times_s: Times = ()) -> None:
+    """Raise `ParameterError` unless positions (T, 21, 3), rate and boundaries (B,) are finite and valid."""
+    checked_body_pos_m(body_pos_m, fps)
+    _checked_boundaries(boundary_times_s)
+
+
+def foot_slide_cm_s(body_pos_m: Floats, fps: float, *, low_m: float = LOW_M) -> float:
+    """Mean horizontal speed of the balls of the feet while low, cm/s; 0 if they are never low.
+
+    Speeds are taken over 1/60 s at any rate; one counts if the foot is low at both ends of it.
+    """
+    feet = body_pos_at(body_pos_m, fps, STORE_FPS)[:, _FEET]  # (T', 2, 3)
+    low = feet[..., 1] <= low_m
+    low = low[1:] & low[:-1]
+    speed = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1) * STORE_FPS * 100.0  # (T'-1, 2)
+    return float(speed[low].mean()) if low.any() else 0.0
+
+
+def floor_penetration_cm(body_pos_m: Floats, fps: float, *, sole_pos_m: Floats | None = None) -> float:
+    """Mean depth in cm, over all frames, of the lowest point of the feet below the floor.
+
+    With `sole_pos_m` (T, F, 3), from `motion.contacts.sole_pos_m`, the points are those of the rig's soles;
+    otherwise they are the balls of the feet and heels `ANKLE_OVER_SOLE_M` below the ankles.
+
+    Raises `ParameterError` as `validate` does, and if the soles have another number of frames than the body.
+    """
+    lowest_m = _lowest_foot_m(checked_body_pos_m(body_pos_m, fps), sole_pos_m)
+    return float(np.maximum(-lowest_m, 0.0).mean() * 100.0)
+
+
+def floating_share(
+    body_pos_m: Floats,
+    fps: float,
+    *,
+    sole_pos_m: Floats | None = None,
+    near_m: float = NEAR_M,
+    jump_s: float = JUMP_S,
+) -> float:
+    """Share of the frames, 0 … 1, in which no foot is near the floor for longer than a jump lasts.
+
+    Near means that the lowest point of the feet (see `floor_penetration_cm`) is at most `near_m` above the
+    floor. A span without contact counts in full if it is longer than `jump_s` and not at all otherwise:
+    dancing on a box is floating, a leap is not.
+    """
+    up = _lowest_foot_m(checked_body_pos_m(body_pos_m, fps), sole_pos_m) > near_m  # (T,)
+    edges = np.flatnonzero(np.diff(up.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    lengths = edges[:, 1] - edges[:, 0]
+    return float(lengths[lengths > jump_s * fps].sum() / len(up))
+
+
+def joint_speed_m_s(body_pos_m: Floats, fps: float) -> tuple[Floats, Floats]:
+    """Times in seconds and mean joint speed in m/s, both (T' - 1,) at `JERK_FPS`."""
+    return _derivative(body_pos_m, fps, order=1)
+
+
+def joint_jerk_m_s3(body_pos_m: Floats, fps: float) -> tuple[Floats, Floats]:
+    """Times in seconds and mean joint jerk in m/s³, both (T' - 3,) at `JERK_FPS`."""
+    return _derivative(body_pos_m, fps, order=3)
+
+
+def speed_ratio_at(
+    body_pos_m: Floats, fps: float, boundary_times_s: Times, *, half_width_s: float = BOUNDARY_HALF_WIDTH_S
+) -> float:
+    """Mean joint speed within `half_width_s` of any boundary, divided by the mean joint speed elsewhere.
+
+    Above 1 the dance speeds up at transitions, below 1 it slows down. `nan` if no frame is near a boundary,
+    all are, or nothing moves elsewhere.
+    """
+    near, elsewhere = _at_and_elsewhere(joint_speed_m_s(body_pos_m, fps), boundary_times_s, half_width_s)
+    if len(near) == 0 or len(elsewhere) == 0 or elsewhere.mean() == 0:
+        return float("nan")
+    return float(near.mean() / elsewhere.mean())
+
+
+def jerk_ratio_at(
+    body_pos_m: Floats, fps: float, boundary_times_s: Times, *, half_width_s: float = BOUNDARY_HALF_WIDTH_S
+) -> float:
+    """95th percentile of jerk within `half_width_s` of any boundary, divided by that elsewhere.
+
+    `nan` if no frame is near a boundary, or all are.
+    """
+    near, elsewhere = _at_and_elsewhere(joint_jerk_m_s3(body_pos_m, fps), boundary_times_s, half_width_s)
+    if len(near) == 0 or len(elsewhere) == 0:
+        return float("nan")
+    return float(np.percentile(near, 95) / max(np.percentile(elsewhere, 95), 1e-9))
+
+
+def jump_times_s(body_pos_m: Floats, fps: float, *, above_m: float = JUMP_M_PER_FRAME2) -> Floats:
+    """Instants (N,) in seconds at which a joint leaves its path for a frame or two, and comes back or not.
+
+    There the second difference of any joint's position at 60 fps is longer than `above_m` (metres a frame²).
+    Frames and joints within `SAME_JUMP_S` of each other are one jump, which is where it begins.
+    """
+    pos = body_pos_at(body_pos_m, fps, STORE_FPS)
+    bend_m = np.linalg.norm(np.diff(pos, n=2, axis=0), axis=-1).max(axis=1, initial=0.0)  # (T' - 2,)
+    times_s = frame_times_s(len(pos), STORE_FPS)[1:-1][bend_m > above_m]
+    return times_s[np.diff(times_s, prepend=-np.inf) > SAME_JUMP_S]
+
+
+def jumps_per_minute(body_pos_m: Floats, fps: float) -> float:
+    """One-frame jumps (see `jump_times_s`) a minute; 0 for fewer than three frames."""
+    return len(jump_times_s(body_pos_m, fps)) * 60.0 * fps / len(body_pos_m)
+
+
+def limb_length_spread_mm(body_pos_m: Floats, fps: float) -> float:
+    """Standard deviation over time of a bone's length in mm, the largest of the ten arm and leg bones.
+
+    0 up to rounding for motion of a skeleton; some millimetres for markers or for positions that a network
+    predicts.
+    """
+    pos = checked_body_pos_m(body_pos_m, fps)
+    parents = [BODY_PARENTS[joint] for joint in _LIMB_BONES]
+    lengths_m = np.linalg.norm(pos[:, _LIMB_BONES] - pos[:, parents], axis=-1)  # (T, 10)
+    return float(lengths_m.std(axis=0).max() * 1000.0)
+
+
+@default_numerics()
+def evaluate(
+    body_pos_m: Floats, fps: float, boundary_times_s: Times = (), *, sole_pos_m: Floats | None = None
+) -> dict[str, float]:
+    """All metrics of this module, and those of `evaluation.metrics.contact_scores`, by name."""
+    validate(body_pos_m, fps, boundary_times_s)
+    _, jerk = joint_jerk_m_s3(body_pos_m, fps)
+    return {
+        "foot_slide_cm_s": foot_slide_cm_s(body_pos_m, fps),
+        **contact_scores.evaluate(body_pos_m, fps),
+        "floor_penetration_cm": floor_penetration_cm(body_pos_m, fps, sole_pos_m=sole_pos_m),
+        "floating_share": floating_share(body_pos_m, fps, sole_pos_m=sole_pos_m),
+        "jerk_p95_m_s3": float(np.percentile(jerk, 95)) if len(jerk) else 0.0,
+        "jerk_ratio_at_boundaries": jerk_ratio_at(body_pos_m, fps, boundary_times_s),
+        "speed_ratio_at_boundaries": speed_ratio_at(body_pos_m, fps, boundary_times_s),
+        "jumps_per_minute": jumps_per_minute(body_pos_m, fps),
+        "limb_length_spread_mm": limb_length_spread_mm(body_pos_m, fps),
+    }
+
+
+def _lowest_foot_m(pos: Floats, sole_pos_m: Floats | None) -> Floats:
+    """Height of the lowest point of the feet above the floor, (T,)."""
+    if sole_pos_m is None:
+        heels_y_m = pos[:, _ANKLES, 1] - ANKLE_OVER_SOLE_M
+        return np.concatenate([pos[:, _FEET, 1], heels_y_m], axis=1).min(axis=1)
+    soles = np.asarray(sole_pos_m, np.float64)
+    if soles.ndim != 3 or soles.shape[0] != len(pos) or soles.shape[2] != 3 or soles.shape[1] == 0:
+        raise ParameterError(f"expected points on the soles ({len(pos)}, F, 3), got {soles.shape}")
+    if not np.isfinite(soles).all():
+        raise ParameterError("expected finite points on the soles, got nan or infinity")
+    return soles[..., 1].min(axis=1)
+
+
+def _derivative(body_pos_m: Floats, fps: float, *, order: int) -> tuple[Floats, Floats]:
+    """Times and mean length over the joints of the difference of that order, both (T' - order,)."""
+    pos = body_pos_at(body_pos_m, fps, JERK_FPS)
+    if len(pos) <= order:
+        return np.zeros(0), np.zeros(0)
+    size = np.linalg.norm(np.diff(pos, n=order, axis=0), axis=-1).mean(axis=1) * JERK_FPS**order
+    return frame_times_s(len(size), JERK_FPS) + order / 2 / JERK_FPS, size
+
+
+def _at_and_elsewhere(
+    curve: tuple[Floats, Floats], boundary_times_s: Times, half_width_s: float
+) -> tuple[Floats, Floats]:
+    """The values of a curve near any boundary, and the others."""
+    times_s, values = curve
+    boundaries = _checked_boundaries(boundary_times_s)
+    near = (np.abs(times_s[:, None] - boundaries) <= half_width_s).any(axis=1)
+    return values[near], values[~near]
+
+
+def _checked_boundaries(times_s: Times) -> Floats:
+    boundaries = np.asarray(times_s, np.float64)
+    if boundaries.ndim != 1 or not np.isfinite(boundaries).all():
+        raise ParameterError(
+            f"expected finite boundaries (B,) in seconds, got an array of {boundaries.shape}"
+        )
+    return boundaries

@@ -1,0 +1,200 @@
+"""Structure: whether a dance repeats itself, and whether it does so where its song does.
+
+Conventions: a dance is a sequence of motifs (N,), numbered from 0, with increasing start times in seconds
+(N,); and a sequence of pieces of takes (P,), each with its span in the dance and in its take. The sections of
+a song are bounds (S + 1,) in seconds and labels (S,): equal labels mean the same music. Signatures and motif
+transitions follow Rhythm is a Dancer (sections 3.4 and 4.3). That paper compares signatures, but does not
+measure how a dance follows the sections of its song; `section_agreement` is ours. Input that does not fit
+raises `ParameterError`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import chi_square_distance, default_numerics
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.integer]
+
+STEP_S = 0.25  # time step at which a take is compared with itself
+SAME_S = 0.5  # two warps of one clip differ by up to this much at the same moment of the take
+SOON_S = 1.0  # at half speed a take stays this long within `SAME_S` of one moment, which is no repeat
+
+
+def validate(motifs: Indices, n_motifs: int) -> None:
+    """Raise `ParameterError` unless these are motif numbers (N,) from 0 to K - 1."""
+    sequence = np.asarray(motifs)
+    if sequence.ndim != 1 or (len(sequence) and not np.issubdtype(sequence.dtype, np.integer)):
+        raise ParameterError(f"expected motif numbers (N,), got {sequence.dtype} of shape {sequence.shape}")
+    if len(sequence) and not (sequence.min() >= 0 and sequence.max() < n_motifs):
+        raise ParameterError(f"expected motifs 0 to {n_motifs - 1}, got {sequence.min()} to {sequence.max()}")
+
+
+def signature_distance(motifs: Indices, template: Floats) -> float:
+    """χ² distance between the motif shares of a dance and a template (K,), 0 … 1; `nan` without motifs."""
+    validate(motifs, len(template))
+    if len(motifs) == 0:
+        return float("nan")
+    return float(chi_square_distance(np.bincount(motifs, minlength=len(template)) / len(motifs), template))
+
+
+def transition_bits(motifs: Indices, transitions: Floats) -> float:
+    """Mean surprisal of the transitions between motifs, -log₂ of their probability (K, K), in bits.
+
+    0 if every transition was certain, `inf` if one was impossible, `nan` without a transition.
+    """
+    bits = _bits(transitions)
+    validate(motifs, len(bits))
+    return float(bits[motifs[:-1], motifs[1:]].mean()) if len(motifs) > 1 else float("nan")
+
+
+def transition_chance_bits(motifs: Indices, transitions: Floats) -> float:
+    """Chance level: the mean of `transition_bits` over all orders of the same motifs."""
+    bits = _bits(transitions)
+    validate(motifs, len(bits))
+    if len(motifs) < 2:
+        return float("nan")
+    table = bits[np.ix_(motifs, motifs)]
+    return float(table[~np.eye(len(motifs), dtype=bool)].mean())
+
+
+def longest_repeat(items: Sequence[int] | Indices) -> int:
+    """Length of the longest run of items that occurs twice without overlap; 0 if none does."""
+    items = np.asarray(items)
+    return _longest_diagonal(items[:, None] == items) if len(items) else 0
+
+
+def longest_repeat_s(takes: Sequence[str], pieces_s: Floats) -> float:
+    """Seconds of the longest span in which the dance plays the same part of the same take a second time.
+
+    `pieces_s` (P, 4) holds start and end in the dance, and start and end in the take, for each of `takes`.
+    Moments of a take within `SAME_S` count as the same, so a clip repeated at a slightly different tempo is
+    found.
+    """
+    rows = _checked_pieces(takes, pieces_s)
+    times_s = np.arange(rows[0, 0], rows[-1, 1], STEP_S)
+    piece = np.clip(np.searchsorted(rows[:, 0], times_s, side="right") - 1, 0, None)
+    start, end, source_start, source_end = rows[piece].T
+    source_s = source_start + (times_s - start) / (end - start) * (source_end - source_start)
+    take = np.unique(list(takes), return_inverse=True)[1][piece]
+    same = (take[:, None] == take) & (np.abs(source_s[:, None] - source_s) <= SAME_S)
+    return _longest_diagonal(same, first_lag=round(SOON_S / STEP_S) + 1) * STEP_S
+
+
+def distinct_takes_per_minute(takes: Sequence[str], duration_s: float) -> float:
+    """Number of different takes in the dance per minute."""
+    if not (np.isfinite(duration_s) and duration_s > 0):
+        raise ParameterError(f"expected a duration above 0 s, got {duration_s}")
+    return len(set(takes)) * 60.0 / duration_s
+
+
+def motifs_by_section(motifs: Indices, starts_s: Floats, section_bounds_s: Floats) -> list[Indices]:
+    """The motifs that start in each section, S sequences."""
+    starts, bounds = np.asarray(starts_s, np.float64), np.asarray(section_bounds_s, np.float64)
+    for name, times in (("motif starts", starts), ("section bounds", bounds)):
+        if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+            raise ParameterError(f"expected increasing, finite {name}, got an array {times.shape}")
+    if len(starts) != len(motifs) or len(bounds) < 2:
+        raise ParameterError(
+            f"expected one start per motif and 2 or more bounds, got {len(starts)} starts for {len(motifs)} "
+            f"motifs and {len(bounds)} bounds"
+        )
+    return np.split(np.asarray(motifs), np.searchsorted(starts, bounds))[1:-1]
+
+
+def shared_motifs(sections: Sequence[Indices], n_motifs: int) -> Floats:
+    """Similarity of the motif shares of any two sections, regardless of order: 1 - χ², (S, S)."""
+    for section in sections:
+        validate(section, n_motifs)
+    shares = np.array([np.bincount(s, minlength=n_motifs) / max(1, len(s)) for s in sections])
+    return 1.0 - chi_square_distance(shares[:, None], shares)
+
+
+def motifs_in_step(sections: Sequence[Indices]) -> Floats:
+    """Share of equal motifs at the same position of any two sections, counted from their starts: (S, S)."""
+    similarity = np.zeros((len(sections), len(sections)))
+    for i, one in enumerate(sections):
+        for j, other in enumerate(sections):
+            n = min(len(one), len(other))
+            similarity[i, j] = np.mean(one[:n] == other[:n]) if n else 0.0
+    return similarity
+
+
+def section_agreement(similarity: Floats, section_labels: Sequence[str] | Indices) -> float:
+    """How much more alike sections with equal labels are danced than sections with different labels, -1 … 1.
+
+    Mean of `similarity` (S, S) over pairs with equal labels, minus its mean over the other pairs. A dance
+    that ignores the song scores 0 however much it repeats: 0 is the mean over all orders of the labels. `nan`
+    if all labels are different, or all are equal.
+    """
+    similarity, labels = np.asarray(similarity, np.float64), np.asarray(section_labels)
+    if similarity.shape != (len(labels), len(labels)) or not np.isfinite(similarity).all():
+        raise ParameterError(f"expected similarities ({len(labels)}, {len(labels)}), got {similarity.shape}")
+    one, other = np.triu_indices(len(labels), 1)
+    pairs, equal = similarity[one, other], labels[one] == labels[other]
+    if equal.all() or not equal.any():
+        return float("nan")
+    return float(pairs[equal].mean() - pairs[~equal].mean())
+
+
+@default_numerics()
+def evaluate(
+    motifs: Indices,
+    starts_s: Floats,
+    takes: Sequence[str],
+    pieces_s: Floats,
+    *,
+    template: Floats,
+    transitions: Floats,
+    section_bounds_s: Floats,
+    section_labels: Sequence[str] | Indices,
+) -> dict[str, float]:
+    """All metrics of this module by name."""
+    sections = motifs_by_section(motifs, starts_s, section_bounds_s)
+    rows = _checked_pieces(takes, pieces_s)
+    return {
+        "signature_distance": signature_distance(motifs, template),
+        "transition_bits": transition_bits(motifs, transitions),
+        "transition_bits_chance": transition_chance_bits(motifs, transitions),
+        "section_agreement": section_agreement(shared_motifs(sections, len(template)), section_labels),
+        "section_agreement_in_step": section_agreement(motifs_in_step(sections), section_labels),
+        "longest_repeat_motifs": float(longest_repeat(motifs)),
+        "longest_repeat_s": longest_repeat_s(takes, pieces_s),
+        "distinct_takes_per_minute": distinct_takes_per_minute(takes, rows[-1, 1] - rows[0, 0]),
+    }
+
+
+def _bits(transitions: Floats) -> Floats:
+    """Surprisal of every transition, (K, K)."""
+    table = np.asarray(transitions, np.float64)
+    if table.ndim != 2 or table.shape[0] != table.shape[1] or not ((table >= 0) & (table <= 1)).all():
+        raise ParameterError(f"expected transition probabilities (K, K), got an array {table.shape}")
+    with np.errstate(divide="ignore"):
+        return -np.log2(table)
+
+
+def _longest_diagonal(same: NDArray[np.bool_], *, first_lag: int = 1) -> int:
+    """Length of the longest run in a self-similarity matrix (N, N) whose repeat starts after the run ends."""
+    longest = 0
+    for lag in range(first_lag, len(same)):
+        run = np.diagonal(same, lag)
+        edges = np.flatnonzero(np.diff(run.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+        if len(edges):
+            longest = max(longest, min(lag, int((edges[:, 1] - edges[:, 0]).max())))
+    return longest
+
+
+def _checked_pieces(takes: Sequence[str], pieces_s: Floats) -> Floats:
+    rows = np.asarray(pieces_s, np.float64)
+    if rows.shape != (len(takes), 4) or len(rows) == 0 or not np.isfinite(rows).all():
+        raise ParameterError(
+            f"expected finite pieces ({len(takes)}, 4) in seconds, got an array {rows.shape}"
+        )
+    if (np.diff(rows[:, 0]) <= 0).any() or (rows[:, 1] <= rows[:, 0]).any():
+        raise ParameterError("expected pieces in the order of the dance, each ending after its start")
+    return rows

@@ -1,0 +1,184 @@
+"""AIST++: SMPL poses in `motions/*.pkl`, loaded by an unpickler that runs no code."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import pickletools
+import re
+import struct
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from choreograph.core.errors import FormatError
+from choreograph.core.files import read_bytes, read_text
+from choreograph.formats.amass import rotated_world, smpl_motion
+from choreograph.formats.axes_and_units import rotation_to_y_up
+from choreograph.formats.folder import SongsByName
+from choreograph.formats.manifest import Unread, attempted
+from choreograph.formats.npz import array_names
+from choreograph.formats.npz import load_arrays as npz_arrays
+from choreograph.motion.motion import Credits, Motion, Take
+
+# Pickles of arrays, loaded with a restricted unpickler that runs no code.
+
+
+_MAX_BYTES = 1 << 26
+_MAX_OPCODES = 20_000  # an array takes about thirty
+_MAX_MADE_BYTES = 1 << 31  # each call in a pickle makes at most as many bytes as the pickle has
+_CALLS = ("REDUCE", "NEWOBJ", "NEWOBJ_EX", "INST", "OBJ", "BUILD")
+_RECONSTRUCT = np.zeros(1).__reduce__()[0]
+_SCALAR = np.float64(0).__reduce__()[0]
+_FROM_BUFFER = np.zeros(1).__reduce_ex__(5)[0]
+
+
+def _encode(text: str, encoding: str = "latin1") -> bytes:
+    """Bytes as older pickles encode them; the full codec registry has more than text codecs."""
+    if encoding not in ("latin1", "latin-1", "utf-8"):
+        raise pickle.UnpicklingError(f"codec {encoding}")
+    return text.encode(encoding)
+
+
+# Before numpy 2 the module was numpy.core; both kinds of files exist.
+_ALLOWED: dict[tuple[str, str], Any] = {
+    ("numpy", "ndarray"): np.ndarray,
+    ("numpy", "dtype"): np.dtype,
+    ("_codecs", "encode"): _encode,
+}
+for _core in ("numpy.core", "numpy._core"):
+    _ALLOWED[f"{_core}.multiarray", "_reconstruct"] = _RECONSTRUCT
+    _ALLOWED[f"{_core}.multiarray", "scalar"] = _SCALAR
+    _ALLOWED[f"{_core}.numeric", "_frombuffer"] = _FROM_BUFFER
+
+
+class _ArraysOnly(pickle.Unpickler):
+    def find_class(self, module: str, name: str) -> Any:
+        try:
+            return _ALLOWED[module, name]
+        except KeyError:
+            raise pickle.UnpicklingError(
+                f"it refers to {module}.{name}, which is not an array and may run code"
+            ) from None
+
+
+def load_arrays(path: Path) -> dict[str, Any]:
+    """The dictionary of arrays and numbers in a pickle.
+
+    Raises `FormatError` if it contains anything else, or would make more of its bytes than there are.
+    """
+    data = read_bytes(path, "a pickle of arrays", max_bytes=_MAX_BYTES)
+    try:
+        _check_opcodes(data)
+        content = _ArraysOnly(io.BytesIO(data), encoding="latin1").load()
+    except (
+        pickle.UnpicklingError, EOFError, ValueError, TypeError, KeyError, IndexError, AttributeError,
+        MemoryError, OverflowError, struct.error, SystemError,
+    ) as error:  # fmt: skip
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise FormatError(f"{path}: expected a pickle of arrays; not opened: {reason}") from None
+    if not isinstance(content, dict):
+        raise FormatError(f"{path}: expected a pickled dictionary of arrays, got {type(content).__name__}")
+    for name, value in content.items():
+        if not isinstance(name, str) or not isinstance(value, np.ndarray | np.generic | int | float | str):
+            raise FormatError(
+                f"{path}: expected arrays and numbers by name, got {type(value).__name__}: another pickle?"
+            )
+    arrays = [value for value in content.values() if isinstance(value, np.ndarray)]
+    if sum(array.nbytes for array in arrays) > 2 * len(data):  # in latin-1 text, half of it may be escaped
+        raise FormatError(f"{path}: expected the arrays' numbers in the pickle, got shapes without them")
+    return content
+
+
+def _check_opcodes(data: bytes) -> None:
+    """`UnpicklingError` if a pickle would take far more time or memory than its bytes."""
+    n_calls = 0
+    for i, (opcode, argument, _) in enumerate(pickletools.genops(data)):
+        n_calls += opcode.name in _CALLS
+        is_far = "PUT" in opcode.name and (argument or 0) > _MAX_OPCODES
+        if i > _MAX_OPCODES or n_calls * len(data) > _MAX_MADE_BYTES or is_far:
+            raise pickle.UnpicklingError("it is larger or more complicated than arrays are")
+
+
+# AIST++: SMPL poses in `motions/*.pkl`; file names state genre, performer and music.
+#
+# Also one of these files alone, and the same arrays as NPZ.
+
+
+LAYOUT = (
+    "AIST++: a folder with motions/*.pkl, songs in music/, wav/ or audio/, and ignore_list.txt, or one of "
+    "the pickles"
+)
+FPS = 60.0
+_NAME = re.compile(r"g(?P<genre>[A-Z]{2})_s[^_]+_c[^_]+_(?P<performer>d\d+)_(?P<song>m[A-Z]{2}\d+)_ch\d+")
+_GENRES = {
+    "BR": "break", "PO": "pop", "LO": "lock", "MH": "middle hip-hop", "LH": "LA hip-hop", "HO": "house",
+    "WA": "waack", "KR": "krump", "JS": "street jazz", "JB": "ballet jazz",
+}  # fmt: skip
+_KEYS = ("smpl_poses", "smpl_trans", "smpl_scaling")
+
+
+def detect(path: Path) -> bool:
+    """Whether `path` holds pickles in `motions/`, or is one such file."""
+    if path.is_file():
+        suffix = path.suffix.lower()
+        return suffix == ".pkl" or (suffix == ".npz" and array_names(path).issuperset(_KEYS))
+    return any((path / "motions").glob("[!.]*.pkl"))
+
+
+def read(path: Path) -> Iterator[Take | Unread]:
+    """The takes by name, without those in `ignore_list.txt` (badly reconstructed according to AIST++)."""
+    if path.is_file():
+        yield attempted(partial(_take, _songs_in(path.parent)), path)
+        return
+    ignored = set()
+    if (path / "ignore_list.txt").is_file():
+        ignored = set(read_text(path / "ignore_list.txt", "a list of takes", fallback="latin-1").split())
+    songs = _songs_in(path)
+    for file in sorted((path / "motions").glob("[!.]*.pkl")):
+        if file.stem in ignored:
+            yield Unread(file, "in ignore_list.txt")
+        else:
+            yield attempted(partial(_take, songs), file)
+
+
+def _songs_in(path: Path) -> list[SongsByName]:
+    return [SongsByName.in_folder(path / folder) for folder in ("music", "wav", "audio")]
+
+
+def _take(songs: Sequence[SongsByName], file: Path) -> Take:
+    motion, notes = _motion(file)
+    named = _NAME.fullmatch(file.stem)
+    if named is None:
+        notes += ("the file name does not state genre, performer and music",)
+    parts = named.groupdict() if named else {"genre": "", "performer": "", "song": ""}
+    song = next(filter(None, (folder.of(parts["song"]) for folder in songs)), None)
+    return Take(
+        name=file.stem,
+        motion=motion,
+        credits=Credits(_GENRES.get(parts["genre"], parts["genre"]), parts["performer"], source="AIST++"),
+        song_path=song,
+        song_name=parts["song"],
+        source_paths=(file, song) if song else (file,),
+        notes=notes,
+    )
+
+
+def _motion(file: Path) -> tuple[Motion, tuple[str, ...]]:
+    content = npz_arrays(file, _KEYS) if file.suffix.lower() == ".npz" else load_arrays(file)
+    missing = [key for key in _KEYS if key not in content]
+    if missing:
+        raise FormatError(f"{file}: expected {', '.join(_KEYS)}, got no {', '.join(missing)}")
+    try:
+        scaling = np.asarray(content["smpl_scaling"], np.float64)
+        if scaling.size != 1 or not (np.isfinite(scaling).all() and scaling.item() > 0):
+            raise FormatError(f"expected one positive smpl_scaling, got {scaling.tolist()}")
+        trans = np.asarray(content["smpl_trans"], np.float64) / scaling.item()
+        motion = smpl_motion(content["smpl_poses"], trans, FPS)
+    except (FormatError, TypeError, ValueError) as error:
+        raise FormatError(f"{file}: {error}") from None
+    rotation, note = rotation_to_y_up(motion.skeleton, motion.joint_pos_m())
+    return (rotated_world(motion, rotation), (note,)) if note else (motion, ())

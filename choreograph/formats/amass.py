@@ -1,0 +1,134 @@
+"""AMASS: NPZ files of SMPL-H or SMPL-X poses, and SMPL poses as motions on the canonical skeleton."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.formats.axes_and_units import UP_AXIS_MARGIN, Z_UP_TO_Y_UP, known_roles, upward
+from choreograph.formats.manifest import Unread, attempted
+from choreograph.formats.npz import array_names, load_arrays
+from choreograph.motion import rotations as rot
+from choreograph.motion.motion import Credits, Motion, Take, check_length
+from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
+
+# Axis-angle poses in SMPL's joint order as motions on the canonical skeleton.
+
+
+_BODY = 22  # joints shared by SMPL, SMPL-H and SMPL-X; hands, jaw and eyes follow
+
+
+def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
+    """Motion of axis-angle `poses` (T, 66 or more) or (T, J, 3), and root positions `trans` (T, 3) in metres.
+
+    The body joints come first and in canonical order. SMPL's two hand joints (72 values) are kept, fingers
+    are not. In SMPL the pelvis is a constant vector away from `trans`; estimating the floor corrects its
+    height. Raises `FormatError` if shapes or values are wrong.
+    """
+    try:
+        poses, trans = np.asarray(poses, np.float64), np.asarray(trans, np.float64)
+    except (TypeError, ValueError):
+        raise FormatError("expected poses and translations as arrays of numbers, got others") from None
+    if poses.ndim == 3 and poses.shape[2] == 3:
+        poses = poses.reshape(len(poses), 3 * poses.shape[1])
+    if poses.ndim != 2 or poses.shape[1] < 3 * _BODY or poses.shape[1] % 3 or trans.shape != (len(poses), 3):
+        raise FormatError(
+            f"expected poses (T, 66 or more) and translations (T, 3), got {poses.shape}, {trans.shape}"
+        )
+    if len(poses) == 0:
+        raise FormatError("expected poses of a frame or more, got no frame")
+    try:
+        check_length(len(poses), len(CANONICAL_JOINTS), fps)
+    except ParameterError as error:
+        raise FormatError(str(error)) from None
+    if not (np.isfinite(poses).all() and np.isfinite(trans).all()):
+        raise FormatError("expected finite poses and translations, got some that are not: damaged data?")
+    n_joints = len(CANONICAL_JOINTS)
+    kept = n_joints if poses.shape[1] == 3 * n_joints else _BODY
+    rotvec = np.zeros((len(poses), n_joints, 3))
+    rotvec[:, :kept] = poses[:, : 3 * kept].reshape(len(poses), kept, 3)
+    return Motion(canonical_skeleton(), trans, rot.make_continuous(rot.from_rotvec(rotvec)), fps)
+
+
+def rotated_world(motion: Motion, rotation: np.ndarray) -> Motion:
+    """The motion in a world rotated by `rotation` (4,), which changes root position and root rotation."""
+    quat = np.array(motion.local_quat)
+    quat[:, 0] = rot.multiply(rotation, quat[:, 0])
+    root_pos_m = rot.rotate(rotation, motion.root_pos_m)
+    return Motion(motion.skeleton, root_pos_m, rot.make_continuous(quat), motion.fps)
+
+
+# AMASS: NPZ files of SMPL-H or SMPL-X poses, Z up, in folders of data set and performer.
+#
+# Other data sets use the same keys with Y up, which shows in where the body stands.
+
+
+LAYOUT = "AMASS: NAME_poses.npz files in a folder tree, or one of them"
+_RATE_KEYS = ("mocap_framerate", "mocap_frame_rate", "fps")  # SMPL-H's, SMPL-X's, others'
+
+
+def detect(path: Path) -> bool:
+    """Whether `path` is an AMASS file or a folder tree with one."""
+    if path.is_file():
+        return path.suffix.lower() == ".npz" and _is_motion(path)
+    return any(_is_motion(file) for file in _files(path))
+
+
+def read(path: Path) -> Iterator[Take | Unread]:
+    """Takes without music, by path; files without poses, such as body shapes, are not read.
+
+    A file's folder is the performer; the folder above it is the data set, the source.
+    """
+    for file in [path] if path.is_file() else _files(path):
+        if _is_motion(file):
+            yield attempted(partial(_take, path), file)
+        elif not array_names(file):
+            error = FormatError(f"{file}: not a valid NPZ file: damaged, cut off, or another format")
+            yield Unread.damaged(file, error)
+
+
+def _files(folder: Path) -> list[Path]:
+    # Hidden files come from other programs, such as macOS's "._NAME.npz".
+    return sorted(folder.rglob("[!.]*.npz"))
+
+
+def _is_motion(file: Path) -> bool:
+    names = array_names(file)
+    is_ours = "root_pos_m" in names  # this program writes the same arrays beside its own
+    return {"poses", "trans"} <= names and not names.isdisjoint(_RATE_KEYS) and not is_ours
+
+
+def _take(source: Path, file: Path) -> Take:
+    names = array_names(file)
+    rate_key = next(key for key in _RATE_KEYS if key in names)
+    arrays = load_arrays(file, ("poses", "trans", rate_key))
+    try:
+        rate = np.asarray(arrays[rate_key], np.float64)
+        fps = rate.item() if rate.size == 1 else np.nan
+        if not 1.0 <= fps <= 1000.0:
+            raise FormatError(f"expected a frame rate in {rate_key}, got {fps}")
+        motion, up = _y_up(smpl_motion(arrays["poses"], arrays["trans"], fps))
+    except (FormatError, TypeError, ValueError) as error:
+        raise FormatError(f"{file}: {' '.join(str(error).split())}") from None
+    name = file.stem if source.is_file() else file.relative_to(source).with_suffix("").as_posix()
+    folder = file.parent.resolve()
+    return Take(
+        name=name,
+        motion=motion,
+        credits=Credits(performer=folder.name, source=f"AMASS {folder.parent.name}".strip()),
+        source_paths=(file,),
+        notes=(f"{up}; body shape and fingers are left out",),
+    )
+
+
+def _y_up(motion: Motion) -> tuple[Motion, str]:
+    """The motion with Y up, and what was done."""
+    x, y, z = upward(known_roles(motion.skeleton), motion.joint_pos_m())
+    if y > UP_AXIS_MARGIN * max(abs(x), abs(z)):
+        return motion, "read as Y up, along which the body stands, not as Z up, as AMASS is"
+    return rotated_world(motion, Z_UP_TO_Y_UP), "rotated from Z up, as AMASS is, to Y up"

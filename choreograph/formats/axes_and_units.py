@@ -1,0 +1,126 @@
+"""Up axis and length unit of a file, inferred from the body in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.motion import rotations as rot
+from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton import Skeleton
+
+_BODY_HEIGHT_M = 1.70
+# A unit is accepted if it puts the body's height in this range. Units are tried in the order below.
+_PLAUSIBLE_HEIGHT_M = (1.0, 2.3)
+_UNITS_M = {
+    "metres": 1.0,
+    "centimetres": 0.01,
+    "millimetres": 0.001,
+    "decimetres": 0.1,
+    "inches": 0.0254,
+    "CMU units (0.45 of an inch)": 0.0254 / 0.45,
+    "feet": 0.3048,
+}
+_READ_AS, _NO_UNIT = "read as ", "matches no known unit"
+_LEG_OF_HEIGHT = 0.46  # hip to ankle over body height, average adult
+
+_HALF = float(np.sqrt(0.5))
+# The rotation that takes each axis to +Y.
+_TO_Y_UP = {
+    "+X": np.array([_HALF, 0.0, 0.0, _HALF]),
+    "-X": np.array([_HALF, 0.0, 0.0, -_HALF]),
+    "-Y": np.array([0.0, 1.0, 0.0, 0.0]),
+    "+Z": np.array([_HALF, -_HALF, 0.0, 0.0]),
+    "-Z": np.array([_HALF, _HALF, 0.0, 0.0]),
+}
+Z_UP_TO_Y_UP = _TO_Y_UP["+Z"]
+UP_AXIS_MARGIN = 1.5  # over Y, which another axis needs to count as up: dancers also lie down
+
+
+def known_roles(skeleton: Skeleton) -> dict[str, int]:
+    """The joints' roles; empty if the rig's joint names are unknown."""
+    try:
+        return joint_roles(skeleton)
+    except ParameterError:
+        return {}
+
+
+def unit_m(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[float, str]:
+    """Metres per unit of the file, inferred from body height, and a note on it.
+
+    `pos` (T, J, 3) joint positions in the file's unit. The height is estimated from leg length, so no
+    pose needs to be upright; without known joint names it is the body's largest extent. Raises
+    `FormatError` if the body has no size.
+    """
+    roles = known_roles(skeleton)
+    if roles:
+        legs = [
+            np.linalg.norm(
+                pos[:, roles[f"{side}_{upper}"]] - pos[:, roles[f"{side}_{lower}"]], axis=-1
+            ).mean()
+            for side in ("left", "right")
+            for upper, lower in (("hip", "knee"), ("knee", "ankle"))
+        ]
+        height = sum(legs) / 2 / _LEG_OF_HEIGHT
+    else:
+        height = float(np.ptp(pos, axis=1).max())
+    if height < 1e-6:
+        raise FormatError("all joints are in the same place: the skeleton has no bone lengths")
+    for name, metres in _UNITS_M.items():
+        if _PLAUSIBLE_HEIGHT_M[0] <= height * metres <= _PLAUSIBLE_HEIGHT_M[1]:
+            return metres, f"{_READ_AS}{name}, which makes the body {height * metres:.2f} m tall"
+    metres = _BODY_HEIGHT_M / height
+    return metres, f"a body {height:.4g} units tall {_NO_UNIT}: scaled to {_BODY_HEIGHT_M:.2f} m"
+
+
+def unit_in_notes(notes: Iterable[str]) -> str:
+    """The unit that `unit_m` noted; "" if none of `notes` is its own."""
+    for note in notes:
+        unit = note.removeprefix(_READ_AS).partition(",")[0]
+        if unit in _UNITS_M:
+            return unit
+        if _NO_UNIT in note:
+            return "unknown"
+    return ""
+
+
+def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDArray[np.float64], str]:
+    """The rotation (4,) that makes +Y the up axis, and a note; identity and "" if it already is.
+
+    `pos` (T, J, 3). Up is the axis along which the shoulders are above the ankles, over all frames.
+    """
+    roles = known_roles(skeleton)
+    if not roles:
+        return rot.IDENTITY, ""
+    rotation, name = rotation_from_upward(upward(roles, pos))
+    if not name:
+        return rotation, ""
+    return rotation, f"rotated from {name} up to +Y up: the shoulders are above the feet along {name}"
+
+
+def upward(roles: Mapping[str, int], pos: NDArray[np.floating]) -> NDArray[np.float64]:
+    """The vector (3,) from the ankles to the shoulders of `pos` (T, J, 3), the mean of all frames."""
+    shoulders, ankles = (
+        pos[:, [roles[f"left_{part}"], roles[f"right_{part}"]]].mean(axis=(0, 1))
+        for part in ("shoulder", "ankle")
+    )
+    return shoulders - ankles
+
+
+def rotation_from_upward(upward: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+    """The rotation (4,) that makes +Y the axis nearest to `upward` (3,), and that axis; "" if it is +Y."""
+    axis = int(np.argmax(np.abs(upward)))
+    name = f"{'+' if upward[axis] > 0 else '-'}{'XYZ'[axis]}"
+    if name == "+Y" or (axis != 1 and abs(upward[axis]) < UP_AXIS_MARGIN * abs(upward[1])):
+        return rot.IDENTITY, ""
+    return _TO_Y_UP[name], name
+
+
+def to_rotated_axes(
+    rotation: NDArray[np.float64], vectors: NDArray[np.float64], quats: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Vectors (..., 3) and rotations (..., 4), expressed in axes rotated by `rotation` (4,)."""
+    return rot.rotate(rotation, vectors), rot.multiply(rot.multiply(rotation, quats), rot.invert(rotation))

@@ -1,0 +1,202 @@
+"""GLB and VRMA writers: the mannequin, or any VRM avatar's bones, with the motion as an animation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.timebase import frame_times_s
+from choreograph.formats.gltf_document import INDICES, VERTICES, GltfDocument
+from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer, text_names
+from choreograph.motion import rotations as rot
+from choreograph.motion.kinematics import to_local
+from choreograph.motion.mannequin.skinned_mesh import PARTS, SkinnedMesh, build_mannequin
+from choreograph.motion.motion import Motion
+from choreograph.motion.retargeting import retarget
+from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
+
+# GLB writer: the mannequin on the motion's skeleton, standing, and the motion as its animation.
+
+
+ANIMATION_NAME = "dance"
+_ROUGHNESS = 0.85
+
+
+class GlbWriter(Writer):
+    """glTF 2.0 in one file: metres, Y up, as everything here; opens in Blender, three.js, Godot, Unreal.
+
+    Node 0 … J - 1 are the joints. Their rest pose stands on the floor in the mannequin's bind pose; the
+    animation has a rotation for each and a translation of the root, at the motion's rate.
+    """
+
+    format = "glb"
+
+    def write(self, motion: Motion, path: Path) -> None:
+        """Write `motion`."""
+        document = dance_document(motion)
+        path.write_bytes((as_dance(document) if self.is_dance else document).to_glb())
+
+
+def dance_document(motion: Motion) -> GltfDocument:
+    """The document of a dance on the mannequin."""
+    mesh = build_mannequin(motion.skeleton, motion)
+    floor_m = np.array([0.0, mesh.vertices_m[:, 1].min(), 0.0])
+    document = GltfDocument.empty(GENERATOR)
+    _add_joints(document, motion, mesh, floor_m)
+    skin = _add_skin(document, mesh, floor_m)
+    body = document.add("nodes", {"name": "body", "mesh": _add_mesh(document, mesh, floor_m), "skin": skin})
+    document.add("scenes", {"name": "dance", "nodes": [0, body]})
+    document.json["scene"] = 0
+    add_animation(document, motion)
+    return document
+
+
+def as_dance(document: GltfDocument) -> GltfDocument:
+    """The document saying, at the beginning of its file, that it is a dance."""
+    asset = {**document.json["asset"], "generator": DANCE_GENERATOR}
+    marked = document.copy()
+    marked.json = {"asset": asset} | {kind: value for kind, value in marked.json.items() if kind != "asset"}
+    return marked
+
+
+def add_animation(document: GltfDocument, motion: Motion, name: str = ANIMATION_NAME) -> None:
+    """Add the motion as an animation of nodes 0 … J - 1, which are its joints."""
+    times = document.accessor(frame_times_s(motion.n_frames, motion.fps).astype(np.float32), bounds=True)
+    samplers: list[dict] = []
+    channels: list[dict] = []
+    quat = rot.make_continuous(motion.local_quat)  # (T, J, 4)
+    tracks = [(0, "translation", motion.root_pos_m)]
+    tracks += [(joint, "rotation", gltf_quat(quat[:, joint])) for joint in range(motion.skeleton.n_joints)]
+    for node, path, values in tracks:
+        channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+        output = document.accessor(values.astype(np.float32))
+        samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
+    document.add("animations", {"name": name, "samplers": samplers, "channels": channels})
+
+
+def gltf_quat(quat: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Quaternions (..., 4) `wxyz` as glTF has them, `xyzw`."""
+    return np.roll(quat, -1, axis=-1)
+
+
+def _add_joints(
+    document: GltfDocument, motion: Motion, mesh: SkinnedMesh, floor_m: NDArray[np.float64]
+) -> None:
+    """The joints in the bind pose, as the first nodes."""
+    skeleton = motion.skeleton
+    local = to_local(skeleton, mesh.bind_quat)  # (J, 4)
+    for joint, name in enumerate(text_names(skeleton.names)):
+        offset = skeleton.offsets_m[joint] if joint else mesh.bind_pos_m[0] - floor_m
+        node = {
+            "name": name,
+            "translation": offset.tolist(),
+            "rotation": gltf_quat(local[joint]).clip(-1.0, 1.0).tolist(),
+        }
+        children = np.flatnonzero(skeleton.parents == joint).tolist()
+        document.add("nodes", node | ({"children": children} if children else {}))
+
+
+def _add_skin(document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.float64]) -> int:
+    inverse = np.tile(np.eye(4), (len(mesh.bind_pos_m), 1, 1))  # (J, 4, 4)
+    inverse[:, :3, :3] = rot.to_matrix(rot.invert(mesh.bind_quat))
+    inverse[:, :3, 3] = -rot.rotate(rot.invert(mesh.bind_quat), mesh.bind_pos_m - floor_m)
+    columns = inverse.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32)  # glTF stores columns
+    skin = {
+        "joints": list(range(len(mesh.bind_pos_m))), "skeleton": 0,
+        "inverseBindMatrices": document.accessor(columns),
+    }  # fmt: skip
+    return document.add("skins", skin)
+
+
+def _add_mesh(document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.float64]) -> int:
+    """The mesh with a primitive and a material for each part of the body."""
+    n = len(mesh.vertices_m)
+    joints, weights = np.zeros((n, 4), np.uint16), np.zeros((n, 4), np.float32)
+    joints[:, :2], weights[:, :2] = mesh.joints, mesh.weights
+    joints[weights == 0] = 0  # as the format wants it
+    weights[:, 1] = 1.0 - weights[:, 0]  # a sum of exactly 1
+    attributes = {
+        "POSITION": document.accessor(
+            (mesh.vertices_m - floor_m).astype(np.float32), target=VERTICES, bounds=True
+        ),
+        "NORMAL": document.accessor(mesh.normals.astype(np.float32), target=VERTICES),
+        "JOINTS_0": document.accessor(joints, target=VERTICES),
+        "WEIGHTS_0": document.accessor(weights, target=VERTICES),
+    }
+    index_type = np.uint16 if n <= np.iinfo(np.uint16).max else np.uint32
+    primitives = []
+    part_of_triangle = mesh.parts[mesh.triangles[:, 0]]
+    for part in np.unique(part_of_triangle):
+        indices = mesh.triangles[part_of_triangle == part].astype(index_type).ravel()
+        material = {
+            "name": PARTS[part],
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [*linear_light(mesh.palette[part]).tolist(), 1.0],
+                "metallicFactor": 0.0,
+                "roughnessFactor": _ROUGHNESS,
+            },
+        }
+        primitives.append(
+            {
+                "attributes": attributes,
+                "indices": document.accessor(indices, target=INDICES),
+                "material": document.add("materials", material),
+            }
+        )
+    return document.add("meshes", {"name": "body", "primitives": primitives})
+
+
+def linear_light(srgb: NDArray[np.floating]) -> NDArray[np.floating]:
+    """sRGB colours, 0 to 1, as linear light."""
+    low = srgb <= 0.04045
+    return np.where(low, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4).round(6)
+
+
+# VRMA writer: a VRM animation, for any VRM avatar.
+
+
+VRM_BONES = {
+    "pelvis": "hips", "spine1": "spine", "spine2": "chest", "spine3": "upperChest", "neck": "neck",
+    "head": "head",
+} | {
+    f"{side}_{part}": f"{side}{name}"
+    for side in ("left", "right")
+    for part, name in (
+        ("hip", "UpperLeg"), ("knee", "LowerLeg"), ("ankle", "Foot"), ("foot", "Toes"),
+        ("collar", "Shoulder"), ("shoulder", "UpperArm"), ("elbow", "LowerArm"), ("wrist", "Hand"),
+    )
+}  # fmt: skip
+
+
+class VrmaWriter(Writer):
+    """glTF with the extension VRMC_vrm_animation 1.0: the canonical body's bones in a T pose, without a mesh.
+
+    A motion on another skeleton is retargeted first. Avatars apply it by the names of their bones and the
+    height of their hips.
+    """
+
+    format = "vrma"
+
+    def write(self, motion: Motion, path: Path) -> None:
+        """Write `motion`; `ParameterError` if its joint names are unknown."""
+        body = canonical_skeleton()
+        dancer = motion if motion.skeleton.same_as(body) else retarget(motion, body)
+        document = GltfDocument.empty(GENERATOR)
+        offsets_m = body.offsets_m.copy()
+        # Players scale by the height of the hips, so the soles must be on the floor as an avatar's are.
+        offsets_m[0, 1] -= body.rest_pos_m()[body.index("left_foot"), 1]
+        for joint, name in enumerate(CANONICAL_JOINTS):
+            node = {"name": VRM_BONES.get(name, name), "translation": offsets_m[joint].tolist()}
+            children = np.flatnonzero(body.parents == joint).tolist()
+            document.add("nodes", node | ({"children": children} if children else {}))
+        document.add("scenes", {"nodes": [0]})
+        document.json["scene"] = 0
+        bones = {VRM_BONES[name]: {"node": CANONICAL_JOINTS.index(name)} for name in VRM_BONES}
+        document.json["extensionsUsed"] = ["VRMC_vrm_animation"]
+        document.json["extensions"] = {
+            "VRMC_vrm_animation": {"specVersion": "1.0", "humanoid": {"humanBones": bones}}
+        }
+        add_animation(document, dancer)
+        path.write_bytes((as_dance(document) if self.is_dance else document).to_glb())

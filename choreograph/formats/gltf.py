@@ -1,0 +1,265 @@
+"""glTF: the animations of a rig, each a take, whatever pose its skin was bound in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.timebase import STORE_FPS, frame_times_s
+from choreograph.formats.axes_and_units import unit_m
+from choreograph.formats.gltf_document import GltfDocument
+from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.gltf_rig import GltfRig, Rig, distinct, read_rig, rotations_of, world_matrices
+from choreograph.motion import rotations as rot
+from choreograph.motion.bone_map import take_bones
+from choreograph.motion.kinematics import to_local
+from choreograph.motion.motion import LONGEST_S, MAX_FRAME_JOINTS, Credits, Motion, Take
+from choreograph.motion.rigs import roles_by_names
+from choreograph.motion.skeleton import Skeleton
+
+Floats = NDArray[np.float64]
+# Key times (K,), values and interpolation by bone and property.
+Tracks = dict[tuple[int, str], tuple[Floats, Floats, str]]
+
+LAYOUT = "a single NAME.glb, .gltf or .vrma with animations of a skeleton"
+READS_BONE_MAP = True
+SUFFIXES = (".glb", ".gltf", ".vrma")
+_MAX_ANIMATIONS = 4096
+_BLOCK_POSES = 1 << 18  # frames × bones at a time
+_LARGEST = 1e12  # place or scale in any unit; never so with NaN, which compares false
+_WIDTHS = {"rotation": 4, "translation": 3, "scale": 3}
+
+
+def detect(path: Path) -> bool:
+    """Whether `path` is one glTF file."""
+    return path.is_file() and is_gltf(path)
+
+
+def is_gltf(path: Path) -> bool:
+    """Whether the name is that of a glTF file."""
+    return path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+
+
+def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take]:
+    """The file's animations as takes without music, named after the file; several also after themselves."""
+    motions = read_gltf_motions(path, bone_map)
+    for name, (motion, notes) in motions.items():
+        own = path.stem if len(motions) == 1 else f"{path.stem}-{name}"
+        yield Take(own, motion, Credits(source=path.name), source_paths=(path,), notes=notes)
+
+
+def read_gltf_motions(
+    path: str | Path, bone_map: Mapping[str, str] | None = None
+) -> dict[str, tuple[Motion, tuple[str, ...]]]:
+    """The animations of a glTF file by name: the motion of the rig, from its hips down, and notes.
+
+    Motions are at 60 fps, or at their keys' rate if lower. Rotations are measured from the bind pose, which
+    is the skeleton's rest pose; where names of bones are unknown, or `bone_map` says which is which, it has
+    those that were found as its `roles`. Raises `FormatError` if the file is damaged, or has no animation or
+    no body.
+    """
+    document = read_gltf(path, images=False)
+    animations = document.json.get("animations", [])
+    if not animations:
+        raise FormatError(f"{path}: expected an animation, got none: export it with its animations")
+    if len(animations) > _MAX_ANIMATIONS:
+        raise FormatError(f"{path}: expected at most {_MAX_ANIMATIONS} animations, got {len(animations)}")
+    found = read_rig(document)
+    reader = _TrackReader(document, {node: bone for bone, node in enumerate(found.nodes)})
+    motions: dict[str, tuple[Motion, tuple[str, ...]]] = {}
+    try:
+        body = _Body.of(_with_human_names(found), bone_map)
+        for number, animation in enumerate(animations):
+            tracks = reader.tracks(animation)
+            if tracks:  # others move a camera or a prop
+                name = animation.get("name") or f"{number + 1}"
+                while name in motions:
+                    name = f"{name} {number + 1}"
+                motions[name] = body.motion(tracks)
+    except (FormatError, ParameterError) as error:
+        raise FormatError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
+    if not motions:
+        raise FormatError(f"{path}: expected an animation of the skeleton, got one of other things")
+    return motions
+
+
+@dataclass(eq=False)
+class _Body:
+    """The bones of a rig from the hips down, which its animations move."""
+
+    rig: Rig
+    below: list[int]  # (J,) bones, the pelvis first
+    skeleton: Skeleton  # in metres
+    metres: float  # per unit of the file
+    notes: tuple[str, ...]  # on the unit and the bones
+    poses_left: int = MAX_FRAME_JOINTS  # frames × bones that the file may still have
+
+    @classmethod
+    def of(cls, rig: Rig, bone_map: Mapping[str, str] | None) -> _Body:
+        """The body of a rig; `FormatError` or `ParameterError` if there is none."""
+        roles, found_note = take_bones(rig.posed, bone_map=bone_map)
+        below = _below(rig, _pelvis(rig) if roles is None else roles["pelvis"])
+        joint_of = {bone: joint for joint, bone in enumerate(below)}
+        parents = np.array([-1, *(joint_of[int(rig.parents[bone])] for bone in below[1:])])
+        offsets = rig.bind_pos_m[below].copy()
+        offsets[1:] -= rig.bind_pos_m[rig.parents[below[1:]]]
+        names = tuple(rig.names[bone] for bone in below)
+        known = None if roles is None else {role: joint_of[bone] for role, bone in roles.items()}
+        skeleton = Skeleton(names, parents, offsets, roles=known)
+        metres, note = unit_m(skeleton, rig.bind_pos_m[None, below])
+        notes = tuple(line for line in (found_note, note if metres != 1.0 else "") if line)
+        return cls(rig, below, replace(skeleton, offsets_m=metres * offsets), metres, notes)
+
+    def motion(self, tracks: Tracks) -> tuple[Motion, tuple[str, ...]]:
+        """One animation, and notes on how the rig was read."""
+        times_s, fps = _frame_times(tracks)
+        self.poses_left -= len(times_s) * self.rig.n_bones
+        if self.poses_left < 0:
+            raise FormatError(f"expected at most {MAX_FRAME_JOINTS} frames of bones, got more: export parts")
+        n_block = max(1, _BLOCK_POSES // self.rig.n_bones)
+        blocks = [self._posed(tracks, times_s[at : at + n_block]) for at in range(0, len(times_s), n_block)]
+        root, turned = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+        quat = rot.make_continuous(to_local(self.skeleton, turned))
+        return Motion(self.skeleton, self.metres * root, quat, fps), self.notes
+
+    def _posed(self, tracks: Tracks, times_s: Floats) -> tuple[Floats, Floats]:
+        """The pelvis (T, 3) and how far the bones have turned from their bind pose (T, J, 4)."""
+        rig, n_frames = self.rig, len(times_s)
+        local = {"translation": rig.rest_translation, "rotation": rig.rest_quat, "scale": rig.rest_scale}
+        sampled = {path: np.repeat(rest[:, None], n_frames, axis=1) for path, rest in local.items()}
+        for (bone, path), (keys_s, values, kind) in tracks.items():
+            sampled[path][bone] = _sampled(keys_s, values, kind, path, times_s)
+        with np.errstate(over="ignore", invalid="ignore"):
+            world = world_matrices(
+                rig.parents, sampled["translation"], sampled["rotation"], sampled["scale"]
+            )[self.below]  # (J, T, 4, 4)
+        if not (np.abs(world) < _LARGEST).all():
+            raise FormatError("expected bones in reach, got some that are endlessly far: damaged")
+        now = np.moveaxis(rotations_of(world), 0, 1)
+        return world[0, :, :3, 3], rot.multiply(now, rot.invert(rig.bind_quat[self.below]))
+
+
+def _with_human_names(found: GltfRig) -> Rig:
+    """The rig with the names that a VRM file gives its bones, and every name once."""
+    human = {bone: name for name, bone in found.human_bones.items()}
+    names = [human.get(bone, name) for bone, name in enumerate(found.rig.names)]
+    return replace(found.rig, names=distinct(names))
+
+
+class _TrackReader:
+    """Reads the tracks of a document's animations; what several of them share is read once."""
+
+    def __init__(self, document: GltfDocument, bone_of: dict[int, int]) -> None:
+        self.document = document
+        self.bone_of = bone_of  # node -> bone
+        self.values_left = document.n_plausible_values
+        self.arrays: dict[tuple[int, bool], Floats] = {}  # (accessor, whether of rotations) -> its values
+
+    def tracks(self, animation: dict[str, Any]) -> Tracks:
+        """The tracks of an animation that move bones; of several of one bone and property the first."""
+        samplers = animation.get("samplers", [])
+        tracks: Tracks = {}
+        read: dict[tuple[int, str], tuple[Floats, Floats, str]] = {}  # by sampler and property
+        for channel in animation.get("channels", []):
+            target, index = channel.get("target", {}), channel.get("sampler", -1)
+            bone, path = self.bone_of.get(target.get("node", -1)), target.get("path", "")
+            if bone is None or path not in _WIDTHS or (bone, path) in tracks:
+                continue
+            if not 0 <= index < len(samplers):
+                raise FormatError("expected a sampler for every channel: the file is damaged")
+            if (index, path) not in read:
+                read[index, path] = self._track(samplers[index], path)
+            tracks[bone, path] = read[index, path]
+        return tracks
+
+    def _track(self, sampler: dict[str, Any], path: str) -> tuple[Floats, Floats, str]:
+        kind = sampler.get("interpolation", "LINEAR")
+        keys_s = self._array(sampler.get("input"))
+        values = self._array(sampler.get("output"), of_rotations=path == "rotation")
+        n_values = len(keys_s) * (3 if kind == "CUBICSPLINE" else 1)
+        if keys_s.ndim != 1 or values.shape != (n_values, _WIDTHS[path]) or (np.diff(keys_s) < 0).any():
+            raise FormatError(f"expected increasing keys with a {path} each: damaged")
+        return keys_s, values, kind
+
+    def _array(self, index: int | None, *, of_rotations: bool = False) -> Floats:
+        """The values of an accessor, rotations as `wxyz`."""
+        self.document.entry("accessors", index)
+        key = index or 0, of_rotations
+        if key not in self.arrays:
+            self.values_left -= self.document.n_values(index)
+            if self.values_left < 0:
+                raise FormatError("expected keys of their own in each track, got data that is used too often")
+            values = self.document.array(index)
+            if not (np.abs(values) < _LARGEST).all():
+                raise FormatError("expected finite keys and values: the file is damaged")
+            self.arrays[key] = np.roll(values, 1, axis=-1) if of_rotations else values
+        return self.arrays[key]
+
+
+def _frame_times(tracks: Tracks) -> tuple[Floats, float]:
+    """Frame times (T,) from the first key to the last, and their rate."""
+    keys = [keys_s for keys_s, _, _ in tracks.values()]
+    start_s, end_s = min(k[0] for k in keys), max(k[-1] for k in keys)
+    if end_s - start_s > LONGEST_S:
+        raise FormatError(f"expected an animation of up to an hour, got {end_s - start_s:.0f} s")
+    longest = max(keys, key=len)
+    steps = np.diff(longest)
+    native = 1.0 / float(np.median(steps[steps > 0])) if (steps > 0).any() else STORE_FPS
+    fps = min(STORE_FPS, round(native, 3)) if native >= 1.0 else STORE_FPS
+    n_frames = 1 + int(np.floor((end_s - start_s) * fps + 1e-3))
+    return start_s + frame_times_s(n_frames, fps), fps
+
+
+def _sampled(keys_s: Floats, values: Floats, kind: str, path: str, times_s: Floats) -> Floats:
+    """Values (T, D) at times (T,), by the interpolation of the format."""
+    if kind == "CUBICSPLINE":
+        into, values, out = np.moveaxis(values.reshape(len(keys_s), 3, -1), 1, 0)
+        if len(keys_s) > 1 and (np.diff(keys_s) > 0).all():
+            return _cubic(keys_s, values, into, out, path, times_s)
+    after = np.searchsorted(keys_s, times_s, side="right").clip(1, max(len(keys_s) - 1, 1))
+    low, high = after - 1, after.clip(max=len(keys_s) - 1)
+    if kind == "STEP":
+        return values[np.searchsorted(keys_s, times_s, side="right").clip(1) - 1]
+    gap = np.maximum(keys_s[high] - keys_s[low], 1e-9)
+    weight = ((times_s - keys_s[low]) / gap).clip(0.0, 1.0)
+    if path == "rotation":
+        return rot.slerp(rot.normalize(values[low]), rot.normalize(values[high]), weight)
+    return values[low] + weight[:, None] * (values[high] - values[low])
+
+
+def _cubic(keys_s: Floats, values: Floats, into: Floats, out: Floats, path: str, times_s: Floats) -> Floats:
+    """Cubic Hermite splines whose tangents at a key differ on its two sides."""
+    inside = times_s.clip(keys_s[0], keys_s[-1])
+    low = np.searchsorted(keys_s, inside, side="right").clip(1, len(keys_s) - 1) - 1
+    gap = (keys_s[low + 1] - keys_s[low])[:, None]
+    u = (inside - keys_s[low])[:, None] / gap  # (T, 1) 0 to 1 between two keys
+    found = (
+        (1 + 2 * u) * (1 - u) ** 2 * values[low]
+        + u * (1 - u) ** 2 * gap * out[low]
+        + u**2 * (3 - 2 * u) * values[low + 1]
+        + u**2 * (u - 1) * gap * into[low + 1]
+    )
+    return rot.normalize(found) if path == "rotation" else found
+
+
+def _pelvis(rig: Rig) -> int:
+    """The bone from which the body hangs; `ParameterError` if the bones' names are unknown."""
+    pelvis = roles_by_names(("", *rig.names), (-1, *(rig.parents + 1).tolist()))["pelvis"] - 1
+    if pelvis < 0:
+        raise ParameterError("expected one body, got limbs that hang under different roots")
+    return pelvis
+
+
+def _below(rig: Rig, top: int) -> list[int]:
+    """A bone and all that hangs from it, parents first."""
+    inside = {top}
+    for bone in range(top + 1, rig.n_bones):
+        if int(rig.parents[bone]) in inside:
+            inside.add(bone)
+    return sorted(inside)

@@ -1,0 +1,294 @@
+"""A glTF 2.0 document in memory, and the shape that its JSON must have."""
+
+from __future__ import annotations
+
+import copy
+import json
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import FormatError
+
+# The shape that a glTF document's JSON must have where it is read, so that readers need not ask.
+#
+# A shape is a function that says whether a value has it, a dictionary of fields with the shape of each that
+# is there, a list of the one shape of all entries, or `{...: shape}` for objects of any keys.
+
+
+MAX_ENTRIES = 100_000  # of a list: nodes, accessors, channels, … a character has some hundreds
+_LARGEST_INDEX = 1 << 53
+_LARGEST_FLOAT = 1e39  # above what 32 bits hold
+_LARGEST_NUMBER = 1e12  # of transforms, in any unit: sizes and products of a few stay finite
+
+
+def is_whole(value: Any) -> bool:
+    """A whole number, negative ones included: VRM 0 has -1 for a bone that is not there."""
+    return type(value) is int and abs(value) < _LARGEST_INDEX
+
+
+def is_index(value: Any) -> bool:
+    """A whole number from 0 on."""
+    return is_whole(value) and value >= 0
+
+
+def is_number(value: Any) -> bool:
+    """A number that geometry can have."""
+    return type(value) in (int, float) and abs(value) < _LARGEST_NUMBER
+
+
+def is_text(value: Any) -> bool:
+    """Text that can be written again: no half of a surrogate pair."""
+    return isinstance(value, str) and (
+        value.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in value)
+    )
+
+
+def _numbers(count: int) -> Any:
+    return lambda value: isinstance(value, list) and len(value) == count and all(map(is_number, value))
+
+
+def _is_bound(value: Any) -> bool:
+    """Bounds of an accessor, of which some programs write the greatest float there is."""
+    return isinstance(value, list) and all(type(x) in (int, float) and abs(x) < _LARGEST_FLOAT for x in value)
+
+
+_HUMANOID = {"humanoid": {"humanBones": {...: {"node": is_whole}}}}
+_SPARSE_PART = {"bufferView": is_index, "byteOffset": is_index, "componentType": is_index}
+_DOCUMENT: dict[Any, Any] = {
+    "nodes": [
+        {
+            "name": is_text, "children": [is_index], "mesh": is_index, "skin": is_index,
+            "translation": _numbers(3), "rotation": _numbers(4), "scale": _numbers(3), "matrix": _numbers(16),
+        }
+    ],
+    "skins": [{"joints": [is_index], "inverseBindMatrices": is_index}],
+    "meshes": [{"primitives": [{"attributes": {...: is_index}}]}],
+    "animations": [
+        {
+            "name": is_text,
+            "channels": [{"sampler": is_index, "target": {"node": is_index, "path": is_text}}],
+            "samplers": [{"input": is_index, "output": is_index, "interpolation": is_text}],
+        }
+    ],
+    "accessors": [
+        {
+            "bufferView": is_index, "byteOffset": is_index, "componentType": is_index, "count": is_index,
+            "type": is_text, "min": _is_bound, "max": _is_bound,
+            "sparse": {"count": is_index, "indices": _SPARSE_PART, "values": _SPARSE_PART},
+        }
+    ],
+    "bufferViews": [
+        {
+            "buffer": is_index, "byteOffset": is_index, "byteLength": is_index, "byteStride": is_index,
+            "extensions": {...: {"buffer": is_index, "byteOffset": is_index}},
+        }
+    ],
+    "buffers": [{"uri": is_text}],
+    "images": [{"uri": is_text}],
+    "scenes": [{}],
+    "extensions": {
+        "VRMC_vrm": _HUMANOID,
+        "VRMC_vrm_animation": _HUMANOID,
+        "VRM": {"humanoid": {"humanBones": [{"bone": is_text, "node": is_whole}]}},
+    },
+}  # fmt: skip
+
+
+def misfit(data: Any) -> str:
+    """Where a document is not shaped as the format says, such as "nodes[3].children"; "" if it is nowhere."""
+    return _misfit(data, _DOCUMENT).strip(".")
+
+
+def _misfit(value: Any, shape: Any) -> str:
+    """Where in a value its shape is not kept, beginning with "." or "["; "." for the value itself."""
+    if isinstance(shape, dict):
+        return _misfit_of_fields(value, shape)
+    if isinstance(shape, list):
+        return _misfit_of_entries(value, shape[0])
+    return "" if shape(value) else "."
+
+
+def _misfit_of_fields(value: Any, shape: dict[Any, Any]) -> str:
+    if not isinstance(value, dict):
+        return "."
+    of_all = shape.get(...)
+    for name in value if of_all is not None else shape:
+        if name in value:
+            where = _misfit(value[name], shape[name] if of_all is None else of_all)
+            if where:
+                printable = ascii(name)[1:-1][:40]
+                return f".{printable}{where}".rstrip(".")
+    return ""
+
+
+def _misfit_of_entries(value: Any, shape: Any) -> str:
+    if not isinstance(value, list) or len(value) > MAX_ENTRIES:
+        return "."
+    for index, entry in enumerate(value):
+        where = _misfit(entry, shape)
+        if where:
+            return f"[{index}]{where}".rstrip(".")
+    return ""
+
+
+# A glTF 2.0 document in memory: its JSON, and one binary buffer that arrays are read from and added to.
+
+
+_TYPE_OF_COMPONENT: dict[int, np.dtype] = {
+    5120: np.dtype("<i1"), 5121: np.dtype("<u1"), 5122: np.dtype("<i2"), 5123: np.dtype("<u2"),
+    5125: np.dtype("<u4"), 5126: np.dtype("<f4"),
+}  # fmt: skip
+_GREATEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}  # of integers that stand for 0 to 1
+_COMPONENT_OF_TYPE = {dtype: component for component, dtype in _TYPE_OF_COMPONENT.items()}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_VECTORS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_ALIGNMENT = 4  # bytes
+_MAX_VALUES = 1 << 26  # of an accessor
+_FREE_VALUES = 1 << 20  # that accessors may have beyond a value for each byte of the buffer
+VERTICES, INDICES = 34962, 34963  # what a view is bound to, as OpenGL numbers it
+GLB_MAGIC, GLB_VERSION, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
+
+
+class GltfDocument:
+    """A document that grows: `json` is edited in place, `accessor` adds an array, `array` reads one."""
+
+    def __init__(
+        self, data: dict[str, Any], binary: bytes | bytearray = b"", name: str = "a new document"
+    ) -> None:
+        self.json = data
+        self.name = name  # for errors
+        self._binary = binary if isinstance(binary, bytearray) else bytearray(binary)
+
+    @classmethod
+    def empty(cls, generator: str) -> GltfDocument:
+        """A document with nothing in it."""
+        return cls({"asset": {"version": "2.0", "generator": generator}})
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of the binary buffer."""
+        return len(self._binary)
+
+    @property
+    def n_plausible_values(self) -> int:
+        """How many values accessors have if each byte of the buffer is meant once; more is a hostile file."""
+        return _FREE_VALUES + len(self._binary)
+
+    def copy(self) -> GltfDocument:
+        """The same document, to be changed."""
+        return GltfDocument(copy.deepcopy(self.json), bytearray(self._binary), self.name)
+
+    def entry(self, kind: str, index: int | None) -> dict[str, Any]:
+        """Entry `index` of the document's array `kind`; `FormatError` if there is none."""
+        entries = self.json.get(kind, [])
+        if index is None or not 0 <= index < len(entries):
+            raise FormatError(f"{self.name}: expected {kind}[{index}], got none: the file is damaged")
+        return entries[index]
+
+    def add(self, kind: str, entry: dict[str, Any]) -> int:
+        """Add an entry to the document's array `kind` ("nodes", "meshes", …); its index."""
+        entries = self.json.setdefault(kind, [])
+        entries.append(entry)
+        return len(entries) - 1
+
+    def view(self, data: bytes, **properties: Any) -> int:
+        """Add bytes; the buffer view's index."""
+        self._binary += bytes(-len(self._binary) % _ALIGNMENT)
+        entry = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": len(data), **properties}
+        self._binary += data
+        return self.add("bufferViews", entry)
+
+    def accessor(self, rows: NDArray, *, target: int | None = None, bounds: bool = False) -> int:
+        """Add an array (N,) or (N, D) of a type that glTF knows; the accessor's index.
+
+        `bounds` writes its least and greatest values, which positions and key times must have.
+        """
+        rows = np.ascontiguousarray(rows)
+        dtype = rows.dtype.newbyteorder("<")
+        view = self.view(rows.astype(dtype).tobytes(), **({} if target is None else {"target": target}))
+        entry: dict[str, Any] = {
+            "bufferView": view, "componentType": _COMPONENT_OF_TYPE[dtype], "count": len(rows),
+            "type": _VECTORS[1 if rows.ndim == 1 else rows.shape[1]],
+        }  # fmt: skip
+        if bounds:
+            entry["min"] = np.atleast_1d(rows.min(axis=0)).tolist()
+            entry["max"] = np.atleast_1d(rows.max(axis=0)).tolist()
+        return self.add("accessors", entry)
+
+    def array(self, index: int | None, *, most: int = _MAX_VALUES) -> NDArray[np.float64]:
+        """The values of an accessor as floats, (N,) for scalars, else (N, D); normalised integers divided.
+
+        Rows beyond the first `most` are left out. Raises `FormatError` if it does not lie within the file, or
+        has over 2²⁶ values.
+        """
+        entry = self.entry("accessors", index)
+        component, kind, count = entry.get("componentType"), entry.get("type", ""), entry.get("count", 0)
+        if component not in _TYPE_OF_COMPONENT or kind not in _WIDTHS:
+            raise FormatError(
+                f"{self.name}: expected an accessor of a known type, got {component}, {kind:.9}"
+            )
+        width = _WIDTHS[kind]
+        if not 1 <= count <= _MAX_VALUES // width:
+            raise FormatError(f"{self.name}: expected 1 to {_MAX_VALUES} values of an accessor, got others")
+        if "bufferView" in entry:
+            rows = self._rows(entry, component, count, width)
+        else:
+            rows = np.zeros((count, width), _TYPE_OF_COMPONENT[component])
+        if "sparse" in entry:
+            rows = self._with_sparse(rows, entry["sparse"], component)
+        with np.errstate(invalid="ignore"):  # of NaN
+            values = _divided(entry, rows[:most].astype(np.float64))
+        return values[:, 0] if width == 1 else values
+
+    def n_values(self, index: int | None) -> int:
+        """How many values `array` gives of an accessor, before it is read."""
+        entry = self.entry("accessors", index)
+        return entry.get("count", 0) * _WIDTHS.get(entry.get("type", ""), 1)
+
+    def bounds(self, index: int | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The least and greatest values (D,) that an accessor states, (0,) where it states none."""
+        entry = self.entry("accessors", index)
+        low, high = (_divided(entry, np.array(entry.get(end, []), np.float64)) for end in ("min", "max"))
+        return low, high
+
+    def _rows(self, entry: dict[str, Any], component: int, count: int, width: int) -> NDArray:
+        """The numbers (N, D) that an accessor, or a part of a sparse one, has in its view."""
+        dtype = _TYPE_OF_COMPONENT[component]
+        view = self.entry("bufferViews", entry.get("bufferView"))
+        start = view.get("byteOffset", 0) + entry.get("byteOffset", 0)
+        stride = view.get("byteStride") or dtype.itemsize * width
+        if start + stride * (count - 1) + dtype.itemsize * width > len(self._binary):
+            raise FormatError(f"{self.name}: expected {count} values of an accessor, the file ends before")
+        return np.ndarray((count, width), dtype, self._binary, start, (stride, dtype.itemsize))
+
+    def _with_sparse(self, rows: NDArray, sparse: dict[str, Any], component: int) -> NDArray:
+        """The numbers (N, D) with those replaced that a sparse accessor lists by row."""
+        indices, values, count = sparse.get("indices", {}), sparse.get("values", {}), sparse.get("count", 0)
+        kind = indices.get("componentType")
+        if not 1 <= count <= len(rows) or kind not in (5121, 5123, 5125):
+            raise FormatError(f"{self.name}: expected rows of a sparse accessor, got {count}: damaged")
+        places = self._rows(indices, kind, count, 1)[:, 0]
+        if places.max() >= len(rows):
+            raise FormatError(f"{self.name}: expected sparse values within an accessor: damaged")
+        rows = rows.copy()
+        rows[places] = self._rows(values, component, count, rows.shape[1])
+        return rows
+
+    def to_glb(self) -> bytes:
+        """The document as one binary file."""
+        binary = bytes(self._binary) + bytes(-len(self._binary) % _ALIGNMENT)
+        whole = {**self.json, "buffers": [{"byteLength": len(binary)}]}
+        text = json.dumps(whole, separators=(",", ":"), ensure_ascii=False).encode("utf-8", "replace")
+        text += b" " * (-len(text) % _ALIGNMENT)
+        chunks = struct.pack("<II", len(text), JSON_CHUNK) + text
+        chunks += struct.pack("<II", len(binary), BINARY_CHUNK) + binary
+        return struct.pack("<III", GLB_MAGIC, GLB_VERSION, 12 + len(chunks)) + chunks
+
+
+def _divided(entry: dict[str, Any], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values of an accessor, those of normalised integers from -1 or 0 to 1."""
+    greatest = _GREATEST.get(entry.get("componentType", 0))
+    return np.maximum(values / greatest, -1.0) if entry.get("normalized") and greatest else values

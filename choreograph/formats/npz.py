@@ -1,0 +1,161 @@
+"""NPZ: plain arrays without pickles, written and read back exactly."""
+
+from __future__ import annotations
+
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.files import check_regular
+from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer
+from choreograph.motion import rotations as rot
+from choreograph.motion.motion import FARTHEST_M, Credits, Motion, Take, check_length
+from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, roles_of
+
+# NPZ motions written by this program, read back exactly.
+
+
+LAYOUT = "a single NAME.npz written by this program"
+_NUMBERS = ("root_pos_m", "local_quat", "fps", "parents", "offsets_m", "tip_parents", "tips_m")
+_OPTIONAL = frozenset(("roles",))
+_MAX_BYTES = 1 << 30  # of the arrays, unpacked
+_FREE_BYTES, _UNPACKED_RATIO = 1 << 27, 16  # that compression may explain: motion is hardly compressible
+_ROUNDED = 1e-6  # of a unit quaternion's length from 1
+_SHORTEST = 1e-3  # quaternion that has a direction
+
+
+def detect(path: Path) -> bool:
+    """Whether `path` is one NPZ file written by this program."""
+    return path.is_file() and path.suffix.lower() == ".npz" and "root_pos_m" in array_names(path)
+
+
+def read(path: Path) -> Iterator[Take]:
+    """The file as a take without music, named after it."""
+    yield Take(path.stem, read_npz(path), Credits(source=path.name), source_paths=(path,))
+
+
+def array_names(path: Path) -> set[str]:
+    """Names of the arrays in an NPZ file; empty if it is not one."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return {name.removesuffix(".npy") for name in archive.namelist()}
+    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile):
+        return set()
+
+
+def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """The named arrays of an NPZ file, without unpickling.
+
+    Raises `FormatError` if it is damaged, one is missing, or they are over 1 GiB when unpacked, or
+    far larger than the file.
+    """
+    if not path.exists():
+        raise ParameterError(f"expected an NPZ file at {path}, got nothing: there is no such file")
+    check_regular(path, "an NPZ file")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            sizes = {entry.filename.removesuffix(".npy"): entry.file_size for entry in archive.zip.infolist()}
+            limit = min(_MAX_BYTES, _FREE_BYTES + _UNPACKED_RATIO * path.stat().st_size)
+            if sum(sizes.get(name, 0) for name in names) > limit:
+                raise FormatError(f"{path}: expected at most {limit >> 20} MiB of arrays, got more")
+            return {name: archive[name] for name in names}
+    except FormatError:
+        raise
+    except KeyError as error:
+        raise FormatError(
+            f"{path}: expected arrays {', '.join(names)}, got others: {error.args[0]}"
+        ) from None
+    except (
+        OSError, ValueError, TypeError, EOFError, AttributeError, MemoryError, NotImplementedError,
+        zipfile.BadZipFile, zlib.error, tokenize.TokenError, SyntaxError,
+    ) as error:  # fmt: skip
+        raise FormatError(
+            f"{path}: expected an NPZ file, got no valid one ({str(error)[:200]}): damaged, cut off, or "
+            "another format"
+        ) from None
+
+
+def read_npz(path: str | Path) -> Motion:
+    """The motion in `path`. `ParameterError` if it does not exist, `FormatError` if it is damaged."""
+    path = Path(path)
+    numbers = (*_NUMBERS, *_OPTIONAL.intersection(array_names(path)))
+    arrays = load_arrays(path, ("names", *numbers))
+    for key in numbers:
+        if arrays[key].dtype.kind not in "iuf" or not (np.abs(arrays[key]) < FARTHEST_M).all():
+            raise FormatError(f"{path}: expected numbers below {FARTHEST_M:g} in {key}, got something else")
+    try:
+        fps = float(arrays["fps"])
+        if not fps > 0:
+            raise ValueError(f"expected a frame rate above 0, got {fps}")
+        check_length(len(arrays["root_pos_m"]), len(arrays["names"]), fps)
+        names = tuple(map(str, arrays["names"].tolist()))
+        skeleton = Skeleton(
+            names, *(arrays[key] for key in ("parents", "offsets_m", "tip_parents", "tips_m"))
+        )
+        if "roles" in arrays:
+            skeleton = replace(skeleton, roles=roles_of(arrays["roles"]))
+        return Motion(skeleton, arrays["root_pos_m"], _unit(arrays["local_quat"]), fps)
+    except (TypeError, ValueError, IndexError, ParameterError) as error:
+        raise FormatError(f"{path}: {error}") from None
+
+
+def _unit(quat: np.ndarray) -> np.ndarray:
+    """Quaternions (..., 4) of length 1, bit for bit as they are where that is theirs already."""
+    length = np.linalg.norm(np.asarray(quat, np.float64), axis=-1, keepdims=True)
+    if (length < _SHORTEST).any():
+        raise FormatError("expected rotations as quaternions of length 1, got some of length 0: damaged?")
+    return quat if (np.abs(length - 1.0) <= _ROUNDED).all() else quat / length
+
+
+# NPZ writer: plain arrays without pickles, also SMPL's if the skeleton is the canonical one.
+
+
+_EPOCH = (
+    1980,
+    1,
+    1,
+    0,
+    0,
+    0,
+)  # the earliest date of a zip entry, fixed so that the same motion gives the same bytes
+
+
+class NpzWriter(Writer):
+    """Writes arrays that `formats.npz.read_npz` reads back bit for bit.
+
+    root_pos_m (T, 3), local_quat (T, J, 4) wxyz, fps, names (J,), parents (J,), offsets_m (J, 3),
+    tip_parents (E,), tips_m (E, 3). On the canonical joints also SMPL's `poses` (T, 72), axis-angle,
+    and `trans` (T, 3): the pelvis position, which in SMPL's own files is a constant vector off `trans`.
+    """
+
+    format = "npz"
+
+    def write(self, motion: Motion, path: Path) -> None:
+        """Write `motion`."""
+        skeleton = motion.skeleton
+        arrays = {
+            "root_pos_m": motion.root_pos_m,
+            "local_quat": motion.local_quat,
+            "fps": np.array(motion.fps),
+            "names": np.array(skeleton.names),
+            "parents": skeleton.parents,
+            "offsets_m": skeleton.offsets_m,
+            "tip_parents": skeleton.tip_parents,
+            "tips_m": skeleton.tips_m,
+        }
+        if skeleton.roles is not None:
+            arrays["roles"] = skeleton.role_numbers()
+        if skeleton.names == CANONICAL_JOINTS:
+            arrays["poses"] = rot.to_rotvec(motion.local_quat).reshape(motion.n_frames, -1)  # (T, 72)
+            arrays["trans"] = motion.root_pos_m
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, array in arrays.items():
+                with archive.open(zipfile.ZipInfo(f"{name}.npy", _EPOCH), "w", force_zip64=True) as file:
+                    np.lib.format.write_array(file, array, allow_pickle=False)
+            archive.comment = (DANCE_GENERATOR if self.is_dance else GENERATOR).encode()

@@ -1,0 +1,188 @@
+"""USD writers: the mannequin as a skinned mesh of UsdSkel, its skeleton, and the motion as its animation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import ParameterError
+from choreograph.formats.glb import linear_light
+from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer, identifiers, text_names
+from choreograph.motion import rotations as rot
+from choreograph.motion.kinematics import to_local
+from choreograph.motion.mannequin.skinned_mesh import PARTS, SkinnedMesh, build_mannequin
+from choreograph.motion.motion import Motion
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+Floats = NDArray[np.float64]
+
+_ROOT = "/Dance"
+_ROUGHNESS = 0.85
+_REACH_M = 0.25  # of the mesh around its joints, for the bounds
+
+
+class UsdaWriter(Writer):
+    """Text; metres, Y up; opens in usdview, Blender, Houdini, Maya, Unreal. Needs `choreograph[usd]`."""
+
+    format = "usda"
+
+    def write(self, motion: Motion, path: Path) -> None:
+        """Write `motion`; `ParameterError` without the package, `OSError` if the file cannot be written."""
+        require_usd(path)
+        from pxr import Tf
+
+        stage = dance_stage(motion)
+        stage.GetRootLayer().comment = DANCE_GENERATOR if self.is_dance else GENERATOR
+        try:
+            written = stage.GetRootLayer().Export(str(path))
+        except Tf.ErrorException as error:
+            raise OSError("USD could not write it: the disk is full, or writing is not allowed") from error
+        if not written:
+            raise OSError("USD could not write it")
+
+
+class UsdcWriter(UsdaWriter):
+    """As `UsdaWriter`, in the binary form: a sixth of the size."""
+
+    format = "usdc"
+
+
+def require_usd(path: str | Path) -> None:
+    """Raise `ParameterError` if the package that writes `path` is not installed."""
+    try:
+        import pxr  # noqa: F401
+    except ImportError:
+        raise ParameterError(
+            f"{path}: expected the package usd-core for USD, found none: pip install 'choreograph[usd]'"
+        ) from None
+
+
+def dance_stage(motion: Motion) -> Usd.Stage:
+    """The dance on a stage in memory: time codes are frames, the first one 0."""
+    from pxr import Sdf, Usd, UsdGeom, UsdSkel
+
+    mesh = build_mannequin(motion.skeleton, motion)
+    floor_m = np.array([0.0, mesh.vertices_m[:, 1].min(), 0.0])
+    stage = Usd.Stage.CreateInMemory(".usda")
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(motion.fps)
+    stage.SetFramesPerSecond(motion.fps)
+    stage.SetStartTimeCode(0.0)
+    stage.SetEndTimeCode(float(motion.n_frames - 1))
+    root = UsdSkel.Root.Define(stage, _ROOT)
+    stage.SetDefaultPrim(root.GetPrim())
+    root.CreateExtentAttr(_extent(motion.joint_pos_m().reshape(-1, 3)))
+    joints = _joint_paths(motion)
+    skeleton = _add_skeleton(stage, motion, mesh, floor_m, joints)
+    animation = _add_animation(stage, motion, joints)
+    body = _add_mesh(stage, mesh, floor_m)
+    for prim in (skeleton.GetPrim(), body.GetPrim()):
+        UsdSkel.BindingAPI.Apply(prim)
+    UsdSkel.BindingAPI(skeleton).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
+    binding = UsdSkel.BindingAPI(body)
+    binding.CreateSkeletonRel().SetTargets([Sdf.Path(f"{_ROOT}/Skeleton")])
+    binding.CreateGeomBindTransformAttr(_matrix(np.zeros(3), rot.IDENTITY))
+    binding.CreateJointIndicesPrimvar(False, 2).Set(mesh.joints.astype(np.int32).ravel())
+    weights = np.stack([mesh.weights[:, 0], 1.0 - mesh.weights[:, 0]], axis=1)  # a sum of exactly 1
+    binding.CreateJointWeightsPrimvar(False, 2).Set(weights.astype(np.float32).ravel())
+    return stage
+
+
+def _joint_paths(motion: Motion) -> list[str]:
+    """Names of joints below one another, as UsdSkel wants them: "pelvis/left_hip/left_knee"."""
+    paths: list[str] = []
+    for own, parent in zip(identifiers(motion.skeleton.names), motion.skeleton.parents, strict=True):
+        paths.append(own if parent < 0 else f"{paths[parent]}/{own}")
+    return paths
+
+
+def _add_skeleton(
+    stage: Usd.Stage, motion: Motion, mesh: SkinnedMesh, floor_m: Floats, joints: list[str]
+) -> Any:
+    """The skeleton, its rest pose the bind pose: standing on the floor."""
+    from pxr import UsdSkel
+
+    bind_pos_m = mesh.bind_pos_m - floor_m
+    local = to_local(motion.skeleton, mesh.bind_quat)  # (J, 4)
+    offsets_m = np.array(motion.skeleton.offsets_m)
+    offsets_m[0] = bind_pos_m[0]
+    skeleton = UsdSkel.Skeleton.Define(stage, f"{_ROOT}/Skeleton")
+    skeleton.CreateJointsAttr(joints)
+    skeleton.CreateJointNamesAttr(list(text_names(motion.skeleton.names)))
+    skeleton.CreateBindTransformsAttr(
+        [_matrix(*both) for both in zip(bind_pos_m, mesh.bind_quat, strict=True)]
+    )
+    skeleton.CreateRestTransformsAttr([_matrix(*both) for both in zip(offsets_m, local, strict=True)])
+    skeleton.CreateExtentAttr(_extent(bind_pos_m))
+    return skeleton
+
+
+def _add_animation(stage: Usd.Stage, motion: Motion, joints: list[str]) -> Any:
+    """Translations, rotations and scales of all joints; those that do not change at one time only."""
+    from pxr import Gf, Usd, UsdSkel, Vt
+
+    animation = UsdSkel.Animation.Define(stage, f"{_ROOT}/Skeleton/Animation")
+    animation.CreateJointsAttr(joints)
+    n_joints = motion.skeleton.n_joints
+    animation.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1.0)] * n_joints))
+    translations, rotations = animation.CreateTranslationsAttr(), animation.CreateRotationsAttr()
+    quat = rot.make_continuous(motion.local_quat).astype(np.float32)  # (T, J, 4)
+    offsets_m = motion.skeleton.offsets_m.astype(np.float32)
+    for frame in range(motion.n_frames):
+        offsets_m[0] = motion.root_pos_m[frame]
+        time = Usd.TimeCode(float(frame))
+        translations.Set(Vt.Vec3fArray.FromNumpy(offsets_m), time)
+        rotations.Set(Vt.QuatfArray([Gf.Quatf(*row) for row in quat[frame].tolist()]), time)
+    return animation
+
+
+def _add_mesh(stage: Usd.Stage, mesh: SkinnedMesh, floor_m: Floats) -> Any:
+    """The body as a mesh, a part of it for each material."""
+    from pxr import Gf, Sdf, UsdGeom, UsdShade, Vt
+
+    body = UsdGeom.Mesh.Define(stage, f"{_ROOT}/Body")
+    points_m = (mesh.vertices_m - floor_m).astype(np.float32)
+    body.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points_m))
+    body.CreateFaceVertexCountsAttr(np.full(len(mesh.triangles), 3, np.int32))
+    body.CreateFaceVertexIndicesAttr(mesh.triangles.astype(np.int32).ravel())
+    body.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(mesh.normals.astype(np.float32)))
+    body.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    body.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    body.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([points_m.min(axis=0), points_m.max(axis=0)])))
+    part_of_triangle = mesh.parts[mesh.triangles[:, 0]]
+    subsets = UsdShade.MaterialBindingAPI(body)
+    for part in np.unique(part_of_triangle):
+        material = UsdShade.Material.Define(stage, f"{_ROOT}/Materials/{PARTS[part]}")
+        shader = UsdShade.Shader.Define(stage, f"{_ROOT}/Materials/{PARTS[part]}/Surface")
+        shader.CreateIdAttr("UsdPreviewSurface")
+        colour = Gf.Vec3f(*linear_light(mesh.palette[part]).tolist())
+        shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(colour)
+        shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(_ROUGHNESS)
+        surface = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+        material.CreateSurfaceOutput().ConnectToSource(surface)
+        faces = np.flatnonzero(part_of_triangle == part).astype(np.int32)
+        subset = subsets.CreateMaterialBindSubset(PARTS[part], Vt.IntArray.FromNumpy(faces))
+        UsdShade.MaterialBindingAPI.Apply(subset.GetPrim()).Bind(material)
+    subsets.SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.partition)
+    return body
+
+
+def _extent(points_m: Floats) -> Any:
+    """Bounds (2, 3) of joints (N, 3) and the mesh around them."""
+    from pxr import Vt
+
+    bounds = np.stack([points_m.min(axis=0) - _REACH_M, points_m.max(axis=0) + _REACH_M])
+    return Vt.Vec3fArray.FromNumpy(bounds.astype(np.float32))
+
+
+def _matrix(pos_m: Floats, quat: Floats) -> Any:
+    """A transform as USD stores it: row vectors."""
+    from pxr import Gf
+
+    return Gf.Matrix4d(Gf.Rotation(Gf.Quatd(*np.asarray(quat, float).tolist())), Gf.Vec3d(*pos_m.tolist()))

@@ -1,0 +1,221 @@
+"""Base class of the writers, and what they may change: names of joints, and the rest pose."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core import __version__
+from choreograph.core.errors import ParameterError
+from choreograph.motion import rotations as rot
+from choreograph.motion.mannequin.bind_pose import Body, standing_body
+from choreograph.motion.motion import Motion
+from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton import Skeleton
+
+# Base class of the writers, and what the files of dances say of themselves.
+
+
+GENERATOR = f"choreograph {__version__}"
+DANCE_GENERATOR = f"{GENERATOR}: a dance"  # by which files are known that may be replaced by a new dance
+
+
+class Writer(ABC):
+    """Writes motions in one format; the same motion gives the same bytes."""
+
+    format: ClassVar[str]  # also the file's suffix, without the dot
+    is_dance: bool = False  # whether the file says that it is a dance, where the format has a place for it
+
+    @abstractmethod
+    def write(self, motion: Motion, path: Path) -> None:
+        """Write `motion` to the new file `path`; the caller translates an `OSError`."""
+
+
+# Names of joints in files: those of other programs, and any name so that every reader reads it back.
+#
+# A motion with the names of another program is mapped there without a click. A name that a format cannot hold
+# is escaped: bytes of UTF-8 as "%20", as in URLs, so that two names never become one.
+
+
+_PLAIN = frozenset("_-.:|")  # beside letters, marks and digits, what every reader of BVH takes
+_ESCAPED = re.compile("(?:%[0-9A-F]{2})+")
+_NO_NAME = "%"  # which no escaped name is
+
+_LIMBS = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist", "hand")
+_TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+
+
+def _names(trunk: tuple[str, ...], limbs: tuple[str, ...], left: str, right: str) -> Mapping[str, str]:
+    """Names by canonical joint; `left` and `right` say how a limb's name is made, with {}."""
+    names = dict(zip(_TRUNK, trunk, strict=True))
+    for side, form in (("left", left), ("right", right)):
+        names |= {f"{side}_{part}": form.format(name) for part, name in zip(_LIMBS, limbs, strict=True)}
+    return names
+
+
+NAMES: dict[str, Mapping[str, str]] = {
+    "smpl": {},  # as they are here
+    "mixamo": _names(
+        ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head"),
+        ("UpLeg", "Leg", "Foot", "ToeBase", "Shoulder", "Arm", "ForeArm", "Hand", "HandMiddle1"),
+        "Left{}", "Right{}",
+    ),
+    "ue": _names(
+        ("pelvis", "spine_01", "spine_02", "spine_03", "neck_01", "head"),
+        ("thigh", "calf", "foot", "ball", "clavicle", "upperarm", "lowerarm", "hand", "middle_01"),
+        "{}_l", "{}_r",
+    ),
+    "vrm": _names(
+        ("hips", "spine", "chest", "upperChest", "neck", "head"),
+        ("UpperLeg", "LowerLeg", "Foot", "Toes", "Shoulder", "UpperArm", "LowerArm", "Hand",
+         "MiddleProximal"),
+        "left{}", "right{}",
+    ),
+    "rigify": _names(
+        ("spine", "spine.001", "spine.002", "spine.003", "spine.004", "spine.006"),
+        ("thigh", "shin", "foot", "toe", "shoulder", "upper_arm", "forearm", "hand", "f_middle.01"),
+        "{}.L", "{}.R",
+    ),
+}  # fmt: skip
+
+
+def renamed(motion: Motion, naming: str) -> Motion:
+    """The motion with the joints of its body named as another program names them.
+
+    Raises `ParameterError` for an unknown naming, or a rig whose own names are unknown.
+    """
+    if naming not in NAMES:
+        raise ParameterError(f"expected names among {', '.join(NAMES)}, got {naming!r}")
+    if not NAMES[naming]:
+        return motion
+    role_of = {joint: role for role, joint in joint_roles(motion.skeleton).items()}
+    names = tuple(
+        NAMES[naming].get(role_of.get(joint, ""), name) for joint, name in enumerate(motion.skeleton.names)
+    )
+    return replace(motion, skeleton=replace(motion.skeleton, names=names))
+
+
+def word_of(name: str) -> str:
+    """A name as one word without braces, quotes or comments, as BVH needs it: readers split its lines."""
+    return "".join(each if _is_plain(each) else _as_bytes(each) for each in name) or _NO_NAME
+
+
+def name_of_word(word: str) -> str:
+    """The name that `word_of` wrote as a word; words of other programs are as they are."""
+    if word == _NO_NAME:
+        return ""
+    return _ESCAPED.sub(_unescaped, word)
+
+
+def text_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The names as different texts that can be stored: those with characters that cannot are escaped."""
+    return _distinct([name if _is_text(name) else word_of(name) for name in names], taken=names)
+
+
+def identifiers(names: Sequence[str]) -> tuple[str, ...]:
+    """Different identifiers of ASCII letters, digits and "_" for names, as paths in USD have them."""
+    own = [re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names]
+    return _distinct([f"_{name}" if name[0].isdigit() else name for name in own])
+
+
+def _is_plain(character: str) -> bool:
+    return character in _PLAIN or unicodedata.category(character)[0] in "LMN"
+
+
+def _is_text(name: str) -> bool:
+    """Whether a name has no control characters, no half of a surrogate pair, and is not empty."""
+    return bool(name) and all(unicodedata.category(each) not in ("Cc", "Cs") for each in name)
+
+
+def _as_bytes(character: str) -> str:
+    return "".join(f"%{byte:02X}" for byte in character.encode("utf-8", "surrogatepass"))
+
+
+def _unescaped(found: re.Match[str]) -> str:
+    try:
+        return bytes.fromhex(found[0].replace("%", "")).decode("utf-8", "surrogatepass")
+    except UnicodeDecodeError:  # of another program, which means something else by it
+        return found[0]
+
+
+def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> tuple[str, ...]:
+    """The names, those that repeat with a number that none has."""
+    used, found = set(taken) | set(names), []
+    seen: set[str] = set()
+    for place, name in enumerate(names):
+        own, number = name, place
+        while own in seen or (own != name and own in used):
+            own, number = f"{name}_{number}", number + 1
+        seen.add(own)
+        found.append(own)
+    return tuple(found)
+
+
+# Another rest pose for the same motion: standing on the floor, with the arms in a T or an A.
+
+
+Floats = NDArray[np.float64]
+
+REST_POSES = {"t": 0.0, "a": np.pi / 4}  # radians that the arms hang below the horizontal
+
+
+def with_rest_pose(motion: Motion, rest: str) -> Motion:
+    """The motion on its skeleton in another rest pose: world positions of joints stay, rotations change.
+
+    The root's offset puts the soles on the floor above the origin. A joint's world rotation becomes
+    its old one times the inverse of its turn from the old rest pose to the new.
+
+    Raises `ParameterError` for an unknown rest pose, or joint names that are not a known rig's.
+    """
+    if rest not in REST_POSES:
+        raise ParameterError(f"expected a rest pose among {', '.join(REST_POSES)}, got {rest!r}")
+    skeleton = motion.skeleton
+    body = standing_body(skeleton, motion)
+    turns = np.array(body.bind_quat)  # (J, 4)
+    for side in ("left", "right"):
+        for joint, turn in _arm_turns(skeleton, body, side, REST_POSES[rest]).items():
+            turns[joint] = rot.multiply(turn, turns[joint])
+    above = np.where(skeleton.parents < 0, 0, skeleton.parents)
+    offsets_m = rot.rotate(turns[above], skeleton.offsets_m)
+    offsets_m[0] = [0.0, body.bind_pos_m[0, 1] - body.sole_m, 0.0]
+    tips_m = rot.rotate(turns[skeleton.tip_parents], skeleton.tips_m)
+    local = rot.multiply(rot.multiply(turns[above], motion.local_quat), rot.invert(turns))  # (T, J, 4)
+    local[:, 0] = rot.multiply(motion.local_quat[:, 0], rot.invert(turns[0]))
+    return replace(
+        motion,
+        skeleton=replace(skeleton, offsets_m=offsets_m, tips_m=tips_m),
+        local_quat=rot.make_continuous(local),
+    )
+
+
+def _arm_turns(skeleton: Skeleton, body: Body, side: str, below_rad: float) -> dict[int, Floats]:
+    """World rotations (4,) by joint that stretch an arm of the standing body sideways, some way down."""
+    outwards = body.place(f"{side}_shoulder") - body.place(
+        f"{'right' if side == 'left' else 'left'}_shoulder"
+    )
+    outwards = outwards * np.array([1.0, 0.0, 1.0]) / np.hypot(outwards[0], outwards[2])
+    along = np.cos(below_rad) * outwards - np.array([0.0, np.sin(below_rad), 0.0])
+    turns: dict[int, Floats] = {}
+    for start, end in (("shoulder", "elbow"), ("elbow", "wrist")):
+        bone = body.place(f"{side}_{end}") - body.place(f"{side}_{start}")
+        turn = rot.between(bone / np.linalg.norm(bone), along)
+        first = body.roles[f"{side}_{start}"]
+        turns |= {joint: turn for joint in _with_descendants(skeleton, first)}
+    return turns
+
+
+def _with_descendants(skeleton: Skeleton, joint: int) -> list[int]:
+    """A joint and all below it."""
+    below = [joint]
+    for child in range(joint + 1, skeleton.n_joints):
+        if skeleton.parents[child] in below:
+            below.append(child)
+    return below

@@ -1,0 +1,1 @@
+"""From takes and their songs to a repertoire file."""

@@ -1,0 +1,265 @@
+"""From takes and their songs to a repertoire file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
+
+from choreograph.core.counts import FROM_MOTION
+from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
+from choreograph.core.progress import ProgressReport
+from choreograph.library.building.counting import MOTION_NET, counted_takes, motion_reader
+from choreograph.library.building.networks import (
+    STYLE_NET,
+    PretrainedWeights,
+    source_checksums,
+    train_music_networks,
+    train_word_network,
+    training_content,
+    training_context,
+)
+from choreograph.library.building.options import BuildOptions, BuildResult
+from choreograph.library.building.takes import (
+    FEWEST_WORDS,
+    SegmentedTake,
+    make_motifs,
+    measured_takes,
+    segment_takes,
+)
+from choreograph.library.builtin import pretrained_set
+from choreograph.library.motifs import Vocabulary, motif_arrays
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.schema import Contents, NetArrays
+from choreograph.library.songs import SongCache, song_notes
+from choreograph.library.writing import MeasuredTake, to_arrays, write_repertoire
+from choreograph.motion.motion import Take
+from choreograph.music.song_features import motion_density
+
+if TYPE_CHECKING:
+    from choreograph.library.building.rollout import Teacher
+    from choreograph.nets.training import TrainingContext
+
+
+def build_repertoire(
+    sources: Iterable[str | Path],
+    output: str | Path,
+    options: BuildOptions | None = None,
+    *,
+    teacher: Teacher | None = None,
+    report: ProgressReport | None = None,
+    training_report: Callable[[Any], None] | None = None,
+) -> BuildResult:
+    """Import takes, train the networks on them, and write one repertoire file.
+
+    Parameters
+    ----------
+    sources : folders or files of takes, of any layout that `choreograph.formats.register` knows
+    output : the file to write; work in progress lies beside it in `OUTPUT.build/`
+    teacher : makes dances that the rollout network learns from beside the takes; None: from these alone
+    report : called with the stage's name, how much is done, of how much
+    training_report : called with a `TrainingProgress` now and then
+
+    Raises
+    ------
+    ChoreographError another process builds `output`
+    ParameterError   no take is left, two takes share a name, there is no such device
+    FormatError      a source is damaged
+    """
+    from choreograph.nets.training import select_device
+
+    options = options or BuildOptions()
+    select_device(options.device)
+    sources = tuple(sources)
+    output = check_target(output)
+    work = folder_beside(output, ".build")
+    check_apart([output, work], [*sources, *([options.init_from] if options.init_from else ())])
+    with locked_folder(work, doing=f"builds {output.name}"):
+        notes = _write_built(sources, output, work, options, teacher, report, training_report)
+    return BuildResult(Repertoire.open(output), notes)
+
+
+def _write_built(
+    sources: Iterable[str | Path],
+    output: Path,
+    work: Path,
+    options: BuildOptions,
+    teacher: Teacher | None,
+    report: ProgressReport | None,
+    training_report: Callable[[Any], None] | None,
+) -> tuple[str, ...]:
+    """Build what `output` holds and write it, with work in progress in `work`; returns notes."""
+    shipped = pretrained_set(options.pretrained)
+    pretrained = PretrainedWeights.of(options, shipped)
+    measured, notes = measured_takes(sources, options, report)
+    check_apart([output], [path for m in measured for path in m.take.source_paths])
+    checksums = source_checksums(measured, sources)
+    content = training_content(measured, checksums, options)
+    resume_notes: list[str] = []
+    context = training_context(work, options, content, training_report, resume_notes.append)
+    songs = SongCache(options.beats, keep_samples=options.rollout)
+    measured, count_notes = counted_takes(measured, songs, motion_reader(shipped))
+    heard: tuple[str, ...] = ()  # songs whose counts the network learned, where it has counted a take
+    uses = []
+    if pretrained.from_shipped:
+        begins = "style is that of" if pretrained.keep else "style begins with"
+        uses.append(f"{begins} {shipped[STYLE_NET].description}")
+    if any(m.take.counts.source == FROM_MOTION for m in measured):
+        heard = shipped[MOTION_NET].trained_on
+        uses.append(f"counts are read from motion by {shipped[MOTION_NET].description}")
+    if uses:
+        count_notes = (*count_notes, "; ".join(uses))
+    nets, trained_on, training_notes = train_music_networks(
+        measured, songs, pretrained, options=options, context=context, report=report
+    )
+    count_notes = (*count_notes, *song_notes([m.take for m in measured], songs))
+    features, density_notes = _clip_features(nets, options)
+    words, word_notes = _words(measured, songs, pretrained, options, context, report)
+    arrays = to_arrays(
+        measured,
+        embed_motion=features.embed_motion,
+        density=features.density or (lambda m: motion_density(len(m.body_pos_m), m.motion_beats_s)),
+        checksums=checksums,
+    )
+    contents = Contents(
+        arrays | words.arrays,
+        options.density if features.density else "analytic",
+        _provenance(options, [*trained_on, *heard], features.selection_beat_weight, teacher is not None),
+        nets | words.nets,
+    )
+    if words.vocabulary is not None:
+        rollout = _rollout_net(
+            contents, words, measured, songs, pretrained, options, context, teacher, report
+        )
+        contents = replace(contents, nets={**contents.nets, **rollout})
+    write_repertoire(output, contents, compress=options.compress)
+    return (*notes, *count_notes, *resume_notes, *training_notes, *density_notes, *word_notes)
+
+
+def _provenance(
+    options: BuildOptions, trained_on: Sequence[str], selection_beat_weight: float, with_teacher: bool
+) -> dict[str, Any]:
+    """How the file was made, for `inspect` and for evaluation."""
+    return {
+        "choreograph": version("choreograph"),
+        "method": options.method,
+        "preset": options.preset,
+        "seed": options.seed,
+        "init_from": options.init_from.name if options.init_from else None,
+        "pretrained": options.pretrained,
+        "beats": options.beats,
+        "feet_locked": options.lock_feet,
+        "rollout_teacher": options.rollout and options.rollout_teacher and with_teacher,
+        "left_out": sorted(options.leave_out),
+        "trained_on": sorted(set(trained_on)),
+        "selection_beat_weight": selection_beat_weight,
+        "style_changes": dict(options.style_changes),
+        "density_changes": dict(options.density_changes),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class _ClipFeatures:
+    """What the trained networks add to the clips; None where there are none."""
+
+    embed_motion: Callable | None = None
+    density: Callable | None = None
+    selection_beat_weight: float = 0.0
+
+
+def _clip_features(
+    nets: Mapping[str, NetArrays], options: BuildOptions
+) -> tuple[_ClipFeatures, tuple[str, ...]]:
+    """Style vectors and tempo-densities by the networks, and notes."""
+    if "style" not in nets:
+        return _ClipFeatures(), ()
+    from choreograph.nets.style import StyleNets
+
+    style = StyleNets.from_arrays(nets["style"].weights, nets["style"].config)
+    beat_weight = style.config.beat_weight / style.config.style_weight
+    if options.density != "learned":
+        return _ClipFeatures(style.embed_motion, None, beat_weight), ()
+    if "motion_density" not in nets:
+        note = "no tempo-density networks: the clips carry the analytic tempo-density"
+        return _ClipFeatures(style.embed_motion, None, beat_weight), (note,)
+    from choreograph.nets.density import MotionDensity
+
+    net = nets["motion_density"]
+    estimator = MotionDensity.from_arrays(net.weights, net.config)
+    return _ClipFeatures(style.embed_motion, lambda m: estimator.take_density(m.body_pos_m), beat_weight), ()
+
+
+@dataclass(frozen=True, eq=False)
+class _WordParts:
+    """Networks of motion words, and the arrays of the vocabulary; none where there are too few words."""
+
+    nets: dict[str, NetArrays] = field(default_factory=dict)
+    arrays: dict[str, NDArray] = field(default_factory=dict)
+    segmented: Sequence[SegmentedTake] = ()
+    vocabulary: Vocabulary | None = None
+
+
+def _words(
+    measured: Sequence[MeasuredTake],
+    songs: SongCache,
+    pretrained: PretrainedWeights,
+    options: BuildOptions,
+    context: TrainingContext,
+    report: ProgressReport | None,
+) -> tuple[_WordParts, tuple[str, ...]]:
+    """The takes' motion words, their networks and their motifs, and notes."""
+    if not options.words:
+        return _WordParts(), ()
+    segmented, notes = segment_takes(measured, songs, report=report)
+    net = train_word_network(segmented, pretrained, options=options, context=context)
+    nets = {} if net is None else {"words": net}
+    n_words = sum(len(take.words) for take in segmented)
+    if net is None or n_words < FEWEST_WORDS:
+        few = f"{n_words} motion words, fewer than {FEWEST_WORDS}: no motifs, so no genre to follow"
+        return _WordParts(nets), (*notes, few)
+    from choreograph.nets.words import WordNet
+
+    words = WordNet.from_arrays(net.weights, net.config)
+    vocabulary = make_motifs(segmented, words, seed=options.seed)
+    return _WordParts(nets, motif_arrays(vocabulary), segmented, vocabulary), notes
+
+
+def _rollout_net(
+    contents: Contents,
+    parts: _WordParts,
+    measured: Sequence[MeasuredTake],
+    songs: SongCache,
+    pretrained: PretrainedWeights,
+    options: BuildOptions,
+    context: TrainingContext,
+    teacher: Teacher | None,
+    report: ProgressReport | None,
+) -> dict[str, NetArrays]:
+    """The rollout network by its name, kept or trained; nothing if none is wanted.
+
+    `contents` are those of the repertoire without it, which the `teacher` dances with.
+    """
+    if "rollout" in pretrained.kept:
+        return {"rollout": pretrained.kept["rollout"]}
+    if not options.rollout:
+        return {}
+    from choreograph.library.building.rollout import taught_dances, train_rollout_network
+    from choreograph.nets.configs import rollout_config, taught
+    from choreograph.nets.words import WordNet
+
+    assert parts.vocabulary is not None and context.folder is not None
+    dances: Sequence[Take] = ()
+    if teacher is not None and options.rollout_teacher:
+        dances = taught_dances(contents, [m.take for m in measured], teacher, context.folder)
+    words = WordNet.from_arrays(parts.nets["words"].weights, parts.nets["words"].config)
+    config = rollout_config(options.preset)
+    begins = pretrained.nets.get("rollout")
+    net = train_rollout_network(
+        measured, parts.segmented, parts.vocabulary, words, taught(config) if dances else config,
+        dances=dances, songs=songs, seed=options.seed, context=context, pretrained=begins, report=report,
+    )  # fmt: skip
+    return {"rollout": net}

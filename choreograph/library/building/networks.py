@@ -1,0 +1,334 @@
+"""The networks of a repertoire: what they learn from, kept from another repertoire, or trained."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.files import sha256_of
+from choreograph.core.progress import ProgressReport
+from choreograph.core.timebase import CLIP_S, MUSIC_FPS, NET_FPS, seconds_to_frames
+from choreograph.library.building.options import BuildOptions
+from choreograph.library.building.takes import FEWEST_WORDS, SegmentedTake
+from choreograph.library.builtin import PretrainedNet, shipped_checksums
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.schema import NetArrays
+from choreograph.library.songs import SongCache
+from choreograph.library.writing import MeasuredTake
+from choreograph.music.rhythm import rhythm_features
+
+if TYPE_CHECKING:
+    from choreograph.nets.style_data import StyleTake
+    from choreograph.nets.training import TrainingContext
+
+# What a build's networks learn from: checksums of its takes, and the options that matter.
+#
+# A checkpoint that was made of anything else is not continued (`nets.training`), though its takes may have
+# the same names.
+
+
+_DIGITS = 16  # of a checksum: enough to tell files apart
+
+
+def training_context(
+    work: Path,
+    options: BuildOptions,
+    content: Mapping[str, Any],
+    report: Callable[[Any], None] | None,
+    note: Callable[[str], None],
+) -> TrainingContext:
+    """Checkpoints NAME.pt and logs NAME.jsonl in `work`; `options.resume` continues those of `content`."""
+    from choreograph.nets.training import TrainingContext
+
+    return TrainingContext(
+        work, options.resume, options.device, report or (lambda progress: None), content, note
+    )
+
+
+def source_checksums(
+    measured: Sequence[MeasuredTake], sources: Iterable[str | Path]
+) -> list[tuple[str, str, int]]:
+    """Path in its source, SHA-256 and number of the take, of every file that a take was read from.
+
+    The paths say nothing of this machine, nor of how the sources were typed: those of files outside of all
+    sources, such as songs that a manifest names, are their names alone.
+    """
+    folders = [Path(os.path.realpath(source)) for source in sources]
+    known: dict[Path, tuple[str, str]] = {}
+    rows = []
+    for index, m in enumerate(measured):
+        for path in m.take.source_paths:
+            if path not in known:
+                known[path] = _path_within(path, folders), sha256_of(path)
+            rows.append((*known[path], index))
+    return rows
+
+
+def _path_within(path: Path, folders: Sequence[Path]) -> str:
+    """The path from the first of the folders that holds it, else the file's name."""
+    real = Path(os.path.realpath(path.parent)) / path.name  # a link to a file is known by its own name
+    inside = (real.relative_to(folder) for folder in folders if folder in real.parents)
+    return next(inside, Path(path.name)).as_posix()
+
+
+def training_content(
+    measured: Sequence[MeasuredTake], checksums: Sequence[tuple[str, str, int]], options: BuildOptions
+) -> dict[str, str]:
+    """Name -> checksum of each take and of the networks to begin with, and settings, of a build.
+
+    What each network's own configuration says (sizes, steps, seed) is not repeated.
+    """
+    content = {
+        "choreograph": version("choreograph"),
+        "beats": options.beats,
+        "lock_feet": str(options.lock_feet),
+        "pretrained": _digest([options.pretrained, *shipped_checksums(options.pretrained)]),
+        "keep_networks": str(options.keep_networks),
+        "init_from": "" if options.init_from is None else sha256_of(options.init_from)[:_DIGITS],
+    }
+    for index, m in enumerate(measured):
+        take = m.take
+        files = [checksum for _, checksum, of_take in checksums if of_take == index]
+        said = [asdict(take.credits), take.song_name, take.song_start_s, take.counts.source]
+        content[f"take {take.name}"] = _digest([*files, *said])
+    return content
+
+
+def checksum_of(examples: Iterable[Any]) -> str:
+    """One checksum of dataclasses of arrays, texts and numbers, such as the takes of a training."""
+    digest = hashlib.sha256()
+    for example in examples:
+        for entry in fields(example):
+            value = getattr(example, entry.name)
+            digest.update(f"{entry.name} {type(value).__name__} ".encode())
+            if isinstance(value, np.ndarray):
+                digest.update(f"{value.dtype} {value.shape} ".encode() + value.tobytes())
+            elif is_dataclass(value):
+                digest.update(checksum_of([value]).encode())
+            else:
+                digest.update(repr(value).encode())
+    return digest.hexdigest()[:_DIGITS]
+
+
+def _digest(values: Sequence[Any]) -> str:
+    return hashlib.sha256(json.dumps(values).encode()).hexdigest()[:_DIGITS]
+
+
+# The networks of a repertoire, one after another: kept from another repertoire, or trained.
+
+
+STYLE_NET = "style"  # trained on pairs of music and motion
+DENSITY_NETS = ("motion_density", "music_density")  # likewise, where clips carry the learned tempo-density
+
+
+@dataclass(frozen=True)
+class PretrainedWeights:
+    """Networks that training starts from, or that are kept: another repertoire's, or shipped style."""
+
+    nets: Mapping[str, NetArrays] = field(default_factory=dict)
+    trained_on: frozenset[str] = frozenset()  # songs that any of them was trained on
+    keep: bool = False
+    from_shipped: bool = False  # style is the shipped set's
+
+    @classmethod
+    def of(cls, options: BuildOptions, shipped: Mapping[str, PretrainedNet]) -> PretrainedWeights:
+        """Those that the options name; the shipped style networks are of preset small.
+
+        Raises `RepertoireError` if a repertoire cannot be read, `ParameterError` if there is nothing to keep.
+        """
+        nets: dict[str, NetArrays] = {}
+        trained_on = frozenset[str]()
+        if options.init_from is not None:
+            other = Repertoire.open(options.init_from)
+            nets = {name: other.net(name) for name in other.net_names}
+            trained_on |= set(other.provenance.get("trained_on", ()))
+        begins = options.preset == "small" and STYLE_NET in shipped and STYLE_NET not in nets
+        if begins:
+            nets[STYLE_NET] = shipped[STYLE_NET].arrays
+            trained_on |= set(shipped[STYLE_NET].trained_on)
+        if options.keep_networks and options.init_from is None and not begins:
+            raise ParameterError(
+                "expected networks to keep, of another repertoire (--init-from) or of a shipped set "
+                "(--pretrained, with preset small), got none"
+            )
+        return cls(nets, trained_on, options.keep_networks, begins)
+
+    @property
+    def kept(self) -> Mapping[str, NetArrays]:
+        """Networks that are kept without training."""
+        return self.nets if self.keep else {}
+
+    def weights(self, name: str) -> Mapping[str, Any] | None:
+        """Weights that training starts from; None for random ones."""
+        net = self.nets.get(name)
+        return None if net is None else net.weights
+
+
+def train_music_networks(
+    measured: Sequence[MeasuredTake],
+    songs: SongCache,
+    pretrained: PretrainedWeights,
+    *,
+    options: BuildOptions,
+    context: TrainingContext,
+    report: ProgressReport | None,
+) -> tuple[dict[str, NetArrays], list[str], tuple[str, ...]]:
+    """Style networks, those of tempo-density if it is learned, the songs they were trained on, and notes.
+
+    Networks that are not kept are trained if the takes have two songs or more; with fewer, the pretrained
+    ones are taken over as they are. Where the tempo-density is analytic its networks have nothing to do, and
+    are neither trained nor taken over: at preset tiny they take 7 of 10 minutes.
+    """
+    wanted = (STYLE_NET, *(DENSITY_NETS if options.density == "learned" else ()))
+    with_music = [m for m in measured if m.take.song_path is not None]
+    song_names = {m.take.song_name for m in with_music}
+    known = {name: net for name, net in pretrained.nets.items() if name in wanted}
+    if pretrained.keep and set(known) == set(wanted):
+        return known, sorted(pretrained.trained_on), ()
+    if len(song_names) >= 2:
+        takes = []
+        for done, m in enumerate(with_music):
+            takes.append(style_take(m, songs))
+            if report is not None:
+                report("analysing songs", done + 1, len(with_music))
+        kept = known if pretrained.keep else {}
+        nets = _trained(takes, kept, pretrained, options=options, context=context)
+        return nets, sorted(song_names | pretrained.trained_on), ()
+    if known:
+        note = "fewer than two songs to train on: the networks are taken over as they are"
+        return known, sorted(pretrained.trained_on), () if pretrained.keep else (note,)
+    return (
+        {},
+        [],
+        ("fewer than two songs to train on: no music networks, so clips are not chosen by style",),
+    )
+
+
+def _trained(
+    takes: Sequence[StyleTake],
+    kept: Mapping[str, NetArrays],
+    pretrained: PretrainedWeights,
+    *,
+    options: BuildOptions,
+    context: TrainingContext,
+) -> dict[str, NetArrays]:
+    """The networks beside those `kept`: style, then tempo-density if it is learned."""
+    from choreograph.nets.configs import style_config
+    from choreograph.nets.style_training import train_style
+
+    nets = dict(kept)
+    if STYLE_NET not in nets:
+        n_songs = len({take.song_name for take in takes})
+        config = style_config(
+            options.preset, n_songs=n_songs, **(_changes(options) | dict(options.style_changes))
+        )
+        style = train_style(
+            takes, config, pretrained=pretrained.weights(STYLE_NET), seed=options.seed, context=context
+        )
+        nets[STYLE_NET] = _stored(style)
+    if options.density == "learned":
+        nets |= _trained_densities(takes, nets, pretrained, options=options, context=context)
+    return nets
+
+
+def _trained_densities(
+    takes: Sequence[StyleTake],
+    kept: Mapping[str, NetArrays],
+    pretrained: PretrainedWeights,
+    *,
+    options: BuildOptions,
+    context: TrainingContext,
+) -> dict[str, NetArrays]:
+    """The tempo-density of motion, then that of music, which needs motion's; those `kept` as they are.
+
+    None without a take of 8 s of music and motion.
+    """
+    from choreograph.nets.configs import density_config
+    from choreograph.nets.density import MotionDensity
+    from choreograph.nets.density_training import train_motion_density, train_music_density
+
+    nets = {name: kept[name] for name in DENSITY_NETS if name in kept}
+    longest_s = max(min(len(t.body_pos_m) / NET_FPS, len(t.log_mel) / MUSIC_FPS) for t in takes)
+    if longest_s < CLIP_S:
+        return nets
+    given: dict[str, Any] = {"seed": options.seed, "context": context}
+    densities = density_config(options.preset, **(_changes(options) | dict(options.density_changes)))
+    if "motion_density" in nets:
+        motion = MotionDensity.from_arrays(nets["motion_density"].weights, nets["motion_density"].config)
+    else:
+        motion = train_motion_density(
+            takes, densities, pretrained=pretrained.weights("motion_density"), **given
+        )
+        nets["motion_density"] = _stored(motion)
+    if "music_density" not in nets:
+        weights = pretrained.weights("music_density")
+        music = train_music_density(takes, motion, densities, pretrained=weights, **given)
+        nets["music_density"] = _stored(music)
+    return nets
+
+
+def train_word_network(
+    takes: Sequence[SegmentedTake],
+    pretrained: PretrainedWeights,
+    *,
+    options: BuildOptions,
+    context: TrainingContext,
+) -> NetArrays | None:
+    """The network that embeds motion words; None if there are too few words and none to take over."""
+    from choreograph.nets.configs import word_config
+    from choreograph.nets.words import train_word_net
+
+    if "words" in pretrained.kept or sum(len(take.words) for take in takes) < FEWEST_WORDS:
+        return pretrained.nets.get("words")
+    net = train_word_net(
+        [take.to_word_take() for take in takes], word_config(options.preset, **_changes(options)),
+        seed=options.seed, context=context, pretrained=pretrained.weights("words"),
+    )  # fmt: skip
+    return _stored(net)
+
+
+def _changes(options: BuildOptions) -> dict[str, Any]:
+    """Changes to the preset of every network."""
+    return {} if options.augment_mirror else {"mirrored_share": 0.0}
+
+
+def _stored(net) -> NetArrays:
+    weights, config = net.to_arrays()
+    return NetArrays(config, weights)
+
+
+def style_take(measured: MeasuredTake, songs: SongCache) -> StyleTake:
+    """A take as style is learned from it, with its part of the song; `FormatError` if that has none."""
+    from choreograph.nets.style_data import StyleTake
+
+    take = measured.take
+    assert take.song_path is not None  # only takes with music come here
+    song = songs.analysed(take.song_path)
+    mel = song.log_mel
+    rhythm = rhythm_features(mel, song.counts, start_s=max(0.0, take.song_start_s))
+    first = seconds_to_frames(take.song_start_s, MUSIC_FPS)
+    last = first + seconds_to_frames(take.motion.duration_s, MUSIC_FPS)
+    if first >= len(mel):
+        raise FormatError(
+            f"{take.song_path}: expected music at {take.song_start_s:g} s, where {take.name} begins, got a "
+            f"song of {song.duration_s:.1f} s"
+        )
+    silent = np.full((max(0, -first), mel.shape[1]), mel.min(), mel.dtype)
+    return StyleTake(
+        name=take.name,
+        genre=take.credits.genre,
+        log_mel=np.concatenate([silent, mel[max(0, first) : max(0, last)]]),
+        rhythm=rhythm,
+        song_name=take.song_name,
+        body_pos_m=measured.body_pos_m,
+        motion_beat_times_s=measured.motion_beats_s,
+    )

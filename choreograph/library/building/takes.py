@@ -1,0 +1,295 @@
+"""Takes for a repertoire: read, cleaned, brought to one skeleton, and segmented into motion words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.arguments import unexpected
+from choreograph.core.errors import ChoreographError, ParameterError
+from choreograph.core.progress import ProgressReport
+from choreograph.core.timebase import CLIP_S, NET_FPS, STORE_FPS, WORD_FPS
+from choreograph.formats.axes_and_units import unit_in_notes
+from choreograph.formats.manifest import Unread, raise_errors, unread_notes
+from choreograph.formats.register import annotate_takes, read_source
+from choreograph.library.building.options import BuildOptions
+from choreograph.library.motifs import WORDS_PER_MOTIF, Vocabulary, find_motifs, make_vocabulary
+from choreograph.library.songs import SongCache
+from choreograph.library.words import Words, segment_words
+from choreograph.library.writing import MeasuredTake
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.bone_map import has_bones
+from choreograph.motion.cleaning import without_jumps
+from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.motion import Take
+from choreograph.motion.motion_beats import motion_beat_times_s
+from choreograph.motion.retargeting import retarget
+from choreograph.motion.skeleton import canonical_skeleton
+
+if TYPE_CHECKING:
+    from choreograph.nets.words import WordNet, WordTake
+
+# Takes for a repertoire: read, rid of jumps, brought to one skeleton, their feet locked, and measured.
+
+
+LEFT_OUT = "left out, as asked"
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """What a build finds in its sources, before it does anything to the takes."""
+
+    takes: list[Take]  # with what other sources know about them
+    left_out: list[Take]  # as the options ask
+    unread: list[tuple[Path, Unread]]  # source and file
+    not_found: list[str]  # names to leave out that nothing has
+
+    def notes(self) -> tuple[str, ...]:
+        """Notes on takes, and on files of each source that gave none."""
+        notes = [f"{take.name}: {note}" for take in self.takes for note in take.notes]
+        for source in dict.fromkeys(source for source, _ in self.unread):
+            files = [file for of, file in self.unread if of == source]
+            notes += [f"{source}: {note}" for note in unread_notes(source, files)]
+        if self.not_found:
+            notes.append(f"no take to leave out is called {' or '.join(map(repr, self.not_found))}")
+        return tuple(notes)
+
+
+def measured_takes(
+    sources: Iterable[str | Path], options: BuildOptions, report: ProgressReport | None
+) -> tuple[list[MeasuredTake], tuple[str, ...]]:
+    """All takes of the sources with their features, on one skeleton, and notes on what was unusual.
+
+    Raises `ParameterError` if no take is left or two share a name, `FormatError` if a source is damaged; not
+    for files and names that the options skip.
+    """
+    imported = import_sources([Path(source) for source in sources], options, report)
+    check_takes(imported, options)
+    takes = [_without_jumps(take) for take in imported.takes]
+    notes = replace(imported, takes=takes).notes()
+    takes, skeleton_notes = _on_one_skeleton(takes)
+    notes = (*notes, *skeleton_notes)
+    if options.lock_feet:
+        takes = [replace(take, motion=lock_feet(take.motion)) for take in takes]
+    measured = [measure_take(take) for take in takes]
+    short = [m.take.name for m in measured if is_short(len(m.body_pos_m))]
+    if short:
+        notes = (*notes, f"{', '.join(short)}: shorter than {CLIP_S} s: no clip comes from there")
+    return measured, notes
+
+
+def import_sources(sources: Sequence[Path], options: BuildOptions, report: ProgressReport | None) -> Imported:
+    """The takes of the sources and the files that gave none; of two takes of one name the second is unread.
+
+    Raises `ParameterError` if a source does not exist or has no known layout.
+    """
+    takes: list[Take] = []
+    left_out: list[Take] = []
+    unread: list[tuple[Path, Unread]] = []
+    names: set[str] = set()
+    excluded, found_excluded = set(options.leave_out), set()
+    for source in sources:
+        for found in read_source(source, allow_outside=options.allow_outside, bone_map=options.bone_map):
+            if isinstance(found, Unread):
+                if found.path.stem in excluded:
+                    found_excluded.add(found.path.stem)
+                    found = Unread(found.path, LEFT_OUT)
+                unread.append((source, found))
+            elif found.name in excluded:
+                found_excluded.add(found.name)
+                left_out.append(found)
+            elif found.name in names:
+                unread.append((source, _namesake(found, source)))
+            else:
+                names.add(found.name)
+                takes.append(found)
+            if report is not None:
+                report("importing", len(takes), 0)
+    for source in sources:  # after all are read: any may know about takes of any other
+        try:
+            takes = annotate_takes(takes, source)
+        except ChoreographError as error:
+            unread.append((source, Unread.damaged(source, error)))
+    return Imported(takes, left_out, unread, sorted(excluded - found_excluded))
+
+
+def check_takes(imported: Imported, options: BuildOptions) -> None:
+    """Raise the error of a file that cannot be read, or one that lists several; not with `skip_bad`.
+
+    Raises `ParameterError` if there is no take, or none on a rig that a map of bones fits.
+    """
+    if not options.skip_bad:
+        raise_errors(
+            (file for _, file in imported.unread),
+            cure=" (--skip-bad, or skip_bad=True, builds from the others)",
+        )
+    if not imported.takes:
+        why = next((f"{file.path}: {file.why}" for _, file in imported.unread), "all left out?")
+        raise ParameterError(f"expected a take or more to build from, got none: {why}")
+    if options.bone_map:
+        check_map_fits(imported.takes, options.bone_map)
+
+
+class CheckedFile(NamedTuple):
+    """What a build would do with a file; "" where there is nothing to say."""
+
+    path: Path
+    rig: str  # the root joint, and how many joints there are
+    units: str  # of length, as they were found or the format states them
+    counts: str
+    length: str
+    happens: str  # read, left out, skipped or bad, and why
+    is_read: bool = False
+    is_bad: bool = False
+
+
+def checked_files(imported: Imported) -> list[CheckedFile]:
+    """A row for each take and each file that gave none, by path."""
+    rows = [_checked_take(take, "") for take in imported.takes]
+    rows += [_checked_take(take, LEFT_OUT) for take in imported.left_out]
+    for _, file in imported.unread:
+        is_bad = file.error is not None
+        happens = LEFT_OUT if file.why == LEFT_OUT else f"{'bad' if is_bad else 'skipped'}: {file.why}"
+        rows.append(CheckedFile(file.path, "", "", "", "", happens, is_bad=is_bad))
+    return sorted(rows, key=lambda row: row.path)
+
+
+def _checked_take(take: Take, left_out: str) -> CheckedFile:
+    motion = take.motion
+    song = f"to {take.song_path.name}" if take.song_path else "without music"
+    short = f", shorter than {CLIP_S} s: no clip" if is_short(motion.resampled(NET_FPS).n_frames) else ""
+    return CheckedFile(
+        path=take.source_paths[0] if take.source_paths else Path(take.name),
+        rig=f"{motion.skeleton.names[0][:24]}, {motion.skeleton.n_joints} joints",
+        units=unit_in_notes(take.notes) or "stated",
+        counts=f"{len(take.counts)}" if len(take.counts) else "none",
+        length=f"{motion.duration_s:.1f} s",
+        happens=left_out or f"read as {take.name}, {song}{short}",
+        is_read=not left_out,
+    )
+
+
+def is_short(n_frames: int) -> bool:
+    """Whether no clip comes from so many frames at 20 fps."""
+    return n_frames < CLIP_S * NET_FPS
+
+
+def _namesake(take: Take, source: Path) -> Unread:
+    """A take that has the name of another, as unread."""
+    error = ParameterError(
+        f"expected a name for each take, but two takes are called {take.name!r}: the sources overlap, or "
+        "need other names"
+    )
+    return Unread.damaged(take.source_paths[0] if take.source_paths else source, error)
+
+
+def measure_take(take: Take) -> MeasuredTake:
+    """A take with its body positions at 20 fps and its motion beats."""
+    fine = body_pos_m(take.motion.resampled(STORE_FPS))
+    coarse = body_pos_m(take.motion.resampled(NET_FPS)).astype(np.float32)
+    return MeasuredTake(take, coarse, motion_beat_times_s(fine, STORE_FPS))
+
+
+def _without_jumps(take: Take) -> Take:
+    """The take without one-frame jumps of its markers, and a note on how many there were."""
+    motion, count, limbs = without_jumps(take.motion)
+    if count == 0:
+        return take
+    jumps = "one-frame jump" if count == 1 else "one-frame jumps"
+    note = f"{count} {jumps} of markers ({', '.join(limbs)}) smoothed"
+    return replace(take, motion=motion, notes=(*take.notes, note))
+
+
+def check_map_fits(takes: Sequence[Take], bone_map: Mapping[str, str]) -> None:
+    """`ParameterError` if no take is on a rig with all bones of the map."""
+    rigs = [take.motion.skeleton.names for take in takes]
+    if not any(has_bones(names, bone_map) for names in rigs):
+        names = max(rigs, key=lambda names: len(set(bone_map.values()) & set(names)))
+        lacking = next(name for name in bone_map.values() if name not in names)
+        raise unexpected("a take whose rig has all bones of the map", lacking, "no joint has this name")
+
+
+def _on_one_skeleton(takes: list[Take]) -> tuple[list[Take], tuple[str, ...]]:
+    """The takes, retargeted to the canonical body unless they share a skeleton, and a note if so."""
+    first = takes[0].motion.skeleton
+    if all(take.motion.skeleton.same_as(first) for take in takes):
+        return takes, ()
+    body = canonical_skeleton()
+    note = "the takes are on different skeletons: all are retargeted to the canonical body"
+    return [replace(take, motion=retarget(take.motion, body)) for take in takes], (note,)
+
+
+# Motion words of a library: takes segmented on their counts, and the motifs found among the words.
+
+
+FEWEST_WORDS = 2 * WORDS_PER_MOTIF  # enough for two motifs
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentedTake:
+    """A take at `WORD_FPS` and its words, perhaps none."""
+
+    name: str
+    genre: str
+    body_pos_m: NDArray[np.float32]  # (T, 21, 3)
+    words: Words
+
+    def to_word_take(self) -> WordTake:
+        """The take as the word network is trained on it."""
+        from choreograph.nets.words import WordTake
+
+        return WordTake(self.name, self.body_pos_m, WORD_FPS, self.words.start_s, self.words.end_s)
+
+
+def segment_takes(
+    measured: Sequence[MeasuredTake],
+    songs: SongCache | None = None,
+    *,
+    report: ProgressReport | None = None,
+) -> tuple[list[SegmentedTake], tuple[str, ...]]:
+    """Every take segmented on its counts, and notes.
+
+    A take without counts is segmented on the beats of its music, by the default tracker, as the paper does
+    (section 3.3); without music, or with fewer than two beats in its part of the song, on its motion beats.
+    Counts are better: music and motion of a recorded pair need not be in step. Raises `FormatError` if a
+    song cannot be read.
+    """
+    songs = songs or SongCache()
+    segmented, notes = [], []
+    for index, m in enumerate(measured):
+        take = m.take
+        beats_s = m.motion_beats_s
+        if len(take.counts) > 1:
+            beats_s = take.counts.times_s
+        elif take.song_path is not None:
+            music_s = songs.analysed(take.song_path).beat_times_s - take.song_start_s
+            if np.sum((music_s >= 0) & (music_s <= take.motion.duration_s)) >= 2:
+                beats_s = music_s
+            else:
+                notes.append(f"{take.name}: no beats found in its music: it is segmented on its motion beats")
+        body = body_pos_m(take.motion.resampled(WORD_FPS)).astype(np.float32)
+        segmented.append(
+            SegmentedTake(take.name, take.credits.genre, body, segment_words(body, WORD_FPS, beats_s))
+        )
+        if report is not None:
+            report("segmenting takes", index + 1, len(measured))
+    return segmented, tuple(notes)
+
+
+def make_motifs(takes: Sequence[SegmentedTake], net: WordNet, *, seed: int) -> Vocabulary:
+    """Words embedded, motifs found among them, and the templates and transitions of the genres."""
+    words = np.concatenate([take.words.body_pos_m for take in takes])  # (N, 13, 21, 3)
+    motifs, word_motif = find_motifs(net.embed(words), seed=seed)
+    return make_vocabulary(
+        motifs,
+        word_motif,
+        np.repeat(np.arange(len(takes)), [len(take.words) for take in takes]),
+        np.concatenate([take.words.start_s for take in takes]),
+        np.concatenate([take.words.end_s for take in takes]),
+        [take.genre for take in takes],
+    )

@@ -1,0 +1,86 @@
+"""The built-in repertoire and songs, and the networks that ship with the package."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import sha256_of
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.schema import NetArrays
+from choreograph.library.store import RepertoireFile, read_networks
+
+# Loader of the built-in repertoire and songs, with which dancing needs no data set.
+
+
+STARTER_PATH = Path(__file__).parent / "shipped" / "starter.h5"
+SONGS_PATH = Path(__file__).parent / "shipped" / "songs"
+
+
+def starter_repertoire() -> Repertoire:
+    """Open the built-in repertoire; `RepertoireError` if the installation lacks it."""
+    return Repertoire(RepertoireFile(STARTER_PATH, is_shipped=True))
+
+
+def example_songs() -> dict[str, Path]:
+    """Names and files of the built-in songs."""
+    return {path.stem: path for path in sorted(SONGS_PATH.glob("*.ogg"))}
+
+
+# Loader of the networks that ship with the package.
+
+
+PRETRAINED = ("clean", "research")
+DEFAULT, NOTHING = "default", "nothing"
+CHOICES = (DEFAULT, *PRETRAINED, NOTHING)
+# The clean one where it is as good (`research/results/style.md`, `research/results/motion_counts.md`).
+_BY_DEFAULT = {"style": "clean", "motion_counts": "research"}
+_DESCRIPTIONS = {
+    "clean": "the networks 'clean', trained on the program's own takes",
+    "research": "the networks 'research', also trained on data that states no licence (--pretrained clean: "
+    "without)",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class PretrainedNet:
+    """A network of one of the sets."""
+
+    set_name: str
+    arrays: NetArrays
+    trained_on: tuple[str, ...]  # songs of built-in and recorded takes that its set heard
+
+    @property
+    def description(self) -> str:
+        """What a user should know of the set, in a line."""
+        return _DESCRIPTIONS[self.set_name]
+
+
+def pretrained_set(name: str) -> dict[str, PretrainedNet]:
+    """The networks of a set by their names; none of "nothing". "default" takes the better set for each.
+
+    Raises `ParameterError` for an unknown name, `RepertoireError` if the installation lacks a file.
+    """
+    if name not in CHOICES:
+        raise ParameterError(f"expected pretrained among {', '.join(CHOICES)}, got {name!r}")
+    chosen = {}
+    for set_name in PRETRAINED:
+        if name not in (DEFAULT, set_name):
+            continue
+        nets, provenance = read_networks(pretrained_path(set_name))
+        heard = tuple(provenance.get("trained_on", ()))
+        for net_name, arrays in nets.items():
+            if name == set_name or _BY_DEFAULT[net_name] == set_name:
+                chosen[net_name] = PretrainedNet(set_name, arrays, heard)
+    return chosen
+
+
+def shipped_checksums(name: str) -> list[str]:
+    """SHA-256 of the files that `pretrained_set` reads for a choice."""
+    return [sha256_of(pretrained_path(set_name)) for set_name in PRETRAINED if name in (DEFAULT, set_name)]
+
+
+def pretrained_path(name: str) -> Path:
+    """The file of a set."""
+    return Path(__file__).parent / "shipped" / f"{name}.h5"

@@ -1,0 +1,268 @@
+"""What a repertoire file must satisfy to be read: it may come from a stranger.
+
+Three tables of limits and a function for each kind: how arrays are stored, which is checked before any is
+read; their values, checked when they are; and what arrays say together. Messages are without the file's name.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from mmap import mmap
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import RepertoireError
+from choreograph.core.timebase import CLIP_FRAMES
+from choreograph.library.schema import DELTA_ORDER, HALF_PRECISION, QUANTISATION_STEPS
+
+# How arrays are stored. Files of this program are 4 times their size when unpacked; what is unpacked is held
+# several times while dancing.
+FILTERS = (1, 2, 3)  # HDF5's numbers of deflate, shuffle and Fletcher's checksum
+FREE_BYTES = 1 << 26  # may be unpacked from a file of any size
+UNPACKED_RATIO = 16  # of all arrays to the file, beyond that
+DEFLATE_RATIO = 1032  # the highest that deflate reaches: more is not stored, but made up
+MAX_CHUNK_BYTES = 1 << 24
+MAX_WEIGHTS = 4096  # arrays of a network
+MAX_NETS = 64
+_HEAP = b"GCOL\1\0\0\0"
+WEIGHTS = "weights"  # the kind of a network's arrays: see `StoredArray`
+_WEIGHT_DTYPES = tuple(np.dtype(kind) for kind in ("f2", "f4", "f8", "i8"))
+_QUANTISED = (np.dtype("i2"), np.dtype("u2"))
+
+_FAR_M = 1e6
+_LONG_S = 1e7
+_COUNTED = 1 << 31
+# Lowest and highest value of the numbers of an array; a letter stands for the length of that axis, or its
+# last index after "<". None is NaN or infinite.
+VALUES: dict[str, tuple[float, float | str]] = {
+    "skeleton/parents": (-1, "<J"),
+    "skeleton/offsets_m": (-_FAR_M, _FAR_M),
+    "skeleton/tip_parents": (0, "<J"),
+    "skeleton/tips_m": (-_FAR_M, _FAR_M),
+    "skeleton/roles": (-1, 23),
+    "takes/fps": (1e-3, 1000),
+    "takes/motion_start": (0, "M"),
+    "takes/motion_stop": (0, "M"),
+    "takes/body_start": (0, "B"),
+    "takes/body_stop": (0, "B"),
+    "takes/beat_start": (0, "Q"),
+    "takes/beat_stop": (0, "Q"),
+    "takes/count_start": (0, "U"),
+    "takes/count_stop": (0, "U"),
+    "takes/metre": (0, 12),
+    "takes/counts_confidence": (0, 1),
+    "motion/root_pos_m": (-_FAR_M, _FAR_M),
+    "motion/local_quat": (-12, 12),
+    "body/pos_m": (-_FAR_M, _FAR_M),
+    "body/density": (-_FAR_M, _FAR_M),
+    "beats/motion_s": (0, _LONG_S),
+    "clips/take": (0, "<X"),
+    "clips/start_frame": (0, "B"),
+    "clips/style": (-_FAR_M, _FAR_M),
+    "clips/beat_count": (0, _FAR_M),
+    "sources/take": (0, "<X"),
+    "counts/time_s": (0, _LONG_S),
+    "counts/number": (0, 12),
+    "counts/doubt": (0, 1),
+    "figures/take": (0, "<X"),
+    "figures/start_s": (-_LONG_S, _LONG_S),
+    "figures/end_s": (-_LONG_S, _LONG_S),
+    "figures/n_counts": (0, _COUNTED),
+    "motifs/embeddings": (-_FAR_M, _FAR_M),
+    "motifs/words": (0, "<W"),
+    "motifs/counts": (1, "W"),
+    "motifs/word_take": (0, "<X"),
+    "motifs/word_start_s": (0, _LONG_S),
+    "motifs/word_end_s": (0, _LONG_S),
+    "motifs/word_motif": (0, "<K"),
+    "motifs/signatures": (0, 1.001),
+    "motifs/transitions": (0, 1.001),
+}
+
+# Attributes of a quantised array: its kind, lowest and highest value.
+QUANTISATION: dict[str, tuple[type, float, float]] = {
+    "step": (float, 1e-9, 1.0),
+    "order": (int, 0, DELTA_ORDER),
+    "restart": (int, 1, 1 << 31),
+}
+
+
+@dataclass(frozen=True)
+class StoredArray:
+    """How one array is stored in a file, as its header says."""
+
+    name: str
+    dtype: np.dtype
+    is_text: bool
+    is_quantised: bool
+    shape: tuple[int, ...]
+    chunk: tuple[int, ...]  # () if it is stored in one piece
+    filters: tuple[int, ...]
+    n_stored_bytes: int
+    is_elsewhere: bool  # in another file, or put together from other arrays
+
+    @property
+    def n_bytes(self) -> int:
+        """Size when unpacked; text varies in length and is counted as it is read."""
+        return _size(self.shape) * self.dtype.itemsize
+
+
+def check_stored(array: StoredArray, kind: str) -> None:
+    """`RepertoireError` unless an array is of a kind of the schema, or `WEIGHTS`, and all of it is there."""
+    dtypes = _stored_dtypes(array, kind)
+    found = array.is_text if kind == "s" else (not array.is_text and array.dtype in dtypes)
+    expected = " or ".join(str(dtype) for dtype in dtypes) or "text"
+    _expect(found, f"{array.name}: expected {expected}, got {'text' if array.is_text else array.dtype}")
+    _expect(not array.is_elsewhere, f"{array.name}: expected it in this file, got a part of another place")
+    unknown = set(array.filters) - set(FILTERS)
+    _expect(not unknown, f"{array.name}: expected it plain or deflated, got HDF5's filters {array.filters}")
+    n_chunk_bytes = _size(array.chunk) * array.dtype.itemsize
+    _expect(n_chunk_bytes <= MAX_CHUNK_BYTES, f"{array.name}: got chunks of {n_chunk_bytes:,} bytes")
+    packed = DEFLATE_RATIO if array.filters else 1
+    _expect(
+        array.n_bytes <= packed * array.n_stored_bytes,
+        f"{array.name}: expected all of {array.shape}, got {array.n_stored_bytes:,} bytes of it",
+    )
+
+
+def check_text_heaps(data: bytes | mmap) -> None:
+    """`RepertoireError` for a heap of texts whose parts do not fill it: HDF5 2.0 walks some without end.
+
+    A heap is "GCOL", a version, its size, and texts, each after its number and size; number 0 is free space.
+    """
+    at = -1
+    while (at := data.find(_HEAP, at + 1)) >= 0:
+        (size,) = struct.unpack_from("<Q", data[at + 8 : at + 16].ljust(8, b"\0"))
+        _expect(16 <= size <= len(data) - at, "expected a heap of texts in the file, got one beyond its end")
+        done = 16
+        while done + 16 <= size:
+            number, length = struct.unpack_from("<H6xQ", data, at + done)
+            done += length if number == 0 else 16 + length + -length % 8
+            _expect(
+                done <= size and (number or length >= 16), "expected texts in their heap, got a damaged one"
+            )
+            if number == 0:
+                break
+
+
+def check_size(arrays: Iterable[StoredArray], n_file_bytes: int) -> None:
+    """`RepertoireError` if all arrays of a file of that size are larger than what compression explains."""
+    n_bytes, limit = sum(array.n_bytes for array in arrays), FREE_BYTES + UNPACKED_RATIO * n_file_bytes
+    _expect(n_bytes <= limit, f"expected at most {limit:,} bytes unpacked, got {n_bytes:,}")
+
+
+def _stored_dtypes(array: StoredArray, kind: str) -> tuple[np.dtype, ...]:
+    """The dtypes that an array may be stored in; none for text."""
+    if kind == WEIGHTS:
+        return _WEIGHT_DTYPES
+    if kind == "s":
+        return ()
+    if array.is_quantised and array.name in QUANTISATION_STEPS:
+        return _QUANTISED
+    return (np.dtype(kind), *((np.dtype("f2"),) if array.name in HALF_PRECISION else ()))
+
+
+def check_text(name: str, texts: Sequence[str], n_file_bytes: int) -> None:
+    """`RepertoireError` if rows of text hold more than the file, or too much when all are as long as one."""
+    longest = max(map(len, texts), default=0)
+    _expect(
+        sum(map(len, texts)) <= n_file_bytes
+        and 4 * longest * len(texts) <= FREE_BYTES + UNPACKED_RATIO * n_file_bytes,
+        f"{name}: expected names and notes, got {len(texts)} texts of up to {longest:,} characters",
+    )
+
+
+def check_finite(name: str, array: NDArray) -> None:
+    """`RepertoireError` if an array has NaN or infinity."""
+    _expect(bool(np.isfinite(array).all()), f"{name}: expected finite numbers, got NaN or infinity")
+
+
+def check_values(name: str, array: NDArray, sizes: Mapping[str, int]) -> None:
+    """`RepertoireError` if a number of an array is outside `VALUES`; `sizes` are those of the axes."""
+    if name not in VALUES or array.size == 0:
+        return
+    low, high = VALUES[name]
+    highest = sizes[high.lstrip("<")] - high.startswith("<") if isinstance(high, str) else high
+    least, most = float(array.min()), float(array.max())  # NaN if there is one
+    _expect(
+        least >= low and most <= highest,
+        f"{name}: expected values from {low:g} to {highest:g}, got {least:g} to {most:g}",
+    )
+
+
+def check_quantisation(name: str, attributes: Mapping[str, Any]) -> None:
+    """`RepertoireError` if an array's quantisation is outside `QUANTISATION`."""
+    for key, (kind, low, high) in QUANTISATION.items():
+        value = attributes.get(key)
+        is_kind = isinstance(value, np.integer if kind is int else np.floating)
+        _expect(
+            is_kind and bool(low <= value <= high),  # type: ignore[operator]  # a number
+            f"{name}: expected {key} from {low:g} to {high:g}, got {_short(value)}",
+        )
+    folded = attributes.get("folded")
+    _expect(
+        folded is None or isinstance(folded, np.bool_),
+        f"{name}: expected folded yes or no, got {_short(folded)}",
+    )
+
+
+def check_parts(name: str, start: NDArray, stop: NDArray, length: int, *, shortest: int) -> None:
+    """`RepertoireError` unless takes' parts [start, stop) of an array follow each other over all of it."""
+    ends = np.concatenate([[0], stop])
+    _expect(
+        len(stop) > 0
+        and bool((start == ends[:-1]).all() and ends[-1] == length and (stop - start >= shortest).all()),
+        f"takes/{name}_start and _stop: expected the {length} rows take by take, {shortest} or more each, "
+        "got gaps or overlaps",
+    )
+
+
+def check_provenance(provenance: Mapping[str, Any]) -> None:
+    """`RepertoireError` unless what is used of a file's provenance is of its kind."""
+    songs, weight = provenance.get("trained_on", []), provenance.get("selection_beat_weight", 0.0)
+    _expect(
+        isinstance(songs, list) and all(isinstance(song, str) for song in songs),
+        f"provenance: expected a list of songs in trained_on, got {_short(songs)}",
+    )
+    _expect(
+        isinstance(weight, int | float) and 0 <= weight <= _FAR_M,
+        f"provenance: expected a selection_beat_weight of 0 or more, got {_short(weight)}",
+    )
+
+
+def check_clips(take: NDArray, start_frame: NDArray, n_frames: NDArray) -> None:
+    """`RepertoireError` unless clips (N,) lie inside their takes, of `n_frames` (X,) at 20 fps."""
+    _expect(
+        bool((start_frame + CLIP_FRAMES <= n_frames[take]).all()),
+        f"clips: expected {CLIP_FRAMES} frames of a take each, got clips beyond the ends of takes",
+    )
+
+
+def check_counts(name: str, times_s: NDArray, numbers: NDArray, metre: int) -> None:
+    """`RepertoireError` unless a take's counts (Q,) increase and are numbered in bars of the metre."""
+    lowest = 1 if metre else 0
+    _expect(
+        bool((np.diff(times_s) > 0).all() and ((numbers >= lowest) & (numbers <= metre)).all()),
+        f"counts of {name!r}: expected increasing times, and numbers from {lowest} to {metre}, got others",
+    )
+
+
+def _size(shape: tuple[int, ...]) -> int:
+    """Number of elements, by Python's integers: a header may claim more than 64 bits hold."""
+    size = 1
+    for length in shape:
+        size *= length
+    return size
+
+
+def _short(value: Any) -> str:
+    return repr(value).replace("\n", " ")[:60]
+
+
+def _expect(condition: bool, message: str) -> None:
+    if not condition:
+        raise RepertoireError(message)

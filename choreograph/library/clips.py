@@ -1,0 +1,252 @@
+"""Takes and clips of a repertoire: names and counts, and how they move, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.counts import Counts, Figure
+from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGMENT_S, frame_times_s
+from choreograph.library.checks import check_counts, check_parts
+from choreograph.library.store import RepertoireFile
+from choreograph.library.writing import middle_starts
+from choreograph.motion.body import to_root_frame
+from choreograph.motion.contacts import step_counts
+from choreograph.motion.motion import Credits
+from choreograph.motion.motion_beats import Liveliness, mean_joint_speed_m_s
+
+# What a repertoire file says about its takes: names, credits, ranges in the arrays, counts and figures.
+
+
+_TEXT = ("name", "song_name", "genre", "performer", "licence", "source", "notes")
+_PARTS = {"motion": ("motion/root_pos_m", 1), "body": ("body/pos_m", 1), "beat": ("beats/motion_s", 0)}
+_RANGES = tuple(f"{part}_{end}" for part in _PARTS for end in ("start", "stop"))
+
+
+@dataclass(frozen=True)
+class TakeInfo:
+    """A take of a repertoire; ranges are into the file's flat arrays."""
+
+    name: str
+    song_name: str
+    credits: Credits
+    fps: float
+    motion: tuple[int, int]
+    body: tuple[int, int]
+    beats: tuple[int, int]
+    notes: str
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the take's motion in seconds."""
+        return (self.motion[1] - self.motion[0]) / self.fps
+
+
+def takes_from(file: RepertoireFile) -> tuple[TakeInfo, ...]:
+    """All takes, in the order of the file; `RepertoireError` if there is none or their rows overlap."""
+    columns = {name: file.read(f"takes/{name}") for name in (*_TEXT, "fps", *_RANGES)}
+    for part, (array, shortest) in _PARTS.items():
+        start, stop = columns[f"{part}_start"], columns[f"{part}_stop"]
+        check_parts(part, start, stop, file.shapes[array][0], shortest=shortest)
+    return tuple(
+        TakeInfo(
+            name=str(columns["name"][i]),
+            song_name=str(columns["song_name"][i]),
+            credits=Credits(*(str(columns[c][i]) for c in ("genre", "performer", "licence", "source"))),
+            fps=float(columns["fps"][i]),
+            motion=(int(columns["motion_start"][i]), int(columns["motion_stop"][i])),
+            body=(int(columns["body_start"][i]), int(columns["body_stop"][i])),
+            beats=(int(columns["beat_start"][i]), int(columns["beat_stop"][i])),
+            notes=str(columns["notes"][i]),
+        )
+        for i in range(len(columns["name"]))
+    )
+
+
+def counts_from(file: RepertoireFile, takes: Sequence[TakeInfo]) -> tuple[Counts, ...]:
+    """Each take's counts, of a file that has counts; `RepertoireError` if they are not in order."""
+    columns = ("count_start", "count_stop", "metre", "counts_source", "counts_confidence")
+    times_s, numbers = file.read("counts/time_s"), file.read("counts/number")
+    doubt = file.read("counts/doubt").astype(np.float64) if file.has_doubt else np.zeros(0)
+    start, stop, *about = (file.read(f"takes/{column}") for column in columns)
+    check_parts("count", start, stop, len(times_s), shortest=0)
+    counts = tuple(
+        Counts(times_s[i:j], numbers[i:j], int(metre), str(source), float(confidence), doubt[i:j])
+        for i, j, metre, source, confidence in zip(start, stop, *about, strict=True)
+    )
+    for take, own in zip(takes, counts, strict=True):
+        check_counts(take.name, own.times_s, own.numbers, own.metre)
+    return counts
+
+
+def figures_from(read: Callable[[str], NDArray]) -> dict[int, tuple[Figure, ...]]:
+    """The figures in order by take, of a file that has counts; takes without figures are left out."""
+    names = ("take", "name", "start_s", "end_s", "n_counts")
+    figures: dict[int, list[Figure]] = {}
+    for take, name, start_s, end_s, n_counts in zip(*(read(f"figures/{c}") for c in names), strict=True):
+        figure = Figure(str(name), float(start_s), float(end_s), int(n_counts))
+        figures.setdefault(int(take), []).append(figure)
+    return {take: tuple(own) for take, own in figures.items()}
+
+
+# How lively and how densely stepped clips are, as ranks in their genre.
+
+
+Ints = NDArray[np.integer]
+
+
+def clip_liveliness(liveliness: Liveliness, take: Ints, start_frame: Ints) -> NDArray[np.float32]:
+    """Mean rank (N,), 0 … 1, of the seconds of each clip's middle 4 s; clips by take (N,) and first frame."""
+    start = middle_starts(start_frame).astype(np.float64)  # (N,) in their takes
+    seconds = (start + second * NET_FPS for second in range(SEGMENT_S))
+    return np.mean([liveliness.ranks(take, at, at + NET_FPS) for at in seconds], axis=0, dtype=np.float32)
+
+
+def clip_steps(
+    body_pos_m: Callable[[int], NDArray[np.floating]], take: Ints, start_frame: Ints, genres: NDArray[np.str_]
+) -> NDArray[np.float32]:
+    """Rank (N,), 0 … 1, of the steps in each clip's middle 4 s among the clips of its genre.
+
+    `body_pos_m` gives a take's positions (T, 21, 3) at 20 fps; `genres` (takes,). Equal clips have their mean
+    rank.
+    """
+    from scipy.stats import rankdata  # a third of a second to import
+
+    steps = np.zeros(len(take))
+    for index in np.unique(take):
+        clips = np.flatnonzero(take == index)
+        starts = middle_starts(start_frame[clips])
+        steps[clips] = step_counts(body_pos_m(int(index)), NET_FPS, starts, SEGMENT_FRAMES)
+    ranks = np.empty(len(take), np.float32)
+    for name in np.unique(genres[take]):
+        inside = genres[take] == name
+        ranks[inside] = (rankdata(steps[inside]) - 0.5) / inside.sum()
+    return ranks
+
+
+# How the clips of a repertoire move: poses, speeds, densities, liveliness and doubt of counts by frame.
+
+
+class ClipMotion:
+    """Frames of clips at 20 fps, read on demand from the flat arrays (B, …) of all takes' frames.
+
+    `read` gives an array of the file by name; `counts` are those of each take; `clip_take` and
+    `clip_start_frame` (N,) place the clips.
+    """
+
+    def __init__(
+        self,
+        read: Callable[[str], NDArray],
+        takes: Sequence[TakeInfo],
+        counts: Sequence[Counts],
+        clip_take: Ints,
+        clip_start_frame: Ints,
+    ) -> None:
+        self._read = read
+        self._counts = counts
+        self._clip_take = clip_take
+        self._clip_start_frame = clip_start_frame
+        self._genres = [take.credits.genre for take in takes]
+        self._take_rows = np.array([take.body for take in takes], np.int64)  # (takes, 2)
+
+    def body_pos_m(self, take: int) -> NDArray[np.float32]:
+        """A take's 21 joints at 20 fps, (T, 21, 3)."""
+        start, stop = self._take_rows[take]
+        return self._body_pos_m[start:stop]
+
+    def density(self, clips: Ints) -> NDArray[np.float32]:
+        """Tempo-densities of clips (K,), (K, 160)."""
+        return self._density[self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)]
+
+    def speed(self, clips: Ints) -> NDArray[np.float32]:
+        """Mean joint speeds of clips (K,) in m/s, (K, 160)."""
+        return self._speed[self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)]
+
+    def poses_m(
+        self, clip: Ints, frames: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Poses (N, 21, 3) and joint velocities (N, 21, 3) in m/s, both in the root frame.
+
+        `clip` (N,) and fractional clip frames (N,); beyond the clip the take goes on, and beyond the take
+        its first or last pose holds.
+        """
+        poses, velocities = self._root_frame_poses
+        first, stop = self._take_rows[self._clip_take[clip]].T
+        rows = np.clip(self._clip_rows[clip] + frames, first, stop - 1)
+        row = np.minimum(np.floor(rows).astype(np.int64), stop - 2)
+        weight = (rows - row).astype(np.float32)[:, None, None]
+        pose = poses[row] + weight * (poses[row + 1] - poses[row])
+        return pose, velocities[row] + weight * (velocities[row + 1] - velocities[row])
+
+    def liveliness(
+        self, clip: Ints, start: NDArray[np.floating], stop: NDArray[np.floating]
+    ) -> NDArray[np.float32]:
+        """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
+        offset = self._clip_start_frame[clip]
+        return self._liveliness.ranks(self._clip_take[clip], offset + start, offset + stop)
+
+    def count_doubt(
+        self, clip: Ints, start: NDArray[np.floating], stop: NDArray[np.floating]
+    ) -> NDArray[np.float32]:
+        """Doubt (N,), 0 … 1, of the counts half way between two frames of each clip: see `Counts`."""
+        middle = np.round(0.5 * (start + stop)).astype(np.int64)
+        return self._doubt[self._clip_rows[clip] + middle]
+
+    @cached_property
+    def liveliness_ranks(self) -> NDArray[np.float32]:
+        """Rank (N,), 0 … 1, in its genre of how lively the middle 4 s of each clip are."""
+        return clip_liveliness(self._liveliness, self._clip_take, self._clip_start_frame)
+
+    @cached_property
+    def step_ranks(self) -> NDArray[np.float32]:
+        """Rank (N,), 0 … 1, in its genre of how many steps the middle 4 s of each clip have."""
+        return clip_steps(self.body_pos_m, self._clip_take, self._clip_start_frame, np.array(self._genres))
+
+    @cached_property
+    def _clip_rows(self) -> NDArray[np.int64]:
+        """First row of each clip in the flat arrays, (N,)."""
+        return self._take_rows[self._clip_take, 0] + self._clip_start_frame
+
+    @cached_property
+    def _body_pos_m(self) -> NDArray[np.float32]:
+        return self._read("body/pos_m")
+
+    @cached_property
+    def _density(self) -> NDArray[np.float32]:
+        return self._read("body/density")
+
+    @cached_property
+    def _speed(self) -> NDArray[np.float32]:
+        """Mean joint speed, (B,)."""
+        speeds = [
+            mean_joint_speed_m_s(self.body_pos_m(take), NET_FPS) for take in range(len(self._take_rows))
+        ]
+        return np.concatenate(speeds).astype(np.float32)
+
+    @cached_property
+    def _doubt(self) -> NDArray[np.float32]:
+        """Doubt of the counts, (B,); 0 where a take has none."""
+        doubt = np.zeros(len(self._body_pos_m), np.float32)
+        for (start, stop), counts in zip(self._take_rows, self._counts, strict=True):
+            if len(counts.doubt):
+                times_s = frame_times_s(stop - start, NET_FPS)
+                doubt[start:stop] = np.interp(times_s, counts.times_s, counts.doubt)
+        return doubt
+
+    @cached_property
+    def _liveliness(self) -> Liveliness:
+        return Liveliness([self.body_pos_m(take) for take in range(len(self._take_rows))], self._genres)
+
+    @cached_property
+    def _root_frame_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Every frame and its velocities in its root frame, (B, 21, 3) each."""
+        pos = self._body_pos_m.astype(np.float64)
+        velocity = np.zeros_like(pos)
+        for start, stop in self._take_rows:
+            if stop - start > 1:
+                velocity[start:stop] = np.gradient(pos[start:stop], axis=0) * NET_FPS
+        return to_root_frame(pos).astype(np.float32), to_root_frame(pos, velocity).astype(np.float32)

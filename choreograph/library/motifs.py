@@ -1,0 +1,354 @@
+"""Motifs: clusters of motion words, the vocabulary of a repertoire, and its arrays in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.arguments import check_choice
+from choreograph.core.errors import ParameterError, RepertoireError
+from choreograph.core.numerics import squared_distances
+from choreograph.core.timebase import WORD_FRAMES
+from choreograph.library.words import SUM_TOLERANCE, poses_at, template, transition_matrix
+from choreograph.motion.body import clips_to_root_frame
+
+# Motifs: clusters of embedded motion words, each represented by its medoid.
+
+
+Floats = NDArray[np.floating]
+Indices = NDArray[np.int64]
+
+MAX_MOTIFS = 500
+WORDS_PER_MOTIF = 20  # with 12, dances of one genre share fewer motifs; 60, as in the paper, is coarse
+_RESTARTS = 3
+_CHUNK = 4096  # words per block of distances
+
+
+@dataclass(frozen=True, eq=False)
+class Motifs:
+    """The motifs of a repertoire: the medoid of every cluster of words."""
+
+    embeddings: NDArray[np.float32]  # (K, D) of the medoids
+    words: Indices  # (K,) index of each medoid among the words that were clustered
+    counts: Indices  # (K,) words in each cluster, at least 1
+
+    def __len__(self) -> int:
+        return len(self.words)
+
+    def nearest(self, embeddings: Floats) -> Indices:
+        """The motif of each word (N,) from its embedding (N, D): the closest medoid (section 3.3)."""
+        vectors = _checked(embeddings, self.embeddings.shape[1])
+        return _nearest(vectors, self.embeddings)
+
+
+def n_motifs_for(n_words: int) -> int:
+    """Number of motifs to look for: one per 20 words, at most 500 (as in the paper, with 30,000 words)."""
+    return max(1, min(MAX_MOTIFS, n_words // WORDS_PER_MOTIF))
+
+
+def find_motifs(embeddings: Floats, *, n_motifs: int | None = None, seed: int = 0) -> tuple[Motifs, Indices]:
+    """Cluster embedded words by k-means and find the medoids (Rhythm is a Dancer, section 3.3).
+
+    Parameters
+    ----------
+    embeddings : float array (N, D)   of all words of all takes
+    n_motifs : number of clusters; default `n_motifs_for(N)`
+
+    Returns the motifs, the most frequent first, and the motif of every word (N,): that of its closest
+    medoid. There are fewer than `n_motifs` if fewer words are distinct. The same seed gives the same
+    motifs, on any number of threads.
+
+    Raises `ParameterError` if there is no word, a value is not finite, or `n_motifs` is not in 1 … N.
+    """
+    vectors = _checked(embeddings)
+    if len(vectors) == 0:
+        raise ParameterError("expected motion words to cluster, got none")
+    n_motifs = n_motifs_for(len(vectors)) if n_motifs is None else n_motifs
+    if not 1 <= n_motifs <= len(vectors):
+        raise ParameterError(f"expected 1 to {len(vectors)} motifs for as many words, got {n_motifs}")
+    medoids = _medoids(vectors, _centroids(vectors, n_motifs, seed))
+    labels = _nearest(vectors, vectors[medoids])
+    counts = np.bincount(labels, minlength=len(medoids))
+    order = np.argsort(-counts, kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return Motifs(vectors[medoids[order]], medoids[order], counts[order]), rank[labels]
+
+
+def _centroids(vectors: NDArray[np.float32], n_motifs: int, seed: int) -> NDArray[np.float32]:
+    from sklearn.cluster import KMeans
+    from threadpoolctl import threadpool_limits
+
+    n_distinct = len(np.unique(vectors, axis=0))
+    kmeans = KMeans(min(n_motifs, n_distinct), n_init=_RESTARTS, random_state=seed)
+    with threadpool_limits(1):  # the order of sums over threads varies
+        return kmeans.fit(vectors).cluster_centers_
+
+
+def _medoids(vectors: NDArray[np.float32], centroids: NDArray[np.float32]) -> Indices:
+    """The word nearest to each centroid; each word at most once."""
+    nearest = [_nearest(centroids[i : i + 1], vectors)[0] for i in range(len(centroids))]
+    return np.unique(np.array(nearest, np.int64))
+
+
+def _nearest(vectors: Floats, targets: Floats) -> Indices:
+    """Index of the closest target (K, D) of every vector (N, D); the first of equal ones."""
+    to = np.asarray(targets, np.float64)
+    squares = np.sum(to**2, axis=1)  # (K,)
+    parts = [
+        np.argmin(
+            squared_distances(vectors[i : i + _CHUNK].astype(np.float64), to, b_squares=squares), axis=1
+        )
+        for i in range(0, len(vectors), _CHUNK)
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0, np.int64)
+
+
+def _checked(embeddings: Floats, dim: int | None = None) -> NDArray[np.float32]:
+    vectors = np.asarray(embeddings, np.float32)
+    if vectors.ndim != 2 or (dim is not None and vectors.shape[1] != dim):
+        raise ParameterError(f"expected embeddings (N, {dim or 'D'}), got {vectors.shape}")
+    if not np.isfinite(vectors).all():
+        raise ParameterError("expected finite embeddings, got nan or infinity")
+    return vectors
+
+
+# The vocabulary of a repertoire: its motifs, the words of its takes, and the signatures of its genres.
+
+
+Float64s = NDArray[np.float64]
+
+ALL_GENRES = "all"  # the template and transitions of all takes together
+
+
+@dataclass(frozen=True, eq=False)
+class Vocabulary:
+    """Motifs, words and genres (Rhythm is a Dancer, sections 3.3 and 3.4).
+
+    Words are ordered by take, then by time. Within a take, each begins where the one before it ends.
+    """
+
+    motifs: Motifs  # K, the most frequent first; `library.words` index the words here
+    word_take: Indices  # (N,) index of the word's take
+    word_start_s: Float64s  # (N,) in its take
+    word_end_s: Float64s  # (N,)
+    word_motif: Indices  # (N,)
+    genres: tuple[str, ...]  # G names, sorted, and last `ALL_GENRES`
+    signatures: Float64s  # (G, K) templates
+    transitions: Float64s  # (G, K, K) row i: probabilities of the motif after motif i
+
+    @property
+    def n_motifs(self) -> int:
+        """Number of motifs K."""
+        return len(self.motifs)
+
+    def genre_index(self, genre: str) -> int:
+        """Row of a genre; `ParameterError` for an unknown one, with the known genres."""
+        check_choice("a genre", genre, self.genres)
+        return self.genres.index(genre)
+
+    def words_of_motif(self, motif: int) -> Indices:
+        """All words of a motif, (M,), at least one."""
+        return np.flatnonzero(self.word_motif == motif)
+
+    def words_of_take(self, take: int) -> Indices:
+        """All words of a take in order, (M,); there may be none."""
+        return np.flatnonzero(self.word_take == take)
+
+
+def make_vocabulary(
+    motifs: Motifs,
+    word_motif: Indices,
+    word_take: Indices,
+    word_start_s: Float64s,
+    word_end_s: Float64s,
+    take_genres: Sequence[str],
+) -> Vocabulary:
+    """Templates and transitions of every genre among the takes, and of all takes together.
+
+    `take_genres` holds the genre of every take. Takes without words are ignored, and so are genres that
+    have no other takes. Raises `ParameterError` if there is no word.
+    """
+    words = [word_motif[word_take == take] for take in range(len(take_genres))]
+    danced = [(genre, sequence) for genre, sequence in zip(take_genres, words, strict=True) if len(sequence)]
+    genres = (*sorted({genre for genre, _ in danced if genre and genre != ALL_GENRES}), ALL_GENRES)
+    dances = [[s for genre, s in danced if name in (genre, ALL_GENRES)] for name in genres]
+    k = len(motifs)
+    return Vocabulary(
+        motifs, word_take, word_start_s, word_end_s, word_motif, genres,
+        np.stack([template(of_genre, k) for of_genre in dances]),
+        np.stack([transition_matrix(of_genre, k) for of_genre in dances]),
+    )  # fmt: skip
+
+
+# The motif of any span of a take.
+
+
+_START_STEP_S = 0.05
+_LENGTH_STEP = 1.15  # factor between length bins
+_LENGTHS = 64  # length bins from 0.05 s on: more than any word needs
+_MIN_LENGTH_S = 0.05
+_STARTS = 2**21  # start bins: more than a day
+
+
+class SpanMotifLookup:
+    """Motifs of spans of takes, for the graph.
+
+    In the graph a word is the motion between two music beats. That may be any span of a take, not only the
+    words that the vocabulary segmented on the take's own beats. Spans are quantised, to 0.05 s in time and
+    15 % in length, and embedded on first use: a song needs a small part of all spans.
+
+    `body_pos_m` gives positions (T, 21, 3) of a take at `fps`; `embed` gives embeddings (N, D) of words
+    (N, 13, 21, 3), as `nets.words.WordNet.embed` does.
+    """
+
+    def __init__(
+        self,
+        body_pos_m: Callable[[int], Floats],
+        fps: float,
+        embed: Callable[[Floats], NDArray[np.float32]],
+        motifs: Motifs,
+    ) -> None:
+        self._body_pos_m = body_pos_m
+        self._fps = fps
+        self._embed = embed
+        self._motifs = motifs
+        self._keys = np.zeros(0, np.int64)  # sorted
+        self._cached = np.zeros(0, np.int16)
+
+    def motifs_of(self, take: Indices, start_s: Floats, stop_s: Floats) -> NDArray[np.int16]:
+        """Motifs (...) of spans, all arrays (...); beyond its ends a take holds its first or last pose."""
+        length_s = np.maximum(np.asarray(stop_s) - start_s, _MIN_LENGTH_S)
+        length = np.round(np.log(length_s / _MIN_LENGTH_S) / np.log(_LENGTH_STEP)).astype(np.int64)
+        # Bins are of the middle, not the start: it does not move when the length is quantised.
+        middle = np.maximum((np.asarray(start_s) + stop_s) / 2, 0.0)
+        key = np.round(middle / _START_STEP_S).astype(np.int64) * _LENGTHS + np.minimum(length, _LENGTHS - 1)
+        key += np.asarray(take, np.int64) * (_STARTS * _LENGTHS)
+        unique, inverse = np.unique(key, return_inverse=True)
+        new = np.setdiff1d(unique, self._keys, assume_unique=True)
+        if len(new):
+            keys = np.concatenate([self._keys, new])
+            cached = np.concatenate([self._cached, self._motifs_of_keys(new)])
+            order = np.argsort(keys)
+            self._keys, self._cached = keys[order], cached[order]
+        return self._cached[np.searchsorted(self._keys, unique)][inverse].reshape(key.shape)
+
+    def _motifs_of_keys(self, keys: Indices) -> NDArray[np.int16]:
+        takes, bins = np.divmod(keys, _STARTS * _LENGTHS)
+        middle_s = bins // _LENGTHS * _START_STEP_S
+        length_s = _MIN_LENGTH_S * _LENGTH_STEP ** (bins % _LENGTHS)
+        # Keys are sorted, so words stay in their order. All takes' words are embedded together.
+        words = [
+            self._words(int(take), middle_s[takes == take], length_s[takes == take])
+            for take in np.unique(takes)
+        ]
+        return self._motifs.nearest(self._embed(np.concatenate(words))).astype(np.int16)
+
+    def _words(self, take: int, middle_s: Floats, length_s: Floats) -> Floats:
+        """Words (N, 13, 21, 3) around the given middles, in their root frames."""
+        times_s = middle_s[:, None] + length_s[:, None] * np.linspace(-0.5, 0.5, WORD_FRAMES)  # (N, 13)
+        return clips_to_root_frame(poses_at(self._body_pos_m(take), self._fps, times_s))
+
+
+# A vocabulary as the arrays of a repertoire file, and back with every property checked.
+
+
+_TOLERANCE_S = 1e-6  # between the end of a word and the beginning of the next
+
+
+def motif_arrays(vocabulary: Vocabulary) -> dict[str, NDArray]:
+    """The arrays of `schema.MOTIFS` by path."""
+    return {
+        "motifs/embeddings": vocabulary.motifs.embeddings,
+        "motifs/words": vocabulary.motifs.words,
+        "motifs/counts": vocabulary.motifs.counts,
+        "motifs/word_take": vocabulary.word_take,
+        "motifs/word_start_s": vocabulary.word_start_s,
+        "motifs/word_end_s": vocabulary.word_end_s,
+        "motifs/word_motif": vocabulary.word_motif,
+        "motifs/genres": np.array(vocabulary.genres),
+        "motifs/signatures": vocabulary.signatures,
+        "motifs/transitions": vocabulary.transitions,
+    }
+
+
+def vocabulary_from(read: Callable[[str], NDArray], n_takes: int) -> Vocabulary:
+    """The vocabulary of a file; `read(path)` returns an array of `schema.MOTIFS`.
+
+    Raises `RepertoireError`, without the file name, if the arrays are inconsistent.
+    """
+    motifs = Motifs(
+        read("motifs/embeddings").astype(np.float32),
+        read("motifs/words").astype(np.int64),
+        read("motifs/counts").astype(np.int64),
+    )
+    vocabulary = Vocabulary(
+        motifs,
+        read("motifs/word_take").astype(np.int64),
+        read("motifs/word_start_s"),
+        read("motifs/word_end_s"),
+        read("motifs/word_motif").astype(np.int64),
+        tuple(str(genre) for genre in read("motifs/genres")),
+        read("motifs/signatures"),
+        read("motifs/transitions"),
+    )
+    _check_words(vocabulary, n_takes)
+    _check_motifs(vocabulary)
+    _check_genres(vocabulary)
+    return vocabulary
+
+
+def _check_words(vocabulary: Vocabulary, n_takes: int) -> None:
+    take, start_s, end_s = vocabulary.word_take, vocabulary.word_start_s, vocabulary.word_end_s
+    _expect(len(take) > 0, "expected motion words, got none")
+    _expect(
+        bool(take.min() >= 0 and take.max() < n_takes and (np.diff(take) >= 0).all()),
+        f"expected motion words of takes 0 to {n_takes - 1} in order, got others or another order",
+    )
+    follows = np.diff(take) == 0
+    _expect(
+        bool((start_s >= 0).all() and np.isfinite(end_s).all() and (start_s < end_s).all()),
+        "expected every motion word to end after it begins, got one that does not",
+    )
+    _expect(
+        bool((np.abs(start_s[1:] - end_s[:-1])[follows] <= _TOLERANCE_S).all()),
+        "expected every motion word to begin where the previous one ends, got a gap or overlap",
+    )
+
+
+def _check_motifs(vocabulary: Vocabulary) -> None:
+    motifs, word_motif, k = vocabulary.motifs, vocabulary.word_motif, vocabulary.n_motifs
+    _expect(bool(np.isfinite(motifs.embeddings).all()), "expected finite motifs, got nan or infinity")
+    _expect(
+        bool(word_motif.min() >= 0 and word_motif.max() < k),
+        f"expected motion words with motifs 0 to {k - 1}, got others",
+    )
+    _expect(
+        bool(motifs.words.min() >= 0 and motifs.words.max() < len(word_motif)),
+        f"expected medoids among {len(word_motif)} motion words, got others",
+    )
+    _expect(
+        bool((np.bincount(word_motif, minlength=k) == motifs.counts).all() and motifs.counts.min() > 0),
+        "expected motif counts that match the motion words, got others",
+    )
+
+
+def _check_genres(vocabulary: Vocabulary) -> None:
+    genres = vocabulary.genres
+    _expect(
+        len(set(genres)) == len(genres) and genres[-1:] == (ALL_GENRES,),
+        f"expected distinct genres with {ALL_GENRES!r} last, got {', '.join(genres)}",
+    )
+    for shares in (vocabulary.signatures, vocabulary.transitions):
+        _expect(
+            bool((shares >= 0).all() and (np.abs(shares.sum(axis=-1) - 1.0) <= SUM_TOLERANCE).all()),
+            "expected signatures and transitions that sum to 1, got others",
+        )
+
+
+def _expect(condition: bool, message: str) -> None:
+    if not condition:
+        raise RepertoireError(message)

@@ -1,0 +1,319 @@
+"""`Repertoire`: an opened repertoire file as takes, clips, motions and poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.arguments import as_index, as_number, check_kind, check_text
+from choreograph.core.counts import NO_COUNTS, Counts, Figure
+from choreograph.core.errors import ParameterError, RepertoireError
+from choreograph.core.files import as_path
+from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
+from choreograph.library.checks import check_clips
+from choreograph.library.clips import ClipMotion, TakeInfo, counts_from, figures_from, takes_from
+from choreograph.library.motifs import Vocabulary, vocabulary_from
+from choreograph.library.schema import NetArrays
+from choreograph.library.store import RepertoireFile
+from choreograph.motion import rotations as rot
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton, roles_of
+
+if TYPE_CHECKING:
+    from choreograph.nets.rollout import RolloutNet
+    from choreograph.nets.words import WordNet
+
+# A small HTML table, for notebooks.
+
+
+def html_table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]], *, max_rows: int) -> str:
+    """The table as HTML with all text escaped, and after `max_rows` rows the number of those left out."""
+    head = "".join(f"<th>{escape(text)}</th>" for text in header)
+    body = "".join(
+        f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in rows[:max_rows]
+    )
+    if len(rows) > max_rows:
+        body += f'<tr><td colspan="{len(header)}">… and {len(rows) - max_rows:,} more</td></tr>'
+    top = f"<caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead>"
+    return f"<table>{top}<tbody>{body}</tbody></table>"
+
+
+# `Repertoire`: an opened repertoire file as takes, clips, motions and poses.
+
+
+_HTML_ROWS = 50
+
+
+class Repertoire:
+    """Everything that `dance` needs besides the song. Open with `Repertoire.open`; arrays load on demand."""
+
+    def __init__(self, file: RepertoireFile) -> None:
+        check_kind("the file of a repertoire", file, RepertoireFile, "`Repertoire.open` opens a path")
+        self._file = file
+
+    @classmethod
+    def open(cls, path: str | Path) -> Repertoire:
+        """Open a repertoire file.
+
+        Raises `RepertoireError` if it is missing, damaged or of another version, `ParameterError` if `path`
+        is not a path.
+        """
+        return cls(RepertoireFile(as_path("a repertoire file", path)))
+
+    def __repr__(self) -> str:
+        return f"<Repertoire {self._summary()}>"
+
+    def _repr_html_(self) -> str:
+        """A table of the takes, for notebooks."""
+        clips = np.bincount(self.clip_take, minlength=len(self.takes))
+        rows = [
+            (
+                take.name,
+                take.credits.genre,
+                f"{take.duration_s:.1f} s",
+                f"{n_clips:,}",
+                ", ".join(filter(None, (take.credits.performer, take.credits.licence, take.credits.source))),
+            )
+            for take, n_clips in zip(self.takes, clips, strict=True)
+        ]
+        header = ("take", "genre", "length", "clips", "credits")
+        return html_table(self._summary(), header, rows, max_rows=_HTML_ROWS)
+
+    def _summary(self) -> str:
+        minutes = sum(take.duration_s for take in self.takes) / 60
+        genres = ", ".join(sorted({take.credits.genre for take in self.takes} - {""})) or "none"
+        return (
+            f"{self.path.name}: {len(self.takes):,} takes, {minutes:.1f} min, {self.n_clips:,} clips, "
+            f"genres: {genres}"
+        )
+
+    @property
+    def path(self) -> Path:
+        """The file of this repertoire."""
+        return self._file.path
+
+    @property
+    def density(self) -> str:
+        """The kind of the clips' tempo-densities: "analytic" or "learned"."""
+        return self._file.density
+
+    @property
+    def provenance(self) -> dict:
+        """How the file was made: program version, preset, seed, songs trained on."""
+        return self._file.provenance
+
+    @property
+    def source_checksums(self) -> frozenset[str]:
+        """SHA-256, hexadecimal, of every motion and music file that it was made from."""
+        return frozenset(str(digest) for digest in self._file.read("sources/sha256"))
+
+    @property
+    def net_names(self) -> tuple[str, ...]:
+        """Names of the networks in the file."""
+        return self._file.net_names
+
+    def net(self, name: str) -> NetArrays:
+        """A network's config and weights; `RepertoireError` if there is none with that name."""
+        check_text("the name of a network", name)
+        return self._file.read_net(name)
+
+    @property
+    def has_vocabulary(self) -> bool:
+        """Whether the file has motion words and motifs."""
+        return self._file.has_motifs
+
+    @cached_property
+    def vocabulary(self) -> Vocabulary:
+        """Motion words, motifs and the genres' signatures; `RepertoireError` if there are none."""
+        self._expect_vocabulary()
+        with self._damage_named():
+            return vocabulary_from(self._file.read, len(self.takes))
+
+    def word_net(self) -> WordNet:
+        """The network that embedded the vocabulary's motion words; `RepertoireError` if there is none."""
+        from choreograph.nets.words import WordNet
+
+        self._expect_vocabulary()
+        net = self.net("words")
+        try:
+            return WordNet.from_arrays(net.weights, net.config)
+        except ParameterError as error:
+            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
+
+    def rollout_net(self) -> RolloutNet:
+        """The network that generates motion from motifs; `RepertoireError` if there is none."""
+        from choreograph.nets.rollout import RolloutNet
+
+        if "rollout" not in self.net_names:
+            raise RepertoireError(
+                f"{self.path}: expected a rollout network, got a repertoire without one: build it again with "
+                "`choreograph build-db --rollout`"
+            )
+        net = self.net("rollout")
+        try:
+            return RolloutNet.from_arrays(net.weights, net.config)
+        except ParameterError as error:
+            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
+
+    def _expect_vocabulary(self) -> None:
+        if not self.has_vocabulary:
+            raise RepertoireError(
+                f"{self.path}: expected motion words and motifs, got a repertoire without: made by an older "
+                "choreograph or from too few words, build it again with `choreograph build-db`"
+            )
+
+    @cached_property
+    def skeleton(self) -> Skeleton:
+        """The skeleton of all motion in the file."""
+        names = ("parents", "offsets_m", "tip_parents", "tips_m")
+        joints = tuple(str(name) for name in self._file.read("skeleton/names"))
+        try:
+            skeleton = Skeleton(joints, *(self._file.read(f"skeleton/{name}") for name in names))
+            if not self._file.has_roles:
+                return skeleton
+            return replace(skeleton, roles=roles_of(self._file.read("skeleton/roles")))
+        except ParameterError as error:
+            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
+
+    @cached_property
+    def takes(self) -> tuple[TakeInfo, ...]:
+        """All takes, in the order of the file; `RepertoireError` if there is none or their rows are wrong."""
+        with self._damage_named():
+            return takes_from(self._file)
+
+    @property
+    def n_clips(self) -> int:
+        """Number of clips N."""
+        return self._file.shapes["clips/take"][0]
+
+    @property
+    def clip_take(self) -> NDArray[np.int32]:
+        """Index of each clip's take, (N,)."""
+        return self._clips[0]
+
+    @property
+    def clip_start_frame(self) -> NDArray[np.int64]:
+        """First frame of each clip in its take, 20 fps, (N,)."""
+        return self._clips[1]
+
+    @cached_property
+    def _clips(self) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+        """Take and first frame of each clip, (N,)."""
+        clips = self._file.read("clips/take"), self._file.read("clips/start_frame")
+        with self._damage_named():
+            check_clips(*clips, np.diff([take.body for take in self.takes], axis=1)[:, 0])
+        return clips
+
+    @cached_property
+    def clip_style(self) -> NDArray[np.float32]:
+        """Style vectors of the clips' middle 4 s, (N, 32)."""
+        return self._file.read("clips/style")
+
+    @cached_property
+    def clip_beat_count(self) -> NDArray[np.float32]:
+        """Motion beats in the clips' middle 4 s, (N,)."""
+        return self._file.read("clips/beat_count")
+
+    @cached_property
+    def _beats_s(self) -> NDArray[np.float64]:
+        return self._file.read("beats/motion_s")
+
+    @contextmanager
+    def _damage_named(self) -> Iterator[None]:
+        """Names the file in errors about what its arrays say together."""
+        try:
+            yield
+        except RepertoireError as error:
+            if str(error).startswith(str(self.path)):
+                raise
+            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
+
+    @property
+    def selection_beat_weight(self) -> float:
+        """Weight in selection of a difference of one motion beat, relative to style distance."""
+        return float(self.provenance.get("selection_beat_weight", 0.0))
+
+    def take_index(self, name: str) -> int:
+        """Index of a take by name; `RepertoireError` if there is none."""
+        check_text("the name of a take", name)
+        names = [take.name for take in self.takes]
+        if name not in names:
+            raise RepertoireError(f"{self.path}: expected one of {len(names)} takes, got {name!r}")
+        return names.index(name)
+
+    def motion(self, take: int, start_s: float = 0.0, stop_s: float | None = None) -> tuple[Motion, float]:
+        """A take's stored motion around [start_s, stop_s], and the time of its first frame.
+
+        Raises `ParameterError`, as all methods that take the index of a take or a clip, for one that there is
+        not, and for times that are no numbers.
+        """
+        info = self.takes[self._take(take)]
+        start_s = as_number("start_s in seconds", start_s)
+        stop_s = None if stop_s is None else as_number("stop_s in seconds or None", stop_s)
+        n_frames = info.motion[1] - info.motion[0]
+        first = int(np.clip(np.floor(start_s * info.fps), 0, n_frames - 1))
+        last = (
+            n_frames if stop_s is None else int(np.clip(np.ceil(stop_s * info.fps) + 2, first + 1, n_frames))
+        )
+        part = slice(info.motion[0] + first, info.motion[0] + last)
+        root = self._file.read("motion/root_pos_m", part)
+        quat = rot.normalize(self._file.read("motion/local_quat", part).astype(np.float64))
+        return Motion(self.skeleton, root, quat, info.fps), first / info.fps
+
+    def _take(self, take: int) -> int:
+        return as_index("a take", take, len(self.takes))
+
+    def _clip(self, clip: int) -> int:
+        return as_index("a clip", clip, self.n_clips)
+
+    def body_pos_m(self, take: int) -> NDArray[np.float32]:
+        """A take's 21 joints at 20 fps, (T, 21, 3)."""
+        return self.clip_motion.body_pos_m(self._take(take))
+
+    def motion_beats_s(self, take: int) -> NDArray[np.float64]:
+        """A take's motion beats in seconds from its first frame, (Q,)."""
+        start, stop = self.takes[self._take(take)].beats
+        return self._beats_s[start:stop]
+
+    @cached_property
+    def _counts(self) -> tuple[Counts, ...]:
+        """Each take's counts; none in a file of version 1."""
+        if not self._file.has_counts:
+            return (NO_COUNTS,) * len(self.takes)
+        with self._damage_named():
+            return counts_from(self._file, self.takes)
+
+    def counts(self, take: int) -> Counts:
+        """A take's counts, in seconds from its first frame; `NO_COUNTS` if they are not known."""
+        return self._counts[self._take(take)]
+
+    @cached_property
+    def _figures(self) -> dict[int, tuple[Figure, ...]]:
+        return figures_from(self._file.read) if self._file.has_counts else {}
+
+    def figures(self, take: int) -> tuple[Figure, ...]:
+        """A take's figures in order; none if they are not known."""
+        return self._figures.get(self._take(take), ())
+
+    def clip_start_s(self, clip: int) -> float:
+        """Start of a clip in its take, in seconds."""
+        return float(frames_to_seconds(self.clip_start_frame[self._clip(clip)], NET_FPS))
+
+    def clip_motion_beats(self, clip: int) -> NDArray[np.float64]:
+        """Motion beats inside a clip, in its frames at 20 fps."""
+        clip = self._clip(clip)
+        beats = self.motion_beats_s(int(self.clip_take[clip])) * NET_FPS - self.clip_start_frame[clip]
+        return beats[(beats >= 0) & (beats < CLIP_FRAMES)]
+
+    @cached_property
+    def clip_motion(self) -> ClipMotion:
+        """How the clips move, frame by frame."""
+        return ClipMotion(self._file.read, self.takes, self._counts, self.clip_take, self.clip_start_frame)

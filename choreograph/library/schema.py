@@ -1,0 +1,154 @@
+"""The layout of a repertoire file, which `data_schema/repertoire.json` documents, and its plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.typing import NDArray
+
+from choreograph.core.errors import RepertoireError
+
+# The layout of a repertoire file, version 2; `data_schema/repertoire.json` documents it for other programs.
+#
+# Takes are concatenated along the first axis of each array; the takes table holds their first rows and ends.
+# Clips are (take, start frame), never copies.
+
+
+FORMAT = "choreograph-repertoire"
+NETWORKS_FORMAT = "choreograph-networks"  # a file of networks alone, as `NETS`, and `provenance`
+VERSION = 2
+WITH_COUNTS = 2  # the first version with `COUNTS`; those before it are still read
+
+# path -> (kind, shape): kinds are h5py's s (UTF-8 string), f4, f8, i4, i8; letters are axes.
+# J joint, E end site, X take, M stored motion frame, B 20 fps frame, Q motion beat, N clip, C checksum,
+# U count, F figure.
+DATASETS: dict[str, tuple[str, str]] = {
+    "skeleton/names": ("s", "J"),
+    "skeleton/parents": ("i8", "J"),
+    "skeleton/offsets_m": ("f8", "J 3"),
+    "skeleton/tip_parents": ("i8", "E"),
+    "skeleton/tips_m": ("f8", "E 3"),
+    "takes/name": ("s", "X"),
+    "takes/song_name": ("s", "X"),
+    "takes/genre": ("s", "X"),
+    "takes/performer": ("s", "X"),
+    "takes/licence": ("s", "X"),
+    "takes/source": ("s", "X"),
+    "takes/notes": ("s", "X"),
+    "takes/fps": ("f8", "X"),
+    "takes/motion_start": ("i8", "X"),
+    "takes/motion_stop": ("i8", "X"),
+    "takes/body_start": ("i8", "X"),
+    "takes/body_stop": ("i8", "X"),
+    "takes/beat_start": ("i8", "X"),
+    "takes/beat_stop": ("i8", "X"),
+    "motion/root_pos_m": ("f4", "M 3"),
+    "motion/local_quat": ("f4", "M J 4"),
+    "body/pos_m": ("f4", "B 21 3"),
+    "body/density": ("f4", "B"),
+    "beats/motion_s": ("f8", "Q"),
+    "clips/take": ("i4", "N"),
+    "clips/start_frame": ("i8", "N"),
+    "clips/style": ("f4", "N 32"),
+    "clips/beat_count": ("f4", "N"),
+    "sources/path": ("s", "C"),
+    "sources/sha256": ("s", "C"),
+    "sources/take": ("i4", "C"),
+}
+
+# Where the dancers count, and what they dance. A take without counts has `count_start` = `count_stop`.
+COUNTS: dict[str, tuple[str, str]] = {
+    "takes/count_start": ("i8", "X"),
+    "takes/count_stop": ("i8", "X"),
+    "takes/metre": ("i8", "X"),
+    "takes/counts_source": ("s", "X"),
+    "takes/counts_confidence": ("f8", "X"),
+    "counts/time_s": ("f8", "U"),
+    "counts/number": ("i8", "U"),
+    "figures/take": ("i4", "F"),
+    "figures/name": ("s", "F"),
+    "figures/start_s": ("f8", "F"),
+    "figures/end_s": ("f8", "F"),
+    "figures/n_counts": ("i8", "F"),
+}
+
+# How doubtful each count is, in files of takes that a network counted; without it, none is.
+DOUBT: dict[str, tuple[str, str]] = {"counts/doubt": ("f4", "U")}
+
+# Which joint is which, in files of a rig whose joints' names do not say it.
+ROLES: dict[str, tuple[str, str]] = {"skeleton/roles": ("i8", "J")}
+
+# Motion words and motifs, all of these or none: K motif, W word, G genre. They need the network `words`.
+MOTIFS: dict[str, tuple[str, str]] = {
+    "motifs/embeddings": ("f4", "K 184"),
+    "motifs/words": ("i8", "K"),
+    "motifs/counts": ("i8", "K"),
+    "motifs/word_take": ("i4", "W"),
+    "motifs/word_start_s": ("f8", "W"),
+    "motifs/word_end_s": ("f8", "W"),
+    "motifs/word_motif": ("i4", "W"),
+    "motifs/genres": ("s", "G"),
+    "motifs/signatures": ("f8", "G K"),
+    "motifs/transitions": ("f8", "G K K"),
+}
+
+# A compressed file stores these quantised to 16-bit integers with the attributes `step`, `order`, `restart`
+# and `folded`: value = integer × step. The integers are delta-coded `order` times from row to row (modulo
+# 2^16), anew every `restart` rows. Where `folded` is true they are u2 in zigzag encoding, else i2. The steps
+# keep joint rotations to 0.03 degrees and positions to half a millimetre.
+QUANTISATION_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
+DELTA_ORDER, DELTA_RESTART = 2, 8192
+HALF_PRECISION = ("motifs/embeddings",)  # f2 in a compressed file, as are the networks' weights
+
+# nets/<name>: a group with the attribute `config` (JSON) and one dataset per weight, of any shape.
+NETS = ("style", "motion_density", "music_density", "words", "rollout")
+
+# Attributes of the file itself.
+ATTRIBUTES = ("format", "version", "density", "provenance")
+
+
+# What a repertoire file holds as plain data, and which arrays of what shapes.
+
+
+@dataclass(frozen=True, eq=False)
+class NetArrays:
+    """One network as plain data: its config and weights."""
+
+    config: dict[str, Any]
+    weights: dict[str, NDArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """Everything in a repertoire file."""
+
+    # By path: all of `schema.DATASETS` and `COUNTS`, all or none of `MOTIFS`, of `DOUBT` and of `ROLES`.
+    arrays: Mapping[str, NDArray]
+    density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
+    provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
+    nets: Mapping[str, NetArrays] = field(default_factory=dict)
+
+
+def layout_of(names: Container[str], version: int = VERSION) -> dict[str, tuple[str, str]]:
+    """The datasets of a file with these names: all or none of `schema.MOTIFS`, `DOUBT`, `ROLES`."""
+    layout = DATASETS | (COUNTS if version >= WITH_COUNTS else {})
+    for optional in (DOUBT, MOTIFS, ROLES):
+        if any(name in names for name in optional):
+            layout |= optional
+    return layout
+
+
+def axis_sizes(shapes: Mapping[str, tuple[int, ...]], version: int = VERSION) -> dict[str, int]:
+    """The lengths of the axes; `RepertoireError` for a shape that contradicts the schema or one before it."""
+    sizes: dict[str, int] = {}
+    for name, (_, axes) in layout_of(shapes, version).items():
+        letters, shape = axes.split(), shapes[name]
+        sizes |= {letter: int(letter) for letter in letters if letter.isdigit()}
+        if len(shape) != len(letters) or any(
+            sizes.setdefault(letter, n) != n for letter, n in zip(letters, shape, strict=True)
+        ):
+            known = ", ".join(f"{letter} = {sizes[letter]}" for letter in letters if letter in sizes)
+            raise RepertoireError(f"{name}: expected ({axes}) with {known}, got {shape}")
+    return sizes

@@ -1,0 +1,272 @@
+"""Songs as a library needs them: their counts, analysed once for a build, and notes on what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.counts import ANNOTATED, Counts, count_phase, index_at, time_at
+from choreograph.core.errors import ParameterError
+from choreograph.core.timebase import frame_times_s, times_to_frames
+from choreograph.motion.motion import Take
+from choreograph.music.bars import track_bars
+from choreograph.music.beats import TRACKERS, BeatTracker, get_beat_tracker, read_beats
+from choreograph.music.count_grids import steady_times_s
+from choreograph.music.frame_rhythm import (
+    FRAME_RHYTHM_FPS,
+    FRAME_RHYTHM_NAMES,
+    frame_rhythm,
+    rhythm_from,
+    word_spectra,
+)
+from choreograph.music.mel import log_mel
+from choreograph.music.metrical_level import level_at_tempo, tempo_bpm
+from choreograph.music.song import Song, load_song
+
+# The counts of a song: its beats by a tracker, by the network or from a file, numbered in their bars.
+
+
+NETWORK = "network"  # `nets.music_counts`
+TRACKER_NAMES = (*TRACKERS, NETWORK)
+DEFAULT_BEATS = NETWORK
+_BEAT_DECIMALS = 4  # of seconds: what sums of other CPUs change is rounded off, and no ear would tell
+
+
+def song_counts(song: Song, log_mel: NDArray[np.floating], beats: str | Path) -> Counts:
+    """A song's beats and bars; bars are tracked where the file has none.
+
+    `beats` is one of `TRACKER_NAMES` or a file (see `music.beats`) of times in the song file.
+    `log_mel` (T, 96) is that of the song. The source of the counts is "annotation" where the file has bars.
+    Raises `ParameterError` for an unknown name, `FormatError` for a file that cannot be read.
+    """
+    given = song_beats(song, log_mel, beats)
+    return given if given.has_bars else track_bars(song.samples, log_mel, given.times_s)
+
+
+def names_a_tracker(beats: object) -> bool:
+    """Whether `beats` names a tracker or the network, rather than a file."""
+    return str(beats) in TRACKER_NAMES
+
+
+def check_beats(beats: object) -> None:
+    """Raise `ParameterError` unless `beats` is one of `TRACKER_NAMES` or an existing file."""
+    if names_a_tracker(beats) or (isinstance(beats, str | Path) and Path(beats).is_file()):
+        return
+    raise ParameterError(
+        f"expected beats among {', '.join(TRACKER_NAMES)}, or a file of beats, got {str(beats)!r}"
+    )
+
+
+def song_beats(song: Song, log_mel: NDArray[np.floating], beats: str | Path) -> Counts:
+    """A song's beats, with bars only if a file gives them; arguments and errors as of `song_counts`."""
+    check_beats(beats)
+    if names_a_tracker(beats):
+        times_s = np.round(_tracker(str(beats)).beats(song, log_mel), _BEAT_DECIMALS)
+        return Counts(times_s, np.zeros(len(times_s), np.int64), 0)
+    return read_beats(beats, start_s=song.start_s, duration_s=song.duration_s)
+
+
+def _tracker(name: str) -> BeatTracker:
+    if name in TRACKERS:
+        return get_beat_tracker(name)
+    from choreograph.nets.music_counts import NetworkBeats  # imports torch
+
+    return NetworkBeats()
+
+
+# The songs of a build, each decoded and analysed once.
+
+
+@dataclass(frozen=True, eq=False)
+class AnalysedSong:
+    """What a build needs of a song."""
+
+    duration_s: float
+    log_mel: NDArray[np.float32]  # (T, 96) at 60 fps
+    counts: Counts  # beats and bars
+    song: Song | None  # with its samples, if the cache keeps them
+    notes: tuple[str, ...] = ()  # on anything unusual in its file
+
+    @property
+    def beat_times_s(self) -> NDArray[np.float64]:
+        """The beats, (Q,) seconds."""
+        return self.counts.times_s
+
+
+class SongCache:
+    """Decodes and analyses a song when it is first needed; several takes may dance to one song.
+
+    `beats` names the tracker. Samples are dropped after the analysis unless `keep_samples`: they take 5 MB a
+    minute.
+    """
+
+    def __init__(self, beats: str = DEFAULT_BEATS, *, keep_samples: bool = False) -> None:
+        self._beats = beats
+        self._keep_samples = keep_samples
+        self._analysed: dict[Path, AnalysedSong] = {}
+
+    def known(self, path: Path) -> AnalysedSong | None:
+        """The song of a file if it has been analysed already."""
+        return self._analysed.get(path)
+
+    def analysed(self, path: Path) -> AnalysedSong:
+        """The song of a file; raises as `load_song`."""
+        if path not in self._analysed:
+            song = load_song(path)
+            mel = log_mel(song.samples)
+            counts = song_counts(song, mel, self._beats)
+            kept = song if self._keep_samples else None
+            self._analysed[path] = AnalysedSong(song.duration_s, mel, counts, kept, song.notes)
+        return self._analysed[path]
+
+
+# What is wrong with takes' songs: damage, motion without music, offsets that counts contradict.
+
+
+_LONGER_S = 0.5  # than its song: a note
+_FEWEST_COUNTS = 8
+_APART_BEATS = 0.15  # that counts lie beside beats by
+_AGREEMENT = 0.9  # resultant length of the counts' phases in the beat: all lie beside the beats by the same
+_NAMED = 3  # takes in a note
+
+
+def song_notes(takes: Sequence[Take], songs: SongCache) -> tuple[str, ...]:
+    """Notes on damaged songs, on takes that go on without theirs, and on offsets that counts contradict.
+
+    Of songs that are not analysed yet nothing is said.
+    """
+    longer, beside = {}, {}
+    notes: dict[str, None] = {}  # once for each song
+    for take in takes:
+        song = songs.known(take.song_path) if take.song_path else None
+        if song is None:
+            continue
+        notes |= dict.fromkeys(f"{take.song_path}: {note}" for note in song.notes)
+        over_s = take.song_start_s + take.motion.duration_s - song.duration_s
+        if over_s > _LONGER_S:
+            longer[take.name] = over_s
+        offset_s = better_offset_s(take, song)
+        if offset_s is not None:
+            beside[take.name] = offset_s
+    of_takes = []
+    if longer:
+        of_takes.append(f"motion goes on without music where it is longer than its song: {_listed(longer)}")
+    if beside:
+        of_takes.append(
+            "counts lie beside the song's beats all along; the song would have to start at another time of "
+            f"audio_offset_s by: {_listed(beside)}"
+        )
+    return (*notes, *of_takes)
+
+
+def better_offset_s(take: Take, song: AnalysedSong) -> float | None:
+    """How much later in its song a take would have to start for its counts to lie on beats, seconds.
+
+    None if they do, if no one time would do, or if its counts are not annotated.
+    """
+    counts, beats = take.counts, song.counts
+    if counts.source != ANNOTATED or min(len(counts), len(beats)) < _FEWEST_COUNTS:
+        return None
+    times_s = counts.times_s + take.song_start_s
+    times_s = times_s[(times_s >= beats.times_s[0]) & (times_s <= beats.times_s[-1])]
+    if len(times_s) < _FEWEST_COUNTS:
+        return None
+    mean = np.mean(np.exp(2j * np.pi * index_at(beats.times_s, times_s)))
+    apart = float(np.angle(mean)) / (2 * np.pi)  # beats
+    if np.abs(mean) < _AGREEMENT or abs(apart) < _APART_BEATS:
+        return None
+    return -apart * float(np.median(np.diff(beats.times_s)))
+
+
+def _listed(seconds: dict[str, float]) -> str:
+    named = [f"{name} ({value:+.2f} s)" for name, value in list(seconds.items())[:_NAMED]]
+    more = f" and {len(seconds) - _NAMED} more" if len(seconds) > _NAMED else ""
+    return ", ".join(named) + more
+
+
+# The music of a take as if it had been danced in step: its beats on the take's counts, bars on bars.
+#
+# Music and motion of a recorded pair need not be in step. A network that learns to dance by the phase of the
+# music needs pairs that are. Here the music is brought to the motion, which stays as it was danced; in a
+# dance it is the motion that is warped.
+
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TakeMusic:
+    """What the rollout network hears with a take, from the take's first frame on, at 30 fps."""
+
+    rhythm: NDArray[np.float32]  # (T, 4) `music.frame_rhythm`
+    count_phase: NDArray[np.float32]  # (T, 4) `core.counts`
+    spectral: NDArray[np.float32]  # (N, 87) of each word
+
+
+def music_of_take(take: Take, analysed: AnalysedSong, bounds_s: Floats) -> TakeMusic:
+    """The music of a take whose words begin and end at `bounds_s` (N + 1,), in step with its counts.
+
+    `analysed` has samples. As recorded, and without phase, if too few counts of take or song are known.
+    """
+    song, counts = analysed.song, take.counts
+    assert song is not None
+    n_frames = 1 + int(np.ceil(times_to_frames(take.motion.duration_s, FRAME_RHYTHM_FPS)))
+    times_s = frame_times_s(n_frames + FRAME_RHYTHM_FPS, FRAME_RHYTHM_FPS)
+    if min(len(counts), len(analysed.counts)) < _FEWEST_COUNTS:
+        return TakeMusic(
+            rhythm_from(song, analysed.beat_times_s, take.song_start_s),
+            np.zeros((len(times_s), 4), np.float32),
+            word_spectra(song, take.song_start_s + bounds_s),
+        )
+    beats = analysed.counts
+    if counts.has_bars:
+        beats = level_at_tempo(song.samples, analysed.log_mel, beats, counts.metre, tempo_bpm(counts))
+    of_take = steady_times_s(counts.times_s)
+    shift = beats_ahead(of_take, counts, beats, take.song_start_s)
+    beats_s = steady_times_s(beats.times_s)
+    return TakeMusic(
+        _rhythm_at(song, beats_s, time_at(beats_s, index_at(of_take, times_s) + shift), of_take),
+        count_phase(counts, times_s),
+        word_spectra(song, np.sort(time_at(beats_s, index_at(of_take, bounds_s) + shift))),
+    )
+
+
+def beats_ahead(count_times_s: Floats, counts: Counts, beats: Counts, song_start_s: float) -> int:
+    """How many beats of its song lie before a take's first count, when the take is in step.
+
+    The number nearest to how music and motion were recorded, of those that have count 1 on a downbeat where
+    both have bars of one metre.
+    """
+    recorded = float(
+        np.median(index_at(beats.times_s, count_times_s + song_start_s) - np.arange(len(counts)))
+    )
+    shifts = round(recorded) + np.arange(-counts.metre, counts.metre + 1)
+    if counts.has_bars and beats.metre == counts.metre:
+        of_take = int(counts.numbers[0])
+        in_bar = [_number_at(beats, int(shift)) == of_take for shift in shifts]
+        shifts = shifts[in_bar] if any(in_bar) else shifts
+    return int(shifts[np.argmin(np.abs(shifts - recorded))])
+
+
+def _number_at(beats: Counts, index: int) -> int:
+    """The number in the bar of a beat, also before the first and after the last."""
+    nearest = min(max(index, 0), len(beats) - 1)
+    return (int(beats.numbers[nearest]) - 1 + index - nearest) % beats.metre + 1
+
+
+def _rhythm_at(
+    song: Song, beats_s: Floats, song_times_s: Floats, count_times_s: Floats
+) -> NDArray[np.float32]:
+    """The rhythm of a song (T, 4) at the time in it that each frame of a take has, beats on counts."""
+    inside = beats_s[(beats_s >= 0) & (beats_s <= song.duration_s)]
+    rows = frame_rhythm(song.samples, inside)
+    # The nearest rows, not rows between: onsets are short.
+    frames = np.rint(times_to_frames(song_times_s, FRAME_RHYTHM_FPS)).astype(np.int64)
+    rhythm = rows[frames.clip(0, len(rows) - 1)].copy()
+    counted = np.rint(times_to_frames(count_times_s, FRAME_RHYTHM_FPS)).astype(np.int64)
+    rhythm[:, FRAME_RHYTHM_NAMES.index("beat")] = np.isin(np.arange(len(rhythm)), counted)
+    return rhythm

@@ -1,0 +1,300 @@
+"""Repertoire files and files of networks, opened with checks and read on demand."""
+
+from __future__ import annotations
+
+import json
+import mmap
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import FormatError, RepertoireError
+from choreograph.core.files import check_regular
+from choreograph.core.numerics import zigzag_decode
+from choreograph.library import checks
+from choreograph.library.checks import StoredArray
+from choreograph.library.schema import (
+    COUNTS,
+    DATASETS,
+    DELTA_RESTART,
+    DOUBT,
+    FORMAT,
+    MOTIFS,
+    NETS,
+    NETWORKS_FORMAT,
+    ROLES,
+    VERSION,
+    WITH_COUNTS,
+    NetArrays,
+    axis_sizes,
+    layout_of,
+)
+
+# HDF5 files of strangers: opened, and looked at before anything of them is read.
+#
+# Nothing outside the file is followed. All that HDF5 makes of a damaged one becomes one error that names it.
+
+
+@contextmanager
+def opened(path: Path, what: str) -> Iterator[h5py.File]:
+    """The open file; `RepertoireError` naming it for all that HDF5 or `checks` find wrong with it."""
+    with damage_named(path, what), h5py.File(path, "r") as file:
+        yield file
+
+
+@contextmanager
+def damage_named(path: Path, what: str) -> Iterator[None]:
+    try:
+        check_regular(path, what)
+        yield
+    except RepertoireError as error:
+        message = str(error)
+        if message.startswith(str(path)):
+            raise
+        raise RepertoireError(f"{path}: {message}: a damaged file") from error
+    except FormatError as error:  # no file
+        raise RepertoireError(str(error)) from error
+    except (
+        OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError,
+        NotImplementedError,
+    ) as error:  # fmt: skip  # all that h5py makes of what it cannot read
+        reason = " ".join(str(error).split())[:120]
+        raise RepertoireError(
+            f"{path}: expected {what} (HDF5), could not read it ({reason}): truncated or "
+            "not made by choreograph"
+        ) from error
+
+
+def check_link(file: h5py.File, name: str) -> None:
+    """`RepertoireError` unless an object, or its name in the group before it, is in the file itself."""
+    try:
+        link = file.id.links.get_info(name.encode())
+    except (KeyError, RuntimeError):
+        raise RepertoireError(f"the repertoire has no {name}") from None
+    if link.type != h5py.h5l.TYPE_HARD:
+        raise RepertoireError(f"{name}: expected it in this file, got a link to another place")
+
+
+def stored_array(file: h5py.File, name: str) -> StoredArray:
+    """How an array is stored; low-level calls, since opening a repertoire looks at all of them."""
+    check_link(file, name)
+    data = h5py.h5o.open(file.id, name.encode())
+    if not isinstance(data, h5py.h5d.DatasetID):
+        raise RepertoireError(f"the repertoire has no {name}")
+    plan = data.get_create_plist()
+    layout = plan.get_layout()
+    is_text = h5py.check_string_dtype(data.dtype) is not None
+    return StoredArray(
+        name,
+        data.dtype,
+        is_text,
+        is_quantised=h5py.h5a.exists(data, b"step"),
+        shape=data.shape or (),
+        chunk=plan.get_chunk() if layout == h5py.h5d.CHUNKED else (),
+        filters=tuple(plan.get_filter(i)[0] for i in range(plan.get_nfilters())),
+        n_stored_bytes=data.get_storage_size(),
+        is_elsewhere=layout == h5py.h5d.VIRTUAL or plan.get_external_count() > 0,
+    )
+
+
+def member_names(file: h5py.File, group: str, most: int) -> list[str]:
+    check_link(file, group)
+    members = file[group]
+    if not isinstance(members, h5py.Group) or len(members) > most:
+        raise RepertoireError(f"{group}: expected a group of up to {most}, got something else")
+    return sorted(members)
+
+
+def scalar(owner: h5py.Group | h5py.Dataset, name: str) -> Any:
+    """An attribute that is one value; None if there is none, or it is an array or a reference."""
+    if name not in owner.attrs:
+        return None
+    header = owner.attrs.get_id(name)
+    return owner.attrs[name] if header.shape == () and header.dtype.kind in "iufbO" else None
+
+
+def attribute(owner: h5py.Group, name: str, kind: type) -> Any:
+    value = scalar(owner, name)
+    if not isinstance(value, str if kind is str else np.integer):
+        raise RepertoireError(
+            f"the attribute {name}: expected {kind.__name__}, got something else or nothing"
+        )
+    return kind(value)
+
+
+def from_json(text: str, what: str) -> dict[str, Any]:
+    try:
+        data = json.loads(text)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise RepertoireError(f"{what}: expected JSON: a damaged file") from error
+    if not isinstance(data, dict):
+        raise RepertoireError(f"{what}: expected a JSON object: a damaged file")
+    return data
+
+
+# Repertoire files and files of networks, read on demand; `writing` writes them.
+
+
+_TEXT_BYTES = 1 << 30  # read at once, at most
+
+
+def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:
+    """Networks by name and their provenance, of `write_networks`; `RepertoireError` if it is no such file."""
+    with opened(path, "networks") as file:
+        if attribute(file, "format", str) != NETWORKS_FORMAT:
+            raise RepertoireError(f"{path}: expected networks, got another kind of file")
+        names = member_names(file, "nets", checks.MAX_NETS)
+        nets = {name: _read_net(file, name, path) for name in names}
+        provenance = from_json(attribute(file, "provenance", str), f"{path}: provenance")
+        checks.check_provenance(provenance)
+        return nets, provenance
+
+
+class RepertoireFile:
+    """An open repertoire file; arrays are read on demand.
+
+    Raises `RepertoireError` if the file is missing, not HDF5, truncated, not a repertoire or of
+    another version, or an array is not stored as `checks` expects. One that is shipped with the program is
+    not searched for damaged heaps of texts, which takes longer than all else.
+    """
+
+    def __init__(self, path: Path, *, is_shipped: bool = False) -> None:
+        self.path = Path(path)
+        if self.path.is_dir():
+            raise RepertoireError(f"{path}: expected a repertoire file, got a folder")
+        if not self.path.exists():
+            raise RepertoireError(
+                f"{path}: expected a repertoire, got no such repertoire: make one with `choreograph build-db`"
+            )
+        if not is_shipped:
+            self._check_heaps()
+        with opened(self.path, "a repertoire") as file:
+            version = self._read_version(file)
+            self.has_motifs = "motifs" in file
+            self.has_counts = version >= WITH_COUNTS
+            self.has_doubt = self.has_counts and all(name in file for name in DOUBT)
+            self.has_roles = all(name in file for name in ROLES)
+            has = ((MOTIFS, self.has_motifs), (DOUBT, self.has_doubt), (ROLES, self.has_roles))
+            optional = [name for names, is_there in has if is_there for name in names]
+            stored = self._check_stored(file, layout_of(optional, version))
+            self.density = attribute(file, "density", str)
+            self.provenance = from_json(attribute(file, "provenance", str), f"{path}: provenance")
+            checks.check_provenance(self.provenance)
+            self.net_names = self._find_nets(file)
+            self.shapes = {array.name: array.shape for array in stored}
+            self._sizes = axis_sizes(self.shapes, version)
+
+    def _check_heaps(self) -> None:
+        with (
+            damage_named(self.path, "a repertoire"),
+            open(self.path, "rb") as file,
+            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
+        ):
+            checks.check_text_heaps(data)
+
+    def _read_version(self, file: h5py.File) -> int:
+        kind = file.attrs.get("format")
+        if not isinstance(kind, str) or kind != FORMAT:
+            got = f"{kind!r}"[:40].replace("\n", " ")
+            raise RepertoireError(
+                f"{self.path}: expected a repertoire, got an HDF5 file of another kind ({got})"
+            )
+        version = attribute(file, "version", int)
+        if version not in range(1, VERSION + 1):
+            raise RepertoireError(
+                f"{self.path}: expected repertoire version 1 to {VERSION}, got {version}: made by another "
+                "version of choreograph, build it again from its takes"
+            )
+        return version
+
+    def _check_stored(self, file: h5py.File, layout: Mapping[str, tuple[str, str]]) -> list[StoredArray]:
+        for group in dict.fromkeys(name.split("/")[0] for name in layout):
+            check_link(file, group)
+        stored = [stored_array(file, name) for name in layout]
+        for array, (kind, _) in zip(stored, layout.values(), strict=True):
+            checks.check_stored(array, kind)
+        checks.check_size(stored, self.path.stat().st_size)
+        return stored
+
+    def _find_nets(self, file: h5py.File) -> tuple[str, ...]:
+        if "nets" not in file:
+            return ()
+        check_link(file, "nets")
+        return tuple(name for name in NETS if name in file["nets"])
+
+    def read(self, name: str, part: slice = slice(None)) -> NDArray:
+        """An array of the schema, or a slice of its first axis; strings as numpy str.
+
+        Raises `RepertoireError` if it cannot be read or a value is not one that `checks` expects.
+        """
+        with opened(self.path, "a repertoire") as file:
+            data = file[name]
+            if (DATASETS | COUNTS | DOUBT | MOTIFS | ROLES)[name][0] == "s":
+                return _read_text(data, part, self.path.stat().st_size)
+            array = _read_quantised(name, data, part) if "step" in data.attrs else data[part]
+            checks.check_values(name, array, self._sizes)
+            return array
+
+    def read_net(self, name: str) -> NetArrays:
+        """A network's config and weights; `RepertoireError` if the file has none of that name."""
+        if name not in self.net_names:
+            known = ", ".join(self.net_names) or "none"
+            raise RepertoireError(f"{self.path}: expected a network {name!r}, got a repertoire with {known}")
+        with opened(self.path, "a repertoire") as file:
+            return _read_net(file, name, self.path)
+
+
+def _read_net(file: h5py.File, name: str, path: Path) -> NetArrays:
+    group = f"nets/{name}"
+    check_link(file, group)
+    names = member_names(file, group, checks.MAX_WEIGHTS)
+    stored = [stored_array(file, f"{group}/{weight}") for weight in names]
+    for array in stored:
+        checks.check_stored(array, checks.WEIGHTS)
+    checks.check_size(stored, path.stat().st_size)
+    weights = {weight: _to_single(file[f"{group}/{weight}"][()]) for weight in names}
+    for weight, values in weights.items():
+        checks.check_finite(f"{group}/{weight}", values)
+    config = attribute(file[group], "config", str)
+    return NetArrays(from_json(config, f"{path}: the config of network {name}"), weights)
+
+
+def _read_quantised(name: str, data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
+    # The first 16-bit files have whole integers, the next ones their first differences, and do not say so.
+    absent: dict[str, Any] = {"order": np.int64("restart" in data.attrs), "restart": np.int64(DELTA_RESTART)}
+    attributes: dict[str, Any] = {
+        key: scalar(data, key) if key in data.attrs else absent.get(key)
+        for key in ("step", "order", "restart", "folded")
+    }
+    checks.check_quantisation(name, attributes)
+    restart, order = int(attributes["restart"]), int(attributes["order"])
+    start, stop, _ = part.indices(len(data))
+    first = start // restart * restart
+    differences = data[first:stop]
+    if attributes["folded"]:
+        differences = zigzag_decode(differences)
+    for row in range(0, len(differences), restart):
+        block = differences[row : row + restart]
+        for _ in range(order):
+            np.cumsum(block, axis=0, dtype=np.int16, out=block)
+    return (differences[start - first :] * attributes["step"]).astype(np.float32)
+
+
+def _read_text(data: h5py.Dataset, part: slice, n_file_bytes: int) -> NDArray[np.str_]:
+    """Rows of text, no more of it than the file holds: many rows may refer to the same long text in it."""
+    first, stop, _ = part.indices(len(data))
+    n_rows = max(1, _TEXT_BYTES // n_file_bytes)  # at once: none is longer than the file
+    texts: list[str] = []
+    for row in range(first, stop, n_rows):
+        texts.extend(data.asstr()[row : min(row + n_rows, stop)])
+        checks.check_text(data.name, texts, n_file_bytes)
+    return np.array(texts, dtype=np.str_)
+
+
+def _to_single(weight: NDArray) -> NDArray:
+    return weight.astype(np.float32) if weight.dtype == np.float16 else weight

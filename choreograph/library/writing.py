@@ -1,0 +1,234 @@
+"""From takes and their features to the arrays of a repertoire file, and the file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import RepertoireError
+from choreograph.core.files import atomic_path
+from choreograph.core.numerics import zigzag_encode
+from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, frames_to_seconds
+from choreograph.library.schema import (
+    DELTA_ORDER,
+    DELTA_RESTART,
+    FORMAT,
+    HALF_PRECISION,
+    NETS,
+    NETWORKS_FORMAT,
+    QUANTISATION_STEPS,
+    VERSION,
+    Contents,
+    NetArrays,
+    axis_sizes,
+    layout_of,
+)
+from choreograph.motion.motion import Take
+from choreograph.nets.configs import STYLE_DIM
+
+# From takes and their features to the arrays of a repertoire file.
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredTake:
+    """A take with its features; all of its arrays begin at the first frame."""
+
+    take: Take  # on the repertoire's skeleton
+    body_pos_m: NDArray[np.float32]  # (T, 21, 3) at 20 fps
+    motion_beats_s: NDArray[np.float64]  # (Q,)
+
+
+def clip_starts(n_frames: int) -> NDArray[np.int64]:
+    """First frames of a take's clips, at 20 fps: one every second, as long as 8 s remain."""
+    return np.arange(0, max(0, n_frames - CLIP_FRAMES + 1), NET_FPS, dtype=np.int64)
+
+
+def middle_starts(starts: NDArray[np.integer]) -> NDArray[np.int64]:
+    """First frames of the clips' middle 4 s, the part that style vectors describe."""
+    return np.asarray(starts, np.int64) + (CLIP_FRAMES - SEGMENT_FRAMES) // 2
+
+
+def to_arrays(
+    takes: Sequence[MeasuredTake],
+    *,
+    embed_motion: Callable[[NDArray[np.float32], NDArray[np.int64]], NDArray[np.float32]] | None,
+    density: Callable[[MeasuredTake], NDArray[np.float32]],
+    checksums: Sequence[tuple[str, str, int]],
+) -> dict[str, NDArray]:
+    """All arrays of a repertoire file by path.
+
+    `embed_motion(body_pos_m (T, 21, 3), starts (N,)) -> (N, 32)`; None without style networks, for zeros.
+    `density(take) -> (T,)` at 20 fps. `checksums` are (path, sha256, index of the take).
+    """
+    skeleton = takes[0].take.motion.skeleton
+    motions = [measured.take.motion for measured in takes]
+    columns: dict[str, NDArray] = {
+        "skeleton/names": np.array(skeleton.names),
+        "skeleton/parents": skeleton.parents,
+        "skeleton/offsets_m": skeleton.offsets_m,
+        "skeleton/tip_parents": skeleton.tip_parents,
+        "skeleton/tips_m": skeleton.tips_m,
+        **({} if skeleton.roles is None else {"skeleton/roles": skeleton.role_numbers()}),
+        "takes/name": np.array([m.take.name for m in takes]),
+        "takes/song_name": np.array([m.take.song_name for m in takes]),
+        "takes/notes": np.array(["; ".join(m.take.notes) for m in takes]),
+        "takes/fps": np.array([motion.fps for motion in motions]),
+        "motion/root_pos_m": np.concatenate([motion.root_pos_m for motion in motions]),
+        "motion/local_quat": np.concatenate([motion.local_quat for motion in motions]),
+        "body/pos_m": np.concatenate([m.body_pos_m for m in takes]),
+        "body/density": np.concatenate([density(m) for m in takes]),
+        "beats/motion_s": np.concatenate([m.motion_beats_s for m in takes]),
+        "sources/path": np.array([path for path, _, _ in checksums], np.str_),
+        "sources/sha256": np.array([digest for _, digest, _ in checksums], np.str_),
+        "sources/take": np.array([take for _, _, take in checksums], np.int64),
+    }
+    for credit in ("genre", "performer", "licence", "source"):
+        columns[f"takes/{credit}"] = np.array([getattr(m.take.credits, credit) for m in takes])
+    lengths = {
+        "motion": [motion.n_frames for motion in motions],
+        "body": [len(m.body_pos_m) for m in takes],
+        "beat": [len(m.motion_beats_s) for m in takes],
+    }
+    for name, counts in lengths.items():
+        stops = np.cumsum(counts)
+        columns[f"takes/{name}_start"] = stops - counts
+        columns[f"takes/{name}_stop"] = stops
+    return columns | _count_arrays([m.take for m in takes]) | _clip_arrays(takes, embed_motion)
+
+
+def _count_arrays(takes: Sequence[Take]) -> dict[str, NDArray]:
+    stops = np.cumsum([len(take.counts) for take in takes])
+    figures = [(index, figure) for index, take in enumerate(takes) for figure in take.figures]
+    doubt = [take.counts.doubt for take in takes]
+    if any(len(of_take) for of_take in doubt):  # counts that no network read are certain
+        known = [d if len(d) else np.zeros(len(t.counts)) for d, t in zip(doubt, takes, strict=True)]
+        doubts = {"counts/doubt": np.concatenate(known)}
+    else:
+        doubts = {}
+    return doubts | {
+        "takes/count_start": stops - [len(take.counts) for take in takes],
+        "takes/count_stop": stops,
+        "takes/metre": np.array([take.counts.metre for take in takes]),
+        "takes/counts_source": np.array([take.counts.source for take in takes]),
+        "takes/counts_confidence": np.array([take.counts.confidence for take in takes]),
+        "counts/time_s": np.concatenate([take.counts.times_s for take in takes]),
+        "counts/number": np.concatenate([take.counts.numbers for take in takes]),
+        "figures/take": np.array([index for index, _ in figures], np.int64),
+        "figures/name": np.array([figure.name for _, figure in figures], np.str_),
+        "figures/start_s": np.array([figure.start_s for _, figure in figures]),
+        "figures/end_s": np.array([figure.end_s for _, figure in figures]),
+        "figures/n_counts": np.array([figure.n_counts for _, figure in figures], np.int64),
+    }
+
+
+def _clip_arrays(takes: Sequence[MeasuredTake], embed_motion) -> dict[str, NDArray]:
+    starts = [clip_starts(len(m.body_pos_m)) for m in takes]
+    styles, counts = [], []
+    for measured, first in zip(takes, starts, strict=True):
+        middle = middle_starts(first)
+        if embed_motion is None:
+            styles.append(np.zeros((len(first), STYLE_DIM), np.float32))
+        else:
+            styles.append(embed_motion(measured.body_pos_m, middle))
+        borders_s = frames_to_seconds([middle, middle + SEGMENT_FRAMES], NET_FPS)  # (2, n)
+        counts.append(np.diff(np.searchsorted(measured.motion_beats_s, borders_s), axis=0)[0])
+    return {
+        "clips/take": np.repeat(np.arange(len(takes)), [len(s) for s in starts]),
+        "clips/start_frame": np.concatenate(starts),
+        "clips/style": np.concatenate(styles),
+        "clips/beat_count": np.concatenate(counts).astype(np.float32),
+    }
+
+
+# Repertoire files and files of networks, written: all of one, or nothing.
+
+
+_MIN_GZIP_SIZE = 4096  # values: compressing fewer saves nothing
+
+
+def write_repertoire(path: Path, contents: Contents, *, compress: bool = False) -> None:
+    """Write all of `contents` to `path`, or nothing.
+
+    `compress` quantises motion and networks to 16 bits (`schema.QUANTISATION_STEPS`): a quarter of the
+    size. The bytes depend on the arguments alone. Raises `RepertoireError` if an array is missing or does
+    not match the schema, `ParameterError` if the folder does not exist.
+    """
+    _check(contents)
+    with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
+        file.attrs["format"] = FORMAT
+        file.attrs["version"] = VERSION
+        file.attrs["density"] = contents.density
+        file.attrs["provenance"] = json.dumps(contents.provenance, sort_keys=True)
+        for name, (kind, _) in layout_of(contents.arrays).items():
+            array = np.asarray(contents.arrays[name])
+            if kind == "s":
+                array = np.array([str(text) for text in array], dtype=object)
+                file.create_dataset(name, data=array, dtype=h5py.string_dtype(), track_times=False)
+                continue
+            kind = "f2" if compress and name in HALF_PRECISION else kind
+            step = QUANTISATION_STEPS.get(name) if compress else None
+            _write_numbers(file, name, array.astype(kind), step)
+        _write_nets(file, contents.nets, compress=compress)
+
+
+def write_networks(path: Path, nets: Mapping[str, NetArrays], provenance: Mapping[str, Any]) -> None:
+    """Write networks alone to `path`, in half precision: what the package ships as pretrained.
+
+    The bytes depend on the arguments alone. Raises `ParameterError` if the folder does not exist.
+    """
+    with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
+        file.attrs["format"] = NETWORKS_FORMAT
+        file.attrs["provenance"] = json.dumps(provenance, sort_keys=True)
+        _write_nets(file, nets, compress=True)
+
+
+def _check(contents: Contents) -> None:
+    expected = layout_of(contents.arrays)
+    missing = [name for name in expected if name not in contents.arrays]
+    if missing:
+        raise RepertoireError(f"expected all arrays of a repertoire, got no {', '.join(missing)}")
+    axis_sizes({name: np.shape(contents.arrays[name]) for name in expected})
+    unknown = set(contents.nets) - set(NETS)
+    if unknown:
+        raise RepertoireError(f"expected networks among {', '.join(NETS)}, got {', '.join(sorted(unknown))}")
+
+
+def _write_nets(file: h5py.File, nets: Mapping[str, NetArrays], *, compress: bool) -> None:
+    for name, net in sorted(nets.items()):
+        group = file.create_group(f"nets/{name}")
+        group.attrs["config"] = json.dumps(net.config, sort_keys=True)
+        for weight, array in sorted(net.weights.items()):
+            array = np.asarray(array, np.float16) if compress else np.asarray(array)
+            options = _gzip(9) if compress and array.size > _MIN_GZIP_SIZE else {}
+            group.create_dataset(weight, data=array, track_times=False, **options)
+
+
+def _gzip(level: int) -> dict[str, Any]:
+    return {"compression": "gzip", "compression_opts": level, "shuffle": True}
+
+
+def _write_numbers(file: h5py.File, name: str, array: NDArray, step: float | None) -> None:
+    """Write an array, quantised to multiples of `step` if it is given and 16 bits hold all values."""
+    options = _gzip(1) if array.size > _MIN_GZIP_SIZE else {}
+    if step is None or np.abs(array).max(initial=0.0) > np.iinfo(np.int16).max * step:
+        file.create_dataset(name, data=array, track_times=False, **options)
+        return
+    if options:
+        # One column per chunk: values are similar in time, but not between joints.
+        chunk = (min(len(array), DELTA_RESTART), *(1,) * (array.ndim - 1))
+        options = {**_gzip(9), "chunks": chunk}
+    integers = np.rint(array / step).astype(np.int16)
+    differences = integers
+    for _ in range(DELTA_ORDER):
+        deltas = np.diff(differences, axis=0, prepend=np.zeros_like(differences[:1]))
+        deltas[::DELTA_RESTART] = differences[::DELTA_RESTART]
+        differences = deltas
+    data = file.create_dataset(name, data=zigzag_encode(differences), track_times=False, **options)
+    data.attrs.update(step=step, order=DELTA_ORDER, restart=DELTA_RESTART, folded=True)

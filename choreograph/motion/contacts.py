@@ -1,0 +1,150 @@
+"""The floor under a take, and contacts of the feet with it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, percentile_filter
+from scipy.special import expit
+
+from choreograph.core.errors import ParameterError
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
+from choreograph.motion.kinematics import forward
+from choreograph.motion.motion import Motion
+from choreograph.motion.rigs import joint_roles, rest_pose_is_upright
+from choreograph.motion.skeleton import Skeleton
+
+# Floor height under a take, from the lowest points that its feet return to.
+
+
+Floats = NDArray[np.float64]
+
+_LOW_PERCENT = 10.0  # of frames whose lower foot may lie below the floor (noise)
+_WINDOW_S = 2.0  # longer than a jump, shorter than the drift
+_SMOOTH_S = 0.5
+
+
+def sole_pos_m(motion: Motion) -> Floats:
+    """Sole points of both feet (T, F, 3) in metres; see `foot_sole_pos_m`."""
+    pos_m, global_quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
+    feet = [foot_sole_pos_m(motion.skeleton, pos_m, global_quat, side) for side in ("left", "right")]
+    return np.concatenate(feet, axis=1)
+
+
+def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, global_quat: Floats, side: str) -> Floats:
+    """Sole points of one foot (T, F, 3) in metres: they touch the floor when the foot stands flat.
+
+    These are the ball of the foot, and heel and toe tip where the skeleton has them as end sites; the
+    ankle for a rig without any. Each is lowered by its height above the sole. Heights are taken in the
+    rest pose or, if that is not upright (some rigs lay all bones along one axis), in the motion's lowest
+    frames. `pos_m` (T, J, 3) and `global_quat` (T, J, 4) are world positions and rotations.
+
+    Raises `ParameterError` if the rig's joint names are unknown.
+    """
+    roles = joint_roles(skeleton)
+    rest_m = skeleton.rest_pos_m()
+    ankle, ball = roles[f"{side}_ankle"], roles.get(f"{side}_foot")
+    foot_joints = [ankle] if ball is None else [ankle, ball]
+    points = [] if ball is None else [pos_m[:, ball]]
+    heights = [] if ball is None else [rest_m[ball, 1]]
+    for tip in np.flatnonzero(np.isin(skeleton.tip_parents, foot_joints)):
+        parent, offset = skeleton.tip_parents[tip], skeleton.tips_m[tip]
+        points.append(pos_m[:, parent] + rot.rotate(global_quat[:, parent], offset))
+        heights.append(rest_m[parent, 1] + offset[1])
+    if not points:
+        points, heights = [pos_m[:, ankle]], [rest_m[ankle, 1]]
+    foot_m = np.stack(points, axis=1)  # (T, F, 3)
+    heights_m = (
+        np.array(heights)
+        if rest_pose_is_upright(skeleton)
+        else np.percentile(foot_m[..., 1], _LOW_PERCENT, axis=0)
+    )
+    clearance = heights_m - heights_m.min()  # (F,)
+    return foot_m - clearance[:, None] * [0.0, 1.0, 0.0]  # (T, F, 3)
+
+
+def estimate_floor_m(foot_pos_m: Floats) -> float:
+    """Height of the floor in metres, one for the take.
+
+    `foot_pos_m` (T, F, 3) are foot points that all have the same height above the floor when the foot is
+    down. The lowest point of a frame is on the floor most of the time, so its low percentile is robust
+    to jumps (frames much higher) and noise (a few frames much lower).
+
+    Raises `ParameterError` if there is no point or a value is not finite.
+    """
+    return float(np.percentile(_lowest(foot_pos_m), _LOW_PERCENT))
+
+
+def track_floor_m(foot_pos_m: Floats, fps: float) -> Floats:
+    """Height of the floor at each frame, (T,) metres, for captures with vertical drift.
+
+    Points as for `estimate_floor_m`. The result is smooth, so subtracting it adds no jerk.
+
+    Raises `ParameterError` if there is no point or a value is not finite.
+    """
+    lowest = _lowest(foot_pos_m)
+    window = max(1, min(round(_WINDOW_S * fps), len(lowest)))
+    envelope = percentile_filter(lowest, _LOW_PERCENT * 2, size=window, mode="nearest")
+    return gaussian_filter1d(envelope, _SMOOTH_S * fps, mode="nearest")
+
+
+def _lowest(foot_pos_m: Floats) -> Floats:
+    foot_pos_m = np.asarray(foot_pos_m, np.float64)
+    if foot_pos_m.ndim != 3 or foot_pos_m.shape[-1] != 3 or 0 in foot_pos_m.shape:
+        raise ParameterError(f"expected foot points (T, F, 3), got {foot_pos_m.shape}")
+    if not np.isfinite(foot_pos_m).all():
+        raise ParameterError("expected finite foot positions, got nan or infinity")
+    return foot_pos_m[..., 1].min(axis=1)  # (T,)
+
+
+# Foot contacts with the floor, from the height and speed of the foot joints.
+
+
+CONTACT_JOINTS = ("left_ankle", "left_foot", "right_ankle", "right_foot")
+
+FLOOR_PERCENT = 10.0  # of frames: a joint's height while its foot is on the floor
+_LOW_M, _LOW_WIDTH_M = 0.045, 0.007  # above that height: contact and no contact are equally likely
+_SLOW_M_S = 0.4  # at that speed the confidence is halved
+_CONTACT_SMOOTH_S = 0.04  # against noise in the speed and flickering contacts
+
+
+def foot_contacts(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
+    """Contact confidence of each of `CONTACT_JOINTS`, (T, 4) from 0 to 1; above 0.5 is a contact.
+
+    The columns are left ankle (heel), left foot (ball), right ankle, right foot of body positions
+    (T, 21, 3) in metres at any rate `fps`. Height and speed enter smoothly: with a hard threshold,
+    foot locking would switch on and off within a frame.
+
+    Raises `ParameterError` if the shape is wrong or a value is not finite.
+    """
+    pos = checked_body_pos_m(body_pos_m, fps)
+    feet = pos[:, [BODY_JOINTS.index(name) for name in CONTACT_JOINTS]]  # (T, 4, 3)
+    return contacts_above(feet, np.percentile(feet[..., 1], FLOOR_PERCENT, axis=0), fps)
+
+
+def contacts_above(
+    feet: NDArray[np.float64], floor_m: NDArray[np.float64], fps: float
+) -> NDArray[np.float64]:
+    """`foot_contacts` (T, 4) of the joints alone (T, 4, 3), with the height of each, (4,), in contact."""
+    height = feet[..., 1] - floor_m  # (T, 4)
+    smooth = gaussian_filter1d(feet, _CONTACT_SMOOTH_S * fps, axis=0, mode="nearest")
+    step = np.gradient(smooth, axis=0) if len(feet) > 1 else np.zeros_like(feet)
+    speed = np.linalg.norm(step, axis=-1) * fps  # (T, 4)
+    confidence = expit((_LOW_M - height) / _LOW_WIDTH_M) / (1.0 + (speed / _SLOW_M_S) ** 4)
+    return gaussian_filter1d(confidence, _CONTACT_SMOOTH_S * fps, axis=0, mode="nearest").clip(0.0, 1.0)
+
+
+def step_counts(
+    body_pos_m: NDArray[np.floating], fps: float, start_frames: NDArray[np.integer], n_frames: int
+) -> NDArray[np.int64]:
+    """Steps (N,) within `n_frames` from each of `start_frames` (N,): a foot comes to stand, heel or ball.
+
+    Arguments and errors as of `foot_contacts`.
+    """
+    contacts = foot_contacts(body_pos_m, fps)
+    stands = np.maximum(contacts[:, ::2], contacts[:, 1::2]) > 0.5  # (T, foot)
+    began = (stands[1:] & ~stands[:-1]).sum(axis=1)
+    steps = np.concatenate([[0, 0], np.cumsum(began)])[: len(stands) + 1]  # before each frame, and the end
+    first = np.clip(start_frames, 0, len(stands))
+    return steps[np.minimum(first + n_frames, len(stands))] - steps[first]

@@ -1,0 +1,260 @@
+"""Foot locking: feet in contact stay in place, in a whole motion or in one that goes on."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import frame_blocks
+from choreograph.core.timebase import seconds_to_frames
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_indices
+from choreograph.motion.contacts import (
+    CONTACT_JOINTS,
+    FLOOR_PERCENT,
+    contacts_above,
+    foot_contacts,
+    foot_sole_pos_m,
+)
+from choreograph.motion.kinematics import ancestors, flexion_rad, forward, move_limb, to_local
+from choreograph.motion.motion import Motion
+from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton import Skeleton
+
+# Foot locking: feet in contact stay where they are, by corrections of the legs alone.
+
+
+Floats = NDArray[np.float64]
+
+SIDES = ("left", "right")
+_RETURN_S = 1.0  # a shifted foot returns to its own path within it; longer contacts may drift
+TAKE_SHIFT_S = 0.2  # a shift comes and goes within it: shorter adds motion beats that nobody danced
+DANCE_SHIFT_S = 0.3  # for a dance of takes whose feet are locked already, where less is left to do
+_ORDER = 3  # the derivative of the shift that is kept small: jerk
+_STRAIGHT_RAD, _WRONG_RAD = 0.12, 0.25  # bent the wrong way: as recorded legs are, and as none is
+_LIFT_S = 0.15  # to each side, for a foot that would go through the floor
+
+
+def lock_feet(
+    motion: Motion,
+    contacts: NDArray[np.floating] | NDArray[np.bool_] | None = None,
+    *,
+    floor_m: float = 0.0,
+    shift_s: float = TAKE_SHIFT_S,
+    feet_shift_m: Floats | None = None,
+) -> Motion:
+    """The motion with its feet locked where they are in contact, as far as that adds no jerk.
+
+    Parameters
+    ----------
+    motion : on any rig whose joints are known by name
+    contacts : float or bool array (T, 4)   contact confidence, 0 to 1, of left ankle, left foot (ball),
+                                            right ankle and right foot; by default from `foot_contacts`
+    floor_m : float                         height of the floor
+    shift_s : float                         time over which a foot's shift comes and goes
+    feet_shift_m : float array (T, 2, 3)    how far left and right foot are moved before, smooth in time
+
+    Feet keep their world rotation, so a flat foot stays flat, and no point of a sole goes through the
+    floor. The root stays where it is, since moving the whole body adds motion beats: a leg that is too
+    short reaches as far as it can. ChoreoGraph does not lock feet.
+
+    Raises `ParameterError` if shapes disagree, a contact is outside 0 to 1, or the rig's names are unknown.
+    """
+    skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
+    pos_m, global_quat = forward(skeleton, motion.root_pos_m, motion.local_quat)
+    if contacts is None:
+        contacts = foot_contacts(pos_m[:, body_indices(skeleton)], motion.fps)
+    confidence: Floats = np.asarray(contacts, np.float64)
+    if confidence.shape != (motion.n_frames, 4):
+        raise ParameterError(f"expected contacts ({motion.n_frames}, 4), got {confidence.shape}")
+    if not ((confidence >= 0) & (confidence <= 1)).all():
+        raise ParameterError("expected contacts from 0 to 1, got values outside")
+    ease = lift_frames(motion.fps)
+    targets = {}
+    given_m = np.zeros((motion.n_frames, 2, 3)) if feet_shift_m is None else feet_shift_m
+    for index, side in enumerate(SIDES):
+        ankle, given = roles[f"{side}_ankle"], given_m[:, index]
+        points_m = pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]] + given[:, None]  # (T, 2, 3)
+        shift = locking_shift(points_m, confidence[:, 2 * index : 2 * index + 2], motion.fps, shift_s)
+        sole_m = foot_sole_pos_m(skeleton, pos_m, global_quat, side) + given[:, None]
+        shift[:, 1] = lift(sole_m, floor_m, ease)
+        shift += given
+        wrong = wrong_knee(skeleton, roles, side, pos_m, global_quat)
+        targets[side] = pos_m[:, ankle] + shift * (1.0 - smooth_cover(wrong, ease))[:, None]
+    for side, target in targets.items():
+        move_leg(skeleton, roles, side, pos_m, global_quat, target)
+    for block in frame_blocks(motion.n_frames):
+        global_quat[block] = to_local(skeleton, global_quat[block])
+    return replace(motion, local_quat=rot.make_continuous(global_quat))
+
+
+def lift_frames(fps: float) -> int:
+    """Frames over which a foot is lifted, or let go, to each side."""
+    return max(2, round(_LIFT_S * fps))
+
+
+def locking_shift(
+    points_m: Floats, contacts: Floats, fps: float, shift_s: float, given_m: Floats | None = None
+) -> Floats:
+    """How far a foot is shifted each frame, (T, 3): the smoothest small shift that stops it in contacts.
+
+    `points_m` (T, P, 3) are points of the foot, `contacts` (T, P) their contact confidence. Of all
+    shifts d, with v the points' velocities, it has the least sum of contact * |v + d'|^2 + a * |d|^2
+    + b * |third derivative of d|^2: one banded system, so that no correction starts or stops at a frame.
+    `given_m` (N, 3) are shifts of the first N frames that are decided already.
+    """
+    n_frames = len(points_m)
+    if n_frames <= _ORDER:
+        return np.zeros((n_frames, 3))
+    confidence = np.minimum(contacts[1:], contacts[:-1])  # (T-1, P)
+    pull = _RETURN_S**-2
+    bands = np.zeros((_ORDER + 1, n_frames))
+    bands[0] = pull
+    _add_differences(bands, confidence.sum(axis=1) * fps**2, 1)
+    bending = pull * (shift_s * fps) ** (2 * _ORDER)
+    _add_differences(bands, np.full(n_frames - _ORDER, bending), _ORDER)
+    steps = np.einsum("tp,tpi->ti", confidence, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
+    wanted = np.diff(steps, axis=0, prepend=0.0, append=0.0)  # (T, 3)
+    if given_m is None:
+        return solveh_banded(bands, wanted, lower=True)
+    n_given = len(given_m)
+    for below in range(1, _ORDER + 1):  # what given shifts want of the frames after them
+        for given in range(max(0, n_given - below), n_given):
+            wanted[given + below] -= bands[below, given] * given_m[given]
+    rest = solveh_banded(bands[:, n_given:], wanted[n_given:], lower=True)
+    return np.concatenate([given_m, rest])
+
+
+def _add_differences(bands: Floats, weights: Floats, order: int) -> None:
+    """Add the sum of weights * (difference of that order)^2 to a symmetric matrix in lower bands."""
+    taps = np.diff(np.eye(1, 2 * order + 1, order), n=order)[0]  # 1, -order, ...
+    for i, a in enumerate(taps):
+        for j, b in enumerate(taps[i:], start=i):
+            bands[j - i, i : i + len(weights)] += weights * a * b
+
+
+def lift(sole_m: Floats, floor_m: float, ease: int) -> Floats:
+    """How far a foot is lifted, (T,), so that no point of its sole (T, F, 3) is under the floor."""
+    return smooth_cover(np.maximum(floor_m - sole_m[..., 1].min(axis=1), 0.0), ease)
+
+
+def wrong_knee(
+    skeleton: Skeleton, roles: dict[str, int], side: str, pos_m: Floats, global_quat: Floats
+) -> Floats:
+    """How wrong the knee is bent, (T,) from 0 to 1: there the foot stays on its path, whatever it touches.
+
+    A leg that swings through straight far to the wrong side, as quick ones do in transitions, would have
+    to be thrown to the right side and back for a shifted foot.
+    """
+    hip, knee, ankle = (roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
+    hinge = _hinge_axis(skeleton, roles, global_quat[:, knee])
+    backwards = -flexion_rad(pos_m[:, hip], pos_m[:, knee], pos_m[:, ankle], hinge)
+    return np.clip((backwards - _STRAIGHT_RAD) / (_WRONG_RAD - _STRAIGHT_RAD), 0.0, 1.0)
+
+
+def _hinge_axis(skeleton: Skeleton, roles: dict[str, int], knee_quat: Floats) -> Floats:
+    """World axis (T, 3) of a positive bend of a knee with world rotation `knee_quat` (T, 4)."""
+    rest_m = skeleton.rest_pos_m()
+    left = rest_m[roles["left_hip"]] - rest_m[roles["right_hip"]]
+    return rot.rotate(knee_quat, left / np.linalg.norm(left))
+
+
+def smooth_cover(amount: Floats, ease: int) -> Floats:
+    """A smooth curve (T,) that is nowhere below `amount`, up to the tails of its smoothing."""
+    if not amount.any():
+        return amount
+    return gaussian_filter1d(maximum_filter1d(amount, 2 * ease + 1), ease / 2.0, mode="nearest")
+
+
+def move_leg(
+    skeleton: Skeleton, roles: dict[str, int], side: str, pos_m: Floats, global_quat: Floats, target: Floats
+) -> None:
+    """Rotate thigh and shin in `global_quat` (T, J, 4) to bring the ankle to `target`, but not the foot."""
+    hip, knee, ankle = (roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
+    hinge = _hinge_axis(skeleton, roles, global_quat[:, knee])
+    move_limb(skeleton, (hip, knee, ankle), pos_m, global_quat, target, hinge)
+
+
+# Foot locking of a motion that still goes on: `foot_locking`, with a few frames of future.
+#
+# The same least squares are solved again and again, over the frames that are known and 0.3 s beyond them, in
+# which no contact is expected, so that a shift has time to go. Shifts of earlier frames are given; only the
+# first frames of a solution are used. The less future there is, the shorter `shift_s` has to be: with 0.1 s,
+# a shift within 0.2 s comes too late for most steps.
+
+
+_GIVEN = 3  # shifts before the first free one: as many as the third derivative reaches back
+_BEYOND_S = 0.3
+_FLOOR_S = 10.0  # of the past that says how high a foot in contact is
+
+
+class FootLockStream:
+    """Locks the feet of frames that come in at `fps`, on a floor at height 0; `shift_s`: see `lock_feet`."""
+
+    def __init__(self, skeleton: Skeleton, fps: float, shift_s: float) -> None:
+        self._skeleton, self._fps, self._shift_s = skeleton, fps, shift_s
+        self._roles = joint_roles(skeleton)
+        self._joints = body_indices(skeleton, CONTACT_JOINTS)
+        ends = [self._roles.get(f"{side}_foot", self._roles[f"{side}_ankle"]) for side in SIDES]
+        self._legs = sorted({j for end in ends for j in ancestors(skeleton, end)} - {0})  # computed alone
+        self._keep = 2 * lift_frames(fps)  # locked frames that are kept
+        n = skeleton.n_joints
+        self._pos_m, self._quat = np.zeros((0, n, 3)), np.zeros((0, n, 4))  # world, (W, J, ...)
+        self._local_quat = np.zeros((0, n, 4))  # of frames not locked yet
+        self._contacts = np.zeros((0, 4))  # (W, 4) predicted
+        self._locked = 0  # of the frames kept
+        self._heights: deque[Floats] = deque(maxlen=seconds_to_frames(_FLOOR_S, fps))
+        self._confidence = np.zeros((1, 4))  # of the last locked frame
+        self._shifts = {side: np.zeros((_GIVEN, 3)) for side in SIDES}
+
+    def push(self, root_pos_m: Floats, local_quat: Floats, contacts: Floats) -> None:
+        """Add frames: root (T, 3), rotations (T, J, 4), predicted contacts of both feet (T, 2)."""
+        pos_m, quat = forward(self._skeleton, root_pos_m, local_quat, self._legs)
+        self._local_quat = np.concatenate([self._local_quat, local_quat])
+        self._pos_m = np.concatenate([self._pos_m, pos_m])
+        self._quat = np.concatenate([self._quat, quat])
+        self._contacts = np.concatenate([self._contacts, contacts.repeat(2, axis=1)])
+        self._heights.extend(pos_m[:, self._joints, 1])
+
+    def pop(self, n_frames: int) -> Floats:
+        """Rotations (T, J, 4) of the next frames, locked; all frames pushed after them are their future."""
+        first, stop = self._locked, self._locked + n_frames
+        floor_m = np.percentile(np.array(self._heights), FLOOR_PERCENT, axis=0)  # (4,)
+        stands = contacts_above(self._pos_m[:, self._joints], floor_m, self._fps)
+        confidence = np.concatenate([self._confidence, np.sqrt(stands * self._contacts)[first:]])
+        quat = self._quat[first:stop].copy()
+        for index, side in enumerate(SIDES):
+            target = self._target_m(side, confidence[:, 2 * index : 2 * index + 2], n_frames)
+            move_leg(self._skeleton, self._roles, side, self._pos_m[first:stop], quat, target)
+        self._confidence = confidence[n_frames : n_frames + 1]
+        drop = max(0, stop - self._keep)
+        self._pos_m, self._quat = self._pos_m[drop:], self._quat[drop:]
+        self._contacts, self._locked = self._contacts[drop:], stop - drop
+        locked, self._local_quat = self._local_quat[:n_frames].copy(), self._local_quat[n_frames:]
+        locked[:, self._legs] = to_local(self._skeleton, quat)[:, self._legs]
+        return locked
+
+    def _target_m(self, side: str, confidence: Floats, n_frames: int) -> Floats:
+        """Where the ankle shall be next, (T, 3); `confidence` (1 + W, 2) is from the frame before on."""
+        ankle, first, ease = self._roles[f"{side}_ankle"], self._locked, lift_frames(self._fps)
+        points_m = self._pos_m[:, [ankle, self._roles.get(f"{side}_foot", ankle)]]  # (W, 2, 3)
+        beyond = seconds_to_frames(_BEYOND_S, self._fps)
+        before = points_m[max(first - 1, 0)]
+        known = np.concatenate(
+            [np.stack([before] * _GIVEN), points_m[first:], np.stack([points_m[-1]] * beyond)]
+        )
+        contacts = np.pad(confidence, ((_GIVEN - 1, beyond), (0, 0)))
+        shift = locking_shift(known, contacts, self._fps, self._shift_s, self._shifts[side])
+        self._shifts[side] = shift[n_frames : n_frames + _GIVEN]
+        moved = shift[_GIVEN : _GIVEN + n_frames].copy()
+        soles_m = foot_sole_pos_m(self._skeleton, self._pos_m, self._quat, side)
+        moved[:, 1] = lift(soles_m, 0.0, ease)[first : first + n_frames]
+        wrong = wrong_knee(self._skeleton, self._roles, side, self._pos_m, self._quat)
+        moved *= 1.0 - smooth_cover(wrong, ease)[first : first + n_frames, None]
+        return self._pos_m[first : first + n_frames, ankle] + moved

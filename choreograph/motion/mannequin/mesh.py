@@ -1,0 +1,366 @@
+"""Mesh of the mannequin: profiles lofted along its spine and its limbs, hands, and shoes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.motion.mannequin.bind_pose import UP, Body
+from choreograph.motion.mannequin.lofting import (
+    Floats,
+    Piece,
+    Rings,
+    ellipsoid,
+    frames_along,
+    loft,
+    shares,
+    smooth_rows,
+    smoothstep,
+)
+
+# Mesh of the mannequin's trunk, neck and head: profiles lofted along the spine.
+#
+# The tables are in metres on a 1.70 m body; `Body.scale` scales them to the actual one.
+
+
+# Half width, depth to the front and to the back; first column: 0 at the hips' height, 1 at the shoulders'.
+_TRUNK = np.array([
+    (-0.13, 0.070, 0.060, 0.066), (-0.07, 0.122, 0.078, 0.096), (0.02, 0.152, 0.090, 0.112),
+    (0.10, 0.159, 0.092, 0.112), (0.22, 0.150, 0.088, 0.096), (0.36, 0.124, 0.083, 0.078),
+    (0.47, 0.117, 0.083, 0.073), (0.58, 0.125, 0.092, 0.080), (0.72, 0.144, 0.107, 0.094),
+    (0.84, 0.160, 0.108, 0.100), (0.93, 0.172, 0.094, 0.096), (1.00, 0.184, 0.077, 0.087),
+    (1.05, 0.188, 0.064, 0.075), (1.075, 0.168, 0.058, 0.069), (1.095, 0.124, 0.053, 0.063),
+    (1.12, 0.082, 0.049, 0.058), (1.15, 0.057, 0.046, 0.054),
+])  # fmt: skip
+_WAIST, _NECKLINE = 0.40, 1.09  # on the same scale: border of the clothes, and their upper end
+_COLLAR_FROM = 0.76  # on the same scale: the chest below does not follow the collar bones
+# First column: 0 under the chin, 1 the crown.
+_HEAD = np.array([
+    (0.00, 0.026, 0.072, 0.015), (0.07, 0.042, 0.085, 0.040), (0.20, 0.056, 0.090, 0.064),
+    (0.35, 0.065, 0.091, 0.086), (0.50, 0.071, 0.092, 0.100), (0.65, 0.074, 0.091, 0.105),
+    (0.80, 0.068, 0.080, 0.096), (0.90, 0.055, 0.062, 0.077), (0.97, 0.032, 0.036, 0.045),
+])  # fmt: skip
+_HEAD_HEIGHT_M = 0.225
+_CHIN_BELOW_HEAD_M = 0.035
+_SKULL_BEHIND_HEAD_M = 0.004
+
+
+def trunk(body: Body, torso: int, pelvis: int, skin: int) -> Piece:
+    """From the crotch over the shoulders to the base of the neck, bending with spine and collar bones."""
+    at = np.unique(
+        np.concatenate(
+            [np.linspace(_TRUNK[0, 0], 0.88, 13), np.linspace(0.93, 1.03, 4), np.linspace(1.05, 1.15, 5)]
+        )
+    )
+    at = np.unique(np.append(at, [_WAIST, _NECKLINE]))
+    low, high = body.middle("hip"), body.middle("shoulder")
+    centres = low + at[:, None] * (high - low)
+    radii = smooth_rows(_TRUNK, at) * body.scale
+    hips = np.clip(body.half_span("hip") / (0.085 * body.scale), 0.75, 1.2)
+    shoulders = np.clip(body.half_span("shoulder") / (0.17 * body.scale), 0.7, 1.3)
+    # The whole trunk gets wider with the joints, but less than they do; the neck does not.
+    wider = np.interp(at, [0.2, 0.8, 1.0, 1.15], [hips, shoulders, shoulders, 1.0]) - 1
+    radii[:, 0] *= 1 + np.interp(at, [0.2, 0.8, 0.95], [0.6, 0.6, 1.0]) * wider
+    across, ahead = frames_along(np.tile(high - low, (len(at), 1)), body.front)
+    limit = low + _COLLAR_FROM * (high - low)
+    joints, weights = bending(body.pos_m[list(body.spine)], body.spine, centres, limit)
+    parts = np.where(at[:-1] < _WAIST - 1e-9, pelvis, np.where(at[:-1] < _NECKLINE - 1e-9, torso, skin))
+    rings = Rings(centres, across, ahead, radii, joints, weights)
+    piece = loft(
+        rings, parts, sides=20, squareness=2.2, start_cap_m=0.025 * body.scale, end_cap_m=0.01 * body.scale
+    )
+    _hang_on_collars(piece, body, low, high - low)
+    return piece
+
+
+def _hang_on_collars(piece: Piece, body: Body, low: Floats, up: Floats) -> None:
+    """Bind the trunk's vertices around the shoulders to the collar bones, in place."""
+    places = piece.vertices_m - low
+    height = places @ up / (up @ up)
+    chest = body.spine[-1]
+    for side in ("left", "right"):
+        if f"{side}_collar" not in body.roles:
+            continue
+        out = body.place(f"{side}_shoulder") - body.middle("shoulder")
+        beside = places @ out / max(float(out @ out), 1e-12)  # 1 at the shoulder
+        share = smoothstep((beside - 0.25) / 0.6) * smoothstep((height - _COLLAR_FROM) / 0.2)
+        moved = share > 0
+        piece.joints[moved] = chest, body.roles[f"{side}_collar"]
+        piece.weights[moved] = shares(share[moved])
+
+
+def neck(body: Body, part: int) -> Piece:
+    """From inside the chest to inside the skull."""
+    base, skull = body.neck_base(), body.head_place()
+    chain = [body.spine[-1], body.roles.get("neck", body.spine[-1]), body.head_joint()]
+    at = np.linspace(-0.5, 1.4, 8)
+    centres = base + np.maximum(at, 0)[:, None] * (skull - base)
+    centres += np.minimum(at, 0)[:, None] * 0.12 * body.scale * UP
+    wide = np.interp(at, [-0.5, 0.0, 0.6, 1.4], [0.060, 0.054, 0.049, 0.049]) * body.scale
+    places = np.stack([base - (skull - base), base, skull])
+    joints, weights = bending(places, chain, centres)
+    across, ahead = frames_along(np.tile(skull - base, (len(at), 1)), body.front)
+    rings = Rings(centres, across, ahead, wide[:, None] * [1.0, 0.95, 1.05], joints, weights)
+    return loft(rings, part, sides=14)
+
+
+def head(body: Body, skin: int, hair: int) -> list[Piece]:
+    """Skull with chin, nose and brow, ears, and hair that leaves the face free."""
+    k, joint = body.scale, body.head_joint()
+    chin = body.head_place() - k * (_CHIN_BELOW_HEAD_M * UP + _SKULL_BEHIND_HEAD_M * body.front)
+    at = np.linspace(0.0, 0.97, 14)
+    left = np.cross(UP, body.front)
+    radii = smooth_rows(_HEAD, at) * k
+    centres = chin + at[:, None] * _HEAD_HEIGHT_M * k * UP
+    n = len(at)
+    joints, weights = np.full((n, 2), joint), np.tile([1.0, 0.0], (n, 1))
+    rings = Rings(centres, np.tile(left, (n, 1)), np.tile(body.front, (n, 1)), radii, joints, weights)
+    skull = loft(rings, skin, sides=24, start_cap_m=0.008 * k, end_cap_m=0.0066 * k)
+    _shape_face(skull.vertices_m, chin, left, body.front, k)
+    cap = loft(rings, hair, sides=24, start_cap_m=0.008 * k, end_cap_m=0.0066 * k)
+    _shape_hair(cap.vertices_m, chin, left, body.front, k)
+    ears = []
+    for sign in (1.0, -1.0):
+        place = chin + (0.47 * UP * _HEAD_HEIGHT_M + sign * 0.071 * left - 0.012 * body.front) * k
+        axes = np.stack([0.030 * UP, 0.010 * left, 0.017 * body.front]) * k
+        ears.append(ellipsoid(place, axes, joint, skin, sides=8))
+    return [skull, cap, *ears]
+
+
+def _shape_face(points_m: Floats, chin: Floats, left: Floats, front: Floats, k: float) -> None:
+    """Push a nose out of the skull's points (V, 3) and eyes and mouth in, in place."""
+    local = (points_m - chin) / k
+    x, y, z = local @ left, local[:, 1] / _HEAD_HEIGHT_M, local @ front
+    facing = z > 0.03
+    nose = 0.020 * np.exp(-((x / 0.011) ** 2)) * np.exp(-(((y - 0.365) / 0.06) ** 2))
+    bridge = 0.010 * np.exp(-((x / 0.010) ** 2)) * np.exp(-(((y - 0.47) / 0.07) ** 2))
+    eyes = -0.012 * np.exp(-(((np.abs(x) - 0.032) / 0.016) ** 2)) * np.exp(-(((y - 0.49) / 0.045) ** 2))
+    mouth = -0.005 * np.exp(-((x / 0.03) ** 2)) * np.exp(-(((y - 0.20) / 0.03) ** 2))
+    points_m += np.where(facing, nose + bridge + eyes + mouth, 0.0)[:, None] * front * k
+
+
+def _shape_hair(points_m: Floats, chin: Floats, left: Floats, front: Floats, k: float) -> None:
+    """Swell a copy of the skull's points (V, 3) above the hairline and sink the rest inside it, in place."""
+    local = (points_m - chin) / k
+    x, y, z = local @ left, local[:, 1] / _HEAD_HEIGHT_M, local @ front
+    centre = np.array([0.0, 0.55 * _HEAD_HEIGHT_M, -0.01])
+    # The hairline falls from the forehead past the temples to the nape.
+    line = np.interp(z, [-0.10, -0.06, -0.01, 0.02, 0.06, 0.10], [0.16, 0.20, 0.42, 0.58, 0.76, 0.80])
+    swell = np.interp((y - line) / 0.11, [-1.0, 1.0], [-0.16, 0.055])
+    outward = np.stack([x, local[:, 1], z], axis=1) - centre
+    world = outward[:, :1] * left + outward[:, 1:2] * UP + outward[:, 2:] * front
+    points_m += world * swell[:, None] * k
+
+
+def bending(
+    places_m: Floats, joints: Sequence[int], points_m: Floats, limit_m: Floats | None = None
+) -> tuple[NDArray[np.int64], Floats]:
+    """Joints (R, 2) and weights (R, 2) of points (R, 3) along a chain of joints at `places_m` (C, 3).
+
+    The middle of a bone follows its own joint alone; from there to the middle of the next bone the weights
+    blend smoothly. From `limit_m` (3,) on, the last joint has all the weight.
+    """
+    chain = np.asarray(joints)
+    if len(chain) == 1:
+        return np.full((len(points_m), 2), chain[0]), np.tile([1.0, 0.0], (len(points_m), 1))
+    axis = places_m[-1] - places_m[0]
+    heights = (places_m - places_m[0]) @ axis / (axis @ axis)  # (C,)
+    at = (points_m - places_m[0]) @ axis / (axis @ axis)  # (R,)
+    middles = np.append((heights[1:] + heights[:-1]) / 2, heights[-1] + (heights[-1] - heights[-2]) / 2)
+    if limit_m is not None:
+        middles = np.minimum(middles, (limit_m - places_m[0]) @ axis / (axis @ axis))
+    middles = np.maximum.accumulate(middles + 1e-6 * np.arange(len(middles)))
+    place = np.clip(np.interp(at, middles, np.arange(len(middles))), 0.0, len(middles) - 1)
+    lower = np.minimum(place.astype(np.int64), len(middles) - 2)
+    return np.stack([chain[lower], chain[lower + 1]], axis=1), shares(smoothstep(place - lower))
+
+
+# Mesh of the mannequin's limbs: profiles lofted along arms and legs, hands, shoes, and plain bones.
+#
+# The tables are in metres on a 1.70 m body; `Body.scale` scales them to the actual one.
+
+
+# First column: 0 hip, 1 knee, 2 ankle.
+_LEG = np.array([
+    (0.00, 0.064, 0.070, 0.084), (0.12, 0.078, 0.083, 0.095), (0.30, 0.075, 0.082, 0.084),
+    (0.55, 0.065, 0.073, 0.067), (0.80, 0.053, 0.059, 0.053), (0.93, 0.049, 0.053, 0.049),
+    (1.00, 0.047, 0.052, 0.047), (1.08, 0.046, 0.047, 0.049), (1.20, 0.050, 0.040, 0.060),
+    (1.34, 0.052, 0.038, 0.066), (1.55, 0.043, 0.036, 0.050), (1.75, 0.032, 0.031, 0.037),
+    (1.90, 0.028, 0.028, 0.034), (2.00, 0.029, 0.029, 0.036),
+])  # fmt: skip
+# First column: 0 shoulder, 1 elbow, 2 wrist; the width of the hand extends to the front and back.
+_ARM = np.array([
+    (0.00, 0.047, 0.049, 0.050), (0.14, 0.050, 0.051, 0.052), (0.32, 0.046, 0.048, 0.047),
+    (0.50, 0.043, 0.046, 0.045), (0.70, 0.039, 0.042, 0.040), (0.90, 0.035, 0.036, 0.036),
+    (1.00, 0.034, 0.034, 0.036), (1.10, 0.036, 0.038, 0.036), (1.25, 0.038, 0.040, 0.037),
+    (1.50, 0.033, 0.034, 0.032), (1.75, 0.025, 0.027, 0.026), (1.95, 0.020, 0.027, 0.026),
+    (2.00, 0.019, 0.026, 0.026),
+])  # fmt: skip
+_SHORTS, _SLEEVE = 0.30, 0.24  # lower ends of the clothes, on the scale of the first column
+# First column: 0 wrist, 1 knuckles; half thickness, width to the thumb's side and to the other.
+_PALM = np.array([
+    (0.0, 0.018, 0.025, 0.025), (0.25, 0.0165, 0.032, 0.030), (0.6, 0.0155, 0.039, 0.037),
+    (0.9, 0.0130, 0.040, 0.037), (1.0, 0.0110, 0.038, 0.035),
+])  # fmt: skip
+_PALM_M = 0.088
+_FINGERS = (
+    (0.030, 0.072),
+    (0.0105, 0.081),
+    (-0.009, 0.075),
+    (-0.0275, 0.060),
+)  # position across the palm, length
+_HANGING = 0.7  # forearms with a larger cosine to the vertical hang: their palms face the thighs
+# Metres ahead of the ankle: half width, height over the sole.
+_SHOE = np.array([
+    (-0.055, 0.022, 0.044), (-0.040, 0.031, 0.072), (-0.015, 0.035, 0.092), (0.02, 0.036, 0.090),
+    (0.05, 0.037, 0.074), (0.09, 0.042, 0.056), (0.13, 0.046, 0.045), (0.17, 0.043, 0.036),
+    (0.195, 0.034, 0.028), (0.208, 0.022, 0.021),
+])  # fmt: skip
+_BALL_AHEAD_M = 0.13  # of the ankle, in the table above
+_ANKLE_M = 0.07  # over the sole, in the table above
+
+
+def leg(body: Body, side: str, part: int, shorts: int) -> list[Piece]:
+    """From inside the pelvis to inside the shoe."""
+    names, caps = ("hip", "knee", "ankle"), (0.060, 0.03)
+    return _limb(body, [f"{side}_{name}" for name in names], _LEG, caps, (shorts, _SHORTS), part)
+
+
+def arm(body: Body, side: str, part: int, sleeve: int) -> list[Piece]:
+    """From inside the shoulder to the wrist."""
+    names, caps = ("shoulder", "elbow", "wrist"), (0.038, 0.018)
+    return _limb(body, [f"{side}_{name}" for name in names], _ARM, caps, (sleeve, _SLEEVE), part)
+
+
+def _limb(
+    body: Body,
+    roles: list[str],
+    table: Floats,
+    caps_m: tuple[float, float],
+    cloth: tuple[int, float],
+    part: int,
+) -> list[Piece]:
+    """A tube across the middle joint, and a ball that fills the bend; `cloth`: its part and its lower end."""
+    start, middle, end = (body.place(role) for role in roles)
+    joints = [body.roles[role] for role in roles]
+    bend = 1 + np.array([-0.12, -0.045, -0.015, 0.015, 0.045, 0.12])
+    at = np.concatenate([np.linspace(0, 0.76, 5), [cloth[1]], bend, np.linspace(1.24, 2.0, 6)])  # (R,)
+    at = np.unique(at)
+    centres = np.where(
+        (at < 1)[:, None],
+        start + at[:, None] * (middle - start),
+        middle + (at[:, None] - 1) * (end - middle),
+    )
+    upper, lower = middle - start, end - middle
+    turn = smoothstep((at - 0.955) / 0.09)
+    axes = upper / np.linalg.norm(upper) * (1 - turn[:, None]) + lower / np.linalg.norm(lower) * turn[:, None]
+    across, ahead = frames_along(axes, body.front)
+    radii = smooth_rows(table, at) * body.scale
+    # The bend is sharp: a wide one would collapse on the outside, where the ball fills it now.
+    rings = Rings(centres, across, ahead, radii, np.tile(joints[:2], (len(at), 1)), shares(turn))
+    parts = np.where(at[:-1] < cloth[1] - 1e-9, cloth[0], part)
+    tube = loft(rings, parts, sides=12, start_cap_m=caps_m[0] * body.scale, end_cap_m=caps_m[1] * body.scale)
+    wide, front, back = 0.985 * smooth_rows(table, np.array([1.0]))[0] * body.scale
+    knee = int(np.argmin(np.abs(at - 1)))
+    axes = np.stack([across[knee] * wide, axes[knee] * front, ahead[knee] * (front + back) / 2])
+    return [tube, ellipsoid(middle + ahead[knee] * (front - back) / 2, axes, joints[1], part, sides=10)]
+
+
+def hand(body: Body, side: str, part: int, *, fingers: bool) -> list[Piece]:
+    """A palm with the thumb to the front and, if `fingers`, four slightly curled fingers."""
+    k, wrist = body.scale, body.place(f"{side}_wrist")
+    along = wrist - body.place(f"{side}_elbow")
+    if f"{side}_hand" in body.roles:
+        along = body.place(f"{side}_hand") - wrist
+    along = along / max(float(np.linalg.norm(along)), 1e-9)
+    across, ahead = (axes[0] for axes in frames_along(along[None], body.front))
+    inward = body.middle("hip") - wrist if abs(along[1]) > _HANGING else -UP
+    down = across if across @ inward > 0 else -across  # out of the palm
+    joint = body.roles[f"{side}_wrist"]
+    at = np.linspace(0.0, 1.0, 6)
+    n = len(at)
+    still = np.full((n, 2), joint), shares(np.zeros(n))
+    frames = np.tile(across, (n, 1)), np.tile(ahead, (n, 1))
+    palm = Rings(wrist + at[:, None] * _PALM_M * along * k, *frames, smooth_rows(_PALM, at) * k, *still)
+    pieces = [loft(palm, part, sides=12, start_cap_m=0.015 * k, end_cap_m=0.010 * k, squareness=2.4)]
+    thumb = [0.030 * along + 0.020 * ahead, 0.060 * along + 0.047 * ahead + 0.006 * down]
+    thumb.append(0.088 * along + 0.056 * ahead + 0.014 * down)
+    pieces.append(_finger(wrist + np.array(thumb) * k, np.array([0.0145, 0.0115, 0.0085]) * k, joint, part))
+    if fingers:
+        joint = body.roles.get(f"{side}_hand", joint)
+        for place, length in _FINGERS:
+            root = (_PALM_M - 0.008) * along + place * ahead
+            spread = along + 0.9 * place * ahead
+            curve = np.array([root, root + length * (0.55 * spread + 0.06 * down)])
+            tip = root + length * (0.97 * spread + 0.28 * down)
+            line = wrist + np.vstack([curve, tip]) * k
+            pieces.append(_finger(line, np.array([0.0095, 0.0085, 0.0068]) * k, joint, part))
+    return pieces
+
+
+def _finger(line_m: Floats, radii_m: Floats, joint: int, part: int) -> Piece:
+    """A rounded tube along three points (3, 3)."""
+    across, ahead = frames_along(np.gradient(line_m, axis=0), UP)
+    still = np.full((len(line_m), 2), joint), shares(np.zeros(len(line_m)))
+    rings = Rings(line_m, across, ahead, radii_m[:, None] * np.ones(3), *still)
+    return loft(rings, part, sides=6, start_cap_m=0.5 * radii_m[0], end_cap_m=radii_m[-1], cap_rings=1)
+
+
+def shoe(body: Body, side: str, part: int) -> Piece:
+    """A shoe with its sole on the floor that bends at the ball of the foot."""
+    ankle, ball = body.place(f"{side}_ankle"), body.roles.get(f"{side}_foot")
+    reach = (body.pos_m[ball] - ankle) * [1.0, 0.0, 1.0] if ball is not None else np.zeros(3)
+    long = float(np.linalg.norm(reach))
+    k = body.scale
+    pointed = long > 0.04 * k
+    ahead = reach / long if pointed else body.front
+    stretch = np.clip(long / (_BALL_AHEAD_M * k), 0.8, 1.3) if pointed else 1.0
+    at = np.concatenate([np.linspace(-0.055, 0.10, 6), np.linspace(0.12, 0.208, 5)])
+    table = smooth_rows(_SHOE, at) * k
+    rise = max(ankle[1] - body.sole_m, 0.03 * k)
+    top = table[:, 1] * np.interp(at, [0.0, 0.12], [np.clip(rise / (_ANKLE_M * k), 0.7, 1.6), 1.0])
+    centres = ankle + at[:, None] * ahead * k * stretch
+    centres[:, 1] = body.sole_m + 0.42 * top
+    n = len(at)
+    share = smoothstep((at - 0.10) / 0.05)
+    joint = body.roles[f"{side}_ankle"]
+    rings = Rings(
+        centres,
+        np.tile(np.cross(UP, ahead), (n, 1)),
+        np.tile(UP, (n, 1)),
+        np.stack([table[:, 0], 0.58 * top, 0.42 * top], axis=1),
+        np.tile([joint, ball if ball is not None else joint], (n, 1)),
+        shares(share),
+    )
+    piece = loft(rings, part, sides=12, start_cap_m=0.010 * k, end_cap_m=0.010 * k, squareness=2.5)
+    piece.vertices_m[:, 1] = np.maximum(piece.vertices_m[:, 1], body.sole_m)
+    return piece
+
+
+def taper(
+    start: Floats,
+    end: Floats,
+    wide_m: float,
+    thin_m: float,
+    joint: int,
+    part: int,
+    *,
+    sides: int = 10,
+    rings: int = 4,
+) -> Piece:
+    """A tapered bone from `start` to `end` (3,), with rounded ends, bound to one joint."""
+    at = np.linspace(0.0, 1.0, rings)[:, None]
+    radii = (wide_m + (thin_m - wide_m) * at) * np.ones(3)
+    axis = end - start
+    helper = UP if abs(axis[1]) < 0.8 * np.linalg.norm(axis) else np.array([0.0, 0.0, 1.0])
+    across, ahead = frames_along(np.tile(axis, (rings, 1)), helper)
+    still = np.full((rings, 2), joint), shares(np.zeros(rings))
+    line = Rings(start + at * axis, across, ahead, radii, *still)
+    return loft(line, part, sides=sides, start_cap_m=wide_m, end_cap_m=thin_m)
+
+
+def knob(centre_m: Floats, radius_m: float, joint: int, part: int) -> Piece:
+    """A ball at a joint."""
+    return ellipsoid(centre_m, radius_m * np.eye(3), joint, part, sides=10)

@@ -1,0 +1,165 @@
+"""`SkinnedMesh`: a mannequin bound to a skeleton's joints, and its skinning matrices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import ParameterError
+from choreograph.motion import rotations as rot
+from choreograph.motion.mannequin.bind_pose import standing_body
+from choreograph.motion.mannequin.lofting import Piece, vertex_normals
+from choreograph.motion.mannequin.mesh import arm, hand, head, knob, leg, neck, shoe, taper, trunk
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton
+
+Floats = NDArray[np.float64]
+
+# What a vertex belongs to: `SkinnedMesh.parts` are indices into this, rows of its `palette`.
+PARTS = (
+    "torso", "pelvis", "head", "hair", "left_arm", "right_arm", "left_hand", "right_hand", "left_leg",
+    "right_leg", "left_shoe", "right_shoe", "extra",
+)  # fmt: skip
+_PALETTE = {
+    "torso": "#46506b", "pelvis": "#3a425a", "head": "#e9c6a4", "hair": "#4a3a33",
+    "left_arm": "#f0a578", "right_arm": "#7fb3c8", "left_hand": "#e9c6a4", "right_hand": "#e9c6a4",
+    "left_leg": "#d98a5c", "right_leg": "#5b95ae", "left_shoe": "#dad0c6", "right_shoe": "#cbd0d2",
+    "extra": "#9a9aa6",
+}  # fmt: skip
+_THICKEST_EXTRA_M = 0.010  # bones that belong to no known body part, on a 1.70 m body
+_SHORTEST_BONE_M = 0.01  # a shorter one is not drawn
+
+
+@dataclass(frozen=True, eq=False)
+class SkinnedMesh:
+    """A mannequin's surface in its bind pose, with skinning weights for the joints of one skeleton.
+
+    With world positions p (J, 3) and world rotations R of the joints in a pose (`kinematics.forward`),
+    the world position of a vertex v with joints j and weights w is
+
+        sum over its two joints of  w · (R_j · inverse(bind_quat_j) · (v − bind_pos_j) + p_j)
+
+    and a normal is transformed alike, without positions, and normalised. The bind pose stands upright
+    facing +Z. If the skeleton's rest pose does so, it is the bind pose: `bind_quat` are identities and
+    `bind_pos_m` the joints' rest positions. All pieces are closed surfaces: back faces can be culled.
+    """
+
+    vertices_m: NDArray[np.float32]  # (V, 3) metres, bind pose
+    normals: NDArray[np.float32]  # (V, 3) unit, pointing out of the body
+    triangles: NDArray[np.int32]  # (F, 3) vertex indices, counter-clockwise seen from outside
+    joints: NDArray[np.int32]  # (V, 2) joint indices of the skeleton
+    weights: NDArray[np.float32]  # (V, 2) rows sum to 1
+    parts: NDArray[np.int32]  # (V,) index into `PARTS`; all vertices of a triangle share it
+    palette: NDArray[np.float32]  # (len(PARTS), 3) sRGB colour of each part, 0 to 1
+    bind_pos_m: Floats  # (J, 3) joints' positions in the bind pose
+    bind_quat: Floats  # (J, 4) joints' world rotations in the bind pose, wxyz
+
+
+def build_mannequin(skeleton: Skeleton, motion: Motion | None = None) -> SkinnedMesh:
+    """A mannequin of 1.5 to 6 thousand triangles around the joints of any skeleton.
+
+    Joints without a role in the body (`rigs.joint_roles`) get a tapered bone each; an unknown skeleton
+    is made of tapered bones alone. `motion`, on the same skeleton, is used only if the rest pose does not
+    stand: the bind rotations are estimated from it.
+    """
+    try:
+        body = standing_body(skeleton, motion)
+    except ParameterError:
+        return _bone_mannequin(skeleton)
+    part = {name: index for index, name in enumerate(PARTS)}
+    covered = _covered(skeleton, body.roles)
+    pieces = [
+        trunk(body, part["torso"], part["pelvis"], part["head"]),
+        neck(body, part["head"]),
+        *head(body, part["head"], part["hair"]),
+    ]
+    for side in ("left", "right"):
+        own_fingers = _has_fingers(skeleton, body.roles[f"{side}_wrist"], covered)
+        pieces += arm(body, side, part[f"{side}_arm"], part["torso"])
+        pieces += leg(body, side, part[f"{side}_leg"], part["pelvis"])
+        pieces += hand(body, side, part[f"{side}_hand"], fingers=not own_fingers)
+        pieces.append(shoe(body, side, part[f"{side}_shoe"]))
+    pieces += _extra_bones(skeleton, body.bind_pos_m, body.bind_quat, covered, _THICKEST_EXTRA_M * body.scale)
+    return _merged_mesh(pieces, body.bind_pos_m, body.bind_quat)
+
+
+def _has_fingers(skeleton: Skeleton, wrist: int, covered: set[int]) -> bool:
+    """Whether at least four joints without a role are below the wrist."""
+    below = {wrist}
+    for joint in range(wrist + 1, skeleton.n_joints):
+        if int(skeleton.parents[joint]) in below:
+            below.add(joint)
+    return len(below - covered) >= 4
+
+
+def _covered(skeleton: Skeleton, roles: dict[str, int]) -> set[int]:
+    """Joints that the body's pieces cover: those with a role, and all their ancestors."""
+    covered: set[int] = set()
+    for joint in roles.values():
+        while joint >= 0 and joint not in covered:
+            covered.add(joint)
+            joint = int(skeleton.parents[joint])
+    return covered
+
+
+def _extra_bones(
+    skeleton: Skeleton, pos_m: Floats, quat: Floats, covered: set[int], thickest_m: float
+) -> list[Piece]:
+    """A tapered bone to each joint that is not covered, and to the bone tips of such joints."""
+    ends = [(int(skeleton.parents[j]), pos_m[j]) for j in range(1, skeleton.n_joints) if j not in covered]
+    for owner, tip in zip(skeleton.tip_parents, skeleton.tips_m, strict=True):
+        if owner not in covered:
+            ends.append((int(owner), pos_m[owner] + rot.rotate(quat[owner], tip)))
+    part, bones = PARTS.index("extra"), []
+    for parent, end in ends:
+        length = float(np.linalg.norm(end - pos_m[parent]))
+        if length > _SHORTEST_BONE_M:
+            wide = min(thickest_m, 0.25 * length)
+            bones.append(taper(pos_m[parent], end, wide, 0.6 * wide, parent, part, sides=6, rings=2))
+    return bones
+
+
+def _bone_mannequin(skeleton: Skeleton) -> SkinnedMesh:
+    pos_m, quat = skeleton.rest_pos_m(), np.tile(rot.IDENTITY, (skeleton.n_joints, 1))
+    size_m = max(float(np.ptp(pos_m, axis=0).max()), 10 * _SHORTEST_BONE_M)
+    bones = _extra_bones(skeleton, pos_m, quat, set(), 0.03 * size_m)
+    ball = knob(pos_m[0], 0.02 * size_m, 0, PARTS.index("extra"))  # something visible, whatever the bones
+    return _merged_mesh([ball, *bones], pos_m, quat)
+
+
+def _merged_mesh(pieces: list[Piece], pos_m: Floats, quat: Floats) -> SkinnedMesh:
+    """One mesh of all pieces; a vertex on the border of two parts is duplicated."""
+    starts = np.cumsum([0] + [len(piece.vertices_m) for piece in pieces])
+    triangles = np.concatenate(
+        [piece.triangles + start for piece, start in zip(pieces, starts[:-1], strict=True)]
+    )
+    vertices = np.concatenate([piece.vertices_m for piece in pieces])
+    parts = np.concatenate([piece.parts for piece in pieces])  # (F,)
+    normals = vertex_normals(vertices, triangles)
+    corners = np.stack([triangles.ravel(), np.repeat(parts, 3)], axis=1)  # (3 F, 2)
+    unique, corner_index = np.unique(corners, axis=0, return_inverse=True)
+    keep = unique[:, 0]
+    colours = [[int(_PALETTE[part][i : i + 2], 16) / 255 for i in (1, 3, 5)] for part in PARTS]
+    return SkinnedMesh(
+        vertices_m=vertices[keep].astype(np.float32),
+        normals=normals[keep].astype(np.float32),
+        triangles=corner_index.reshape(-1, 3).astype(np.int32),
+        joints=np.concatenate([piece.joints for piece in pieces])[keep].astype(np.int32),
+        weights=np.concatenate([piece.weights for piece in pieces])[keep].astype(np.float32),
+        parts=unique[:, 1].astype(np.int32),
+        palette=np.array(colours, np.float32),
+        bind_pos_m=pos_m,
+        bind_quat=quat,
+    )
+
+
+def skin_matrices(mesh: SkinnedMesh, pos_m: Floats, global_quat: Floats) -> NDArray[np.float32]:
+    """Per joint the matrix (..., J, 3, 4) that takes a bind-pose vertex (x, y, z, 1) to the world.
+
+    `pos_m` (..., J, 3) and `global_quat` (..., J, 4) are `kinematics.forward`'s result.
+    """
+    turns = rot.to_matrix(rot.multiply(global_quat, rot.invert(mesh.bind_quat)))  # (..., J, 3, 3)
+    shifts = pos_m - (turns @ mesh.bind_pos_m[..., None])[..., 0]  # (..., J, 3)
+    return np.concatenate([turns, shifts[..., None]], axis=-1).astype(np.float32)  # (..., J, 3, 4)

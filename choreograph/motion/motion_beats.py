@@ -1,0 +1,136 @@
+"""Motion beats, and liveliness: how fast a body moves, and how large its motion is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.timebase import NET_FPS, frames_to_seconds
+
+# Motion beats: local minima of mean joint speed.
+
+
+SMOOTHING_S = 0.03  # standard deviation: removes marker noise, keeps every visible stop
+MIN_GAP_S = 0.1  # shorter than any dancer's step
+MIN_PROMINENCE_M_S = 1e-3  # however slow the motion
+MIN_PROMINENCE = 0.03  # of the median speed: shallower dips are tremor and sampling noise
+
+
+def mean_joint_speed_m_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
+    """Mean world speed of the joints in m/s, (T,), of positions (T, J, 3); includes root motion."""
+    pos = np.asarray(body_pos_m, np.float64)
+    if pos.ndim != 3 or pos.shape[2] != 3:
+        raise ParameterError(f"expected joint positions (T, J, 3), got {pos.shape}")
+    if len(pos) < 2:
+        return np.zeros(len(pos))
+    smooth = gaussian_filter1d(pos, SMOOTHING_S * fps, axis=0, mode="nearest")
+    return np.linalg.norm(np.gradient(smooth, axis=0) * fps, axis=2).mean(axis=1)
+
+
+def motion_beat_times_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
+    """Times of the motion beats in seconds, increasing (Q,), of positions (T, J, 3).
+
+    Best computed at 60 fps: at 20 fps about one shallow beat in eight is missed.
+    """
+    speed = mean_joint_speed_m_s(body_pos_m, fps)
+    return frames_to_seconds(speed_minima(speed, fps), fps)
+
+
+def speed_minima(speed_m_s: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
+    """Fractional frames of the motion beats of a speed curve (T,), increasing (Q,).
+
+    Local minima by scipy's find_peaks, as in the paper (ChoreoGraph, section 3.1). A dip shallower than
+    3 % of the median speed is tremor, not a beat (the paper gives no threshold). The warper's kernel
+    finds the beats of warped motion by the same definition (`choreography.graph.warp_kernels`).
+    """
+    from scipy.signal import find_peaks  # half a second to import, and planning does not need it
+
+    speed = np.asarray(speed_m_s, np.float64)
+    if len(speed) < 3:
+        return np.zeros(0)
+    frames, _ = find_peaks(
+        -speed,
+        distance=max(1, round(MIN_GAP_S * fps)),
+        prominence=max(MIN_PROMINENCE * float(np.median(speed)), MIN_PROMINENCE_M_S),
+    )
+    return frames + _vertex_offset(speed, frames)
+
+
+def _vertex_offset(speed: NDArray[np.float64], frames: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Offset in (-0.5, 0.5) of the vertex of the parabola through each minimum and its neighbours."""
+    before, here, after = speed[frames - 1], speed[frames], speed[frames + 1]
+    bend = before - 2 * here + after
+    return np.where(bend > 1e-12, 0.5 * (before - after) / np.maximum(bend, 1e-12), 0.0).clip(-0.5, 0.5)
+
+
+# Liveliness: how big each second of a take's motion is among the seconds of its genre.
+
+
+Floats = NDArray[np.floating]
+
+_WIDTH_SHARE = 0.5  # of a standard deviation of width against one of travel
+_LEAST_SPREAD_M = 1e-3  # takes that differ by less do not differ
+
+
+class Liveliness:
+    """Ranks of any seconds of takes, by how far their joints travel and by how wide the body is.
+
+    Travel is the mean of the joints' path lengths in the world; width the mean of their distances from the
+    vertical through the pelvis. Both are read from sums up to each frame, so a second may begin anywhere and
+    be played at any speed.
+    """
+
+    def __init__(self, body_pos_m: Sequence[Floats], genres: Sequence[str]) -> None:
+        """Of takes with positions (T, 21, 3) at 20 fps, each of a genre."""
+        self._first = np.cumsum([0, *(len(pos) for pos in body_pos_m)])  # (takes + 1,) rows of the sums
+        self._genres = np.array(genres)
+        self._sums = np.concatenate([np.zeros((0, 2)), *map(_sums, body_pos_m)])  # (B, 2)
+        self._scale: dict[str, Floats] = {}  # (2,) by genre
+        self._sizes: dict[str, Floats] = {}  # of all its seconds as recorded, in increasing order
+        for genre in np.unique(self._genres):
+            takes = np.flatnonzero(self._genres == genre).tolist()
+            start = np.concatenate([np.arange(max(0, len(body_pos_m[i]) - NET_FPS)) for i in takes])
+            of_take = np.repeat(takes, [max(0, len(body_pos_m[i]) - NET_FPS) for i in takes])
+            measured = self._travel_and_width(of_take, start, start + NET_FPS)
+            spread = measured.std(axis=0) if len(measured) else np.zeros(2)
+            self._scale[genre] = np.array([1.0, _WIDTH_SHARE]) / np.maximum(spread, _LEAST_SPREAD_M)
+            self._sizes[genre] = np.sort(measured @ self._scale[genre])
+
+    def ranks(self, take: NDArray[np.integer], start: Floats, stop: Floats) -> NDArray[np.float32]:
+        """Share (N,), 0 … 1, of the genre's seconds as recorded that are smaller than each of these.
+
+        `start` and `stop` (N,) are the frames of the takes (N,) at 20 fps between which a second is danced.
+        """
+        measured = self._travel_and_width(take, start, stop)
+        ranks = np.full(len(take), 0.5, np.float32)
+        genres = self._genres[take]
+        for genre, sizes in self._sizes.items():
+            here = genres == genre
+            if len(sizes) and here.any():
+                ranks[here] = np.searchsorted(sizes, measured[here] @ self._scale[genre]) / len(sizes)
+        return ranks
+
+    def _travel_and_width(self, take: NDArray[np.integer], start: Floats, stop: Floats) -> Floats:
+        """Travel in metres, as danced in one second, and mean width in metres, (N, 2)."""
+        first, last = self._first[take], self._first[take + 1] - 1
+        rows = np.clip(first + np.stack([start, stop]), first, last)  # (2, N)
+        low = rows.astype(np.int64)
+        share = (rows - low)[..., None]
+        at = (1 - share) * self._sums[low] + share * self._sums[np.minimum(low + 1, last)]  # (2, N, 2)
+        travel_m, width_m_s = (at[1] - at[0]).T
+        return np.stack([travel_m, width_m_s * NET_FPS / np.maximum(rows[1] - rows[0], 1e-6)], axis=1)
+
+
+def _sums(body_pos_m: Floats) -> Floats:
+    """Travel and width × time of a take up to every frame, (T, 2) in m and m s."""
+    pos = np.asarray(body_pos_m, np.float64)
+    across = (pos - pos[:, :1])[..., [0, 2]]
+    per_frame = np.stack(
+        [mean_joint_speed_m_s(pos, NET_FPS), np.linalg.norm(across, axis=-1).mean(axis=1)], axis=1
+    )  # (T, 2)
+    between = 0.5 * (per_frame[:-1] + per_frame[1:]) / NET_FPS
+    return np.concatenate([np.zeros((min(1, len(pos)), 2)), np.cumsum(between, axis=0)])

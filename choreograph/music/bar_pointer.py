@@ -1,0 +1,227 @@
+"""From curves of beat and bar phase to counts: the bar pointer.
+
+A pointer runs through the bar at a tempo that changes slowly; curves that a network reads from motion or from
+music say, frame by frame, where in the beat and where in the bar it seems to be. The best path of the pointer
+through all frames is the counts. It bridges stretches where the curves say nothing, and decides between tempi
+and metres by the whole.
+
+After Whiteley, Cemgil and Godsill, *Bayesian modelling of temporal structure in musical audio* (2006), with
+the tempo constant within a beat as in Krebs, Böck and Widmer, *An efficient state-space model for joint tempo
+and meter tracking* (2015). Ours differs in what is observed: phases with a concentration (a von Mises
+likelihood) instead of onset strength.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+from scipy.special import i0e
+
+from choreograph.core.counts import MAX_METRE, NO_COUNTS, Counts
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import interpolate_frames
+from choreograph.core.timebase import frame_times_s, frames_to_seconds, times_to_frames
+from choreograph.music._kernels import best_bar_sequence
+
+Floats = NDArray[np.float64]
+
+METRES = (3, 4)
+_BREAK_LOG_RATIO = 0.2  # of intervals between which the tempo does not run on
+_DOUBT_S = 8.0  # of curves that say how doubtful the count in their middle is: errors come in long stretches
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseCurves:
+    """What is known of the phase at every frame, by vectors.
+
+    The direction of a vector is a phase (0 on the beat, or on count 1), its length the concentration of a von
+    Mises distribution around it: 0 where nothing is known; of 3, half of the errors are below 1/15 turn.
+    """
+
+    beat: Floats  # (T, 2) cos and sin of the phase in the beat, times concentration
+    bar: Floats  # (T, M, 2) the same of the phase in the bar, for each metre, should it be the right one
+    fps: float
+    metres: tuple[int, ...] = METRES  # (M,) counts in the bar
+
+    def __post_init__(self) -> None:
+        n_frames, n_metres = len(self.beat), len(self.metres)
+        if np.shape(self.beat) != (n_frames, 2) or np.shape(self.bar) != (n_frames, n_metres, 2):
+            raise ParameterError(
+                f"expected phase vectors of beats (T, 2) and of bars (T, {n_metres}, 2), got "
+                f"{np.shape(self.beat)} and {np.shape(self.bar)}"
+            )
+        if not (np.isfinite(self.beat).all() and np.isfinite(self.bar).all()):
+            raise ParameterError("expected finite phase vectors, got nan or infinity")
+        if not (np.isfinite(self.fps) and self.fps > 0):
+            raise ParameterError(f"expected a positive frame rate, got {self.fps}")
+        if not n_metres or not all(1 <= metre <= MAX_METRE for metre in self.metres):
+            raise ParameterError(f"expected metres from 1 to {MAX_METRE}, got {self.metres}")
+
+
+@dataclass(frozen=True)
+class PointerConfig:
+    """How the pointer may move."""
+
+    bpm: tuple[float, float] = (50.0, 220.0)  # slowest and fastest tempo
+    tempo_std: float = 0.02  # of the relative change of the beat interval from beat to beat
+    break_cost: float = 12.0  # nats, for which any tempo, metre and number may follow
+    observations_per_s: float = 4.0  # frames near each other err alike: so many of a second count as one each
+    grid_fps: float = 120.0  # the path's beats lie on this grid; time grows with its square
+
+    def __post_init__(self) -> None:
+        low, high = self.bpm
+        if not 10.0 <= low < high <= 400.0:
+            raise ParameterError(f"expected tempi from 10 to 400 BPM, the slowest first, got {self.bpm}")
+        if min(self.tempo_std, self.observations_per_s) <= 0 or self.break_cost < 0:
+            raise ParameterError(
+                "expected a tempo_std and observations_per_s above 0 and a break_cost of 0 or more, got "
+                f"{self.tempo_std}, {self.observations_per_s} and {self.break_cost}"
+            )
+        if not 20.0 <= self.grid_fps <= 1000.0:
+            raise ParameterError(f"expected a grid of 20 to 1000 fps, got {self.grid_fps}")
+
+
+@dataclass(frozen=True, eq=False)
+class DecodedCounts:
+    """Counts, and how well the curves agree with them."""
+
+    counts: Counts
+    beat_agreement: Floats  # (T,) -1 … 1, cosine between the curve's and the counts' phase in the beat
+    bar_agreement: Floats  # (T,) the same for the bar, of the metre counted there
+
+
+def decode_counts(
+    curves: PhaseCurves, config: PointerConfig | None = None, *, source: str = ""
+) -> DecodedCounts:
+    """The counts that agree best with phase curves.
+
+    The score of a path is the sum over frames of the log likelihood of both phases, the bar's for the metre
+    in which it counts, against what no knowledge of the phase would give; less the costs of changes. The
+    best path's counts are then moved off the grid of its frames, to where curves and an even tempo want them.
+
+    Returns counts in seconds from the first frame, all of them within the frames, with the metre of most; the
+    numbers may run on in another after a break. Their confidence is left at 0. None where no frame is given.
+    """
+    config = config or PointerConfig()
+    n_frames = len(curves.beat)
+    if n_frames == 0:
+        return DecodedCounts(NO_COUNTS, np.zeros(0), np.zeros(0))
+    beat, bar = (_on_grid(vectors, curves.fps, config.grid_fps) for vectors in (curves.beat, curves.bar))
+    weight = config.observations_per_s / config.grid_fps
+    metre_gain = -_log_i0(np.linalg.norm(bar, axis=2))  # (T', M)
+    column, number = _states(curves.metres)
+    first, last = (round(60.0 * config.grid_fps / bpm) for bpm in reversed(config.bpm))
+    bounds, states = best_bar_sequence(
+        weight * beat, weight * bar, weight * metre_gain, first, last - first + 1, column, number,
+        np.array(curves.metres), 0.5 / config.tempo_std**2, config.break_cost,
+    )  # fmt: skip
+    bounds_s = frames_to_seconds(bounds, config.grid_fps)  # (Q + 1,) the first at or before 0
+    metres = np.array(curves.metres)[column[states]]
+    bounds_s = _evened(curves, bounds_s, number[states], metres, config)
+    return DecodedCounts(
+        _counts_within(bounds_s[:-1], number[states], metres, n_frames / curves.fps, source),
+        *_agreements(curves, bounds_s, number[states], column[states]),
+    )
+
+
+def count_doubt(decoded: DecodedCounts, fps: float) -> Floats:
+    """How far phase curves at `fps` disagree around each count read from them, (Q,) from 0 to 1.
+
+    (1 - c) / 2, where c is the mean cosine between the curves' and the counts' phases, beat and bar alike,
+    over the 8 s around the count, or what there is of them: ½ where the curves know nothing.
+    """
+    agreement = 0.5 * (decoded.beat_agreement + decoded.bar_agreement)
+    total = np.append(0.0, np.cumsum(agreement))
+    around_s = decoded.counts.times_s[:, None] + [-_DOUBT_S / 2, _DOUBT_S / 2]  # (Q, 2)
+    first, stop = np.clip(np.round(times_to_frames(around_s, fps)).astype(int), 0, len(agreement)).T
+    return np.clip(0.5 - 0.5 * (total[stop] - total[first]) / (stop - first), 0.0, 1.0)
+
+
+def _on_grid(vectors: Floats, fps: float, grid_fps: float) -> Floats:
+    """Vectors (T, ...) of frames, linearly interpolated at the grid's rate, over the same span."""
+    n_grid = max(1, round(len(vectors) * grid_fps / fps))
+    return interpolate_frames(vectors, times_to_frames(frame_times_s(n_grid, grid_fps), fps))
+
+
+def _states(metres: Sequence[int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Of every state the column of its metre and its number in the bar, (S,) each."""
+    column = np.repeat(np.arange(len(metres)), metres)
+    return column, np.concatenate([np.arange(1, metre + 1) for metre in metres])
+
+
+def _log_i0(concentration: Floats) -> Floats:
+    """Logarithm of the modified Bessel function: the normalisation of a von Mises density."""
+    return np.log(i0e(concentration)) + concentration
+
+
+def _counts_within(
+    times_s: Floats, numbers: NDArray[np.int64], metres: NDArray[np.int64], duration_s: float, source: str
+) -> Counts:
+    values, n_of = np.unique(metres, return_counts=True)
+    inside = (times_s >= 0) & (times_s < duration_s)
+    return Counts(times_s[inside], numbers[inside], int(values[n_of.argmax()]), source)
+
+
+def _agreements(
+    curves: PhaseCurves, bounds_s: Floats, numbers: NDArray[np.int64], columns: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """Cosines between the curves' and the counts' phases, of beat and bar, (T,) each; 0 where unknown."""
+    interval, in_beat = _place(bounds_s, len(curves.beat), curves.fps)
+    metre = np.array(curves.metres)[columns[interval]]
+    in_bar = (numbers[interval] - 1 + in_beat) / metre
+    bar = curves.bar[np.arange(len(in_bar)), columns[interval]]  # (T, 2)
+    return _cosine(curves.beat, in_beat), _cosine(bar, in_bar)
+
+
+def _place(bounds_s: Floats, n_frames: int, fps: float) -> tuple[NDArray[np.int64], Floats]:
+    """Where each frame lies among intervals: which one, and how far through it (0 … 1), (T,) each."""
+    frames_s = frame_times_s(n_frames, fps)
+    interval = np.clip(np.searchsorted(bounds_s, frames_s, side="right") - 1, 0, len(bounds_s) - 2)
+    return interval, (frames_s - bounds_s[interval]) / np.diff(bounds_s)[interval]
+
+
+def _evened(
+    curves: PhaseCurves, bounds_s: Floats, numbers: NDArray[np.int64], metres: NDArray[np.int64],
+    config: PointerConfig,
+) -> Floats:  # fmt: skip
+    """Bounds (Q + 1,) shifted to maximise the likelihood of the beat's phases under a smooth tempo.
+
+    The von Mises likelihood of a shift is nearly a Gaussian, and so is the change of the interval from beat
+    to beat, so this is one linear system; a bound without evidence is carried by its neighbours. Nothing is
+    smoothed across a break.
+    """
+    interval, in_beat = _place(bounds_s, len(curves.beat), curves.fps)
+    angle = -2 * np.pi * in_beat
+    ahead = (curves.beat[:, 0] + 1j * curves.beat[:, 1]) * np.exp(1j * angle)  # by which the curve leads
+    ahead *= config.observations_per_s / curves.fps
+    n = len(bounds_s)
+    sums = np.zeros(n, np.complex128)  # around every bound
+    np.add.at(sums, interval, (1 - in_beat) * ahead)
+    np.add.at(sums, interval + 1, in_beat * ahead)
+    periods_s = np.diff(bounds_s)
+    # At every bound but the ends: does the tempo run on there?
+    follows = (numbers[1:] == numbers[:-1] % metres[:-1] + 1) & (metres[1:] == metres[:-1])
+    follows &= np.abs(np.log(periods_s[1:] / periods_s[:-1])) < _BREAK_LOG_RATIO
+    period_s = np.gradient(bounds_s)  # (Q + 1,) around each bound
+    weights = np.abs(sums) * (2 * np.pi / period_s) ** 2
+    bands = np.zeros((3, n))
+    bands[2] = weights + 1e-9 / period_s**2
+    stiffness = np.where(follows, (config.tempo_std * period_s[1:-1]) ** -2.0, 0.0)  # (Q - 1,)
+    curvature = np.diff(bounds_s, 2)
+    right = weights * -np.angle(sums) / (2 * np.pi) * period_s
+    for i, a in enumerate((1.0, -2.0, 1.0)):
+        right[i : n - 2 + i] -= stiffness * a * curvature
+        for j, b in enumerate((1.0, -2.0, 1.0)[i:], start=i):
+            bands[2 - (j - i), j : n - 2 + j] += stiffness * a * b
+    evened = bounds_s + solveh_banded(bands, right)
+    return evened if (np.diff(evened) > 0).all() else bounds_s
+
+
+def _cosine(vectors: Floats, turns: Floats) -> Floats:
+    angle = 2 * np.pi * turns
+    along = vectors[:, 0] * np.cos(angle) + vectors[:, 1] * np.sin(angle)
+    return along / np.maximum(np.linalg.norm(vectors, axis=1), 1e-12)

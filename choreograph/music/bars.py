@@ -1,0 +1,285 @@
+"""Bars of a song: the number of each beat in its bar, by the evidence in the music."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+from scipy.ndimage import uniform_filter1d
+
+from choreograph.core.counts import FROM_MUSIC, Counts
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import frame_blocks, sums_before
+from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, times_to_frames
+from choreograph.music._bar_weights import ACCENT_WEIGHTS, CONFIDENCE, METRE_WEIGHTS
+from choreograph.music.beats import checked_beat_times_s
+from choreograph.music.mel import MEL_BANDS, level_rise, mel_band_hz
+
+# What the music does at every beat: the evidence from which bars are told.
+#
+# Downbeats carry the kick and the bass, harmony changes on them, and the patterns of a bar come again a bar
+# later. So every beat gets accents in five bands (on it and half-way to the next), levels, changes of
+# harmony, bass and timbre, and how much the music is like itself some beats later.
+
+
+Floats = NDArray[np.float64]
+
+_BANDS_HZ = (0.0, 120.0, 250.0, 1000.0, 4000.0, 11025.0)  # kick, bass, chords, melody, percussion
+_FLOOR = 60.0 / (10.0 / np.log(10.0))  # 60 dB below the song's maximum, in natural log of power
+_BEFORE, _AFTER = 2, 4  # frames around a beat in which its onset peaks
+_SPECTRUM = 8192  # samples, 0.37 s: the longest window of a beat's spectrum
+_BASS_HZ, _HARMONY_HZ = (40.0, 260.0), (200.0, 2000.0)
+_COMPRESSION = 100.0  # of chroma, relative to its largest value in the song: log(1 + 100 c)
+_NORM_BEATS = 24  # whole bars of three and of four
+_CLIP = 3.0
+_BAR_BEATS = 3  # that a chord lasts at least
+_BLOCK_BEATS = 512  # whose spectra are in memory at a time
+
+_BAND_NAMES = ("kick", "bass", "chords", "melody", "high")
+ACCENT_NAMES = (
+    *(f"{band} on the beat" for band in _BAND_NAMES),
+    *(f"{band} off the beat" for band in _BAND_NAMES),
+    *(f"{band} level" for band in _BAND_NAMES),
+    "harmony change", "harmony change over two beats", "bass change", "timbre change", "bass in harmony",
+)  # fmt: skip
+_GROUPS = {
+    "low accents": (0, 1, 5, 6),
+    "high accents": (2, 3, 4, 7, 8, 9),
+    "levels": (10, 11, 12, 13, 14),
+    "changes": (15, 16, 17, 18),
+}
+LAGS = (2, 3, 4, 6, 8)  # beats
+REPEAT_NAMES = tuple(f"{name}, {lag} beats" for name in (*_GROUPS, "harmony", "timbre") for lag in LAGS)
+
+
+def beat_evidence(
+    samples: NDArray[np.floating], log_mel: NDArray[np.floating], beat_times_s: Floats
+) -> tuple[Floats, Floats]:
+    """Accents (Q, 20) and repeats (Q, 30) of two beats or more, as named above; independent of gain.
+
+    Accents are normal over the 24 beats around; a repeat is the product of two beats' accents, or of what
+    is not common to all beats in their harmony or timbre.
+    """
+    floor = log_mel.max() - _FLOOR
+    bounds_s = np.append(beat_times_s, 2 * beat_times_s[-1] - beat_times_s[-2])  # (Q + 1,)
+    middles_s = 0.5 * (bounds_s[:-1] + bounds_s[1:])
+    hz = mel_band_hz()
+    bands = [(hz >= low) & (hz < high) for low, high in pairwise(_BANDS_HZ)]
+    timbre = _interval_means(log_mel, floor, bounds_s)  # (Q, 96)
+    bass, harmony = _chroma(samples, bounds_s)
+    rises = np.empty((len(log_mel), len(bands)))  # (T, 5)
+    for block in frame_blocks(len(log_mel)):
+        rise = level_rise(log_mel, floor, block)
+        rises[block] = np.stack([rise[:, band].mean(axis=1) for band in bands], axis=1)
+    following = np.minimum(np.arange(len(harmony))[:, None] + np.arange(_BAR_BEATS), len(harmony) - 1)
+    spectral_shape = timbre - timbre.mean(axis=1, keepdims=True)
+    changes = (
+        _change(harmony, 1), _change(harmony, 2), _change(bass, 1), _change(spectral_shape, 1),
+        _cosine(bass, harmony[following].sum(axis=1)),
+    )  # fmt: skip
+    accents = np.hstack(
+        [
+            _peaks(rises, beat_times_s),
+            _peaks(rises, middles_s),
+            np.stack([timbre[:, band].mean(axis=1) for band in bands], axis=1),
+            np.stack(changes, axis=1),
+        ]
+    )
+    normal = _locally_normal(accents)
+    groups = [normal[:, list(columns)] / np.sqrt(len(columns)) for columns in _GROUPS.values()]
+    groups += [_unit(harmony - _local_mean(harmony)), _unit(timbre - _local_mean(timbre))]
+    return normal, np.stack([_repeat(rows, lag) for rows in groups for lag in LAGS], axis=1)
+
+
+def _peaks(rises: Floats, times_s: Floats) -> Floats:
+    """Largest rise near each time, (Q, 5)."""
+    frames = np.rint(times_to_frames(times_s, MUSIC_FPS)).astype(np.int64)
+    near = np.clip(frames[:, None] + np.arange(-_BEFORE, _AFTER + 1), 0, len(rises) - 1)
+    return rises[near].max(axis=1)
+
+
+def _interval_means(log_mel: NDArray[np.floating], floor: float, bounds_s: Floats) -> Floats:
+    """Mean of log-mel (T, 96), no lower than `floor`, from each bound to the next, (Q, 96)."""
+    n_frames = len(log_mel)
+    frames = np.clip(np.rint(times_to_frames(bounds_s, MUSIC_FPS)).astype(np.int64), 0, n_frames)
+    starts = np.minimum(frames[:-1], n_frames - 1)
+    stops = np.maximum(frames[1:], starts + 1)
+    levels = (np.maximum(log_mel[block], floor).astype(np.float64) for block in frame_blocks(n_frames))
+    at_starts, at_stops = sums_before(levels, np.stack([starts, stops]))
+    return (at_stops - at_starts) / (stops - starts)[:, None]
+
+
+def _chroma(samples: NDArray[np.floating], bounds_s: Floats) -> tuple[Floats, Floats]:
+    """Compressed chroma of bass and of harmony, (Q, 12) each, from the middle 0.37 s of each beat."""
+    middles = np.rint(0.5 * (bounds_s[:-1] + bounds_s[1:]) * SAMPLE_RATE_HZ).astype(np.int64)
+    sizes = np.clip(np.rint(np.diff(bounds_s) * SAMPLE_RATE_HZ), 2, _SPECTRUM)
+    padded = np.pad(np.asarray(samples, np.float32), _SPECTRUM)
+    offsets = np.arange(_SPECTRUM) - _SPECTRUM // 2
+    banks = _chroma_banks()
+    chroma = tuple(np.empty((len(middles), 12)) for _ in banks)
+    for start in range(0, len(middles), _BLOCK_BEATS):
+        block = slice(start, start + _BLOCK_BEATS)
+        phase = np.minimum(np.abs(offsets) / sizes[block, None], 0.5)  # (Q_b, 8192): 0 mid-beat, 0.5 outside
+        window = (0.5 + 0.5 * np.cos(2 * np.pi * phase)).astype(np.float32)
+        at = np.clip(middles[block, None] + offsets + _SPECTRUM, 0, len(padded) - 1)
+        magnitude = np.abs(fft.rfft(padded[at] * window, axis=1))  # (Q_b, 4097)
+        for rows, bank in zip(chroma, banks, strict=True):
+            rows[block] = magnitude @ bank.T
+    bass, harmony = (np.log1p(_COMPRESSION * rows / max(rows.max(), 1e-12)) for rows in chroma)
+    return bass, harmony
+
+
+@lru_cache(maxsize=1)
+def _chroma_banks() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Pitch class filters (12, 4097) of the bass and of the harmony."""
+    from choreograph.music.cached_librosa import librosa
+
+    bank = librosa.filters.chroma(sr=SAMPLE_RATE_HZ, n_fft=_SPECTRUM, octwidth=None)
+    hz = fft.rfftfreq(_SPECTRUM, 1 / SAMPLE_RATE_HZ)
+    low, high = (bank * ((hz >= a) & (hz < b)) for a, b in (_BASS_HZ, _HARMONY_HZ))
+    return low.astype(np.float32), high.astype(np.float32)
+
+
+def _change(rows: Floats, span: int) -> Floats:
+    """How different the `span` beats from each beat on are from those before it, 0 to 2, (Q,)."""
+    sums = np.cumsum(np.vstack([np.zeros((1, rows.shape[1])), rows]), axis=0)
+    index = np.arange(len(rows))
+    after = sums[np.minimum(index + span, len(rows))] - sums[index]
+    before = sums[index] - sums[np.maximum(index - span, 0)]
+    before[0] = after[0]
+    return 1.0 - _cosine(before, after)
+
+
+def _cosine(one: Floats, other: Floats) -> Floats:
+    return (_unit(one) * _unit(other)).sum(axis=1)
+
+
+def _unit(rows: Floats) -> Floats:
+    return rows / (np.linalg.norm(rows, axis=1, keepdims=True) + 1e-6)
+
+
+def _local_mean(rows: Floats) -> Floats:
+    return uniform_filter1d(rows, _NORM_BEATS, axis=0, mode="nearest")
+
+
+def _locally_normal(rows: Floats) -> Floats:
+    """Rows (Q, F) with local mean 0 and spread 1, no more than 3 from the mean."""
+    centred = rows - _local_mean(rows)
+    spread = np.sqrt(np.maximum(0.0, _local_mean(centred**2)))  # a running mean may round below 0
+    floor = 0.1 * np.sqrt((centred**2).mean(axis=0)) + 1e-3
+    return np.clip(centred / np.maximum(spread, floor), -_CLIP, _CLIP)
+
+
+def _repeat(rows: Floats, lag: int) -> Floats:
+    """Mean product of each beat's row with those `lag` beats later and earlier, (Q,)."""
+    product = (rows[lag:] * rows[:-lag]).sum(axis=1) if len(rows) > lag else np.zeros(0)
+    out, count = np.zeros(len(rows)), np.zeros(len(rows))
+    out[: len(product)] += product
+    count[: len(product)] += 1
+    out[lag:] += product
+    count[lag:] += 1
+    return out / np.maximum(count, 1)
+
+
+# Bars of a song: which number each of its beats has, by what the music does there.
+#
+# A linear model says how well each beat's evidence (`music.bars`) suits each of seven states: beat
+# 1, 2, 3 of a bar of three, and 1, 2, 3, 4 of a bar of four. The best path through the states is the song's
+# bars: number follows number, save where the tracker has dropped or added a beat, where music begins with a
+# pick-up, or where the metre changes; each costs. Two in a bar is counted as four (two bars as one), six as
+# three (one bar as two): dancers do so, too.
+#
+# The model was fitted to synthetic songs alone (`research/fit_bars.py`), so every real song is unseen.
+
+
+_MIN_BEATS = 4  # one bar
+STATE_METRE = np.array([3, 3, 3, 4, 4, 4, 4])
+STATE_NUMBER = np.array([1, 2, 3, 1, 2, 3, 4])
+_P_IRREGULAR = 1e-3  # a bar is cut short or goes on
+_P_CHANGE = 1e-5  # the other metre follows a whole bar
+
+
+def track_bars(
+    samples: NDArray[np.floating], log_mel: NDArray[np.floating], beat_times_s: NDArray[np.floating]
+) -> Counts:
+    """The beats of a song numbered in their bars.
+
+    Parameters
+    ----------
+    samples : float array (S,)        mono at 22.05 kHz, at any gain
+    log_mel : float array (T, 96)     of the samples, as `music.mel.log_mel` returns it
+    beat_times_s : float array (Q,)   increasing times inside the song
+
+    Returns
+    -------
+    Counts   the beats with their numbers; metre 3 or 4, that of most beats (it may change on the way);
+    confidence: probability that the bars are right, given that the beats are. Without bars (metre 0) if
+    there are fewer than four beats or the song is silent
+
+    Raises
+    ------
+    ParameterError   if `log_mel` is not (T, 96), or beats do not increase inside the song
+    """
+    log_mel = np.asarray(log_mel)
+    if log_mel.ndim != 2 or log_mel.shape[1] != MEL_BANDS or len(log_mel) == 0:
+        raise ParameterError(f"expected log-mel (T, {MEL_BANDS}), got an array of shape {log_mel.shape}")
+    beats_s = checked_beat_times_s(np.asarray(beat_times_s), len(samples) / SAMPLE_RATE_HZ)
+    if len(beats_s) < _MIN_BEATS:
+        return _without_bars(beats_s)
+    accents, repeats = beat_evidence(samples, log_mel, beats_s)
+    if not accents.any():
+        return _without_bars(beats_s)
+    states, margin = best_bars(state_evidence(accents, repeats, ACCENT_WEIGHTS, METRE_WEIGHTS))
+    metres = STATE_METRE[states]
+    return Counts(
+        beats_s,
+        STATE_NUMBER[states],
+        3 if (metres == 3).sum() > (metres == 4).sum() else 4,
+        FROM_MUSIC,
+        _confidence(margin, len(beats_s)),
+    )
+
+
+def _without_bars(beats_s: Floats) -> Counts:
+    return Counts(beats_s, np.zeros(len(beats_s), np.int64), 0, FROM_MUSIC)
+
+
+def state_evidence(accents: Floats, repeats: Floats, accent_weights: Floats, metre_weights: Floats) -> Floats:
+    """Log evidence of each state at each beat, (Q, 7): beats 1, 2, 3 of three and 1, 2, 3, 4 of four."""
+    for_three = repeats @ metre_weights[:-1] + metre_weights[-1]  # (Q,)
+    return accents @ accent_weights + np.where(STATE_METRE == 3, for_three[:, None], -for_three[:, None])
+
+
+def best_bars(evidence: Floats) -> tuple[NDArray[np.int64], float]:
+    """The best path of states (Q,), and its log margin over the best that differs from it at every beat."""
+    from scipy.special import softmax
+
+    from choreograph.music.cached_librosa import librosa  # a second to import
+
+    suits = softmax(evidence, axis=1).T  # (7, Q)
+    transition = _transition()
+    states, score = librosa.sequence.viterbi(suits, transition, return_logp=True)
+    suits[states, np.arange(len(states))] = 0.0
+    _, other = librosa.sequence.viterbi(suits, transition, return_logp=True)
+    return states.astype(np.int64), float(np.squeeze(score - other))
+
+
+def _transition() -> Floats:
+    """Probabilities (7, 7) of going from state to state between two beats."""
+    same_metre = STATE_METRE[:, None] == STATE_METRE
+    last = STATE_NUMBER == STATE_METRE
+    out = np.where(same_metre, _P_IRREGULAR, 0.0)
+    out += np.where(~same_metre & last[:, None] & (STATE_NUMBER == 1), _P_CHANGE, 0.0)
+    follows = same_metre & ((STATE_NUMBER % STATE_METRE + 1)[:, None] == STATE_NUMBER)
+    out[follows] = 0.0
+    out[follows] = 1.0 - out.sum(axis=1)
+    return out
+
+
+def _confidence(margin: float, n_beats: int) -> float:
+    """Probability that bars are right: of noise the margin grows with the root of the number of beats."""
+    offset, slope = CONFIDENCE
+    return float(1.0 / (1.0 + np.exp(-(offset + slope * margin / np.sqrt(n_beats)))))

@@ -1,0 +1,237 @@
+"""Clocks of counts: beats of a song and counts of takes, evenly timed, with accents landed on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from choreograph.core.counts import Counts, Figure
+from choreograph.core.timebase import NET_FPS, SEGMENT_FRAMES
+
+# Micro-timing: accents that dancers place just beside the count are landed on it.
+
+
+Floats = NDArray[np.float64]
+
+MAX_SHIFT_S = 0.05  # of the take, and of the song it is danced to: beyond it a dance is off the count,
+_MAX_SHIFT_COUNTS = 0.12  # as it is beyond this where counts are close together
+_REACH_S = 0.12  # a motion beat further from a count belongs to something else
+_ON_COUNTS = 0.5  # resultant length of the phases, from 0 (anywhere) to 1 (all at one phase)
+
+
+def accents_lie_on_counts(motion_beats_s: Floats, counts_s: Floats) -> bool:
+    """Whether a take's motion beats (M,) gather near its counts (Q,): whether it is danced in accents.
+
+    So it is where the resultant length of their phases within the count is 0.5 or more, and their mean phase
+    is within an eighth of the count. Dancers of ballroom reach 0.2 to 0.4: they come to rest where their
+    technique has them rest, and landing that on the count would make them dance as nobody does.
+    """
+    inside = motion_beats_s[(motion_beats_s >= counts_s[0]) & (motion_beats_s <= counts_s[-1])]
+    if len(inside) == 0:
+        return False
+    position = np.interp(inside, counts_s, np.arange(len(counts_s)))
+    mean = np.exp(2j * np.pi * position).mean()
+    return bool(abs(mean) >= _ON_COUNTS and abs(np.angle(mean)) <= np.pi / 4)
+
+
+def accent_shifts_s(motion_beats_s: Floats, counts_s: Floats) -> Floats:
+    """How much later (Q,) than each of its counts (Q,) a take is at its accent there, in the take's seconds.
+
+    At most 0.05 s, and 0.12 of a count, to either side. 0 at counts without a motion beat (M,) within 0.12 s,
+    and throughout if the take's accents do not lie on its counts. ChoreoGraph moves motion beats onto music
+    beats by DTW alone (section 3.2).
+    """
+    if len(counts_s) < 2 or not accents_lie_on_counts(motion_beats_s, counts_s):
+        return np.zeros(len(counts_s))
+    distance_s = motion_beats_s[None, :] - counts_s[:, None]  # (Q, M)
+    nearest = np.abs(distance_s).argmin(axis=1)[:, None]
+    shift_s = np.take_along_axis(distance_s, nearest, axis=1)[:, 0]
+    most_s = min(MAX_SHIFT_S, _MAX_SHIFT_COUNTS * float(np.median(np.diff(counts_s))))
+    return np.where(np.abs(shift_s) <= _REACH_S, np.clip(shift_s, -most_s, most_s), 0.0)
+
+
+# Clocks of counts: beats of a song and counts of takes, evenly timed and continued beyond their ends.
+
+
+FEWEST_COUNTS = 4  # that a song or a take is danced by
+_STIFFNESS = 20.0  # of beat times against the third difference of the grid: jitter of 10 ms is evened out,
+_MAX_SHIFT_S = 0.03  # but no beat is moved further, however suddenly the tempo changes
+_PADDING = 64  # counts beyond both ends, at the period there,
+_DANCED_PADDING = 4  # of which a map may use these: that far a take hardly leaves its counts
+_INSIDE_FIGURE = 0.6
+
+
+def steady_times_s(times_s: Floats) -> Floats:
+    """Beats or counts (Q,) without the jitter of a tracker: their tempo changes smoothly.
+
+    The least sum of squared shifts and of the squared third differences of the times, with more weight on
+    beats that would be shifted by over 0.03 s; none is shifted further.
+    """
+    n = len(times_s)
+    if n < 5:
+        return times_s
+    taps = np.array([1.0, -3.0, 3.0, -1.0])
+    weights = np.ones(n)
+    steady = times_s
+    for _ in range(4):
+        bands = np.zeros((4, n))
+        bands[0] = weights
+        for i, a in enumerate(taps):
+            for j in range(i, 4):
+                bands[j - i, i : i + n - 3] += _STIFFNESS * a * taps[j]
+        steady = solveh_banded(bands, weights * times_s, lower=True)
+        far = np.abs(steady - times_s) > _MAX_SHIFT_S
+        if not far.any():
+            break
+        weights[far] *= 20.0
+    steady = np.clip(steady, times_s - _MAX_SHIFT_S, times_s + _MAX_SHIFT_S)
+    return steady if (np.diff(steady) > 0).all() else times_s
+
+
+@dataclass(frozen=True, eq=False)
+class SongGrid:
+    """A song's beats as a clock: every instant has a beat index, fractional between beats."""
+
+    times_s: Floats  # (Q,) steady, padded far beyond both ends of the song
+    numbers: NDArray[np.int64]  # (Q,) in the bar; 0 where bars are not known
+
+    @classmethod
+    def of(cls, counts: Counts, duration_s: float) -> SongGrid | None:
+        """The grid of a song's beats; None if it has too few."""
+        if len(counts) < FEWEST_COUNTS:
+            return None
+        times_s = steady_times_s(counts.times_s)
+        first_s, last_s = _end_periods_s(times_s)
+        n_before = 2 + int(np.ceil(times_s[0] / first_s))
+        n_after = 2 + int(np.ceil((duration_s + SEGMENT_FRAMES / NET_FPS - times_s[-1]) / last_s))
+        return cls(*_padded(counts, max(2, n_before), max(2, n_after)))
+
+    @cached_property
+    def period_s(self) -> Floats:
+        """From beat to beat around each beat, (Q,)."""
+        return _periods_s(self.times_s)
+
+    def index_at(self, times_s: Floats) -> Floats:
+        """The fractional beat index at each time."""
+        return np.interp(times_s, self.times_s, np.arange(len(self.times_s)))
+
+    def time_at(self, index: float) -> float:
+        """The time of a fractional beat index."""
+        return float(np.interp(index, np.arange(len(self.times_s)), self.times_s))
+
+
+def _periods_s(times_s: Floats) -> Floats:
+    """The mean of the periods before and after each of these beats or counts (Q,)."""
+    return np.gradient(times_s) if len(times_s) > 1 else np.ones(len(times_s))
+
+
+def _end_periods_s(times_s: Floats) -> tuple[float, float]:
+    """The periods at which counts (Q,) are continued before the first and after the last."""
+    periods_s = np.diff(times_s)
+    return float(np.median(periods_s[:8])), float(np.median(periods_s[-8:]))
+
+
+def _padded(counts: Counts, n_before: int, n_after: int) -> tuple[Floats, NDArray[np.int64]]:
+    """Steady times and numbers, continued beyond both ends at the period and in the bars there."""
+    times = steady_times_s(counts.times_s)
+    first_s, last_s = _end_periods_s(times)
+    before = times[0] - first_s * np.arange(n_before, 0, -1)
+    after = times[-1] + last_s * np.arange(1, n_after + 1)
+    metre = max(counts.metre, 1)
+    numbers = np.concatenate(
+        [
+            (counts.numbers[0] - 1 - np.arange(n_before, 0, -1)) % metre + 1,
+            counts.numbers,
+            (counts.numbers[-1] - 1 + np.arange(1, n_after + 1)) % metre + 1,
+        ]
+    )
+    return np.concatenate([before, times, after]), numbers if counts.has_bars else np.zeros_like(numbers)
+
+
+class TakeGrids:
+    """The counts of all takes of a repertoire, end to end, padded beyond both ends of each take."""
+
+    def __init__(
+        self,
+        counts: Sequence[Counts],
+        figures: Sequence[Sequence[Figure]],
+        motion_beats_s: Sequence[Floats] | None = None,
+    ) -> None:
+        """The grids of takes by their counts, figures and motion beats, for micro-timing."""
+        self.counted = np.array([len(take) >= FEWEST_COUNTS for take in counts], bool)  # (takes,)
+        parts = [
+            _padded(take, _PADDING, _PADDING) if known else (np.zeros(1), np.zeros(1, np.int64))
+            for take, known in zip(counts, self.counted, strict=True)
+        ]
+        lengths = np.array([len(times) for times, _ in parts], np.int64)
+        self.start = np.cumsum(lengths) - lengths  # (takes,) row of each take's first padded count
+        self.n_counts = lengths
+        self.times_s = np.concatenate([times for times, _ in parts])
+        self.numbers = np.concatenate([numbers for _, numbers in parts])
+        self.phrase_penalty = np.concatenate(
+            [_phrase_penalty(*part, named) for part, named in zip(parts, figures, strict=True)]
+        )
+        self.period_s = np.concatenate([_periods_s(times) for times, _ in parts])
+        # How much later than each count its accent is; none is known without motion beats.
+        self.accent_shift_s = np.zeros(len(self.times_s))
+        if motion_beats_s is not None:
+            for take in np.flatnonzero(self.counted).tolist():
+                known = slice(self.start[take] + _PADDING, self.start[take] + lengths[take] - _PADDING)
+                self.accent_shift_s[known] = accent_shifts_s(motion_beats_s[take], self.times_s[known])
+
+    def count_s(self, take: NDArray[np.integer], index: Floats) -> Floats:
+        """Times in their takes (K, T) at fractional count indices (K, T)."""
+        last = (self.start + self.n_counts - 1)[take][:, None]
+        row = np.clip(index + self.start[take][:, None], self.start[take][:, None], last - 1e-9)
+        low = np.minimum(row.astype(np.int64), last - 1)
+        return self.times_s[low] + (row - low) * (self.times_s[low + 1] - self.times_s[low])
+
+    def accents_at(self, take: NDArray[np.integer], index: NDArray[np.int64]) -> tuple[Floats, Floats]:
+        """How much later than counts by index (K, Q) their accents are, and the counts' periods, seconds."""
+        row = self._row(take, index)
+        return self.accent_shift_s[row], self.period_s[row]
+
+    def index_at(self, take: NDArray[np.integer], times_s: Floats) -> Floats:
+        """Fractional count indices (N,) of times (N,) in their takes."""
+        index = np.empty(len(take))
+        for one in np.unique(take):
+            rows = slice(self.start[one], self.start[one] + self.n_counts[one])
+            here = take == one
+            index[here] = np.interp(times_s[here], self.times_s[rows], np.arange(self.n_counts[one]))
+        return index
+
+    def reaches(self, take: NDArray[np.integer], index: Floats) -> NDArray[np.bool_]:
+        """Whether spans of count indices (K, 2) are counted, but for a few counts beyond the known ones."""
+        first, last = _PADDING - _DANCED_PADDING, (self.n_counts - 1 - _PADDING + _DANCED_PADDING)[take]
+        return (index[:, 0] >= first) & (index[:, 1] <= last)
+
+    def number_at(self, take: NDArray[np.integer], index: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers in the bar of counts by index (K, Q)."""
+        return self.numbers[self._row(take, index)]
+
+    def phrase_penalty_at(self, take: NDArray[np.integer], index: NDArray[np.int64]) -> Floats:
+        """How ill-timed it is to leave or enter a take at counts (K, Q): see `_phrase_penalty`."""
+        return self.phrase_penalty[self._row(take, index)]
+
+    def _row(self, take: NDArray[np.integer], index: NDArray[np.int64]) -> NDArray[np.int64]:
+        return self.start[take][:, None] + np.clip(index, 0, (self.n_counts - 1)[take][:, None])
+
+
+def _phrase_penalty(times_s: Floats, numbers: NDArray[np.int64], figures: Sequence[Figure]) -> Floats:
+    """How ill-timed it is to leave or enter a take at each of its counts (Q,).
+
+    0 at the border of a figure, or of a bar where no figures are known; 0.6 on count 1 inside a figure; 1
+    elsewhere, and on all counts if neither is known.
+    """
+    on_bar = numbers == 1
+    if not figures:
+        return np.where(on_bar, 0.0, 1.0)
+    borders_s = np.array([time_s for figure in figures for time_s in (figure.start_s, figure.end_s)])
+    on_border = np.zeros(len(times_s), bool)
+    on_border[np.abs(times_s[:, None] - borders_s).argmin(axis=0)] = True
+    return np.where(on_border, 0.0, np.where(on_bar, _INSIDE_FIGURE, 1.0))

@@ -1,0 +1,232 @@
+"""Log-mel spectrogram at exactly 60 fps, loudness normalisation, and onset envelopes."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import frame_blocks
+from choreograph.core.progress import StepReport
+from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, SEGMENT_S, seconds_to_frames
+from choreograph.music.song import SILENCE_PEAK
+
+# Log-mel spectrogram at exactly 60 fps.
+#
+# At 22.05 kHz a frame is 367.5 samples, so there is no whole hop: frame i is centred on the sample
+# nearest to i / 60 s, at most half a sample (23 µs) off throughout the song. A hop of 367 or 368 would
+# drift by a frame every 12 s.
+
+
+MEL_BANDS = 96
+MEL_WINDOW = 2048  # samples, 93 ms
+_POWER_FLOOR = 1e-6  # about 99 dB below a full-scale sine: quieter than 16-bit dither
+_BLOCK_FRAMES = 2048
+
+
+def log_mel(samples: NDArray[np.floating], *, report: StepReport | None = None) -> NDArray[np.float32]:
+    """Natural logarithm of mel power, Slaney's scale and area normalisation, Hann window.
+
+    Parameters
+    ----------
+    samples : float array (S,)   mono at 22.05 kHz
+
+    Returns
+    -------
+    float32 array (T, 96)   T = round(S / 22050 * 60), at least 1; frame i is centred at i / 60 s
+
+    Raises
+    ------
+    ParameterError   if `samples` is empty or not one-dimensional
+
+    References
+    ----------
+    ChoreoGraph, section 3.1 (music features at 60 fps).
+    """
+    samples = np.asarray(samples, np.float32)
+    if samples.ndim != 1 or len(samples) == 0:
+        raise ParameterError(f"expected mono samples (S,), got an array of shape {samples.shape}")
+    n_frames = max(1, seconds_to_frames(len(samples) / SAMPLE_RATE_HZ, MUSIC_FPS))
+    centres = np.rint(np.arange(n_frames) * (SAMPLE_RATE_HZ / MUSIC_FPS)).astype(np.int64)  # (T,)
+    padded = np.pad(samples, (MEL_WINDOW // 2, MEL_WINDOW // 2 + SAMPLE_RATE_HZ // MUSIC_FPS))
+    windows = np.lib.stride_tricks.sliding_window_view(padded, MEL_WINDOW)
+    out = np.empty((n_frames, MEL_BANDS), np.float32)
+    for start in range(0, n_frames, _BLOCK_FRAMES):
+        block = slice(start, start + _BLOCK_FRAMES)
+        out[block] = log_mel_of_windows(windows[centres[block]])
+        if report is not None:
+            report(min(block.stop, n_frames), n_frames)
+    return out
+
+
+def log_mel_of_windows(windows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """`log_mel` (T, 96) of the `MEL_WINDOW` samples around each frame, (T, W)."""
+    spectrum = fft.rfft(windows * _hann(), axis=1)  # (T, F)
+    power = spectrum.real**2 + spectrum.imag**2
+    return np.log(np.maximum(power @ mel_filterbank().T, _POWER_FLOOR))
+
+
+@lru_cache(maxsize=1)
+def _hann() -> NDArray[np.float32]:
+    return np.hanning(MEL_WINDOW + 1)[:-1].astype(np.float32)
+
+
+@lru_cache(maxsize=1)
+def mel_filterbank() -> NDArray[np.float32]:
+    """Triangular filters (96, 1025) from 0 Hz to half the sample rate, each of unit area per Hz."""
+    from choreograph.music.cached_librosa import librosa  # a second to import
+
+    # Rounded to float32 once, at the end: librosa's default rounds before it normalises the area, too.
+    filters = librosa.filters.mel(
+        sr=SAMPLE_RATE_HZ, n_fft=MEL_WINDOW, n_mels=MEL_BANDS, norm="slaney", dtype=np.float64
+    )
+    return filters.astype(np.float32)
+
+
+@lru_cache(maxsize=1)
+def mel_band_hz() -> NDArray[np.float64]:
+    """Centre frequencies of the bands in Hz, (96,)."""
+    from choreograph.music.cached_librosa import librosa
+
+    return librosa.mel_frequencies(MEL_BANDS + 2, fmin=0.0, fmax=SAMPLE_RATE_HZ / 2)[1:-1]
+
+
+# Loudness normalisation, so that features do not depend on how loud a song was saved.
+
+
+_BLOCK = 735  # samples, 1/30 s: the unit that is gated as sound or pause
+_AT_ONCE = 1 << 20  # samples scaled in double precision
+PAUSE_GATE = 1e-6  # of the loudest block's power (-60 dB): quieter blocks are pauses and do not count
+
+
+def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Samples (S,) scaled to a root mean square of 1 outside pauses (0 dB, like the paper's songs).
+
+    Silence before or after a song changes nothing. A silent song (peak below
+    -80 dB) becomes zeros. Raises `ParameterError` if `samples` is empty, not one-dimensional or not
+    finite. (Rhythm is a Dancer, section 5: RMS normalisation; there pauses count too.)
+    """
+    samples = np.asarray(samples, np.float32)
+    if samples.ndim != 1 or len(samples) == 0:
+        raise ParameterError(f"expected mono samples (S,), got an array of shape {samples.shape}")
+    peak = float(np.abs(samples).max())
+    if not np.isfinite(peak):
+        raise ParameterError("expected finite samples, got NaN or infinity: a decoder or an effect failed")
+    if peak < SILENCE_PEAK:
+        return np.zeros_like(samples)
+    starts = np.arange(0, len(samples), _BLOCK)
+    energy = np.empty(len(starts))  # (B,)
+    for part in frame_blocks(len(starts)):
+        sound = samples[starts[part.start] : part.stop * _BLOCK]
+        energy[part] = np.add.reduceat(
+            np.square(sound / peak, dtype=np.float64), starts[part] - starts[part.start]
+        )
+    size = np.diff(starts, append=len(samples))
+    is_sound = energy > PAUSE_GATE * size * (energy / size).max()
+    level = peak * np.sqrt(energy[is_sound].sum() / size[is_sound].sum())
+    out = np.empty_like(samples)
+    for part in frame_blocks(len(samples), _AT_ONCE):
+        out[part] = samples[part] / level
+    return out
+
+
+# Onset envelopes of three bands, and their autocorrelation: what beats, tempo and rhythm are read from.
+
+
+_BAND_EDGES_HZ = (0.0, 250.0, 2000.0, 11025.0)  # bass, melody, percussion
+N_BANDS = len(_BAND_EDGES_HZ) - 1
+ONSET_RANGE = 60.0 / (10.0 / np.log(10.0))  # 60 dB in natural log of power
+
+
+def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Half-wave rectified rise of log power per band: bass, melody, percussion, (T, 3) at 60 fps.
+
+    `log_mel` (T, 96) as `music.mel.log_mel` returns it. The rise is taken over two frames (33 ms)
+    and within 60 dB of the song's maximum, so noise in a pause is not an onset.
+    """
+    log_mel = _checked(log_mel)
+    floor = log_mel.max() - ONSET_RANGE
+    onsets = np.empty((len(log_mel), N_BANDS))
+    for block in frame_blocks(len(log_mel)):
+        onsets[block] = band_means(level_rise(log_mel, floor, block))
+    return onsets
+
+
+def level_rise(log_mel: NDArray[np.floating], floor: float, block: slice) -> NDArray[np.float64]:
+    """Rise over two frames of the frames `block` of log power (T, 96), no lower than `floor`: (T_b, 96)."""
+    first = max(0, block.start - 2)
+    level = np.maximum(log_mel[first : block.stop], floor).astype(np.float64, copy=False)
+    rise = np.zeros((block.stop - block.start, level.shape[1]))
+    n_known = len(level) - 2
+    if n_known > 0:
+        rise[len(rise) - n_known :] = np.maximum(0.0, level[2:] - level[:-2])
+    return rise
+
+
+def band_means(rise: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Means (T, 3) of the rise of log power (T, 96) over bass, melody and percussion."""
+    return np.stack([rise[:, band].mean(axis=1) for band in _bands()], axis=1)
+
+
+@lru_cache(maxsize=1)
+def _bands() -> tuple[NDArray[np.bool_], ...]:
+    hz = mel_band_hz()
+    return tuple((hz >= low) & (hz < high) for low, high in pairwise(_BAND_EDGES_HZ))
+
+
+def onset_density(log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:
+    """How densely the music sounds in the 4 s from each second, (S,), as a rank among its seconds, 0 to 1.
+
+    The mean of the three envelopes; equal seconds have the mean rank. Raises as `onset_envelopes`.
+    """
+    from scipy.stats import rankdata
+
+    strength = np.concatenate([[0.0], np.cumsum(onset_envelopes(log_mel).mean(axis=1, dtype=np.float64))])
+    last = len(strength) - 1
+    first = np.minimum(np.arange(n_seconds) * MUSIC_FPS, last - 1)
+    end = np.minimum(first + SEGMENT_S * MUSIC_FPS, last)
+    mean = (strength[end] - strength[first]) / (end - first)
+    return ((rankdata(np.round(mean, 6)) - 0.5) / n_seconds).astype(np.float32)
+
+
+def autocorrelations(
+    onsets: NDArray[np.floating], centres: NDArray[np.integer], context_s: float
+) -> NDArray[np.float32]:
+    """Autocorrelation of onsets (T, C) at 60 fps around each frame of `centres` (N,): (N, C, W).
+
+    W lags of a frame, as many as `context_s` holds. Normalised to 1 at lag 0, corrected for the window's
+    taper; 0 where a channel is silent. Outside the song there is silence.
+    """
+    window = seconds_to_frames(context_s, MUSIC_FPS)
+    taper = np.hanning(window + 2)[1:-1].astype(np.float32)
+    size = fft.next_fast_len(2 * window, real=True)
+    padded = np.pad(np.asarray(onsets, np.float32), ((window // 2, window), (0, 0)))
+    inside = np.zeros(len(padded), np.float32)
+    inside[window // 2 : window // 2 + len(onsets)] = 1.0
+    taper_correlation = _autocorrelation(taper[None], size)[0]
+    taper_bias = np.maximum(taper_correlation / taper_correlation[0], 1e-3)
+    out = np.empty((len(centres), padded.shape[1], window), np.float32)
+    for i, start in enumerate(centres):
+        segment = padded[start : start + window]  # (W, C)
+        weight = taper * inside[start : start + window]
+        mean = (segment * weight[:, None]).sum(axis=0) / max(weight.sum(), 1e-6)
+        correlation = _autocorrelation(((segment - mean) * weight[:, None]).T, size)  # (C, W)
+        out[i] = correlation / np.maximum(correlation[:, :1], 1e-9) / taper_bias
+    return out
+
+
+def _autocorrelation(rows: NDArray[np.floating], size: int) -> NDArray[np.floating]:
+    """Linear autocorrelation of rows (C, W) at lags 0 … W - 1."""
+    spectrum = fft.rfft(rows, size, axis=1)
+    return fft.irfft(spectrum.real**2 + spectrum.imag**2, size, axis=1)[:, : rows.shape[1]]
+
+
+def _checked(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
+    log_mel = np.asarray(log_mel, np.float32)
+    if log_mel.ndim != 2 or log_mel.shape[1] != MEL_BANDS or len(log_mel) == 0:
+        raise ParameterError(f"expected log-mel (T, {MEL_BANDS}), got an array of shape {log_mel.shape}")
+    return log_mel

@@ -1,0 +1,206 @@
+"""The metrical level of a song's beats, and the instants at which its tempo or metre changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.counts import Counts
+from choreograph.core.timebase import MUSIC_FPS, times_to_frames
+from choreograph.music.bars import track_bars
+from choreograph.music.beats import onset_strength
+
+# Where other music begins: the instants at which the tempo or the metre of a song changes.
+#
+# A ramp has none, since its tempo is hardly another a few beats later; nor has a single irregular bar. A
+# tracker that counts a break at half the tempo makes two.
+
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_OTHER_TEMPO_OCTAVES = 0.085  # 6 %; over six beats a ramp from 90 to 140 BPM in 50 s makes up to 5 %
+_PERIODS, _FEWEST_PERIODS = 6, 4  # before and after a change of tempo
+_BARS, _FEWEST_BARS = 4, 3  # before and after a change of metre
+SAME_S = 1.5  # a tracker may go over to another tempo a beat or two late
+PLAUSIBLE_METRES = (3, 4)  # other bars are beats lost or added by the tracker, or cut at a splice
+_CLEARLY_MOST = 0.75  # of a part's plausible bars
+
+
+def change_times_s(counts: Counts) -> Floats:
+    """The beats (C,), in seconds, from which on the tempo or the metre of a song is another.
+
+    The median of six beat periods changes by more than 6 %, or the metre of four bars to that of the next
+    four: see `part_metre`.
+    """
+    beats = np.union1d(_tempo_changes(counts.times_s), _metre_changes(counts))
+    return counts.times_s[beats]
+
+
+def at_changes(bounds_s: NDArray[np.number], changes_s: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Which bounds (B,) of sections lie at a change (C,) of tempo or metre: within 1.5 s."""
+    return np.any(np.abs(np.subtract.outer(bounds_s, changes_s)) <= SAME_S, axis=1)
+
+
+def part_metre(bar_lengths: Ints, metre: int) -> int:
+    """The metre of a part of a song in `metre`, whose whole bars have these lengths (B,) in beats.
+
+    That of the song, unless at least three quarters of two plausible bars or more have another.
+    """
+    bars = bar_lengths[np.isin(bar_lengths, PLAUSIBLE_METRES)]
+    if len(bars) < 2:
+        return metre
+    commonest = int(np.bincount(bars).argmax())
+    return commonest if np.mean(bars == commonest) >= _CLEARLY_MOST else metre
+
+
+def _tempo_changes(times_s: Floats) -> Ints:
+    octaves = np.log2(np.diff(times_s))  # (Q - 1,) of each beat period
+
+    def change(beat: int) -> float:
+        """How much the periods differ before and after a beat, in octaves; 0 where that is no other tempo."""
+        before, after = octaves[max(0, beat - _PERIODS) : beat], octaves[beat : beat + _PERIODS]
+        if min(len(before), len(after)) < _FEWEST_PERIODS:
+            return 0.0
+        if abs(np.median(after) - np.median(before)) <= _OTHER_TEMPO_OCTAVES:
+            return 0.0
+        return float(abs(after.mean() - before.mean()))  # greatest where all periods differ
+
+    return _peaks(change, np.arange(len(octaves)))
+
+
+def _metre_changes(counts: Counts) -> Ints:
+    downbeats = np.flatnonzero(counts.numbers == 1)
+    lengths = np.diff(downbeats)  # (bars,)
+
+    def change(bar: int) -> float:
+        """How clear the two metres before and after a bar are, up to 2; 0 where they are one."""
+        before, after = lengths[max(0, bar - _BARS) : bar], lengths[bar : bar + _BARS]
+        if min(len(before), len(after)) < _FEWEST_BARS:
+            return 0.0
+        metres = [part_metre(bars, 0) for bars in (before, after)]
+        if 0 in metres or metres[0] == metres[1]:
+            return 0.0
+        return float(np.mean(before == metres[0]) + np.mean(after == metres[1]))
+
+    return downbeats[_peaks(change, np.arange(len(lengths)))]
+
+
+def _peaks(height_at: Callable[[int], float], positions: Ints) -> Ints:
+    """The highest position of each run of those with a height."""
+    height = np.array([height_at(int(position)) for position in positions])
+    runs = np.split(positions, np.flatnonzero(np.diff(height > 0)) + 1)
+    return np.array([run[height[run].argmax()] for run in runs if len(run) and height[run[0]] > 0], np.int64)
+
+
+# The metrical level of a song's beats: those tracked, every second one, or twice as many.
+#
+# A tracker cannot know whether a salsa is counted at 84 or at 168: both are in the music. For dancing it is
+# settled by what the takes can be danced at.
+
+
+_CLEARLY_NEARER = 0.4  # octaves
+_OTHER_METRE = 0.8  # octaves that bars of another metre than the takes' are worth
+_SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # that anybody counts at
+
+
+def metrical_levels(
+    samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts
+) -> tuple[Counts, ...]:
+    """A song's counts as tracked, then at half and at double tempo where that can be counted.
+
+    Bars are tracked anew at each level: of doubled beats `1 2 3 4` become `1 . 3 . 1 . 3 .`, but not in
+    threes, where neither two beats of a bar nor six are a bar of their own. Arguments and errors are those
+    of `track_bars`.
+    """
+    if not tracked.has_bars:
+        return (tracked,)
+    beats_s, bpm = tracked.times_s, tempo_bpm(tracked)
+    others = []
+    if bpm / 2 >= _SLOWEST_BPM:
+        others.append(beats_s[_main_beats(log_mel, tracked) :: 2])
+    if bpm * 2 <= _FASTEST_BPM:
+        others.append(np.interp(np.arange(2 * len(beats_s) - 1) / 2, np.arange(len(beats_s)), beats_s))
+    found = (track_bars(samples, log_mel, times_s) for times_s in others)
+    return (tracked, *(counts for counts in found if counts.has_bars))
+
+
+def _main_beats(log_mel: NDArray[np.floating], tracked: Counts) -> int:
+    """0 or 1: which half of the beats to keep. In fours those with 1 and 3, in threes the stronger half."""
+    if tracked.metre == 4:
+        weight = (tracked.numbers % 2 == 1).astype(np.float64)
+    else:
+        strength = onset_strength(log_mel)
+        frames = np.rint(times_to_frames(tracked.times_s, MUSIC_FPS)).astype(np.int64)
+        weight = strength[np.minimum(frames, len(strength) - 1)]
+    return int(weight[1::2].mean() > weight[::2].mean())
+
+
+def choose_level(
+    levels: Sequence[Counts], take_tempi_bpm: Mapping[int, Floats], take_weights: Mapping[int, Floats]
+) -> Counts:
+    """The level at which takes are danced nearest to their own tempo: the first, unless another is clearly
+    nearer, by 0.4 octaves.
+
+    `take_tempi_bpm` has by metre the tempi (X,) of the takes in that metre, `take_weights` how much each
+    matters. A level in whose metre there is no take is not chosen, save the first: its bars may be heard
+    wrongly, so that it still is if takes of other metres would be hurried much at another level.
+    """
+    distances = [
+        _distance_octaves(tempo_bpm(song), take_tempi_bpm[song.metre], take_weights[song.metre])
+        if np.sum(take_weights.get(song.metre, 0.0)) > 0
+        else np.inf
+        for song in levels
+    ]
+    if np.isinf(distances[0]) and np.isfinite(distances).any():
+        tempi_bpm, weights = (
+            np.concatenate([of_metre[m] for m in take_weights]) for of_metre in (take_tempi_bpm, take_weights)
+        )
+        distances[0] = _OTHER_METRE + _distance_octaves(tempo_bpm(levels[0]), tempi_bpm, weights)
+    nearest = int(np.argmin(distances))
+    return levels[nearest] if distances[nearest] < distances[0] - _CLEARLY_NEARER else levels[0]
+
+
+def level_at_tempo(
+    samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts, metre: int, bpm: float
+) -> Counts:
+    """A song's counts at the level nearest to one tempo in one metre; see `metrical_levels`."""
+    levels = metrical_levels(samples, log_mel, tracked)
+    return choose_level(levels, {metre: np.array([bpm])}, {metre: np.ones(1)})
+
+
+def between(counts: Counts, start_s: float, stop_s: float) -> Counts:
+    """The counts of a part of a song, at their times in the song; its metre is that of its bars.
+
+    See `music.metrical_level.part_metre`.
+    """
+    inside = (counts.times_s >= start_s) & (counts.times_s < stop_s)
+    numbers = counts.numbers[inside]
+    metre = part_metre(np.diff(np.flatnonzero(numbers == 1)), counts.metre)
+    return replace(counts, times_s=counts.times_s[inside], numbers=numbers, metre=metre)
+
+
+def joined(parts: Sequence[Counts]) -> Counts:
+    """Consecutive parts of a song as one; a beat too close to the part before it is left out."""
+    times_s, numbers = [parts[0].times_s], [parts[0].numbers]
+    for before, part in pairwise(parts):
+        period_s = np.median(np.diff(part.times_s)) if len(part) > 1 else 0.0
+        kept = part.times_s > (before.times_s[-1] + 0.6 * period_s if len(before) else -np.inf)
+        times_s.append(part.times_s[kept])
+        numbers.append(part.numbers[kept])
+    longest = max(parts, key=len)
+    confidence = min(part.confidence for part in parts)
+    return Counts(np.concatenate(times_s), np.concatenate(numbers), longest.metre, longest.source, confidence)
+
+
+def tempo_bpm(counts: Counts) -> float:
+    """Median tempo of two counts or more."""
+    return float(60.0 / np.median(np.diff(counts.times_s)))
+
+
+def _distance_octaves(bpm: float, tempi_bpm: Floats, weights: Floats) -> float:
+    return float(np.average(np.abs(np.log2(bpm / tempi_bpm)), weights=weights))

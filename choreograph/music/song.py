@@ -1,0 +1,245 @@
+"""`Song`: a piece of music as mono samples at the program's rate, from any audio file.
+
+RIFF, RF64, FLAC, Ogg and AIFF are decoded by soundfile; all else (mp3, m4a, opus, video with sound, and
+what soundfile refuses) by PyAV, whose FFmpeg prints no warnings about cut bit reservoirs in mp3. Both
+decode in blocks that are mixed down and resampled immediately, so a song takes 4 bytes a sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import soxr
+from numpy.typing import NDArray
+
+from choreograph.core.arguments import as_number, as_texts, check_text, unexpected
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.files import as_path, check_regular
+from choreograph.core.numerics import default_numerics
+from choreograph.core.timebase import SAMPLE_RATE_HZ, SEGMENT_S
+from choreograph.music.decoding import Blocks, decode
+
+SILENCE_PEAK = 1e-4  # -80 dB: a song whose peak amplitude is lower counts as silent
+_LONG_S = 3600.0
+_LONGEST_S = 3 * 3600.0
+_CANCELLED = 0.01  # power of the mix to that of its channels
+
+
+@dataclass(frozen=True, eq=False)
+class Song:
+    """Mono samples in [-1, 1] at 22.05 kHz, their source, and notes on anything unusual.
+
+    Raises `ParameterError` unless there is a sample or more, all are finite floats, and name, path, notes and
+    start are such.
+    """
+
+    samples: NDArray[np.float32]  # (S,)
+    name: str
+    path: Path | None = None
+    notes: tuple[str, ...] = ()  # one line each
+    start_s: float = 0.0  # of the first sample in the file
+
+    def __post_init__(self) -> None:
+        samples, wanted = self.samples, "samples of a song as floats (S,) from -1 to 1, mono at 22.05 kHz"
+        if not isinstance(samples, np.ndarray) or samples.dtype.kind != "f":
+            raise unexpected(
+                wanted, samples, "np.asarray(samples, np.float32) makes them, / 32768 of 16 bits"
+            )
+        if samples.ndim != 1 or len(samples) == 0:
+            raise ParameterError(f"expected {wanted}, got an array of shape {samples.shape}")
+        if not np.isfinite([samples.min(), samples.max()]).all():  # without a copy of three hours of music
+            raise ParameterError(f"expected {wanted}, got some that are not finite")
+        check_text("the name of a song", self.name)
+        if self.path is not None:
+            object.__setattr__(self, "path", as_path("a song", self.path))
+        object.__setattr__(self, "notes", as_texts("notes on a song", self.notes))
+        check_span(self.start_s, None)
+
+    @property
+    def duration_s(self) -> float:
+        """Length in seconds."""
+        return len(self.samples) / SAMPLE_RATE_HZ
+
+    def part(self, start_s: float = 0.0, duration_s: float | None = None) -> Song:
+        """From `start_s` of it on, for `duration_s` or as long as it lasts; raises as `load_song`."""
+        check_span(start_s, duration_s)
+        first = round(start_s * SAMPLE_RATE_HZ)
+        stop = None if duration_s is None else first + max(1, round(duration_s * SAMPLE_RATE_HZ))
+        samples = self.samples[first:stop]
+        if len(samples) == len(self.samples):
+            return self
+        if len(samples) == 0:
+            raise _past_the_end(start_s, self.path or self.name)
+        of_whole = _notes(self.samples)
+        notes = (*(note for note in self.notes if note not in of_whole), *_notes(samples))
+        return replace(self, samples=samples, notes=notes, start_s=self.start_s + start_s)
+
+
+def check_span(start_s: Any, duration_s: Any) -> None:
+    """Raise `ParameterError` unless the part of the song is given in seconds, and there is one."""
+    if as_number("start_s in seconds", start_s) < 0:
+        raise unexpected("a start in seconds of 0 or more", start_s)
+    if duration_s is not None and as_number("duration_s in seconds or None", duration_s) <= 0:
+        raise unexpected("a duration in seconds above 0", duration_s)
+
+
+@default_numerics()
+def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | None = None) -> Song:
+    """Decode an audio file (or a video's sound) to mono at 22.05 kHz.
+
+    Parameters
+    ----------
+    path : any container, rate and channel count that soundfile or FFmpeg reads
+    start_s : seconds to skip at the beginning
+    duration_s : seconds to keep from there, or as many as there are; None for all
+
+    Returns
+    -------
+    Song   with `notes` if some of it is lost, it is silent, shorter than a segment, or very long
+
+    Raises
+    ------
+    FormatError      the file is missing, a folder, empty, truncated, not audio, over 3 hours, or not finite
+    ParameterError   `start_s` is negative or past the end, or `duration_s` is not positive
+    """
+    path = as_path("a song", path)
+    check_span(start_s, duration_s)
+    _check_is_file(path)
+    mixed, levels = _decoded(path, start_s, duration_s, None)
+    if levels.cancel:
+        mixed, _ = _decoded(path, start_s, duration_s, levels.in_phase)
+    samples, notes = mixed
+    if len(samples) == 0:
+        if start_s > 0:
+            raise _past_the_end(start_s, path)
+        raise FormatError(f"expected a song in {path}, got no sound at all: the file may be cut off")
+    if levels.cancel:
+        notes = (*notes, "the channels cancel each other: they are mixed with their phases turned alike")
+    return Song(samples, path.stem, path, (*notes, *_notes(samples)), start_s)
+
+
+def _past_the_end(start_s: float, song: str | Path) -> ParameterError:
+    return ParameterError(f"expected a start inside {song}, got {start_s:g} s: the song ends before")
+
+
+def _decoded(
+    path: Path, start_s: float, duration_s: float | None, weights: NDArray[np.float32] | None
+) -> tuple[tuple[NDArray[np.float32], tuple[str, ...]], _Levels]:
+    """Samples at the program's rate and notes, and the levels of the channels, mixed by `weights` (C,)."""
+    decoding = decode(path)
+    levels = _Levels(decoding.n_channels)
+    mono = _mono_span(levels.watched(decoding.blocks), decoding.rate_hz, start_s, duration_s, weights)
+    parts = list(_resampled(_of_bearable_length(mono, path, decoding.rate_hz), decoding.rate_hz))
+    return (_concatenated(parts), tuple(decoding.notes)), levels
+
+
+class _Levels:
+    """How channels (C,) relate to each other: which are in phase with the loudest."""
+
+    def __init__(self, n_channels: int) -> None:
+        self._products = np.zeros((n_channels, n_channels))  # sums of products of two channels
+
+    def watched(self, blocks: Blocks) -> Blocks:
+        """The blocks (S_b, C) as they are."""
+        for block in blocks:
+            self._products += block.T @ block
+            yield block
+
+    @property
+    def cancel(self) -> bool:
+        """Whether the mean of the channels is far quieter than they are."""
+        n_channels = len(self._products)
+        power = np.trace(self._products) / n_channels
+        return n_channels > 1 and self._products.mean() < _CANCELLED * power
+
+    @property
+    def in_phase(self) -> NDArray[np.float32]:
+        """Weights (C,) that mix all channels in the phase of the loudest."""
+        loudest = int(np.argmax(np.diagonal(self._products)))
+        signs = np.where(self._products[loudest] < 0, -1.0, 1.0)
+        return (signs / len(signs)).astype(np.float32)
+
+
+def _check_is_file(path: Path) -> None:
+    if path.is_dir():
+        raise FormatError(f"expected a song at {path}, got a folder: name one audio file in it")
+    if not path.exists():
+        raise FormatError(f"expected a song at {path}, got nothing: there is no such file")
+    check_regular(path, "a song")
+    if path.stat().st_size == 0:
+        raise FormatError(
+            f"expected a song at {path}, got an empty file: its download or copy may have failed"
+        )
+
+
+def _mono_span(
+    blocks: Blocks,
+    rate_hz: int,
+    start_s: float,
+    duration_s: float | None,
+    weights: NDArray[np.float32] | None,
+) -> Iterator[NDArray[np.float32]]:
+    """Mono blocks of the requested span; decoding stops at its end."""
+    start = round(start_s * rate_hz)
+    stop = None if duration_s is None else start + max(1, round(duration_s * rate_hz))
+    position = 0
+    for block in blocks:  # (S_b, channels)
+        mono = block.mean(axis=1, dtype=np.float32) if weights is None else block @ weights
+        low = max(0, start - position)
+        high = len(mono) if stop is None else min(len(mono), stop - position)
+        if high > low:
+            yield mono[low:high]
+        position += len(mono)
+        if stop is not None and position >= stop:
+            return
+
+
+def _of_bearable_length(
+    blocks: Iterator[NDArray[np.float32]], path: Path, rate_hz: int
+) -> Iterator[NDArray[np.float32]]:
+    """The blocks; `FormatError` if they are more than `_LONGEST_S`: hours of silence take a few kilobytes."""
+    n_frames = 0
+    for block in blocks:
+        n_frames += len(block)
+        if n_frames > _LONGEST_S * rate_hz:
+            raise FormatError(
+                f"expected up to {_LONGEST_S / 3600:.0f} h of sound in {path}, got more: take a part of it"
+            )
+        yield block
+
+
+def _resampled(blocks: Iterator[NDArray[np.float32]], rate_hz: int) -> Iterator[NDArray[np.float32]]:
+    if rate_hz == SAMPLE_RATE_HZ:
+        yield from blocks
+        return
+    stream = soxr.ResampleStream(rate_hz, SAMPLE_RATE_HZ, 1, dtype="float32")
+    for block in blocks:
+        yield stream.resample_chunk(block)
+    yield stream.resample_chunk(np.zeros(0, np.float32), last=True)
+
+
+def _concatenated(parts: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Concatenate and empty `parts`, so that peak memory is one song, not two."""
+    samples = np.empty(sum(map(len, parts)), np.float32)
+    end = len(samples)
+    while parts:
+        part = parts.pop()
+        samples[end - len(part) : end] = part
+        end -= len(part)
+    return samples
+
+
+def _notes(samples: NDArray[np.float32]) -> tuple[str, ...]:
+    notes = []
+    duration_s = len(samples) / SAMPLE_RATE_HZ
+    if max(samples.max(), -samples.min()) < SILENCE_PEAK:
+        notes.append("the song is silent: the dance follows no beat")
+    if duration_s < SEGMENT_S:
+        notes.append(f"the song lasts {duration_s:.2f} s, less than the {SEGMENT_S} s of one segment")
+    if duration_s > _LONG_S:
+        notes.append(f"the song lasts {duration_s / 3600:.1f} h: this takes long")
+    return tuple(notes)

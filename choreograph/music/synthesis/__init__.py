@@ -1,0 +1,1 @@
+"""A small composer and synthesiser of dance songs whose beats, bars and sections are known exactly."""

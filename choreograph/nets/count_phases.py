@@ -1,0 +1,175 @@
+"""What the networks that count share: phases in beat and bar, and the trunk of dilated convolutions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from choreograph.core.counts import Counts
+from choreograph.music.bar_pointer import METRES, PhaseCurves
+
+# Phases in beat and bar: what counts say of every instant, and how likely a network's curves make it.
+#
+# A network gives for every frame a vector for the beat and one for the bar of each metre, as
+# `music.bar_pointer.PhaseCurves` has them: direction is phase, length concentration. So a vector v makes a
+# phase φ likely by the von Mises density exp(v · u(φ)) / (2π I₀(|v|)), and the network learns its confidence
+# with its phases. A metre that is not the take's has no phase to tell: there the vector should be 0, and its
+# length at work is evidence for the metre.
+
+
+N_OUTPUTS = 2 + 2 * len(METRES)  # of a network, per frame
+_LONGEST_INTERVAL = 1.75  # of the median: longer ones are gaps, in which nobody counts
+
+
+@dataclass(frozen=True, eq=False)
+class Phases:
+    """Phases in turns at instants, shape (...)."""
+
+    beat: NDArray[np.float32]  # 0 … 1
+    bar: NDArray[np.float32]  # 0 … 1
+    metre: NDArray[np.int64]  # index in `METRES`
+    known: NDArray[np.bool_]  # False where nobody counts
+
+
+def phases_at(counts: Counts, times_s: NDArray[np.floating]) -> Phases:
+    """The phases of counts at times (...) in seconds.
+
+    Between two counts the phase runs evenly. Nothing is known before the first and after the last count, in
+    gaps, where the number that follows is not the next in the bar, or if the metre is not of `METRES`.
+    """
+    times = np.asarray(times_s, np.float64)
+    if len(counts) < 2 or counts.metre not in METRES:
+        nothing = np.zeros(times.shape, np.float32)
+        return Phases(nothing, nothing, nothing.astype(np.int64), nothing > 0)
+    length_s = np.diff(counts.times_s)
+    is_counted = (length_s < _LONGEST_INTERVAL * np.median(length_s)) & (
+        counts.numbers[1:] == counts.numbers[:-1] % counts.metre + 1
+    )
+    interval = np.searchsorted(counts.times_s, times, side="right") - 1
+    inside = (interval >= 0) & (interval < len(length_s))
+    interval = interval.clip(0, len(length_s) - 1)
+    beat = (times - counts.times_s[interval]) / length_s[interval]
+    bar = (counts.numbers[interval] - 1 + beat) / counts.metre
+    known = inside & is_counted[interval]
+    metre = np.full(times.shape, METRES.index(counts.metre), np.int64)
+    return Phases(
+        np.where(known, beat, 0.0).astype(np.float32),
+        np.where(known, bar, 0.0).astype(np.float32),
+        metre,
+        known,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseTargets:
+    """`Phases` of a batch as tensors, (B, T) each."""
+
+    beat: Tensor
+    bar: Tensor
+    metre: Tensor
+    known: Tensor
+
+    @classmethod
+    def of(cls, batch: list[Phases]) -> PhaseTargets:
+        """The phases of a batch's rows, of one length."""
+        return cls(*(torch.from_numpy(np.stack([getattr(p, f.name) for p in batch])) for f in fields(Phases)))
+
+    def to(self, device: torch.device) -> PhaseTargets:
+        """The targets on a device."""
+        return PhaseTargets(*(getattr(self, field.name).to(device) for field in fields(self)))
+
+
+def phase_loss(outputs: Tensor, targets: PhaseTargets, *, bar_weight: float) -> Tensor:
+    """Mean negative log likelihood of the phases of known frames, in nats above a uniform density's.
+
+    `outputs` (B, N_OUTPUTS, T). The bar counts `bar_weight`: its vector of the right metre is to give the
+    phase, those of the others to give none.
+    """
+    vectors = outputs.unflatten(1, (1 + len(METRES), 2))  # (B, 1 + M, 2, T)
+    log_i0 = _log_i0(vectors.square().sum(dim=2).add(1e-8).sqrt())  # (B, 1 + M, T)
+    beat = log_i0[:, 0] - _along(vectors[:, 0], targets.beat)
+    index = (1 + targets.metre)[:, None, None, :].expand(-1, 1, 2, -1)  # (B, 1, 2, T)
+    bar = log_i0[:, 1:].sum(dim=1) - _along(vectors.gather(1, index)[:, 0], targets.bar)
+    known = targets.known.to(outputs.dtype)
+    return ((beat + bar_weight * bar) * known).sum() / known.sum().clamp(min=1.0)
+
+
+def curves_from(outputs: Tensor, fps: float) -> PhaseCurves:
+    """Phase curves from a network's outputs (N_OUTPUTS, T)."""
+    vectors = outputs.detach().cpu().double().numpy().reshape(1 + len(METRES), 2, -1)
+    return PhaseCurves(vectors[0].T, vectors[1:].transpose(2, 0, 1), fps)
+
+
+def _along(vectors: Tensor, turns: Tensor) -> Tensor:
+    """Vectors (B, 2, T) along unit vectors of phases (B, T)."""
+    angle = 2 * torch.pi * turns
+    return vectors[:, 0] * angle.cos() + vectors[:, 1] * angle.sin()
+
+
+def _log_i0(concentration: Tensor) -> Tensor:
+    return torch.special.i0e(concentration).log() + concentration
+
+
+# The trunk of the networks that count: residual blocks of dilated convolutions over time.
+#
+# As temporal convolution networks that track beats in music (Davies and Böck, *Temporal convolutional
+# networks for musical audio beat tracking*, 2019): the dilation doubles from block to block, so that a few
+# blocks see many seconds on both sides of every frame, and every length of take is taken at once.
+
+
+KERNEL = 5
+
+
+class Trunk(nn.Module):
+    """Features (B, F, T) to features (B, width, T); every frame sees `n_seen` frames around it."""
+
+    def __init__(self, n_features: int, width: int, n_blocks: int, dropout: float) -> None:
+        super().__init__()
+        self.into = nn.Conv1d(n_features, width, KERNEL, padding=KERNEL // 2)
+        self.blocks = nn.ModuleList(_Block(width, 2**i, dropout) for i in range(n_blocks))
+        self.norm = _ChannelNorm(width)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Features (B, F, T), 0 where there is no frame, to (B, width, T)."""
+        x = self.into(x)
+        for block in self.blocks:
+            x = block(x)
+        return self.norm(x)
+
+    @property
+    def n_seen(self) -> int:
+        """Frames that one output frame depends on."""
+        return 1 + (KERNEL - 1) * (1 + sum(2**i for i in range(len(self.blocks))))
+
+
+class _Block(nn.Module):
+    def __init__(self, width: int, dilation: int, dropout: float) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            _ChannelNorm(width),
+            nn.Conv1d(width, width, KERNEL, padding=KERNEL // 2 * dilation, dilation=dilation),
+            nn.GELU(),
+            nn.Dropout1d(dropout),
+            nn.Conv1d(width, width, 1),
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x + self.layers(x)
+
+
+class _ChannelNorm(nn.Module):
+    """Each frame's channels to mean 0 and variance 1: whatever the length of the take."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.scale = nn.Parameter(torch.ones(width, 1))
+        self.shift = nn.Parameter(torch.zeros(width, 1))
+
+    def forward(self, x: Tensor) -> Tensor:
+        centred = x - x.mean(dim=1, keepdim=True)
+        deviation = torch.rsqrt(centred.square().mean(dim=1, keepdim=True) + 1e-5)
+        return centred * deviation * self.scale + self.shift

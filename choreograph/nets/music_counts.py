@@ -1,0 +1,229 @@
+"""`MusicCounts`: beats and bars of a song by a network, its weights, and the beats that it finds."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from torch import Tensor, nn
+
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.files import atomic_path
+from choreograph.core.timebase import MUSIC_FPS
+from choreograph.music.bar_pointer import PhaseCurves, PointerConfig, decode_counts
+from choreograph.music.beats import level_normalized, onset_strength, path_of
+from choreograph.music.mel import MEL_BANDS
+from choreograph.music.song import Song
+from choreograph.nets.count_configs import MusicCountsConfig
+from choreograph.nets.count_phases import N_OUTPUTS, Trunk, curves_from
+from choreograph.nets.stored import StoredNet
+
+# `MusicCounts`: beats, downbeats and their phases from a song's log-mel, by a temporal convolution network.
+#
+# After Davies and Böck, *Temporal convolutional networks for musical audio beat tracking*, EUSIPCO 2019, and
+# Böck and Davies, *Deconstruct, analyse, reconstruct*, ISMIR 2020: small convolutions over bands and frames,
+# then dilated convolutions that see half a minute to either side. Ours: 30 fps rather than 100, an input
+# without level and equalisation, and the phases of beat and bar besides, from which the bar pointer counts.
+
+
+CURVE_FPS = MUSIC_FPS // 2
+N_ACTIVATIONS = 2  # of beat and downbeat
+_RANGE = 12.0  # nats below the loudest band of a song that are heard: 52 dB
+_SCALE = 3.0  # nats: about the spread of a band
+
+
+@dataclass(frozen=True, eq=False)
+class MusicCurves:
+    """What the network hears at 30 fps; frame i is at i / 30 s."""
+
+    beat: NDArray[np.float32]  # (T,) probability of a beat in the frame
+    downbeat: NDArray[np.float32]  # (T,)
+    phases: PhaseCurves  # of beat and bar
+
+
+class MusicCounts(StoredNet):
+    """Log-mel at 60 fps to activations and phases at 30 fps."""
+
+    config_class = MusicCountsConfig
+
+    def __init__(self, config: MusicCountsConfig) -> None:
+        super().__init__()
+        self.config = config
+        first, second = config.front_channels
+        # (B, 1, T, 96) to (B, first, T / 2, 32), then a quarter of the bands.
+        self.front = nn.Sequential(
+            nn.Conv2d(1, first, (5, 5), stride=(2, 3), padding=(2, 1)),
+            nn.ELU(),
+            nn.MaxPool2d((1, 2)),
+            nn.Conv2d(first, second, (3, 3), padding=(1, 1)),
+            nn.ELU(),
+            nn.MaxPool2d((1, 2)),
+        )
+        self.trunk = Trunk(second * (MEL_BANDS // 12), config.width, config.n_blocks, config.dropout)
+        self.head = nn.Conv1d(config.width, N_ACTIVATIONS + N_OUTPUTS, 1)
+
+    def forward(self, mel: Tensor) -> tuple[Tensor, Tensor]:
+        """Levelled log-mel (B, T, 96), T even, to logits of activations (B, 2, T / 2) and phase vectors
+        (B, N_OUTPUTS, T / 2), as `nets.count_phases` has them."""
+        bands = self.front(mel[:, None]).transpose(2, 3).flatten(1, 2)  # (B, C * 8, T / 2)
+        curves = self.head(self.trunk(bands))
+        return curves[:, :N_ACTIVATIONS], curves[:, N_ACTIVATIONS:]
+
+    def curves(self, log_mel: NDArray[np.floating]) -> MusicCurves:
+        """The curves of a whole song from its log-mel (T, 96); `ParameterError` for another shape."""
+        mel = np.asarray(log_mel, np.float32)
+        if mel.ndim != 2 or mel.shape[1] != MEL_BANDS or len(mel) == 0:
+            raise ParameterError(f"expected log-mel (T, {MEL_BANDS}), got an array of shape {mel.shape}")
+        even = np.pad(levelled(mel), ((0, len(mel) % 2), (0, 0)), mode="edge")
+        self.eval()
+        with torch.no_grad():
+            logits, vectors = self(torch.from_numpy(even)[None])
+        beat, downbeat = torch.sigmoid(logits[0]).numpy()
+        return MusicCurves(beat, downbeat, curves_from(vectors[0], CURVE_FPS))
+
+
+def levelled(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Log-mel (T, 96) without gain and equalisation: a band's mean is 0, what is 52 dB down is cut."""
+    mel = np.asarray(log_mel, np.float32)
+    mel = np.maximum(mel, mel.max() - _RANGE)
+    return (mel - mel.mean(axis=0)) / _SCALE
+
+
+# Weights of `MusicCounts` in a file: `.npz` in half precision, with the configuration and what it heard.
+#
+# `SHIPPED` is the program's own, which heard the synthesiser alone.
+
+
+SHIPPED = Path(__file__).with_name("music_counts_clean.npz")
+_ABOUT, _CONFIG = "about", "config"
+
+
+def write_music_counts(path: str | Path, net: MusicCounts, about: Mapping[str, Any]) -> None:
+    """Write a network; `about` is JSON: what it was trained on."""
+    arrays, config = net.to_arrays()
+    stored: dict[str, Any] = {name: np.asarray(values, np.float16) for name, values in arrays.items()}
+    stored |= {_ABOUT: np.array(json.dumps(dict(about))), _CONFIG: np.array(json.dumps(config))}
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **stored)
+
+
+def read_music_counts(path: str | Path) -> tuple[MusicCounts, dict[str, Any]]:
+    """The network of a file, and what it was trained on; `FormatError` for a file of anything else."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        about, config = (json.loads(str(arrays.pop(name))) for name in (_ABOUT, _CONFIG))
+        weights = {name: np.asarray(values, np.float32) for name, values in arrays.items()}
+        return MusicCounts.from_arrays(weights, config), about
+    except (OSError, BadZipFile, KeyError, ValueError, TypeError, ParameterError) as error:
+        raise FormatError(
+            f"{path}: expected weights of the network that hears counts, got: {error}: "
+            "it is damaged, or another file"
+        ) from error
+
+
+@lru_cache(maxsize=1)
+def shipped_music_counts() -> MusicCounts:
+    """The program's own network."""
+    return read_music_counts(SHIPPED)[0]
+
+
+# Beats of a song by the network, and by the tempo path over what it hears where its phases are not sure.
+#
+# The bar pointer takes the level from the phases: it keeps a salsa at 180 BPM, which a prior on tempi would
+# halve. Where phases agree badly with the decoded beats, as in music unlike all it was trained on, that
+# freedom errs by thirds and halves, and the tempo path with its prior is the better reader of the activation.
+# It reads the onsets beside it: of the activation alone, a rumba was heard at 4/3 of its tempo for a third of
+# the song.
+
+
+Floats = NDArray[np.float64]
+
+POINTER = PointerConfig(bpm=(45.0, 240.0), grid_fps=60.0)
+# Mean cosine between phases and beats, below which the tempo path is asked: fitted by
+# `research/fit_music_agreement.py` to songs of genres that the networks had not heard.
+LEAST_AGREEMENT = 0.75
+_MIN_DURATION_S = 1.0
+_SLIP_BEATS = 5  # fewer at another tempo are no passage
+_SLIP_SHARE = 1 / 3  # of the song
+_SAME_TEMPO_OCTAVES = 0.06
+_LATE_FRAMES = 1  # onsets come 11 ms after the beat, the activation on it
+_LEAST_CONTRAST = 0.1  # nats between the loudest and the quietest frame: less is silence
+_DIED_AWAY = 7.0  # nats below the loudest frame, 30 dB: from the last louder one on, the beat just goes on
+
+
+class NetworkBeats:
+    """A `music.beats.BeatTracker`."""
+
+    def __init__(self, net: MusicCounts | None = None) -> None:
+        self.net = net or shipped_music_counts()
+
+    def beats(self, song: Song, log_mel: NDArray[np.floating]) -> Floats:
+        """The song's beats, (Q,) seconds; none in a song shorter than a second or silent."""
+        beats_s = network_beats(log_mel, self.net)
+        return beats_s[beats_s < song.duration_s]
+
+
+def network_beats(log_mel: NDArray[np.floating], net: MusicCounts) -> Floats:
+    """Beats in seconds, (Q,), of log-mel (T, 96); `ParameterError` for another shape."""
+    curves = net.curves(log_mel)
+    level = np.asarray(log_mel).max(axis=1)  # (T,)
+    if len(level) < _MIN_DURATION_S * MUSIC_FPS or np.ptp(level) < _LEAST_CONTRAST:
+        return np.zeros(0)
+    ends = np.flatnonzero(level >= level.max() - _DIED_AWAY)[-1] * CURVE_FPS // MUSIC_FPS
+    beats_s, agreement = decoded_beats(_without_phases_after(curves, int(ends)))
+    return beats_s if agreement >= LEAST_AGREEMENT else activated_beats(curves, log_mel)
+
+
+def _without_phases_after(curves: MusicCurves, frame: int) -> MusicCurves:
+    """The curves, with phases of no concentration after a frame."""
+    phases = curves.phases
+    known = np.arange(len(phases.beat)) <= frame
+    beat, bar = phases.beat * known[:, None], phases.bar * known[:, None, None]
+    return replace(curves, phases=replace(phases, beat=beat, bar=bar))
+
+
+def decoded_beats(curves: MusicCurves) -> tuple[Floats, float]:
+    """Beats by the bar pointer, and the mean agreement of the phases with them, -1 … 1."""
+    decoded = decode_counts(curves.phases, POINTER)
+    known = curves.phases.beat.any(axis=1)
+    return decoded.counts.times_s, float(decoded.beat_agreement[known].mean()) if known.any() else 0.0
+
+
+def activated_beats(curves: MusicCurves, log_mel: NDArray[np.floating]) -> Floats:
+    """Beats by the tempo path, with the activation beside the onsets of log-mel (T, 96)."""
+    frames = np.arange(len(log_mel)) * CURVE_FPS / MUSIC_FPS
+    activation = np.interp(frames, np.arange(len(curves.beat)), curves.beat)  # (T,)
+    onsets = level_normalized(onset_strength(log_mel)[_LATE_FRAMES:])
+    heard = level_normalized(activation)
+    heard[: len(onsets)] += onsets
+    return at_one_level(path_of(level_normalized(heard)))
+
+
+def at_one_level(beats_s: Floats) -> Floats:
+    """Beats (Q,) with passages at half of the tempo of most of the song brought to it, by beats between.
+
+    A tracker slips there where the beat is hard to hear, as in a sparse introduction. Where more than a
+    third of the song is slower, it is left: another piece of music may begin there.
+    """
+    periods_s = np.diff(beats_s)
+    if len(periods_s) < _SLIP_BEATS:
+        return beats_s
+    steady = median_filter(periods_s, _SLIP_BEATS, mode="nearest")
+    order = np.argsort(steady)
+    half_of_the_time = np.searchsorted(np.cumsum(periods_s[order]), 0.5 * periods_s.sum())
+    main_s = steady[order[half_of_the_time]]
+    slipped = np.abs(np.log2(steady / main_s) - 1.0) < _SAME_TEMPO_OCTAVES
+    if periods_s[slipped].sum() > _SLIP_SHARE * periods_s.sum():
+        return beats_s
+    between_s = 0.5 * (beats_s[:-1] + beats_s[1:])[slipped]
+    return np.sort(np.concatenate([beats_s, between_s]))

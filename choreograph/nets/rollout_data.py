@@ -1,0 +1,299 @@
+"""Data of the rollout network: motion as pose rows and back, conditions of frames, training sequences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.timebase import WORD_FRAMES, frame_times_s
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.contacts import foot_contacts
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton
+from choreograph.music.frame_rhythm import FRAME_RHYTHM_FPS, FRAME_RHYTHM_NAMES
+from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutConditions
+
+# Motion as pose rows and back, and what the frames of a dance are conditioned on, for the rollout network.
+#
+# Root motion is relative to the dancer: the shift on the ground since the last frame, seen from the heading
+# of the last frame, the height, and the change of heading. (The paper has shifts in the world and leaves the
+# heading in the root's rotation. What is learned in one heading is then unknown in another.) Rotations are
+# local, the root's without its heading. The sign of each joint's quaternions is such that w is mostly not
+# negative.
+
+
+ROLLOUT_FPS = FRAME_RHYTHM_FPS
+LOOKAHEAD_FRAMES = 9  # of the rhythm: the whole window of `music.frame_rhythm`
+
+Floats = NDArray[np.floating]
+
+
+def to_poses(motion: Motion) -> NDArray[np.float32]:
+    """Pose rows (T, 4 + 4 J + 2) of a motion at 30 fps; frame 0 has the root shift and yaw of frame 1."""
+    quat = np.array(motion.local_quat)
+    heading = np.unwrap(rot.yaw(quat[:, 0]))  # (T,)
+    quat[:, 0] = rot.multiply(rot.about_y(-heading), quat[:, 0])
+    quat = rot.make_continuous(quat)
+    quat *= np.where(quat[..., 0].sum(axis=0) < 0, -1.0, 1.0)[:, None]  # (T, J, 4)
+    shift = rot.rotate(rot.about_y(-heading[:-1]), np.diff(motion.root_pos_m, axis=0))  # (T - 1, 3)
+    root = np.column_stack([shift[:, 0], shift[:, 2], motion.root_pos_m[1:, 1], np.diff(heading)])
+    root = np.concatenate([root[:1] if len(root) else np.zeros((1, ROOT_DIM)), root])
+    root[0, 2] = motion.root_pos_m[0, 1]
+    contacts = foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4) ankle and ball of each foot
+    feet = contacts.reshape(len(contacts), 2, 2).max(axis=2)  # (T, 2)
+    return np.concatenate([root, quat.reshape(len(quat), -1), feet], axis=1).astype(np.float32)
+
+
+def to_motion(poses: Floats, skeleton: Skeleton, *, heading_rad: float = 0.0) -> Motion:
+    """The motion (T frames) of pose rows (T, P); it begins above the origin."""
+    rows: NDArray[np.float64] = np.asarray(poses, np.float64)
+    yaw = rows[:, 3].copy()
+    yaw[0] = heading_rad
+    heading = np.cumsum(yaw)  # (T,)
+    shift = np.zeros((len(rows), 3))
+    shift[1:, [0, 2]] = rows[1:, :2]
+    shift[1:] = rot.rotate(rot.about_y(heading[:-1]), shift[1:])
+    root_pos_m = np.cumsum(shift, axis=0)
+    root_pos_m[:, 1] = rows[:, 2]
+    quat = rot.normalize(rows[:, ROOT_DIM:-N_FEET].reshape(len(rows), -1, 4))
+    quat[:, 0] = rot.multiply(rot.about_y(heading), quat[:, 0])
+    return Motion(skeleton, root_pos_m, rot.make_continuous(quat), ROLLOUT_FPS)
+
+
+def word_conditions(
+    start_s: Floats,
+    end_s: Floats,
+    n_frames: int,
+    rhythm: Floats,
+    count_phase: Floats,
+    motif: Floats,
+    spectral: Floats | None,
+) -> RolloutConditions:
+    """Conditioning (1, T, ...) of frames 0 … T - 1 on their words; frames before the first word belong to it.
+
+    `start_s`, `end_s` (N,), `motif` (N, 184) and `spectral` (N, 87) are of the words, `rhythm` and
+    `count_phase` (T', 4) of the song from the dance's first frame on. Their last rows are repeated after
+    their end.
+    """
+    of = conditions_of_frames(start_s, end_s, n_frames, rhythm, count_phase)
+    return RolloutConditions(
+        motif=_batch_of_one(motif[of.word]),
+        rhythm=_batch_of_one(of.rhythm),
+        progress=_batch_of_one(of.progress),
+        word_s=_batch_of_one(of.word_s),
+        count_phase=_batch_of_one(of.count_phase),
+        spectral=None if spectral is None else _batch_of_one(spectral[of.word]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FrameConditions:
+    """What frames are conditioned on, save what they have of their word: see `RolloutConditions`."""
+
+    word: NDArray[np.int64]  # (T,)
+    rhythm: Floats  # (T, 4)
+    progress: Floats  # (T,)
+    word_s: Floats  # (T,)
+    count_phase: Floats  # (T, 4)
+
+
+def conditions_of_frames(
+    start_s: Floats, end_s: Floats, n_frames: int, rhythm: Floats, count_phase: Floats
+) -> FrameConditions:
+    """The conditions of frames 0 … T - 1; arguments as of `word_conditions`."""
+    word = word_of_frames(start_s, n_frames)
+    word_s = np.asarray(end_s - start_s)[word]
+    frame = np.arange(n_frames)
+    return FrameConditions(
+        word=word,
+        rhythm=rhythm[np.minimum(frame + LOOKAHEAD_FRAMES, len(rhythm) - 1)],
+        progress=((frame_times_s(n_frames, ROLLOUT_FPS) - start_s[word]) / word_s).clip(0.0, 1.0),
+        word_s=word_s,
+        count_phase=count_phase[np.minimum(frame, len(count_phase) - 1)],
+    )
+
+
+def word_of_frames(start_s: Floats, n_frames: int) -> NDArray[np.int64]:
+    """The word that each frame lies in, (T,)."""
+    times = frame_times_s(n_frames, ROLLOUT_FPS) + 1e-6
+    return (np.searchsorted(start_s, times, side="right") - 1).clip(0)
+
+
+def _batch_of_one(values: Floats) -> Tensor:
+    return torch.from_numpy(np.asarray(values, np.float32))[None]
+
+
+# Training sequences for the rollout network: takes with words and music, at several tempi, in batches.
+
+
+BEAT = FRAME_RHYTHM_NAMES.index("beat")
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutTake:
+    """One take as training data; all arrays begin at the motion's first frame."""
+
+    name: str
+    motion: Motion  # at 30 fps
+    rhythm: Floats  # (T', 4) at 30 fps, to the end of the take or of the song
+    count_phase: Floats  # (T', 4) at 30 fps
+    start_s: Floats  # (N,) of the words
+    end_s: Floats  # (N,)
+    motif: Floats  # (N, 184) embedding of each word's motif, that is of its medoid
+    embedding: Floats  # (N, 184) of each word
+    spectral: Floats  # (N, 87) of each word's music
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutBatch:
+    """Sequences of T frames: the poses danced, their conditioning, and the words that lie within."""
+
+    pose: Tensor  # (B, T, P)
+    conditions: RolloutConditions
+    word_frames: Tensor  # (M, 13) fractional frames of the words, in 0 … T - 1
+    word_sequence: Tensor  # (M,) the sequence of each word
+    word_motif: Tensor  # (M, 184) the embedding that each word is conditioned on
+
+
+class RolloutData:
+    """All takes as tensors, at each of some tempi, and random batches of sequences."""
+
+    def __init__(self, takes: Sequence[RolloutTake], n_frames: int, tempi: Sequence[float] = (1.0,)) -> None:
+        self._n_frames = n_frames
+        self._takes: list[_TakeTensors] = []
+        for take, tempo in product(takes, tempi):
+            tensors = _take_tensors(at_tempo(take, tempo))
+            if tensors is not None and tensors.stop - tensors.start > n_frames:
+                self._takes.append(tensors)
+        if not self._takes:
+            raise ParameterError(
+                f"expected a take of motion words for over {n_frames / ROLLOUT_FPS:.1f} s, got none"
+            )
+        n_starts = np.array([t.stop - t.start - n_frames for t in self._takes])
+        self._probability = n_starts / n_starts.sum()
+
+    def all_poses(self) -> Tensor:
+        """Every training frame, (T, P)."""
+        return torch.cat([t.pose[t.start : t.stop] for t in self._takes])
+
+    def all_conditions(self, name: str) -> Tensor:
+        """`motif`, `rhythm` or `spectral` of every training frame, (T, D)."""
+        spans = [(t, slice(t.start, t.stop)) for t in self._takes]
+        if name == "rhythm":
+            return torch.cat([t.rhythm[span] for t, span in spans])
+        return torch.cat([getattr(t, name)[t.word[span]] for t, span in spans])
+
+    def batch(
+        self, size: int, rng: np.random.Generator, *, own_embedding_share: float, with_style: bool
+    ) -> RolloutBatch:
+        """Random sequences, `own_embedding_share` of them conditioned on the words' own embeddings."""
+        parts, word_frames, word_sequence, word_motif = [], [], [], []
+        for row in range(size):
+            take = self._takes[rng.choice(len(self._takes), p=self._probability)]
+            start = int(rng.integers(take.start, take.stop - self._n_frames))
+            span = slice(start, start + self._n_frames)
+            embeddings = take.embedding if rng.random() < own_embedding_share else take.motif
+            word = take.word[span]
+            frames = (take.pose, take.rhythm, take.progress, take.word_s, take.count_phase)
+            parts.append((*(rows[span] for rows in frames), embeddings[word], take.spectral[word]))
+            inside = np.flatnonzero(
+                (take.first_frame >= start) & (take.last_frame <= start + self._n_frames - 1)
+            )
+            even = np.linspace(0.0, 1.0, WORD_FRAMES)
+            first, last = take.first_frame[inside, None] - start, take.last_frame[inside, None] - start
+            word_frames.append(first + (last - first) * even)  # (m, 13)
+            word_sequence.append(np.full(len(inside), row))
+            word_motif.append(embeddings[inside])
+        pose, rhythm, progress, word_s, count_phase, motif, spectral = (
+            torch.stack(p) for p in zip(*parts, strict=True)
+        )
+        conditions = RolloutConditions(
+            motif, rhythm, progress, word_s, count_phase, spectral if with_style else None
+        )
+        return RolloutBatch(
+            pose, conditions, torch.from_numpy(np.concatenate(word_frames)).float(),
+            torch.from_numpy(np.concatenate(word_sequence)), torch.cat(word_motif),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _TakeTensors:
+    """A take as tensors, with the range of frames that words cover."""
+
+    pose: Tensor  # (T, P)
+    rhythm: Tensor  # (T, 4)
+    progress: Tensor  # (T,)
+    word_s: Tensor  # (T,)
+    count_phase: Tensor  # (T, 4)
+    word: NDArray[np.int64]  # (T,)
+    motif: Tensor  # (N, 184)
+    embedding: Tensor  # (N, 184)
+    spectral: Tensor  # (N, 87)
+    first_frame: Floats  # (N,) fractional
+    last_frame: Floats  # (N,)
+    start: int  # first frame of the first word
+    stop: int  # after the last frame of the last word
+
+
+def at_tempo(take: RolloutTake, tempo: float) -> RolloutTake:
+    """The take as if it had been danced, and its music played, at a multiple of its tempo."""
+    if tempo == 1.0:
+        return take
+    n_frames = int((take.motion.n_frames - 1) / tempo) + 1
+    return replace(
+        take,
+        motion=take.motion.sampled(np.arange(n_frames, dtype=np.float64) * tempo, fps=ROLLOUT_FPS),
+        rhythm=_with_beats_of(_played_at(take.rhythm, tempo), take.rhythm, tempo),
+        count_phase=_played_at(take.count_phase, tempo),
+        start_s=take.start_s / tempo,
+        end_s=take.end_s / tempo,
+    )
+
+
+def _with_beats_of(played: Floats, rhythm: Floats, tempo: float) -> Floats:
+    """The rhythm at another tempo with every beat in it: frames left out, or played twice, may be beats."""
+    beats = np.rint(np.flatnonzero(rhythm[:, BEAT] > 0) / tempo).astype(np.int64)
+    is_beat = np.isin(np.arange(len(played)), beats)
+    return np.concatenate([played[:, :BEAT], is_beat[:, None]], axis=1)
+
+
+def _played_at(rows: Floats, tempo: float) -> Floats:
+    """The rows (T, D) nearest to each frame at another tempo."""
+    frames = np.rint(np.arange(int((len(rows) - 1) / tempo) + 1) * tempo).astype(np.int64)
+    return rows[np.minimum(frames, len(rows) - 1)]
+
+
+def _take_tensors(take: RolloutTake) -> _TakeTensors | None:
+    """The take as tensors; None for a take without words."""
+    if len(take.start_s) == 0 or take.motion.n_frames < 2:
+        return None
+    n_frames = take.motion.n_frames
+    of = conditions_of_frames(take.start_s, take.end_s, n_frames, take.rhythm, take.count_phase)
+    first_frame, last_frame = take.start_s * ROLLOUT_FPS, take.end_s * ROLLOUT_FPS
+    return _TakeTensors(
+        pose=torch.from_numpy(to_poses(take.motion)),
+        rhythm=_tensor(of.rhythm),
+        progress=_tensor(of.progress),
+        word_s=_tensor(of.word_s),
+        count_phase=_tensor(of.count_phase),
+        word=of.word,
+        motif=_tensor(take.motif),
+        embedding=_tensor(take.embedding),
+        spectral=_tensor(take.spectral),
+        first_frame=first_frame,
+        last_frame=last_frame,
+        start=int(np.ceil(first_frame[0])),
+        stop=min(n_frames, int(last_frame[-1]) + 1),
+    )
+
+
+def _tensor(rows: Floats) -> Tensor:
+    return torch.from_numpy(np.asarray(rows, np.float32))

@@ -1,0 +1,274 @@
+"""The motion-word network P: 13 frames between two beats to 184 dimensions; its data and its training."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import interpolate_frames
+from choreograph.core.timebase import WORD_FRAMES
+from choreograph.motion.body import BODY_JOINTS, mirrored
+from choreograph.nets.configs import WORD_DIM, WordConfig
+from choreograph.nets.stored import StoredNet
+from choreograph.nets.training import TrainingContext, load_pretrained, train
+
+# The motion-word network P: 13 frames between two beats to 184 dimensions (Rhythm is a Dancer, 3.3).
+#
+# Distances between embeddings approximate mean joint distances in metres. The network moves a word to its
+# root frame first, so that it does not matter where on the floor it is danced, and is differentiable from
+# world positions on: the rollout network's perceptual loss (equation 9) goes through it.
+
+
+_N_VALUES = len(BODY_JOINTS) * 3
+_LEFT, _RIGHT = (
+    [BODY_JOINTS.index(f"{side}_{part}") for part in ("hip", "shoulder")] for side in ("left", "right")
+)
+
+
+class WordNet(StoredNet):
+    """Words to embeddings, with the statistics that standardise its inputs."""
+
+    config_class = WordConfig
+    mean_m: Tensor
+    std_m: Tensor
+
+    def __init__(self, config: WordConfig) -> None:
+        super().__init__()
+        self.config = config
+        width = config.width
+        self.linear = nn.Linear(WORD_FRAMES * _N_VALUES, WORD_DIM)
+        self.into = nn.Conv1d(_N_VALUES, width, 3, padding=1)
+        self.blocks = nn.Sequential(*(_Block(width) for _ in range(config.n_blocks)))
+        self.out = nn.Linear(width * WORD_FRAMES, WORD_DIM)
+        nn.init.zeros_(self.out.weight)
+        nn.init.zeros_(self.out.bias)
+        self.register_buffer("mean_m", torch.zeros(WORD_FRAMES, _N_VALUES))
+        self.register_buffer("std_m", torch.ones(1))
+
+    @torch.no_grad()
+    def init_from_pca(self, words: Tensor) -> None:
+        """Initialise with the principal components of words (N, 13, 21, 3), which almost keep distances."""
+        values = clips_to_root_frame(words).flatten(2)  # (N, 13, 63)
+        self.mean_m.copy_(values.mean(dim=0))
+        self.std_m.copy_((values - self.mean_m).square().mean().sqrt())
+        axes = torch.linalg.svd((values - self.mean_m).flatten(1), full_matrices=False).Vh[:WORD_DIM]
+        self.linear.weight.zero_()
+        self.linear.weight[: len(axes)] = axes
+        self.linear.bias.zero_()
+
+    def forward(self, body: Tensor) -> Tensor:
+        """Body positions (B, T, 21, 3) in metres, anywhere on the floor, to embeddings (B, 184).
+
+        Words of another length than 13 frames are resampled to 13, from the first frame to the last.
+        """
+        x = (clips_to_root_frame(_resampled_words(body)).flatten(2) - self.mean_m) / self.std_m  # (B, 13, 63)
+        features = self.blocks(self.into(x.transpose(1, 2)))  # (B, C, 13)
+        # From standard deviations summed over joints and frames to root mean joint distances in metres.
+        scale_m = self.std_m / (WORD_FRAMES * len(BODY_JOINTS)) ** 0.5
+        return scale_m * (self.linear(x.flatten(1)) + self.out(features.flatten(1)))
+
+    def embed(self, words_m: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Embeddings (N, 184) of words (N, 13, 21, 3); `ParameterError` for another shape or nan."""
+        words = np.asarray(words_m, np.float32)
+        if words.shape[1:] != (WORD_FRAMES, len(BODY_JOINTS), 3):
+            raise ParameterError(
+                f"expected motion words (N, {WORD_FRAMES}, {len(BODY_JOINTS)}, 3), got {words.shape}"
+            )
+        if not np.isfinite(words).all():
+            raise ParameterError("expected finite motion words, got nan or infinity")
+        return self._in_batches(len(words), lambda part: self(torch.from_numpy(words[part])), WORD_DIM)
+
+
+def clips_to_root_frame(body: Tensor) -> Tensor:
+    """`motion.body.clips_to_root_frame` of tensors (B, T, 21, 3); differentiable."""
+    middle = body[:, body.shape[1] // 2]
+    across = (middle[:, _LEFT] - middle[:, _RIGHT]).sum(dim=1)[:, [0, 2]]  # (B, 2)
+    cos, sin = functional.normalize(across, dim=1).T[..., None, None]  # (B, 1, 1) each
+    origin = body[:, :, :1].mean(dim=1, keepdim=True)  # (B, 1, 1, 3) mean position of the pelvis
+    x, z = body[..., 0] - origin[..., 0], body[..., 2] - origin[..., 2]
+    return torch.stack([cos * x + sin * z, body[..., 1], cos * z - sin * x], dim=-1)
+
+
+def _resampled_words(body: Tensor) -> Tensor:
+    if body.shape[1] == WORD_FRAMES:
+        return body
+    values = body.flatten(2).transpose(1, 2)  # (B, 63, T)
+    resampled = functional.interpolate(values, WORD_FRAMES, mode="linear", align_corners=True)
+    return resampled.transpose(1, 2).unflatten(2, body.shape[2:])  # (B, 13, 21, 3)
+
+
+class _Block(nn.Module):
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.GroupNorm(1, width), nn.GELU(), nn.Conv1d(width, width, 3, padding=1),
+            nn.GroupNorm(1, width), nn.GELU(), nn.Conv1d(width, width, 3, padding=1),
+        )  # fmt: skip
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x + self.layers(x)
+
+
+# Training data of the motion-word network: words of takes, and pairs of augmented copies of them.
+
+
+_MIN_FRAMES, _MAX_FRAMES = 6, 40  # of a copy at another frame rate: 0.45 s at 13 to 90 fps
+_BEAT_STD_S = 0.05  # error of the beats that bound a copy
+_MAX_WARP = 0.15  # displacement of a copy's middle by the time warp, as a share of its length
+_JOINT_STD_M = 0.015  # offset of each joint, the same for the whole copy
+_MAX_SCALE = 0.05  # change of the dancer's size
+
+
+@dataclass(frozen=True, eq=False)
+class WordTake:
+    """One take as training data: its motion, and the bounds of its words."""
+
+    name: str
+    body_pos_m: NDArray[np.floating]  # (T, 21, 3) world
+    fps: float
+    start_s: NDArray[np.float64]  # (N,) of its words
+    end_s: NDArray[np.float64]  # (N,)
+
+
+@dataclass(frozen=True, eq=False)
+class AugmentedWords:
+    """Words, and two augmented copies of each."""
+
+    words: Tensor  # (B, 13, 21, 3)
+    first: Tensor  # (B, 13, 21, 3)
+    second: Tensor  # (B, 13, 21, 3)
+
+    def to(self, device: torch.device) -> AugmentedWords:
+        """The words and copies on a device."""
+        return AugmentedWords(*(getattr(self, field.name).to(device) for field in fields(self)))
+
+
+def augmented_words(
+    takes: Sequence[WordTake], size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5
+) -> AugmentedWords:
+    """Random words, some mirrored, and two independently augmented copies of each.
+
+    A copy is time-warped within the word, has slightly early or late bounds, comes from another frame rate,
+    and its dancer has another size and slightly different joint positions. Copies of a mirrored word are
+    mirrored too.
+    """
+    ends = np.cumsum([len(take.start_s) for take in takes])
+    words, copies = [], []
+    for index in rng.integers(ends[-1], size=size):
+        number = int(np.searchsorted(ends, index, side="right"))
+        take = takes[number]
+        word = int(index - ends[number])  # negative: counted from the take's end
+        start_s, end_s = float(take.start_s[word]), float(take.end_s[word])
+        words.append(_sampled(take, start_s, end_s, np.linspace(0.0, 1.0, WORD_FRAMES)))
+        copies.append([_augmented_copy(take, start_s, end_s, rng) for _ in range(2)])
+    clean, augmented = np.stack(words), np.stack(copies, axis=1)  # (B, 13, 21, 3), (2, B, 13, 21, 3)
+    flip = (rng.random(size) < mirrored_share)[:, None, None, None]
+    clean, augmented = np.where(flip, mirrored(clean), clean), np.where(flip, mirrored(augmented), augmented)
+    first, second = torch.from_numpy(augmented.astype(np.float32))
+    return AugmentedWords(torch.from_numpy(clean.astype(np.float32)), first, second)
+
+
+def _augmented_copy(
+    take: WordTake, start_s: float, end_s: float, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    duration = end_s - start_s
+    start_s, end_s = start_s + rng.normal(0, _BEAT_STD_S), end_s + rng.normal(0, _BEAT_STD_S)
+    if end_s - start_s < 0.5 * duration:  # the beat errors left too little of the word
+        start_s, end_s = start_s - 0.25 * duration, end_s + 0.25 * duration
+    even = np.linspace(0.0, 1.0, int(rng.integers(_MIN_FRAMES, _MAX_FRAMES + 1)))
+    # Two bends, small enough for time to go forward: |slope - 1| < π (a + 2 b) < 1.
+    bends = rng.uniform(-_MAX_WARP, _MAX_WARP) * np.sin(np.pi * even)
+    bends += rng.uniform(-_MAX_WARP, _MAX_WARP) / 2 * np.sin(2 * np.pi * even)
+    coarse = _sampled(take, start_s, end_s, even + bends)
+    word = interpolate_frames(coarse, np.linspace(0, len(coarse) - 1, WORD_FRAMES)).astype(np.float32)
+    word = word * rng.uniform(1 - _MAX_SCALE, 1 + _MAX_SCALE)
+    return word + rng.normal(0, _JOINT_STD_M, (1, *word.shape[1:])).astype(np.float32)
+
+
+def _sampled(take: WordTake, start_s: float, end_s: float, share: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Body positions (F, 21, 3) at shares (F,) of a word's duration."""
+    frames = (start_s + (end_s - start_s) * share) * take.fps
+    return interpolate_frames(take.body_pos_m, frames).astype(np.float32)
+
+
+# Training of the motion-word network (Rhythm is a Dancer, section 4.2.2).
+#
+# The paper uses a pretrained network, "trained to distinguish between groups of similar motions disregarding
+# low level details, temporal warping and frame rate differences". Ours learns this from augmented words.
+
+
+_PCA_WORDS = 2000
+
+
+def train_word_net(
+    takes: Sequence[WordTake],
+    config: WordConfig,
+    *,
+    seed: int,
+    context: TrainingContext | None = None,
+    pretrained: Mapping[str, NDArray] | None = None,
+) -> WordNet:
+    """Train the network; `ParameterError` if the takes have fewer than two words."""
+    usable = [take for take in takes if len(take.start_s) > 0]
+    if sum(len(take.start_s) for take in usable) < 2:
+        raise ParameterError("expected takes of two motion words or more to learn from, got fewer")
+    sampled = partial(augmented_words, usable, mirrored_share=config.mirrored_share)
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        net = WordNet(config)
+    if pretrained is not None:
+        load_pretrained(net, "words", pretrained)
+    else:
+        net.init_from_pca(sampled(_PCA_WORDS, np.random.default_rng(seed)).words)
+
+    def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
+        return word_loss(net, sampled(config.batch_size, rng).to(device))
+
+    train(
+        net,
+        loss,
+        name="words",
+        n_steps=config.steps,
+        learning_rate=config.learning_rate,
+        weight_decay=config.weight_decay,
+        seed=seed,
+        configuration={**asdict(config), "takes": [take.name for take in usable]},
+        context=context,
+    )
+    return net
+
+
+def word_loss(net: WordNet, batch: AugmentedWords) -> Tensor:
+    """Contrast between augmented copies, and embedding distances that match mean joint distances.
+
+    Contrast: cross-entropy over the batch between two Gaussian kernels of distance, `same_m` wide: one of the
+    embeddings of the copies, one of the words without augmentation. Dances repeat themselves, so a word that
+    looks like another is not its negative.
+
+    Distance: the squared logarithm of the ratio of embedding distance to mean joint distance, so that one
+    centimetre counts more between similar words than between different ones.
+    """
+    config = net.config
+    true_m = mean_joint_distance_m(clips_to_root_frame(batch.words))  # (B, B)
+    first, second = net(batch.first), net(batch.second)
+    distance_m = torch.cdist(first, second)  # (B, B)
+    target = functional.softmax(-((true_m / config.same_m) ** 2), dim=1)
+    logits = -((distance_m / config.same_m) ** 2)
+    contrast = 0.5 * (functional.cross_entropy(logits, target) + functional.cross_entropy(logits.T, target))
+    floor_m = 0.5 * config.same_m
+    log_ratio = torch.log((distance_m + floor_m) / (true_m + floor_m))
+    return config.contrast_weight * contrast + config.distance_weight * log_ratio.square().mean()
+
+
+def mean_joint_distance_m(words: Tensor) -> Tensor:
+    """Mean joint distance of every pair of words (B, T, J, 3), (B, B)."""
+    points = words.flatten(1, 2).transpose(0, 1)  # (T J, B, 3)
+    return torch.cdist(points, points).mean(dim=0)

@@ -1,0 +1,215 @@
+"""`build`: a repertoire from takes, with all that its networks learn from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from choreograph.core.arguments import as_list, as_texts, check_function
+from choreograph.core.counts import make_counts
+from choreograph.core.files import as_path, atomic_path
+from choreograph.core.numerics import default_numerics
+from choreograph.core.progress import ProgressReport
+from choreograph.library.building.build import build_repertoire
+from choreograph.library.building.options import BuildOptions, BuildResult
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion.motion import Credits, Take
+from choreograph.music.synthesis.song import STYLES, render_song, write_song
+from choreograph.pipeline.dancing import dance
+from choreograph.plan import Plan
+from choreograph.render.rendering import render
+
+# Synthesised songs that the graph engine dances to beside those of the takes, for rollouts to learn from.
+#
+# A library may have three songs of a genre: a network that has heard no others keeps the count of these.
+
+
+SONG_S = 60.0
+SONGS_PER_GENRE = 8  # spread over the tempi of the genre
+_SEEDS_FROM = 70_000  # beyond those of songs that anything is measured on
+
+
+def synthesised_songs(
+    genres: Iterable[str], folder: Path, report: ProgressReport | None = None
+) -> dict[Path, str]:
+    """Songs of those `genres` that the synthesiser knows, written to `folder`, and the genre of each.
+
+    Those that `folder` has are not rendered again.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted = [
+        (folder / f"{genre}-{i}.flac", genre, bpm, _SEEDS_FROM + i)
+        for genre in sorted(set(genres) & set(STYLES))
+        for i, bpm in enumerate(np.linspace(*STYLES[genre].bpm, SONGS_PER_GENRE))
+    ]
+    for index, (path, genre, bpm, seed) in enumerate(wanted):
+        if not path.exists():
+            write_song(path, render_song(genre, bpm=bpm, duration_s=SONG_S, seed=seed))
+        if report is not None:
+            report("synthesising songs for the rollout network to learn from", index + 1, len(wanted))
+    return {path: genre for path, genre, _, _ in wanted}
+
+
+# Dances of the graph engine for the rollout network to learn from: to songs, on the count.
+#
+# The songs are the takes' own, and synthesised ones of their genres. The network learns from takes as well.
+# But those keep to their counts as dancers do, and are brought into step with their songs as a whole; a graph
+# dance has every count on a beat, bars on downbeats.
+
+
+LONGEST_S = 180.0  # of each song
+
+
+def teach_rollout(
+    repertoire: Repertoire,
+    takes: Sequence[Take],
+    folder: Path,
+    *,
+    beats: str,
+    seed: int,
+    report: ProgressReport | None = None,
+) -> list[Take]:
+    """Dances to the songs of `takes` and to synthesised ones of their genres, as takes with counts.
+
+    None if the repertoire has no clips. `folder` keeps the synthesised songs, and what `graph_dances` keeps.
+    Raises `FormatError` if a song cannot be read.
+    """
+    if repertoire.n_clips == 0:
+        return []
+    songs = songs_of(takes)
+    songs |= synthesised_songs(songs.values(), folder / "songs", report)
+    return graph_dances(repertoire, songs, folder, beats=beats, seed=seed, report=report)
+
+
+def songs_of(takes: Sequence[Take]) -> dict[Path, str]:
+    """The songs of `takes`, and the genre of the first take to each."""
+    genres: dict[Path, str] = {}
+    for take in takes:
+        if take.song_path is not None:
+            genres.setdefault(take.song_path, take.credits.genre)
+    return genres
+
+
+def graph_dances(
+    repertoire: Repertoire,
+    songs: Mapping[Path, str],
+    folder: Path,
+    *,
+    beats: str,
+    seed: int,
+    report: ProgressReport | None = None,
+) -> list[Take]:
+    """A dance of the graph engine to each song, of the genre given with it, as takes with counts.
+
+    `folder` keeps the plan of every dance, so that a call after a stop goes on where it was: it must be one
+    of this repertoire, these songs and settings alone. Raises `FormatError` if a song cannot be read.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    dances = []
+    for index, (song, genre) in enumerate(songs.items()):
+        kept = folder / f"{index}.json"
+        if not kept.exists():
+            made = dance(
+                song,
+                repertoire,
+                engine="graph",
+                genre=genre or None,
+                beats=beats,
+                seed=seed,
+                duration_s=LONGEST_S,
+            )
+            with atomic_path(kept) as temporary:
+                temporary.write_text(made.plan.to_json(), encoding="utf-8")
+        dances.append(_as_take(Plan.read(kept), repertoire, song, genre, f"graph dance {index}"))
+        if report is not None:
+            report("dancing for the rollout network to learn from", index + 1, len(songs))
+    return dances
+
+
+def _as_take(plan: Plan, repertoire: Repertoire, song: Path, genre: str, name: str) -> Take:
+    """The rendered plan, counted by the beats it was danced on."""
+    motion = render(plan, repertoire)
+    times_s = np.array(plan.music_beats_s)
+    numbers = np.array(plan.music_beat_numbers or [0] * len(times_s))
+    danced = (times_s >= plan.opening_s) & (times_s <= min(plan.danced_until_s, motion.duration_s))
+    counts = make_counts(times_s[danced], numbers[danced], plan.metre)
+    return Take(name, motion, Credits(genre=genre), song, song_name=song.stem, counts=counts)
+
+
+# `build`: a repertoire from takes, every option a keyword.
+
+
+@default_numerics()
+def build(
+    sources: str | Path | Iterable[str | Path],
+    output: str | Path,
+    *,
+    preset: str = "small",
+    density: str = "analytic",
+    seed: int = 0,
+    device: str = "auto",
+    beats: str = BuildOptions.beats,
+    resume: bool = False,
+    init_from: str | Path | None = None,
+    pretrained: str = BuildOptions.pretrained,
+    keep_networks: bool = False,
+    compress: bool = False,
+    rollout: bool = False,
+    rollout_teacher: bool = BuildOptions.rollout_teacher,
+    leave_out: Sequence[str] = (),
+    skip_bad: bool = False,
+    lock_feet: bool = True,
+    augment_mirror: bool = True,
+    words: bool = True,
+    style_changes: Mapping[str, Any] | None = None,
+    density_changes: Mapping[str, Any] | None = None,
+    allow_outside: bool = False,
+    bone_map: Mapping[str, str] | None = None,
+    method: str = "ours",
+    report: ProgressReport | None = None,
+    training_report: Callable[[Any], None] | None = None,
+) -> BuildResult:
+    """Build a repertoire from takes and their songs, and write it to one file.
+
+    Parameters
+    ----------
+    sources : a folder or file of takes, or several
+    output : the file to write; work in progress lies beside it in `OUTPUT.build/`
+    preset, density, seed, device, beats, resume, keep_networks, compress, rollout, rollout_teacher,
+        leave_out, skip_bad, lock_feet, augment_mirror, words, pretrained, style_changes, density_changes,
+        allow_outside, bone_map, method : as in `BuildOptions`; `choreograph.settings.published_build` gives
+        those of the method as published
+    init_from : repertoire whose networks training starts from
+    report : called with the stage's name, how much is done, of how much
+    training_report : called with a `TrainingProgress` now and then
+
+    Raises
+    ------
+    ChoreographError  another process builds the same file, or it cannot be written
+    ParameterError    no take is left, two takes share a name, an unknown choice, an argument of another type
+    FormatError       a source is damaged; an `UnreadFilesError` names several damaged files
+    RepertoireError   a repertoire to start from cannot be read
+    """
+    paths = as_list("sources", [sources] if isinstance(sources, str | Path) else sources, "paths", str | Path)
+    check_function("report", report)
+    check_function("training_report", training_report)
+    options = BuildOptions(
+        preset=preset, density=density, seed=seed, device=device, beats=beats, resume=resume,
+        init_from=None if init_from is None else as_path("init_from", init_from),
+        pretrained=pretrained, keep_networks=keep_networks,
+        compress=compress, rollout=rollout, rollout_teacher=rollout_teacher,
+        leave_out=as_texts("leave_out", leave_out), skip_bad=skip_bad,
+        lock_feet=lock_feet, augment_mirror=augment_mirror, words=words,
+        style_changes={} if style_changes is None else style_changes,
+        density_changes={} if density_changes is None else density_changes,
+        allow_outside=allow_outside, bone_map=bone_map, method=method,
+    )  # fmt: skip
+    return build_repertoire(
+        paths, as_path("the output", output), options,
+        teacher=partial(teach_rollout, beats=beats, seed=seed, report=report),
+        report=report, training_report=training_report,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""A plan to its motion: runs of takes, transitions, assembly."""

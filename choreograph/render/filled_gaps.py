@@ -1,0 +1,252 @@
+"""Gaps of a dance filled with other motion, and a dance that ends where it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.timebase import seconds_to_frames
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_pos_m, clips_to_root_frame, heading_rad
+from choreograph.motion.contacts import foot_contacts
+from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.motion import Motion
+from choreograph.render.runs import SampledRun, alignment_at
+from choreograph.render.transitions import blend_transition
+
+# Gaps of a dance filled with other motion, which meets what is kept on both sides.
+#
+# Not in the papers: Rhythm is a Dancer (section 5.5.2) fills gaps between motifs, not between motions.
+
+
+Floats = NDArray[np.float64]
+Frames = tuple[int, int]  # the first, and the one after the last
+
+TRANSITION_S = 0.5  # from what is kept into the filling, and back: all of it in the filling
+_SHIFT_S = 0.1  # of locked feet: those of a body that is led would slide with longer ones
+_EASE_S = 0.2  # over which feet are locked from and to what is kept
+_SMOOTH_S = 0.3  # of the speed that says where the filling may be led elsewhere
+_RADIUS_M = 0.3  # a turn of a radian moves the feet about so far
+_STANDING = 0.05  # share of the mean speed that a body is led at where it stands
+
+
+def fill_gaps(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> Motion:
+    """`kept` within `stretches`, to the bit; elsewhere `filling`, placed, led and blended to meet it.
+
+    Parameters
+    ----------
+    kept, filling : motions of one skeleton, rate and length
+    stretches : frames of `kept` in order, disjoint, a gap of a second or more between two
+
+    The filling of a gap begins where the body stands. Where it would end elsewhere than what is kept next
+    begins, it is turned and shifted on its way, most where it travels and least where it stands. Feet are
+    locked in gaps. A joint's quaternion may change its sign, not its rotation, where a gap ends.
+
+    Raises `ParameterError` if the motions do not match.
+    """
+    if (kept.n_frames, kept.fps) != (filling.n_frames, filling.fps) or not _alike(kept, filling):
+        raise ParameterError(
+            f"expected a filling as the dance that is kept, {kept.n_frames} frames at {kept.fps:g} fps, got "
+            f"{filling.n_frames} at {filling.fps:g}, or another skeleton"
+        )
+    root, quat = np.array(kept.root_pos_m), np.array(kept.local_quat)
+    gaps = gaps_between(stretches, kept.n_frames)
+    for gap in gaps:
+        _fill(root, quat, gap, kept, filling)
+    filled = Motion(kept.skeleton, root, rot.normalize(quat), kept.fps)
+    quat = _with_locked_feet(filled, gaps)
+    for first, stop in stretches:
+        quat[first:stop] = kept.local_quat[first:stop]
+    return replace(filled, local_quat=quat)
+
+
+def stretch_frames(spans_s: Sequence[tuple[float, float]], fps: float, n_frames: int) -> list[Frames]:
+    """Spans of a motion of so many frames as frames, each its first and the one after its last."""
+    pairs = ((seconds_to_frames(start_s, fps), seconds_to_frames(end_s, fps)) for start_s, end_s in spans_s)
+    return [(first, min(stop, n_frames)) for first, stop in pairs]
+
+
+def of_length(motion: Motion, n_frames: int) -> Motion:
+    """The motion cut to a number of frames, or with its last pose held to it."""
+    if motion.n_frames >= n_frames:
+        return motion.sliced(0, n_frames)
+    return motion.sampled(np.minimum(np.arange(n_frames), motion.n_frames - 1).astype(np.float64))
+
+
+def gaps_between(stretches: Sequence[Frames], n_frames: int) -> list[Frames]:
+    """What is left of `n_frames` frames beside stretches of them, in order."""
+    borders = [0, *(border for stretch in stretches for border in stretch), n_frames]
+    pairs = zip(borders[::2], borders[1::2], strict=True)
+    return [(first, stop) for first, stop in pairs if first < stop]
+
+
+def led_m_s(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> float:
+    """How fast the filling of the worst gap has to be led elsewhere, turn and shift, in metres a second."""
+    fastest = 0.0
+    for first, stop in gaps_between(stretches, kept.n_frames):
+        if first > 0 and stop < kept.n_frames:
+            before, after = _run(kept, 0, first, locked=True), _run(kept, stop, kept.n_frames, locked=True)
+            run = _run(filling, first, stop, locked=False)
+            run = run.moved(*alignment_at(before, run, first))
+            turn_rad, _ = alignment_at(after, run, stop)
+            _, shift_m = alignment_at(after, _turned(run, after, (first, stop)), stop)
+            led_m = _RADIUS_M * abs(_wrapped(turn_rad)) + float(np.linalg.norm(shift_m))
+            fastest = max(fastest, led_m * kept.fps / (stop - first))
+    return fastest
+
+
+def _alike(a: Motion, b: Motion) -> bool:
+    """Whether two motions are of one skeleton, up to the rounding of a motion file."""
+    x, y = a.skeleton, b.skeleton
+    return x.names == y.names and bool(np.allclose(x.offsets_m[1:], y.offsets_m[1:], atol=1e-3))
+
+
+def _fill(root: Floats, quat: Floats, gap: Frames, kept: Motion, filling: Motion) -> None:
+    """Fill a gap of roots (T, 3) and rotations (T, J, 4) in place."""
+    first, stop = gap
+    n_frames, last = kept.n_frames, min(stop, kept.n_frames - 1)
+    before = _run(kept, 0, max(first, 1), locked=True)
+    after = _run(kept, last, n_frames, locked=True)
+    run = _run(filling, first, stop, locked=False)
+    if first > 0:
+        run = run.moved(*alignment_at(before, run, first))
+        if stop < n_frames:
+            run = _led(run, after, gap)
+    elif stop < n_frames:
+        run = run.moved(*alignment_at(after, run, stop))
+    root[first:stop], quat[first:stop] = run.root[first:stop], run.quat[first:stop]
+    if first > 0:
+        blend_transition(before, run, "inertial", kept.fps, root, quat)
+    if stop < n_frames:
+        blend_transition(run, after, "inertial", kept.fps, root, quat)
+    signs = np.sign(np.sum(quat[max(first - 1, 0)] * quat[first], axis=-1))  # (J,)
+    quat[first:stop] = rot.make_continuous(quat[first:stop]) * np.where(signs < 0, -1.0, 1.0)[:, None]
+
+
+def _run(motion: Motion, start: int, stop: int, *, locked: bool) -> SampledRun:
+    return SampledRun(
+        motion, 0, start, stop, np.array(motion.root_pos_m), np.array(motion.local_quat), locked, TRANSITION_S
+    )
+
+
+def _led(run: SampledRun, after: SampledRun, gap: Frames) -> SampledRun:
+    """The filling of a gap, led so that it ends where and as what is kept `after` it begins."""
+    turned = _turned(run, after, gap)
+    _, shift_m = alignment_at(after, turned, gap[1])
+    return replace(turned, root=turned.root + _progress(run, gap)[:, None] * shift_m)
+
+
+def _turned(run: SampledRun, after: SampledRun, gap: Frames) -> SampledRun:
+    """The filling of a gap, turned on its way so that it ends facing as what is kept after it begins."""
+    yaw_rad, _ = alignment_at(after, run, gap[1])
+    turn = rot.about_y(_progress(run, gap) * _wrapped(yaw_rad))  # (T, 4)
+    steps = rot.rotate(turn[:-1], np.diff(run.root, axis=0))
+    root = np.concatenate([run.root[:1], run.root[0] + np.cumsum(steps, axis=0)])
+    root += run.root[gap[0]] - root[gap[0]]
+    quat = np.array(run.quat)
+    quat[:, 0] = rot.multiply(turn, quat[:, 0])
+    return replace(run, root=root, quat=quat)
+
+
+def _wrapped(angle_rad: float) -> float:
+    """An angle from -π to π."""
+    return float((angle_rad + np.pi) % (2 * np.pi) - np.pi)
+
+
+def _progress(run: SampledRun, gap: Frames) -> Floats:
+    """How far a filling has been led at each frame (T,): 0 up to the gap, 1 from its end on."""
+    first, stop = gap
+    fps, n_frames = run.motion.fps, len(run.root)
+    heading = np.unwrap(heading_rad(run.bodies_m))
+    step_m = np.linalg.norm(np.diff(run.root[:, [0, 2]], axis=0), axis=1)  # (T - 1,)
+    speed = step_m + _RADIUS_M * np.abs(np.diff(heading))
+    speed = gaussian_filter1d(speed[first:stop], _SMOOTH_S * fps, mode="nearest")
+    inside = np.arange(stop - first)
+    edge = np.clip(np.minimum(inside, stop - first - 1 - inside) / (TRANSITION_S * fps), 0.0, 1.0)
+    weight = (speed + _STANDING * speed.mean() + 1e-9) * (0.01 + edge)
+    progress = np.zeros(n_frames)
+    progress[first + 1 : stop + 1] = np.cumsum(weight)[: n_frames - first - 1] / weight.sum()
+    progress[stop:] = 1.0
+    return progress
+
+
+def _with_locked_feet(motion: Motion, gaps: Sequence[Frames]) -> Floats:
+    """Rotations (T, J, 4) with feet locked in gaps, more and more with the distance from what is kept."""
+    share = np.zeros(motion.n_frames)
+    for first, stop in gaps:
+        inside = np.arange(first, stop)
+        from_start = inside - first if first else np.full(len(inside), np.inf)
+        to_end = stop - 1 - inside if stop < motion.n_frames else np.full(len(inside), np.inf)
+        ease = np.clip(np.minimum(from_start, to_end) / (_EASE_S * motion.fps), 0.0, 1.0)
+        share[first:stop] = ease * ease * (3.0 - 2.0 * ease)
+    contacts = foot_contacts(body_pos_m(motion), motion.fps) * (share > 0)[:, None]
+    locked = lock_feet(motion, contacts, shift_s=_SHIFT_S)
+    return rot.slerp(motion.local_quat, locked.local_quat, share[:, None])
+
+
+# A dance cut to whole bars, so that it ends where it begins: for games, idle loops and backgrounds.
+
+
+_KEPT_S = 0.5  # after the loop's start: what its end is led to
+_SHORTEST_SHARE = 0.75  # of the bars there are: a shorter loop repeats too soon
+_LOOK_AHEAD_S = 0.1  # velocities count as the distance that they cover in it
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A motion whose last frame is its first, and where it was cut from."""
+
+    motion: Motion
+    start_s: float  # in the dance
+    end_s: float
+    n_bars: int
+
+
+def looped(motion: Motion, bar_times_s: Sequence[float] | Floats) -> Loop:
+    """The motion from one start of a bar to another, led and blended so that it ends where it begins.
+
+    Of the spans that hold three quarters or more of the bars, it is the one whose ends are the most alike in
+    pose and velocity. Its last frame is its first. On the way there the body is turned and shifted, most
+    where it travels, and feet are locked, as where gaps are filled.
+
+    Raises `ParameterError` if fewer than two bars begin within the motion.
+    """
+    frames = np.unique([seconds_to_frames(time, motion.fps) for time in bar_times_s])
+    kept = max(2, seconds_to_frames(_KEPT_S, motion.fps))
+    # What is around the first frame of a loop is what its last one is led to.
+    frames = frames[(frames > 0) & (frames < motion.n_frames - kept)].astype(int)
+    if len(frames) < 2:
+        raise ParameterError(
+            f"expected a dance with two bars or more to loop, got {len(frames)} that begin within its "
+            f"{motion.duration_s:.1f} s"
+        )
+    first, last = _most_alike(motion, frames)
+    start, stop = int(frames[first]), int(frames[last])
+    twice = [motion.sliced(start, stop - 1), motion.sliced(start - 1, start + kept)]
+    held = Motion(
+        motion.skeleton,
+        np.concatenate([part.root_pos_m for part in twice]),
+        np.concatenate([part.local_quat for part in twice]),
+        motion.fps,
+    )
+    n_frames = stop - start
+    filling = motion.sliced(start, stop + kept)
+    made = fill_gaps(held, filling, [(0, kept), (n_frames, n_frames + kept)])
+    return Loop(
+        made.sliced(0, n_frames + 1), float(frames[first]) / motion.fps, stop / motion.fps, last - first
+    )
+
+
+def _most_alike(motion: Motion, frames: NDArray[np.int64]) -> tuple[int, int]:
+    """The first and the last bar of the loop, as indices of `frames`."""
+    poses_m = clips_to_root_frame(body_pos_m(motion)[frames[:, None] + np.arange(2)])  # (N, 2, 21, 3)
+    ahead_m = (poses_m[:, 1] - poses_m[:, 0]) * motion.fps * _LOOK_AHEAD_S
+    states = np.concatenate([poses_m[:, 0], ahead_m], axis=1).reshape(len(frames), -1)  # (N, 126)
+    shortest = max(1, int(np.ceil(_SHORTEST_SHARE * (len(frames) - 1))))
+    spans = [(first, last) for first in range(len(frames)) for last in range(first + shortest, len(frames))]
+    return min(spans, key=lambda span: float(np.sum((states[span[0]] - states[span[1]]) ** 2)))

@@ -1,0 +1,273 @@
+"""A plan to its motion: runs assembled, blended at the plan's transitions, ends held, feet locked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.arguments import check_function, check_kind, unexpected
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import default_numerics, frame_blocks
+from choreograph.core.progress import StepReport, part
+from choreograph.core.timebase import NET_FPS, frame_times_s, seconds_to_frames
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion import rotations as rot
+from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
+from choreograph.motion.motion import Motion
+from choreograph.music.sections import coming_to_rest_s, setting_off_s
+from choreograph.plan import Plan, PlannedWord
+from choreograph.render.filled_gaps import fill_gaps, of_length, stretch_frames
+from choreograph.render.runs import (
+    MotionReader,
+    Run,
+    SampledRun,
+    TransitionTiming,
+    align_to,
+    overlay_runs,
+    sample_run,
+    to_runs,
+    with_transitions,
+    without_holes,
+    words_to_runs,
+)
+from choreograph.render.transitions import blend_transition
+from choreograph.settings import BLENDINGS, TRANSITION_LENGTHS_S
+
+# The first and the last pose of a dance, held until its first count and from its last one on.
+
+
+Floats = NDArray[np.float64]
+
+
+def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:
+    """The motion with a pose held before the first count, and one after the last count.
+
+    How it sets off and comes to rest is said by `music.sections`; `closing_s` None: it dances to its end.
+    """
+    times_s = frame_times_s(motion.n_frames, motion.fps)
+    played_s = np.array(times_s)
+    if opening_s > 0:
+        start_s, stop_s = setting_off_s(opening_s)
+        ease_s = stop_s - start_s
+        since = np.clip((times_s - start_s) / ease_s, 0.0, 1.0)
+        before = times_s < stop_s
+        played_s[before] = (stop_s - ease_s * (0.5 - _eased(since)))[before]
+    if closing_s is not None:
+        start_s, stop_s = coming_to_rest_s(opening_s, closing_s)
+        ease_s = stop_s - start_s
+        since = np.clip((times_s - start_s) / ease_s, 0.0, 1.0)
+        after = times_s > start_s
+        played_s[after] = (start_s + ease_s * (since - _eased(since)))[after]
+    moved = np.flatnonzero(played_s != times_s)
+    if len(moved) == 0:
+        return motion
+    frames = np.clip(played_s[moved] * motion.fps, 0.0, motion.n_frames - 1)
+    held = motion.sampled_smooth(frames)
+    root_pos_m, local_quat = motion.root_pos_m.copy(), motion.local_quat.copy()
+    root_pos_m[moved], local_quat[moved] = held.root_pos_m, held.local_quat
+    return replace(motion, root_pos_m=root_pos_m, local_quat=rot.make_continuous(local_quat))
+
+
+def _eased(since: Floats) -> Floats:
+    """The way gone at a speed that rises smoothly from 0 to 1 as `since` does; 0.5 at the end."""
+    return since**3 - 0.5 * since**4
+
+
+# All runs of a dance as one motion: sampled from their takes, aligned, and blended at transitions.
+
+
+def assemble(
+    runs: Sequence[Run],
+    read_motion: MotionReader,
+    *,
+    fps: float,
+    duration_s: float,
+    blending: str,
+    keep_on_stage: bool = True,
+    report: StepReport | None = None,
+) -> tuple[Motion, NDArray[np.float64]]:
+    """The dance before foot locking, and the times of its transitions in seconds.
+
+    Each run is rotated about Y and shifted on the ground so that its body stands where the previous run's
+    stood at the transition (the paper does not say how nodes are joined), and steered a little to keep the
+    dance on the stage (`keep_on_stage`, ours).
+    `linear` is the paper's crossfade. With `inertial` the difference of pose, velocity and acceleration
+    decays on both sides, so that neither motion is smeared. Transitions between short runs are shorter.
+
+    Raises `ParameterError` for an unknown blending, or if there is no run.
+    """
+    if blending not in BLENDINGS:
+        raise ParameterError(f"expected a blending among {', '.join(BLENDINGS)}, got {blending!r}")
+    longest_s = max((*TRANSITION_LENGTHS_S[blending], *(run.transition_s or 0.0 for run in runs)))
+    margin = max(2, seconds_to_frames(longest_s + 0.05, fps))  # frames: velocities need two beyond the end
+    total = seconds_to_frames(runs[-1].stop_s, fps) if runs else 0
+    root_out = np.empty((total, 3))
+    quat_out: Floats | None = None
+    previous: SampledRun | None = None
+    for done, run in enumerate(runs, start=1):
+        sampled = sample_run(run, read_motion, fps, margin)
+        if previous is not None:
+            sampled = align_to(previous, sampled, fps, keep_on_stage=keep_on_stage)
+        if quat_out is None:
+            quat_out = np.empty((total, *sampled.quat.shape[1:]))
+        rows = sampled.rows(sampled.start, sampled.stop)
+        root_out[sampled.start : sampled.stop] = sampled.root[rows]
+        quat_out[sampled.start : sampled.stop] = sampled.quat[rows]
+        if previous is not None:
+            blend_transition(previous, sampled, blending, fps, root_out, quat_out)
+        previous = sampled
+        if report is not None:
+            report(done, len(runs))
+    if previous is None or quat_out is None:
+        raise ParameterError("expected a plan of one second or more, got none")
+    n_frames = max(1, seconds_to_frames(duration_s, fps))
+    for block in frame_blocks(total):
+        quat_out[block] = rot.normalize(quat_out[block])
+    motion = Motion(previous.motion.skeleton, root_out, rot.make_continuous(quat_out), fps)
+    transition_times_s = np.array([run.start_s for run in runs[1:]], np.float64)
+    return motion.sliced(0, min(n_frames, total)), transition_times_s
+
+
+# A plan to its motion: runs sampled from their takes, blended at the plan's transitions, feet locked.
+
+
+_STEPS = 100  # of its progress
+LENGTH_SLACK_S = 0.1  # the first and last frames of a take, or of an existing dance, are repeated so long
+
+
+@default_numerics()
+def render(
+    plan: Plan,
+    repertoire: Repertoire,
+    *,
+    existing: Motion | None = None,
+    report: StepReport | None = None,
+) -> Motion:
+    """The motion of a plan, exactly as planned; `report` is called with how much is done, of how much.
+
+    `existing` is the dance of which a plan keeps parts: these are as they are there, and the rest is led from
+    and to them (`filled_gaps`).
+
+    Raises `RepertoireError` if the plan names a take that the repertoire does not have, `FormatError` if it
+    was edited to no plan, `ParameterError` if it wants a take beyond its end, holds words that a network
+    dances, or keeps parts of a dance that is not given, or of another length or skeleton.
+    """
+    if not isinstance(plan, Plan):
+        raise unexpected("a Plan", plan, "`Plan.read` reads a file")
+    if not isinstance(repertoire, Repertoire):
+        raise unexpected("a Repertoire", repertoire, "`Repertoire.open` opens one")
+    check_function("report", report)
+    plan.check()
+    _check_existing(plan, existing)
+    _check_takes(plan, repertoire)
+    runs = plan_runs(plan)
+    motion, _ = assemble(
+        without_holes(runs, plan.duration_s) if plan.kept_of and not plan.seconds else runs,
+        motion_reader(repertoire),
+        fps=plan.fps,
+        duration_s=plan.duration_s,
+        blending=plan.blending,
+        keep_on_stage=plan.keep_on_stage,
+        report=part(report, 0, 70, _STEPS),
+    )
+    motion = hold_ends(motion, plan.opening_s, plan.closing_s)
+    motion = lock_feet(motion, shift_s=DANCE_SHIFT_S) if plan.lock_feet else motion
+    if existing is not None:
+        stretches = stretch_frames(plan.kept_spans_s, motion.fps, motion.n_frames)
+        motion = fill_gaps(of_length(existing, motion.n_frames), motion, stretches)
+    if report is not None:
+        report(_STEPS, _STEPS)
+    return motion
+
+
+def _check_existing(plan: Plan, existing: Motion | None) -> None:
+    """Raise `ParameterError` unless the dance that a plan keeps parts of is given, and its rate is right."""
+    if not plan.kept_of:
+        if existing is not None:
+            raise ParameterError(
+                "expected no existing dance beside a plan that keeps no part of one, got one"
+            )
+        return
+    if existing is None:
+        raise ParameterError(
+            f"expected the existing dance {plan.kept_of}, of which the plan keeps parts, got none: give it "
+            "as `existing`"
+        )
+    check_kind("an existing dance", existing, Motion, "`dance.motion` of a Dance")
+    if existing.fps != plan.fps or abs(existing.duration_s - plan.duration_s) > LENGTH_SLACK_S:
+        raise ParameterError(
+            f"expected an existing dance of {plan.duration_s:.1f} s at {plan.fps:g} fps, of which the plan "
+            f"keeps parts, got one of {existing.duration_s:.1f} s at {existing.fps:g} fps"
+        )
+
+
+def _check_takes(plan: Plan, repertoire: Repertoire) -> None:
+    """Raise unless all that a plan does not keep is in a take: see `render`."""
+    blocks = [block for block in plan.planned_blocks if not block.kept]
+    if not all(block.planned.take for block in blocks):
+        raise ParameterError(
+            "expected a plan of takes, got one of the rollout engine, which holds motifs: dance to its song "
+            "again"
+        )
+    indices = {block.planned.take: repertoire.take_index(block.planned.take) for block in blocks}
+    for block in blocks:
+        length = repertoire.takes[indices[block.planned.take]].duration_s
+        if block.source_start_s < -LENGTH_SLACK_S or block.source_end_s > length + LENGTH_SLACK_S:
+            raise ParameterError(
+                f"expected parts of take {block.planned.take!r} within its {length:.2f} s, got "
+                f"{block.source_start_s:.2f} to {block.source_end_s:.2f} s at {block.start_s:.2f} s"
+            )
+
+
+def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repertoire) -> Motion:
+    """A generated motion with words of takes, in order of time, in place of what it shows there.
+
+    What follows a word goes on from where the word ends. Feet are locked again. Raises `RepertoireError` if
+    the repertoire lacks a word's take.
+    """
+    read_take, end_s = motion_reader(repertoire), motion.duration_s
+
+    def read(take: str, start_s: float, stop_s: float) -> tuple[Motion, float]:
+        return read_take(take, start_s, stop_s) if take else (motion, 0.0)
+
+    for word in words:
+        repertoire.take_index(word.take)
+    knots_s = np.linspace(0.0, end_s, max(2, round(end_s * NET_FPS)) + 1)
+    runs = overlay_runs([Run("", 0.0, end_s, knots_s)], _runs_of_words(words))
+    made, _ = assemble(runs, read, fps=motion.fps, duration_s=end_s, blending="inertial")
+    return lock_feet(made, shift_s=DANCE_SHIFT_S)
+
+
+def plan_runs(plan: Plan) -> list[Run]:
+    """The runs of a plan: its seconds with their transitions, and its words in place of them.
+
+    Where another dance is kept there are those of the seconds, or none.
+    """
+    words = _runs_of_words([word for word in plan.words if not word.kept])
+    seconds = runs_of_seconds(plan)
+    firsts = [plan.seconds[round(run.start_s)] for run in seconds]
+    timings = [TransitionTiming(first.start_s, first.transition_s) for first in firsts]
+    return overlay_runs(with_transitions(seconds, timings), words)
+
+
+def _runs_of_words(words: Sequence[PlannedWord]) -> list[Run]:
+    return words_to_runs(
+        [word.take for word in words],
+        np.array([(word.start_s, word.end_s) for word in words]),
+        np.array([(word.source_start_s, word.source_end_s) for word in words]),
+        [word.pinned for word in words],
+    )
+
+
+def runs_of_seconds(plan: Plan) -> list[Run]:
+    """The runs of a plan's seconds, each starting on its second, before transitions move it."""
+    return to_runs([s.take for s in plan.seconds], [s.source_times_s for s in plan.seconds])
+
+
+def motion_reader(repertoire: Repertoire) -> MotionReader:
+    """Reads parts of the repertoire's takes by name."""
+    indices = {take.name: index for index, take in enumerate(repertoire.takes)}
+    return lambda take, start_s, stop_s: repertoire.motion(indices[take], start_s, stop_s)

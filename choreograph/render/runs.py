@@ -1,0 +1,262 @@
+"""Runs: which part of which take is played when, sampled, aligned, and kept near the middle of the stage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from choreograph.core.timebase import NET_FPS, seconds_to_frames
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
+from choreograph.motion.motion import Motion
+
+# Keeping a dance near the middle of the stage, by small extra rotations at transitions.
+
+
+Floats = NDArray[np.float64]
+
+STAGE_RADIUS_M = 2.0  # steering grows from none at half this distance to its maximum here
+MAX_STEER_RAD = 0.25  # a transition or word: 14°, which moves the feet by about 3 cm
+
+
+def steer_rad(pos_m: Floats, travel_m: Floats) -> float:
+    """Extra rotation that bends the path ahead (3,) from a position (3,) towards the middle of the stage.
+
+    Parts of takes that each lead forward add up to a walk out of the room. A rotation at a transition is
+    smoothed by the transition.
+    """
+    if np.linalg.norm(travel_m) < 0.1:
+        return 0.0
+    home, ahead = np.arctan2(-pos_m[0], -pos_m[2]), np.arctan2(travel_m[0], travel_m[2])
+    off = (home - ahead + np.pi) % (2 * np.pi) - np.pi
+    need = np.clip(2.0 * float(np.linalg.norm(pos_m)) / STAGE_RADIUS_M - 1.0, 0.0, 1.0)
+    return float(np.clip(off, -MAX_STEER_RAD, MAX_STEER_RAD) * need)
+
+
+# Runs: which part of which take is played from when to when, without a transition.
+
+
+_SAME_INSTANT_S = 2e-3  # parts of a take that meet this closely need no transition
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A part of the dance that is played without a transition: one take, one continuous time map."""
+
+    take: str
+    start_s: float  # in the dance
+    stop_s: float
+    source_times_s: Floats  # (n + 1,) times of the take, evenly spaced from start to stop, both included
+    locked: bool = False  # transitions change its neighbours, not it
+    transition_s: float | None = None  # length of the transition into it; None: the blending's default
+
+    @property
+    def length_s(self) -> float:
+        """Its length in seconds."""
+        return self.stop_s - self.start_s
+
+    def source_s(self, times_s: Floats) -> Floats:
+        """Source times at times of the dance; beyond the ends at the speed of the end."""
+        since = np.asarray(times_s, np.float64) - self.start_s
+        knots = np.linspace(0.0, self.length_s, len(self.source_times_s))
+        inside = CubicSpline(knots, self.source_times_s)
+        source = inside(np.clip(since, 0.0, self.length_s))
+        source += np.minimum(since, 0.0) * inside(0.0, 1)
+        return source + np.maximum(since - self.length_s, 0.0) * inside(self.length_s, 1)
+
+    def cut(self, start_s: float, stop_s: float) -> Run:
+        """The part of the run between two times of the dance."""
+        source_times_s = self.source_s(_knots_s(start_s, stop_s))
+        return replace(self, start_s=start_s, stop_s=stop_s, source_times_s=source_times_s)
+
+
+@dataclass(frozen=True)
+class TransitionTiming:
+    """When a run takes over from the one before, and how long the transition takes."""
+
+    start_s: float  # of the dance
+    transition_s: float | None = None  # see `Run`
+
+
+def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> list[Run]:
+    """Seconds grouped into runs; each second gives its take and 21 source times."""
+    runs: list[Run] = []
+    for second, (take, given) in enumerate(zip(takes, source_times_s, strict=True)):
+        times = np.asarray(given, np.float64)
+        if runs and _continues(runs[-1], take, times[0]):
+            longer = np.concatenate([runs[-1].source_times_s, times[1:]])
+            runs[-1] = Run(take, runs[-1].start_s, second + 1.0, longer)
+        else:
+            runs.append(Run(take, float(second), second + 1.0, times))
+    return runs
+
+
+def words_to_runs(
+    takes: Sequence[str], spans_s: Floats, sources_s: Floats, locked: Sequence[bool]
+) -> list[Run]:
+    """Words grouped into runs: each has its take, its span of the dance (N, 2) and of the take (N, 2).
+
+    A word is played at constant speed. Words that follow one another in their take are one run, whose
+    speed changes smoothly from word to word.
+    """
+    runs: list[Run] = []
+    first = 0
+    for index in range(1, len(takes) + 1):
+        goes_on = (
+            index < len(takes)
+            and takes[index] == takes[index - 1]
+            and abs(sources_s[index, 0] - sources_s[index - 1, 1]) < _SAME_INSTANT_S
+            and abs(spans_s[index, 0] - spans_s[index - 1, 1]) < _SAME_INSTANT_S
+        )
+        if not goes_on:
+            part = slice(first, index)
+            runs.append(_word_run(takes[first], spans_s[part], sources_s[part], any(locked[part])))
+            first = index
+    return runs
+
+
+def _word_run(take: str, spans_s: Floats, sources_s: Floats, locked: bool) -> Run:
+    start_s, stop_s = float(spans_s[0, 0]), float(spans_s[-1, 1])
+    knots, values = np.append(spans_s[:, 0], stop_s), np.append(sources_s[:, 0], sources_s[-1, 1])
+    return Run(take, start_s, stop_s, PchipInterpolator(knots, values)(_knots_s(start_s, stop_s)), locked)
+
+
+def overlay_runs(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
+    """`runs` with those of `instead` in place of them where they overlap; both in order of time."""
+    left: list[Run] = []
+    for run in runs:
+        start_s = run.start_s
+        for cover in instead:
+            if cover.stop_s <= start_s or cover.start_s >= run.stop_s:
+                continue
+            if cover.start_s - start_s > _SAME_INSTANT_S:
+                left.append(run.cut(start_s, cover.start_s))
+            start_s = max(start_s, cover.stop_s)
+        if run.stop_s - start_s > _SAME_INSTANT_S:
+            left.append(run if start_s == run.start_s else run.cut(start_s, run.stop_s))
+    return sorted([*left, *instead], key=lambda run: run.start_s)
+
+
+def without_holes(runs: Sequence[Run], duration_s: float) -> list[Run]:
+    """The runs of a dance, each going on at its speed to the middle of a hole beside it, or to an end."""
+    borders_s = [0.0, *((before.stop_s + after.start_s) / 2 for before, after in pairwise(runs)), duration_s]
+    return [
+        run if _covers(run, *span_s) else run.cut(*span_s)
+        for run, span_s in zip(runs, pairwise(borders_s), strict=True)
+    ]
+
+
+def _covers(run: Run, start_s: float, stop_s: float) -> bool:
+    return abs(run.start_s - start_s) < _SAME_INSTANT_S and abs(run.stop_s - stop_s) < _SAME_INSTANT_S
+
+
+def with_transitions(runs: Sequence[Run], transitions: Sequence[TransitionTiming]) -> list[Run]:
+    """The runs, each taking over from the one before as its timing (N,) says instead of at its start.
+
+    Where a run starts later, the one before plays on; where it starts earlier, the one before ends earlier.
+    """
+    moved = [
+        replace(run, transition_s=timing.transition_s) for run, timing in zip(runs, transitions, strict=True)
+    ]
+    for index, start_s in enumerate(timing.start_s for timing in transitions):
+        before, after = moved[index - 1], moved[index]
+        if index == 0 or start_s == after.start_s or not before.start_s < start_s < after.stop_s:
+            continue
+        moved[index - 1] = before.cut(before.start_s, start_s)
+        moved[index] = after.cut(start_s, after.stop_s)
+    return moved
+
+
+def _continues(run: Run, take: str, source_s: float) -> bool:
+    return run.take == take and abs(run.source_times_s[-1] - source_s) < _SAME_INSTANT_S
+
+
+def _knots_s(start_s: float, stop_s: float) -> Floats:
+    """Knots of a time map from start to stop, about as many as at 20 fps."""
+    return np.linspace(start_s, stop_s, max(2, round((stop_s - start_s) * NET_FPS)) + 1)
+
+
+# A run sampled at the dance's frame rate, and aligned with the run before it.
+
+
+# take, first and last time wanted -> motion around them and the time of its first frame
+MotionReader = Callable[[str, float, float], tuple[Motion, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class SampledRun:
+    """A run at the dance's frame rate, with a margin of frames before and after it."""
+
+    motion: Motion  # any part of the take: for skeleton and joint roles
+    first_frame: int  # dance frame of row 0; negative in the margin before the dance
+    start: int  # dance frame at which the run starts,
+    stop: int  # and the one after its last
+    root: Floats  # (T, 3)
+    quat: Floats  # (T, J, 4)
+    locked: bool  # as in `Run`
+    transition_s: float | None  # as in `Run`
+
+    def rows(self, first: int, stop: int) -> slice:
+        """The rows of dance frames `first` to `stop`."""
+        return slice(first - self.first_frame, stop - self.first_frame)
+
+    @cached_property
+    def bodies_m(self) -> Floats:
+        """The body in every row, (T, 21, 3)."""
+        return body_pos_m(Motion(self.motion.skeleton, self.root, self.quat, self.motion.fps))
+
+    def body_at(self, frame: int) -> Floats:
+        """The body (21, 3) at a frame of the dance."""
+        return self.bodies_m[frame - self.first_frame]
+
+    def moved(self, yaw_rad: float, shift_m: Floats) -> SampledRun:
+        """Rotated about Y, then shifted by (3,)."""
+        turn = rot.about_y(yaw_rad)
+        quat = np.array(self.quat)
+        quat[:, 0] = rot.multiply(turn, quat[:, 0])
+        return replace(self, root=rot.rotate(turn, self.root) + shift_m, quat=quat)
+
+
+def sample_run(run: Run, read_motion: MotionReader, fps: float, margin: int) -> SampledRun:
+    """Sample a run at its warped times; beyond its ends the take goes on at the speed it has there."""
+    start, stop = seconds_to_frames(run.start_s, fps), seconds_to_frames(run.stop_s, fps)
+    source_s = run.source_s(np.arange(start - margin, stop + margin) / fps)
+    motion, first_s = read_motion(run.take, float(source_s.min()), float(source_s.max()))
+    sampled = motion.sampled_smooth((source_s - first_s) * motion.fps)
+    return SampledRun(
+        motion, start - margin, start, stop, sampled.root_pos_m, sampled.local_quat, run.locked,
+        run.transition_s,
+    )  # fmt: skip
+
+
+def alignment_at(previous: SampledRun, sampled: SampledRun, frame: int) -> tuple[float, Floats]:
+    """Rotation about Y and shift (3,) that place `sampled` where `previous` stands and faces at a frame."""
+    before, after = previous.body_at(frame), sampled.body_at(frame)
+    yaw_rad = float(heading_rad(before) - heading_rad(after))
+    return yaw_rad, _shift_m(before, after, yaw_rad)
+
+
+def align_to(
+    previous: SampledRun, sampled: SampledRun, fps: float, *, keep_on_stage: bool = True
+) -> SampledRun:
+    """`sampled`, moved to where `previous` stands and faces at its start, and steered towards the stage."""
+    yaw_rad, shift_m = alignment_at(previous, sampled, sampled.start)
+    if not keep_on_stage:
+        return sampled.moved(yaw_rad, shift_m)
+    before, after = previous.body_at(sampled.start), sampled.body_at(sampled.start)
+    end = sampled.body_at(sampled.stop - 1)
+    travel_m = rot.rotate(rot.about_y(yaw_rad), ground_pos_m(end) - ground_pos_m(after))
+    share = min(1.0, (sampled.stop - sampled.start) / fps)  # short runs come with many transitions
+    yaw_rad += share * steer_rad(ground_pos_m(before), travel_m)
+    return sampled.moved(yaw_rad, _shift_m(before, after, yaw_rad))
+
+
+def _shift_m(before: Floats, after: Floats, yaw_rad: float) -> Floats:
+    """The shift (3,) that brings a body (21, 3), once rotated, to where another one stands."""
+    return ground_pos_m(before) - rot.rotate(rot.about_y(yaw_rad), ground_pos_m(after))

@@ -1,0 +1,261 @@
+"""Transitions from one run to the next: when they happen, how long they take, and the blend itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.progress import StepReport
+from choreograph.core.timebase import seconds_to_frames
+from choreograph.motion import rotations as rot
+from choreograph.render.runs import MotionReader, Run, SampledRun, TransitionTiming, alignment_at, sample_run
+from choreograph.settings import TRANSITION_LENGTHS_S
+
+# From one run to the next: a crossfade, or an offset that decays (inertialization).
+
+
+Floats = NDArray[np.float64]
+
+_BLENDED_SHARE = 0.5  # of a run may be blended at either end, so that its middle stays as recorded
+_MINIMUM_JERK_PEAK = 1.875  # speed in the middle of a minimum-jerk path, by its mean speed
+_RATE_S = 0.4  # the longest that a difference of velocity is taken up in: the longer, the further it swings
+_MAX_SWING = 0.1  # m or rad, by which a difference of acceleration may swing a side out
+_SWING_OF_ACCELERATION = 0.01728  # of a T²: the peak of t² / 2 (1 - t / T)³ a
+_FORWARDS = np.array([1.0, 1.0, 1.0])
+_BACKWARDS = np.array([-1.0, 1.0, -1.0])  # backwards in time the first derivative changes its sign
+
+
+def crossfade(a_root: Floats, a_quat: Floats, b_root: Floats, b_quat: Floats) -> tuple[Floats, Floats]:
+    """Linear blend from a to b over all their frames: roots (T, 3), rotations (T, J, 4).
+
+    The paper's transition (ChoreoGraph, section 3.3).
+    """
+    weight = (np.arange(len(a_root)) + 0.5) / len(a_root)  # (T,)
+    root = a_root * (1 - weight)[:, None] + b_root * weight[:, None]
+    return root, rot.slerp(a_quat, b_quat, weight[:, None])
+
+
+def inertial_offsets(
+    a_root: Floats, a_quat: Floats, b_root: Floats, b_quat: Floats, *, fps: float, part_b: float = 0.5
+) -> tuple[Floats, Floats]:
+    """The offset from b to a, with its first and second time derivative: (3, 3) and (3, J, 3).
+
+    The arguments are the three frames around the transition, (3, 3) and (3, J, 4). Row 0 of a result is
+    the offset (metres, rotation vector), row 1 its rate per second, row 2 per second². A turn changes as what
+    is left of it does once b has been turned by its part and a by the rest: small however far apart they are.
+    """
+    turn = rot.to_rotvec(rot.multiply(a_quat[1], rot.invert(b_quat[1])))  # (J, 3)
+    back_a, back_b = rot.from_rotvec((part_b - 1.0) * turn), rot.from_rotvec(-part_b * turn)
+    left = rot.multiply(back_a, rot.multiply(rot.multiply(a_quat, rot.invert(b_quat)), back_b))
+    turns = _derivatives(rot.to_rotvec(left), fps)  # (3, J, 3), its row 0 zero
+    turns[0] = turn
+    return _derivatives(a_root - b_root, fps), turns
+
+
+def _derivatives(values: Floats, fps: float) -> Floats:
+    before, here, after = values
+    return np.stack([here, (after - before) * fps / 2, (after - 2 * here + before) * fps**2])
+
+
+def decay_offset(offset: Floats, times_s: Floats, length_s: float) -> Floats:
+    """The quintic that starts with `offset` (3, ...) and its derivatives and comes to rest at zero after
+    `length_s`: values (T, ...) at `times_s` (T,) ≥ 0.
+
+    Bollo, Inertialization (GDC 2018), without its clamp, which stops what swings out: see `decay_rate`.
+    """
+    d = length_s
+    x, v, a = offset
+    a = np.zeros_like(a) if d == 0 else a
+    # p(0) = x, p'(0) = v, p''(0) = a; p(d) = p'(d) = p''(d) = 0.
+    c3 = -(10 * x + 6 * v * d + 1.5 * a * d**2) / d**3
+    c4 = (15 * x + 8 * v * d + 1.5 * a * d**2) / d**4
+    c5 = -(6 * x + 3 * v * d + 0.5 * a * d**2) / d**5
+    t = np.minimum(np.asarray(times_s), d).reshape(-1, *([1] * x.ndim))
+    return x + v * t + a * t**2 / 2 + c3 * t**3 + c4 * t**4 + c5 * t**5
+
+
+def decay_distance(distance: Floats, times_s: Floats, length_s: float, *, shared: bool) -> Floats:
+    """How an offset (..., 3) between two motions of the same velocity comes to rest: values (T, ..., 3).
+
+    Where both sides share the offset, they go through their meeting at full speed, on the minimum-jerk path
+    across both (Flash and Hogan, 1985). Held at rest there, as a side alone must be, a dance comes to rest at
+    every transition: a motion beat that no dancer made.
+    """
+    zero = np.zeros_like(distance)
+    rate = -_MINIMUM_JERK_PEAK * distance / length_s if shared else zero
+    return decay_offset(np.stack([distance, rate, zero]), times_s, length_s)
+
+
+def decay_rate(
+    rate: Floats, acceleration: Floats, times_s: Floats, length_s: float, *, shared: bool
+) -> Floats:
+    """How an offset of zero with a rate and an acceleration (..., 3) comes to rest: values (T, ..., 3).
+
+    Held at zero, a side swings out by 0.2 rate × time: legs are thrown beyond straight. Where both sides
+    share the offset, neither is held: they start from the same value against the rate, so that the path cuts
+    the corner between a and b. Acceleration is continuous, but for one that would swing a joint by over
+    0.1 rad.
+    """
+    swing = _SWING_OF_ACCELERATION * length_s**2 * np.linalg.norm(acceleration, axis=-1, keepdims=True)
+    bend = acceleration * np.minimum(1.0, _MAX_SWING / np.maximum(swing, 1e-9))
+    zero = np.zeros_like(rate)
+    if not shared:
+        return decay_offset(np.stack([zero, rate, bend]), times_s, length_s)
+    d = min(length_s, _RATE_S)
+    # Half way between the quintic held at zero and -rate d / 3 (1 - t / d)³, which does not swing at all.
+    corner = np.stack([-rate * d / 6, rate, -rate / d])
+    return decay_offset(corner, times_s, d) + decay_offset(np.stack([zero, zero, bend]), times_s, length_s)
+
+
+def apply_offset(root: Floats, quat: Floats, root_offset: Floats, turn: Floats) -> tuple[Floats, Floats]:
+    """Roots (T, 3) shifted by (T, 3) and joints (T, J, 4) rotated by rotation vectors (T, J, 3)."""
+    return root + root_offset, rot.multiply(rot.from_rotvec(turn), quat)
+
+
+def blend_transition(
+    a: SampledRun,
+    b: SampledRun,
+    blending: str,
+    fps: float,
+    root_out: Floats,
+    quat_out: Floats,
+    first_out: int = 0,
+) -> None:
+    """Blend the frames around b's start in an output whose row 0 is dance frame `first_out`.
+
+    The output already holds a before the transition and b after it.
+    """
+    frame = b.start
+    share = _BLENDED_SHARE / 2 if a.locked and b.locked else _BLENDED_SHARE
+    # Frames of each run that may be blended.
+    room_a, room_b = (max(1, int(share * n)) for n in (frame - a.start, b.stop - frame))
+    # How much of the offset each side takes: a locked run none of it, unless both are locked.
+    part_a, part_b = (0.5, 0.5) if a.locked == b.locked else (float(b.locked), float(a.locked))
+    last_out = first_out + len(root_out)
+    longest = max(1, seconds_to_frames(b.transition_s or TRANSITION_LENGTHS_S[blending][0], fps))
+    if blending == "linear":
+        first = max(first_out, frame - min(int(part_a * longest), room_a))
+        stop = min(last_out, frame + min(int(part_b * longest), room_b))
+        if first < stop:
+            out = slice(first - first_out, stop - first_out)
+            in_a, in_b = a.rows(first, stop), b.rows(first, stop)
+            root_out[out], quat_out[out] = crossfade(a.root[in_a], a.quat[in_a], b.root[in_b], b.quat[in_b])
+        return
+    shared = part_a > 0 and part_b > 0
+    if shared:  # both sides start from the same values, and take the same time
+        room_a = room_b = min(room_a, room_b)
+    length_a, length_b = min(longest, room_a), min(longest, room_b)
+    in_a, in_b = a.rows(frame - 1, frame + 2), b.rows(frame - 1, frame + 2)
+    offsets = inertial_offsets(a.root[in_a], a.quat[in_a], b.root[in_b], b.quat[in_b], fps=fps, part_b=part_b)
+    before = np.arange(max(first_out, frame - length_a), frame)
+    after = np.arange(frame, min(last_out, frame + length_b))
+    for frames, length, parts in (
+        (before, length_a, part_a * _BACKWARDS),
+        (after, length_b, part_b * _FORWARDS),
+    ):
+        if parts.any():
+            rows, times_s = frames - first_out, np.abs(frames - frame) / fps
+            root_out[rows], quat_out[rows] = _with_offsets(
+                root_out[rows], quat_out[rows], offsets, parts, times_s, length / fps, shared
+            )
+
+
+def _with_offsets(
+    root: Floats,
+    quat: Floats,
+    offsets: tuple[Floats, Floats],
+    parts: Floats,
+    times_s: Floats,
+    length_s: float,
+    shared: bool,
+) -> tuple[Floats, Floats]:
+    """One side with its parts (3,) of the offset and its derivatives, `times_s` (T,) from the transition."""
+    shift, turn = parts[:, None] * offsets[0], parts[:, None, None] * offsets[1]  # (3, 3), (3, J, 3)
+    still = (decay_distance(offset[0], times_s, length_s, shared=shared) for offset in (shift, turn))
+    root, quat = apply_offset(root, quat, *still)
+    rates = (
+        decay_rate(rate, acceleration, times_s, length_s, shared=shared)
+        for _, rate, acceleration in (shift, turn)
+    )
+    return apply_offset(root, quat, *rates)
+
+
+# When a run takes over from the one before, and how long that takes.
+
+
+_MIN_RUN_S = 0.6  # a run is not made shorter
+# Greatest acceleration by an offset x, times x / T², and by its rate v, times v / T: where two sides share
+# the offset, and where one alone brings it to rest.
+_PEAKS_SHARED = 1.45, 2.0
+_PEAKS_ALONE = 5.8, 4.0
+_EASY_M_S2 = 4.0  # a body may be accelerated so much by a transition: gentle beside what dancers do
+
+
+def time_transitions(
+    runs: Sequence[Run],
+    joins_s: Sequence[float],
+    take_lengths_s: Mapping[str, float],
+    read_motion: MotionReader,
+    *,
+    fps: float,
+    blending: str,
+    fixed: Sequence[bool] = (),
+    report: StepReport | None = None,
+) -> list[TransitionTiming]:
+    """When each run takes over from the one before, and how long that takes (N,); the first at its start.
+
+    A run takes over at its instant of `joins_s` (N,), a count near its start, if both takes reach that far
+    and neither run becomes shorter than 0.6 s; else, or if it is `fixed` (N,), at its start. Where it starts
+    later, the run before plays on; where it starts earlier, the one before ends earlier. An inertial
+    transition is the shortest that accelerates no joint by more than 4 m/s². ChoreoGraph changes takes on
+    the second.
+    """
+    starts = [runs[0].start_s] if runs else []
+    for index, (before, after) in enumerate(pairwise(runs), start=1):
+        held = before.locked or after.locked or (bool(fixed) and fixed[index])
+        at_s = float(joins_s[index])
+        possible = (
+            not held
+            and min(at_s - starts[-1], after.stop_s - at_s) >= _MIN_RUN_S
+            and before.source_s(np.array([at_s]))[0] <= take_lengths_s[before.take]
+            and after.source_s(np.array([at_s]))[0] >= 0.0
+        )
+        starts.append(at_s if possible else after.start_s)
+    lengths = []
+    for (before, after), at_s in zip(pairwise(runs), starts[1:], strict=True):
+        lengths.append(_length_s(before, after, at_s, read_motion, fps, blending))
+        if report is not None:
+            report(len(lengths) + 1, len(runs))
+    return [
+        TransitionTiming(at_s, length_s)
+        for at_s, length_s in zip(starts, (*(run.transition_s for run in runs[:1]), *lengths), strict=True)
+    ]
+
+
+def _length_s(
+    before: Run, after: Run, at_s: float, read_motion: MotionReader, fps: float, blending: str
+) -> float:
+    """The shortest length of the blending that is gentle enough, else its longest."""
+    options = sorted(TRANSITION_LENGTHS_S[blending])
+    if len(options) == 1:
+        return options[0]
+    # Longer than a frame, so that there are three around the instant.
+    span = slice(at_s - 2.0 / fps, at_s + 2.0 / fps)
+    a, b = (sample_run(run.cut(span.start, span.stop), read_motion, fps, 1) for run in (before, after))
+    offset_m, rate_m_s = _offset(a, b, fps)
+    of_offset, of_rate = _PEAKS_ALONE if before.locked != after.locked else _PEAKS_SHARED
+    peaks = [np.max(of_offset * offset_m / length**2 + of_rate * rate_m_s / length) for length in options]
+    return next(
+        (length for length, peak in zip(options, peaks, strict=True) if peak <= _EASY_M_S2), options[-1]
+    )
+
+
+def _offset(a: SampledRun, b: SampledRun, fps: float) -> tuple[Floats, Floats]:
+    """Distance and difference of velocity of every joint (21,), once b stands where a stands."""
+    frame = a.start + 1
+    aligned = b.moved(*alignment_at(a, b, frame))
+    apart = [aligned.body_at(at) - a.body_at(at) for at in (frame - 1, frame, frame + 1)]
+    return np.linalg.norm(apart[1], axis=-1), np.linalg.norm(apart[2] - apart[0], axis=-1) * fps / 2

@@ -1,0 +1,1 @@
+"""Views of a dance: page, video, pose strip and plots, drawn without a GPU."""

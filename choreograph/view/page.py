@@ -1,0 +1,226 @@
+"""The preview page: one HTML file with the dance, its song and a player, for any browser, offline.
+
+The page has its own small WebGL renderer for the mannequin (`page/renderer.js` and its shaders, 400 lines): a
+general engine would add 0.2 MB to every preview to draw one skinned body, a floor and a shadow. A character
+of the user's, with materials of any kind, is drawn by such an engine: see `page_bodies`.
+
+The parts of the page are in `page/`: ES modules, bundled in the order of `_SCRIPTS`, a style sheet and the
+template. Only data differs between dances: JSON, and compressed bytes in base64.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import atomic_path, check_apart, check_target
+from choreograph.core.progress import StepReport, part
+from choreograph.formats.writer import DANCE_GENERATOR
+from choreograph.motion.motion import Motion
+from choreograph.plan import Block, Plan, PlannedSecond
+from choreograph.view.page_data import (
+    PageBody,
+    PageCharacter,
+    bundle_scripts,
+    character_body,
+    deflate_base64,
+    fill_template,
+    mannequin_body,
+    page_part,
+    to_script_json,
+)
+from choreograph.view.sound import Levels, encode_mp4, song_part
+
+_SCRIPTS = (
+    "math.js", "decompress.js", "ground_path.js", "clock.js", "camera.js", "shaders.js", "stage_colours.js",
+    "resolution.js", "stage.js", "orbit.js", "colours.js", "gestures.js", "counts.js", "timeline.js",
+    "elements.js", "card.js", "player.js", "controls.js", "page.js",
+)  # fmt: skip
+_STEPS = 100  # of its progress
+_LEVELS_PER_S = 50
+_NETWORK = "rollout network"  # shown in place of a take's name
+_LENGTH_SLACK_S = 0.1  # the plan has the song's length, the motion a whole number of frames
+
+
+def write_page(
+    path: str | Path,
+    motion: Motion,
+    plan: Plan,
+    *,
+    song_path: str | Path | None,
+    motion_beats_s: Sequence[float] | NDArray[np.floating],
+    start_s: float | None = None,
+    duration_s: float | None = None,
+    title: str | None = None,
+    character: PageCharacter | None = None,
+    report: StepReport | None = None,
+) -> None:
+    """Write the dance as one self-contained HTML file; the same dance gives the same bytes.
+
+    Parameters
+    ----------
+    path : the file to write, atomically
+    motion, plan : of one dance; the timeline shows the plan's blocks
+    song_path : the original song file; its danced part is embedded. None: the page is silent
+    motion_beats_s : (Q,) times in the dance, increasing
+    start_s : start of the dance in the song file; None: the plan's `start_s`
+    duration_s : seconds to show, from the start; None: the whole motion
+    title : heading of the page; None: the song's name
+    character : who dances the motion; None: the mannequin
+    report : called with how much is done, of how much
+
+    The page exposes its state to scripts as `window.choreograph`, read-only: time, duration and shownFrom,
+    shownTo (of the timeline) in seconds; frame, fps, framesDrawn; playing, speed, loop {on, from, to},
+    mirrored, following; audioTime (null without sound); take, the name of the current one; count, the current
+    {bar, number} or null; pixelScale, below 1 on slow machines; joints, J positions [x, y, z] in metres, as
+    `motion.joint_pos_m()` has them, or those of the character's bones that are known, in canonical order.
+
+    Raises
+    ------
+    ParameterError     the folder is missing; motion and plan differ in length; a time is out of range; the
+                       character is compressed or larger than 100 MB
+    FormatError        the song cannot be read
+    ChoreographError   the disk is full or not writable
+    """
+    path = check_target(path)
+    check_apart([path], [] if song_path is None else [song_path])
+    beats_s = _checked_beats(motion_beats_s)
+    duration_s = _checked_duration(motion, plan, duration_s)
+    start_s = plan.start_s if start_s is None else start_s
+    if character is None:
+        body = mannequin_body(
+            motion.sliced(0, min(motion.n_frames, int(np.ceil(duration_s * motion.fps)) + 1))
+        )
+    else:
+        body = character_body(character, motion.fps)
+    if report is not None:
+        report(30, _STEPS)
+    sound, levels, levels_per_s = _sound(song_path, start_s, duration_s, part(report, 30, 95, _STEPS))
+    title = title or plan.song or "Dance"
+    dance = {
+        "title": title,
+        "duration_s": round(duration_s, 6),
+        **body.facts,
+        "levels_per_s": levels_per_s,
+        "music_beats_s": _rounded(plan.music_beats_s, duration_s),
+        "music_beat_numbers": _shown_numbers(plan, duration_s),
+        "metre": plan.metre,
+        "motion_beats_s": _rounded(beats_s, duration_s),
+        **_sources(plan, duration_s),
+    }
+    text = _page_text(title, body, to_script_json(dance), levels, sound)
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
+    if report is not None:
+        report(_STEPS, _STEPS)
+
+
+def _checked_beats(motion_beats_s: Sequence[float] | NDArray[np.floating]) -> NDArray[np.float64]:
+    beats_s = np.asarray(motion_beats_s, np.float64)
+    if beats_s.ndim != 1 or not np.isfinite(beats_s).all() or (np.diff(beats_s) < 0).any():
+        raise ParameterError("expected increasing finite motion_beats_s (Q,) in seconds")
+    return beats_s
+
+
+def _checked_duration(motion: Motion, plan: Plan, duration_s: float | None) -> float:
+    if abs(motion.duration_s - plan.duration_s) > _LENGTH_SLACK_S:
+        raise ParameterError(
+            f"expected the plan's own motion, got {motion.duration_s:.2f} s of motion and a plan of "
+            f"{plan.duration_s:.2f} s: they may belong to different dances"
+        )
+    if duration_s is None:
+        return min(motion.duration_s, plan.blocks[-1].end_s)
+    if not (np.isfinite(duration_s) and 0 < duration_s <= motion.duration_s + _LENGTH_SLACK_S):
+        raise ParameterError(
+            f"expected a duration in (0, {motion.duration_s:.2f}] s, the dance's length, got {duration_s:g}"
+        )
+    return min(duration_s, motion.duration_s)
+
+
+def _sound(
+    song_path: str | Path | None, start_s: float, duration_s: float, report: StepReport | None
+) -> tuple[str, str, float]:
+    """The sound in base64, the waveform's levels, and their rate in Hz."""
+    if song_path is None:
+        return "", "", float(_LEVELS_PER_S)
+    levels = Levels(_LEVELS_PER_S)
+    sound = encode_mp4(levels.through(song_part(song_path, start_s=start_s, duration_s=duration_s), report))
+    # A plane of peaks, then one of RMS: similar neighbours deflate better.
+    planes = np.ascontiguousarray(levels.to_bytes().T)
+    return base64.b64encode(sound).decode("ascii"), deflate_base64(planes.tobytes()), levels.bins_per_s
+
+
+def _rounded(times_s: Sequence[float] | NDArray[np.floating], duration_s: float) -> list[float]:
+    return [round(float(time), 4) for time in times_s if 0 <= time <= duration_s]
+
+
+def _shown_numbers(plan: Plan, duration_s: float) -> list[int]:
+    """Numbers in the bar of the beats that are shown; none if bars are not known."""
+    numbers = zip(plan.music_beats_s, plan.music_beat_numbers, strict=False)
+    return [number for time, number in numbers if 0 <= time <= duration_s]
+
+
+def _sources(plan: Plan, duration_s: float) -> dict[str, Any]:
+    """The timeline's blocks, and the table of takes (names and credits) that they refer to by index."""
+    shown = [block for block in plan.blocks if block.start_s < duration_s]
+    credits = {block.source: block.planned.credits for block in shown}
+    names = sorted(credits)
+    takes = [
+        {
+            "name": name or _NETWORK,
+            "genre": credits[name].genre,
+            "performer": credits[name].performer,
+            "licence": credits[name].licence,
+            "source": credits[name].source,
+        }
+        for name in names
+    ]
+    index = {name: i for i, name in enumerate(names)}
+    return {
+        "takes": takes,
+        "blocks": [_block(block, index[block.source], duration_s) for block in shown],
+    }
+
+
+def _block(block: Block, take: int, duration_s: float) -> dict[str, Any]:
+    shown: dict[str, Any] = {
+        "take": take,
+        "start_s": round(block.start_s, 4),
+        "end_s": round(min(block.end_s, duration_s), 4),
+    }
+    planned = block.planned
+    if block.source:
+        shown |= {"from_s": round(block.source_start_s, 3), "to_s": round(block.source_end_s, 3)}
+        shown |= {
+            "speed": round((block.source_end_s - block.source_start_s) / (block.end_s - block.start_s), 4)
+        }
+    if isinstance(planned, PlannedSecond):
+        shown |= {"clip": planned.clip, "clip_start_s": round(planned.clip_start_s, 3)}
+        return shown | {"costs": {name: round(cost, 4) for name, cost in planned.costs.items()}}
+    if block.kept:
+        return shown | {"kept": True, "costs": {}}
+    return shown | {"motif": planned.motif, "pinned": planned.pinned, "costs": {}}
+
+
+def _page_text(title: str, body: PageBody, dance: str, levels: str, sound: str) -> str:
+    """The page's template, filled."""
+    elements = [f'<script type="text/plain" id="{name}">{text}</script>' for name, text in body.data.items()]
+    return fill_template(
+        page_part("index.html"),
+        generator=DANCE_GENERATOR,
+        title=html.escape(title),
+        style=page_part("style.css"),
+        dance=dance,
+        sources=body.sources,
+        body="\n".join(elements),
+        levels=levels,
+        sound=sound,
+        script=bundle_scripts([page_part(name) for name in (*_SCRIPTS, *body.scripts)]),
+    )

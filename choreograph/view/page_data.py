@@ -1,0 +1,218 @@
+"""What a self-contained page holds: compressed motion and mesh, characters, scripts."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import zigzag_encode
+from choreograph.formats.gltf_document import GltfDocument
+from choreograph.motion import rotations as rot
+from choreograph.motion.mannequin.skinned_mesh import SkinnedMesh, build_mannequin
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import CANONICAL_JOINTS
+
+# Compression of motion and mesh for self-contained pages; `page/decompress.js` is the decoder.
+#
+# A motion is quantised to a table of integers, one row per channel: the root position in steps of half a
+# millimetre, then each joint's rotation vector in steps of 0.25 mrad. Its second differences in time are
+# small. They are zigzag-encoded (0, -1, 1, -2, … -> 0, 1, 2, 3, …), split into a plane of low and one of high
+# bytes, and deflated. Four minutes of 24 joints at 60 fps take about 0.9 MB in base64, with an
+# error of a millimetre at the fingertips.
+
+
+ROTVEC_STEP_RAD = 2.5e-4  # pi is 12,566 steps: any rotation fits into two bytes
+_ROOT_STEP_M = 5e-4
+_LARGEST = 32_000  # steps: fits into two bytes with a margin
+_MAX_FPS = 60.0
+_MAX_MOTION_BYTES = 2_200_000  # leaves room for the rest of the page within 3 MB
+
+
+@dataclass(frozen=True)
+class CompressedMotion:
+    """A quantised, deflated motion and the parameters to decode it."""
+
+    text: str  # base64 of deflated bytes
+    fps: float
+    n_frames: int
+    root_step_m: float
+    root_origin_m: tuple[float, ...]  # (3,)
+
+
+def compress_motion(motion: Motion, *, max_bytes: int = _MAX_MOTION_BYTES) -> CompressedMotion:
+    """Compress at 60 fps or the motion's rate if lower; halve the rate until the text fits `max_bytes`."""
+    motion = motion.resampled(min(motion.fps, _MAX_FPS))
+    compressed = _compressed(motion)
+    while len(compressed.text) > max_bytes and motion.n_frames > 2:
+        motion = motion.resampled(motion.fps / 2)
+        compressed = _compressed(motion)
+    return compressed
+
+
+def _compressed(motion: Motion) -> CompressedMotion:
+    origin = np.round((motion.root_pos_m.min(axis=0) + motion.root_pos_m.max(axis=0)) / 2, 3)
+    root = motion.root_pos_m - origin
+    root_step_m = max(_ROOT_STEP_M, float(np.abs(root).max()) / _LARGEST)
+    turns = rot.to_rotvec(motion.local_quat).reshape(motion.n_frames, -1)  # (T, 3J)
+    table = np.concatenate([root / root_step_m, turns / ROTVEC_STEP_RAD], axis=1)  # (T, 3 + 3J)
+    steps = np.round(table.T).astype(np.int64)  # (3 + 3J, T)
+    change = np.diff(steps, n=2, axis=1, prepend=np.zeros((len(steps), 2), np.int64))
+    change = change.astype(np.int16)  # wraps around, as the sums in the decoder do
+    folded = zigzag_encode(change)
+    planes = np.concatenate([(folded & 0xFF).ravel(), (folded >> 8).ravel()]).astype(np.uint8)
+    return CompressedMotion(
+        deflate_base64(planes.tobytes()), motion.fps, motion.n_frames, root_step_m, tuple(map(float, origin))
+    )
+
+
+def compress_mesh(mesh: SkinnedMesh) -> tuple[str, dict[str, object]]:
+    """The mesh as text, and the parameters that the page needs to decode it.
+
+    In this order: positions (V, 3) int16 in steps of `step_m`, triangles (F, 3) uint32, joints (V, 2) uint16,
+    first weights (V,) uint8 of 255, normals (V, 3) int8 of 127, parts (V,) uint8.
+    """
+    step_m = max(float(np.abs(mesh.vertices_m).max()) / _LARGEST, 1e-9)
+    arrays: list[NDArray] = [
+        np.round(mesh.vertices_m / step_m).astype("<i2"),
+        mesh.triangles.astype("<u4"),
+        mesh.joints.astype("<u2"),
+        np.round(255 * mesh.weights[:, 0]).astype(np.uint8),
+        np.round(127 * mesh.normals).astype(np.int8),
+        mesh.parts.astype(np.uint8),
+    ]
+    text = deflate_base64(b"".join(array.tobytes() for array in arrays))
+    numbers = {
+        "vertices": len(mesh.vertices_m),
+        "triangles": len(mesh.triangles),
+        "step_m": step_m,
+        "palette": np.round(mesh.palette, 4).tolist(),
+        "bind_pos_m": np.round(mesh.bind_pos_m, 6).tolist(),
+        "bind_quat": np.round(mesh.bind_quat, 8).tolist(),
+    }
+    return text, numbers
+
+
+def deflate_base64(data: bytes) -> str:
+    """The bytes deflated, in base64."""
+    return base64.b64encode(zlib.compress(data, 9)).decode("ascii")
+
+
+# Assembly of self-contained pages: parts, bundled scripts, JSON that cannot break out of its element.
+
+
+_OF_MODULES = re.compile(r"^(?:import \{[^{}]*\} from [^;\n]*;\n|export )", re.MULTILINE)
+
+
+def page_part(name: str, *, package: str = "choreograph.view", folder: str = "page") -> str:
+    """Text of a page part, from this package or from another one."""
+    return (resources.files(package) / folder / name).read_text(encoding="utf-8")
+
+
+def bundle_scripts(modules: Sequence[str]) -> str:
+    """ES modules (texts, each after those it imports) as one script: no imports, no exports, one scope."""
+    return "\n".join(_OF_MODULES.sub("", text) for text in modules)
+
+
+def to_script_json(data: Any) -> str:
+    """JSON that cannot end the script element it stands in, whatever the names of takes contain."""
+    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def fill_template(template: str, **parts: str) -> str:
+    """The template with every `@@name@@` replaced; the inserted texts are not scanned again."""
+    pieces = template.split("@@")
+    return "".join(parts[piece] if i % 2 else piece for i, piece in enumerate(pieces))
+
+
+# Who dances in a page: the mannequin, or a character of the user's that three.js draws.
+#
+# Each has its own renderer in `page/`, behind the same few methods, and its own data. three.js is in the page
+# of a character only: `page/three/` has it bundled, and what rebuilds the bundle.
+
+
+_MAX_CHARACTER_BYTES = 100_000_000  # browsers decode it in some seconds, and phones can hold it
+_NEED_DECODERS = (
+    "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_texture_basisu",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class PageCharacter:
+    """A character, the dance its only animation."""
+
+    document: GltfDocument
+    nodes: Mapping[str, int]  # of its document, by canonical joint; hips and pelvis are among them
+
+
+@dataclass(frozen=True, eq=False)
+class PageBody:
+    """What a page needs beside the dance's own facts to show who dances."""
+
+    facts: dict[str, Any]  # JSON
+    data: dict[str, str]  # element -> text
+    scripts: tuple[str, ...]  # the last one opens the page
+    sources: str = ""  # added to the page's security policy
+
+
+def mannequin_body(motion: Motion) -> PageBody:
+    """The mannequin: its mesh, and the motion compressed."""
+    compressed = compress_motion(motion)
+    mesh, mesh_layout = compress_mesh(build_mannequin(motion.skeleton, motion))
+    facts = {
+        "fps": compressed.fps,
+        "frames": compressed.n_frames,
+        "root_step_m": compressed.root_step_m,
+        "root_origin_m": compressed.root_origin_m,
+        "rotvec_step_rad": ROTVEC_STEP_RAD,
+        "names": motion.skeleton.names,
+        "parents": motion.skeleton.parents.tolist(),
+        "offsets_m": np.round(motion.skeleton.offsets_m, 6).tolist(),
+        "mesh": mesh_layout,
+    }
+    scripts = ("skeleton.js", "skin.js", "renderer.js", "main.js")
+    return PageBody(facts, {"motion": compressed.text, "mesh": mesh}, scripts)
+
+
+def character_body(character: PageCharacter, fps: float) -> PageBody:
+    """A character as a GLB, and three.js with its licence; `ParameterError` if a page cannot show it."""
+    check_page_character(character.document)
+    glb = character.document.to_glb()
+    if len(glb) > _MAX_CHARACTER_BYTES:
+        raise ParameterError(_too_large(character.document.name, len(glb)))
+    licence, code = (page_part(name, folder="page/three") for name in ("LICENSE", "three.min.js"))
+    names = [name for name in CANONICAL_JOINTS if name in character.nodes]
+    facts = {"fps": fps, "names": names, "nodes": [character.nodes[name] for name in names]}
+    data = {"three": deflate_base64(f"/*\n{licence}*/\n{code}".encode()), "character": deflate_base64(glb)}
+    scripts = ("figure.js", "character_renderer.js", "character_main.js")
+    return PageBody(facts, data, scripts, " blob:; connect-src blob:")
+
+
+def check_page_character(document: GltfDocument) -> None:
+    """Raise `ParameterError` if a page cannot show the character, before there is a dance for it."""
+    used = document.json.get("extensionsUsed", [])
+    compressed = [name for name in _NEED_DECODERS if isinstance(used, list) and name in used]
+    if compressed:
+        raise ParameterError(
+            f"{document.name}: expected plain meshes and textures for a page, got {', '.join(compressed)}: "
+            "export the character without compression, or write a .glb"
+        )
+    if document.n_bytes > _MAX_CHARACTER_BYTES:
+        raise ParameterError(_too_large(document.name, document.n_bytes))
+
+
+def _too_large(name: str, n_bytes: int) -> str:
+    return (
+        f"{name}: expected at most {_MAX_CHARACTER_BYTES // 10**6} MB of character and dance for a page, got "
+        f"{n_bytes // 10**6} MB: write a .glb, or make its textures smaller"
+    )

@@ -1,0 +1,362 @@
+"""Software renderer of a mesh on a floor in studio light, cameras that follow a dancer, and pose strips."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+from PIL.PngImagePlugin import PngInfo
+from scipy.ndimage import gaussian_filter1d
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import atomic_path
+from choreograph.formats.writer import DANCE_GENERATOR
+from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
+from choreograph.motion.kinematics import forward
+from choreograph.motion.mannequin.skinned_mesh import SkinnedMesh, build_mannequin, skin_matrices
+from choreograph.motion.motion import Motion
+from choreograph.view import raster_kernels as raster
+from choreograph.view import shading_kernels as shading
+
+# Software renderer: a mesh in a pose, on a floor in studio light, seen by a camera.
+
+
+Floats = NDArray[np.float64]
+Pixels = NDArray[np.uint8]
+
+_GRID = 2  # samples a pixel along each axis
+_SHADE_TEXELS = 192
+_SHADE_M = 4.2  # width of the square of floor that holds the shadow
+_CONTACT_TOP_M = 0.22  # only lower parts cast the contact shadow
+_KEY_TEXEL_M = 0.007
+_LARGEST_KEY_MAP = 1024
+_LINE_M = 0.006  # half width of the floor's grid lines
+# Ordered dither: rounding thresholds spread evenly over 4 x 4 pixels.
+_BAYER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
+_THRESHOLDS = ((_BAYER + 0.5) / 16).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera without roll, in metres, Y up; `fov_rad` is the vertical field of view."""
+
+    eye_m: Floats  # (3,)
+    target_m: Floats  # (3,)
+    fov_rad: float = float(np.radians(32.0))
+
+    def __post_init__(self) -> None:
+        sight = np.asarray(self.target_m, float) - np.asarray(self.eye_m, float)
+        if not np.hypot(sight[0], sight[2]) > 1e-6:
+            raise ParameterError("a camera cannot look straight up or down: move its target off the vertical")
+        if not 0.0 < self.fov_rad < np.pi:
+            raise ParameterError(
+                f"expected a field of view between 0 and 180 degrees, got {self.fov_rad} rad"
+            )
+
+    def axes(self) -> NDArray[np.float32]:
+        """Unit directions to the right, up and into the picture, rows of (3, 3)."""
+        ahead = np.asarray(self.target_m, float) - np.asarray(self.eye_m, float)
+        ahead /= np.linalg.norm(ahead)
+        right = np.cross(ahead, [0.0, 1.0, 0.0])
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(right, ahead), ahead]).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Light:
+    """Directions to the lights and their linear colours, in camera space."""
+
+    key: tuple[float, float, float] = (-0.55, 0.75, -0.55)  # right, up, into the picture
+    fill: tuple[float, float, float] = (0.8, 0.25, -0.5)
+    back: tuple[float, float, float] = (0.3, 0.6, 0.8)
+    key_rgb: tuple[float, float, float] = (1.08, 1.02, 0.94)
+    fill_rgb: tuple[float, float, float] = (0.16, 0.19, 0.24)
+    back_rgb: tuple[float, float, float] = (0.22, 0.24, 0.28)
+    sky_rgb: tuple[float, float, float] = (0.27, 0.29, 0.33)
+    ground_rgb: tuple[float, float, float] = (0.13, 0.115, 0.10)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """sRGB colours of floor and backdrop; `shadow` is the share of light missing in the darkest shadow."""
+
+    horizon: str = "#e6e4e0"
+    overhead: str = "#9fb0c2"
+    floor: str = "#dedad3"
+    grid: str = "#c3beb5"
+    shadow: float = 0.62
+
+
+def render_pose(
+    mesh: SkinnedMesh,
+    pos_m: Floats,
+    global_quat: Floats,
+    camera: Camera,
+    *,
+    size: tuple[int, int] = (1280, 720),
+    light: Light = Light(),
+    stage: Stage = Stage(),
+) -> Pixels:
+    """The figure seen by the camera, (H, W, 3) sRGB bytes.
+
+    `pos_m` (J, 3) and `global_quat` (J, 4) are one frame of `kinematics.forward`; the floor is at Y = 0.
+    Raises `ParameterError` if the size is not positive or the pose has another number of joints.
+    """
+    width, height = size
+    if width < 1 or height < 1:
+        raise ParameterError(f"expected a picture of at least 1 x 1 pixels, got {width} x {height}")
+    if np.shape(pos_m) != mesh.bind_pos_m.shape:
+        raise ParameterError(
+            f"expected joint positions {mesh.bind_pos_m.shape} as in the mesh, got {np.shape(pos_m)}"
+        )
+    points, normals = raster.skin(
+        mesh.vertices_m, mesh.normals, mesh.joints, mesh.weights,
+        skin_matrices(mesh, pos_m, global_quat),
+    )  # fmt: skip
+    axes, eye = camera.axes(), np.asarray(camera.eye_m, np.float32)
+    focal = np.float32(0.5 * height / np.tan(0.5 * camera.fov_rad))  # pixels
+    lights = np.stack([_unit(np.array(d) @ axes) for d in (light.key, light.fill, light.back)])
+    image = np.empty((height, width, 3), np.float32)
+    shade, origin = _floor_shade(points, mesh.triangles, lights[0], stage.shadow)
+    middle = points[:, [0, 2]].mean(axis=0)
+    shading.paint_backdrop(
+        image, eye, axes[0], axes[1], axes[2], focal, np.float32(_LINE_M),
+        _linear(stage.horizon, stage.overhead), _linear(stage.floor, stage.grid),
+        shade, origin, np.float32(_SHADE_M / _SHADE_TEXELS), middle,
+    )  # fmt: skip
+    _draw_mesh(image, mesh, points, normals, eye, axes, focal, lights, light)
+    return shading.to_srgb(image, _srgb_table(), _THRESHOLDS)
+
+
+def _draw_mesh(image, mesh, points, normals, eye, axes, focal, lights, light) -> None:
+    height, width, _ = image.shape
+    view = np.concatenate([axes, -(axes @ eye)[:, None]], axis=1).astype(np.float32)
+    screen = raster.project(
+        points, view, focal * _GRID, np.float32(0.5 * width * _GRID), np.float32(0.5 * height * _GRID)
+    )
+    seen = screen[screen[:, 2] > 0, :2] / _GRID
+    if len(seen) == 0:
+        return
+    low = np.clip(np.floor(seen.min(axis=0)), 0, [width, height]).astype(np.int64)
+    high = np.clip(np.ceil(seen.max(axis=0)), 0, [width, height]).astype(np.int64)
+    if (high <= low).any():
+        return
+    screen[:, :2] -= (low * _GRID).astype(np.float32)
+    shape = tuple((high - low)[::-1] * _GRID)
+    owners = np.full(shape, raster.NOTHING, np.int32)
+    raster.rasterise(screen, mesh.triangles, np.zeros(shape, np.float32), owners)
+    tints = np.array(
+        [light.key_rgb, light.fill_rgb, light.back_rgb, light.sky_rgb, light.ground_rgb], np.float32
+    )
+    colours = (np.asarray(mesh.palette, np.float32) ** np.float32(2.2))[mesh.parts]
+    seen_by_key, key_map = _key_light_map(points, mesh.triangles, lights[0])
+    shading.shade_mesh(
+        image, owners, _GRID, low[::-1].copy(), screen, mesh.triangles, points, normals, colours, eye,
+        lights, tints, seen_by_key, key_map,
+    )  # fmt: skip
+
+
+def _key_light_map(points, triangles, key) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The vertices (V, 3) in the key light's view, and its shadow map: nearest surfaces (N, N).
+
+    Only surfaces that face away from the light are in the map, so that lit ones never shadow themselves.
+    """
+    right = _unit(np.cross(key, [0.0, 1.0, 0.0]))
+    axes = np.stack([right, -np.cross(right, -key), key]).astype(np.float32)
+    seen = points @ axes.T  # x, y down, nearness to the light, metres
+    low = seen.min(axis=0)
+    seen[:, :2] -= low[:2] - np.float32(4 * _KEY_TEXEL_M)
+    seen[:, 2] -= low[2] - np.float32(0.1)  # 0 means no surface
+    seen[:, :2] /= np.float32(_KEY_TEXEL_M)
+    n = min(int(seen[:, :2].max()) + 5, _LARGEST_KEY_MAP)
+    nearness = np.zeros((n, n), np.float32)
+    away = np.ascontiguousarray(triangles[:, ::-1])
+    raster.rasterise(seen, away, nearness, np.empty((n, n), np.int32))
+    return seen, nearness
+
+
+def _floor_shade(points, triangles, key, darkest: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Light missing on the floor (N, N) around the mesh, and the (x, z) of the first texel.
+
+    Two shadows: a dark contact shadow straight below what is close to the floor, and a wide, faint one of
+    the whole body along the key light.
+    """
+    texel = np.float32(_SHADE_M / _SHADE_TEXELS)
+    middle = points[:, [0, 2]].mean(axis=0)
+    origin = (np.floor(middle / texel) * texel - np.float32(_SHADE_M / 2)).astype(np.float32)
+    contact = np.zeros((_SHADE_TEXELS, _SHADE_TEXELS), np.float32)
+    cast = np.zeros_like(contact)
+    straight = np.zeros(2, np.float32)
+    slant = (-key[[0, 2]] / max(key[1], 0.2) * 0.8).astype(np.float32)
+    raster.flatten_onto_floor(points, triangles, straight, origin, texel, np.float32(_CONTACT_TOP_M), contact)
+    raster.flatten_onto_floor(points, triangles, slant, origin, texel, np.float32(2.6), cast)
+    contact, cast = raster.blur(contact, 1, 3), raster.blur(cast, 3, 3)
+    return 1 - (1 - np.float32(darkest) * contact) * (1 - np.float32(0.6 * darkest) * cast), origin
+
+
+@lru_cache(maxsize=8)
+def _linear(*colours: str) -> NDArray[np.float32]:
+    bytes_ = [[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours]
+    return ((np.array(bytes_) / 255.0) ** 2.2).astype(np.float32)
+
+
+@lru_cache(maxsize=1)
+def _srgb_table() -> NDArray[np.float32]:
+    return (255.0 * np.linspace(0.0, 1.0, 8193) ** (1 / 2.2)).astype(np.float32)
+
+
+def _unit(vector: Floats) -> NDArray[np.float32]:
+    return (vector / np.linalg.norm(vector)).astype(np.float32)
+
+
+# A camera that follows a dancer: from the front, 28° to the side, on a smoothed path.
+
+
+_FOV_RAD = float(np.radians(28.0))
+_SIDE_RAD = float(np.radians(28.0))  # of the camera, from straight ahead of the dancer
+_EYE_OF_HEIGHT = 0.78  # a little below the dancer's eyes
+_HIGH_OF_HEIGHT = 1.36  # what has to fit: the body with raised arms,
+_WIDE_OF_HEIGHT = 1.05  # and with arms to the sides, both with a margin
+_MIDDLE_OF_HEIGHT = 0.54
+
+
+@dataclass(frozen=True, eq=False)
+class Shots:
+    """A motion's poses with a camera for each, ready to be rendered."""
+
+    mesh: SkinnedMesh
+    pos_m: Floats  # (T, J, 3) of the world
+    global_quat: Floats  # (T, J, 4)
+    targets_m: Floats  # (T, 3) what the cameras look at
+    towards_eye_m: Floats  # (3,) from the target to the camera
+
+    def render(self, frame: int, size: tuple[int, int]) -> Pixels:
+        """Frame `frame` as an image (H, W, 3)."""
+        camera = Camera(self.targets_m[frame] + self.towards_eye_m, self.targets_m[frame], _FOV_RAD)
+        return render_pose(self.mesh, self.pos_m[frame], self.global_quat[frame], camera, size=size)
+
+
+def follow_camera(
+    motion: Motion, times_s: Sequence[float] | Floats, *, aspect: float, smoothing_s: float = 0.0
+) -> Shots:
+    """The poses at `times_s` (T,) and cameras for pictures `aspect` times as wide as high.
+
+    All cameras have the same direction: 28° to the side of the dancer's mean heading between the first and
+    the last time, so that turns stay visible. They follow the dancer's ground position, smoothed over
+    about `smoothing_s`. Raises `ParameterError` if a time lies
+    outside the motion.
+    """
+    times = np.asarray(times_s, dtype=np.float64)
+    if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():
+        raise ParameterError("expected at least one time to show, each a finite number of seconds")
+    if times.min() < 0 or times.max() > motion.duration_s:
+        raise ParameterError(
+            f"expected times within the motion's 0 to {motion.duration_s:.2f} s, "
+            f"got {times.min():.2f} to {times.max():.2f} s"
+        )
+    mesh = build_mannequin(motion.skeleton, motion)
+    ground, headings = _whereabouts(motion)
+    frames = times * motion.fps
+    shown_headings = headings[int(frames.min()) : int(frames.max()) + 2]
+    heading = np.arctan2(np.sin(shown_headings).mean(), np.cos(shown_headings).mean())
+    if smoothing_s > 0:
+        ground = gaussian_filter1d(ground, smoothing_s * motion.fps, axis=0, mode="nearest")
+    shown = motion.sampled(frames)
+    pos_m, quat = forward(motion.skeleton, shown.root_pos_m, shown.local_quat)
+    height = float(np.ptp(mesh.vertices_m[:, 1]))
+    grid = np.arange(motion.n_frames)
+    targets = np.stack([np.interp(frames, grid, ground[:, axis]) for axis in range(3)], axis=1)  # (T, 3)
+    targets[:, 1] = _MIDDLE_OF_HEIGHT * height
+    distance = max(_HIGH_OF_HEIGHT, _WIDE_OF_HEIGHT / aspect) * height / (2 * np.tan(_FOV_RAD / 2))
+    level = np.array([np.sin(heading + _SIDE_RAD), 0.0, np.cos(heading + _SIDE_RAD)])
+    rise = np.array([0.0, (_EYE_OF_HEIGHT - _MIDDLE_OF_HEIGHT) * height, 0.0])
+    return Shots(mesh, pos_m, quat, targets, distance * level + rise)
+
+
+def _whereabouts(motion: Motion) -> tuple[Floats, Floats]:
+    """Ground position (T, 3) and heading (T,); of an unknown rig, the root's position and 0."""
+    try:
+        body = body_pos_m(motion)
+    except ParameterError:
+        return motion.root_pos_m * [1.0, 0.0, 1.0], np.zeros(motion.n_frames)
+    return ground_pos_m(body), heading_rad(body)
+
+
+# A contact sheet (PNG): labelled poses at chosen times, side by side.
+
+
+_COLUMNS = 8
+_BAR = 0.085  # height of the label's bar over the tile's width
+_BAR_RGB, _TEXT_RGB = (62, 70, 92), (240, 238, 233)
+_GAP_PX = 2
+_MAX_PIXELS = 200_000_000
+
+
+def write_strip(
+    path: str | Path,
+    motion: Motion,
+    times_s: Sequence[float],
+    *,
+    labels: Sequence[str] | None = None,
+    columns: int | None = None,
+    tile: tuple[int, int] = (240, 320),
+) -> None:
+    """Write the poses at `times_s` as one PNG with `columns` per row (8, or fewer if there are fewer poses).
+
+    All are seen from the same direction, 28° to the side of the dancer's mean heading. `labels`, one per
+    pose, default to the times. `tile` is the size of one pose in pixels.
+
+    Raises `ParameterError` if there is no time, one lies outside the motion, labels do not match, the
+    sheet would be empty or larger than 200 megapixels, or the file's folder is missing;
+    `ChoreographError` if it cannot be written.
+    """
+    sheet = draw_strip(motion, times_s, labels=labels, columns=columns, tile=tile)
+    about = PngInfo()
+    about.add_text("Software", DANCE_GENERATOR)
+    with atomic_path(path) as temporary:
+        Image.fromarray(sheet).save(temporary, format="PNG", pnginfo=about)
+
+
+def draw_strip(
+    motion: Motion,
+    times_s: Sequence[float],
+    *,
+    labels: Sequence[str] | None = None,
+    columns: int | None = None,
+    tile: tuple[int, int] = (240, 320),
+) -> Pixels:
+    """The contact sheet of `write_strip`, (H, W, 3)."""
+    if labels is None:
+        labels = [f"{time:.2f} s" for time in times_s]
+    n_poses = len(times_s)
+    columns = min(_COLUMNS, n_poses) if columns is None else columns
+    if len(labels) != n_poses:
+        raise ParameterError(f"expected a label for each of {n_poses} poses, got {len(labels)}")
+    if min(*tile, columns, n_poses) < 1:
+        raise ParameterError(f"expected poses, columns and pixels, got {n_poses}, {columns} and {tile}")
+    width, height = tile
+    bar = round(_BAR * width)
+    rows = -(-n_poses // columns)
+    step_y, step_x = height + bar + _GAP_PX, width + _GAP_PX
+    if rows * step_y * columns * step_x > _MAX_PIXELS:
+        raise ParameterError(f"a sheet of {n_poses} poses of {width} x {height} pixels is too large")
+    shots = follow_camera(motion, times_s, aspect=width / height)
+    sheet = np.full((rows * step_y - _GAP_PX, columns * step_x - _GAP_PX, 3), 255, np.uint8)
+    for index, label in enumerate(labels):
+        y, x = index // columns * step_y, index % columns * step_x
+        sheet[y : y + height, x : x + width] = shots.render(index, tile)
+        sheet[y + height : y + height + bar, x : x + width] = _label(label, width, bar)
+    return sheet
+
+
+def _label(text: str, width: int, height: int) -> Pixels:
+    bar = Image.new("RGB", (width, height), _BAR_RGB)
+    if height >= 4:
+        font = ImageFont.load_default(size=0.72 * height)
+        ImageDraw.Draw(bar).text((width / 2, height / 2), text, fill=_TEXT_RGB, font=font, anchor="mm")
+    return np.asarray(bar)

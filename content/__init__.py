@@ -1,0 +1,1 @@
+"""Generates the built-in takes and songs, and trains the shipped networks. Not installed."""

@@ -1,0 +1,129 @@
+"""Foot trajectories: a foot is exactly still while planted and moves in smooth arcs in between.
+
+A foot stands on its ball, the joint at the root of the toes: before a step the heel rises about it, and
+pivots turn about it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.motion import rotations as rot
+from choreograph.motion.skeleton import canonical_skeleton
+from content.moves.curves import Tempo, ease
+from content.moves.keyframes import FootPlant
+
+Floats = NDArray[np.float64]
+
+_SKELETON = canonical_skeleton()
+BALL_FROM_ANKLE_M = _SKELETON.offsets_m[_SKELETON.index("left_foot")]  # (3,)
+BALL_OVER_FLOOR_M = float(_SKELETON.rest_pos_m()[_SKELETON.index("left_foot")][1])
+_HEEL_FROM_BALL_M = np.array([0.0, -BALL_OVER_FLOOR_M, -BALL_FROM_ANKLE_M[2] - 0.045])
+
+_SHORTEST_S, _LONGEST_S = 0.14, 0.70  # a step's time in the air, whatever the tempo
+_UP_FIRST, _DOWN_LAST = 0.10, 0.06  # of a swing: vertical at its start and end
+_HEEL_OFF_S = 0.17  # the heel starts to rise this long before the ball leaves
+_HEEL_OFF_RAD = np.radians(26.0)  # for a step of _FAR_M or more
+_FAR_M = 0.30
+_PIVOT_RAD = np.radians(5.0)  # the heel is slightly raised while the foot turns on its ball
+
+
+@dataclass(frozen=True)
+class FootPath:
+    """One foot over a take."""
+
+    ball_m: Floats  # (T, 3)
+    yaw_rad: Floats  # (T,) unwrapped
+    pitch_rad: Floats  # (T,) heel up about the ball
+    toe_pitch_rad: Floats  # (T,) of the toes in the world
+    planted: NDArray[np.bool_]  # (T,) the ball is on the floor and does not move
+    flat: NDArray[np.bool_]  # (T,) ball and heel are
+
+    def foot_quat(self) -> Floats:
+        """World rotations (T, 4) of the ankle."""
+        return _turned(self.yaw_rad, self.pitch_rad)
+
+    def toe_quat(self) -> Floats:
+        """World rotations (T, 4) of the toes."""
+        return _turned(self.yaw_rad, self.toe_pitch_rad)
+
+    def ankle_m(self) -> Floats:
+        """World positions (T, 3) of the ankle."""
+        return self.ball_m - rot.rotate(self.foot_quat(), BALL_FROM_ANKLE_M)
+
+
+def _turned(yaw: Floats, pitch: Floats) -> Floats:
+    zero = np.zeros_like(pitch)
+    return rot.multiply(rot.about_y(yaw), rot.from_rotvec(np.stack([pitch, zero, zero], axis=-1)))
+
+
+def foot_path(plants: Sequence[FootPlant], tempo: Tempo, times_s: Floats) -> FootPath:
+    """The path of one foot through its plants."""
+    n = len(times_s)
+    xz = np.tile(plants[0].ball_m, (n, 1)).astype(np.float64)  # (T, 2)
+    height, yaw, pitch = np.zeros(n), np.full(n, plants[0].yaw_rad), np.full(n, plants[0].pitch_rad)
+    planted, in_air = np.ones(n, bool), np.zeros(n)
+    for here, there in itertools.pairwise(plants):
+        landed, land = float(tempo.times_s(here.count)), float(tempo.times_s(there.count))
+        leave = _leaves_at(here, there, tempo)
+        u = (times_s - leave) / (land - leave)
+        after, flying = times_s >= land, (u > 0) & (u < 1)
+        s = ease((u - _UP_FIRST) / (1.0 - _UP_FIRST - _DOWN_LAST))[flying]
+        over = _arc(u)[flying]
+        a, b = np.array(here.ball_m), np.array(there.ball_m)
+        heel_off = 0.0 if there.in_place else _heel_off(here, float(np.linalg.norm(b - a)))
+        rising = (times_s > landed) & (u <= 0)
+        room = max(min(_HEEL_OFF_S, leave - landed), 1e-3)
+        if heel_off:
+            pitch[rising] += (heel_off - pitch[rising]) * ease((times_s - leave + room) / room)[rising]
+        start_pitch = heel_off if heel_off else here.pitch_rad
+        xz[flying] = a + (b - a) * s[:, None] + (4.0 * s * (1.0 - s))[:, None] * np.array(there.bow_m)
+        height[flying] = here.height_m + (there.height_m - here.height_m) * s + there.lift_m * over
+        yaw[flying] = here.yaw_rad + (there.yaw_rad - here.yaw_rad) * s
+        turns = there.in_place and abs(there.yaw_rad - here.yaw_rad) > 1e-6
+        pitch[flying] = start_pitch + (there.pitch_rad - start_pitch) * s
+        pitch[flying] += over * _PIVOT_RAD * turns
+        in_air[flying] = over * (not there.in_place)
+        planted[flying] = there.in_place
+        xz[after], height[after], yaw[after], pitch[after] = b, there.height_m, there.yaw_rad, there.pitch_rad
+        planted[after] = there.height_m == 0.0
+    return _settled(xz, height, yaw, pitch, in_air, planted)
+
+
+def _arc(u: Floats) -> Floats:
+    """Height profile of a swing: 0 at its start and end, 1 in the middle, with quick flanks."""
+    return ease(u / 0.45) * ease((1.0 - u) / 0.45)
+
+
+def _leaves_at(here: FootPlant, there: FootPlant, tempo: Tempo) -> float:
+    """When the foot leaves one plant for the next, in seconds."""
+    landed, land = float(tempo.times_s(here.count)), float(tempo.times_s(there.count))
+    if here.height_m > 0.0:  # from a kick it comes down at once
+        return max(landed, land - 1.2 * _LONGEST_S)
+    swing = land - float(tempo.times_s(there.count - there.swing))
+    return max(land - float(np.clip(swing, _SHORTEST_S, _LONGEST_S)), landed + 0.02)
+
+
+def _heel_off(here: FootPlant, distance_m: float) -> float:
+    """Angle of the heel as the ball leaves, growing with the distance; 0 after a kick or a heel touch."""
+    if here.height_m > 0.0 or here.pitch_rad < 0.0:
+        return 0.0
+    return max(here.pitch_rad, _HEEL_OFF_RAD * min(1.0, 0.3 + distance_m / _FAR_M))
+
+
+def _settled(
+    xz: Floats, height: Floats, yaw: Floats, pitch: Floats, in_air: Floats, planted: NDArray[np.bool_]
+) -> FootPath:
+    """The path with heel and toes kept above the floor: toes up rests on the heel, heel up on flat toes."""
+    toes_up = np.minimum(pitch, 0.0)
+    heel_y = -_HEEL_FROM_BALL_M[2] * np.sin(toes_up) + _HEEL_FROM_BALL_M[1] * np.cos(toes_up)
+    over_floor = np.maximum(BALL_OVER_FLOOR_M, -heel_y * (toes_up < 0))
+    ball = np.stack([xz[:, 0], over_floor + height, xz[:, 1]], axis=-1)  # (T, 3)
+    droop = np.maximum(pitch, 0.0) * np.clip((height - 0.03) / 0.08, 0.0, 0.8)
+    still = planted & (pitch >= 0.0)
+    return FootPath(ball, yaw, pitch, toes_up + droop, still, still & (np.abs(pitch) < 1e-9) & (in_air == 0))

@@ -1,0 +1,171 @@
+"""Sequencing of a genre's moves to the beats of a song, rendered as takes with ground truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.errors import ParameterError
+from choreograph.motion.motion import Motion
+from content.moves.body import animate
+from content.moves.curves import Tempo
+from content.moves.feet import FootPath
+from content.moves.keyframes import PlacedMove, build_keyframes
+from content.moves.notation import Move, Side
+
+Floats = NDArray[np.float64]
+
+STAGE_M = 1.2  # soft limit of the distance of a home from the middle
+_EASY_S = 0.5  # duration of a count at which steps have their written size
+_AFTER_S = 0.6  # length of a take after its last beat
+
+
+@dataclass(frozen=True)
+class Genre:
+    """A genre: its moves and how they are danced."""
+
+    name: str
+    moves: tuple[Move, ...]
+    bar: int = 4  # counts
+    size: float = 1.0
+    sharpness: float = 0.4  # at middle energy
+    bounce: float = 1.0
+    # From this tempo on, moves are danced with two beats per count.
+    half_time_from_bpm: float = 400.0
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedTake:
+    """A take with its ground truth."""
+
+    motion: Motion
+    placed: tuple[PlacedMove, ...]  # the moves, with their start counts and positions
+    count_times_s: Floats  # (C,) times of the counts: every beat, or every second one in half time
+    feet: dict[Side, FootPath]  # foot paths, with the frames in which each is planted
+
+
+def render_take(
+    genre: Genre,
+    beat_times_s: NDArray[np.floating],
+    *,
+    energy: NDArray[np.floating] | float = 0.5,
+    seed: int = 0,
+    fps: float = 60.0,
+    first_downbeat: int = 0,
+) -> RenderedTake:
+    """Dance a genre to a song.
+
+    `beat_times_s` (Q,): the song's beats in seconds from the take's first frame; the beat with index
+    `first_downbeat` starts a bar. `energy`: from 0 (small, soft) to 1 (big, sharp), a scalar or one value
+    per beat (Q,). A move is repeated for two or four bars, on alternate sides if it ends on the other
+    foot; the next move must start with the free foot. The dancer stays within `STAGE_M` of the middle
+    where the moves allow it. The same arguments give the same take.
+
+    Raises `ParameterError` if beats are not increasing, or the number of energies is not that of beats.
+    """
+    beats = np.asarray(beat_times_s, np.float64)
+    energies = np.asarray(energy, np.float64)
+    if energies.ndim == 0:
+        energies = np.full(len(beats), float(energies))
+    if len(energies) != len(beats):
+        raise ParameterError(f"expected one energy per beat, got {len(energies)} for {len(beats)} beats")
+    Tempo(beats)  # checks them
+    every = 2 if 60.0 / np.median(np.diff(beats)) >= genre.half_time_from_bpm else 1
+    counts_s, energies = beats[first_downbeat::every], energies[first_downbeat::every]
+    rng = np.random.default_rng(seed)
+    placed = _sequence(genre, counts_s, energies, rng)
+    return render(placed, counts_s, rng=rng, fps=fps, duration_s=float(beats[-1]) + _AFTER_S)
+
+
+def render(
+    placed: Sequence[PlacedMove],
+    count_times_s: NDArray[np.floating],
+    *,
+    rng: np.random.Generator | None,
+    fps: float = 60.0,
+    duration_s: float | None = None,
+) -> RenderedTake:
+    """Render placed moves, each starting where and when the previous one ended.
+
+    Without `rng`, exactly as written: no breath, no sway, no variation.
+    """
+    counts_s = np.asarray(count_times_s, np.float64)
+    tempo = Tempo(counts_s)
+    until_s = float(counts_s[-1]) + _AFTER_S if duration_s is None else duration_s
+    motion, feet = animate(build_keyframes(placed, rng), tempo, until_s, fps, rng)
+    return RenderedTake(motion, tuple(placed), counts_s, feet)
+
+
+def sequence_moves(moves: Sequence[Move], **manner: float) -> list[PlacedMove]:
+    """Place moves one after another, from count 0 in the middle; `manner`: size, sharpness, …"""
+    placed: list[PlacedMove] = []
+    origin, yaw, count = (0.0, 0.0), 0.0, 0
+    for move in moves:
+        placed.append(PlacedMove(move, False, count, origin, yaw, **manner))
+        (origin, yaw), count = placed[-1].end(), count + move.counts
+    return placed
+
+
+def _sequence(genre: Genre, counts_s: Floats, energies: Floats, rng: np.random.Generator) -> list[PlacedMove]:
+    placed: list[PlacedMove] = []
+    count = 0
+    while count < len(counts_s) - 1:
+        options = [
+            phrase
+            for move in genre.moves
+            if not placed or move.name != placed[-1].move.name or len(genre.moves) == 1
+            for phrase in [_phrase(genre, move, placed, count, counts_s, energies, rng)]
+            if phrase
+        ]
+        if not options:
+            raise ParameterError(f"{genre.name}: no other move can follow {placed[-1].move.name}")
+        used = [sum(p.move.name == phrase[0].move.name for p in placed) for phrase in options]
+        odds = np.exp([-_cost(phrase) - 0.25 * n for phrase, n in zip(options, used, strict=True)])
+        chosen = options[rng.choice(len(options), p=odds / odds.sum())]
+        placed += chosen
+        count = chosen[-1].start + chosen[-1].move.counts
+    return placed
+
+
+def _phrase(
+    genre: Genre, move: Move, placed: list[PlacedMove], count: int, counts_s: Floats, energies: Floats,
+    rng: np.random.Generator,
+) -> list[PlacedMove]:  # fmt: skip
+    """The move repeated for two or four bars from `count`; empty if the song is too fast for it."""
+    first = min(count, len(counts_s) - 2)
+    if counts_s[first + 1] - counts_s[first] < 60.0 / move.fastest_bpm:
+        return []
+    length = genre.bar * int(rng.choice([2, 4], p=[0.6, 0.4]))
+    phrase: list[PlacedMove] = []
+    at = count
+    while not phrase or at + move.counts <= count + length:
+        before = phrase[-1] if phrase else placed[-1] if placed else None
+        free = before.move.free_foot if before else None
+        mirrored = bool(rng.random() < 0.5) if not phrase else not phrase[-1].mirrored
+        if free is not None and move.first_foot is not None:
+            mirrored = move.first_foot != free
+        origin, yaw = before.end() if before else ((0.0, 0.0), 0.0)
+        i = min(at, len(counts_s) - 2)
+        lively = float(np.clip(energies[min(at, len(energies) - 1)], 0.0, 1.0))
+        fast = float(np.clip(((counts_s[i + 1] - counts_s[i]) / _EASY_S) ** 0.6, 0.65, 1.2))
+        phrase.append(
+            PlacedMove(
+                move.mirrored() if mirrored else move, mirrored, at, origin, yaw,
+                size=genre.size * fast * (0.7 + 0.5 * lively),
+                sharpness=float(np.clip(genre.sharpness + 0.5 * (lively - 0.5), 0.0, 1.0)),
+                bounce=genre.bounce * (0.75 + 0.5 * lively),
+            )
+        )  # fmt: skip
+        at += move.counts
+    return phrase
+
+
+def _cost(phrase: list[PlacedMove]) -> float:
+    """Cost of a phrase: it leaves the stage, or ends with the dancer turned away."""
+    ends = [p.end() for p in phrase]
+    out = max(float(np.hypot(*origin)) for origin, _ in ends)
+    turned = abs((ends[-1][1] + np.pi) % (2 * np.pi) - np.pi)
+    return 12.0 * max(0.0, out - 0.75 * STAGE_M) + 0.8 * float(np.hypot(*ends[-1][0])) + 0.7 * turned

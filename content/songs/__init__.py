@@ -1,0 +1,1 @@
+"""Songs for training, tests and benchmarks whose counts are known."""

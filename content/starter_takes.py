@@ -1,0 +1,118 @@
+"""The takes of the built-in repertoire: every genre over the range of its tempi, written as a library folder.
+
+Each take is a synthesised song and a dance rendered to its true beats. They are written to a folder as BVH
+and FLAC with a manifest, their counts and figures as NAME.counts.csv, and the ground truth (beats, bars,
+sections, moves) as JSON, and imported with the folder importer, like any user's library.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.counts import ANNOTATED, Counts, Figure, make_counts, numbers_in_bar
+from choreograph.core.files import atomic_path
+from choreograph.core.progress import ProgressReport
+from choreograph.formats.register import save_motion
+from choreograph.formats.tables import SUFFIX, write_counts
+from choreograph.music.synthesis.song import STYLES, SyntheticSong, render_song, write_song
+from content.moves.genres import GENRES
+from content.moves.sequencer import RenderedTake, render_take
+
+TAKES_PER_GENRE = 16  # many short ones, so that a dance of three minutes can stay in its genre and still vary
+DURATION_S = 20.0
+FPS = 30.0  # as stored; playback interpolates
+CREDITS = {"performer": "choreograph", "licence": "CC0-1.0", "source": "choreograph starter"}
+_MANIFEST = ("name", "genre", "performer", "licence", "source")
+
+
+@dataclass(frozen=True)
+class TakeSpec:
+    """Parameters of a take."""
+
+    name: str
+    genre: str
+    bpm: float
+    seed: int  # of song and dance; below `benchmark_songs.FIRST_SEED`
+    duration_s: float = DURATION_S
+
+
+def take_specs() -> Iterator[TakeSpec]:
+    """The specs of all takes: for each genre, tempi spread evenly over the range of its songs."""
+    for number, genre in enumerate(sorted(GENRES)):
+        low, high = STYLES[genre].bpm
+        for i, bpm in enumerate(np.linspace(low, high, TAKES_PER_GENRE)):
+            yield TakeSpec(f"{genre}-{i + 1:02d}", genre, round(float(bpm), 1), 100 * number + i)
+
+
+def render_spec(spec: TakeSpec) -> tuple[SyntheticSong, RenderedTake]:
+    """Render a take: its song, and the dance from the song's first sample on."""
+    song = render_song(spec.genre, bpm=spec.bpm, duration_s=spec.duration_s, seed=spec.seed)
+    dance = render_take(
+        GENRES[spec.genre], song.beat_times_s, energy=beat_energies(song), seed=spec.seed, fps=FPS
+    )
+    return song, dance
+
+
+def beat_energies(song: SyntheticSong) -> NDArray[np.float64]:
+    """Energy (Q,) of the section of each beat."""
+    energy = np.full(len(song.beat_times_s), song.sections[-1].energy)
+    for section in song.sections:
+        beats = slice(
+            section.first_bar * song.beats_per_bar, (section.first_bar + section.bars) * song.beats_per_bar
+        )
+        energy[beats] = section.energy
+    return energy
+
+
+def truth(song: SyntheticSong, dance: RenderedTake) -> dict:
+    """Ground truth of a take, JSON-serialisable."""
+    moves = [
+        {
+            "name": placed.move.name,
+            "start_s": float(dance.count_times_s[min(placed.start, len(dance.count_times_s) - 1)]),
+        }
+        for placed in dance.placed
+    ]
+    return {**song.truth(), "moves": moves}
+
+
+def true_counts(song: SyntheticSong, dance: RenderedTake) -> tuple[Counts, tuple[Figure, ...]]:
+    """The song's beats as counts, in half time as well, and the moves that are danced to their end."""
+    beats_s, counts_s = song.beat_times_s, dance.count_times_s
+    spans = [(placed.move.name, placed.start, placed.start + placed.move.counts) for placed in dance.placed]
+    figures = []
+    for name, start, end in spans:
+        if end < len(counts_s):
+            first, last = np.searchsorted(beats_s, counts_s[[start, end]])
+            figures.append(Figure(name, float(beats_s[first]), float(beats_s[last]), int(last - first)))
+    numbers = numbers_in_bar(len(beats_s), song.beats_per_bar)
+    return make_counts(beats_s, numbers, song.beats_per_bar, source=ANNOTATED), tuple(figures)
+
+
+def write_takes(folder: Path, specs: Iterable[TakeSpec], *, report: ProgressReport | None = None) -> None:
+    """Render takes into `folder`, created if missing: BVH, FLAC, counts, ground truth (JSON), a manifest."""
+    folder.mkdir(parents=True, exist_ok=True)
+    specs = list(specs)
+    for done, spec in enumerate(specs):
+        song, dance = render_spec(spec)
+        save_motion(folder / f"{spec.name}.bvh", dance.motion)
+        write_song(folder / f"{spec.name}.flac", song)
+        write_counts(folder / f"{spec.name}{SUFFIX}", *true_counts(song, dance))
+        with atomic_path(folder / f"{spec.name}.truth.json") as temporary:
+            temporary.write_text(json.dumps(truth(song, dance), indent=1) + "\n", encoding="utf-8")
+        if report is not None:
+            report("rendering takes", done + 1, len(specs))
+    with (
+        atomic_path(folder / "manifest.csv") as temporary,
+        open(temporary, "w", newline="", encoding="utf-8") as file,
+    ):
+        rows = csv.DictWriter(file, _MANIFEST)
+        rows.writeheader()
+        rows.writerows({"name": spec.name, "genre": spec.genre, **CREDITS} for spec in specs)

@@ -1,0 +1,151 @@
+"""Train what the rollout network is compared with: it without one of its conditions, losses or augmentations.
+
+    python research/train_rollout_ablations.py TAKES REPERTOIRE… -o FOLDER
+
+Each REPERTOIRE was built with `--rollout` from TAKES: dance-with-melody, say, or the takes of `make starter`
+(build/starter/takes). Its ablations are trained on the same takes, with its preset and seed, and written to
+FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as the network itself,
+or as `--steps` says: compare then with `as-built`, which has all of it. `as-built` and all that are named
+after what they lack learn from the takes alone (`build-db --no-rollout-teacher`); `graph-dances-too` from
+graph dances to their songs, too, and `synthesised-songs-too` from those to synthesised ones as well, as with
+`build-db --rollout`; `counts-at-accents` has words, and beats of the music, where the motion's accents lie
+beside the counts. After a stop, the same command continues.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+import choreograph as cg
+from choreograph.formats.register import import_takes
+from choreograph.library.building.rollout import rollout_takes, words_of_dances
+from choreograph.library.building.takes import measure_take, segment_takes
+from choreograph.library.songs import SongCache
+from choreograph.library.writing import MeasuredTake
+from choreograph.motion.motion import Take
+from choreograph.music.beats import DEFAULT_TRACKER
+from choreograph.music.count_grids import accent_shifts_s
+from choreograph.nets.configs import rollout_config
+from choreograph.nets.rollout_data import RolloutTake
+from choreograph.nets.rollout_training import train_rollout
+from choreograph.nets.training import TrainingContext, TrainingProgress
+from choreograph.pipeline.building import graph_dances, songs_of, teach_rollout
+
+WITH_GRAPH_DANCES = "graph-dances-too"
+WITH_SYNTHESISED_SONGS = "synthesised-songs-too"
+AT_ACCENTS = "counts-at-accents"
+ABLATIONS = {
+    "as-built": {},
+    "no-perceptual-loss": {"perceptual_weight": 0.0},
+    "no-audio": {"use_audio": False},
+    "acLSTM-no-motifs": {"motifs": False, "perceptual_weight": 0.0},
+    "acLSTM-5-frames": {"motifs": False, "perceptual_weight": 0.0, "self_fed_frames": (5,)},
+    "acLSTM-5-frames-rotations": {
+        "motifs": False, "perceptual_weight": 0.0, "self_fed_frames": (5,), "position_weight": 0.0,
+        "velocity_weight": 0.0, "slide_weight": 0.0, "border_speed_weight": 0.0,
+    },
+    "acLSTM-15-frames": {"motifs": False, "perceptual_weight": 0.0, "self_fed_frames": (15,)},
+    "no-word-phase": {"phase": False},
+    "no-count-phase": {"count_phase": False},
+    "no-own-words": {"own_embedding_share": 0.0},
+    "no-position-loss": {"position_weight": 0.0},
+    "no-velocity-loss": {"velocity_weight": 0.0},
+    "no-slide-loss": {"slide_weight": 0.0},
+    "no-border-speed-loss": {"border_speed_weight": 0.0},
+    "third-border-speed-loss": {"border_speed_weight": 0.1},
+    "half-border-speed-loss": {"border_speed_weight": 0.15},
+    "no-other-tempi": {"tempi": (1.0,)},
+    WITH_GRAPH_DANCES: {},
+    WITH_SYNTHESISED_SONGS: {},
+    AT_ACCENTS: {},
+}  # fmt: skip
+
+
+def train(
+    takes: Mapping[str, Take],
+    repertoire: cg.Repertoire,
+    folder: Path,
+    names: Sequence[str],
+    steps: int | None,
+) -> None:
+    """Train those of `names` that `folder` lacks, for `steps` or as long as the repertoire's network."""
+    lacking = [name for name in names if not (folder / f"{name}.pt").exists()]
+    if not lacking:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    seed = int(repertoire.provenance["seed"])
+    own = [
+        MeasuredTake(
+            replace(takes[t.name], motion=repertoire.motion(index)[0], counts=repertoire.counts(index)),
+            repertoire.body_pos_m(index), repertoire.motion_beats_s(index),
+        )
+        for index, t in enumerate(repertoire.takes)
+    ]  # fmt: skip
+    words, songs = repertoire.word_net(), SongCache(keep_samples=True)
+    segmented, _ = segment_takes(own, songs)
+    learned = rollout_takes(own, segmented, repertoire.vocabulary, words, songs=songs)
+    length = {} if steps is None else {"steps": steps}
+    for name in lacking:
+        config = rollout_config(str(repertoire.provenance["preset"]), **ABLATIONS[name], **length)
+        context = TrainingContext(folder / name, resume=True, report=show)
+        data = learned
+        if name in (WITH_GRAPH_DANCES, WITH_SYNTHESISED_SONGS):
+            dances = taught(repertoire, [m.take for m in own], folder / f"{name}-plans", name, seed)
+            data = [*learned, *as_learned([measure_take(dance) for dance in dances], repertoire, songs)]
+        elif name == AT_ACCENTS:
+            data = as_learned([at_accents(m) for m in own], repertoire, songs)
+        net = train_rollout(data, words, config, seed=seed, context=context)
+        torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, folder / f"{name}.pt")
+
+
+def taught(
+    repertoire: cg.Repertoire, takes: Sequence[Take], folder: Path, name: str, seed: int
+) -> list[Take]:
+    """Graph dances to the takes' songs, and to synthesised ones if `name` says so."""
+    if name == WITH_SYNTHESISED_SONGS:
+        return teach_rollout(repertoire, takes, folder, beats=DEFAULT_TRACKER, seed=seed)
+    return graph_dances(repertoire, songs_of(takes), folder, beats=DEFAULT_TRACKER, seed=seed)
+
+
+def as_learned(
+    dances: Sequence[MeasuredTake], repertoire: cg.Repertoire, songs: SongCache
+) -> list[RolloutTake]:
+    """Dances as the network is trained on them, by the motifs of the repertoire."""
+    words = repertoire.word_net()
+    segmented, vocabulary = words_of_dances(dances, repertoire.vocabulary, words, songs)
+    return rollout_takes(dances, segmented, vocabulary, words, songs=songs)
+
+
+def at_accents(measured: MeasuredTake) -> MeasuredTake:
+    """The take with its counts moved to the accents that lie just beside them."""
+    counts = measured.take.counts
+    shifts_s = accent_shifts_s(measured.motion_beats_s, counts.times_s)
+    moved = replace(counts, times_s=counts.times_s + shifts_s)
+    return replace(measured, take=replace(measured.take, counts=moved))
+
+
+def show(progress: TrainingProgress) -> None:
+    print(progress.step, f"{progress.loss:.3f}", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("takes", type=Path)
+    parser.add_argument("repertoires", type=Path, nargs="+")
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--steps", type=int, help="of every training; default: the preset's")
+    parser.add_argument("--networks", nargs="+", choices=list(ABLATIONS), default=list(ABLATIONS))
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    takes = {take.name: take for take in import_takes(given.takes)}
+    for path in given.repertoires:
+        train(takes, cg.Repertoire.open(path), given.output / path.stem, given.networks, given.steps)
+
+
+if __name__ == "__main__":
+    main()

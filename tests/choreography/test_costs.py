@@ -1,0 +1,296 @@
+"""The built-in costs against their formulas, pair by pair."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_layers import random_source
+
+from choreograph.choreography.graph.costs import (
+    BUILTIN_COSTS,
+    Accents,
+    Bars,
+    Completeness,
+    Cost,
+    Energy,
+    Pace,
+    Phrasing,
+    Repeat,
+    Rhythm,
+    Steps,
+    Style,
+    Transition,
+    Variety,
+    Velocity,
+)
+from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, Stillness
+from choreograph.settings import DEFAULT_WEIGHTS
+
+
+@pytest.fixture(params=range(3))
+def layers(request):
+    source, song_features = random_source(request.param)
+    return source.layer(3), source.layer(4), song_features
+
+
+def completeness_by_hand(a, b, i, j) -> float:
+    if a.segment[i] != b.segment[j] or a.offset[i] + 1 != b.offset[j]:
+        return 1.0
+    last = 0.0 if math.isnan(a.last_beat[i]) else float(a.last_beat[i])
+    first = 20.0 if math.isnan(b.first_beat[j]) else float(b.first_beat[j])
+    gap = (20.0 - last) + first
+    return 1.0 / (1.0 + math.exp(-(20.0 - gap) / 5.0))
+
+
+def test_completeness_is_the_formula_pair_by_pair(layers):
+    a, b, song_features = layers
+    cost = Completeness().edge(a, b, song_features)
+    by_hand = [[completeness_by_hand(a, b, i, j) for j in range(b.n_nodes)] for i in range(a.n_nodes)]
+    assert np.allclose(cost, by_hand, atol=1e-6)
+    assert (cost < 1).sum() == len(a.successors_in(b)[0]) == 12  # 4 segments of each of 3 ages continue
+
+
+def test_staying_in_a_counted_take_is_complete(tracked):
+    a, b, song_features = tracked
+    cost = Completeness().edge(a, b, song_features)
+    here, there = a.successors_in(b)
+    counted = a.track[here] >= 0
+    assert counted.any() and (cost[here[counted], there[counted]] == 0).all()
+    assert (cost[here[~counted], there[~counted]] > 0).all()
+    others = np.ones(cost.shape, bool)
+    others[here, there] = False
+    assert (cost[others] == 1).all()
+
+
+def test_transition_is_the_rms_joint_distance_and_zero_for_successors(layers):
+    a, b, song_features = layers
+    cost = Transition().edge(a, b, song_features)
+    differences = a.last_pose_m[:, None] - b.first_pose_m[None]  # (P, N, 21, 3)
+    assert np.allclose(cost, np.sqrt((differences**2).sum(-1).mean(-1)), atol=2e-3)
+    here, there = a.successors_in(b)
+    assert cost[here, there].max() < 5e-3
+    others = np.ones(cost.shape, bool)
+    others[here, there] = False
+    assert cost[others].min() > 0.1
+
+
+def test_velocity_is_the_rms_difference_over_the_mean_speed(layers):
+    a, b, song_features = layers
+    differences = a.last_velocity_m_s[:, None] - b.first_velocity_m_s[None]  # (P, N, 21, 3)
+    rms = np.sqrt((differences**2).sum(-1).mean(-1))
+    speeds = [np.sqrt((v**2).sum(-1).mean(-1)) for v in (a.last_velocity_m_s, b.first_velocity_m_s)]
+    expected = rms / (0.5 * (speeds[0][:, None] + speeds[1]) + 0.1)
+    cost = Velocity().edge(a, b, song_features)
+    assert np.allclose(cost, expected, rtol=1e-3, atol=0.05)
+    assert cost.min() >= 0 and cost.max() <= 2
+
+
+def test_velocity_of_slower_bodies_is_not_cheaper(layers):
+    a, b, song_features = layers
+    ten_times = [
+        replace(
+            layer,
+            first_velocity_m_s=10 * layer.first_velocity_m_s,
+            last_velocity_m_s=10 * layer.last_velocity_m_s,
+        )
+        for layer in (a, b)
+    ]
+    slow, fast = Velocity().edge(a, b, song_features), Velocity().edge(*ten_times, song_features)
+    others = np.ones(slow.shape, bool)
+    others[a.successors_in(b)] = False
+    assert np.allclose(slow[others], fast[others], rtol=0.2, atol=1e-3)  # zeros are rounded
+
+
+def test_style_and_rhythm(layers):
+    a, _, song_features = layers
+    by_hand = [math.dist(style, song_features.style[3]) for style in a.style]
+    assert np.allclose(Style().node(a, song_features), by_hand, rtol=1e-5)
+    assert np.allclose(Rhythm().node(a, song_features), a.unmatched_beat + a.density_mismatch)
+
+
+@pytest.fixture(params=range(3))
+def tracked(request):
+    source, song_features = random_source(request.param, k=8, n_clips=10, tracked=True)
+    return source.layer(3), source.layer(4), song_features
+
+
+def test_beats_count_where_counts_are_not_known_and_doubt_and_accents_where_they_are(tracked):
+    layer, _, song_features = tracked
+    counted = layer.track >= 0
+    assert counted.any() and not counted.all()
+    rhythm, accents = Rhythm().node(layer, song_features), Accents().node(layer, song_features)
+    assert layer.count_doubt[counted].any() and not accents[~counted].any()
+    assert np.array_equal(rhythm[counted], layer.count_doubt[counted])
+    assert np.allclose(rhythm[~counted], (layer.unmatched_beat + layer.density_mismatch)[~counted])
+    assert np.array_equal(accents[counted], layer.unmatched_beat[counted])
+
+
+def test_bars_are_the_share_of_beats_off_the_bar(layers):
+    layer, _, song_features = layers
+    assert np.array_equal(Bars().node(layer, song_features), layer.off_bar)
+
+
+def test_phrasing_is_the_mean_of_leaving_and_entering_and_free_for_successors(tracked):
+    a, b, song_features = tracked
+    cost = Phrasing().edge(a, b, song_features)
+    here, there = a.successors_in(b)
+    assert len(here) and not cost[here, there].any()
+    others = np.ones(cost.shape, bool)
+    others[here, there] = False
+    by_hand = [[(leave + enter) / 2 for enter in b.enter_penalty] for leave in a.leave_penalty]
+    assert np.allclose(cost[others], np.array(by_hand)[others])
+    least = np.where(others, cost, np.inf).min(axis=0)
+    assert (Phrasing().min_edge_costs(a, b, song_features) <= least + 1e-6).all()
+
+
+def test_energy_asks_for_lively_motion_in_loud_seconds_and_quiet_motion_in_soft_ones(layers):
+    layer, _, song_features = layers
+    layer = replace(layer, liveliness=np.linspace(0, 1, layer.n_nodes, dtype=np.float32))
+    for loud, dearest in ((1.0, 0), (0.0, -1)):  # of the second: others are at 0.5
+        energy = np.full(song_features.n_seconds, 0.5, np.float32)
+        energy[layer.second] = loud
+        cost = Energy().node(layer, replace(song_features, energy=energy))
+        away = abs(loud - energy.mean())
+        assert cost[dearest] == cost.max() == pytest.approx(2 * away)
+        assert cost[-1 - dearest] == cost.min() == 0.0
+    assert not Energy().node(layer, song_features).any()  # a song of one loudness
+
+
+def test_steps_are_dense_where_onsets_are(layers):
+    layer, _, song_features = layers
+    layer = replace(layer, steps=np.linspace(0, 1, layer.n_nodes))
+    for density in (0.0, 0.3, 1.0):
+        onset_density = np.full(song_features.n_seconds, density)
+        cost = Steps().node(layer, replace(song_features, onset_density=onset_density))
+        assert np.argmin(cost) == np.argmin(np.abs(layer.steps - density))
+        np.testing.assert_allclose(cost, np.abs(layer.steps - density))
+
+
+def test_pace_is_the_change_of_speed_in_octaves(layers):
+    layer = layers[0].subset(np.arange(4))
+    steps = np.linspace(0.0, 1.0, 21)
+    speeds = np.array([1.0, 2.0, 0.5, 1.25])
+    frames = 20.0 * speeds[:, None] * steps
+    played = replace(layer, source_frames=frames)
+    assert Pace().node(played, None) == pytest.approx(np.abs(np.log2(speeds)))
+    hurried = 20.0 * np.where(steps < 0.5, steps * 2, 1 + (steps - 0.5) * 0.5)  # twice, then half as fast
+    assert Pace().node(replace(layer, source_frames=np.tile(hurried, (4, 1))), None) == pytest.approx(1.0)
+
+
+def test_variety_is_the_recent_usage_of_takes():
+    source, song_features = random_source(0, tie_break_s=np.array([0.0, 3.0]))
+    recent_usage_s = source.recent_usage_after([0] * 12)
+    assert 11 < recent_usage_s[0] < 12  # decayed a little
+    assert recent_usage_s[1] == 3
+    layer = source.layer(3).with_recent_usage(recent_usage_s)
+    assert np.allclose(
+        Variety().node(layer, song_features), np.where(layer.take == 1, 3, recent_usage_s[0]) / 12
+    )
+
+
+def test_usage_decays():
+    source, _ = random_source(0, tie_break_s=np.zeros(2))
+    lately, long_ago = (
+        source.recent_usage_after([1] * 600 + [0] * 20),
+        source.recent_usage_after([0] * 20 + [1] * 600),
+    )
+    assert lately[0] > 15
+    assert long_ago[0] < 1
+    assert long_ago[1] < 130  # and is bounded
+
+
+def test_usage_is_not_counted_without_tie_breaks():
+    source, song_features = random_source(0)
+    assert not source.recent_usage_after([0, 1, 1]).any()
+    assert not Variety().node(source.layer(3), song_features).any()
+
+
+def test_repeat_is_1_for_going_back_less_than_a_clip_in_one_take(layers):
+    a, b, song_features = layers
+    back = a.take_frames[:, 1][:, None] - b.take_frames[:, 0][None]
+    by_hand = (a.take[:, None] == b.take[None]) & (back > 5) & (back < 160)
+    cost = Repeat().edge(a, b, song_features)
+    assert np.array_equal(cost, by_hand)
+    assert 0 < cost.sum() < cost.size
+    here, there = a.successors_in(b)
+    assert not cost[here, there].any()
+
+
+def test_successors_are_the_pairs_of_one_segment_one_quarter_apart(layers):
+    a, b, _ = layers
+    pairs = {(int(i), int(j)) for i, j in zip(*a.successors_in(b), strict=True)}
+    by_hand = {
+        (i, j)
+        for i in range(a.n_nodes)
+        for j in range(b.n_nodes)
+        if a.segment[i] == b.segment[j] and a.offset[i] + 1 == b.offset[j]
+    }
+    assert pairs == by_hand
+    # Also when nodes on either side are forbidden.
+    few_a, few_b = a.subset(a.offset != 1), b.subset(np.arange(b.n_nodes) % 3 == 0)
+    for i, j in zip(*few_a.successors_in(few_b), strict=True):
+        assert few_a.segment[i] == few_b.segment[j]
+        assert few_a.offset[i] + 1 == few_b.offset[j]
+
+
+def test_successors_are_the_pairs_of_one_track_too(tracked):
+    a, b, _ = tracked
+    by_hand = {
+        (i, j)
+        for i in range(a.n_nodes)
+        for j in range(b.n_nodes)
+        if (a.track[i] == b.track[j] >= 0)
+        or (
+            a.track[i] == b.track[j] == -1 and a.segment[i] == b.segment[j] and a.offset[i] + 1 == b.offset[j]
+        )
+    }
+    assert {(int(i), int(j)) for i, j in zip(*a.successors_in(b), strict=True)} == by_hand
+    assert any(a.segment[i] != b.segment[j] for i, j in by_hand)
+
+
+def test_a_layer_has_one_node_per_track(tracked):
+    for layer in tracked[:2]:
+        tracks = layer.track[layer.track >= 0]
+        assert len(tracks) == len(set(tracks.tolist())) > 0
+        assert (layer.track < 0).sum() > 0
+
+
+def test_motifs_are_counted_anew_where_a_goal_begins():
+    source, _ = random_source(3, n_motifs=4, goal_starts=[0, 3])
+    assert [source.layer(second).new_goal for second in range(6)] == [True, False, False, True, False, False]
+    for second, carried in ((3, 0), (4, 5)):
+        layer = source.layer(second)
+        counts = layer.with_motif_counts(np.full_like(layer.motif_counts, 5)).motif_counts
+        own = [np.bincount(words[words >= 0], minlength=4) for words in layer.motifs]
+        assert np.array_equal(counts, carried + np.array(own))
+
+
+def test_a_layer_holds_the_segments_of_its_last_four_seconds():
+    source, _ = random_source(0, n_seconds=6, k=4)
+    assert [source.layer(s).n_nodes for s in range(6)] == [4, 8, 12, 16, 16, 16]
+    layer = source.layer(5)
+    assert set(layer.segment // 4) == {2, 3, 4, 5}
+    assert np.array_equal(layer.segment // 4 + layer.offset, np.full(16, 5))
+    assert layer.source_frames.shape == (16, 21)
+    assert set(layer.take_names) <= {"left", "right"}
+
+
+def test_a_cost_has_its_class_name_or_its_own():
+    class LowPoses(Cost):
+        pass
+
+    class Another(Cost):
+        name = "other"
+
+    assert LowPoses.name == "lowposes"
+    assert Another.name == "other"
+    source, song_features = random_source(0)
+    assert Another().node(source.layer(0), song_features) is None
+    assert Another().edge(source.layer(0), source.layer(1), song_features) is None
+
+
+def test_default_weights_are_of_the_graphs_costs():
+    assert set(DEFAULT_WEIGHTS) == {cost.name for cost in (*BUILTIN_COSTS, Stillness, *MOTIF_COSTS)}

@@ -1,0 +1,86 @@
+"""What is said of a requested genre and of takes without counts that a dance leaves out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from synthetic_repertoire import (
+    synthetic_contents,
+    synthetic_takes,
+    with_counts,
+    with_vocabulary,
+    write_clicks,
+)
+
+import choreograph as cg
+from choreograph.core.counts import NO_COUNTS
+from choreograph.library.writing import write_repertoire
+
+ENGINES = ("graph", "mixer")
+
+
+@pytest.fixture(scope="module")
+def takes():
+    """Of genres a, b and c; that of a has no counts."""
+    first, *others = with_counts(synthetic_takes(duration_s=15.0))
+    return [replace(first, take=replace(first.take, counts=NO_COUNTS, figures=())), *others]
+
+
+@pytest.fixture(scope="module")
+def dance(tmp_path_factory):
+    """Dances to clicks with takes: the notes beside those of every dance, and the seconds of each take."""
+    folder = tmp_path_factory.mktemp("left_out")
+    song = write_clicks(folder / "clicks.wav", duration_s=10.0)
+    made_of = {}
+
+    def dance(takes, metre=4, **options):
+        key = tuple(id(take) for take in takes)
+        if key not in made_of:
+            path = folder / f"{len(made_of)}.h5"
+            write_repertoire(path, with_vocabulary(synthetic_contents(takes), takes))
+            made_of[key] = cg.Repertoire.open(path)
+        beats = folder / "clicks.beats"
+        beats.write_text("".join(f"{0.5 * beat:.2f} {beat % metre + 1}\n" for beat in range(20)))
+        made = cg.dance(song, made_of[key], beats=beats, **options)
+        notes = [note for note in made.notes if "left out" in note or "asked for" in note]
+        return notes, made.plan.takes_s()
+
+    return dance
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_takes_without_counts_are_left_out_beside_counted_ones(takes, dance, engine):
+    notes, danced_s = dance(takes, engine=engine)
+    assert "take0" not in danced_s
+    assert notes == ["1 take without counts is left out beside counted ones (a)"]
+
+
+def test_where_they_are_danced_nothing_is_said(takes, dance):
+    without = [replace(m, take=replace(m.take, counts=NO_COUNTS, figures=())) for m in takes]
+    assert dance(without)[0] == []
+    notes, danced_s = dance(takes, pins=[cg.TakePin(0.0, 10.0, "take0")])
+    assert notes == [] and set(danced_s) == {"take0"}
+    assert dance(takes, bans=[cg.Ban(take="take0")])[0] == []
+    assert dance(takes, warping="dtw")[0] == []
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_genre_that_is_hardly_danced_is_said_with_the_reason(takes, dance, engine):
+    notes, danced_s = dance(takes, engine=engine, genre="a")
+    assert "take0" not in danced_s
+    assert notes == ["a was asked for, but its takes dance 0 of 10 s: they have no counts, others have"]
+    notes, danced_s = dance(takes, engine=engine, genre="b")
+    assert notes == [] and danced_s["take1"] > 5.0
+
+
+def test_a_genre_of_another_metre_and_a_banned_one_are_said(takes, dance):
+    counts = takes[1].take.counts
+    three = replace(counts, numbers=(counts.numbers * 0) + [(k % 3) + 1 for k in range(len(counts))], metre=3)
+    waltz = replace(takes[1], take=replace(takes[1].take, counts=three, figures=()))
+    notes, danced_s = dance([takes[0], waltz, takes[2]], genre="b")
+    assert danced_s.get("take1", 0.0) < 5.0
+    assert len(notes) == 1 and notes[0].endswith(": they are counted in 3, the song in 4")
+    assert dance([takes[0], waltz, takes[2]], metre=3, genre="b")[0] == []
+    notes, _ = dance(takes, genre="b", bans=[cg.Ban(take="take1")])
+    assert notes == ["b was asked for, but its takes dance 0 of 10 s: they are banned"]

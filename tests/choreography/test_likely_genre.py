@@ -1,0 +1,182 @@
+"""The genres of a song's parts: takes and songs with planted style vectors, tempi and metres."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_repertoire import synthetic_contents, synthetic_takes, with_counts, with_vocabulary
+
+from choreograph.choreography.constraints import Ban, make_constraints
+from choreograph.choreography.genres import (
+    choose_goal,
+    genre_note,
+    likely_genre,
+    likely_genres,
+    song_metre_at,
+)
+from choreograph.core.counts import NO_COUNTS, Counts, make_counts, numbers_in_bar
+from choreograph.library.motifs import ALL_GENRES
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.schema import NetArrays
+from choreograph.library.writing import write_repertoire
+from choreograph.music.sections import Sections
+from choreograph.music.song_features import SongFeatures
+
+GENRES = ("waltz", "rumba")
+# So far apart that a second of one genre is worth 1.4 in it against the other, if clips do not vary.
+STYLES = dict(zip(GENRES, 0.0532 * np.eye(2, 32, dtype=np.float32), strict=True))
+ANYTHING = make_constraints()
+PERIODS_S = (0.5, 0.55, 0.6, 0.5)
+N_SECONDS = 32
+
+
+def takes_of(genres, metres=(4, 4, 4, 4)):
+    takes = with_counts(synthetic_takes(periods_s=PERIODS_S, duration_s=12.0, genres=genres), PERIODS_S)
+    return [
+        replace(measured, take=replace(measured.take, counts=in_bars_of(measured.take.counts, metre)))
+        for measured, metre in zip(takes, metres, strict=True)
+    ]
+
+
+def in_bars_of(counts: Counts, metre: int) -> Counts:
+    numbers = numbers_in_bar(len(counts), metre) if metre else np.zeros(len(counts), int)
+    return make_counts(counts.times_s, numbers, metre)
+
+
+def planted(path, takes, *, nets=("style",)) -> Repertoire:
+    """Every clip has the style of its take's genre; nothing asks the style networks for more than a name."""
+    contents = with_vocabulary(synthetic_contents(takes), takes)
+    of_clip = [takes[index].take.credits.genre for index in contents.arrays["clips/take"]]
+    unknown = np.full(32, 9.0, np.float32)
+    arrays = {**contents.arrays, "clips/style": np.stack([STYLES.get(g, unknown) for g in of_clip])}
+    arrays["clips/beat_count"] = np.zeros(len(of_clip), np.float32)
+    more = {name: NetArrays({}, {"weight": np.zeros(1, np.float32)}) for name in nets}
+    write_repertoire(path, replace(contents, arrays=arrays, nets={**contents.nets, **more}))
+    return Repertoire.open(path)
+
+
+@pytest.fixture(scope="module")
+def repertoire(tmp_path_factory):
+    return planted(tmp_path_factory.mktemp("planted") / "rep.h5", takes_of(GENRES))
+
+
+def song(styles, *, counts: Counts = NO_COUNTS, borders_s=()) -> SongFeatures:
+    """A song of one style vector a second; each says a genre, or how much of the first there is."""
+    shares = [1.0 * (s == GENRES[0]) if isinstance(s, str) else s for s in styles]
+    vectors = [share * STYLES[GENRES[0]] + (1 - share) * STYLES[GENRES[1]] for share in shares]
+    n_seconds = len(vectors)
+    bounds_s = np.array([0.0, *borders_s, n_seconds])
+    return SongFeatures(
+        "planted", float(n_seconds), counts, np.array(vectors, np.float32), np.zeros(n_seconds, np.float32),
+        np.zeros((n_seconds, 80), np.float32), Sections(bounds_s, np.arange(len(bounds_s) - 1)),
+        np.ones(n_seconds, np.float32), 0.0, float(n_seconds), np.full(n_seconds, 0.5, np.float32),
+    )  # fmt: skip
+
+
+def beats(metre: int, *, period_s: float = 0.5, confidence: float = 1.0) -> Counts:
+    times_s = np.arange(0.0, N_SECONDS, period_s)
+    return replace(make_counts(times_s, numbers_in_bar(len(times_s), metre), metre), confidence=confidence)
+
+
+@pytest.mark.parametrize("genre", GENRES)
+def test_a_song_of_one_genre_has_one_part(repertoire, genre):
+    features = song([genre] * N_SECONDS, borders_s=[9.0, 20.0])
+    assert likely_genres(features, repertoire, ANYTHING) == [(0, genre)]
+    assert likely_genre(features, repertoire, ANYTHING) == genre
+
+
+@pytest.mark.parametrize("genres", [GENRES, GENRES[::-1]])
+def test_two_halves_of_different_genres_are_two_parts(repertoire, genres):
+    first, second = genres
+    # The style of a second describes the 4 s from it: it changes before the section does.
+    features = song([first] * 13 + [second] * 19, borders_s=[16.0])
+    assert likely_genres(features, repertoire, ANYTHING) == [(0, first), (16, second)]
+
+
+def test_a_passage_that_is_not_much_nearer_to_another_genre_changes_nothing(repertoire):
+    doubtful = song(["waltz"] * 12 + [0.45] * 4 + ["waltz"] * 16, borders_s=[12.0, 16.0])
+    assert likely_genres(doubtful, repertoire, ANYTHING) == [(0, "waltz")]
+    certain = song(["waltz"] * 10 + ["rumba"] * 14 + ["waltz"] * 8, borders_s=[10.0, 24.0])
+    assert [g for _, g in likely_genres(certain, repertoire, ANYTHING)] == ["waltz", "rumba", "waltz"]
+
+
+def test_a_few_odd_seconds_do_not_decide_for_a_section(repertoire):
+    """However far they are from the genre of the rest."""
+    features = song(["waltz"] * 16 + ["waltz"] * 12 + [-9.0] * 4, borders_s=[16.0])
+    assert likely_genres(features, repertoire, ANYTHING) == [(0, "waltz")]
+
+
+def test_inside_a_section_a_change_has_to_gain_more(repertoire):
+    """The last seven seconds are slightly nearer to the other genre: 3.3 in all."""
+    styles = ["waltz"] * 25 + [1 / 3] * 7
+    assert likely_genres(song(styles), repertoire, ANYTHING) == [(0, "waltz")]
+    assert len(likely_genres(song(styles, borders_s=[25.0]), repertoire, ANYTHING)) == 2
+
+
+def test_where_the_tempo_changes_a_section_may_change_its_genre_for_less(repertoire):
+    """A gain of 1.1 over four seconds is enough where the beat changes, too."""
+    styles = ["waltz"] * 28 + [0.4] * 4
+    for period_s, n_parts in ((0.5, 1), (0.4, 2)):
+        times_s = np.r_[np.arange(0, 28, 0.5), np.arange(28, N_SECONDS, period_s)]
+        counts = make_counts(times_s, numbers_in_bar(len(times_s), 4), 4)
+        features = song(styles, counts=counts, borders_s=[28.0])
+        assert len(likely_genres(features, repertoire, ANYTHING)) == n_parts
+
+
+def test_banned_genres_are_not_likely(repertoire):
+    features = song(["waltz"] * 16 + ["rumba"] * 16, borders_s=[16.0])
+    for banned, other in (GENRES, GENRES[::-1]):
+        requested = make_constraints(bans=[Ban(genre=banned)])
+        assert likely_genres(features, repertoire, requested) == [(0, other)]
+
+
+def test_a_genre_of_the_songs_metre_is_likelier(tmp_path):
+    takes = takes_of(GENRES, metres=(3, 4, 3, 4))
+    waltzes_in_three = planted(tmp_path / "rep.h5", takes)
+    doubtful = [0.5] * N_SECONDS
+    for metre, genre in ((3, "waltz"), (4, "rumba")):
+        features = song(doubtful, counts=beats(metre))
+        assert likely_genres(features, waltzes_in_three, ANYTHING) == [(0, genre)]
+        # A metre that is certain outweighs any style: however near, a waltz would be off the bar.
+        other = [0.0 if genre == "waltz" else 1.0] * N_SECONDS
+        assert likely_genre(song(other, counts=beats(metre)), waltzes_in_three, ANYTHING) == genre
+    # Style that is certain outweighs a metre that is not.
+    features = song(["waltz"] * N_SECONDS, counts=beats(4, confidence=0.5))
+    assert likely_genre(features, waltzes_in_three, ANYTHING) == "waltz"
+
+
+def test_halves_that_differ_in_metre_alone_are_two_parts(tmp_path):
+    repertoire = planted(tmp_path / "rep.h5", takes_of(GENRES, metres=(3, 4, 3, 4)))
+    numbers = np.r_[numbers_in_bar(32, 4), numbers_in_bar(30, 3)]
+    counts = make_counts(0.5 * np.arange(len(numbers)), numbers, 4)
+    features = song([0.5] * N_SECONDS, counts=counts, borders_s=[16.0])
+    assert likely_genres(features, repertoire, ANYTHING) == [(0, "rumba"), (16, "waltz")]
+
+
+def test_the_metre_of_each_second_is_that_of_its_bar():
+    numbers = np.r_[numbers_in_bar(16, 4), numbers_in_bar(18, 3)]
+    features = song(["waltz"] * 20, counts=make_counts(0.5 * np.arange(len(numbers)), numbers, 4))
+    assert song_metre_at(features).tolist() == [4] * 8 + [3] * 12
+    for counts in (NO_COUNTS, make_counts([0.5, 1.0], [0, 0], 0), make_counts([0.5, 1.0], [1, 2], 2)):
+        assert not song_metre_at(song(["waltz"] * 5, counts=counts)).any()
+
+
+@pytest.mark.parametrize("lacking", ["style", "genres"])
+def test_without_style_or_genres_none_is_likely(tmp_path, lacking):
+    plain = planted(tmp_path / "rep.h5", takes_of(GENRES if lacking == "style" else ("",)))
+    features = song(["waltz"] * N_SECONDS)
+    if lacking == "style":
+        features = replace(features, style=np.zeros_like(features.style))
+    assert likely_genres(features, plain, ANYTHING) == [(0, ALL_GENRES)]
+    assert likely_genre(features, plain, ANYTHING) == ALL_GENRES
+
+
+def test_the_goal_is_the_requested_or_likely_genres(repertoire):
+    features = song(["rumba"] * N_SECONDS)
+    goal, notes = choose_goal(features, repertoire, ANYTHING)
+    wanted, none = choose_goal(features, repertoire, make_constraints(genre="rumba"))
+    assert np.array_equal(goal.signature, wanted.signature) and not none
+    assert notes == (genre_note(["rumba"]),) and "rumba" in notes[0]
+    assert "waltz, then rumba" in genre_note(["waltz", "rumba"])

@@ -1,0 +1,141 @@
+"""Warped segments: clips that match the music, one that cannot, counted ones, the measures of quarters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from choreograph.choreography.graph.segments import ClipBeats, warp_segments
+from choreograph.choreography.graph.warping import NO_TRACK, CountedClips, subsequence_dtw
+from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
+from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
+from choreograph.music.count_grids import SongGrid, TakeGrids
+from choreograph.music.song_features import bumps, music_density
+
+GAPS = (10.0, 12.0, 70.0)  # frames between the beats of clips 0, 1, 2
+N_SECONDS = 3
+
+
+def clip_beats() -> list[np.ndarray]:
+    return [np.arange(3.0, 160.0, gap) for gap in GAPS]
+
+
+def density(clips):
+    return np.stack([bumps(np.arange(160) / 20, clip_beats()[clip] / 20) for clip in clips])
+
+
+def speed(clips):
+    """Mean joint speed that is zero at every beat."""
+    rows = [np.abs(np.sin(np.pi * (np.arange(160) - 3.0) / GAPS[clip])) for clip in clips]
+    return np.stack(rows).astype(np.float32)
+
+
+MUSIC_BEATS_S = np.arange(0.25, 8.0, 0.5)
+
+
+def warped(**options):
+    beats = clip_beats()
+    stops = np.cumsum([len(b) for b in beats])
+    ranges = np.stack([stops - [len(b) for b in beats], stops], axis=1)
+    clip = np.tile([0, 1, 2], (N_SECONDS, 1))
+    return warp_segments(
+        clip, music_density(N_SECONDS, MUSIC_BEATS_S), MUSIC_BEATS_S, density, speed,
+        ClipBeats(np.concatenate(beats), ranges), **options,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def segments():
+    return warped()
+
+
+def test_shapes_and_slopes(segments):
+    assert segments.time_maps.shape == (N_SECONDS, 3, 81)
+    for name in ("density_mismatch", "unmatched_beat", "first_beat", "last_beat"):
+        assert getattr(segments, name).shape == (N_SECONDS, 3, 4)
+    slopes = np.diff(segments.time_maps, axis=2)
+    assert slopes.min() > MIN_SLOPE - 1e-4
+    assert slopes.max() < MAX_SLOPE + 1e-4
+    assert segments.time_maps.min() >= 0
+    assert segments.time_maps.max() <= 159
+
+
+def test_raw_maps_are_the_paths_of_the_dtw():
+    raw = warped(smoothed=False)
+    slopes = np.diff(raw.time_maps, axis=2)
+    assert np.isin(slopes, [0.5, 1.0, 2.0]).all()
+    assert (slopes == 2.0).any()  # clip 1 is slower than the music
+    assert raw.time_maps.max() <= 159
+    query, target = music_density(1, MUSIC_BEATS_S)[0], density([1])[0]
+    path, _ = subsequence_dtw(query, target[:-1])
+    np.testing.assert_array_equal(raw.time_maps[0, 1, :-1], path)
+
+
+def test_clips_that_can_be_warped_to_the_beat_match_and_others_do_not(segments):
+    assert segments.unmatched_beat[:, :2].max() < 0.05
+    assert segments.unmatched_beat[:, 2].mean() > 0.3
+    assert segments.unmatched_beat.min() >= 0
+    assert segments.unmatched_beat.max() <= 1
+    assert segments.density_mismatch[:, :2].max() < 0.05
+    assert segments.density_mismatch[:, 2].mean() > 2 * segments.density_mismatch[:, :2].mean()
+
+
+def test_first_and_last_beats_are_frames_of_their_quarter(segments):
+    # The music's beats are at 5 and 15 frames of every second, and clips 0 and 1 follow.
+    assert np.allclose(segments.first_beat[:, :2], 5.0, atol=1.5)
+    assert np.allclose(segments.last_beat[:, :2], 15.0, atol=1.5)
+    # 70 frames apart, at most at double speed: some quarters have no beat at all.
+    assert np.isnan(segments.first_beat[:, 2]).any()
+    assert np.array_equal(np.isnan(segments.first_beat), np.isnan(segments.last_beat))
+    both = ~np.isnan(segments.first_beat)
+    assert (segments.first_beat[both] <= segments.last_beat[both]).all()
+
+
+def test_a_song_without_beats_gives_finite_time_maps():
+    seen = []
+    segments = warp_segments(
+        np.array([[0]]), music_density(1, np.zeros(0)), np.zeros(0), density, speed,
+        ClipBeats(np.zeros(0), np.zeros((3, 2), int)), report=lambda done, total: seen.append((done, total)),
+    )  # fmt: skip
+    assert np.isfinite(segments.time_maps).all()
+    assert seen == [(1, 1)]
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    """Clip 0 is counted, clip 1 is not, and clip 2 at a tempo that is too far from the song's."""
+    takes = [
+        make_counts(beats / 20, numbers_in_bar(len(beats), 4), 4) if counted else NO_COUNTS
+        for beats, counted in zip(clip_beats(), (True, False, False), strict=True)
+    ]
+    takes[2] = make_counts(0.1 * np.arange(80), numbers_in_bar(80, 4), 4)
+    song = make_counts(MUSIC_BEATS_S, numbers_in_bar(len(MUSIC_BEATS_S), 4), 4)
+    grid = SongGrid.of(song, float(N_SECONDS))
+    return warped(
+        counted=CountedClips.of(
+            np.arange(3), np.zeros(3, int), TakeGrids(takes, [()] * 3), grid, np.arange(N_SECONDS + 5.0)
+        )
+    )
+
+
+def test_counted_clips_are_laid_and_the_others_warped_as_before(mixed, segments):
+    assert (mixed.track[:, 0] >= 0).all() and (mixed.track[:, 1:] == NO_TRACK).all()
+    assert np.array_equal(mixed.time_maps[:, 1:], segments.time_maps[:, 1:])
+    assert np.array_equal(mixed.density_mismatch[:, 1:], segments.density_mismatch[:, 1:])
+    assert not mixed.density_mismatch[:, 0].any()
+    assert not np.array_equal(mixed.time_maps[:, 0], segments.time_maps[:, 0])
+    # The music's beats are at frames 5 and 15 of every second, and so are the clip's counts.
+    on_beats = mixed.time_maps[:, 0, 5::10]
+    assert (on_beats - 3.0) / GAPS[0] == pytest.approx(np.round((on_beats - 3.0) / GAPS[0]), abs=2e-3)
+    assert mixed.unmatched_beat[:, 0].max() < 0.05
+
+
+def test_bars_and_phrases_of_takes_without_counts_are_those_of_chance(mixed):
+    assert not mixed.off_bar[:, 0].any()
+    assert (mixed.off_bar[:, 1:] == 0.75).all()
+    assert mixed.phrase_penalty.shape == (N_SECONDS, 3, 5)
+    assert (mixed.phrase_penalty[:, 1:] == 1.0).all()
+
+
+def test_without_counted_takes_there_is_no_track(segments):
+    assert (segments.track == NO_TRACK).all() and (segments.off_bar == 0.75).all()

@@ -1,0 +1,69 @@
+"""Laws of working in blocks: they cover every frame once, and change no bit of a result."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from synthetic_motions import swaying
+
+from choreograph.core.numerics import BLOCK_FRAMES, frame_blocks, sums_before
+from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_indices, body_pos_m
+from choreograph.music.mel import ONSET_RANGE, at_unit_loudness, band_means, onset_envelopes
+from choreograph.music.song_features import energy_per_second
+
+SEVERAL = 2 * BLOCK_FRAMES + 17  # frames: three blocks
+
+
+@pytest.mark.parametrize("n_frames", [0, 1, 7, 8, 9, 16])
+def test_blocks_cover_every_frame_once(n_frames):
+    frames = [frame for block in frame_blocks(n_frames, 8) for frame in range(block.start, block.stop)]
+    assert frames == list(range(n_frames))
+
+
+@pytest.mark.parametrize("size", [1, 5, 64, 1000])
+def test_sums_are_those_of_all_rows_to_the_bit(size):
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(200, 3)) * 10.0 ** rng.integers(-8, 8, (200, 1))
+    frames = np.r_[0, 200, rng.integers(0, 201, 50)].reshape(-1, 2)
+    whole = np.vstack([np.zeros((1, 3)), np.cumsum(rows, axis=0)])
+    found = sums_before((rows[block] for block in frame_blocks(len(rows), size)), frames)
+    assert np.array_equal(found, whole[frames])
+
+
+def test_features_of_a_song_of_several_blocks_are_those_of_the_whole():
+    rng = np.random.default_rng(1)
+    mel = rng.normal(-8.0, 4.0, (SEVERAL, 96)).astype(np.float32)
+    level = np.maximum(mel, mel.max() - ONSET_RANGE)
+    rise = np.zeros_like(level)
+    rise[2:] = np.maximum(0.0, level[2:] - level[:-2])
+    assert np.array_equal(onset_envelopes(mel), band_means(rise))
+
+    samples = rng.normal(0.0, 0.1, 735 * (BLOCK_FRAMES + 17) + 100).astype(np.float32)
+    peak = float(np.abs(samples).max())
+    energy = np.add.reduceat(np.square(samples / peak, dtype=np.float64), np.arange(0, len(samples), 735))
+    level = peak * np.sqrt(energy.sum() / len(samples))
+    assert np.array_equal(at_unit_loudness(samples), (samples / level).astype(np.float32))
+
+
+def test_energy_of_a_last_second_that_is_not_full():
+    samples = np.tile(np.float32([0.5, -0.5]), SAMPLE_RATE_HZ * 2 + 50)  # 4 s and 100 samples
+    assert np.array_equal(energy_per_second(samples, 5), np.ones(5))
+
+
+def test_motions_of_several_blocks_are_those_of_the_whole():
+    motion = swaying(SEVERAL, fps=60.0)
+    flipped = motion.local_quat * np.random.default_rng(2).choice([-1.0, 1.0], (SEVERAL, 1, 1))
+    sign = np.sign(np.sum(flipped[0, 0] * motion.local_quat[0, 0]))
+    assert np.array_equal(rot.make_continuous(flipped), sign * rot.make_continuous(motion.local_quat))
+    joints = body_indices(motion.skeleton)
+    assert np.array_equal(body_pos_m(motion), motion.joint_pos_m()[:, joints])
+
+    frames = np.array([0.0, 10.3, SEVERAL / 2 + 0.7, SEVERAL - 1.0])
+    spline = CubicSpline(np.arange(SEVERAL), rot.make_continuous(flipped))
+    sampled = replace(motion, local_quat=flipped).sampled_smooth(frames)
+    assert np.array_equal(sampled.local_quat, rot.normalize(spline(frames)))

@@ -1,0 +1,166 @@
+"""Compiled kernels between runs: processes together, damaged and missing entries, nowhere to write."""
+
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+# A kernel compiled at its first call, and one whose wrapper calls it by a name that one process gave it.
+_KERNELS = """
+import numba
+import numpy as np
+from choreograph.core.kernel_cache import kernel_cache, njit
+
+@njit(nogil=True)
+def doubled(x):
+    return x * 2.0
+
+with kernel_cache():
+    @numba.guvectorize(["void(float32[:], float32[:])", "void(float64[:], float64[:])"],
+                       "(n)->(n)", cache=True)
+    def summed(x, y):
+        total = 0.0
+        for i in range(len(x)):
+            total += x[i]
+            y[i] = total
+"""
+_USE = """
+import logging
+logging.basicConfig(format="note: %(message)s")
+import kernels
+import numpy as np
+assert kernels.doubled(np.arange(3.0)).tolist() == [0.0, 2.0, 4.0]
+assert kernels.summed(np.arange(4.0)).tolist() == [0.0, 1.0, 3.0, 6.0]
+assert kernels.summed(np.arange(4, dtype=np.float32)).tolist() == [0.0, 1.0, 3.0, 6.0]
+print(sum(kernels.doubled.stats.cache_hits.values()), "hits")
+"""
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Starts a process that uses the kernels, with a cache folder of its own, changed as given."""
+    (tmp_path / "kernels.py").write_text(_KERNELS)
+
+    def start(code=_USE, **environment):
+        env = {
+            **os.environ,
+            "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+            "PYTHONPATH": str(tmp_path),
+            **environment,
+        }
+        env = {key: value for key, value in env.items() if value is not None}
+        return subprocess.Popen(
+            [sys.executable, "-c", code], env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+
+    return start
+
+
+def _entries(folder: Path) -> list[Path]:
+    return sorted(p for p in folder.rglob("*") if p.is_file() and p.name != "lock")
+
+
+def _finished(process) -> tuple[str, str]:
+    """What a process said on stdout and stderr; it must not have failed."""
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, err
+    return out, err
+
+
+def test_what_one_process_compiled_the_next_ones_read(start, tmp_path):
+    out, err = _finished(start())
+    assert (out, err) == ("0 hits\n", "")
+    kept = {path: path.read_bytes() for path in _entries(tmp_path / "cache")}
+    assert len(kept) == 5  # the first, and of two signatures the function and its wrapper
+    assert _finished(start()) == ("1 hits\n", "")
+    assert {path: path.read_bytes() for path in _entries(tmp_path / "cache")} == kept
+
+
+def test_processes_started_together_compile_each_kernel_once(start, tmp_path):
+    together = [start() for _ in range(4)]
+    hits = sorted(_finished(process)[0] for process in together)
+    assert hits == ["0 hits\n", "1 hits\n", "1 hits\n", "1 hits\n"]
+    assert len(_entries(tmp_path / "cache")) == 5
+
+
+def test_any_damage_is_noticed_and_mended(start, tmp_path):
+    _finished(start())
+    rng = random.Random(3)
+    for kind, path in enumerate(_entries(tmp_path / "cache")):
+        garbled = bytearray(path.read_bytes())
+        garbled[rng.randrange(len(garbled))] ^= 1 << rng.randrange(8)
+        path.write_bytes((garbled, garbled[: len(garbled) // 2], b"")[kind % 3])
+    out, err = _finished(start())
+    assert out == "0 hits\n"
+    assert err.startswith("note: compiled code in ") and err.count("\n") == 1, err
+    assert _finished(start()) == ("1 hits\n", "")
+
+
+@pytest.mark.parametrize("removed", [3, 4])
+def test_a_wrapper_calls_no_function_that_was_compiled_again(start, tmp_path, removed):
+    _finished(start())
+    function = _entries(tmp_path / "cache")[removed]
+    assert function.name.startswith("kernels.summed")
+    function.unlink()
+    assert _finished(start())[1] == ""
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="folders of other users are told on POSIX")
+def test_without_a_home_kernels_are_kept_in_the_temporary_folder(start, tmp_path):
+    blocked = tmp_path / "a file"
+    blocked.touch()
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    nowhere = {"NUMBA_CACHE_DIR": None, "HOME": str(blocked), "XDG_CACHE_HOME": None}
+    out, err = _finished(start(**nowhere, TMPDIR=str(temporary)))
+    assert out == "0 hits\n"
+    assert err.startswith("note: compiled code is kept in ") and err.count("\n") == 1, err
+    assert len(_entries(temporary)) == 5
+    assert _finished(start(**nowhere, TMPDIR=str(temporary)))[0] == "1 hits\n"
+    # Code that others could have written is not run.
+    if os.getuid() == 0:
+        os.chown(temporary / f"choreograph-{os.getuid()}", 12345, 12345)
+        out, err = _finished(start(**nowhere, TMPDIR=str(temporary)))
+        assert out == "0 hits\n"
+        assert err.startswith("note: compiled code is not kept") and err.count("\n") == 1, err
+
+
+def test_where_nothing_can_be_written_kernels_are_compiled_every_time(start, tmp_path):
+    blocked = tmp_path / "a file"
+    blocked.touch()
+    everywhere = (
+        "import tempfile\n"
+        "def nowhere(): raise FileNotFoundError('no usable temporary directory')\n"
+        "tempfile.gettempdir = nowhere\n"
+    )
+    for _ in range(2):
+        out, err = _finished(start(everywhere + _USE, NUMBA_CACHE_DIR=str(blocked)))
+        assert out == "0 hits\n"
+        assert err.startswith("note: compiled code is not kept") and err.count("\n") == 1, err
+
+
+@pytest.mark.slow
+def test_nothing_is_compiled_into_numbas_own_cache(tmp_path):
+    """Songs are tracked, counted and divided by both trackers; numba's cache says what it writes."""
+    code = (
+        "import numpy as np\n"
+        "from choreograph.music.bars import track_bars\n"
+        "from choreograph.music.mel import log_mel\n"
+        "from choreograph.music.beats import librosa_beats\n"
+        "from choreograph.music.sections import song_sections\n"
+        "clicks = np.zeros(22050 * 12, np.float32)\n"
+        "clicks[::11025] = 1.0\n"
+        "mel = log_mel(clicks)\n"
+        "beats = librosa_beats(mel, 12.0)\n"
+        "track_bars(clicks, mel, beats)\n"
+        "song_sections(clicks, beats)\n"
+    )
+    env = {**os.environ, "NUMBA_DEBUG_CACHE": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert "[cache]" not in done.stdout
+    assert not list(tmp_path.rglob("*.nb?"))
+    assert len(_entries(tmp_path)) > 20

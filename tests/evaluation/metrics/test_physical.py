@@ -1,0 +1,194 @@
+"""Synthetic slides, depths and jumps are measured as made; empty and malformed input is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from golden.regenerate import golden, physical_scores, synthetic_dance
+from hypothesis import given
+from hypothesis import strategies as st
+
+from choreograph.core.errors import ParameterError
+from choreograph.evaluation.metrics import physical
+from choreograph.motion.body import BODY_JOINTS, body_pos_at, body_pos_m
+from choreograph.motion.contacts import sole_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import canonical_skeleton
+
+FPS = 60.0
+BALLS = [BODY_JOINTS.index("left_foot"), BODY_JOINTS.index("right_foot")]
+
+
+def _standing(n_frames: int = 120) -> Motion:
+    quat = np.zeros((n_frames, 24, 4))
+    quat[..., 0] = 1.0
+    skeleton = canonical_skeleton()
+    root = np.tile(skeleton.offsets_m[0], (n_frames, 1))
+    return Motion(skeleton, root, quat, FPS)
+
+
+def test_standing_still_is_perfect():
+    scores = physical.evaluate(body_pos_m(_standing()), FPS, [1.0])
+    assert scores["foot_slide_cm_s"] == 0
+    assert scores["floor_penetration_cm"] == 0
+    assert scores["jerk_p95_m_s3"] < 1e-6
+
+
+@given(speed_cm_s=st.floats(0.1, 500), heading=st.floats(-3.1, 3.1))
+def test_slide_is_the_synthetic_speed(speed_cm_s, heading):
+    pos = body_pos_m(_standing(40))
+    along = np.arange(40)[:, None] / FPS * speed_cm_s / 100
+    pos = pos + along[:, None] * [np.sin(heading), 0.0, np.cos(heading)]
+    assert physical.foot_slide_cm_s(pos, FPS) == pytest.approx(speed_cm_s)
+
+
+def test_a_raised_foot_does_not_slide():
+    pos = body_pos_m(_standing(40)).copy()
+    pos[:, BALLS[0], 0] += np.arange(40) * 0.01
+    assert physical.foot_slide_cm_s(pos, FPS) == pytest.approx(30.0)  # one foot of two at 60 cm/s
+    pos[:, BALLS[0], 1] += 0.2
+    assert physical.foot_slide_cm_s(pos, FPS) == 0
+    pos[:, BALLS[1], 1] += 0.2
+    assert physical.foot_slide_cm_s(pos, FPS) == 0  # never low
+
+
+@given(depth_cm=st.floats(0, 30))
+def test_penetration_is_the_synthetic_depth(depth_cm):
+    motion = _standing(20)
+    stands_m = sole_pos_m(motion)[..., 1].min()
+    sunk = motion.moved(shift_m=np.array([0.0, -stands_m - depth_cm / 100, 0.0]))
+    depth = physical.floor_penetration_cm(body_pos_m(sunk), FPS, sole_pos_m=sole_pos_m(sunk))
+    assert depth == pytest.approx(depth_cm, abs=1e-9)
+
+
+def test_a_sunk_heel_counts_without_soles():
+    pos = body_pos_m(_standing(20)).copy()
+    pos[:10, BODY_JOINTS.index("left_ankle"), 1] = physical.ANKLE_OVER_SOLE_M - 0.04
+    assert physical.floor_penetration_cm(pos, FPS) == pytest.approx(2.0)  # 4 cm in half of the frames
+
+
+def test_jerk_of_a_cubic_is_its_third_derivative():
+    times = np.arange(120) / FPS
+    pos = body_pos_m(_standing()) + (7.0 / 6.0 * times**3)[:, None, None] * [1.0, 0.0, 0.0]
+    instants, jerk = physical.joint_jerk_m_s3(pos, FPS)
+    assert np.allclose(jerk, 7.0, rtol=1e-6)
+    assert (np.diff(instants) > 0).all()
+    assert physical.jerk_ratio_at(pos, FPS, [1.0]) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_a_jump_raises_jerk_only_where_it_is():
+    pos = body_pos_m(_standing(240)).copy()
+    pos += np.random.default_rng(0).normal(0, 1e-4, pos.shape)
+    pos[120:, :, 0] += 0.2
+    assert physical.jerk_ratio_at(pos, FPS, [2.0]) > 5
+    assert physical.jerk_ratio_at(pos, FPS, [3.0]) < 1.5
+    assert np.isnan(physical.jerk_ratio_at(pos, FPS, []))
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3])
+def test_too_short_for_jerk(n_frames):
+    scores = physical.evaluate(body_pos_m(_standing(n_frames)), 20.0, [0.1])
+    assert scores["jerk_p95_m_s3"] == 0
+    assert np.isnan(scores["jerk_ratio_at_boundaries"])
+
+
+@pytest.mark.parametrize("broken", [np.zeros((0, 21, 3)), np.zeros((5, 20, 3)), np.full((5, 21, 3), np.nan)])
+def test_broken_positions_are_refused(broken):
+    with pytest.raises(ParameterError, match="body positions"):
+        physical.evaluate(broken, FPS)
+
+
+@pytest.mark.parametrize("fps", [0.0, -1.0, np.nan, np.inf])
+def test_broken_rates_are_refused(fps):
+    with pytest.raises(ParameterError, match="frame rate"):
+        physical.evaluate(np.zeros((5, 21, 3)), fps)
+
+
+@pytest.mark.parametrize("soles", [np.zeros((4, 2, 3)), np.zeros((5, 0, 3)), np.full((5, 2, 3), np.nan)])
+def test_broken_soles_are_refused(soles):
+    with pytest.raises(ParameterError, match="soles"):
+        physical.floor_penetration_cm(np.zeros((5, 21, 3)), FPS, sole_pos_m=soles)
+
+
+def test_a_leap_is_not_floating_and_dancing_on_a_box_is():
+    pos = body_pos_m(_standing(600)).copy()
+    pos[100:130, :, 1] += 0.3  # half a second
+    assert physical.floating_share(pos, FPS) == 0
+    pos[200:260, :, 1] += 0.3
+    assert physical.floating_share(pos, FPS) == pytest.approx(60 / 600)
+    assert physical.floating_share(pos + np.array([0.0, 0.5, 0.0]), FPS) == 1
+    motion = _standing(60).moved(shift_m=np.array([0.0, 0.5, 0.0]))
+    assert physical.floating_share(body_pos_m(motion), FPS, sole_pos_m=sole_pos_m(motion)) == 1
+
+
+def test_speeding_up_at_transitions():
+    times = np.arange(240) / FPS
+    speed = np.where(np.abs(times - 2.0) < 0.3, 2.0, 1.0)
+    pos = body_pos_m(_standing(240)) + (np.cumsum(speed) / FPS)[:, None, None] * [1.0, 0.0, 0.0]
+    assert physical.speed_ratio_at(pos, FPS, [2.0]) == pytest.approx(2.0, rel=0.2)
+    assert physical.speed_ratio_at(pos, FPS, [3.5]) == pytest.approx(1.0, rel=0.2)
+    assert np.isnan(physical.speed_ratio_at(pos, FPS, []))
+    assert np.isnan(physical.speed_ratio_at(body_pos_m(_standing()), FPS, [1.0]))
+
+
+@given(spread_mm=st.floats(0.1, 30))
+def test_the_spread_of_a_bone(spread_mm):
+    pos = body_pos_m(_standing(40)).copy()
+    elbow, wrist = BODY_JOINTS.index("left_elbow"), BODY_JOINTS.index("left_wrist")
+    along = pos[0, wrist] - pos[0, elbow]
+    sign = np.where(np.arange(40) % 2, 1.0, -1.0)[:, None]
+    pos[:, wrist] += sign * along / np.linalg.norm(along) * spread_mm / 1000
+    assert physical.limb_length_spread_mm(pos, FPS) == pytest.approx(spread_mm)
+
+
+def test_golden():
+    assert physical_scores() == pytest.approx(golden("physical"), abs=1e-6)
+
+
+@pytest.mark.parametrize("fps", [30.0, 90.0])
+def test_rate_heading_and_position_hardly_matter(fps):
+    dance = synthetic_dance()
+    c, s = np.cos(1.1), np.sin(1.1)
+    other = body_pos_at(dance, 60.0, fps) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) + np.array(
+        [2.0, 0.0, 5.0]
+    )
+    wanted, got = physical.evaluate(dance, 60.0, [4.0, 8.0]), physical.evaluate(other, fps, [4.0, 8.0])
+    for scores in (wanted, got):
+        del scores["foot_skating_ratio_published"]  # which depends on the heading
+    assert got == pytest.approx(wanted, rel=0.03, abs=0.03)
+
+
+@pytest.mark.parametrize("boundaries", [[np.nan], [[1.0]], 1.0])
+def test_broken_boundaries_are_refused(boundaries):
+    with pytest.raises(ParameterError, match="boundaries"):
+        physical.evaluate(body_pos_m(_standing()), FPS, boundaries)
+
+
+@given(first=st.integers(5, 250), size_m=st.floats(0.06, 1.0))
+def test_a_jump_of_any_joints_counts_once(first, size_m):
+    pos = body_pos_m(_standing(300)).copy()
+    pos[first, BALLS[0], 1] += size_m
+    pos[first + 1 : first + 3, 0, 2] += size_m
+    assert physical.jump_times_s(pos, FPS) == pytest.approx([(first - 1) / FPS], abs=1.01 / FPS)
+    assert physical.jumps_per_minute(pos, FPS) == pytest.approx(12.0)
+
+
+def test_jumps_apart_are_counted_and_smooth_motion_has_none():
+    pos = body_pos_m(_standing(600)).copy()
+    assert physical.jumps_per_minute(pos, FPS) == 0
+    pos[:, :, 0] += np.sin(np.arange(600) / FPS * 2 * np.pi)[:, None]
+    assert physical.jumps_per_minute(pos, FPS) == 0
+    pos[[100, 200, 212], BALLS[0], 1] += 0.1
+    assert len(physical.jump_times_s(pos, FPS)) == 3
+    assert physical.jumps_per_minute(body_pos_at(pos, FPS, 50), 50) > 0
+    pos[300:] += 0.2  # a jump that does not come back
+    assert len(physical.jump_times_s(pos, FPS)) == 4
+
+
+def test_too_short_to_jump():
+    for n_frames in (1, 2):
+        assert physical.jumps_per_minute(body_pos_m(_standing(n_frames)), FPS) == 0
+    with pytest.raises(ParameterError, match="finite"):
+        physical.jumps_per_minute(np.full((5, 21, 3), np.nan), FPS)
+    with pytest.raises(ParameterError, match="frame rate"):
+        physical.jump_times_s(np.zeros((5, 21, 3)), 0)

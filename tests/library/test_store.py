@@ -1,0 +1,297 @@
+"""The repertoire file: published layout, atomic and deterministic writing, damage reported in one line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic_repertoire import synthetic_contents, synthetic_takes, with_counts
+
+from choreograph.core.errors import ChoreographError, ParameterError, RepertoireError
+from choreograph.core.numerics import zigzag_decode
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.schema import (  # fmt: skip
+    ATTRIBUTES,
+    COUNTS,
+    DATASETS,
+    DOUBT,
+    FORMAT,
+    HALF_PRECISION,
+    MOTIFS,
+    NETS,
+    QUANTISATION_STEPS,
+    VERSION,
+    NetArrays,
+)
+from choreograph.library.store import RepertoireFile
+from choreograph.library.writing import write_repertoire
+from choreograph.motion.body import BODY_JOINTS
+from choreograph.nets.configs import WORD_DIM
+
+LAYOUT = json.loads(
+    (Path(__file__).resolve().parents[2] / "data_schema" / "repertoire.json").read_text(encoding="utf-8")
+)
+WITHOUT_MOTIFS = LAYOUT["datasets"] | LAYOUT["counts"]["datasets"]
+NET = NetArrays({"width": 3}, {"linear.weight": np.arange(6.0).reshape(2, 3), "bias": np.float32(2.0)})
+
+
+@pytest.fixture(scope="module")
+def contents():
+    return replace(synthetic_contents(synthetic_takes(duration_s=12.0)), nets={"style": NET})
+
+
+@pytest.fixture(scope="module")
+def path(contents, tmp_path_factory):
+    path = tmp_path_factory.mktemp("store") / "rep.h5"
+    write_repertoire(path, contents)
+    return path
+
+
+def test_a_file_without_counts_is_read(path, tmp_path):
+    old = tmp_path / "old.h5"
+    old.write_bytes(path.read_bytes())
+    with h5py.File(old, "a") as file:
+        for name in COUNTS:
+            del file[name]
+        file.attrs["version"] = 1
+    repertoire = Repertoire.open(old)
+    assert len(repertoire.counts(0)) == 0 and repertoire.figures(0) == ()
+
+
+def test_doubt_is_stored_where_a_network_counted(tmp_path):
+    """Of two takes one is counted by a network; a file with doubts of other counts is refused."""
+    takes = with_counts(synthetic_takes())
+    assert not set(DOUBT) & set(synthetic_contents(takes).arrays)
+    given_counts, read = takes[0].take.counts, takes[1].take.counts
+    doubt = np.linspace(0.1, 0.6, len(read))
+    takes[1] = replace(takes[1], take=replace(takes[1].take, counts=replace(read, doubt=doubt)))
+    contents = synthetic_contents(takes)
+    write_repertoire(tmp_path / "rep.h5", contents)
+    repertoire = Repertoire.open(tmp_path / "rep.h5")
+    assert np.allclose(repertoire.counts(1).doubt, doubt)
+    assert np.array_equal(repertoire.counts(0).doubt, np.zeros(len(given_counts)))
+    clips = np.array([np.flatnonzero(repertoire.clip_take == take)[2] for take in (0, 1)])
+    found = repertoire.clip_motion.count_doubt(
+        clips, np.full(2, 30.0), np.full(2, 50.0)
+    )  # 2 s from their starts
+    middle_s = repertoire.clip_start_s(int(clips[1])) + 2.0
+    assert found == pytest.approx([0.0, np.interp(middle_s, read.times_s, doubt)], abs=1e-6)
+    wrong = replace(contents, arrays={**contents.arrays, "counts/doubt": doubt})
+    with pytest.raises(RepertoireError, match="counts/doubt"):
+        write_repertoire(tmp_path / "rep.h5", wrong)
+
+
+def test_the_published_layout_is_the_one_in_the_code():
+    assert (LAYOUT["format"], LAYOUT["version"]) == (FORMAT, VERSION)
+    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in LAYOUT["datasets"].items()} == DATASETS
+    assert tuple(LAYOUT["attributes"]) == ATTRIBUTES
+    assert tuple(LAYOUT["nets"]["names"]) == NETS
+    counts, doubt, motifs = (LAYOUT[part]["datasets"] for part in ("counts", "doubt", "motifs"))
+    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in counts.items()} == COUNTS
+    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in doubt.items()} == DOUBT
+    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in motifs.items()} == MOTIFS
+    assert str(WORD_DIM) in motifs["motifs/embeddings"]["axes"]
+    entries = (*LAYOUT["datasets"].values(), *counts.values(), *motifs.values())
+    letters = {axis for d in entries for axis in d["axes"] if axis.isalpha()}
+    assert set(LAYOUT["axes"]) == letters
+    assert str(len(BODY_JOINTS)) in LAYOUT["datasets"]["body/pos_m"]["axes"]
+
+
+def test_a_file_is_laid_out_as_published(path):
+    with h5py.File(path) as file:
+        found = []
+        file.visititems(lambda name, item: found.append(name) if isinstance(item, h5py.Dataset) else None)
+        assert {name for name in found if not name.startswith("nets/")} == set(WITHOUT_MOTIFS)
+        assert set(file.attrs) == set(LAYOUT["attributes"])
+        sizes: dict[str, int] = {}
+        for name, entry in WITHOUT_MOTIFS.items():
+            data = file[name]
+            is_text = h5py.check_string_dtype(data.dtype) is not None
+            assert is_text if entry["kind"] == "s" else data.dtype == np.dtype(entry["kind"]), name
+            assert data.ndim == len(entry["axes"]), name
+            for axis, size in zip(entry["axes"], data.shape, strict=True):
+                assert sizes.setdefault(axis, int(axis) if axis.isdigit() else size) == size, name
+
+
+def test_written_contents_are_read_back(path, contents):
+    file = RepertoireFile(path)
+    for name, (kind, _) in (DATASETS | COUNTS).items():
+        expected = np.asarray(contents.arrays[name])
+        read = file.read(name)
+        assert np.array_equal(read, expected if kind == "s" else expected.astype(kind)), name
+        assert np.array_equal(file.read(name, slice(1, 2)), read[1:2]), name
+    assert file.provenance == contents.provenance
+    assert file.density == "analytic"
+    net = file.read_net("style")
+    assert net.config == NET.config
+    assert {k: np.asarray(v).tolist() for k, v in net.weights.items()} == {
+        "linear.weight": [[0, 1, 2], [3, 4, 5]], "bias": 2.0,
+    }  # fmt: skip
+    with pytest.raises(RepertoireError, match="'music_density'"):
+        file.read_net("music_density")
+
+
+def test_the_same_contents_give_the_same_bytes(path, contents, tmp_path):
+    write_repertoire(tmp_path / "again.h5", contents)
+    assert (tmp_path / "again.h5").read_bytes() == path.read_bytes()
+
+
+def test_a_failure_while_writing_leaves_what_was_there(path, contents, tmp_path, monkeypatch):
+    target = tmp_path / "rep.h5"
+    target.write_bytes(b"precious")
+
+    def full_disk(*args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(h5py.Group, "create_dataset", full_disk)
+    with pytest.raises(ChoreographError, match="No space left"):
+        write_repertoire(target, contents)
+    assert target.read_bytes() == b"precious"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_contents_that_do_not_match_the_layout_are_not_written(contents, tmp_path):
+    arrays = dict(contents.arrays)
+    incomplete = {name: array for name, array in arrays.items() if name != "clips/style"}
+    for wrong in (
+        incomplete,
+        {**arrays, "clips/style": arrays["clips/style"][:, :5]},
+        {**arrays, "body/density": arrays["body/density"][:-1]},
+        {**arrays, "takes/fps": np.float64(30.0)},
+    ):
+        with pytest.raises(RepertoireError):
+            write_repertoire(tmp_path / "rep.h5", replace(contents, arrays=wrong))
+    with pytest.raises(RepertoireError, match="got oracle"):
+        write_repertoire(tmp_path / "rep.h5", replace(contents, nets={"oracle": NET}))
+    with pytest.raises(ParameterError, match="no folder"):
+        write_repertoire(tmp_path / "none" / "rep.h5", contents)
+    assert list(tmp_path.iterdir()) == []
+
+
+def refused(path) -> str:
+    with pytest.raises(RepertoireError) as error:
+        Repertoire.open(path)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_files_that_are_not_repertoires_are_refused(path, tmp_path):
+    assert "no such repertoire" in refused(tmp_path / "none.h5")
+    assert "folder" in refused(tmp_path)
+    (tmp_path / "text.h5").write_text("hello")
+    assert "HDF5" in refused(tmp_path / "text.h5")
+    (tmp_path / "empty.h5").write_bytes(b"")
+    assert "HDF5" in refused(tmp_path / "empty.h5")
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = 1
+    assert "another kind" in refused(tmp_path / "other.h5")
+
+
+def test_other_versions_and_missing_parts_are_named(path, tmp_path):
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes(path.read_bytes())
+    with h5py.File(copy, "a") as file:
+        del file["clips/style"]
+    assert "clips/style" in refused(copy)
+    with h5py.File(copy, "a") as file:
+        file.attrs["version"] = VERSION + 1
+    assert f"version 1 to {VERSION}, got {VERSION + 1}" in refused(copy)
+
+
+@pytest.mark.parametrize("damage", ["provenance", "shape", "dataset is a group"])
+def test_damage_inside_a_file_is_reported(path, tmp_path, damage):
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes(path.read_bytes())
+    with h5py.File(copy, "a") as file:
+        if damage == "provenance":
+            file.attrs["provenance"] = "{not json"
+        elif damage == "shape":
+            del file["clips/style"]
+            file["clips/style"] = np.zeros((2, 32), np.float32)
+        else:
+            del file["clips/style"]
+            file.create_group("clips/style")
+    refused(copy)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.0, 0.999))
+def test_a_truncated_file_is_refused(path, tmp_path_factory, part):
+    cut = tmp_path_factory.getbasetemp() / "cut.h5"
+    whole = path.read_bytes()
+    cut.write_bytes(whole[: int(part * len(whole))])
+    refused(cut)
+
+
+def test_opening_a_file_reads_no_array(path, monkeypatch):
+    read = []
+    original = h5py.Dataset.__getitem__
+
+    def counting(self, key, *args, **kwargs):
+        read.append(self.name)
+        return original(self, key, *args, **kwargs)
+
+    monkeypatch.setattr(h5py.Dataset, "__getitem__", counting)
+    repertoire = Repertoire.open(path)
+    assert repertoire.n_clips == 15
+    assert read == []
+    motion, _ = repertoire.motion(1, 2.0, 3.0)
+    assert motion.n_frames < 40
+    assert not any(name.startswith("/body") for name in read)
+
+
+def test_a_compressed_file_is_smaller_and_hardly_different(contents, path, tmp_path):
+    small = tmp_path / "compressed.h5"
+    write_repertoire(small, contents, compress=True)
+    assert small.stat().st_size < 0.7 * path.stat().st_size
+    whole, compressed = RepertoireFile(path), RepertoireFile(small)
+    for name, (_kind, _) in (DATASETS | COUNTS).items():
+        a, b = whole.read(name), compressed.read(name)
+        if name in QUANTISATION_STEPS:
+            assert b.dtype == a.dtype
+            np.testing.assert_allclose(b, a, atol=QUANTISATION_STEPS[name] / 2 + 1e-7)
+            for part in (slice(3, 9), slice(0, 0), slice(len(b) - 2, len(b)), slice(100, 240)):
+                np.testing.assert_array_equal(compressed.read(name, part), b[part])
+        else:
+            np.testing.assert_array_equal(a, b)
+    np.testing.assert_allclose(compressed.read_net("style").weights["bias"], NET.weights["bias"], rtol=1e-3)
+    assert compressed.read_net("style").weights["bias"].dtype == np.float32
+    assert set(LAYOUT["compressed"]["datasets"]) == set(QUANTISATION_STEPS)
+    assert set(LAYOUT["compressed"]["half_precision"]) == set(HALF_PRECISION)
+
+
+def test_delta_coding_restarts(contents, tmp_path, monkeypatch):
+    monkeypatch.setattr("choreograph.library.writing.DELTA_RESTART", 7)
+    write_repertoire(tmp_path / "often.h5", contents, compress=True)
+    compressed = RepertoireFile(tmp_path / "often.h5")
+    whole = compressed.read("body/pos_m")
+    np.testing.assert_allclose(whole, contents.arrays["body/pos_m"], atol=0.0006)
+    np.testing.assert_array_equal(compressed.read("body/pos_m", slice(20, 23)), whole[20:23])
+
+
+def test_compressed_files_without_zigzag_encoding_are_read(contents, tmp_path):
+    write_repertoire(tmp_path / "new.h5", contents, compress=True)
+    expected = RepertoireFile(tmp_path / "new.h5").read("motion/local_quat")
+    with h5py.File(tmp_path / "new.h5", "a") as file:
+        for name in QUANTISATION_STEPS:
+            attributes, integers = dict(file[name].attrs), zigzag_decode(file[name][()])
+            del file[name]
+            file[name] = integers
+            file[name].attrs.update({k: v for k, v in attributes.items() if k != "folded"})
+    old = RepertoireFile(tmp_path / "new.h5")
+    np.testing.assert_array_equal(old.read("motion/local_quat"), expected)
+    np.testing.assert_array_equal(old.read("motion/local_quat", slice(5, 9)), expected[5:9])
+
+
+def test_arrays_beyond_16_bits_are_not_quantised(contents, tmp_path):
+    far = replace(contents, arrays={**contents.arrays, "body/pos_m": contents.arrays["body/pos_m"] + 100.0})
+    write_repertoire(tmp_path / "far.h5", far, compress=True)
+    np.testing.assert_array_equal(
+        RepertoireFile(tmp_path / "far.h5").read("body/pos_m"), far.arrays["body/pos_m"].astype(np.float32)
+    )

@@ -1,0 +1,129 @@
+"""A sliding foot is locked; a motion without contacts is left alone; contacts and slide agree."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from choreograph.core.errors import ParameterError
+from choreograph.evaluation.metrics.physical import evaluate, foot_slide_cm_s, jerk_ratio_at
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import BODY_JOINTS, body_pos_m
+from choreograph.motion.contacts import foot_contacts, sole_pos_m
+from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import canonical_skeleton
+
+
+def _sliding() -> Motion:
+    quat = np.zeros((90, 24, 4))
+    quat[..., 0] = 1.0
+    root = np.tile([0.0, 0.9, 0.0], (90, 1))
+    root[:, 0] = 0.03 * np.sin(np.arange(90) / 10)
+    return Motion(canonical_skeleton(), root, quat, 30.0)
+
+
+def test_locked_feet_do_not_slide():
+    motion = _sliding()
+    contacts = np.ones((90, 4), bool)
+    locked = lock_feet(motion, contacts)
+    before, after = foot_slide_cm_s(body_pos_m(motion), 30), foot_slide_cm_s(body_pos_m(locked), 30)
+    assert before > 3
+    assert after < 0.2 * before
+
+
+def test_without_contacts_only_sinking_feet_move():
+    motion = _sliding().moved(shift_m=np.array([0, 0.3, 0]))
+    locked = lock_feet(motion, np.zeros((90, 4), bool))
+    assert np.allclose(body_pos_m(locked), body_pos_m(motion), atol=1e-6)
+
+
+def test_standing_is_contact_and_stepping_is_not():
+    pos = body_pos_m(_sliding()).copy()
+    pos[30:60, BODY_JOINTS.index("left_foot"), 1] += 0.3
+    contacts = foot_contacts(pos, 30) > 0.5
+    assert contacts[:25].all()
+    assert not contacts[32:58, 1].any()
+    assert contacts[:, 3].all()
+
+
+def test_a_jump_shows_in_the_jerk_ratio():
+    pos = body_pos_m(_sliding()).copy()
+    pos[45:] += 0.2
+    assert jerk_ratio_at(pos, 30, [1.5]) > 5
+    assert np.isnan(jerk_ratio_at(pos, 30, []))
+    assert evaluate(pos, 30)["floor_penetration_cm"] >= 0
+
+
+def test_wrong_contacts_shape():
+    with pytest.raises(ParameterError, match="contacts"):
+        lock_feet(_sliding(), np.zeros((90, 2), bool))
+
+
+def test_contacts_outside_zero_to_one():
+    with pytest.raises(ParameterError, match="0 to 1"):
+        lock_feet(_sliding(), np.full((90, 4), 2.0))
+
+
+def test_a_foot_that_stops_and_goes_is_locked_without_jerk():
+    """Slide noise on a foot in contact goes, the jerk of the whole does not grow."""
+    motion = _sliding()
+    contacts = np.zeros((90, 4))
+    contacts[20:50] = contacts[65:80] = 1.0
+    before, after = body_pos_m(motion), body_pos_m(lock_feet(motion, contacts))
+    ball = BODY_JOINTS.index("left_foot")
+    slid, locked = (np.ptp(pos[25:45, ball, 0]) for pos in (before, after))
+    assert locked < 0.3 * slid
+    assert evaluate(after, 30)["jerk_p95_m_s3"] < evaluate(before, 30)["jerk_p95_m_s3"] + 2.0
+    head = BODY_JOINTS.index("head")
+    assert np.abs(after[:, head] - before[:, head]).max() < 0.03
+
+
+def test_the_body_above_the_legs_stays():
+    """Legs out of reach, too: the whole body moved would be a beat that nobody danced."""
+    motion = _sliding()
+    far = motion.moved(shift_m=np.array([0.0, 0.02, 0.0]))
+    for upper in ("pelvis", "head", "left_wrist", "right_hip"):
+        joint = BODY_JOINTS.index(upper)
+        locked = body_pos_m(lock_feet(far, np.ones((90, 4))))
+        assert np.allclose(locked[:, joint], body_pos_m(far)[:, joint], atol=1e-9)
+
+
+def test_contacts_are_found_if_not_given():
+    motion = _sliding()
+    locked = lock_feet(motion, foot_contacts(body_pos_m(motion), motion.fps))
+    assert (lock_feet(motion).local_quat == locked.local_quat).all()
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3, 4])
+def test_short_motions(n_frames):
+    motion = _sliding().sliced(0, n_frames)
+    locked = lock_feet(motion, np.ones((n_frames, 4)))
+    assert np.isfinite(body_pos_m(locked)).all()
+
+
+def test_soles_come_up_to_the_floor():
+    sunk = _sliding().moved(
+        shift_m=np.array([0, -0.93, 0]) - [0, sole_pos_m(_sliding())[..., 1].min() - 0.9, 0]
+    )
+    assert sole_pos_m(sunk)[..., 1].min() < -0.02
+    assert sole_pos_m(lock_feet(sunk, np.zeros((90, 4))))[..., 1].min() > -0.001
+
+
+def test_a_leg_that_kicks_through_straight_keeps_its_knee_on_its_path():
+    """Its foot has slid until then, so a shift is left when the knee is bent the wrong way."""
+    n_frames, skeleton = 180, canonical_skeleton()
+    time_s = np.arange(n_frames) / 60
+    since_s = np.clip(time_s - 1.5, -0.2, 0.2)
+    flexion = 0.1 - 0.5 * np.cos(since_s / 0.2 * np.pi)  # 0.6, down to -0.4 and back
+    quat = np.zeros((n_frames, 24, 4))
+    quat[..., 0] = 1.0
+    knee = skeleton.index("left_knee")
+    quat[:, knee] = rot.from_rotvec(flexion[:, None] * [1.0, 0.0, 0.0])
+    root = skeleton.offsets_m[0] + np.minimum(time_s, 1.35)[:, None] * [0.0, 0.0, 0.15]
+    motion = Motion(skeleton, root, quat, 60.0)
+    contacts = np.zeros((n_frames, 4))
+    contacts[30:82, :2] = 1.0
+    locked = lock_feet(motion, contacts, floor_m=-1.0)
+    jump_m = np.linalg.norm(np.diff(locked.joint_pos_m()[:, knee], n=2, axis=0), axis=-1)
+    assert jump_m.max() < 0.02  # 0.035 if the foot were shifted all the time

@@ -1,0 +1,55 @@
+"""Losses of the rollout network for right and wrong poses."""
+
+import numpy as np
+import pytest
+import torch
+from synthetic_rollouts import synthetic_takes, synthetic_words
+
+from choreograph.nets.configs import rollout_config
+from choreograph.nets.rollout import N_FEET, RolloutNet
+from choreograph.nets.rollout_data import ROLLOUT_FPS, RolloutData
+from choreograph.nets.rollout_training import RolloutLosses, _border_speed_m_s
+
+pytestmark = pytest.mark.slow
+
+
+def test_the_loss_is_near_zero_only_for_the_right_poses():
+    takes = synthetic_takes()
+    config = rollout_config("tiny", perceptual_weight=0.0)
+    net = RolloutNet(config)
+    batch = RolloutData(takes, config.frames).batch(
+        4, np.random.default_rng(0), own_embedding_share=1.0, with_style=False
+    )
+    losses = RolloutLosses(takes[0].motion.skeleton, synthetic_words(takes), config)
+    poses = batch.pose[:, 1:].clone()
+    poses[..., -N_FEET:] = torch.logit(poses[..., -N_FEET:].clamp(0.01, 0.99))
+    right = float(losses.total(net, poses, batch))
+    wrong = float(losses.total(net, poses.flip(1), batch))
+    assert right < 0.15 and wrong > 3 * right
+
+
+def test_the_perceptual_loss_is_lower_where_words_match_their_motifs():
+    takes = synthetic_takes()
+    words = synthetic_words(takes)
+    data = RolloutData(takes, 60)
+    config = rollout_config("tiny")
+    losses = RolloutLosses(takes[0].motion.skeleton, words, config)
+    batch = data.batch(8, np.random.default_rng(0), own_embedding_share=1.0, with_style=False)
+    world_m = losses._world_pos_m(RolloutNet(config), batch.pose[:, 1:])
+    right = float(losses._perceptual_m(world_m, batch))
+    shuffled = torch.roll(batch.word_motif, 1, dims=0)
+    wrong = float((batch.word_motif - shuffled).norm(dim=-1).mean())
+    assert right < 0.3 * wrong
+
+
+def test_the_speed_at_borders_is_the_dancers_own():
+    takes = synthetic_takes()
+    data = RolloutData(takes, 60)
+    batch = data.batch(4, np.random.default_rng(0), own_embedding_share=1.0, with_style=False)
+    config = rollout_config("tiny")
+    losses = RolloutLosses(takes[0].motion.skeleton, synthetic_words(takes), config)
+    target_m = losses._world_pos_m(RolloutNet(config), batch.pose[:, 1:])
+    assert float(_border_speed_m_s(target_m, target_m, batch)) == 0
+    # Arms are at rest where words meet: half a word later they are not.
+    late_m = torch.roll(target_m, round(0.25 * ROLLOUT_FPS), dims=1)
+    assert float(_border_speed_m_s(late_m, target_m, batch)) > 0.02

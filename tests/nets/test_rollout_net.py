@@ -1,0 +1,150 @@
+"""The rollout network: auto-conditioning, style, ablations, training and storage."""
+
+import numpy as np
+import pytest
+import torch
+from synthetic_rollouts import random_motion, synthetic_takes, synthetic_words
+
+from choreograph.core.errors import ParameterError
+from choreograph.nets.configs import rollout_config
+from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutNet
+from choreograph.nets.rollout_data import RolloutData, to_poses, word_conditions
+from choreograph.nets.rollout_training import train_rollout, unroll
+from choreograph.nets.training import TrainingContext
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def synthetic():
+    takes = synthetic_takes()
+    return takes, synthetic_words(takes)
+
+
+def test_inputs_are_true_poses_and_then_the_networks_own(synthetic):
+    takes, _ = synthetic
+    config = rollout_config("tiny", frames=20, teacher_frames=3)
+    net = RolloutNet(config)
+    batch = RolloutData(takes, 20).batch(
+        2, np.random.default_rng(0), own_embedding_share=0.0, with_style=False
+    )
+    inputs, step = [], net.step
+    net.step = lambda pose, *rest: (inputs.append(pose), step(pose, *rest))[1]
+    predicted = unroll(net, batch, self_fed_frames=4)
+    assert predicted.shape == (2, 19, batch.pose.shape[2])
+    for frame, pose in enumerate(inputs):
+        if frame % 7 < 3:
+            assert torch.equal(pose, batch.pose[:, frame])
+        else:
+            assert torch.equal(pose[..., :-N_FEET], predicted[:, frame - 1, :-N_FEET])
+
+
+def test_the_papers_style_does_not_change_the_bounds_of_words_and_the_root():
+    net = RolloutNet(rollout_config("tiny", style_fade_s=0.0))
+    poses = torch.from_numpy(to_poses(random_motion(1, 45)))[None]
+    conditions = word_conditions(
+        np.array([0.0, 0.5, 1.0]), np.array([0.5, 1.0, 1.5]), 45, *np.zeros((2, 45, 4)), np.zeros((3, 184)),
+        np.random.default_rng(0).normal(size=(3, 87)),
+    )  # fmt: skip
+    with torch.no_grad():
+        styled = net.apply_style(poses, conditions)
+    change = (styled - poses).abs()[0]
+    assert change[[0, 15, 30]].max() < 1e-5
+    assert change[7, ROOT_DIM:-N_FEET].max() > 1e-3
+    assert change[:, :ROOT_DIM].max() == 0 and change[:, -N_FEET:].max() == 0
+
+
+def test_style_as_published_is_of_length_one_in_a_word_and_grows_with_its_strength():
+    net = RolloutNet(rollout_config("tiny"))
+    poses = torch.from_numpy(to_poses(random_motion(1, 30)))[None]
+    conditions = word_conditions(
+        np.array([0.0]), np.array([1.0]), 30, *np.zeros((2, 30, 4)), np.zeros((1, 184)),
+        np.random.default_rng(0).normal(size=(1, 87)),
+    )  # fmt: skip
+    assert net.with_style(None, None) is net and net.with_style(1.5, "smooth") is net
+
+    def change(strength, window):
+        with torch.no_grad():
+            styled = net.with_style(strength, window).apply_style(poses, conditions)
+        return (styled - poses)[0, :, ROOT_DIM:-N_FEET].norm(dim=-1)  # (T,)
+
+    assert change(0.0, "hamming").max() < 1e-6
+    small, twice = change(0.1, "hamming"), change(0.2, "hamming")
+    assert torch.allclose(twice[10:20], 2 * small[10:20], rtol=0.05)
+    assert change(0.1, "smooth")[15] > 3 * small[15]  # of length one in every pose, not in the word
+    assert change(40.0, "hamming")[15] > change(1.5, "smooth")[15]
+
+
+def test_style_changes_smoothly_from_word_to_word():
+    net = RolloutNet(rollout_config("tiny", style_fade_s=0.5))
+    poses = torch.from_numpy(to_poses(random_motion(1, 1)))[None].expand(1, 60, -1)  # one pose throughout
+    spectra = np.random.default_rng(0).normal(size=(2, 87))
+    conditions = word_conditions(
+        np.array([0.0, 1.0]), np.array([1.0, 2.0]), 60, *np.zeros((2, 60, 4)), np.zeros((2, 184)), spectra
+    )
+    with torch.no_grad():
+        quat = net.apply_style(poses, conditions)[0, :, ROOT_DIM:-N_FEET]
+    steps = quat.diff(dim=0).norm(dim=-1)
+    assert steps[:12].max() < 1e-5 and steps[-12:].max() < 1e-5  # style moves nothing within a word
+    assert 0 < steps.max() < 0.15 * (quat[0] - quat[-1]).norm()  # and does not jump between words
+
+
+@pytest.mark.parametrize("off", ["use_audio", "motifs", "count_phase"])
+def test_conditions_that_are_switched_off_have_no_effect(off):
+    net = RolloutNet(rollout_config("tiny", **{off: False}))
+    starts, ends = np.array([0.0, 0.5]), np.array([0.5, 1.0])
+    rng = np.random.default_rng(0)
+
+    def gate_inputs(motif, rhythm, phase):
+        conditions = word_conditions(starts, ends, 30, rhythm, phase, motif, None)
+        with torch.no_grad():
+            return net.embed_conditions(conditions)[0]
+
+    motif, rhythm, phase = rng.normal(size=(2, 184)), rng.normal(size=(30, 4)), rng.normal(size=(30, 4))
+    other = {
+        "use_audio": (motif, *rng.normal(size=(2, 30, 4))),
+        "motifs": (rng.normal(size=(2, 184)), rhythm, phase),
+        "count_phase": (motif, rhythm, rng.normal(size=(30, 4))),
+    }[off]
+    assert torch.equal(gate_inputs(motif, rhythm, phase), gate_inputs(*other))
+
+
+def test_training_lowers_the_loss_and_is_deterministic(synthetic, tmp_path):
+    takes, words = synthetic
+    config = rollout_config("tiny", steps=12)
+    seen = []
+    context = TrainingContext(tmp_path, report=seen.append)
+    net = train_rollout(takes, words, config, seed=1, context=context)
+    assert seen[-1].loss < seen[0].loss
+    again = train_rollout(takes, words, config, seed=1)
+    for name, value in net.state_dict().items():
+        assert torch.equal(value, again.state_dict()[name]), name
+    arrays, stored = net.to_arrays()
+    assert RolloutNet.from_arrays(arrays, stored).config == net.config
+
+
+def test_configurations_of_older_files_are_read():
+    net = RolloutNet(rollout_config("tiny", use_audio=False, style_dropout=0.25, own_embedding_share=0.75))
+    arrays, config = net.to_arrays()
+    old_names = {
+        "use_audio": "hears",
+        "style_dropout": "plain",
+        "teacher_frames": "true_frames",
+        "self_fed_frames": "own_frames",
+        "own_embedding_share": "own_words",
+    }
+    assert set(old_names) < set(config)
+    older = {old_names.get(name, name): value for name, value in config.items()}
+    assert RolloutNet.from_arrays(arrays, older).config == net.config
+
+
+def test_takes_too_short_are_refused_in_one_line(synthetic):
+    takes, words = synthetic
+    with pytest.raises(ParameterError, match=r"motion words for over 333\.3 s"):
+        train_rollout(takes, words, rollout_config("tiny", frames=10_000), seed=0)
+
+
+def test_a_network_of_an_older_file_has_no_phase_of_counts():
+    weights, config = RolloutNet(rollout_config("tiny", count_phase=False)).to_arrays()
+    old = {key: value for key, value in config.items() if key not in ("count_phase", "tempi")}
+    assert not RolloutNet.from_arrays(weights, old).config.count_phase

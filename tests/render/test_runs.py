@@ -1,0 +1,82 @@
+"""Runs of seconds and of words: what is one run, what is cut out of another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from choreograph.render.runs import (
+    Run,
+    TransitionTiming,
+    overlay_runs,
+    to_runs,
+    with_transitions,
+    words_to_runs,
+)
+
+
+def spans(runs):
+    return [(run.take, round(run.start_s, 6), round(run.stop_s, 6)) for run in runs]
+
+
+def covers(runs, duration_s):
+    """Whether the runs fill the dance without gap or overlap."""
+    borders = [(run.start_s, run.stop_s) for run in runs]
+    return np.allclose([b for b, _ in borders], [0.0, *(e for _, e in borders[:-1])]) and np.isclose(
+        borders[-1][1], duration_s
+    )
+
+
+def test_words_that_follow_one_another_in_their_take_are_one_run():
+    beats = np.array([0.0, 0.5, 1.1, 1.5, 2.0])
+    runs = words_to_runs(
+        ["a", "a", "a", "b"],
+        np.stack([beats[:-1], beats[1:]], axis=1),
+        np.array([[3.0, 3.6], [3.6, 4.0], [9.0, 9.5], [9.5, 10.0]]),
+        [False, True, False, False],
+    )
+    assert [run.locked for run in runs] == [True, False, False]
+    assert spans(runs) == [("a", 0.0, 1.1), ("a", 1.1, 1.5), ("b", 1.5, 2.0)]
+    assert runs[0].source_s(beats[:3]) == pytest.approx([3.0, 3.6, 4.0], abs=0.02)
+    assert (np.diff(runs[0].source_times_s) > 0).all()
+    assert runs[1].source_s(np.array([1.3])) == pytest.approx([9.25])
+
+
+def test_a_cut_run_plays_the_same():
+    run = Run("a", 2.0, 5.0, 4.0 + 1.2 * np.linspace(0.0, 3.0, 61))
+    part = run.cut(2.7, 4.13)
+    times = np.linspace(2.7, 4.13, 50)
+    assert part.source_s(times) == pytest.approx(run.source_s(times), abs=1e-6)
+    assert run.source_s(np.array([1.0, 6.0])) == pytest.approx([2.8, 8.8])
+
+
+@pytest.mark.parametrize("cover", [(0.3, 0.9), (0.0, 0.5), (1.5, 2.6), (2.5, 4.0), (0.5, 3.5), (1.0, 2.0)])
+def test_overlaid_runs_leave_no_gap(cover):
+    seconds = [tuple(3.0 + s + np.arange(21) / 20) for s in range(2)]
+    runs = to_runs(["a", "a", "b", "b"], seconds + seconds)
+    instead = Run("x", *cover, np.linspace(7.0, 8.0, 11))
+    made = overlay_runs(runs, [instead])
+    assert covers(made, 4.0)
+    assert instead in made
+    assert [run.take for run in made if run.start_s == cover[0]] == ["x"]
+    assert overlay_runs(runs, []) == runs
+
+
+def test_moving_a_transition_changes_nothing_else():
+    runs = to_runs(
+        ["a"] * 3 + ["b"] * 2 + ["c"] * 2, [np.linspace(t, t + 1, 21) for t in (5, 6, 7, 1, 2, 9, 10)]
+    )
+    moved = with_transitions(
+        runs, [TransitionTiming(0.0), TransitionTiming(2.9, 0.25), TransitionTiming(5.2)]
+    )
+    assert [run.start_s for run in moved] == [0.0, 2.9, 5.2]
+    assert [run.stop_s for run in moved] == [2.9, 5.2, 7.0]
+    assert [run.transition_s for run in moved] == [None, 0.25, None]
+    for run, old in zip(moved, runs, strict=True):
+        at = np.linspace(run.start_s, run.stop_s, 50)
+        np.testing.assert_allclose(run.source_s(at), old.source_s(at), atol=1e-6)
+    for stays_s in (3.0, 7.5):  # where it is, and not within the runs
+        stayed = with_transitions(
+            runs, [TransitionTiming(0.0), TransitionTiming(stays_s), TransitionTiming(5.0)]
+        )
+        assert [(run.start_s, run.stop_s) for run in stayed] == [(run.start_s, run.stop_s) for run in runs]
