@@ -70,13 +70,14 @@ def convert(motion, output, fps, map_path, naming, units, rest, in_place) -> Non
 
     .bvh, .npz, .glb, .vrma, .usda, .usdc or .fbx, by its suffix.
     """
+    from choreograph.formats import writers
     from choreograph.formats.bvh import BvhWriter
-    from choreograph.formats.register import FORMATS, save_motion
+    from choreograph.formats.register import save_motion
     from choreograph.motion.bone_map import read_bone_map
     from choreograph.pipeline.saving import check_outputs
 
-    if output.suffix.lower().removeprefix(".") not in FORMATS:
-        raise unexpected(f"a file of {', '.join(f'.{name}' for name in FORMATS)}", str(output))
+    if output.suffix.lower().removeprefix(".") not in writers():
+        raise unexpected(f"a file of {', '.join(f'.{name}' for name in writers())}", str(output))
     check_outputs([output])
     check_outputs_apart([output], named_by=("output",))
     check_output_options([output])

@@ -224,23 +224,23 @@ def check_output_options(outputs: Sequence[Path]) -> tuple[str, ...]:
     Raises `ParameterError` for an option that no file uses, and for a character beside USD files, which would
     hold the mannequin.
     """
-    from choreograph.pipeline.saving import USED_BY, format_of
+    from choreograph.pipeline.saving import format_of, used_by
 
     formats = list(dict.fromkeys(format_of(path) for path in outputs))
     given = set(given_options())
     without: dict[tuple[str, ...], list[str]] = {}  # formats -> flags that have no effect on them
     for option, flags in _SAVE_OPTIONS.items():
         asked = [flag for flag in flags if flag in given]
-        unused = tuple(format for format in formats if format not in USED_BY[option])
+        unused = tuple(format for format in formats if format not in used_by(option))
         if asked and len(unused) == len(formats):
             raise ParameterError(
-                f"expected {_suffixes(USED_BY[option], 'or')} for {_listed(asked, 'and')}, got "
-                f"{_suffixes(formats, 'and')}: add -o NAME.{USED_BY[option][0]}"
+                f"expected {_suffixes(used_by(option), 'or')} for {_listed(asked, 'and')}, got "
+                f"{_suffixes(formats, 'and')}: add -o NAME.{used_by(option)[0]}"
             )
         if option == "character" and asked and {"usda", "usdc"} & set(unused):
             raise ParameterError(
                 "expected no USD file beside --character, got one: characters dance in "
-                f"{_suffixes(USED_BY[option], 'and')} alone"
+                f"{_suffixes(used_by(option), 'and')} alone"
             )
         if asked and unused:
             without.setdefault(unused, []).extend(asked)

@@ -1,1 +1,73 @@
-"""Readers and writers of every format and of the layouts of data sets; `register` lists them."""
+"""Readers and writers of every format and of the layouts of data sets, and the one table that lists them.
+
+A new format is one module here and one line in `BUILTIN`. A format has any of these names:
+
+- `LAYOUT` (one line: what it reads), `detect(path) -> bool`, which is fast and never raises, and
+  `read(path) -> Iterable[Take | Unread]`: the takes of a file or folder, one by one, in a fixed order
+- `READS_BONE_MAP = True` and `read(path, bone_map=None)`, if rigs of the format name their own bones
+- `SUFFIXES`, if a file of these suffixes holds one take: such files are read in folders as well
+- `annotate(takes, path) -> list[Take]`, if it also describes takes of other sources
+- `WRITERS`, the classes that write motions (`formats.writer.Writer`)
+
+Another package adds a format, a module or an object with these names, by an entry point of the group
+`choreograph.formats`. Its reader takes precedence over the built-in ones.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from choreograph.core import installed
+
+if TYPE_CHECKING:
+    from choreograph.formats.writer import Writer
+
+GROUP = "choreograph.formats"
+# Of those that detect a file the first reads it; of a folder all read what they know.
+BUILTIN = (
+    "dance_with_melody",  # the dance-with-melody dataset
+    "choreonet",  # recordings with figures, and lists that count the takes of dance_with_melody
+    "aist",  # AIST++
+    "amass",  # AMASS
+    "bvh",
+    "npz",  # exact arrays, SMPL's as well where the skeleton is the canonical one
+    "c3d",  # markers
+    "gltf",  # reads .glb, .gltf and .vrma: each of their animations
+    "glb",  # writes .glb and .vrma
+    "usd",  # writes .usda and .usdc
+    "fbx",  # by way of Blender
+    "folder",  # a folder of motion files with songs
+)
+
+
+def added_formats() -> list[Any]:
+    """The formats of other packages."""
+    return list(installed(GROUP).values())
+
+
+def builtin_formats() -> list[Any]:
+    """The modules of the built-in formats."""
+    return [import_module(f"{__name__}.{name}") for name in BUILTIN]
+
+
+def motion_suffixes() -> tuple[str, ...]:
+    """The suffixes of files that hold one take, such as ".bvh"."""
+    return tuple(_by_suffix())
+
+
+def reader_of(path: Path) -> Any:
+    """The format that reads a file of one of the `motion_suffixes`."""
+    return _by_suffix()[path.suffix.lower()]
+
+
+def _by_suffix() -> dict[str, Any]:
+    formats = (*builtin_formats(), *added_formats())
+    return {suffix: format for format in formats for suffix in getattr(format, "SUFFIXES", ())}
+
+
+def writers() -> dict[str, type[Writer]]:
+    """The writers of motions by format, such as "bvh", which is also the suffix of its files."""
+    formats = (*builtin_formats(), *added_formats())
+    return {writer.format: writer for format in formats for writer in getattr(format, "WRITERS", ())}

@@ -26,6 +26,7 @@ from choreograph.motion.skeleton import Skeleton
 
 
 LAYOUT = "a single NAME.bvh"
+SUFFIXES = (".bvh",)
 READS_BONE_MAP = True
 _NAMED = 6  # joints in a note; the others are counted
 _POSES = 4  # of the motion, in which a body is looked for that the rest pose does not show
@@ -235,6 +236,7 @@ class BvhWriter(Writer):
     """Writes five decimals: an error far below a tenth of a millimetre at the fingertips."""
 
     format = "bvh"
+    uses = ("bvh",)
 
     def __init__(self, options: BvhOptions | None = None) -> None:
         self.options = options or BvhOptions()
@@ -298,3 +300,6 @@ def _file_order(skeleton: Skeleton) -> list[int]:
         order.append(joint)
         stack += np.flatnonzero(skeleton.parents == joint)[::-1].tolist()
     return order
+
+
+WRITERS = (BvhWriter,)

@@ -180,6 +180,7 @@ def _y_up(pos_m: dict[str, Floats]) -> dict[str, Floats]:
 
 
 LAYOUT = "a single NAME.c3d of plug-in-gait markers"
+SUFFIXES = (".c3d",)
 _SMALLEST_BODY_M, _LARGEST_BODY_M = 0.3, 10.0  # of a child to a giant on stilts
 _FOOT_MARKERS = ("left_heel", "right_heel", "left_foot", "right_foot")
 

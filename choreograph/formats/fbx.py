@@ -86,6 +86,7 @@ def convert(source: str | Path, target: str | Path) -> None:
 
 
 LAYOUT = "a single NAME.fbx, with Blender on this machine"
+SUFFIXES = (".fbx",)
 READS_BONE_MAP = True
 
 
@@ -116,6 +117,12 @@ class FbxWriter(Writer):
     """Needs Blender on this machine (`find_blender`); the same motion need not give the same bytes."""
 
     format = "fbx"
+    uses = ("character",)
+
+    @classmethod
+    def check(cls, path: str | Path) -> None:
+        """Raise `ParameterError` without Blender."""
+        require_blender(path)
 
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`; `ParameterError` without Blender, `FormatError` if it fails."""
@@ -124,3 +131,6 @@ class FbxWriter(Writer):
             made = Path(folder) / "dance.fbx"
             convert(Path(folder) / "dance.glb", made)
             path.write_bytes(made.read_bytes())
+
+
+WRITERS = (FbxWriter,)

@@ -7,10 +7,10 @@ from functools import partial
 from pathlib import Path
 
 from choreograph.core.errors import FormatError
-from choreograph.formats import bvh, fbx, gltf, npz
+from choreograph.formats import motion_suffixes, npz, reader_of
 from choreograph.formats.c3d import is_c3d, read_c3d_files
 from choreograph.formats.fbx import find_blender
-from choreograph.formats.manifest import MOTION_SUFFIXES, SONG_SUFFIXES, VIDEO_SUFFIXES, Unread, attempted
+from choreograph.formats.manifest import SONG_SUFFIXES, VIDEO_SUFFIXES, Unread, attempted
 from choreograph.motion.motion import Credits, Motion, Take
 from choreograph.music.decoding import has_sound
 
@@ -19,7 +19,6 @@ LAYOUT = (
     "video of that name, and an optional manifest.csv"
 )
 READS_BONE_MAP = True
-_READERS = {".bvh": bvh, ".npz": npz, ".fbx": fbx, **dict.fromkeys(gltf.SUFFIXES, gltf)}
 _COPIES = (".npz", ".fbx")  # formats in which a motion is often kept besides another
 
 
@@ -85,7 +84,7 @@ def _is_motion(path: Path) -> bool:
     """Whether the name is that of a motion file; an NPZ of other arrays is none, a damaged one is."""
     # Hidden files come from other programs, such as macOS's "._NAME.bvh".
     suffix = path.suffix.lower()
-    if suffix not in MOTION_SUFFIXES or path.name.startswith("."):
+    if suffix not in motion_suffixes() or path.name.startswith("."):
         return False
     if suffix != ".npz":
         return True
@@ -115,8 +114,9 @@ def _one_of_each_name(files: Iterable[Path]) -> tuple[list[Path], list[Unread]]:
 
 def _read_motion(bone_map: Mapping[str, str] | None, file: Path) -> tuple[Motion, tuple[str, ...]]:
     """The motion of a file of one, and notes."""
-    reader = _READERS[file.suffix.lower()]
-    takes = list(reader.read(file) if reader is npz else reader.read(file, bone_map))
+    reader = reader_of(file)
+    reads_map = getattr(reader, "READS_BONE_MAP", False)
+    takes = list(reader.read(file, bone_map) if reads_map else reader.read(file))
     if len(takes) > 1:
         names = ", ".join(take.name.removeprefix(f"{file.stem}-") for take in takes)
         raise FormatError(

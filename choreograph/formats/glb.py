@@ -32,6 +32,7 @@ class GlbWriter(Writer):
     """
 
     format = "glb"
+    uses = ("character",)
 
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`."""
@@ -200,3 +201,6 @@ class VrmaWriter(Writer):
         }
         add_animation(document, dancer)
         path.write_bytes((as_dance(document) if self.is_dance else document).to_glb())
+
+
+WRITERS = (GlbWriter, VrmaWriter)

@@ -13,6 +13,7 @@ import numpy as np
 
 from choreograph.core.counts import ANNOTATED, make_counts
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError, UnreadFilesError
+from choreograph.formats import motion_suffixes
 from choreograph.formats.tables import SUFFIX as COUNTS_SUFFIX
 from choreograph.formats.tables import Row, as_number, check_within, read_table, with_counts_of
 from choreograph.motion.motion import LONGEST_S, Take
@@ -61,7 +62,6 @@ def foreign_format(path: Path) -> ForeignFormat | None:
 # Files of a source that give no take, each with the reason: damaged ones, and those that are not read.
 
 
-MOTION_SUFFIXES = (".bvh", ".c3d", ".glb", ".gltf", ".vrma", ".npz", ".fbx")
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a")
 VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".webm", ".avi")  # whose sound is taken where there is no song
 _MANIFESTS = (".tsv", ".txt", ".xls", ".xlsx", ".ods", ".json")  # in which a manifest may be kept by mistake
@@ -148,7 +148,7 @@ def _why_unread(path: Path, *, is_below: bool) -> str:
         return f"{foreign.what}: {foreign.motion}"
     if suffix == ".npz":
         return "NPZ with neither a motion of this program nor SMPL poses and their rate"
-    if suffix in MOTION_SUFFIXES:
+    if suffix in motion_suffixes():
         return "in folders below, which are not looked into: give them by themselves"
     if suffix in SONG_SUFFIXES:
         return "music that no take is danced to"
@@ -305,5 +305,5 @@ def _error_in(row: Row, *, is_listed: bool) -> FormatError | None:
 
 def _take_name(cell: str) -> str:
     """The name of a take without the suffix of its file."""
-    is_file = cell.lower().endswith(MOTION_SUFFIXES)
+    is_file = cell.lower().endswith(motion_suffixes())
     return cell[: cell.rindex(".")] if is_file else cell

@@ -22,6 +22,7 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, roles_of
 
 
 LAYOUT = "a single NAME.npz written by this program"
+SUFFIXES = (".npz",)
 _NUMBERS = ("root_pos_m", "local_quat", "fps", "parents", "offsets_m", "tip_parents", "tips_m")
 _OPTIONAL = frozenset(("roles",))
 _MAX_BYTES = 1 << 30  # of the arrays, unpacked
@@ -159,3 +160,6 @@ class NpzWriter(Writer):
                 with archive.open(zipfile.ZipInfo(f"{name}.npy", _EPOCH), "w", force_zip64=True) as file:
                     np.lib.format.write_array(file, array, allow_pickle=False)
             archive.comment = (DANCE_GENERATOR if self.is_dance else GENERATOR).encode()
+
+
+WRITERS = (NpzWriter,)

@@ -1,13 +1,12 @@
-"""The register of formats: `import_takes` reads takes, `save_motion` writes motions."""
+"""Reads and writes by the register of formats: `import_takes` reads takes, `save_motion` writes motions."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +15,7 @@ from choreograph.core.errors import ChoreographError, FormatError, ParameterErro
 from choreograph.core.files import atomic_path
 from choreograph.core.numerics import default_numerics
 from choreograph.core.timebase import STORE_FPS
-from choreograph.formats.bvh import BvhWriter
-from choreograph.formats.fbx import FbxWriter
-from choreograph.formats.glb import GlbWriter, VrmaWriter
+from choreograph.formats import added_formats, builtin_formats, writers
 from choreograph.formats.gltf_files import referenced_files
 from choreograph.formats.manifest import (
     Manifest,
@@ -29,9 +26,7 @@ from choreograph.formats.manifest import (
     read_manifest,
     unread_files,
 )
-from choreograph.formats.npz import NpzWriter
 from choreograph.formats.tables import SUFFIX, with_counts_beside
-from choreograph.formats.usd import UsdaWriter, UsdcWriter
 from choreograph.formats.writer import Writer
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.bone_map import check_bone_map
@@ -40,62 +35,14 @@ from choreograph.motion.motion import FARTHEST_M, Motion, Take
 
 # Takes from files: `import_takes` detects the layouts of a file or folder and reads them.
 #
-# dance_with_melody   the dance-with-melody dataset
-# choreonet           ChoreoNet: recordings with figures, and lists that count dance_with_melody's takes
-# aist                AIST++
-# amass               AMASS
-# npz                 motions written by this program
-# bvh                 one BVH file
-# c3d                 one C3D file
-# gltf                one glTF file (.glb, .gltf, .vrma): each of its animations
-# fbx                 one FBX file, by way of Blender
-# folder              a folder of BVH, C3D, glTF, NPZ or FBX files with songs
-#
-# An importer is a module with `LAYOUT` (one line: what it reads), `detect(path) -> bool` and `read(path) ->
-# Iterable[Take | Unread]`; with `annotate(takes, path) -> list[Take]` if it also knows something about takes
-# of other sources, and with `READS_BONE_MAP` and `read(path, bone_map)` if its rigs name their own bones. A
-# new layout is one module here; `register` adds one from outside.
-#
 # A folder may have several layouts: all are read. A `manifest.csv` in it says more of the takes of all of
-# them (`_manifest`). Counts beside any take's motion, `NAME.counts.csv` next to NAME.bvh, are read with it.
+# them (`formats.manifest`). Counts beside any take's motion, `NAME.counts.csv` next to NAME.bvh, are read
+# with it.
 
 
-class Importer(Protocol):
-    """The interface of a layout's module."""
-
-    LAYOUT: str
-
-    def detect(self, path: Path) -> bool:
-        """Whether `path` has this layout; fast, and never raises."""
-
-    def read(self, path: Path) -> Iterable[Take | Unread]:
-        """The takes in `path`, one by one, in a fixed order, and files that gave none and why.
-
-        A `FormatError` names the file, and ends the takes of this layout.
-        """
-
-
-_BUILTIN = (
-    "dance_with_melody",
-    "choreonet",
-    "aist",
-    "amass",
-    "npz",
-    "bvh",
-    "c3d",
-    "gltf",
-    "fbx",
-    "folder",
-)  # of those that detect a file the first reads it; of a folder all read what they know
 _FLOOR_NOTE_M = 0.05
 _ACCELERATION_FPS = 30.0
 _MAX_ACCELERATION_M_S2 = 30.0  # 3 g; takes known to be correct have at most 21 m/s²
-_registered: list[Importer] = []
-
-
-def register(importer: Importer) -> None:
-    """Add an importer, which takes precedence over the built-in ones."""
-    _registered.insert(0, importer)
 
 
 def import_takes(
@@ -133,7 +80,7 @@ def read_source(
     if not source.exists():
         raise ParameterError(f"expected takes at {source}, got nothing: there is no such file or folder")
     check_bone_map(bone_map)
-    importers = _importers_of(source)
+    importers, added = _importers_of(source), added_formats()
     manifest = read_manifest(source)
     used: set[Path] = set()  # files that were read, or are said to be unread
     names: set[str] = set()  # of all takes, read or not
@@ -142,7 +89,7 @@ def read_source(
             if isinstance(found, Take):
                 names.add(found.name)
                 used.update(found.source_paths)
-                found = _finished(found, source, manifest, allow_outside or importer in _registered)
+                found = _finished(found, source, manifest, allow_outside or importer in added)
             elif found.path in used and found.path.is_file():  # damaged, and said so by another layout
                 continue
             if isinstance(found, Unread):
@@ -152,7 +99,7 @@ def read_source(
                 used.update(found.source_paths)
             yield found
     yield from manifest.unused(names)
-    if source.is_dir() and not any(importer in _registered for importer in importers):
+    if source.is_dir() and not any(importer in added for importer in importers):
         yield from unread_files(source, used)
 
 
@@ -177,9 +124,7 @@ def read_beside(path: Path) -> list[Path]:
     ]
 
 
-def _found_by(
-    importer: Importer, source: Path, bone_map: Mapping[str, str] | None
-) -> Iterator[Take | Unread]:
+def _found_by(importer: Any, source: Path, bone_map: Mapping[str, str] | None) -> Iterator[Take | Unread]:
     """What an importer reads; an error that ends it is of the whole source."""
     reads_map = bone_map and getattr(importer, "READS_BONE_MAP", False)
     read: Callable[..., Iterable[Take | Unread]] = importer.read
@@ -246,10 +191,10 @@ def _pelvis_acceleration_m_s2(motion: Motion) -> float:
     )
 
 
-def _importers_of(source: Path) -> list[Importer]:
-    """The importers that read a file or folder: an added one alone, else all built-in ones of a folder."""
-    builtin: list[Importer] = [import_module(f"{__package__}.{name}") for name in _BUILTIN]
-    for importer in _registered:
+def _importers_of(source: Path) -> list[Any]:
+    """The formats that read a file or folder: another package's alone, else all built-in ones of a folder."""
+    added, builtin = ([f for f in of if hasattr(f, "read")] for of in (added_formats(), builtin_formats()))
+    for importer in added:
         if importer.detect(source):
             return [importer]
     found = [importer for importer in builtin if importer.detect(source)]
@@ -257,7 +202,7 @@ def _importers_of(source: Path) -> list[Importer]:
         return found if source.is_dir() else found[:1]
     if source.is_dir() and not any(source.iterdir()):
         raise ParameterError(f"expected takes at {source}, got nothing: the folder is empty")
-    layouts = "; ".join(importer.LAYOUT for importer in [*_registered, *builtin])
+    layouts = "; ".join(importer.LAYOUT for importer in [*added, *builtin])
     foreign = foreign_format(source)
     if foreign is not None:
         raise ParameterError(
@@ -267,29 +212,14 @@ def _importers_of(source: Path) -> list[Importer]:
 
 
 # Motions to files: `save_motion` by suffix, `get_writer` by format.
-#
-# bvh   one skeleton, Euler angles
-# npz   plain arrays, exact; SMPL's where the skeleton is the canonical one
-# glb   glTF: a skinned body, its skeleton standing, and the motion as an animation
-# vrma  a VRM animation, for VRM avatars
-# usda  what a glb holds, for UsdSkel; usdc: the same in binary
-# fbx   what a glb holds, by way of Blender
-#
-# A new format is one module here with a `Writer`.
-
-
-_WRITERS: dict[str, type[Writer]] = {
-    writer.format: writer
-    for writer in (BvhWriter, NpzWriter, GlbWriter, VrmaWriter, UsdaWriter, UsdcWriter, FbxWriter)
-}
-FORMATS = tuple(_WRITERS)
 
 
 def get_writer(format: str) -> Writer:
     """The writer, with its default options, of a format such as "bvh"; `ParameterError` if unknown."""
-    if format.lower() not in _WRITERS:
-        raise unexpected(f"a motion format among {', '.join(_WRITERS)}", format)
-    return _WRITERS[format.lower()]()
+    known = writers()
+    if format.lower() not in known:
+        raise unexpected(f"a motion format among {', '.join(known)}", format)
+    return known[format.lower()]()
 
 
 @default_numerics()

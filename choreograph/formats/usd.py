@@ -31,6 +31,11 @@ class UsdaWriter(Writer):
 
     format = "usda"
 
+    @classmethod
+    def check(cls, path: str | Path) -> None:
+        """Raise `ParameterError` without the package."""
+        require_usd(path)
+
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`; `ParameterError` without the package, `OSError` if the file cannot be written."""
         require_usd(path)
@@ -186,3 +191,6 @@ def _matrix(pos_m: Floats, quat: Floats) -> Any:
     from pxr import Gf
 
     return Gf.Matrix4d(Gf.Rotation(Gf.Quatd(*np.asarray(quat, float).tolist())), Gf.Vec3d(*pos_m.tolist()))
+
+
+WRITERS = (UsdaWriter, UsdcWriter)

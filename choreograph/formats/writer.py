@@ -32,11 +32,16 @@ class Writer(ABC):
     """Writes motions in one format; the same motion gives the same bytes."""
 
     format: ClassVar[str]  # also the file's suffix, without the dot
+    uses: ClassVar[tuple[str, ...]] = ()  # options of `Dance.save`, beside `loop`
     is_dance: bool = False  # whether the file says that it is a dance, where the format has a place for it
 
     @abstractmethod
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion` to the new file `path`; the caller translates an `OSError`."""
+
+    @classmethod  # noqa: B027
+    def check(cls, path: str | Path) -> None:
+        """Raise `ParameterError` if this machine lacks a program or package that writes `path`."""
 
 
 # Names of joints in files: those of other programs, and any name so that every reader reads it back.

@@ -87,7 +87,7 @@ class Dance:
         loop: bool = False,
         report: ProgressReport | None = None,
     ) -> None:
-        """Write the dance; the suffix says what: see `pipeline.saving.OUTPUT_FORMATS`.
+        """Write the dance; the suffix says what: see `pipeline.saving.output_formats`.
 
         bvh and npz hold the motion, glb the motion on a body, json the plan, html the page that plays it
         with its song, mp4 a video, png a strip of poses on the beats. `click` mixes a click on every count

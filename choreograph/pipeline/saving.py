@@ -17,12 +17,12 @@ from choreograph.core.counts import bars_of
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, atomic_path, check_apart, check_target, ends_of
 from choreograph.core.progress import ProgressReport, substage
+from choreograph.formats import writers
 from choreograph.formats.bvh import DANCE_DIGITS, BvhOptions, BvhWriter
-from choreograph.formats.fbx import convert, require_blender
+from choreograph.formats.fbx import convert
 from choreograph.formats.glb import as_dance
 from choreograph.formats.gltf_document import GltfDocument
-from choreograph.formats.register import FORMATS, get_writer, save_motion
-from choreograph.formats.usd import require_usd
+from choreograph.formats.register import get_writer, save_motion
 from choreograph.motion.motion import Motion
 from choreograph.plan import FORMAT as PLAN_FORMAT
 from choreograph.plan import Plan
@@ -30,10 +30,6 @@ from choreograph.plan import Plan
 if TYPE_CHECKING:
     from choreograph.view.page_data import PageCharacter
 
-# The formats that use an option of `Dance.save`.
-USED_BY: dict[str, tuple[str, ...]] = {
-    "character": ("html", "glb", "fbx"), "bvh": ("bvh",), "loop": FORMATS, "click": ("mp4",),
-}  # fmt: skip
 # What files of dances hold near one of their ends: their generator, a BVH's frame time, the format of a plan.
 _SAVED_DANCE = re.compile(
     rb"choreograph [\w.+-]{1,32}: a d"  # the compression of .usdc leaves out "ance", which "/Dance" ends in
@@ -69,12 +65,12 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
     suffix = format_of(path)
     if suffix in ("glb", "fbx") and character is not None:
         _save_document(path, as_dance(character.dancing(parts.motion)))
-    elif suffix in FORMATS:
+    elif suffix in writers():
         writer = BvhWriter(parts.bvh) if suffix == "bvh" else get_writer(suffix)
         writer.is_dance = True
         save_motion(path, parts.motion, writer=writer)
     else:
-        _SAVERS[suffix](parts, Path(path), report)
+        _SAVERS[suffix].save(parts, Path(path), report)
 
 
 def save_on_character(path: str | Path, motion: Motion, character: GltfCharacter) -> None:
@@ -96,31 +92,39 @@ def _save_document(path: str | Path, document: GltfDocument) -> None:
             temporary.write_bytes(fbx.read_bytes())
 
 
+def output_formats() -> tuple[str, ...]:
+    """The formats that a dance is written in: those of motions, also from other packages, then the others."""
+    return (*writers(), *_SAVERS)
+
+
+def used_by(option: str) -> tuple[str, ...]:
+    """The formats that use an option of `Dance.save`."""
+    savers = [format for format, saver in _SAVERS.items() if option in saver.uses]
+    return (*savers, *(f for f, writer in writers().items() if option in ("loop", *writer.uses)))
+
+
 def check_options(path: str | Path, given: Mapping[str, object]) -> None:
     """Raise `ParameterError` for an option of `Dance.save` that the format of a file does not use."""
     for name in (name for name, value in given.items() if value):
-        if format_of(path) not in USED_BY[name]:
-            users = ", ".join(f".{format}" for format in USED_BY[name])
+        if format_of(path) not in used_by(name):
+            users = ", ".join(f".{format}" for format in used_by(name))
             raise ParameterError(f"expected a file among {users} for {name}, got {path}: leave out {name}")
 
 
 def options_used(path: str | Path, given: Mapping[str, Any]) -> dict[str, Any]:
     """Those of the options of `Dance.save` that the format of a file uses."""
-    return {name: value for name, value in given.items() if format_of(path) in USED_BY[name]}
+    return {name: value for name, value in given.items() if format_of(path) in used_by(name)}
 
 
 def check_outputs(paths: Sequence[str | Path]) -> None:
     """Raise `ParameterError` before any work if a format is unknown or a folder does not exist."""
     for path in paths:
         as_path("a file to write", path)
-        if format_of(path) not in OUTPUT_FORMATS:
-            raise ParameterError(
-                f"{path}: expected a format among {', '.join(OUTPUT_FORMATS)}, got {format_of(path)!r}"
-            )
-        if format_of(path) == "fbx":
-            require_blender(path)
-        if format_of(path) in ("usda", "usdc"):
-            require_usd(path)
+        format, formats = format_of(path), output_formats()
+        if format not in formats:
+            raise ParameterError(f"{path}: expected a format among {', '.join(formats)}, got {format!r}")
+        if format in writers():
+            writers()[format].check(path)
         check_target(path)
 
 
@@ -214,7 +218,15 @@ def _labels(plan: Plan) -> list[str]:
     return [f"{time:.2f} s   bar {bar} · {number}" for time, bar, number in counts]
 
 
-_SAVERS: dict[str, Callable[[SavedParts, Path, ProgressReport | None], None]] = {
-    "json": _save_plan, "html": _save_page, "mp4": _save_video, "png": _save_strip,
+@dataclass(frozen=True)
+class _Saver:
+    """A format that shows a dance or describes it, and the options of `Dance.save` that it uses."""
+
+    save: Callable[[SavedParts, Path, ProgressReport | None], None]
+    uses: tuple[str, ...] = ()
+
+
+_SAVERS = {
+    "json": _Saver(_save_plan), "html": _Saver(_save_page, ("character",)),
+    "mp4": _Saver(_save_video, ("click",)), "png": _Saver(_save_strip),
 }  # fmt: skip
-OUTPUT_FORMATS = (*FORMATS, *_SAVERS)

@@ -10,7 +10,7 @@ import pytest
 from command_line import assert_one_line, run
 
 from choreograph.cli.main import main
-from choreograph.pipeline.saving import OUTPUT_FORMATS
+from choreograph.pipeline.saving import output_formats
 
 # What each option of files needs beside it, and the formats that it acts on.
 FILE_OPTIONS = {
@@ -95,7 +95,7 @@ def notes_of(monkeypatch, tmp_path, db, song):
 @pytest.mark.parametrize("option", FILE_OPTIONS)
 def test_an_option_of_files_is_used_refused_or_noted(notes_of, option):
     values, used = FILE_OPTIONS[option]
-    for suffixes in [*product(OUTPUT_FORMATS), *combinations(OUTPUT_FORMATS, 2)]:
+    for suffixes in [*product(output_formats()), *combinations(output_formats(), 2)]:
         result, notes = notes_of(option, *values, *(f"-oa.{suffix}" for suffix in suffixes))
         unused = [suffix for suffix in suffixes if suffix not in used]
         if len(unused) == len(suffixes):

@@ -13,7 +13,6 @@ from synthetic_motions import swaying
 
 from choreograph.core.counts import ANNOTATED, Figure
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.formats import register as importers
 from choreograph.formats.npz import read_npz
 from choreograph.formats.register import import_takes, save_motion
 from choreograph.motion import rotations as rot
@@ -270,24 +269,6 @@ def test_an_unknown_layout_lists_the_known_ones(tmp_path):
             list(import_takes(source))
     with pytest.raises(ParameterError, match="no such"):
         list(import_takes(tmp_path / "none"))
-
-
-def test_an_importer_can_be_added(tmp_path, monkeypatch):
-    class Mine:
-        LAYOUT = "mine"
-
-        def detect(self, path):
-            return path.suffix == ".mine"
-
-        def read(self, path):
-            from choreograph.motion.motion import Credits, Take
-
-            return [Take("x", MOTION, Credits(), source_paths=(path,))]
-
-    monkeypatch.setattr(importers, "_registered", [])
-    importers.register(Mine())
-    (tmp_path / "a.mine").touch()
-    assert [take.name for take in import_takes(tmp_path / "a.mine")] == ["x"]
 
 
 def test_bodies_beyond_reach_are_refused(tmp_path):

@@ -17,7 +17,7 @@ from choreograph.core.counts import numbers_in_bar
 from choreograph.core.errors import ParameterError
 from choreograph.formats.bvh import BvhOptions
 from choreograph.formats.register import import_takes, save_motion
-from choreograph.pipeline.saving import OUTPUT_FORMATS, SavedParts, is_saved_dance, save_dance
+from choreograph.pipeline.saving import SavedParts, is_saved_dance, output_formats, save_dance
 from choreograph.view import renderer as strip
 from choreograph.view.video import write_video
 
@@ -76,7 +76,7 @@ USED = {
 
 
 def test_the_table_of_formats_is_whole():
-    assert set(USED) == set(OUTPUT_FORMATS)
+    assert set(USED) == set(output_formats())
     assert set(OPTIONS) == set(inspect.signature(cg.Dance.save).parameters) - {"self", "path", "report"}
 
 
@@ -104,7 +104,7 @@ def test_an_option_that_a_format_does_not_use_is_refused(tmp_path, monkeypatch, 
     assert getattr(parts, field) is not getattr(without, field)
 
 
-@pytest.mark.parametrize("suffix", OUTPUT_FORMATS)
+@pytest.mark.parametrize("suffix", output_formats())
 def test_dances_are_known_by_their_files(made, tmp_path, suffix):
     path = tmp_path / f"a.{suffix}"
     if suffix == "fbx":

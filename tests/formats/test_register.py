@@ -1,0 +1,100 @@
+"""The register of formats: what is built in, and what another package adds by an entry point."""
+
+from __future__ import annotations
+
+import pytest
+from click.testing import CliRunner
+from installed_packages import installed_package
+from synthetic_motions import stepping
+
+from choreograph.cli.main import main
+from choreograph.core.errors import ParameterError
+from choreograph.formats import BUILTIN, builtin_formats, motion_suffixes, writers
+from choreograph.formats.register import get_writer, import_takes, save_motion
+from choreograph.pipeline.saving import output_formats, used_by
+
+SOURCE = """
+from choreograph.formats.npz import NpzWriter, read_npz
+from choreograph.formats.writer import Writer
+from choreograph.motion.motion import Credits, Take
+
+LAYOUT = "a single NAME.mine"
+SUFFIXES = (".mine",)
+
+
+def detect(path):
+    return path.is_file() and path.suffix == ".mine"
+
+
+def read(path):
+    yield Take(path.stem, read_npz(path), Credits(), source_paths=(path,))
+
+
+class MineWriter(Writer):
+    format = "mine"
+    uses = ("character",)
+
+    def write(self, motion, path):
+        with path.open("wb") as file:
+            NpzWriter().write(motion, file)
+
+
+WRITERS = (MineWriter,)
+"""
+
+
+@pytest.fixture
+def mine(tmp_path):
+    entry_points = "[choreograph.formats]\nmine = mine_format\n"
+    with installed_package(tmp_path / "site", "mine_format", SOURCE, entry_points):
+        yield
+
+
+def test_every_built_in_format_reads_or_writes():
+    for name, module in zip(BUILTIN, builtin_formats(), strict=True):
+        assert hasattr(module, "WRITERS") or (module.LAYOUT and module.detect and module.read), name
+    assert tuple(writers()) == ("bvh", "npz", "glb", "vrma", "usda", "usdc", "fbx")
+    assert set(motion_suffixes()) == {".bvh", ".c3d", ".glb", ".gltf", ".vrma", ".npz", ".fbx"}
+
+
+def test_another_package_adds_a_reader_and_a_writer(mine, tmp_path):
+    (tmp_path / "takes").mkdir()
+    for name in ("a.mine", "b.bvh"):
+        save_motion(tmp_path / "takes" / name, stepping(30))
+    (tmp_path / "takes" / "a.wav").touch()
+    assert [take.name for take in import_takes(tmp_path / "takes" / "a.mine")] == ["a"]
+    takes = list(import_takes(tmp_path / "takes"))
+    assert [take.name for take in takes] == ["a", "b"]
+    assert takes[0].song_name == "a"
+    assert "mine" in output_formats()
+    assert "mine" in used_by("character")
+    assert "mine" in used_by("loop")
+    assert "mine" not in used_by("bvh")
+
+
+def test_commands_write_a_format_of_another_package(mine, tmp_path):
+    save_motion(tmp_path / "a.bvh", stepping(30))
+    done = CliRunner().invoke(main, ["convert", str(tmp_path / "a.bvh"), str(tmp_path / "b.mine")])
+    assert done.exit_code == 0, done.output
+    (take,) = import_takes(tmp_path / "b.mine")
+    assert take.motion.n_frames == 30
+
+
+def test_without_the_package_its_format_is_unknown(tmp_path):
+    with pytest.raises(ParameterError, match=r"a motion format among bvh, .*fbx, got 'mine'"):
+        get_writer("mine")
+
+
+def test_a_package_that_cannot_be_loaded_is_named(tmp_path):
+    entry_points = "[choreograph.formats]\nmine = broken_format:Gone\n"
+    with (
+        installed_package(tmp_path, "broken_format", "import no_such_module_at_all", entry_points),
+        pytest.raises(ParameterError, match=r"broken_format:Gone .* update or uninstall broken_format"),
+    ):
+        get_writer("bvh")
+
+
+def test_the_help_of_dance_and_convert_names_every_format():
+    for command, formats in (("dance", output_formats()), ("convert", tuple(writers()))):
+        shown = CliRunner().invoke(main, [command, "--help"]).output
+        assert not [name for name in formats if f".{name}" not in shown]
