@@ -17,10 +17,11 @@ from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, read_text
 from choreograph.core.timebase import NODE_FRAMES, SEGMENT_S
 from choreograph.motion.motion import Credits
-from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig
+from choreograph.settings import DanceConfig
 
 FORMAT = "choreograph-plan"
-VERSION = 7  # every version before it is still read: see `_upgraded`
+VERSION = 1
+_ANEW = "make it anew with `choreograph dance SONG -o plan.json`"
 _TOUCH_S = 1e-3  # words that meet this closely leave no gap
 
 
@@ -194,33 +195,17 @@ class Plan:
             data = json.loads(text)
         except (ValueError, RecursionError) as error:
             raise FormatError(f"{name}: expected a plan (JSON), could not parse it: {error}") from error
-        if (
-            not isinstance(data, dict)
-            or data.get("format") != FORMAT
-            or data.get("version") not in range(1, VERSION + 1)
-        ):
-            raise FormatError(
-                f"{name}: expected a {FORMAT} of version 1 to {VERSION}, got {reprlib.repr(data)}"
-            )
-        if data["version"] == 1:
-            data = {"engine": "graph", "words": [], **data}
-        version = data["version"]
-        if version < 5:
-            data = {"music_beat_numbers": [], "metre": 0, "opening_s": 0.0, "closing_s": None, **data}
-        if version < 6:
-            data = {"lock_feet": True, "keep_on_stage": True, **data}
-        if version < 7 and isinstance(data.get("words"), list):
-            data["words"] = [{"kept": "", **w} if isinstance(w, dict) else w for w in data["words"]]
-        data = {key: value for key, value in data.items() if key not in ("format", "version")}
-        lists = {key: data.pop(key, None) for key in ("seconds", "words")}
-        for key, entries in lists.items():
-            if not isinstance(entries, list):
-                raise FormatError(f"{name}: expected a list of {key}, got {reprlib.repr(entries)}")
-        if version < VERSION:
-            lists["seconds"] = [_upgraded(entry, data.get("blending")) for entry in lists["seconds"]]
-        seconds = tuple(_second(entry, name, index) for index, entry in enumerate(lists["seconds"]))
-        words = tuple(_word(entry, f"{name}: word {index}") for index, entry in enumerate(lists["words"]))
-        plan = cls(**_known(cls, data, name, except_for=("seconds", "words")), seconds=seconds, words=words)
+        return cls._of_data(_of_this_version(data, name), name)
+
+    @classmethod
+    def _of_data(cls, data: dict[str, Any], name: str) -> Plan:
+        for key in ("seconds", "words"):
+            if not isinstance(data.get(key), list):
+                raise FormatError(f"{name}: expected a list of {key}, got {reprlib.repr(data.get(key))}")
+        known = _known(cls, data, name, except_for=("seconds", "words"))
+        seconds = tuple(_second(entry, name, index) for index, entry in enumerate(data["seconds"]))
+        words = tuple(_word(entry, f"{name}: word {index}") for index, entry in enumerate(data["words"]))
+        plan = cls(**known, seconds=seconds, words=words)
         plan._check(name)
         return plan
 
@@ -323,21 +308,15 @@ def _source_s(second: PlannedSecond, at_s: float) -> float:
     return inside + before * (times_s[1] - times_s[0]) + beyond * (times_s[-1] - times_s[-2])
 
 
-def _upgraded(entry: Any, blending: Any) -> Any:
-    """A second of an older version as one of today's.
-
-    Versions 1 and 2 have no transition of their own: it begins on the second. Version 3 calls its start
-    `begins_s` and its length `fade_s`.
-    """
-    if not isinstance(entry, dict) or not isinstance(blending, str):
-        return entry
-    # The plan's own check reports an unknown blending.
-    transition_s = TRANSITION_LENGTHS_S.get(blending, TRANSITION_LENGTHS_S["inertial"])[0]
-    renamed = {_RENAMED_IN_4.get(key, key): value for key, value in entry.items()}
-    return {"start_s": entry.get("second"), "transition_s": transition_s, **renamed}
-
-
-_RENAMED_IN_4 = {"begins_s": "start_s", "fade_s": "transition_s"}
+def _of_this_version(data: Any, name: str) -> dict[str, Any]:
+    """The fields of a plan's JSON; `FormatError` if it is no plan, or one of another version."""
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise FormatError(f"{name}: expected a {FORMAT}, got {reprlib.repr(data)}")
+    version = data.get("version")
+    if version != VERSION or isinstance(version, bool):
+        got = reprlib.repr(version)
+        raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION}, got version {got}: {_ANEW}")
+    return {key: value for key, value in data.items() if key not in ("format", "version")}
 
 
 def _second(entry: Any, name: str, index: int) -> PlannedSecond:
@@ -380,7 +359,7 @@ def _known(kind: type, data: Any, where: str, *, except_for: tuple[str, ...] = (
         if key in except_for:
             continue
         if key not in data:
-            raise FormatError(f"{where}: expected a key {key}, got none: it is missing")
+            raise FormatError(f"{where}: expected a key {key}, got none: {_ANEW}")
         value = data[key]
         if not _IS_A[declared](value):
             raise FormatError(f"{where}: expected {key} as {declared}, got {reprlib.repr(value)}")

@@ -44,7 +44,7 @@ def read_key(study: Path) -> dict:
 def rating(key: Mapping, answers: Mapping, *, rater: int = 1, save: int = 1, **changed) -> dict:
     """A rater's file, as the page saves it."""
     return {
-        "format": "choreograph-rating", "version": 2, "study": key["study"], "rater_id": f"{rater:016x}",
+        "format": "choreograph-rating", "version": 1, "study": key["study"], "rater_id": f"{rater:016x}",
         "rater_name": "", "save": save, "answers": answers, **changed,
     }  # fmt: skip
 

@@ -81,7 +81,7 @@ def dances_of(dances: Iterable[MeasuredDance], variant: str) -> list[MeasuredDan
 
 
 FORMAT = "choreograph-evaluation"
-VERSION = 2
+VERSION = 1
 
 
 @dataclass(frozen=True)

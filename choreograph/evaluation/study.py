@@ -147,7 +147,7 @@ def mixed_order(songs: Sequence[str], rng: np.random.Generator) -> NDArray[np.in
 PAGE_NAME = "study.html"
 KEY_NAME = "key.json"
 KEY_FORMAT = "choreograph-study-key"
-VERSION = 2  # of key and ratings; 1 has no pairs
+VERSION = 1  # of key and ratings
 _KEY_NOTE = "Which dance is of which variant: keep this file from the raters, and give them study.html only."
 _FPS = 60.0
 _PLAYER = (

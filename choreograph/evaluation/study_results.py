@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import reprlib
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -22,7 +23,6 @@ from choreograph.evaluation.study import KEY_FORMAT, KEY_NAME, PAIR_QUESTIONS, Q
 
 RATING_FORMAT = "choreograph-rating"
 MAX_POINTS = 5
-_VERSIONS = range(1, VERSION + 1)
 _RATING_KEYS = {"format", "version", "study", "rater_id", "rater_name", "save", "answers"}
 _DANCE_KEYS = {"dance", "variant", "song", "number", "start_s"}
 _PAIR_KEYS = {"pair", "dances", "questions"}
@@ -65,8 +65,7 @@ class StudyKey:
 def read_key(path: Path) -> StudyKey:
     """The key of a study; `FormatError` if it is missing or damaged."""
     data = _read_json(path, "the key of a rating study")
-    if data.get("format") != KEY_FORMAT or data.get("version") not in _VERSIONS:
-        raise FormatError(f"{path}: expected a {KEY_FORMAT} of version {VERSION}, got something else")
+    _check_format(path, data, KEY_FORMAT, "make the study anew with `choreograph study write`")
     questions, dances, study = data.get("questions"), data.get("dances"), data.get("study")
     known = {question.id for question in QUESTIONS}
     if not (isinstance(questions, list) and all(q in known for q in map(str, questions))):
@@ -84,10 +83,20 @@ def read_key(path: Path) -> StudyKey:
         )
     if not len(dances) == len(entries) == len(set(entries.values())):
         raise FormatError(f"{path}: expected every dance once: the key is damaged")
-    pairs = _pairs(path, data.get("pairs", []), entries)
+    pairs = _pairs(path, data.get("pairs"), entries)
     if not (questions or pairs):
         raise FormatError(f"{path}: expected questions about dances or pairs of dances: the key is damaged")
     return StudyKey(study, tuple(questions), entries, pairs)
+
+
+def _check_format(path: Path, data: Mapping[str, Any], expected: str, cure: str) -> None:
+    """`FormatError` unless a file is of a format in this version; it says how to make the file anew."""
+    if data.get("format") != expected:
+        raise FormatError(f"{path}: expected a {expected}, got something else")
+    version = data.get("version")
+    if version != VERSION or isinstance(version, bool):
+        got = reprlib.repr(version)
+        raise FormatError(f"{path}: expected a {expected} of version {VERSION}, got version {got}: {cure}")
 
 
 def _pairs(path: Path, pairs: Any, dances: Mapping[str, DanceEntry]) -> dict[str, PairEntry]:
@@ -133,8 +142,7 @@ def read_ratings(folder: Path, key: StudyKey) -> Answers:
 
 def _checked_rating(path: Path, key: StudyKey) -> dict[str, Any]:
     data = _read_json(path, "a rater's file")
-    if data.get("format") != RATING_FORMAT or data.get("version") not in _VERSIONS:
-        raise FormatError(f"{path}: expected a {RATING_FORMAT} of version {VERSION}, got something else")
+    _check_format(path, data, RATING_FORMAT, "rate the dances again in a study of `choreograph study write`")
     if set(data) != _RATING_KEYS:
         wrong = sorted(set(data) ^ _RATING_KEYS)[0]
         raise FormatError(f"{path}: the key {wrong!r} is {'unknown' if wrong in data else 'missing'}")

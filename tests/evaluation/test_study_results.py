@@ -130,8 +130,8 @@ BROKEN_RATINGS = {
     "truncated": lambda key: json.dumps(rating(key, {}))[:40],
     "not JSON": lambda key: "<html>",
     "a list": lambda key: [],
-    "foreign": lambda key: {"format": "choreograph-plan", "version": 2},
-    "of a later version": lambda key: rating(key, {}, version=3),
+    "foreign": lambda key: {"format": "choreograph-plan", "version": 1},
+    "of a later version": lambda key: rating(key, {}, version=2),
     "without a key": lambda key: {k: v for k, v in rating(key, {}).items() if k != "save"},
     "with another key": lambda key: rating(key, {}, more=1),
     "of another study": lambda key: rating(key, {}, study="0" * 16),
@@ -208,12 +208,14 @@ def test_a_preference_by_hand(pairs):
     assert (preference.share, preference.n_answers) == (0.75, 4)
 
 
-def test_a_study_of_version_1_is_still_read(study):
-    key = {k: v for k, v in read_key(study).items() if k != "pairs"} | {"version": 1}
-    write_rating(study, key, "key.json")
-    write_rating(study, rating(key, answers_for(key, dict.fromkeys(VARIANTS, 3)), version=1))
-    results = read_study(study)
-    assert {score.mean for score in results.scores} == {3.0} and results.preferences == ()
+def test_other_versions_are_refused_with_the_command_that_makes_a_study_anew(study):
+    key = read_key(study)
+    write_rating(study, rating(key, {}, version=2))
+    with pytest.raises(FormatError, match=r"version 1, got version 2: rate .* `choreograph study write`"):
+        read_study(study)
+    write_rating(study, key | {"version": 2}, "key.json")
+    with pytest.raises(FormatError, match=r"version 1, got version 2: make .* `choreograph study write`"):
+        read_study(study)
 
 
 BROKEN_PAIRS = {

@@ -48,7 +48,7 @@ export class Answers extends EventTarget {
     this.#store();
     const { rater_id, rater_name, save, answers } = this.state;
     const rating = {
-      format: "choreograph-rating", version: 2, study: this.study.study, rater_id, rater_name, save, answers,
+      format: "choreograph-rating", version: 1, study: this.study.study, rater_id, rater_name, save, answers,
     };
     return { name: `rating-${rater_id}.json`, text: `${JSON.stringify(rating, null, 1)}\n` };
   }
