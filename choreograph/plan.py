@@ -22,6 +22,7 @@ from choreograph.settings import DanceConfig
 FORMAT = "choreograph-plan"
 VERSION = 1
 _ANEW = "make it anew with `choreograph dance SONG -o plan.json`"
+_SETTINGS = ("engine", "planner", "blending", "fps", "seed")  # that a plan holds, named as in `DanceConfig`
 _TOUCH_S = 1e-3  # words that meet this closely leave no gap
 
 
@@ -218,13 +219,7 @@ class Plan:
         if self.start_s < 0:
             raise FormatError(f"{name}: expected a start_s of 0 or more, got {self.start_s}")
         try:
-            DanceConfig(
-                engine=self.engine,
-                planner=self.planner,
-                blending=self.blending,
-                fps=self.fps,
-                seed=self.seed,
-            )
+            DanceConfig(**{name: getattr(self, name) for name in _SETTINGS})
         except ParameterError as error:
             raise FormatError(f"{name}: {error}") from error
         if self.duration_s <= 0:

@@ -5,30 +5,28 @@ from __future__ import annotations
 import reprlib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from choreograph.core.arguments import as_whole, check_choice, check_kind, check_text, is_number, unexpected
+from choreograph.core.arguments import check_text, is_number, unexpected
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_text
+from choreograph.core.settings import Range, settings
 from choreograph.nets.configs import density_config
 
-# Settings of a dance: one dataclass, read from TOML; an unknown key is an error.
-
-
-ENGINES = ("graph", "mixer", "rollout")
-PLANNERS = ("exact", "greedy", "motion-graph")
-SELECTIONS = ("genre", "style", "random")
-WARPINGS = ("counts", "dtw", "none")
-BLENDINGS = ("inertial", "linear")
-TRANSITION_PLACEMENTS = ("beats", "seconds")
-DENSITIES = ("repertoire", "learned")
-TIME_MAPS = ("smooth", "raw")
-MOTIF_DRAWS = ("missing", "absolute")
-STYLE_WINDOWS = ("smooth", "hamming")
+EngineName = Literal["graph", "mixer", "rollout"]
+Planner = Literal["exact", "greedy", "motion-graph"]
+Selection = Literal["genre", "style", "random"]
+Warping = Literal["counts", "dtw", "none"]
+Blending = Literal["inertial", "linear"]
+Transitions = Literal["beats", "seconds"]
+Density = Literal["repertoire", "learned"]
+TimeMaps = Literal["smooth", "raw"]
+MotifDraw = Literal["missing", "absolute"]
+StyleWindow = Literal["smooth", "hamming"]
 MAX_VARIATIONS = 1000  # of one song
 # Lengths a transition may have: inertial to each side, linear in all; the first where none is chosen.
 TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
@@ -42,62 +40,98 @@ DEFAULT_WEIGHTS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
+@settings
 class DanceConfig:
-    """Settings of a dance; field names are the keys of a config file and, with dashes, the CLI's options."""
+    """Settings of a dance.
 
-    engine: str = "graph"  # what a dance is made of: seconds of takes, words of takes, or a network's motion
-    planner: str = "exact"  # graph: exact, greedy or motion-graph; mixer: exact or greedy
-    candidates: int = 512  # K clips warped for each second (graph)
-    selection: str = "genre"  # which clips: at random, at least half of them of the music's genre; or the
-    # nearest in "style", or any at "random" (graph)
-    warping: str = "counts"  # counts to beats, "dtw" of tempo-densities where they are not known or for all,
-    # or "none": as recorded (graph)
-    density: str = "repertoire"  # which the DTW aligns: the repertoire's, or only a "learned" one (graph)
-    time_maps: str = "smooth"  # of the DTW: with beats on beats, or its path as it is, "raw" (graph)
-    blending: str = "inertial"
-    transitions: str = "beats"  # where takes change: on downbeats and beats, or on "seconds" (graph)
-    lock_feet: bool = True  # of the finished dance (graph)
-    hold_ends: bool = True  # a pose before the song's first count, and one after its last (graph)
-    keep_on_stage: bool = True  # by small rotations at transitions (graph)
-    motif_draw: str = "missing"  # motifs that the dance lacks, or as far from the signature either way, the
-    # "absolute" difference of the paper's equation 5 (mixer, rollout)
-    style_strength: float | None = None  # β of equation 4, 40 in the paper; None: the network's (rollout)
-    style_window: str | None = None  # equation 4's γ: "smooth" from word to word, or the paper's "hamming"
-    # in each; None: the network's (rollout)
-    fps: float = 60.0
-    seed: int = 0
-    beats: str | Path = "network"  # a tracker (`song_counts`), or a file of the song's beats
-    weights: Mapping[str, float] = field(
-        default_factory=dict
-    )  # replace DEFAULT_WEIGHTS; custom costs default to 1 (graph)
+    The names of the fields are also the keys of a settings file (TOML) and, with dashes, the options of
+    `choreograph dance`. Each setting says which engines use it. `ParameterError` is raised for a value of
+    another type, an unknown choice, or a number out of range.
+    """
+
+    engine: EngineName = "graph"
+    """What a dance is made of. "graph" joins seconds of takes, "mixer" joins motion words of takes, and
+    "rollout" generates motion with a network. Graph dances are the most like the takes."""
+
+    planner: Planner = "exact"
+    """How the engine searches. "exact" finds the cheapest dance of the whole song. "greedy" takes the
+    cheapest step each time, as ChoreoGraph does. "motion-graph" walks through a graph of similar poses, as
+    a baseline. Used by the graph engine, and without "motion-graph" by the mixer."""
+
+    candidates: Annotated[int, Range(1)] = 512
+    """How many clips are warped for each second. More clips give the planner more choice and take longer.
+    Used by the graph engine."""
+
+    selection: Selection = "genre"
+    """Which clips become candidates. "genre" draws them at random, at least half of them from the genre
+    that suits the music. "style" takes those that are nearest in style, as ChoreoGraph does. "random" draws
+    from all clips. Used by the graph engine."""
+
+    warping: Warping = "counts"
+    """How clips are aligned with the music. "counts" moves the counts of a take onto the beats, and uses
+    "dtw" where a take has no counts. "dtw" aligns tempo-densities by subsequence DTW. "none" plays the
+    clips as they were recorded. Used by the graph engine."""
+
+    density: Density = "repertoire"
+    """Which tempo-density the DTW aligns: the one that the repertoire was built with, or only a "learned"
+    one. With "learned", a repertoire without learned densities is refused. Used by the graph engine."""
+
+    time_maps: TimeMaps = "smooth"
+    """How the path of the DTW is played. "smooth" keeps beats on beats and avoids sudden changes of speed.
+    "raw" plays the path as it is, as ChoreoGraph does. Used by the graph engine."""
+
+    blending: Blending = "inertial"
+    """How takes are joined. "inertial" lets differences of pose and velocity decay on both sides of the
+    join. "linear" is the crossfade of the paper. Used by the graph engine and the mixer."""
+
+    transitions: Transitions = "beats"
+    """When the take changes: on beats, preferably downbeats and borders of figures, or on whole "seconds"
+    as in the paper. Used by the graph engine."""
+
+    lock_feet: bool = True
+    """Whether feet that touch the floor are kept in place. Switch it off to compare with the takes as they
+    are. Used by the graph engine."""
+
+    hold_ends: bool = True
+    """Whether a pose is held before the first count of the song, and another after its last strong count.
+    Used by the graph engine."""
+
+    keep_on_stage: bool = True
+    """Whether small rotations at the joins keep the dancer near the place where the dance begins. Used by
+    the graph engine."""
+
+    motif_draw: MotifDraw = "missing"
+    """How motifs are drawn. "missing" draws motifs that the dance does not yet have as often as its
+    signature asks for. "absolute" weighs them by the absolute difference, which is equation 5 of Rhythm is
+    a Dancer as printed. Used by the mixer and the rollout engine."""
+
+    style_strength: Annotated[float, Range(0, 1000)] | None = None
+    """How much the music changes the style of the motion: β in equation 4 of Rhythm is a Dancer, which uses
+    40. None takes the value that the network was trained with. Used by the rollout engine."""
+
+    style_window: StyleWindow | None = None
+    """How the style changes from word to word: γ in equation 4. "smooth" interpolates, "hamming" fades it
+    in and out in each word as in the paper. None takes what the network was trained with. Used by the
+    rollout engine."""
+
+    fps: Annotated[float, Range(1, 1000)] = 60.0
+    """Frames per second of the dance. Game engines often use 30. Used by all engines."""
+
+    seed: Annotated[int, Range(0)] = 0
+    """Seed of everything that is drawn at random. Another seed gives another dance. Used by all engines."""
+
+    beats: str | Path = "network"
+    """Where the beats of the song come from: the tracker "network", "tempo-path", "librosa" or "beat-this",
+    or the path of a file of beats. Use a file where no tracker is right. Used by all engines."""
+
+    weights: Mapping[str, float] = field(default_factory=dict)
+    """Weights of costs by name, in place of the defaults. 0 leaves a cost out. A cost of your own has the
+    weight 1 unless it is named here. Used by the graph engine."""
 
     def __post_init__(self) -> None:
         from choreograph.library.songs import check_beats
 
-        check_choice("engine", self.engine, ENGINES)
-        check_choice("planner", self.planner, PLANNERS)
-        check_choice("selection", self.selection, SELECTIONS)
-        check_choice("warping", self.warping, WARPINGS)
-        check_choice("density", self.density, DENSITIES)
-        check_choice("time_maps", self.time_maps, TIME_MAPS)
-        check_choice("blending", self.blending, BLENDINGS)
-        check_choice("transitions", self.transitions, TRANSITION_PLACEMENTS)
-        check_choice("motif_draw", self.motif_draw, MOTIF_DRAWS)
-        if self.style_window is not None:
-            check_choice("style_window", self.style_window, STYLE_WINDOWS)
-        strength = self.style_strength
-        if strength is not None and not (is_number(strength) and 0 <= strength <= 1000):
-            raise unexpected("a style_strength from 0 to 1000", strength)
-        for name in ("lock_feet", "hold_ends", "keep_on_stage"):
-            check_kind(name, getattr(self, name), bool)
         check_beats(self.beats)
-        object.__setattr__(self, "candidates", as_whole("candidates of at least 1", self.candidates, least=1))
-        if not (is_number(self.fps) and 1 <= self.fps <= 1000):
-            raise unexpected("fps from 1 to 1000", self.fps)
-        object.__setattr__(self, "seed", as_whole("a seed of 0 or more", self.seed, least=0))
-        if not isinstance(self.weights, Mapping):
-            raise unexpected("weights of cost name to number", self.weights)
         check_text("the cost that a weight is of", *self.weights)
         for name, weight in self.weights.items():
             if not is_number(weight):

@@ -4,8 +4,8 @@
 
 SONGS are dance-with-melody, with repertoires built with `--rollout` and
 `--leave-out @research/dance_with_melody_held_out.txt`: the held-out songs and those without motion. Or
-they are takes that `unseen_starter_takes.py` made, with repertoires of `python -m content.starter --seed N`, and then
-NAMES and FOLDER are as it says. Up to 80 s of each song, danced with its genre given.
+they are takes that `unseen_starter_takes.py` made, with repertoires of `python -m content.starter --seed N`,
+and then NAMES and FOLDER are as it says. Up to 80 s of each song, danced with its genre given.
 
 Each repertoire has its own seed: numbers are mean ± spread over repertoires. A repertoire's χ² is also judged
 by the word network of the next one ("chi2 judged"), which neither asked for its motifs nor taught it.

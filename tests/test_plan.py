@@ -6,6 +6,7 @@ import json
 from dataclasses import fields, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import get_args
 
 import jsonschema
 import pytest
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 from choreograph.core.errors import FormatError
 from choreograph.motion.motion import Credits
 from choreograph.plan import Plan, PlannedSecond, PlannedWord
-from choreograph.settings import ENGINES, PLANNERS
+from choreograph.settings import EngineName, Planner
 
 SCHEMA = json.loads(
     (Path(__file__).resolve().parents[1] / "data_schema" / "plan.schema.json").read_text(encoding="utf-8")
@@ -175,8 +176,8 @@ def test_the_schema_matches_the_plan():
     assert set(of_word["properties"]) == set(of_word["required"]) == {f.name for f in fields(PlannedWord)}
     credit_keys = {f.name for f in fields(Credits)}
     assert set(SCHEMA["$defs"]["credits"]["properties"]) == credit_keys
-    assert tuple(SCHEMA["properties"]["engine"]["enum"]) == ENGINES
-    assert tuple(SCHEMA["properties"]["planner"]["enum"]) == PLANNERS
+    assert tuple(SCHEMA["properties"]["engine"]["enum"]) == get_args(EngineName)
+    assert tuple(SCHEMA["properties"]["planner"]["enum"]) == get_args(Planner)
 
 
 def edited(**changes) -> str:

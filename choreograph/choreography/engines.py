@@ -15,7 +15,7 @@ from choreograph.choreography.engine import DanceRequest, Engine, EngineResult, 
 from choreograph.choreography.graph.engine import GraphEngine
 from choreograph.choreography.mixer.engine import MixerEngine
 from choreograph.choreography.rollout.engine import RolloutEngine
-from choreograph.settings import DanceConfig
+from choreograph.settings import DanceConfig, EngineName
 
 ENGINES: dict[str, Engine] = {
     engine.name: engine for engine in (GraphEngine(), MixerEngine(), RolloutEngine())
@@ -24,8 +24,8 @@ ENGINES: dict[str, Engine] = {
 __all__ = ["ENGINES", "DanceRequest", "Engine", "EngineResult", "check_settings", "engine_name"]
 
 
-def engine_name(config: DanceConfig, given: str | None, constraints: Constraints) -> str:
+def engine_name(config: DanceConfig, given: EngineName | None, constraints: Constraints) -> EngineName:
     """The given engine; by default `config`'s, or the mixer for a whole sequence of motifs."""
     if given is not None:
         return given
-    return MixerEngine.name if constraints.motifs and config.engine == GraphEngine.name else config.engine
+    return "mixer" if constraints.motifs and config.engine == GraphEngine.name else config.engine

@@ -22,12 +22,12 @@ from choreograph.core.files import check_target
 
 if TYPE_CHECKING:
     from choreograph.characters.gltf_character import GltfCharacter
-    from choreograph.formats.bvh import BvhOptions
+    from choreograph.formats.bvh import BvhOptions, Naming, RestPose
     from choreograph.motion.motion import Motion
 
 _FILE = click.Path(path_type=Path)
-NAMINGS = ("smpl", "mixamo", "ue", "vrm", "rigify")
-RESTS = ("t", "a")
+NAMINGS: tuple[Naming, ...] = ("smpl", "mixamo", "ue", "vrm", "rigify")
+RESTS: tuple[RestPose, ...] = ("t", "a")
 UNITS = {"cm": 100.0, "m": 1.0}  # units of a .bvh, of which a metre has so many
 
 
@@ -44,7 +44,7 @@ def bvh_options(command: Callable) -> Callable:
     return command
 
 
-def bvh_of(naming: str | None, units: str | None, rest: str | None, in_place: bool) -> BvhOptions:
+def bvh_of(naming: Naming | None, units: str | None, rest: RestPose | None, in_place: bool) -> BvhOptions:
     """How .bvh files are written."""
     from choreograph.formats.bvh import BvhOptions
 

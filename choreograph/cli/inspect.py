@@ -1,18 +1,24 @@
-"""`choreograph inspect`: show what a repertoire holds."""
+"""`choreograph inspect`, `songs` and `settings`: a repertoire's content, the built-in songs, all settings."""
 
 from __future__ import annotations
 
 import json
+import os
+import shutil
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from choreograph.cli.present import Command, check_outputs_apart, examples, say
+from choreograph.cli.present import Command, check_outputs_apart, examples, given_options, say, show_notes
 from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ParameterError
-from choreograph.core.files import check_target
+from choreograph.core.files import atomic_path, check_target, free_names, sha256_of
+
+if TYPE_CHECKING:
+    from choreograph.core.settings import Setting
 
 _N_COMMON = 5  # motifs shown of each genre
 
@@ -193,3 +199,98 @@ def _vocabulary_text(vocabulary: dict[str, Any]) -> list[str]:
             ]
             lines.append(f"  {genre:<{width}}" + "".join(cells))
     return lines
+
+
+@click.command(
+    cls=Command,
+    epilog=examples(
+        "choreograph songs                       their names and paths",
+        "choreograph songs --copy .              copies all of them here",
+        "choreograph dance $(choreograph songs --path house) --open",
+    ),
+)
+@click.option(
+    "--copy", "folder", type=click.Path(path_type=Path), metavar="FOLDER", help="Copy them to a folder."
+)
+@click.option("--path", "name", metavar="NAME", help="Print the path of this song.")
+@click.option("--json", "as_json", is_flag=True, help="Print names and paths as JSON.")
+def songs(folder, name, as_json) -> None:
+    """List the built-in songs. The project made them; use them as you like."""
+    from choreograph.library.builtin import example_songs
+
+    paths = example_songs()
+    if name is not None:
+        if len(given := given_options()) > 1:
+            raise ParameterError(f"expected --path alone, got {', '.join(given)}")
+        if name not in paths:
+            raise ParameterError(f"expected a song among {', '.join(paths)}, got {name!r}")
+        click.echo(paths[name])
+        return
+    if folder is not None:
+        paths = {song: _copied(path, folder / path.name) for song, path in paths.items()}
+    if as_json:
+        click.echo(json.dumps({song: str(path) for song, path in paths.items()}, indent=1))
+        return
+    width = max(map(len, paths), default=0)
+    for song, path in paths.items():
+        say(f"{song:<{width}}  {path}")
+
+
+def _copied(song: Path, target: Path) -> Path:
+    """The copy of a song, under another name than `target` where that is another file."""
+    [path] = free_names([target], lambda at: os.path.lexists(at) and not _is_copy(at, song))
+    if path != target:
+        show_notes([f"{target} is another file and is kept: the song is copied to {path}"])
+    if not path.exists():
+        with atomic_path(path) as temporary:
+            shutil.copyfile(song, temporary)
+    return path
+
+
+def _is_copy(path: Path, song: Path) -> bool:
+    return path.is_file() and sha256_of(path) == sha256_of(song)
+
+
+@click.command(
+    cls=Command,
+    epilog=examples(
+        "choreograph settings                    what each setting does, with its default",
+        "choreograph settings selection          only this one",
+        "choreograph settings --build            the settings of build-db",
+        "choreograph settings --toml > mine.toml    for `choreograph dance --config`",
+    ),
+)
+@click.argument("name", required=False)
+@click.option("--build", is_flag=True, help="Settings of build-db instead of those of dance.")
+@click.option("--toml", is_flag=True, help="Print a settings file with all defaults, to be edited.")
+def settings(name, build, toml) -> None:
+    """Explain the settings of a dance: what each does, its unit, range and default.
+
+    They are options of the command, parameters in Python, and keys of the TOML file of `dance --config`.
+    """
+    from choreograph.core.settings import described
+    from choreograph.library.building.options import BuildOptions
+    from choreograph.settings import DanceConfig
+
+    found = {setting.name: setting for setting in described(BuildOptions if build else DanceConfig)}
+    if name is not None:
+        if name.replace("-", "_") not in found:
+            raise ParameterError(f"expected a setting among {', '.join(found)}, got {name!r}")
+        found = {name: found[name.replace("-", "_")]}
+    if toml and build:
+        raise ParameterError("expected --toml without --build, got both: build-db reads no settings file")
+    for setting in found.values():
+        if toml:
+            click.echo("\n".join(_as_toml(setting)))
+        else:
+            click.echo(f"{setting.name}: {setting.kind}, default {setting.default!r}")
+            click.echo(click.wrap_text(setting.text, 100, "    ", "    ") + "\n")
+
+
+def _as_toml(setting: Setting) -> list[str]:
+    """A setting as lines of a TOML file, a comment if its default is None."""
+    text = click.wrap_text(setting.text, 100, "# ", "# ").splitlines()
+    if isinstance(setting.default, Mapping):
+        return [*text, f"[{setting.name}]", ""]
+    value = "" if setting.default is None else json.dumps(setting.default)
+    return [*text, f"{setting.name} = {value}" if value else f"# {setting.name} =", ""]

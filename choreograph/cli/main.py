@@ -86,7 +86,7 @@ def _log_folders() -> list[Path]:
 _COMMANDS = {
     "build-db": "build_db", "convert": "characters:convert",
     "dance": "dance", "evaluate": "evaluate", "inspect": "inspect", "retarget": "characters:retarget",
-    "songs": "songs", "study": "study",
+    "settings": "inspect:settings", "songs": "inspect:songs", "study": "study",
 }  # fmt: skip
 
 

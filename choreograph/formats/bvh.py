@@ -6,16 +6,18 @@ import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.arguments import as_number, check_choice, check_kind
+from choreograph.core.arguments import as_number
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.numerics import frame_blocks
+from choreograph.core.settings import settings
 from choreograph.formats.axes_and_units import known_roles, rotation_to_y_up, to_rotated_axes, unit_m
 from choreograph.formats.bvh_text import BvhText, parse_bvh, read_text
-from choreograph.formats.writer import NAMES, REST_POSES, Writer, renamed, with_rest_pose, word_of
+from choreograph.formats.writer import Writer, renamed, with_rest_pose, word_of
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import PosedBones, take_bones
 from choreograph.motion.kinematics import forward
@@ -213,23 +215,31 @@ DANCE_DIGITS = "000"
 _ORDERS = tuple("".join(axes) for axes in itertools.permutations("XYZ"))
 
 
-@dataclass(frozen=True)
-class BvhOptions:
-    """Options of a BVH file. Raises `ParameterError` for an invalid field."""
+Naming = Literal["smpl", "mixamo", "ue", "vrm", "rigify"]
+RestPose = Literal["t", "a"]
 
-    units_per_m: float = 100.0  # centimetres, as most programs expect
-    order: str = "ZXY"  # of the rotation channels
-    naming: str = "smpl"  # of the joints: see `formats.writer`
-    in_place: bool = False  # the hips stay above where they begin
-    rest: str | None = None  # pose of the hierarchy: see `formats.writer`; None: the skeleton's own
+
+@settings
+class BvhOptions:
+    """Options of a BVH file. `ParameterError` is raised for a field that cannot be used."""
+
+    units_per_m: float = 100.0
+    """How many units of the file are a metre. 100 writes centimetres, as most programs expect."""
+
+    order: Literal["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"] = "ZXY"
+    """Order of the rotation channels. Change it for programs that expect another one."""
+
+    naming: Naming = "smpl"
+    """Whose joint names are written. Choose those of the program or rig that reads the file."""
+
+    in_place: bool = False
+    """Whether the hips stay above the place where they begin, so that a game can move the character."""
+
+    rest: RestPose | None = None
+    """Rest pose of the hierarchy, a standing T or A pose. None keeps that of the skeleton."""
 
     def __post_init__(self) -> None:
-        check_choice("a rotation order", self.order, _ORDERS)
         as_number("a positive number of units per metre", self.units_per_m, above=0.0)
-        check_choice("names", self.naming, NAMES)
-        check_kind("in_place", self.in_place, bool)
-        if self.rest is not None:
-            check_choice("a rest pose", self.rest, REST_POSES)
 
 
 class BvhWriter(Writer):

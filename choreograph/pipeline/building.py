@@ -15,7 +15,15 @@ from choreograph.core.files import as_path, atomic_path
 from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import ProgressReport
 from choreograph.library.building.build import build_repertoire
-from choreograph.library.building.options import BuildOptions, BuildResult
+from choreograph.library.building.options import (
+    BuildOptions,
+    BuildResult,
+    Density,
+    Device,
+    Preset,
+    Pretrained,
+    Tracker,
+)
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits, Take
 from choreograph.music.synthesis.song import STYLES, render_song, write_song
@@ -148,18 +156,18 @@ def build(
     sources: str | Path | Iterable[str | Path],
     output: str | Path,
     *,
-    preset: str = "small",
-    density: str = "analytic",
+    preset: Preset = "small",
+    density: Density = "analytic",
     seed: int = 0,
-    device: str = "auto",
-    beats: str = BuildOptions.beats,
+    device: Device = "auto",
+    beats: Tracker = "network",
     resume: bool = False,
     init_from: str | Path | None = None,
-    pretrained: str = BuildOptions.pretrained,
+    pretrained: Pretrained = "default",
     keep_networks: bool = False,
     compress: bool = False,
     rollout: bool = False,
-    rollout_teacher: bool = BuildOptions.rollout_teacher,
+    rollout_teacher: bool = True,
     leave_out: Sequence[str] = (),
     skip_bad: bool = False,
     lock_feet: bool = True,

@@ -40,7 +40,19 @@ from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan import Plan
 from choreograph.render.filled_gaps import Loop, looped
 from choreograph.render.rendering import render
-from choreograph.settings import DanceConfig
+from choreograph.settings import (
+    Blending,
+    DanceConfig,
+    Density,
+    EngineName,
+    MotifDraw,
+    Planner,
+    Selection,
+    StyleWindow,
+    TimeMaps,
+    Transitions,
+    Warping,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,21 +152,21 @@ def dance(
     song: str | Path | Song,
     repertoire: str | Path | Repertoire | None = None,
     *,
-    engine: str | None = None,
-    planner: str | None = None,
+    engine: EngineName | None = None,
+    planner: Planner | None = None,
     candidates: int | None = None,
-    selection: str | None = None,
-    warping: str | None = None,
-    density: str | None = None,
-    time_maps: str | None = None,
-    blending: str | None = None,
-    transitions: str | None = None,
+    selection: Selection | None = None,
+    warping: Warping | None = None,
+    density: Density | None = None,
+    time_maps: TimeMaps | None = None,
+    blending: Blending | None = None,
+    transitions: Transitions | None = None,
     lock_feet: bool | None = None,
     hold_ends: bool | None = None,
     keep_on_stage: bool | None = None,
-    motif_draw: str | None = None,
+    motif_draw: MotifDraw | None = None,
     style_strength: float | None = None,
-    style_window: str | None = None,
+    style_window: StyleWindow | None = None,
     fps: float | None = None,
     seed: int | None = None,
     beats: str | Path | None = None,
@@ -250,7 +262,7 @@ def _configured(
     config: DanceConfig,
     settings: Mapping[str, Any],
     weights: Mapping[str, float] | None,
-    engine: str | None,
+    engine: EngineName | None,
     requested: Constraints,
     beside: Mapping[str, bool],
 ) -> DanceConfig:

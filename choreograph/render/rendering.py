@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.arguments import check_function, check_kind, unexpected
+from choreograph.core.arguments import check_choice, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import default_numerics, frame_blocks
 from choreograph.core.progress import StepReport, part
@@ -34,7 +35,7 @@ from choreograph.render.runs import (
     words_to_runs,
 )
 from choreograph.render.transitions import blend_transition
-from choreograph.settings import BLENDINGS, TRANSITION_LENGTHS_S
+from choreograph.settings import TRANSITION_LENGTHS_S, Blending
 
 # The first and the last pose of a dance, held until its first count and from its last one on.
 
@@ -99,8 +100,7 @@ def assemble(
 
     Raises `ParameterError` for an unknown blending, or if there is no run.
     """
-    if blending not in BLENDINGS:
-        raise ParameterError(f"expected a blending among {', '.join(BLENDINGS)}, got {blending!r}")
+    check_choice("a blending", blending, get_args(Blending))
     longest_s = max((*TRANSITION_LENGTHS_S[blending], *(run.transition_s or 0.0 for run in runs)))
     margin = max(2, seconds_to_frames(longest_s + 0.05, fps))  # frames: velocities need two beyond the end
     total = seconds_to_frames(runs[-1].stop_s, fps) if runs else 0

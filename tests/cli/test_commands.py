@@ -16,9 +16,11 @@ from synthetic_repertoire import write_clicks
 
 import choreograph as cg
 from choreograph.core.errors import ParameterError
+from choreograph.core.settings import described
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.formats.register import save_motion
 from choreograph.library.repertoire import Repertoire
+from choreograph.settings import DanceConfig, load_config
 
 pytestmark = pytest.mark.slow
 
@@ -307,3 +309,19 @@ def test_counts_are_shown_written_and_imported_again(tmp_path):
 
 def test_help_names_both_sources_of_counted_takes():
     assert "dance-with-melody/ choreonet/" in run("build-db", "--help").output
+
+
+def test_settings_are_explained():
+    shown = run("settings").output
+    for setting in described(DanceConfig):
+        assert f"{setting.name}: {setting.kind}, default {setting.default!r}" in shown
+    assert run("settings", "lock-feet").output.startswith("lock_feet: True or False, default True\n")
+    assert "preset: 'tiny', 'small', 'paper', default 'small'" in run("settings", "--build").output
+    refused = run("settings", "feet")
+    assert refused.exit_code == 2 and "expected a setting among engine, planner" in refused.output
+
+
+def test_all_default_settings_as_a_file_are_the_defaults(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(run("settings", "--toml").output, encoding="utf-8")
+    assert load_config(path) == DanceConfig()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import jsonschema
 import numpy as np
@@ -20,7 +21,7 @@ from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.beat import f_score
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s
-from choreograph.settings import BLENDINGS
+from choreograph.settings import Blending
 
 
 def takes_of(dance) -> set[str]:
@@ -54,7 +55,7 @@ def test_a_dance_lasts_as_long_as_its_song(made):
 
 
 @pytest.mark.parametrize("fps", [25, 29.97, 120.0])
-@pytest.mark.parametrize("blending", BLENDINGS)
+@pytest.mark.parametrize("blending", get_args(Blending))
 def test_any_frame_rate(repertoire, song, fps, blending):
     config = cg.DanceConfig(fps=fps, blending=blending, candidates=8, planner="greedy")
     made = cg.dance(song, repertoire, config=config)

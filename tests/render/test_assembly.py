@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
 from choreograph.motion.motion import Motion
 from choreograph.render.rendering import assemble
 from choreograph.render.runs import Run, to_runs
-from choreograph.settings import BLENDINGS, TRANSITION_LENGTHS_S
+from choreograph.settings import TRANSITION_LENGTHS_S, Blending
 
 TAKES = {
     "sway": swaying(900, fps=60.0, seed=1),
@@ -47,14 +48,14 @@ def test_seconds_that_follow_one_another_are_one_run():
     assert np.allclose(runs[0].source_times_s, np.arange(2.0, 4.001, 0.05))
 
 
-@pytest.mark.parametrize("blending", BLENDINGS)
+@pytest.mark.parametrize("blending", get_args(Blending))
 def test_one_run_is_the_take_itself(blending):
     made, transition_times_s = assembled(["sway"] * 3, seconds(4.0, 5.0, 6.0), blending=blending)
     assert len(transition_times_s) == 0
     assert np.allclose(made.joint_pos_m(), TAKES["sway"].sliced(240, 420).joint_pos_m(), atol=1e-6)
 
 
-@pytest.mark.parametrize("blending", BLENDINGS)
+@pytest.mark.parametrize("blending", get_args(Blending))
 def test_a_transition_of_a_take_to_itself_changes_nothing(blending):
     # Two runs by force, where the second plays on from the first.
     runs = [
@@ -74,7 +75,7 @@ def test_length(fps, duration_s):
     assert made.fps == fps
 
 
-@pytest.mark.parametrize("blending", BLENDINGS)
+@pytest.mark.parametrize("blending", get_args(Blending))
 @pytest.mark.parametrize("second_take", ["other", "slow", "step"])
 def test_a_run_is_aligned_with_the_one_before(blending, second_take):
     made, _ = assembled(["sway", "sway", second_take, second_take], seconds(3, 4, 5, 6), blending=blending)
@@ -91,7 +92,7 @@ def test_a_run_is_aligned_with_the_one_before(blending, second_take):
     assert np.allclose(made.root_pos_m[settled:, 1], heights, atol=5e-3)
 
 
-@pytest.mark.parametrize("blending", BLENDINGS)
+@pytest.mark.parametrize("blending", get_args(Blending))
 @pytest.mark.parametrize("transition_s", [0.001, 1.0])
 def test_a_transition_has_the_given_length(blending, transition_s):
     """A plan may say any fade, also one that nothing searches for."""
@@ -113,7 +114,7 @@ def jerk(motion):
     return np.sqrt(((np.diff(body_pos_m(motion), n=3, axis=0) * motion.fps**3) ** 2).mean(axis=(1, 2)))
 
 
-@pytest.mark.parametrize("blending", BLENDINGS)
+@pytest.mark.parametrize("blending", get_args(Blending))
 def test_transitions_are_continuous(blending):
     made, transition_times_s = assembled(
         ["sway", "other", "step", "slow"], seconds(3, 7, 2, 9), blending=blending
@@ -167,7 +168,7 @@ def test_a_dance_that_walks_away_is_steered_home():
     assert away.max() < 12.0
 
 
-@pytest.mark.parametrize("blending", BLENDINGS)
+@pytest.mark.parametrize("blending", get_args(Blending))
 def test_short_runs_are_blended_smoothly_and_keep_their_middles(blending):
     starts = np.arange(0.0, 6.0, 0.4)
     takes = ["sway", "other", "step"] * 5

@@ -3,77 +3,111 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import field
 from html import escape
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
-from choreograph.core.arguments import as_texts, as_whole, check_choice, check_kind, check_text, unexpected
-from choreograph.core.files import as_path
-from choreograph.library.builtin import CHOICES
+from choreograph.core.settings import Range, settings
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.songs import DEFAULT_BEATS, TRACKER_NAMES
 from choreograph.motion.bone_map import check_bone_map
-from choreograph.nets.configs import DEVICES, PRESET_NAMES, config_from_preset, density_config, style_config
+from choreograph.nets.configs import config_from_preset, density_config, style_config
 
-# How a repertoire is built.
+Preset = Literal["tiny", "small", "paper"]
+Density = Literal["analytic", "learned"]
+Device = Literal["auto", "cpu", "cuda"]
+Pretrained = Literal["default", "clean", "research", "nothing"]
+Tracker = Literal["network", "tempo-path", "librosa", "beat-this"]
 
 
-DENSITIES = ("analytic", "learned")
-
-
-@dataclass(frozen=True)
+@settings
 class BuildOptions:
-    """Settings of a build; see `choreograph build-db --help`.
+    """Settings of a build.
 
-    Raises `ParameterError` for an unknown choice, or a field of another type.
+    The fields are also the options of `choreograph build-db`, with dashes. `ParameterError` is raised for a
+    value of another type, an unknown choice, or a number out of range.
     """
 
-    preset: str = "small"  # size and training length of the networks: tiny, small, paper
-    density: str = "analytic"  # which tempo-density clips carry: analytic, or "learned" by two more networks
-    seed: int = 0
-    device: str = "auto"  # where networks are trained: auto, cpu, cuda
-    beats: str = DEFAULT_BEATS  # tracker of the takes' songs: see `song_counts`
-    resume: bool = False  # continue from the checkpoints of a build that was stopped
-    init_from: Path | None = None  # repertoire whose networks training starts from
-    # Which shipped networks count takes by their motion, and with preset small begin the training of style:
-    # default, clean, research, nothing (`library.builtin`).
-    pretrained: str = "default"
-    keep_networks: bool = False  # take the networks that training would start from as they are
-    compress: bool = False  # motion in 16 bits: a third of the size, rotations to 0.03 degrees
-    rollout: bool = False  # train the rollout network, which takes as long as all others together
-    rollout_teacher: bool = True  # the rollout network learns from graph dances, too
-    leave_out: tuple[str, ...] = ()  # takes left out of everything, by name
-    skip_bad: bool = False  # build from the other takes where files cannot be read
-    lock_feet: bool = True  # of takes, before anything is measured
-    augment_mirror: bool = True  # train on mirrored motion, too
-    words: bool = True  # find motion words and motifs; without, no word network is stored either
-    # Fields of `StyleConfig` and `DensityConfig` that are unlike the preset's.
+    preset: Preset = "small"
+    """Size and training length of the networks. "tiny" is for a first try, "small" for two CPU cores, and
+    "paper" for a GPU."""
+
+    density: Density = "analytic"
+    """Which tempo-density clips carry. "analytic" is computed from motion beats. "learned" trains two more
+    networks for it."""
+
+    seed: Annotated[int, Range(0)] = 0
+    """Seed of all training. Build with several seeds to measure how much results vary."""
+
+    device: Device = "auto"
+    """Where networks are trained. "auto" uses a GPU if there is one."""
+
+    beats: Tracker = "network"
+    """Beat tracker for the songs of the takes. Change it if takes are counted wrongly."""
+
+    resume: bool = False
+    """Whether to continue from the checkpoints of a build that was stopped."""
+
+    init_from: Path | None = None
+    """Repertoire whose networks the training starts from, such as an older one of the same takes."""
+
+    pretrained: Pretrained = "default"
+    """Shipped networks that count takes by their motion and that, with the preset "small", the training of
+    style starts from. "clean" was trained on our own takes only. "research" was also trained on data that
+    states no licence. "default" takes style from "clean" and counts from "research"."""
+
+    keep_networks: bool = False
+    """Whether the networks that training would start from are used as they are. A build then takes
+    seconds."""
+
+    compress: bool = False
+    """Whether motion is stored in 16 bits. The file has a third of the size, and rotations are exact to
+    0.03 degrees."""
+
+    rollout: bool = False
+    """Whether the rollout network is trained as well, for the engine "rollout". It takes as long as all
+    others together."""
+
+    rollout_teacher: bool = True
+    """Whether the rollout network also learns from graph dances. These are on the count, which takes need
+    not be. It takes half as long again."""
+
+    leave_out: tuple[str, ...] = ()
+    """Names of takes that are left out of everything, such as those held out for an evaluation."""
+
+    skip_bad: bool = False
+    """Whether to build from the other takes if some files cannot be read. Without it, they are an error."""
+
+    lock_feet: bool = True
+    """Whether feet of takes that slide where they stand are kept in place, before anything is measured."""
+
+    augment_mirror: bool = True
+    """Whether training also uses mirrored motion. Switch it off where left must stay left."""
+
+    words: bool = True
+    """Whether motion words and motifs are found. Without them, the file has no word network, and only the
+    graph engine dances from it."""
+
     style_changes: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of `StyleConfig` that differ from those of the preset."""
+
     density_changes: Mapping[str, Any] = field(default_factory=dict)
-    allow_outside: bool = False  # read songs that a manifest names outside of its folder
-    # Canonical name to the rig's name, for takes whose rig has all bones of it: see `motion.bone_map`.
+    """Fields of `DensityConfig` that differ from those of the preset."""
+
+    allow_outside: bool = False
+    """Whether songs that a manifest names outside of its folder are read. Allow it for your own manifests
+    only."""
+
     bone_map: Mapping[str, str] | None = None
-    method: str = "ours"  # what the file says of how it was built: see `choreograph.settings`
+    """Which bone is which, from canonical names to those of the rig, for takes whose rig has all of these
+    bones."""
+
+    method: str = "ours"
+    """What the file says about how it was built: "published" is set by
+    `choreograph.settings.published_build`."""
 
     def __post_init__(self) -> None:
-        check_choice("a preset", self.preset, PRESET_NAMES)
-        check_choice("a tempo-density", self.density, DENSITIES)
-        check_choice("a device", self.device, DEVICES)
-        check_choice("beats", self.beats, TRACKER_NAMES)
-        check_choice("pretrained", self.pretrained, CHOICES)
-        check_text("the method", self.method)
         check_bone_map(self.bone_map)
-        object.__setattr__(self, "seed", as_whole("a seed of 0 or more", self.seed, least=0))
-        if self.init_from is not None:
-            object.__setattr__(self, "init_from", as_path("a repertoire to start from", self.init_from))
-        object.__setattr__(self, "leave_out", as_texts("leave_out", self.leave_out))
-        for option in fields(self):
-            value = getattr(self, option.name)
-            if option.type == "bool":
-                check_kind(option.name, value, bool)
-            elif option.name.endswith("_changes") and not isinstance(value, Mapping):
-                raise unexpected(f"{option.name} of field to value", value)
         for config, changes in ((style_config, self.style_changes), (density_config, self.density_changes)):
             config_from_preset({self.preset: config(self.preset)}, self.preset, changes)
 

@@ -1,0 +1,201 @@
+"""Settings classes: frozen dataclasses whose fields document and check themselves.
+
+A field has a type, a default and, below it, a docstring that says what it does and when to change it:
+
+    @settings
+    class DanceConfig:
+        "Settings of a dance."
+
+        candidates: Annotated[int, Range(1)] = 512
+        "Clips that are warped for each second. More candidates take longer."
+
+Editors and Sphinx show the docstring where it stands. `settings` adds it to the docstring of the class, so
+that `help` shows it, and `described` returns it, for command lines. Choices are `Literal` types and ranges
+are `Range`s. Both are checked when an instance is made.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import math
+import os
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields
+from functools import cache
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+from choreograph.core.arguments import as_texts, check_choice, is_number, is_whole, unexpected
+
+Class = TypeVar("Class", bound=type)
+_WIDTH = 96  # of the text of a field in `help`
+_WORDS = {bool: "True or False", int: "whole number", float: "number", str: "text", Path: "path"}
+
+
+@dataclass(frozen=True)
+class Range:
+    """The numbers that a setting may have, both ends included."""
+
+    least: float
+    greatest: float = math.inf
+
+    def holds(self, value: Any) -> bool:
+        """Whether a number is within the range."""
+        return self.least <= value <= self.greatest
+
+    def __str__(self) -> str:
+        if math.isinf(self.greatest):
+            return f"of {self.least:g} or more"
+        return f"from {self.least:g} to {self.greatest:g}"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One field of a settings class."""
+
+    name: str
+    kind: str  # the type in words, with the range or the choices
+    default: Any
+    text: str  # what it does, and when to change it
+    choices: tuple[str, ...] = ()
+
+
+@dataclass_transform(frozen_default=True)
+def settings(cls: Class) -> Class:
+    """Make a class a frozen dataclass that checks its fields, and document them in its docstring.
+
+    `ParameterError` is raised when an instance is made with a value of another type, an unknown choice or a
+    number out of range. A `__post_init__` of the class is called after that.
+    """
+    own_check = cls.__dict__.get("__post_init__")
+
+    hints = cache(lambda: _hints(cls))
+
+    def check(self: Any) -> None:
+        """Check every field by its type. Whole numbers and paths of other types become `int` and `Path`."""
+        for name, hint in hints().items():
+            object.__setattr__(self, name, _checked(name, getattr(self, name), hint))
+        if own_check is not None:
+            own_check(self)
+
+    cls.__post_init__ = check  # type: ignore[attr-defined]
+    made: Any = dataclass(frozen=True)(cls)
+    described_fields = "\n".join(_as_numpydoc(setting) for setting in described(made))
+    made.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n\nParameters\n----------\n{described_fields}\n"
+    return made
+
+
+def described(cls: type) -> tuple[Setting, ...]:
+    """The fields of a settings class, in order."""
+    texts, hints = dict(_field_docstrings(cls)), _hints(cls)
+    return tuple(
+        Setting(
+            field.name,
+            _in_words(hints[field.name]),
+            field.default if field.default_factory is MISSING else field.default_factory(),
+            texts.get(field.name, ""),
+            _choices(hints[field.name]),
+        )
+        for field in fields(cls)
+    )
+
+
+def _as_numpydoc(setting: Setting) -> str:
+    text = textwrap.indent(textwrap.fill(setting.text, _WIDTH, break_on_hyphens=False), "    ")
+    return f"{setting.name} : {setting.kind}, default {setting.default!r}\n{text}"
+
+
+def _hints(cls: type) -> dict[str, Any]:
+    return get_type_hints(cls, include_extras=True)
+
+
+def _field_docstrings(cls: type) -> Iterator[tuple[str, str]]:
+    """The names of fields and the texts below them; none where the source is not at hand."""
+    try:
+        (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+    except (OSError, TypeError):
+        return
+    assert isinstance(body, ast.ClassDef)
+    for field, below in zip(body.body, body.body[1:], strict=False):
+        if (
+            isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(below, ast.Expr)
+            and isinstance(below.value, ast.Constant)
+            and isinstance(below.value.value, str)
+        ):
+            yield field.target.id, " ".join(below.value.value.split())
+
+
+def _members(hint: Any) -> tuple[Any, ...]:
+    """The alternatives of a type."""
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+
+
+def _choices(hint: Any) -> tuple[str, ...]:
+    return tuple(c for member in _members(hint) if get_origin(member) is Literal for c in get_args(member))
+
+
+def _in_words(hint: Any) -> str:
+    words = []
+    for member in _members(hint):
+        if get_origin(member) is Literal:
+            words.append(", ".join(map(repr, get_args(member))))
+        elif get_origin(member) is Annotated:
+            kind, *limits = get_args(member)
+            words.append(" ".join([_WORDS[kind], *map(str, limits)]))
+        elif member is NoneType:
+            words.append("None")
+        elif get_origin(member) is Mapping:
+            words.append("table of name and value")
+        elif get_origin(member) is tuple:
+            words.append("list of texts")
+        else:
+            words.append(_WORDS.get(member, getattr(member, "__name__", str(member))))
+    return " or ".join(words)
+
+
+def _checked(name: str, value: Any, hint: Any) -> Any:
+    """The value as one of the alternatives of a type; `ParameterError` if it is none of them."""
+    members = _members(hint)
+    if value is None and NoneType in members:
+        return None
+    if choices := _choices(hint):
+        check_choice(name, value, choices)
+        return value
+    for member in members:
+        kind, limits = _kind_of(member)
+        if kind is bool and isinstance(value, bool):
+            return value
+        if kind is int and is_whole(value) and all(limit.holds(value) for limit in limits):
+            return int(value)
+        if kind is float and is_number(value) and all(limit.holds(value) for limit in limits):
+            return value
+        if kind is tuple and isinstance(value, Iterable) and not isinstance(value, str | Mapping):
+            return as_texts(name, value)
+        if kind is Path and isinstance(value, str | os.PathLike):
+            return Path(value)
+        if kind not in (bool, int, float, Path) and isinstance(value, kind):
+            return value
+    raise unexpected(f"{name} as {_in_words(hint)}", value)
+
+
+def _kind_of(member: Any) -> tuple[type, tuple[Range, ...]]:
+    """The class of an alternative, and its limits."""
+    if get_origin(member) is Annotated:
+        kind, *limits = get_args(member)
+        return kind, tuple(limits)
+    return get_origin(member) or member, ()
