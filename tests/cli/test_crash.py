@@ -7,13 +7,13 @@ import sys
 import pytest
 
 _BROKEN = """
-import choreograph.cli.songs
+import choreograph.cli.inspect
 from choreograph.cli.main import run
 
 def broken(**_):
     raise {error}
 
-choreograph.cli.songs.command.callback = broken
+choreograph.cli.inspect.songs.callback = broken
 run()
 """
 
