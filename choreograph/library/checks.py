@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import RepertoireError
 from choreograph.core.timebase import CLIP_FRAMES
-from choreograph.library.schema import DELTA_ORDER, HALF_PRECISION, QUANTISATION_STEPS
+from choreograph.library.schema import DELTA_ORDER, DELTA_RESTART, HALF_PRECISION, QUANTISATION_STEPS
 
 # How arrays are stored. Files of this program are 4 times their size when unpacked; what is unpacked is held
 # several times while dancing.
@@ -83,12 +83,9 @@ VALUES: dict[str, tuple[float, float | str]] = {
     "motifs/transitions": (0, 1.001),
 }
 
-# Attributes of a quantised array: its kind, lowest and highest value.
-QUANTISATION: dict[str, tuple[type, float, float]] = {
-    "step": (float, 1e-9, 1.0),
-    "order": (int, 0, DELTA_ORDER),
-    "restart": (int, 1, 1 << 31),
-}
+_STEPS = (1e-9, 1.0)  # of a quantised array, lowest and highest
+# Its other attributes, which name the one encoding.
+ENCODING = {"order": DELTA_ORDER, "restart": DELTA_RESTART, "folded": True}
 
 
 @dataclass(frozen=True)
@@ -195,19 +192,18 @@ def check_values(name: str, array: NDArray, sizes: Mapping[str, int]) -> None:
 
 
 def check_quantisation(name: str, attributes: Mapping[str, Any]) -> None:
-    """`RepertoireError` if an array's quantisation is outside `QUANTISATION`."""
-    for key, (kind, low, high) in QUANTISATION.items():
-        value = attributes.get(key)
-        is_kind = isinstance(value, np.integer if kind is int else np.floating)
-        _expect(
-            is_kind and bool(low <= value <= high),  # type: ignore[operator]  # a number
-            f"{name}: expected {key} from {low:g} to {high:g}, got {_short(value)}",
-        )
-    folded = attributes.get("folded")
+    """`RepertoireError` if an array's step is not one, or its encoding is not `ENCODING`."""
+    (low, high), step = _STEPS, attributes.get("step")
     _expect(
-        folded is None or isinstance(folded, np.bool_),
-        f"{name}: expected folded yes or no, got {_short(folded)}",
+        isinstance(step, np.floating) and bool(low <= step <= high),
+        f"{name}: expected step from {low:g} to {high:g}, got {_short(step)}",
     )
+    for key, expected in ENCODING.items():
+        value = attributes.get(key)
+        _expect(
+            isinstance(value, np.integer | np.bool_) and bool(value == expected),
+            f"{name}: expected {key} {expected}, got {_short(value)}",
+        )
 
 
 def check_parts(name: str, start: NDArray, stop: NDArray, length: int, *, shortest: int) -> None:

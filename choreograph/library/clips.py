@@ -68,7 +68,7 @@ def takes_from(file: RepertoireFile) -> tuple[TakeInfo, ...]:
 
 
 def counts_from(file: RepertoireFile, takes: Sequence[TakeInfo]) -> tuple[Counts, ...]:
-    """Each take's counts, of a file that has counts; `RepertoireError` if they are not in order."""
+    """Each take's counts; `RepertoireError` if they are not in order."""
     columns = ("count_start", "count_stop", "metre", "counts_source", "counts_confidence")
     times_s, numbers = file.read("counts/time_s"), file.read("counts/number")
     doubt = file.read("counts/doubt").astype(np.float64) if file.has_doubt else np.zeros(0)
@@ -84,7 +84,7 @@ def counts_from(file: RepertoireFile, takes: Sequence[TakeInfo]) -> tuple[Counts
 
 
 def figures_from(read: Callable[[str], NDArray]) -> dict[int, tuple[Figure, ...]]:
-    """The figures in order by take, of a file that has counts; takes without figures are left out."""
+    """The figures in order by take; takes without figures are left out."""
     names = ("take", "name", "start_s", "end_s", "n_counts")
     figures: dict[int, list[Figure]] = {}
     for take, name, start_s, end_s, n_counts in zip(*(read(f"figures/{c}") for c in names), strict=True):

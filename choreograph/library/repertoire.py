@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_index, as_number, check_kind, check_text
-from choreograph.core.counts import NO_COUNTS, Counts, Figure
+from choreograph.core.counts import Counts, Figure
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import as_path
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
@@ -285,9 +285,7 @@ class Repertoire:
 
     @cached_property
     def _counts(self) -> tuple[Counts, ...]:
-        """Each take's counts; none in a file of version 1."""
-        if not self._file.has_counts:
-            return (NO_COUNTS,) * len(self.takes)
+        """Each take's counts."""
         with self._damage_named():
             return counts_from(self._file, self.takes)
 
@@ -297,7 +295,7 @@ class Repertoire:
 
     @cached_property
     def _figures(self) -> dict[int, tuple[Figure, ...]]:
-        return figures_from(self._file.read) if self._file.has_counts else {}
+        return figures_from(self._file.read)
 
     def figures(self, take: int) -> tuple[Figure, ...]:
         """A take's figures in order; none if they are not known."""

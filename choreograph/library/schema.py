@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import RepertoireError
 
-# The layout of a repertoire file, version 2; `data_schema/repertoire.json` documents it for other programs.
+# The layout of a repertoire file, version 1; `data_schema/repertoire.json` documents it for other programs.
 #
 # Takes are concatenated along the first axis of each array; the takes table holds their first rows and ends.
 # Clips are (take, start frame), never copies.
@@ -18,8 +18,7 @@ from choreograph.core.errors import RepertoireError
 
 FORMAT = "choreograph-repertoire"
 NETWORKS_FORMAT = "choreograph-networks"  # a file of networks alone, as `NETS`, and `provenance`
-VERSION = 2
-WITH_COUNTS = 2  # the first version with `COUNTS`; those before it are still read
+VERSION = 1
 
 # path -> (kind, shape): kinds are h5py's s (UTF-8 string), f4, f8, i4, i8; letters are axes.
 # J joint, E end site, X take, M stored motion frame, B 20 fps frame, Q motion beat, N clip, C checksum,
@@ -56,10 +55,7 @@ DATASETS: dict[str, tuple[str, str]] = {
     "sources/path": ("s", "C"),
     "sources/sha256": ("s", "C"),
     "sources/take": ("i4", "C"),
-}
-
-# Where the dancers count, and what they dance. A take without counts has `count_start` = `count_stop`.
-COUNTS: dict[str, tuple[str, str]] = {
+    # Where the dancers count, and what they dance. A take without counts has `count_start` = `count_stop`.
     "takes/count_start": ("i8", "X"),
     "takes/count_stop": ("i8", "X"),
     "takes/metre": ("i8", "X"),
@@ -94,10 +90,10 @@ MOTIFS: dict[str, tuple[str, str]] = {
     "motifs/transitions": ("f8", "G K K"),
 }
 
-# A compressed file stores these quantised to 16-bit integers with the attributes `step`, `order`, `restart`
-# and `folded`: value = integer × step. The integers are delta-coded `order` times from row to row (modulo
-# 2^16), anew every `restart` rows. Where `folded` is true they are u2 in zigzag encoding, else i2. The steps
-# keep joint rotations to 0.03 degrees and positions to half a millimetre.
+# A compressed file stores these quantised to 16-bit integers: value = integer × step. The integers are
+# delta-coded `DELTA_ORDER` times from row to row (modulo 2^16), anew every `DELTA_RESTART` rows, and stored
+# as u2 in zigzag encoding. The attributes `step`, `order`, `restart` and `folded` say so. The steps keep
+# joint rotations to 0.03 degrees and positions to half a millimetre.
 QUANTISATION_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
 DELTA_ORDER, DELTA_RESTART = 2, 8192
 HALF_PRECISION = ("motifs/embeddings",)  # f2 in a compressed file, as are the networks' weights
@@ -124,26 +120,26 @@ class NetArrays:
 class Contents:
     """Everything in a repertoire file."""
 
-    # By path: all of `schema.DATASETS` and `COUNTS`, all or none of `MOTIFS`, of `DOUBT` and of `ROLES`.
+    # By path: all of `schema.DATASETS`, all or none of `MOTIFS`, of `DOUBT` and of `ROLES`.
     arrays: Mapping[str, NDArray]
     density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
     provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
 
 
-def layout_of(names: Container[str], version: int = VERSION) -> dict[str, tuple[str, str]]:
+def layout_of(names: Container[str]) -> dict[str, tuple[str, str]]:
     """The datasets of a file with these names: all or none of `schema.MOTIFS`, `DOUBT`, `ROLES`."""
-    layout = DATASETS | (COUNTS if version >= WITH_COUNTS else {})
+    layout = dict(DATASETS)
     for optional in (DOUBT, MOTIFS, ROLES):
         if any(name in names for name in optional):
             layout |= optional
     return layout
 
 
-def axis_sizes(shapes: Mapping[str, tuple[int, ...]], version: int = VERSION) -> dict[str, int]:
+def axis_sizes(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, int]:
     """The lengths of the axes; `RepertoireError` for a shape that contradicts the schema or one before it."""
     sizes: dict[str, int] = {}
-    for name, (_, axes) in layout_of(shapes, version).items():
+    for name, (_, axes) in layout_of(shapes).items():
         letters, shape = axes.split(), shapes[name]
         sizes |= {letter: int(letter) for letter in letters if letter.isdigit()}
         if len(shape) != len(letters) or any(

@@ -19,8 +19,8 @@ from choreograph.core.numerics import zigzag_decode
 from choreograph.library import checks
 from choreograph.library.checks import StoredArray
 from choreograph.library.schema import (
-    COUNTS,
     DATASETS,
+    DELTA_ORDER,
     DELTA_RESTART,
     DOUBT,
     FORMAT,
@@ -29,7 +29,6 @@ from choreograph.library.schema import (
     NETWORKS_FORMAT,
     ROLES,
     VERSION,
-    WITH_COUNTS,
     NetArrays,
     axis_sizes,
     layout_of,
@@ -174,20 +173,19 @@ class RepertoireFile:
         if not is_shipped:
             self._check_heaps()
         with opened(self.path, "a repertoire") as file:
-            version = self._read_version(file)
+            self._check_version(file)
             self.has_motifs = "motifs" in file
-            self.has_counts = version >= WITH_COUNTS
-            self.has_doubt = self.has_counts and all(name in file for name in DOUBT)
+            self.has_doubt = all(name in file for name in DOUBT)
             self.has_roles = all(name in file for name in ROLES)
             has = ((MOTIFS, self.has_motifs), (DOUBT, self.has_doubt), (ROLES, self.has_roles))
             optional = [name for names, is_there in has if is_there for name in names]
-            stored = self._check_stored(file, layout_of(optional, version))
+            stored = self._check_stored(file, layout_of(optional))
             self.density = attribute(file, "density", str)
             self.provenance = from_json(attribute(file, "provenance", str), f"{path}: provenance")
             checks.check_provenance(self.provenance)
             self.net_names = self._find_nets(file)
             self.shapes = {array.name: array.shape for array in stored}
-            self._sizes = axis_sizes(self.shapes, version)
+            self._sizes = axis_sizes(self.shapes)
 
     def _check_heaps(self) -> None:
         with (
@@ -197,7 +195,7 @@ class RepertoireFile:
         ):
             checks.check_text_heaps(data)
 
-    def _read_version(self, file: h5py.File) -> int:
+    def _check_version(self, file: h5py.File) -> None:
         kind = file.attrs.get("format")
         if not isinstance(kind, str) or kind != FORMAT:
             got = f"{kind!r}"[:40].replace("\n", " ")
@@ -205,12 +203,11 @@ class RepertoireFile:
                 f"{self.path}: expected a repertoire, got an HDF5 file of another kind ({got})"
             )
         version = attribute(file, "version", int)
-        if version not in range(1, VERSION + 1):
+        if version != VERSION:
             raise RepertoireError(
-                f"{self.path}: expected repertoire version 1 to {VERSION}, got {version}: made by another "
-                "version of choreograph, build it again from its takes"
+                f"{self.path}: expected repertoire version {VERSION}, got {version}: made by another version "
+                f"of choreograph, build it again with `choreograph build-db TAKES -o {self.path.name}`"
             )
-        return version
 
     def _check_stored(self, file: h5py.File, layout: Mapping[str, tuple[str, str]]) -> list[StoredArray]:
         for group in dict.fromkeys(name.split("/")[0] for name in layout):
@@ -234,7 +231,7 @@ class RepertoireFile:
         """
         with opened(self.path, "a repertoire") as file:
             data = file[name]
-            if (DATASETS | COUNTS | DOUBT | MOTIFS | ROLES)[name][0] == "s":
+            if (DATASETS | DOUBT | MOTIFS | ROLES)[name][0] == "s":
                 return _read_text(data, part, self.path.stat().st_size)
             array = _read_quantised(name, data, part) if "step" in data.attrs else data[part]
             checks.check_values(name, array, self._sizes)
@@ -265,24 +262,15 @@ def _read_net(file: h5py.File, name: str, path: Path) -> NetArrays:
 
 
 def _read_quantised(name: str, data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
-    # The first 16-bit files have whole integers, the next ones their first differences, and do not say so.
-    absent: dict[str, Any] = {"order": np.int64("restart" in data.attrs), "restart": np.int64(DELTA_RESTART)}
-    attributes: dict[str, Any] = {
-        key: scalar(data, key) if key in data.attrs else absent.get(key)
-        for key in ("step", "order", "restart", "folded")
-    }
-    checks.check_quantisation(name, attributes)
-    restart, order = int(attributes["restart"]), int(attributes["order"])
+    checks.check_quantisation(name, {key: scalar(data, key) for key in data.attrs})
     start, stop, _ = part.indices(len(data))
-    first = start // restart * restart
-    differences = data[first:stop]
-    if attributes["folded"]:
-        differences = zigzag_decode(differences)
-    for row in range(0, len(differences), restart):
-        block = differences[row : row + restart]
-        for _ in range(order):
+    first = start // DELTA_RESTART * DELTA_RESTART
+    differences = zigzag_decode(data[first:stop])
+    for row in range(0, len(differences), DELTA_RESTART):
+        block = differences[row : row + DELTA_RESTART]
+        for _ in range(DELTA_ORDER):
             np.cumsum(block, axis=0, dtype=np.int16, out=block)
-    return (differences[start - first :] * attributes["step"]).astype(np.float32)
+    return (differences[start - first :] * data.attrs["step"]).astype(np.float32)
 
 
 def _read_text(data: h5py.Dataset, part: slice, n_file_bytes: int) -> NDArray[np.str_]:
