@@ -166,8 +166,8 @@ class Repertoire:
     def _expect_vocabulary(self) -> None:
         if not self.has_vocabulary:
             raise RepertoireError(
-                f"{self.path}: expected motion words and motifs, got a repertoire without: made by an older "
-                "choreograph or from too few words, build it again with `choreograph build-db`"
+                f"{self.path}: expected motion words and motifs, got a repertoire without: built without "
+                "words or from too few of them, build it again with `choreograph build-db`"
             )
 
     @cached_property

@@ -8,7 +8,6 @@ its word, in the beat and in the bar.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -44,14 +43,6 @@ class RolloutNet(StoredNet):
     """The auto-conditioned LSTM, the embedding of its conditions, and the AdaIN layer after it."""
 
     config_class = RolloutConfig
-    renamed_fields: ClassVar = {
-        "hears": "use_audio",
-        "plain": "style_dropout",
-        "true_frames": "teacher_frames",
-        "own_frames": "self_fed_frames",
-        "own_words": "own_embedding_share",
-    }
-    added_fields: ClassVar = {"count_phase": False}
     root_mean: Tensor
     root_std: Tensor
     rhythm_mean: Tensor

@@ -27,8 +27,6 @@ class StoredNet(nn.Module):
     """A network that a file stores as its configuration and its weights."""
 
     config_class: ClassVar[type]
-    renamed_fields: ClassVar[Mapping[str, str]] = {}  # of the configuration, old to new: for older files
-    added_fields: ClassVar[Mapping[str, Any]] = {}  # values of fields that older files do not have
     config: Any  # of `config_class`
 
     def to_arrays(self) -> tuple[dict[str, NDArray], dict[str, Any]]:
@@ -38,17 +36,8 @@ class StoredNet(nn.Module):
     @classmethod
     @default_numerics()
     def from_arrays(cls, arrays: Mapping[str, NDArray], config: Mapping[str, Any]) -> Self:
-        """The network of `to_arrays`; `ParameterError` if weights and config disagree.
-
-        Fields of the configuration may have the names that older files store (`renamed_fields`), or be
-        missing there (`added_fields`).
-        """
-        values = {
-            **cls.added_fields,
-            **{cls.renamed_fields.get(key, key): value for key, value in config.items()},
-        }
-        values = check_fields(cls.config_class, values)
-        config = cls.config_class(**values)
+        """The network of `to_arrays`; `ParameterError` if weights and config disagree."""
+        config = cls.config_class(**check_fields(cls.config_class, config))
         mismatch = ParameterError(
             f"expected weights of the {cls.__name__} configured, got others: the file mixes versions"
         )

@@ -123,28 +123,7 @@ def test_training_lowers_the_loss_and_is_deterministic(synthetic, tmp_path):
     assert RolloutNet.from_arrays(arrays, stored).config == net.config
 
 
-def test_configurations_of_older_files_are_read():
-    net = RolloutNet(rollout_config("tiny", use_audio=False, style_dropout=0.25, own_embedding_share=0.75))
-    arrays, config = net.to_arrays()
-    old_names = {
-        "use_audio": "hears",
-        "style_dropout": "plain",
-        "teacher_frames": "true_frames",
-        "self_fed_frames": "own_frames",
-        "own_embedding_share": "own_words",
-    }
-    assert set(old_names) < set(config)
-    older = {old_names.get(name, name): value for name, value in config.items()}
-    assert RolloutNet.from_arrays(arrays, older).config == net.config
-
-
 def test_takes_too_short_are_refused_in_one_line(synthetic):
     takes, words = synthetic
     with pytest.raises(ParameterError, match=r"motion words for over 333\.3 s"):
         train_rollout(takes, words, rollout_config("tiny", frames=10_000), seed=0)
-
-
-def test_a_network_of_an_older_file_has_no_phase_of_counts():
-    weights, config = RolloutNet(rollout_config("tiny", count_phase=False)).to_arrays()
-    old = {key: value for key, value in config.items() if key not in ("count_phase", "tempi")}
-    assert not RolloutNet.from_arrays(weights, old).config.count_phase

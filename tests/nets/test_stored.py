@@ -18,7 +18,6 @@ class ToyConfig:
 
 class ToyNet(StoredNet):
     config_class = ToyConfig
-    renamed_fields = {"sizes": "widths"}  # noqa: RUF012
 
     def __init__(self, config):
         super().__init__()
@@ -36,11 +35,6 @@ def test_weights_and_configuration_come_back():
     assert again.config == net.config
     assert torch.equal(again.linear.weight, net.linear.weight)
     assert not again.training
-
-
-def test_fields_with_their_old_names_are_read():
-    arrays, config = ToyNet(ToyConfig((4, 5))).to_arrays()
-    assert ToyNet.from_arrays(arrays, {"sizes": config["widths"]}).config == ToyConfig((4, 5))
 
 
 def test_unknown_fields_and_weights_that_do_not_fit_are_refused_in_one_line():
