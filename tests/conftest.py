@@ -80,8 +80,8 @@ def few_density_steps():
     from choreograph.nets import configs as config
 
     with pytest.MonkeyPatch.context() as patch:
-        few = replace(config._PRESETS["tiny"], steps=20, music_steps=20)
-        patch.setitem(config._PRESETS, "tiny", few)
+        few = replace(config._DENSITY_PRESETS["tiny"], steps=20, music_steps=20)
+        patch.setitem(config._DENSITY_PRESETS, "tiny", few)
         yield
 
 
