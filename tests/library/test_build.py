@@ -176,7 +176,7 @@ def test_density_networks_are_trained_on_request_only(takes_to_clicks, tmp_path)
 
 
 def test_unknown_densities_are_refused():
-    with pytest.raises(ParameterError, match="tempo-density among analytic, learned"):
+    with pytest.raises(ParameterError, match="density among analytic, learned"):
         BuildOptions(density="guessed")
 
 
