@@ -10,7 +10,9 @@
 - `motifs_of`, `signature_of` — of an existing dance, to be danced again
 - `Cost`, `Layer`, `SongFeatures` — for costs of your own
 - `read_character` — a character of yours, to dance in `Dance.save("a.glb", character=…)`
-- `Motion`, `Skeleton`, `Take` — motion and where it comes from
+- `Motion`, `Skeleton`, `Take`, `Counts` — motion, where it comes from, and its counts
+- `load_motion`, `save_motion` — a motion from a file and to a file, in every format that is known
+- `evaluate` — all scores of one dance, of any system, to a song
 - `metrics` — beat alignment, Fréchet distances, FID, foot slide, ... of any dance
 - `ChoreographError` and its kinds — every error that a caller can cause
 """

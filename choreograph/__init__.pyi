@@ -7,13 +7,17 @@ from .choreography.constraints import TakePin as TakePin
 from .choreography.graph.costs import Cost as Cost
 from .choreography.graph.layers import Layer as Layer
 from .core import __version__ as __version__
+from .core.counts import Counts as Counts
 from .core.errors import ChoreographError as ChoreographError
 from .core.errors import FormatError as FormatError
 from .core.errors import NoPathError as NoPathError
 from .core.errors import ParameterError as ParameterError
 from .core.errors import RepertoireError as RepertoireError
 from .evaluation import metrics
+from .evaluation.dance_scores import evaluate as evaluate
 from .formats.bvh import BvhOptions as BvhOptions
+from .formats.register import load_motion as load_motion
+from .formats.register import save_motion as save_motion
 from .library.building.options import BuildOptions as BuildOptions
 from .library.building.options import BuildResult as BuildResult
 from .library.builtin import example_songs as example_songs
@@ -45,6 +49,7 @@ __all__ = [
     "BvhOptions",
     "ChoreographError",
     "Cost",
+    "Counts",
     "Credits",
     "Dance",
     "DanceConfig",
@@ -69,12 +74,15 @@ __all__ = [
     "__version__",
     "build",
     "dance",
+    "evaluate",
     "example_songs",
+    "load_motion",
     "load_song",
     "metrics",
     "motifs_of",
     "read_character",
     "render",
+    "save_motion",
     "signature_of",
     "starter_repertoire",
     "vary",

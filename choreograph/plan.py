@@ -15,6 +15,7 @@ import numpy as np
 from choreograph.core.arguments import is_number
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, read_text
+from choreograph.core.progress import counted
 from choreograph.core.timebase import NODE_FRAMES, SEGMENT_S
 from choreograph.motion.motion import Credits
 from choreograph.settings import DanceConfig
@@ -107,6 +108,17 @@ class Plan:
     closing_s: float | None = None  # from then on it holds its last one; None: it dances to the end
     lock_feet: bool = True  # when it is rendered
     keep_on_stage: bool = True  # by small rotations at transitions
+
+    def __repr__(self) -> str:
+        parts = ", ".join(
+            counted(len(danced), one)
+            for danced, one in ((self.seconds, "second"), (self.words, "word"))
+            if danced
+        )
+        song = reprlib.repr(self.song)
+        return (
+            f"<Plan of a dance to {song}: {self.duration_s:.1f} s, {self.engine} engine, {parts or 'empty'}>"
+        )
 
     @property
     def danced_until_s(self) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 from choreograph.core.arguments import check_text, is_number, unexpected
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_text
+from choreograph.core.progress import one_line
 from choreograph.core.settings import Range, settings
 from choreograph.nets.configs import density_config
 
@@ -127,6 +128,8 @@ class DanceConfig:
     weights: Mapping[str, float] = field(default_factory=dict)
     """Weights of costs by name, in place of the defaults. 0 leaves a cost out. A cost of your own has the
     weight 1 unless it is named here. Used by the graph engine."""
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         from choreograph.library.songs import check_beats

@@ -31,7 +31,7 @@ from choreograph.core.counts import Counts, numbers_in_bar
 from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import beat, counts, motion_beat_detectors
 from choreograph.evaluation.results import EXPERT, REAL, MeasuredDance
-from choreograph.evaluation.run import EvaluationConfig, evaluate
+from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.scores import DancedPhases, phases_by_genre
 from choreograph.evaluation.songs import beats_of, find_songs, read_experts
 from choreograph.evaluation.variants import Variant
@@ -103,7 +103,7 @@ def dances_of(
         )
         for engine in given.engines
     )
-    found = evaluate(
+    found = evaluate_variants(
         cg.Repertoire.open(path),
         songs,
         EvaluationConfig(variants, seeds=given.dances, beats=given.beats, first_seed=seed * given.dances),

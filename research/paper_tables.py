@@ -28,7 +28,7 @@ import numpy as np
 import choreograph as cg
 from choreograph.evaluation.metric_catalogue import METRICS
 from choreograph.evaluation.results import EXPERT, REAL, TAKES, MeasuredDance
-from choreograph.evaluation.run import EvaluationConfig, evaluate
+from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.scores import physical_scores, weighted_mean
 from choreograph.evaluation.songs import EvaluatedSong, find_songs, read_experts
 from choreograph.evaluation.variants import variants_named
@@ -84,7 +84,7 @@ def danced(
     options: argparse.Namespace,
 ) -> list[MeasuredDance]:
     """All dances with one repertoire, then the sets of all songs together, with the seed of `config`."""
-    found = evaluate(
+    found = evaluate_variants(
         cg.Repertoire.open(path),
         songs,
         config,

@@ -20,7 +20,7 @@ from pathlib import Path
 import choreograph as cg
 from choreograph.evaluation.metric_catalogue import METRICS
 from choreograph.evaluation.results import MeasuredDance
-from choreograph.evaluation.run import EvaluationConfig, evaluate
+from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.songs import find_songs
 from choreograph.evaluation.variants import Variant
 
@@ -82,7 +82,7 @@ def main() -> None:
         songs = find_songs(
             given.data, only=file.read_text(encoding="utf-8").split(), counted_by=given.counted_by
         )
-        found = evaluate(
+        found = evaluate_variants(
             cg.Repertoire.open(path),
             songs,
             EvaluationConfig(variants, seeds=1, first_seed=seed),

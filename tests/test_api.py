@@ -8,9 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 import choreograph as cg
+from choreograph.cli.main import main
+from choreograph.evaluation.results import to_json
 
 USER_SCRIPT = """
 from pathlib import Path
@@ -161,9 +164,22 @@ def test_wrong_arguments_of_build(tmp_path):
         assert message in str(raised.value)
 
 
+def test_a_motion_is_written_read_and_evaluated(made, song, tmp_path):
+    path = tmp_path / "a.npz"
+    cg.save_motion(path, made.motion)
+    motion = cg.load_motion(path)
+    assert motion.n_frames == made.motion.n_frames
+    np.testing.assert_allclose(motion.local_quat, made.motion.local_quat, atol=1e-12)
+    shown = CliRunner().invoke(main, ["evaluate", str(path), str(song), "--json", "-", "-q"])
+    assert shown.stdout == to_json(cg.evaluate(motion, song, name=str(path)))
+    with pytest.raises(cg.ParameterError, match="expected a file with one motion, got a folder"):
+        cg.load_motion(tmp_path)
+
+
 def test_a_dance_and_a_repertoire_show_what_they_are(repertoire, made):
-    takes = len(made.plan.takes_s())
-    assert repr(made) == f"<Dance to 'clicks': 6.0 s at 60 fps, graph engine, {takes} takes>"
+    n_takes = len(made.plan.takes_s())
+    takes = "1 take" if n_takes == 1 else f"{n_takes} takes"
+    assert repr(made) == f"<Dance to 'clicks': 6.0 s at 60 fps, graph engine, {takes}>"
     page = made._repr_html_()
     assert page.startswith("<iframe srcdoc=") and "&lt;canvas" in page
     assert "rep.h5" in repr(repertoire) and len(repr(repertoire)) < 200

@@ -137,6 +137,8 @@ def sound_calls(t: SimpleNamespace) -> dict[str, Sound]:
             cg.Cost().min_edge_costs, previous=layer, next=t.next_layer, song_features=t.features
         ),
         "Cost.node": sound(cg.Cost().node, layer=layer, song_features=t.features),
+        "Counts": sound(cg.Counts, **values_of(t.counts)),
+        "Counts.within": sound(t.counts.within, start_s=0.0, end_s=1.0),
         "Credits": sound(cg.Credits),
         "Dance": sound(cg.Dance, motion=motion, plan=t.made.plan),
         "Dance.save": sound(t.made.save, path="a.npz"),
@@ -205,6 +207,9 @@ def sound_calls(t: SimpleNamespace) -> dict[str, Sound]:
         "dance:rollout": Sound(
             dance, {"engine": "rollout"}, ("style_song", "style_strength", "style_window", *follow)
         ),
+        "evaluate": sound(cg.evaluate, motion=motion, song=t.song),
+        "load_motion": sound(cg.load_motion, path=t.folder / "made.npz"),
+        "save_motion": sound(cg.save_motion, path="a.npz", motion=motion),
         "load_song": sound(cg.load_song, path=t.folder / "clicks.wav"),
         "motifs_of": sound(cg.motifs_of, take="take0", repertoire=t.repertoire),
         "motifs_of:file": Sound(
@@ -293,3 +298,24 @@ def test_what_the_sweep_calls_is_sound(things, analysed_once, tmp_path, monkeypa
                 call.call(**call.arguments)
         else:
             call.call(**call.arguments)
+
+
+def test_every_instance_is_represented_on_one_line(things, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    classes = {name for name in cg.__all__ if inspect.isclass(getattr(cg, name))}
+    calls = {name: call for name, call in sound_calls(things).items() if name in classes}
+    shown = {name: repr(call.call(**call.arguments)) for name, call in calls.items()}
+    assert set(shown) == {name for name in classes if not issubclass(getattr(cg, name), Exception)}
+    long = "x" * 200
+    shown |= {
+        "Plan of a long name": repr(replace(things.made.plan, song=long)),
+        "Dance of a long name": repr(replace(things.made, plan=replace(things.made.plan, song=long))),
+        "Credits of long texts": repr(cg.Credits(long, long, long, long)),
+        "long settings": repr(cg.DanceConfig(weights={long: 1.0}, seed=10**90)),
+        "made": repr(things.made),
+    }
+    wrong = {name: line for name, line in shown.items() if len(line) > 120 or len(line.splitlines()) != 1}
+    assert wrong == {}
+    assert shown["DanceConfig"] == "DanceConfig()"
+    assert shown["Motion"] == "<Motion: 30 frames at 30 fps (1.0 s), 24 joints>"
+    assert "1 take>" in shown["made"]

@@ -16,6 +16,7 @@ from choreograph.core.arguments import check_kind, check_text
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path
 from choreograph.core.numerics import default_numerics
+from choreograph.core.progress import one_line
 from choreograph.core.timebase import frame_times_s
 from choreograph.formats.fbx import convert
 from choreograph.formats.gltf_document import GltfDocument
@@ -36,6 +37,8 @@ class GltfCharacter:
     nodes: tuple[int, ...]  # (B,) of the document
     bones: dict[str, int]  # canonical name -> bone
     skin: SkinPoints
+
+    __repr__ = one_line
 
     def dancing(self, motion: Motion, name: str = "dance") -> GltfDocument:
         """The document with a dance on the character as its only animation.

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from choreograph.core.arguments import as_floats, as_list, check_text, is_number, is_whole, unexpected
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import atomic_path, check_target, read_json
+from choreograph.core.progress import one_line
 from choreograph.core.timebase import parse_seconds
 from choreograph.library.words import checked_signature
 from choreograph.plan import FORMAT as PLAN_FORMAT
@@ -30,6 +31,8 @@ class MotifPin:
 
     at_s: float
     motif: int
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         _check_times(self, "at_s")
@@ -47,6 +50,8 @@ class TakePin:
     end_s: float
     take: str
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         _check_times(self, "start_s", "end_s")
         _check_names(self, "take")
@@ -62,6 +67,8 @@ class Keep:
     start_s: float
     end_s: float
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         _check_times(self, "start_s", "end_s")
 
@@ -76,6 +83,8 @@ class Ban:
     take: str | None = None
     genre: str | None = None
     motif: int | None = None
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if sum(value is not None for value in vars(self).values()) != 1:

@@ -20,6 +20,7 @@ from choreograph.cli.present import (
     stages,
 )
 from choreograph.core.errors import ParameterError
+from choreograph.core.progress import counted
 
 _FILE = click.Path(path_type=Path)
 _WIDEST = 80  # letters of a column of --check; longer cells push the next ones
@@ -159,7 +160,8 @@ def command(sources, output, check, quiet, leave_out, map_path, density, publish
         sys.exit(130)
     if not quiet:
         show_notes(built.notes)
-        say(f"{output}: {len(built.repertoire.takes)} takes, {built.repertoire.n_clips} clips")
+        takes, clips = len(built.repertoire.takes), built.repertoire.n_clips
+        say(f"{output}: {counted(takes, 'take')}, {counted(clips, 'clip')}")
 
 
 def _check(sources, options, *, quiet: bool) -> None:

@@ -17,7 +17,6 @@ from choreograph.cli.present import (
     show_notes,
 )
 from choreograph.core.arguments import unexpected
-from choreograph.core.errors import ParameterError
 from choreograph.core.files import check_target
 
 if TYPE_CHECKING:
@@ -148,15 +147,11 @@ def write_map(path: Path | None, character: GltfCharacter | None) -> None:
 
 def motion_of(path: Path, bone_map: Mapping[str, str] | None = None) -> Motion:
     """The motion of a file that holds one take, its notes printed; `ParameterError` for several takes."""
-    from choreograph.formats.register import import_takes
+    from choreograph.formats.register import read_take
     from choreograph.library.building.takes import check_map_fits
 
-    if path.is_dir():
-        raise ParameterError(f"{path}: expected a file with a motion, got a folder")
-    takes = list(import_takes(path, bone_map=bone_map))
-    if len(takes) != 1:
-        raise ParameterError(f"{path}: expected a file with one motion, got {len(takes)}")
+    take = read_take(path, bone_map=bone_map)
     if bone_map:
-        check_map_fits(takes, bone_map)
-    show_notes(takes[0].notes)
-    return takes[0].motion
+        check_map_fits([take], bone_map)
+    show_notes(take.notes)
+    return take.motion

@@ -14,6 +14,7 @@ import click
 from choreograph.cli.present import printable, say, show_notes, table_console
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.files import check_apart, file_identity, free_names
+from choreograph.core.progress import counted
 from choreograph.settings import MAX_VARIATIONS
 
 if TYPE_CHECKING:
@@ -222,20 +223,20 @@ def _show_table(results: Sequence[Result]) -> None:
 def _loop_note(dance: Dance) -> str:
     loop = dance.loop
     return (
-        f"{dance.plan.song}: motion files loop, {loop.n_bars} bars from {loop.start_s:.2f} to "
+        f"{dance.plan.song}: motion files loop, {counted(loop.n_bars, 'bar')} from {loop.start_s:.2f} to "
         f"{loop.end_s:.2f} s of the dance"
     )
 
 
 def _summary(plan: Plan, outputs: Outputs) -> str:
     takes = {block.planned.take for block in plan.blocks if block.planned.take}
-    sources = [f"{len(takes)} takes"] if takes else []
+    sources = [counted(len(takes), "take")] if takes else []
     if any(not block.source for block in plan.blocks):
         sources.append("the rollout network")
     sources += sorted({block.kept for block in plan.blocks if block.kept})
     of = " and ".join(sources)
     n_words = sum(not word.kept for word in plan.words)
-    words = f", {n_words} motion words" if n_words else ""
+    words = f", {counted(n_words, 'motion word')}" if n_words else ""
     return (
         f"{', '.join(str(path) for path in outputs)}: {plan.duration_s:.1f} s from {of}, "
         f"{len(plan.music_beats_s)} music beats{words}"

@@ -144,17 +144,12 @@ def _targets(report: Path | None, json_path: str | None) -> list[Path]:
 
 
 def _of_dance(dance, song, db, duration, beats):
-    from choreograph.evaluation.dance_scores import evaluate_dance
-    from choreograph.formats.register import import_takes
-    from choreograph.library.repertoire import Repertoire
+    from choreograph.evaluation.dance_scores import evaluate
+    from choreograph.formats.register import load_motion
     from choreograph.music.song import load_song
 
-    takes = list(import_takes(dance))
-    if len(takes) != 1:
-        raise ParameterError(f"{dance}: expected one dance, got {len(takes)} takes: name one file")
-    repertoire = None if db is None else Repertoire.open(db)
     loaded = load_song(song, duration_s=duration)
-    return evaluate_dance(takes[0].motion, loaded, name=str(dance), beats=beats, repertoire=repertoire)
+    return evaluate(load_motion(dance), loaded, name=str(dance), beats=beats, repertoire=db)
 
 
 @contextmanager
@@ -191,7 +186,7 @@ def _write(evaluation: Evaluation, report: Path | None, json_path: str | None) -
 
 
 def _of_songs(songs, db, config, judge, experts, kept, report):
-    from choreograph.evaluation.run import evaluate
+    from choreograph.evaluation.run import evaluate_variants
     from choreograph.evaluation.songs import read_experts
     from choreograph.library.builtin import starter_repertoire
     from choreograph.library.repertoire import Repertoire
@@ -199,7 +194,9 @@ def _of_songs(songs, db, config, judge, experts, kept, report):
     repertoire = starter_repertoire() if db is None else Repertoire.open(db)
     judging = None if judge is None else Repertoire.open(judge)
     references = () if experts is None else read_experts(experts, songs)
-    return evaluate(repertoire, songs, config, references=references, judge=judging, kept=kept, report=report)
+    return evaluate_variants(
+        repertoire, songs, config, references=references, judge=judging, kept=kept, report=report
+    )
 
 
 def _show(evaluation) -> None:

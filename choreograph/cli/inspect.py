@@ -16,6 +16,7 @@ from choreograph.cli.present import Command, check_outputs_apart, examples, give
 from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path, check_target, free_names, sha256_of
+from choreograph.core.progress import counted
 
 if TYPE_CHECKING:
     from choreograph.core.settings import Setting
@@ -152,8 +153,8 @@ def _vocabulary_facts(repertoire) -> dict[str, Any]:
 
 def _text(facts: dict[str, Any]) -> list[str]:
     lines = [
-        f"{facts['path']}: {len(facts['takes'])} takes, {facts['duration_s'] / 60:.1f} min, "
-        f"{facts['n_clips']} clips, {len(facts['joints'])} joints",
+        f"{facts['path']}: {counted(len(facts['takes']), 'take')}, {facts['duration_s'] / 60:.1f} min, "
+        f"{counted(facts['n_clips'], 'clip')}, {counted(len(facts['joints']), 'joint')}",
         f"tempo-density {facts['density']}; networks: {', '.join(facts['nets']) or 'none'}; "
         f"preset {facts['provenance'].get('preset')}",
     ]
@@ -166,7 +167,7 @@ def _text(facts: dict[str, Any]) -> list[str]:
         )
     lines += _vocabulary_text(facts["vocabulary"]) if facts["vocabulary"] else ["no motion words"]
     if "plots" in facts:
-        lines.append(f"{len(facts['plots'])} plots in {Path(facts['plots'][0]).parent}")
+        lines.append(f"{counted(len(facts['plots']), 'plot')} in {Path(facts['plots'][0]).parent}")
     return lines
 
 

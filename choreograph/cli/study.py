@@ -19,6 +19,7 @@ from choreograph.cli.present import (
     stages,
     table_console,
 )
+from choreograph.core.progress import counted
 
 if TYPE_CHECKING:
     from choreograph.evaluation.study_results import StudyResults
@@ -128,7 +129,8 @@ def _show_tables(results: StudyResults) -> None:
     from choreograph.evaluation.study import PAIR_QUESTIONS, QUESTIONS
 
     console = table_console()
-    say(f"{results.n_raters} raters, {results.n_songs} songs; 95 % intervals in brackets")
+    raters, songs = counted(results.n_raters, "rater"), counted(results.n_songs, "song")
+    say(f"{raters}, {songs}; 95 % intervals in brackets")
     for question in QUESTIONS:
         scores = [score for score in results.scores if score.question == question.id]
         if not scores:

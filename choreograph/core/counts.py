@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from choreograph.core.arguments import unexpected
+from choreograph.core.arguments import as_number, unexpected
 from choreograph.core.errors import ParameterError
+from choreograph.core.progress import one_line
 
 # `Counts`: instants that are counted 1, 2, 3, …, and their number in the bar; `Figure`: named choreography.
 #
@@ -39,6 +40,8 @@ class Counts:
     # (Q,) where a network read them: 0 if its phases agree with the count, ½ if they say nothing, up to 1
     doubt: Floats = field(default_factory=lambda: np.zeros(0))
 
+    __repr__ = one_line
+
     def __len__(self) -> int:
         return len(self.times_s)
 
@@ -54,6 +57,8 @@ class Counts:
 
     def within(self, start_s: float, end_s: float) -> Counts:
         """The counts of a part, times from its start."""
+        for what, bound_s in (("start", start_s), ("end", end_s)):
+            as_number(f"the {what} of a part in seconds", bound_s)
         inside = (self.times_s >= start_s) & (self.times_s <= end_s)
         doubt = self.doubt[inside] if len(self.doubt) else self.doubt
         return Counts(

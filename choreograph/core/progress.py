@@ -1,8 +1,17 @@
-"""How stages report what they are doing."""
+"""What users read while they work: progress, numbers of things, objects on one line."""
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable
+from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+REPR_CHARACTERS = 120  # of one line
+_SIMPLE = (str, int, float, bool, Path, type(None))
 
 # Called with the stage's name, how much is done, and of how much; 0 for a total that is not known.
 ProgressReport = Callable[[str, int, int], None]
@@ -19,3 +28,49 @@ def part(report: StepReport | None, start: int, stop: int, total: int) -> StepRe
     if report is None:
         return None
     return lambda done, steps: report(start + (stop - start) * done // steps, total)
+
+
+def counted(number: int, one: str, several: str = "") -> str:
+    """A number of things, such as "1 take" and "2,048 clips"; `several` where it does not end in s."""
+    return f"{number:,} {one if number == 1 else several or one + 's'}"
+
+
+def one_line(instance: Any) -> str:
+    """The `__repr__` of a dataclass: its fields that differ from their defaults, on one line.
+
+    Arrays are shown by their shape, other objects by their kind. Fields that do not fit are counted.
+    """
+    shown = [
+        f"{field.name}={_brief(getattr(instance, field.name))}"
+        for field in fields(instance)
+        if field.repr and not _is_default(getattr(instance, field.name), field)
+    ]
+    for n_shown in range(len(shown), -1, -1):
+        left = len(shown) - n_shown
+        parts = [*shown[:n_shown], *([f"{left} more" if n_shown else counted(left, "field")] if left else [])]
+        line = f"{type(instance).__name__}({', '.join(parts)})"
+        if len(line) <= REPR_CHARACTERS:
+            break
+    return line
+
+
+def _is_default(value: Any, field: Any) -> bool:
+    default = field.default if field.default_factory is MISSING else field.default_factory()
+    if isinstance(value, tuple | dict):
+        return type(value) is type(default) and not value and not default
+    return isinstance(value, _SIMPLE) and type(value) is type(default) and value == default
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"<array {value.shape}>"
+    if isinstance(value, tuple | list | dict) and len(value) > 3:
+        return f"<{len(value)} items>"
+    if isinstance(value, _SIMPLE) or is_dataclass(value):
+        return reprlib.repr(value) if isinstance(value, str) else repr(value)
+    return reprlib.repr(value).replace("\n", " ")
+
+
+def cut_line(line: str) -> str:
+    """A representation such as "<Repertoire rep.h5>", cut where it is longer than a line."""
+    return line if len(line) <= REPR_CHARACTERS else f"{line[: REPR_CHARACTERS - 4]}...>"

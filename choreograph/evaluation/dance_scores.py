@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from choreograph.core.arguments import check_kind, check_text
 from choreograph.core.counts import NO_COUNTS, Counts
 from choreograph.core.errors import ParameterError
+from choreograph.core.files import as_path
 from choreograph.core.numerics import default_numerics
 from choreograph.core.timebase import NET_FPS
 from choreograph.evaluation.danced_counts import CountedDance, counted_share
@@ -40,6 +42,7 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.song import Song
+from choreograph.pipeline.arguments import as_repertoire, as_song
 
 # The counts of a dance as a network reads them from its motion alone.
 #
@@ -116,19 +119,29 @@ def dance_scores(
 
 
 @default_numerics()
-def evaluate_dance(
+def evaluate(
     motion: Motion,
-    song: Song,
+    song: Song | str | Path,
     *,
     name: str = "dance",
     beats: str | Path = DEFAULT_TRACKER,
-    repertoire: Repertoire | None = None,
+    repertoire: Repertoire | str | Path | None = None,
 ) -> Evaluation:
     """Measure one dance of any system to a song; with a repertoire also against its takes and motifs.
 
-    Dance and song start together, and the longer one is cut. Raises `ParameterError` if the rig's joint names
-    are unknown or the beats cannot be used.
+    Dance and song start together, and the longer one is cut. `beats` names a tracker or a file of times.
+    `choreograph evaluate DANCE SONG` prints the result; `evaluation.results.to_json` gives it as text.
+
+    Raises
+    ------
+    ParameterError   if an argument is of another type, a joint's name is unknown, or the beats cannot be used
+    FormatError      if the song or the file of beats is damaged
     """
+    check_kind("the motion to evaluate", motion, Motion)
+    check_text("the name of a dance", name)
+    as_path("beats to measure by", beats)
+    song = as_song("a song", song)
+    repertoire = None if repertoire is None else as_repertoire(repertoire)
     check_measurable(motion, name)
     length_s = min(motion.duration_s, song.duration_s)
     motion = motion.sliced(0, max(1, round(length_s * motion.fps)))

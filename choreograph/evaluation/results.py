@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.progress import one_line
 from choreograph.evaluation.metric_catalogue import FAMILIES, METRICS, Metric
 from choreograph.evaluation.plan_scores import DancedMotifs
 from choreograph.evaluation.scores import DancedPhases, Scores
@@ -70,6 +71,8 @@ class Evaluation:
     notes: tuple[str, ...] = ()
     example: ExampleSong | None = None
     expert_phases: tuple[DancedPhases, ...] = ()  # that the phases of dances are compared with
+
+    __repr__ = one_line
 
 
 def dances_of(dances: Iterable[MeasuredDance], variant: str) -> list[MeasuredDance]:

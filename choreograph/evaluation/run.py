@@ -72,7 +72,7 @@ class EvaluationConfig:
 
 
 @default_numerics()
-def evaluate(
+def evaluate_variants(
     repertoire: Repertoire,
     songs: Sequence[EvaluatedSong],
     config: EvaluationConfig | None = None,

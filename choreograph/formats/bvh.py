@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from choreograph.core.arguments import as_number
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.numerics import frame_blocks
+from choreograph.core.progress import one_line
 from choreograph.core.settings import settings
 from choreograph.formats.axes_and_units import known_roles, rotation_to_y_up, to_rotated_axes, unit_m
 from choreograph.formats.bvh_text import BvhText, parse_bvh, read_text
@@ -237,6 +238,8 @@ class BvhOptions:
 
     rest: RestPose | None = None
     """Rest pose of the hierarchy, a standing T or A pose. None keeps that of the skeleton."""
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         as_number("a positive number of units per metre", self.units_per_m, above=0.0)

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from choreograph.core.arguments import unexpected
+from choreograph.core.arguments import check_kind, unexpected
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError
-from choreograph.core.files import atomic_path
+from choreograph.core.files import as_path, atomic_path
 from choreograph.core.numerics import default_numerics
+from choreograph.core.progress import counted
 from choreograph.core.timebase import STORE_FPS
 from choreograph.formats import added_formats, builtin_formats, writers
 from choreograph.formats.gltf_files import referenced_files
@@ -211,6 +212,36 @@ def _importers_of(source: Path) -> list[Any]:
     raise ParameterError(f"expected takes at {source}, got none of a known layout: {layouts}")
 
 
+def read_take(path: str | Path, *, bone_map: Mapping[str, str] | None = None) -> Take:
+    """The take of a file that holds one.
+
+    Raises `ParameterError` for a folder and for several takes, else as `import_takes`.
+    """
+    path = named_source(as_path("a file with a motion", path))
+    if path.is_dir():
+        raise ParameterError(f"{path}: expected a file with one motion, got a folder: name one of its files")
+    takes = list(import_takes(path, bone_map=bone_map))
+    if len(takes) != 1:
+        raise ParameterError(f"{path}: expected a file with one motion, got {counted(len(takes), 'take')}")
+    return takes[0]
+
+
+@default_numerics()
+def load_motion(path: str | Path, *, bone_map: Mapping[str, str] | None = None) -> Motion:
+    """Read the motion of a file, in any format that `choreograph build-db` reads.
+
+    The motion is as a repertoire stores it: at 60 fps, or at the rate of the file if that is lower, with the
+    floor at Y = 0. `bone_map` names the rig's bones, canonical name to name in the file, where they are not
+    recognised.
+
+    Raises
+    ------
+    ParameterError   if there is no such file, its format is unknown, or it holds several takes
+    FormatError      if the file is damaged or its rig is not a body
+    """
+    return read_take(path, bone_map=bone_map).motion
+
+
 # Motions to files: `save_motion` by suffix, `get_writer` by format.
 
 
@@ -229,6 +260,10 @@ def save_motion(path: str | Path, motion: Motion, *, writer: Writer | None = Non
     Raises `ParameterError` for an unknown suffix or a missing folder, `ChoreographError` if the disk
     is full or write-protected.
     """
-    writer = writer or get_writer(Path(path).suffix.removeprefix("."))
+    path = as_path("a file to write", path)
+    check_kind("the motion to write", motion, Motion)
+    if writer is not None:
+        check_kind("the writer of a motion", writer, Writer)
+    writer = writer or get_writer(path.suffix.removeprefix("."))
     with atomic_path(path) as temporary:
         writer.write(motion, temporary)

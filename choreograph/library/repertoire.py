@@ -17,6 +17,7 @@ from choreograph.core.arguments import as_index, as_number, check_kind, check_te
 from choreograph.core.counts import Counts, Figure
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import as_path
+from choreograph.core.progress import counted, cut_line
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 from choreograph.library.checks import check_clips
 from choreograph.library.clips import ClipMotion, TakeInfo, counts_from, figures_from, takes_from
@@ -69,7 +70,7 @@ class Repertoire:
         return cls(RepertoireFile(as_path("a repertoire file", path)))
 
     def __repr__(self) -> str:
-        return f"<Repertoire {self._summary()}>"
+        return cut_line(f"<Repertoire {self._summary()}>")
 
     def _repr_html_(self) -> str:
         """A table of the takes, for notebooks."""
@@ -91,7 +92,8 @@ class Repertoire:
         minutes = sum(take.duration_s for take in self.takes) / 60
         genres = ", ".join(sorted({take.credits.genre for take in self.takes} - {""})) or "none"
         return (
-            f"{self.path.name}: {len(self.takes):,} takes, {minutes:.1f} min, {self.n_clips:,} clips, "
+            f"{self.path.name}: {counted(len(self.takes), 'take')}, {minutes:.1f} min, "
+            f"{counted(self.n_clips, 'clip')}, "
             f"genres: {genres}"
         )
 

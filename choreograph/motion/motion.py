@@ -23,6 +23,7 @@ from choreograph.core.counts import NO_COUNTS, Counts, Figure
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
 from choreograph.core.numerics import frame_blocks, frame_weights, interpolate_frames
+from choreograph.core.progress import counted, one_line
 from choreograph.core.timebase import STORE_FPS, frame_times_s, seconds_to_frames
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
@@ -84,6 +85,10 @@ class Motion:
                 raise ParameterError(
                     f"expected finite {what}, got {values[place]} in frame {place[0]}: damaged data?"
                 )
+
+    def __repr__(self) -> str:
+        frames, joints = counted(self.n_frames, "frame"), counted(self.skeleton.n_joints, "joint")
+        return f"<Motion: {frames} at {self.fps:g} fps ({self.duration_s:.1f} s), {joints}>"
 
     @property
     def n_frames(self) -> int:
@@ -190,6 +195,8 @@ class Credits:
     licence: str = ""
     source: str = ""
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         check_text("credits", self.genre, self.performer, self.licence, self.source)
 
@@ -211,6 +218,8 @@ class Take:
     notes: tuple[str, ...] = ()  # anything unusual in the files and how it was handled, one line each
     counts: Counts = NO_COUNTS
     figures: tuple[Figure, ...] = ()  # in order, where the data names them
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         check_text("the names of a take and its song", self.name, self.song_name)

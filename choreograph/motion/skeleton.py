@@ -19,6 +19,7 @@ from choreograph.core.arguments import (
     unexpected,
 )
 from choreograph.core.errors import ParameterError
+from choreograph.core.progress import counted
 
 CANONICAL_JOINTS = (
     "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle",
@@ -107,6 +108,9 @@ class Skeleton:
             raise unexpected("roles of joints by canonical name", roles)
         if len(set(roles.values())) != len(roles) or not set(roles.values()) <= set(range(len(self.names))):
             raise unexpected(f"roles of different joints among {len(self.names)}", dict(roles))
+
+    def __repr__(self) -> str:
+        return f"<Skeleton: {counted(self.n_joints, 'joint')} from {reprlib.repr(self.names[0])}>"
 
     @property
     def n_joints(self) -> int:

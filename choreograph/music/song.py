@@ -20,6 +20,7 @@ from choreograph.core.arguments import as_number, as_texts, check_text, unexpect
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, check_regular
 from choreograph.core.numerics import default_numerics
+from choreograph.core.progress import one_line
 from choreograph.core.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 from choreograph.music.decoding import Blocks, decode
 
@@ -42,6 +43,8 @@ class Song:
     path: Path | None = None
     notes: tuple[str, ...] = ()  # one line each
     start_s: float = 0.0  # of the first sample in the file
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         samples, wanted = self.samples, "samples of a song as floats (S,) from -1 to 1, mono at 22.05 kHz"

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from choreograph.core.counts import Counts
+from choreograph.core.progress import one_line
 from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, frame_times_s
 from choreograph.music.sections import Sections
 
@@ -30,6 +31,8 @@ class SongFeatures:
     opening_s: float  # the first count that is danced; before it the first pose is held
     closing_s: float  # the last one
     onset_density: NDArray[np.float32]  # (S,) of the 4 s from each second, as a rank in the song, 0 … 1
+
+    __repr__ = one_line
 
     @property
     def beat_times_s(self) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,7 +26,7 @@ from choreograph.core.arguments import as_list, as_texts, check_function, check_
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
 from choreograph.core.numerics import default_numerics, one_thread
-from choreograph.core.progress import ProgressReport, substage
+from choreograph.core.progress import ProgressReport, counted, substage
 from choreograph.core.timebase import STORE_FPS
 from choreograph.formats.bvh import BvhOptions
 from choreograph.library.repertoire import Repertoire
@@ -129,10 +130,10 @@ class Dance:
         save_dance(path, parts, report)
 
     def __repr__(self) -> str:
-        plan, motion = self.plan, self.motion
+        plan, takes = self.plan, counted(len(self.plan.takes_s()), "take")
         return (
-            f"<Dance to {plan.song!r}: {plan.duration_s:.1f} s at {motion.fps:g} fps, {plan.engine} engine, "
-            f"{len(plan.takes_s())} takes>"
+            f"<Dance to {reprlib.repr(plan.song)}: {plan.duration_s:.1f} s at {self.motion.fps:g} fps, "
+            f"{plan.engine} engine, {takes}>"
         )
 
     def _repr_html_(self) -> str:

@@ -19,6 +19,7 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import is_whole, unexpected
 from choreograph.core.counts import Counts, count_phase
 from choreograph.core.numerics import default_numerics
+from choreograph.core.progress import one_line
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
@@ -43,6 +44,8 @@ class RolloutFrame:
     time_s: float  # in the song
     root_pos_m: Floats  # (3,)
     local_quat: Floats  # (J, 4) on `RolloutStream.skeleton`; signs are continuous in time
+
+    __repr__ = one_line
 
 
 class RolloutStream:

@@ -15,7 +15,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
 from choreograph.core.numerics import default_numerics
 from choreograph.formats.folder import SongsByName
-from choreograph.formats.register import import_takes
+from choreograph.formats.register import read_take
 from choreograph.library.building.takes import measure_take, segment_takes
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import signature
@@ -112,10 +112,7 @@ def signature_of(name: str, repertoire: Repertoire) -> NDArray[np.float64]:
 
 
 def _only_take(path: Path) -> Take:
-    takes = list(import_takes(path))
-    if len(takes) != 1:
-        raise ParameterError(f"{path}: expected one take to dance again, got {len(takes)}")
-    take = takes[0]
+    take = read_take(path)
     song = take.song_path or SongsByName.in_folder(path.parent).of(path.stem)
     return replace(take, song_path=song)
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path, ends_of, free_names
 from choreograph.core.numerics import chi_square_distance
+from choreograph.core.progress import counted
 from choreograph.formats.writer import GENERATOR
 from choreograph.library.motifs import ALL_GENRES, Vocabulary
 from choreograph.library.repertoire import Repertoire
@@ -257,7 +258,7 @@ def _shown(repertoire: Repertoire, word: int) -> ShownWord:
 
 
 def _takes(number: int) -> str:
-    return "1 take" if number == 1 else f"{number} takes"
+    return counted(number, "take")
 
 
 def _file_name(genre: str) -> str:

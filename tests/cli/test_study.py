@@ -17,7 +17,7 @@ def test_a_study_is_written_rated_and_shown(tmp_path, db, song):
     rate_all(study, {"random": 1.0, "ours": 4.0}, n_raters=3)
     shown = run("study", "show", study)
     assert shown.exit_code == 0, shown.output
-    assert shown.stdout.index("ours") < shown.stdout.index("random") and "3 raters, 1 songs" in shown.stdout
+    assert shown.stdout.index("ours") < shown.stdout.index("random") and "3 raters, 1 song;" in shown.stdout
     ratings = tmp_path / "ratings.json"
     assert run("study", "show", study, "--json", ratings).exit_code == 0
     assert json.loads(ratings.read_text()) == json.loads(run("study", "show", study, "--json", "-").stdout)

@@ -13,7 +13,7 @@ from synthetic_repertoire import synthetic_repertoire, synthetic_takes, with_cou
 
 from choreograph.core.counts import NO_COUNTS, Counts, numbers_in_bar
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.evaluation.dance_scores import evaluate_dance
+from choreograph.evaluation.dance_scores import evaluate
 from choreograph.evaluation.danced_counts import CountedDance
 from choreograph.evaluation.metric_catalogue import FAMILIES, LIMITS, METRICS
 from choreograph.evaluation.plan_scores import (
@@ -26,7 +26,7 @@ from choreograph.evaluation.plan_scores import (
 )
 from choreograph.evaluation.report import write_report
 from choreograph.evaluation.results import number_text, tables, to_json
-from choreograph.evaluation.run import EvaluationConfig, evaluate
+from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.scores import energy_scores
 from choreograph.evaluation.songs import beats_of, find_songs, read_experts, song_music
 from choreograph.evaluation.variants import VARIANTS, dance_variant, variants_named
@@ -68,7 +68,7 @@ def folder(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def evaluation(repertoire, folder):
     songs = find_songs(folder, duration_s=21.0)
-    return evaluate(repertoire, songs, EvaluationConfig(variants_named(["ours", "random"]), seeds=2))
+    return evaluate_variants(repertoire, songs, EvaluationConfig(variants_named(["ours", "random"]), seeds=2))
 
 
 def cells(evaluation, metric: str) -> dict:
@@ -124,7 +124,9 @@ def test_real_dances_are_not_compared_with_themselves(evaluation):
 
 def test_deterministic_variants_are_danced_once(repertoire, folder):
     songs = find_songs(folder, only=["alone"])
-    found = evaluate(repertoire, songs, EvaluationConfig(variants_named(["greedy-published"]), seeds=3))
+    found = evaluate_variants(
+        repertoire, songs, EvaluationConfig(variants_named(["greedy-published"]), seeds=3)
+    )
     assert [d.seed for d in found.dances if d.variant == "greedy-published"] == [0]
 
 
@@ -161,8 +163,10 @@ def test_songs_the_repertoire_was_built_from_are_refused(repertoire, tmp_path):
     write_clicks(tmp_path / "song1.wav", duration_s=5.0)
     songs = find_songs(tmp_path)
     with pytest.raises(ParameterError, match=r"song1.*--seen"):
-        evaluate(repertoire, songs)
-    found = evaluate(repertoire, songs, EvaluationConfig(variants_named(["random"]), seeds=1, seen=True))
+        evaluate_variants(repertoire, songs)
+    found = evaluate_variants(
+        repertoire, songs, EvaluationConfig(variants_named(["random"]), seeds=1, seen=True)
+    )
     assert found.facts["seen"] is True
 
 
@@ -250,8 +254,8 @@ def test_unknown_variants_and_empty_comparisons_are_refused():
 
 def test_one_dance_of_any_system(repertoire, tmp_path):
     song = load_song(write_clicks(tmp_path / "song.wav", duration_s=12.0))
-    on_beat = evaluate_dance(stepping(400, period_s=0.5), song, repertoire=repertoire)
-    off_beat = evaluate_dance(swaying(400), song)
+    on_beat = evaluate(stepping(400, period_s=0.5), song, repertoire=repertoire)
+    off_beat = evaluate(swaying(400), song)
     assert cells(on_beat, "f_score")["dance"].mean > 0.9 > 0.6 > cells(off_beat, "f_score")["dance"].mean
     assert {"fpd", "signature_chi2"} <= set(on_beat.dances[0].scores.values)
     assert "fpd" not in off_beat.dances[0].scores.values
@@ -261,7 +265,7 @@ def test_one_dance_of_any_system(repertoire, tmp_path):
 def test_a_motion_without_motion_beats_still_has_tables(tmp_path):
     song = load_song(write_clicks(tmp_path / "song.wav", duration_s=6.0))
     still = stepping(180).sampled(np.zeros(180))
-    found = evaluate_dance(still, song)
+    found = evaluate(still, song)
     assert math.isnan(found.dances[0].scores.values["motion_to_music"])
     (beats,) = [table for table in tables(found) if table.family == "beats"]
     assert "motion_to_music" not in [row.metric.name for row in beats.rows]
@@ -325,10 +329,10 @@ def test_a_reference_stands_beside_the_variants(repertoire, folder):
     made = dance_variant(VARIANTS["ours"], songs[0].load(), repertoire)
     expert = CountedDance.from_plan("expert", "alone", made.motion, made.plan, repertoire)
     config = EvaluationConfig(variants_named(["random"]), seeds=1)
-    found = evaluate(repertoire, songs, config, references=[expert])
+    found = evaluate_variants(repertoire, songs, config, references=[expert])
     assert cells(found, "counts_within")["expert"].mean > cells(found, "counts_within")["random"].mean
     assert "expert" in found.variants
-    elsewhere = evaluate(repertoire, songs, config, references=[replace(expert, song="other")])
+    elsewhere = evaluate_variants(repertoire, songs, config, references=[replace(expert, song="other")])
     assert {d.song for d in elsewhere.dances} == {"alone"}  # it only shows how its genre is danced
 
 
@@ -338,12 +342,12 @@ def test_motifs_judged_by_another_network(repertoire, folder, tmp_path):
     )
     songs = find_songs(folder, only=["alone"])
     config = EvaluationConfig(variants_named(["random"]), seeds=1)
-    own, judged = (evaluate(repertoire, songs, config, judge=by) for by in (None, judge))
+    own, judged = (evaluate_variants(repertoire, songs, config, judge=by) for by in (None, judge))
     assert (own.facts["motifs_judged_by"], judged.facts["motifs_judged_by"]) == ("own network", "other.h5")
     assert own.dances[0].scores.values["signature_chi2"] != judged.dances[0].scores.values["signature_chi2"]
     assert own.dances[0].scores.values["f_score"] == judged.dances[0].scores.values["f_score"]
     with pytest.raises(ParameterError, match="another --seed"):
-        evaluate(repertoire, songs, config, judge=repertoire)
+        evaluate_variants(repertoire, songs, config, judge=repertoire)
 
 
 def test_transitions_of_a_plan(repertoire, folder):

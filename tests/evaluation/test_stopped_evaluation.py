@@ -14,7 +14,7 @@ from synthetic_repertoire import synthetic_repertoire, write_clicks
 from choreograph.core.errors import NoPathError, RepertoireError
 from choreograph.evaluation import run as run_module
 from choreograph.evaluation.results import to_json
-from choreograph.evaluation.run import EvaluationConfig, evaluate
+from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.songs import find_songs
 from choreograph.evaluation.variants import dance_variant, kept_dances, variants_named
 
@@ -58,7 +58,7 @@ def config():
 
 @pytest.fixture(scope="module")
 def uninterrupted(db, folder, config):
-    return to_json(evaluate(db, find_songs(folder), config))
+    return to_json(evaluate_variants(db, find_songs(folder), config))
 
 
 def stopping(monkeypatch, after: int, error: type[BaseException]) -> list[str]:
@@ -82,11 +82,11 @@ def test_what_was_danced_is_not_danced_again_and_the_results_are_the_same(
     songs, kept_in = find_songs(folder), tmp_path / "e.json.dances"
     first = stopping(monkeypatch, 4, error)
     with pytest.raises(error), kept_dances(kept_in, resume=False, doing="evaluates") as kept:
-        evaluate(db, songs, config, kept=kept)
+        evaluate_variants(db, songs, config, kept=kept)
     assert len(kept) == len(first) == 4
     second = stopping(monkeypatch, 99, error)
     with kept_dances(kept_in, resume=True, doing="evaluates") as kept:
-        resumed = evaluate(db, songs, config, kept=kept)
+        resumed = evaluate_variants(db, songs, config, kept=kept)
     assert len(second) == 2 and not set(first) & set(second)
     assert to_json(resumed) == uninterrupted
     assert not kept_in.exists()
@@ -98,22 +98,22 @@ def test_kept_dances_of_anything_else_or_damaged_are_danced_again(
     songs, kept_in = find_songs(folder), tmp_path / "e.json.dances"
     stopping(monkeypatch, 5, KeyboardInterrupt)
     with pytest.raises(KeyboardInterrupt), kept_dances(kept_in, resume=False, doing="evaluates") as kept:
-        evaluate(db, songs, config, kept=kept)
+        evaluate_variants(db, songs, config, kept=kept)
     one, other, third, *_ = sorted(kept_in.glob("*.json"))
     one.write_text("{")
     os.truncate(other.with_suffix(".npz"), 300)
     third.write_text(json.dumps({"plan": {}, "notes": []}))
     again = stopping(monkeypatch, 99, KeyboardInterrupt)
     with kept_dances(kept_in, resume=True, doing="evaluates") as kept:
-        assert to_json(evaluate(db, songs, config, kept=kept)) == uninterrupted
+        assert to_json(evaluate_variants(db, songs, config, kept=kept)) == uninterrupted
     assert len(again) == 1 + 3
     # Without --resume, with songs of another duration, or another repertoire, all are danced anew.
     stopping(monkeypatch, 5, KeyboardInterrupt)
     with pytest.raises(KeyboardInterrupt), kept_dances(kept_in, resume=False, doing="evaluates") as kept:
-        evaluate(db, songs, config, kept=kept)
+        evaluate_variants(db, songs, config, kept=kept)
     shorter, anew = find_songs(folder, duration_s=4.0), stopping(monkeypatch, 99, KeyboardInterrupt)
     with kept_dances(kept_in, resume=True, doing="evaluates") as kept:
-        evaluate(db, shorter, config, kept=kept)
+        evaluate_variants(db, shorter, config, kept=kept)
     assert len(anew) == 6
 
 
@@ -123,7 +123,7 @@ def test_a_variant_that_cannot_be_danced_is_known_before_anything_is(
 ):
     made = stopping(monkeypatch, 0, AssertionError)
     with pytest.raises(RepertoireError):
-        evaluate(db, find_songs(folder), EvaluationConfig(variants_named([variants])))
+        evaluate_variants(db, find_songs(folder), EvaluationConfig(variants_named([variants])))
     result = run("evaluate", "--db", db.path, "--songs", folder, "--variants", variants, "--json",
                  tmp_path / "e.json")  # fmt: skip
     assert_one_line(result, says="rollout" if "published" not in variants else "as-published")

@@ -182,7 +182,7 @@ def test_fewer_clips_than_candidates_and_one_genre_only(tmp_path, song):
     assert few.n_clips == 1
     made = cg.dance(song, few)
     assert takes_of(made) == {"take0"}
-    assert any("1 clips, fewer than 512" in note for note in made.notes)
+    assert any("1 clip, fewer than 512" in note for note in made.notes)
     assert abs(made.motion.duration_s - 12.4) <= 1 / 60
 
 

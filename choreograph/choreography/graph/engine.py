@@ -25,7 +25,7 @@ from choreograph.choreography.graph.motif_costs import (
 )
 from choreograph.choreography.graph.planners import Path, plan_exact, plan_greedy
 from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
-from choreograph.core.progress import substage
+from choreograph.core.progress import counted, substage
 from choreograph.core.timebase import CLIP_S, NET_FPS
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
@@ -98,7 +98,8 @@ class GraphEngine:
         constraints, config, repertoire = request.constraints, request.config, request.repertoire
         notes: tuple[str, ...] = ()
         if repertoire.n_clips < config.candidates and config.planner != "motion-graph":
-            notes = (f"{repertoire.n_clips} clips, fewer than {config.candidates} candidates: all take part",)
+            clips = counted(repertoire.n_clips, "clip")
+            notes = (f"{clips}, fewer than {config.candidates} candidates: all take part",)
         if note := _unaligned_note(request):
             notes = (*notes, note)
         goals, goal_notes = _goals(request)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.graph.segments import Segments
 from choreograph.core.arguments import check_kind, unexpected
+from choreograph.core.progress import one_line
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_S
 
 Floats = NDArray[np.floating]
@@ -75,6 +76,8 @@ class Layer:
     motifs: Ints  # (N, W) of the node's words, in order, padded with -1; W = 0 if no cost uses motifs
     motif_counts: Ints  # (N, M) of each motif along the cheapest path to the node; M = 0 likewise
     new_goal: bool = False  # motifs are counted anew from this second on
+
+    __repr__ = one_line
 
     @property
     def n_nodes(self) -> int:

@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
+from choreograph.core.progress import counted, cut_line, one_line
 from choreograph.core.settings import Range, settings
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.bone_map import check_bone_map
@@ -106,6 +107,8 @@ class BuildOptions:
     """What the file says about how it was built: "published" is set by
     `choreograph.settings.published_build`."""
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         check_bone_map(self.bone_map)
         for config, changes in ((style_config, self.style_changes), (density_config, self.density_changes)):
@@ -127,8 +130,10 @@ class BuildResult(NamedTuple):
         return self.repertoire.path
 
     def __repr__(self) -> str:
-        takes, clips = len(self.repertoire.takes), self.repertoire.n_clips
-        return f"<BuildResult {self.path.name}: {takes} takes, {clips} clips, {len(self.notes)} notes>"
+        takes, clips = counted(len(self.repertoire.takes), "take"), counted(self.repertoire.n_clips, "clip")
+        return cut_line(
+            f"<BuildResult {self.path.name}: {takes}, {clips}, {counted(len(self.notes), 'note')}>"
+        )
 
     def _repr_html_(self) -> str:
         notes = "".join(f"<li>{escape(note)}</li>" for note in self.notes)
