@@ -1,0 +1,49 @@
+"""Sphinx settings of the documentation: `make docs` builds it into build/docs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import choreograph
+
+project = "choreograph"
+copyright = "the choreograph contributors"
+release = version = choreograph.__version__
+
+extensions = [
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx_click",
+    "sphinx_copybutton",
+    "sphinx_design",
+]
+root_doc = "index"
+source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+exclude_patterns = ["README.md"]
+
+myst_enable_extensions = ["colon_fence", "deflist"]
+myst_heading_anchors = 3
+
+autosummary_generate = True
+autodoc_typehints = "none"  # signatures show them; numpydoc describes the parameters
+autodoc_member_order = "bysource"
+numpydoc_show_class_members = False
+numpydoc_xref_param_type = False
+
+html_theme = "pydata_sphinx_theme"
+html_title = "choreograph"
+html_static_path = ["_static"]
+html_show_sourcelink = False
+html_theme_options = {
+    "show_nav_level": 2,
+    "show_toc_level": 2,
+    "navigation_with_keys": False,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+}
+html_sidebars = {"index": []}
+
+ROOT = Path(__file__).resolve().parents[1]
