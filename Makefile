@@ -10,7 +10,7 @@ DB ?=
 MINUTES ?= 5
 SEED ?=
 
-.PHONY: setup test test-fast test-lowest test-newest fuzz lint dance starter faults benchmark format
+.PHONY: setup docs test test-fast test-lowest test-newest fuzz lint dance starter faults benchmark format
 
 setup: .venv/.ready
 
@@ -50,6 +50,11 @@ lint: setup
 format: setup
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+# The site, in build/docs: open build/docs/index.html.
+docs: setup
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	$(BIN)/sphinx-build -W --keep-going docs build/docs
 
 dance: setup
 	$(BIN)/choreograph dance "$(SONG)" $(if $(DB),--db "$(DB)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import choreograph
@@ -46,4 +47,20 @@ html_theme_options = {
 }
 html_sidebars = {"index": []}
 
-ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(Path(__file__).parent))
+
+
+def _as_literal(_app, _ctx, lines: list[str]) -> None:
+    """Examples below a command keep their lines, and `*` in them is no emphasis."""
+    lines[:] = ["::", "", *(f"   {line}" for line in lines if line.strip()), ""] if any(lines) else []
+
+
+def _draw(app) -> None:
+    from figures import draw_all
+
+    draw_all(Path(app.srcdir) / "_figures")
+
+
+def setup(app) -> None:
+    app.connect("sphinx-click-process-epilog", _as_literal)
+    app.connect("builder-inited", _draw)

@@ -203,7 +203,7 @@ def dance(
         follows none
     signature : (K,) shares of the motifs that the dance should have
     motifs : of the dance's words from the first on, or with their times
-    pins : `MotifPin`s and `TakePin`s, in seconds of the dance
+    pins : each a `MotifPin` or a `TakePin`, in seconds of the dance
     bans : takes, genres and motifs that must not be danced
     keep : stretches of the `existing` dance that are kept to the bit; the gaps between them, of 2 s or more,
         are danced anew
