@@ -13,7 +13,7 @@ semitones, times the share of distinct steps in the window |
 coordinates would depend on the heading) | onsets per second |
 | rhythm | accumulated angular acceleration: of the bone directions, mean over the window, rad/s² | time \
 between onsets and density: geometric mean of onsets per second and 1 / (median inter-onset interval) |
-| asymmetry | independent use of upper or lower part: Σ abs(u - l) / Σ (u + l), u and l the mean speeds of the \
+| asymmetry | independent use of upper or lower half: Σ abs(u - l) / Σ (u + l), u and l mean speeds of the \
 joints above and below the pelvis, relative to it | rough or smooth, aggressive or mild: geometric mean of \
 flatness and centroid of the window's mean spectrum (frame by frame, a pause would be rough) |
 
