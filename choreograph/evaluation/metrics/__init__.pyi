@@ -1,0 +1,17 @@
+from . import beat as beat
+from . import contact_scores as contact_scores
+from . import count_phase as count_phase
+from . import counts as counts
+from . import endings as endings
+from . import energy_response as energy_response
+from . import fid as fid
+from . import frechet as frechet
+from . import labels as labels
+from . import motion_beat_detectors as motion_beat_detectors
+from . import physical as physical
+from . import references as references
+from . import retrieval as retrieval
+from . import structure as structure
+from . import style_response as style_response
+from . import transitions as transitions
+from . import warping as warping
