@@ -144,7 +144,7 @@ def _checked_rating(path: Path, key: StudyKey) -> dict[str, Any]:
     data = _read_json(path, "a rater's file")
     _check_format(path, data, RATING_FORMAT, "rate the dances again in a study of `choreograph study write`")
     if set(data) != _RATING_KEYS:
-        wrong = sorted(set(data) ^ _RATING_KEYS)[0]
+        wrong = min(set(data) ^ _RATING_KEYS)
         raise FormatError(f"{path}: the key {wrong!r} is {'unknown' if wrong in data else 'missing'}")
     if data["study"] != key.study:
         raise FormatError(f"{path}: expected a rating of study {key.study}, got one of {data['study']!r}")
