@@ -246,14 +246,6 @@ def test_beats_are_read(tmp_path):
     assert_read(text_files("song.beats", BEAT_FILES | UNNUMBERED), check_beats, tmp_path, n_files=24)
 
 
-def older_plan(version: int) -> str:
-    """The plan as versions 5 and 6 wrote it."""
-    data = json.loads(PLAN.to_json()) | {"version": version}
-    if version < 6:
-        del data["lock_feet"], data["keep_on_stage"]
-    return json.dumps(data)
-
-
 def test_plans_are_read(tmp_path):
     data = json.loads(PLAN.to_json())
     whole = json.dumps(data | {"duration_s": 2, "start_s": 0, "fps": 60})
@@ -265,11 +257,9 @@ def test_plans_are_read(tmp_path):
         "pinned words": PINNED.to_json(),
         "of the mixer": MIXED.to_json(),
         "of the rollout": ROLLED.to_json(),
-        "version 6": older_plan(6),
-        "version 5": older_plan(5),
         "no bars known": replace(PLAN, music_beats_s=()).to_json(),
     }
-    assert_read(text_files("plan.json", texts), Plan.read, tmp_path, n_files=16)
+    assert_read(text_files("plan.json", texts), Plan.read, tmp_path, n_files=14)
 
 
 def test_bone_maps_signatures_and_configs_are_read(tmp_path):
