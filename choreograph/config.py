@@ -109,9 +109,9 @@ def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfi
     except (ValueError, RecursionError) as error:  # an integer of too many digits is no TOMLDecodeError
         raise FormatError(f"{path}: expected a config (TOML), could not read it: {error}") from error
     known = [f.name for f in fields(DanceConfig)]
-    unknown = sorted(set(data) - set(known))
+    unknown = set(data) - set(known)
     if unknown:
-        raise ParameterError(f"{path}: expected keys among {', '.join(known)}, got {unknown[0]!r}")
+        raise ParameterError(f"{path}: expected keys among {', '.join(known)}, got {min(unknown)!r}")
     if not isinstance(data.get("weights", {}), dict):
         got = reprlib.repr(data["weights"])
         raise ParameterError(f"{path}: expected a table [weights] of name = number, got {got}")

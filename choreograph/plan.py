@@ -372,9 +372,9 @@ def _known(kind: type, data: Any, where: str, *, except_for: tuple[str, ...] = (
     if not isinstance(data, dict):
         raise FormatError(f"{where}: expected {kind.__name__.lower()} by key, got {reprlib.repr(data)}")
     wanted = {f.name: str(f.type) for f in fields(kind)}
-    unknown = sorted(set(data) - set(wanted))
+    unknown = set(data) - set(wanted)
     if unknown:
-        raise FormatError(f"{where}: expected keys among {', '.join(wanted)}, got {unknown[0]!r}")
+        raise FormatError(f"{where}: expected keys among {', '.join(wanted)}, got {min(unknown)[:80]!r}")
     known = {}
     for key, declared in wanted.items():
         if key in except_for:

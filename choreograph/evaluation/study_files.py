@@ -129,7 +129,7 @@ def _checked_rating(path: Path, key: StudyKey) -> dict[str, Any]:
     if data.get("format") != RATING_FORMAT or data.get("version") not in _VERSIONS:
         raise FormatError(f"{path}: expected a {RATING_FORMAT} of version {VERSION}, got something else")
     if set(data) != _RATING_KEYS:
-        wrong = sorted(set(data) ^ _RATING_KEYS)[0]
+        wrong = min(set(data) ^ _RATING_KEYS)
         raise FormatError(f"{path}: the key {wrong!r} is {'unknown' if wrong in data else 'missing'}")
     if data["study"] != key.study:
         raise FormatError(f"{path}: expected a rating of study {key.study}, got one of {data['study']!r}")

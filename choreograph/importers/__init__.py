@@ -35,7 +35,7 @@ from choreograph.count_files import SUFFIX
 from choreograph.errors import ChoreographError, FormatError, ParameterError
 from choreograph.foreign_formats import foreign_format
 from choreograph.gltf import referenced_files
-from choreograph.importers._axes_and_units import unit_in_notes
+from choreograph.importers._axes_and_units import body_height, unit_in_notes
 from choreograph.importers._count_annotation import with_counts_beside
 from choreograph.importers._manifest import Manifest, read_manifest
 from choreograph.importers._unread import (
@@ -209,18 +209,11 @@ def _check_inside(take: Take, source: Path) -> None:
 
 
 def _as_stored(take: Take) -> Take:
-    skeleton = take.motion.skeleton
-    path = take.source_paths[0]
-    farthest_m = max(np.abs(take.motion.root_pos_m).max(), np.abs(skeleton.offsets_m).max())
-    if farthest_m >= FARTHEST_M:
-        raise FormatError(
-            f"{path}: expected a body within {FARTHEST_M:g} m, got one at {farthest_m:.3g} m: is the unit "
-            "right?"
-        )
     try:
+        _check_size(take.motion)
         floor_m = estimate_floor_m(sole_pos_m(take.motion))
-    except ParameterError as error:
-        raise FormatError(f"{path}: {error}") from None
+    except (FormatError, ParameterError) as error:
+        raise FormatError(f"{take.source_paths[0]}: {error}") from None
     motion = take.motion.moved(shift_m=np.array([0.0, -floor_m, 0.0]))
     notes = take.notes
     if abs(floor_m) > _FLOOR_NOTE_M:
@@ -232,6 +225,16 @@ def _as_stored(take: Take) -> Take:
             "which no dancer does: is the frame rate right?",
         )
     return replace(take, motion=motion.resampled(min(motion.fps, STORE_FPS)), notes=notes)
+
+
+def _check_size(motion: Motion) -> None:
+    """`FormatError` if a body has no size, or one that files in single precision cannot hold."""
+    body_height(motion.skeleton, motion.skeleton.rest_pos_m()[None])
+    farthest_m = max(np.abs(motion.root_pos_m).max(), np.abs(motion.skeleton.offsets_m).max())
+    if farthest_m >= FARTHEST_M:
+        raise FormatError(
+            f"expected a body within {FARTHEST_M:g} m, got one at {farthest_m:.3g} m: is the unit right?"
+        )
 
 
 def _pelvis_acceleration_m_s2(motion: Motion) -> float:

@@ -25,6 +25,7 @@ _UNITS_M = {
     "feet": 0.3048,
 }
 _READ_AS, _NO_UNIT = "read as ", "matches no known unit"
+_SMALLEST = 1e-6  # height in any unit
 _LEG_OF_HEIGHT = 0.46  # hip to ankle over body height, average adult
 
 _HALF = float(np.sqrt(0.5))
@@ -51,24 +52,9 @@ def known_roles(skeleton: Skeleton) -> dict[str, int]:
 def unit_m(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[float, str]:
     """Metres per unit of the file, inferred from body height, and a note on it.
 
-    `pos` (T, J, 3) joint positions in the file's unit. The height is estimated from leg length, so no
-    pose needs to be upright; without known joint names it is the body's largest extent. Raises
-    `FormatError` if the body has no size.
+    `pos` (T, J, 3) joint positions in the file's unit. Raises `FormatError` if the body has no size.
     """
-    roles = known_roles(skeleton)
-    if roles:
-        legs = [
-            np.linalg.norm(
-                pos[:, roles[f"{side}_{upper}"]] - pos[:, roles[f"{side}_{lower}"]], axis=-1
-            ).mean()
-            for side in ("left", "right")
-            for upper, lower in (("hip", "knee"), ("knee", "ankle"))
-        ]
-        height = sum(legs) / 2 / _LEG_OF_HEIGHT
-    else:
-        height = float(np.ptp(pos, axis=1).max())
-    if height < 1e-6:
-        raise FormatError("all joints are in the same place: the skeleton has no bone lengths")
+    height = body_height(skeleton, pos)
     for name, metres in _UNITS_M.items():
         if _PLAUSIBLE_HEIGHT_M[0] <= height * metres <= _PLAUSIBLE_HEIGHT_M[1]:
             return metres, f"{_READ_AS}{name}, which makes the body {height * metres:.2f} m tall"
@@ -85,6 +71,29 @@ def unit_in_notes(notes: Iterable[str]) -> str:
         if _NO_UNIT in note:
             return "unknown"
     return ""
+
+
+def body_height(skeleton: Skeleton, pos: NDArray[np.floating]) -> float:
+    """The height of a body with joints at `pos` (T, J, 3), in the same unit.
+
+    It is estimated from leg length, so no pose needs to be upright; without known joint names it is the
+    body's largest extent. Raises `FormatError` if the body has no size.
+    """
+    roles = known_roles(skeleton)
+    if roles:
+        legs = [
+            np.linalg.norm(
+                pos[:, roles[f"{side}_{upper}"]] - pos[:, roles[f"{side}_{lower}"]], axis=-1
+            ).mean()
+            for side in ("left", "right")
+            for upper, lower in (("hip", "knee"), ("knee", "ankle"))
+        ]
+        height = float(sum(legs)) / 2 / _LEG_OF_HEIGHT
+    else:
+        height = float(np.ptp(pos, axis=1).max())
+    if height < _SMALLEST:
+        raise FormatError("all joints are in the same place: the skeleton has no bone lengths")
+    return height
 
 
 def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDArray[np.float64], str]:

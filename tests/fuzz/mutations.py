@@ -21,6 +21,9 @@ MAX_STEPS = 4  # changes of one file
 MAX_BYTES = 1 << 22
 MAX_UNPACKED_BYTES = 1 << 26  # of an array that is repeated
 REPEATS = (10, 10**6)  # of a part
+MOST_KEYS = (
+    10_000  # of an object: dictionaries of many more are slow by themselves, out of the processor's cache
+)
 REPEATED_BYTES = (1, 4096)  # of a part that is repeated as bytes
 LONGEST_DIGITS = 5000
 STRUCTURED_SHARE = 0.6  # of changes, where a format has a structure
@@ -184,7 +187,7 @@ def _repeated_json(data: bytes, rng: Rng) -> Callable[[int], bytes]:
         content = json.loads(data)
         holder = [holder for holder in _holders(content) if holder][at]
         if isinstance(holder, dict):
-            holder.update({f"{key}{i}": holder[key] for i in range(n - 1)})
+            holder.update({f"{key}{i}": holder[key] for i in range(min(n, MOST_KEYS) - 1)})
         else:
             holder[key : key + 1] = [holder[key]] * n
         return json.dumps(content).encode()

@@ -10,7 +10,6 @@ import numpy as np
 from choreograph.constraints.parse import read_signature, write_signature
 from choreograph.count_files import read_counts, write_counts
 from choreograph.counts import Counts, Figure
-from choreograph.errors import FormatError
 from choreograph.exporters import save_motion
 from choreograph.importers._axes_and_units import rotation_to_y_up, unit_m
 from choreograph.importers.bvh import read_bvh
@@ -34,11 +33,7 @@ def takes_again(takes: Iterable[Take], folder: Path) -> None:
         _assert_same_motion(read_npz(folder / "again.npz"), motion, "npz")
         pos_m = motion.joint_pos_m()
         # BVH states neither its unit nor what is up, and glTF is not always in metres: both are inferred.
-        try:
-            is_as_inferred = unit_m(motion.skeleton, pos_m)[0] == 1.0
-        except FormatError:  # a body without length
-            continue
-        if not is_as_inferred or rotation_to_y_up(motion.skeleton, pos_m)[1]:
+        if unit_m(motion.skeleton, pos_m)[0] != 1.0 or rotation_to_y_up(motion.skeleton, pos_m)[1]:
             continue
         bone_map = _map_of(motion.skeleton)
         save_motion(folder / "again.bvh", motion)

@@ -301,6 +301,15 @@ def test_bodies_beyond_reach_are_refused(tmp_path):
         list(import_takes(tmp_path / "far.npz"))
 
 
+def test_bodies_without_a_size_are_refused_in_every_format(tmp_path):
+    save_motion(tmp_path / "a.npz", MOTION)
+    with np.load(tmp_path / "a.npz") as archive:
+        arrays = dict(archive)
+    np.savez(tmp_path / "b.npz", **arrays | {"offsets_m": 0.0 * arrays["offsets_m"]})
+    with pytest.raises(FormatError, match=r"b\.npz: all joints are in the same place"):
+        list(import_takes(tmp_path / "b.npz"))
+
+
 def test_quaternions_of_an_npz_are_made_unit(tmp_path):
     save_motion(tmp_path / "exact.npz", MOTION)
     with np.load(tmp_path / "exact.npz") as archive:
