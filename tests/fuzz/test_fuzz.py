@@ -19,7 +19,7 @@ from fuzz.targets import all_targets
 from choreograph.errors import FormatError
 
 CORPUS = Path(__file__).with_name("corpus")
-N_INPUTS = 60  # of each target; `make fuzz` tries as many as there is time for
+N_INPUTS = 40  # of each target; `make fuzz` tries as many as there is time for
 
 
 def _planted(path: Path) -> None:
