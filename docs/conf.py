@@ -35,7 +35,6 @@ numpydoc_xref_param_type = False
 
 html_theme = "pydata_sphinx_theme"
 html_title = "choreograph"
-html_static_path = ["_static"]
 html_show_sourcelink = False
 html_theme_options = {
     "show_nav_level": 2,
