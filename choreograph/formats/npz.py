@@ -75,6 +75,7 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     except (
         OSError, ValueError, TypeError, EOFError, AttributeError, MemoryError, NotImplementedError,
         zipfile.BadZipFile, zlib.error, tokenize.TokenError, SyntaxError,
+        RuntimeError,  # an entry is encrypted
     ) as error:  # fmt: skip
         raise FormatError(
             f"{path}: expected an NPZ file, got no valid one ({str(error)[:200]}): damaged, cut off, or "

@@ -33,7 +33,8 @@ from choreograph.core.errors import ChoreographError
 
 BEYOND_BYTES = 2 << 30  # of address space, over what the program takes before the first input
 CPU_S = 10.0  # an input takes at most that long
-WALL_S = 60.0  # and is ended after that, on a machine that may be busy
+REPEATED_CPU_S = 30.0  # one in which a part is repeated: it may hold thousands of takes
+WALL_S = 120.0  # and is ended after that, on a machine that may be busy
 SLICE_S = 5.0  # of one target before it is the next one's turn
 REPEATED_SHARE = 0.1  # of the inputs: with one part many times
 MAX_SLOPE = 1.2  # CPU time grows as this power of how often a part is there, at most
@@ -89,7 +90,8 @@ class Tally:
         self.hungriest = max(self.hungriest, (outcome.get("mb", 0.0), number))
         self.refused_sane |= outcome.get("refused_sane", {})
         failure = outcome.get("failure")
-        if failure is None and outcome.get("cpu_s", 0.0) > CPU_S:
+        longest_s = REPEATED_CPU_S if outcome.get("is_repeated") else CPU_S
+        if failure is None and outcome.get("cpu_s", 0.0) > longest_s:
             failure = f"slow: {outcome['cpu_s']:.1f} s"
         if failure:
             self.failures.setdefault(failure.splitlines()[-1][:200], (number, failure))
@@ -216,6 +218,7 @@ def _tried(target: Target, given: Input) -> dict:
     elif "read" in outcome and target.round_trip is not None and len(given.data) <= ROUND_TRIP_BYTES:
         outcome |= _lost(target.round_trip, read, target.folder)
     if given.repeated is not None:
+        outcome["is_repeated"] = True
         outcome |= _steep(target, path, given.repeated, outcome)
     return outcome
 
