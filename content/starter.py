@@ -66,7 +66,7 @@ def _built_starter(
     return Repertoire.open(output), notes
 
 
-# `choreograph build-starter`: make the built-in repertoire again.
+# `python -m content.starter`: make the built-in repertoire again.
 
 
 @click.command(
