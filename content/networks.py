@@ -247,13 +247,17 @@ def make_motion_counts(
     return net
 
 
-def write_set(motion_counts: MotionCountsNet, style: StyleNets, heard: Iterable[str], output: Path) -> None:
-    """Write a set's networks; `heard` are the songs and takes that they were trained on."""
+def write_set(
+    motion_counts: MotionCountsNet, style: StyleNets, trained_on: Iterable[str], output: Path
+) -> None:
+    """Write a set's networks; `trained_on` are the songs and takes that they were trained on."""
     nets = {}
     for name, net in ((MOTION_NET, motion_counts), (STYLE_NET, style)):
         weights, config = net.to_arrays()
         nets[name] = NetArrays(config, weights)
-    write_networks(output, nets, {"choreograph": version("choreograph"), "trained_on": sorted(set(heard))})
+    write_networks(
+        output, nets, {"choreograph": version("choreograph"), "trained_on": sorted(set(trained_on))}
+    )
 
 
 def main() -> None:
@@ -270,8 +274,8 @@ def main() -> None:
         danced = [*built_in, *(style_takes(given.sources) if given.sources else [])]
         motion_counts = make_motion_counts(given.set, recorded, motion_counts_config("small"), given.work)
         style = train_shipped_style(danced, given.work / "style")
-        heard = [*(take.song_name for take in danced), *(r.motion.name for r in recorded)]
-        write_set(motion_counts, style, heard, pretrained_path(given.set))
+        trained_on = [*(take.song_name for take in danced), *(r.motion.name for r in recorded)]
+        write_set(motion_counts, style, trained_on, pretrained_path(given.set))
 
 
 if __name__ == "__main__":

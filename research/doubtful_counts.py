@@ -1,4 +1,4 @@
-"""Dances with takes whose counts only a network reads, and where it is not sure: does its doubt help?
+"""Dances with takes whose counts only a network reads, and where it is not sure: does its uncertainty help?
 
     python research/doubtful_counts.py path/to/dance-with-melody path/to/choreonet --work FOLDER \\
         --library REPERTOIRE [--seeds 0 1 2]
@@ -12,7 +12,7 @@ seed), without the take it is said of. Checkpoints are in FOLDER, as those of
 REPERTOIRE has takes of dance-with-melody with counts, and left out those of
 `research/dance_with_melody_held_out.txt`, whose songs are danced with the takes that were read, and no
 others: by motion beats alone, by the counts read where they are sure, by those that a build takes over
-(`choreograph.library.building.counting`), and by these with their doubt. Judged are the true counts.
+(`choreograph.library.building.counting`), and by these with their uncertainty. Judged are the true counts.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics.counts import counts_within, downbeat_share
 from choreograph.evaluation.songs import find_songs
 from choreograph.library.building.counting import (
-    MAX_MOTION_DOUBT,
+    MAX_MOTION_UNCERTAINTY,
     MIN_MOTION_CONFIDENCE,
     SURE_MOTION_CONFIDENCE,
 )
 from choreograph.library.builtin import pretrained_set
-from choreograph.library.schema import DOUBT, Contents
+from choreograph.library.schema import UNCERTAINTY, Contents
 from choreograph.library.songs import DEFAULT_BEATS, song_counts
 from choreograph.library.store import RepertoireFile
 from choreograph.library.writing import write_repertoire
-from choreograph.music.bar_pointer import DecodedCounts, PhaseCurves, count_doubt, decode_counts
+from choreograph.music.bar_pointer import DecodedCounts, PhaseCurves, count_uncertainty, decode_counts
 from choreograph.music.mel import log_mel
 from choreograph.music.song import Song
 from choreograph.nets.count_configs import motion_counts_config
@@ -101,14 +101,16 @@ class Reading:
 
     @property
     def counts(self) -> Counts:
-        doubt = count_doubt(self.decoded, NET_FPS)
-        return replace(self.decoded.counts, confidence=self.confidence, doubt=doubt)
+        uncertainty = count_uncertainty(self.decoded, NET_FPS)
+        return replace(self.decoded.counts, confidence=self.confidence, uncertainty=uncertainty)
 
     @property
     def is_counted(self) -> bool:
         """Whether a build takes the counts over."""
         counts = self.counts
-        return counts.confidence >= MIN_MOTION_CONFIDENCE and counts.doubt.mean() <= MAX_MOTION_DOUBT
+        return (
+            counts.confidence >= MIN_MOTION_CONFIDENCE and counts.uncertainty.mean() <= MAX_MOTION_UNCERTAINTY
+        )
 
     @cached_property
     def phases(self) -> Floats:
@@ -173,10 +175,10 @@ def readings_of(
     return {what: found[what] for what in GROUPS if what in groups}
 
 
-def recounted(path: Path, output: Path, counts: Mapping[str, Counts], *, doubt: bool) -> cg.Repertoire:
+def recounted(path: Path, output: Path, counts: Mapping[str, Counts], *, uncertainty: bool) -> cg.Repertoire:
     """A copy of a repertoire with these counts of its takes, by name, of other takes none, and no figures."""
     file = RepertoireFile(path)
-    arrays = {name: file.read(name) for name in file.shapes if name not in DOUBT}
+    arrays = {name: file.read(name) for name in file.shapes if name not in UNCERTAINTY}
     of_takes = [counts.get(str(name), NO_COUNTS) for name in arrays["takes/name"]]
     stops = np.cumsum([len(c) for c in of_takes])
     arrays |= {
@@ -189,8 +191,8 @@ def recounted(path: Path, output: Path, counts: Mapping[str, Counts], *, doubt: 
         "counts/number": np.concatenate([c.numbers for c in of_takes]),
     }
     arrays |= {name: array[:0] for name, array in arrays.items() if name.startswith("figures/")}
-    if doubt:
-        arrays["counts/doubt"] = np.concatenate([c.doubt for c in of_takes])
+    if uncertainty:
+        arrays["counts/doubt"] = np.concatenate([c.uncertainty for c in of_takes])
     nets = {name: file.read_net(name) for name in file.net_names}
     write_repertoire(output, Contents(arrays, file.density, file.provenance, nets))
     return cg.Repertoire.open(output)
@@ -200,13 +202,19 @@ def libraries(path: Path, work: Path, readings: Sequence[Reading]) -> Iterator[t
     """The library without counts, and with those read."""
     sure = {r.take.name: r.counts for r in readings if r.confidence >= SURE_MOTION_CONFIDENCE}
     counted = {r.take.name: r.counts for r in readings if r.is_counted}
-    yield "motion beats", recounted(path, work / "no_counts.h5", {}, doubt=False)
+    yield "motion beats", recounted(path, work / "no_counts.h5", {}, uncertainty=False)
     if sure and len(sure) < len(counted):
-        yield "sure counts", recounted(path, work / "sure.h5", sure, doubt=False)
-        yield "sure counts and their doubt", recounted(path, work / "sure_doubt.h5", sure, doubt=True)
+        yield "sure counts", recounted(path, work / "sure.h5", sure, uncertainty=False)
+        yield (
+            "sure counts and their uncertainty",
+            recounted(path, work / "sure_doubt.h5", sure, uncertainty=True),
+        )
     if counted:
-        yield "counts", recounted(path, work / "counted.h5", counted, doubt=False)
-        yield "counts and their doubt", recounted(path, work / "counted_doubt.h5", counted, doubt=True)
+        yield "counts", recounted(path, work / "counted.h5", counted, uncertainty=False)
+        yield (
+            "counts and their uncertainty",
+            recounted(path, work / "counted_doubt.h5", counted, uncertainty=True),
+        )
 
 
 def scores(song: Song, beats: Counts, repertoire: cg.Repertoire, true: cg.Repertoire, bans: Sequence[Ban]):

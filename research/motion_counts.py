@@ -330,7 +330,7 @@ def main() -> None:
         "real takes, by built-in takes alone": [r for s in alone for r in s if not r.take.is_built_in]
     }
     for what in (BY_SONG, BY_FIGURE):
-        found[f"{what}, counts not in doubt"] = [
+        found[f"{what}, counts not uncertain"] = [
             [r for r in s if r.take.counts.confidence == 1.0] for s in found[what]
         ]
         found[f"{what}, decoder chosen on other folds"] = [with_decoder_of_others(s) for s in found[what]]

@@ -34,7 +34,7 @@ class RandomPoses:
     def liveliness(self, clip, start, stop):
         return self.of_clip[clip]
 
-    def count_doubt(self, clip, start, stop):
+    def count_uncertainty(self, clip, start, stop):
         return 0.5 * self.of_clip[clip]
 
 

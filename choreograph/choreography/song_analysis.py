@@ -178,9 +178,6 @@ def _style(
     from choreograph.nets.style import StyleNets
 
     net = repertoire.net("style")
-    if not StyleNets.can_read(net.weights):
-        older = "style networks of an older version: clips are not chosen by style until it is built again"
-        return *without, [f"{repertoire.path.name}: {older}"]
     nets = StyleNets.from_arrays(net.weights, net.config)
     style = nets.embed_music(mel, rhythm_features(mel, counts), np.arange(n_seconds))
     return style, nets.predict_beat_count(style), []

@@ -38,7 +38,7 @@ class Counts:
     source: str = ""  # see above
     confidence: float = 0.0  # 0 … 1, that times and numbers are right
     # (Q,) where a network read them: 0 if its phases agree with the count, ½ if they say nothing, up to 1
-    doubt: Floats = field(default_factory=lambda: np.zeros(0))
+    uncertainty: Floats = field(default_factory=lambda: np.zeros(0))
 
     __repr__ = one_line
 
@@ -60,10 +60,10 @@ class Counts:
         for what, bound_s in (("start", start_s), ("end", end_s)):
             as_number(f"the {what} of a part in seconds", bound_s)
         inside = (self.times_s >= start_s) & (self.times_s <= end_s)
-        doubt = self.doubt[inside] if len(self.doubt) else self.doubt
+        uncertainty = self.uncertainty[inside] if len(self.uncertainty) else self.uncertainty
         return Counts(
             self.times_s[inside] - start_s, self.numbers[inside], self.metre, self.source, self.confidence,
-            doubt,
+            uncertainty,
         )  # fmt: skip
 
 

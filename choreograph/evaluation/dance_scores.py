@@ -35,7 +35,7 @@ from choreograph.evaluation.scores import (
     second_opinion_scores,
 )
 from choreograph.evaluation.songs import SongMusic, second_tracker, song_music
-from choreograph.library.building.counting import MotionReader, motion_reader
+from choreograph.library.building.counting import MotionCounter, load_motion_counter
 from choreograph.library.builtin import pretrained_set
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.body import body_pos_m
@@ -73,8 +73,8 @@ def read_count_scores(motion: Motion, music: SongMusic, rng: np.random.Generator
 
 
 @cache
-def _reader() -> MotionReader:
-    read = motion_reader(pretrained_set("research"))
+def _reader() -> MotionCounter:
+    read = load_motion_counter(pretrained_set("research"))
     assert read is not None, "the set 'research' has a network that counts motion"
     return read
 

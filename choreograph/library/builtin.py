@@ -49,7 +49,7 @@ class PretrainedNet:
 
     set_name: str
     arrays: NetArrays
-    trained_on: tuple[str, ...]  # songs of built-in and recorded takes that its set heard
+    trained_on: tuple[str, ...]  # names of songs and takes
 
     @property
     def description(self) -> str:
@@ -69,10 +69,10 @@ def pretrained_set(name: str) -> dict[str, PretrainedNet]:
         if name not in (DEFAULT, set_name):
             continue
         nets, provenance = read_networks(pretrained_path(set_name))
-        heard = tuple(provenance.get("trained_on", ()))
+        trained_on = tuple(provenance.get("trained_on", ()))
         for net_name, arrays in nets.items():
             if name == set_name or _BY_DEFAULT[net_name] == set_name:
-                chosen[net_name] = PretrainedNet(set_name, arrays, heard)
+                chosen[net_name] = PretrainedNet(set_name, arrays, trained_on)
     return chosen
 
 

@@ -71,11 +71,11 @@ def counts_from(file: RepertoireFile, takes: Sequence[TakeInfo]) -> tuple[Counts
     """Each take's counts; `RepertoireError` if they are not in order."""
     columns = ("count_start", "count_stop", "metre", "counts_source", "counts_confidence")
     times_s, numbers = file.read("counts/time_s"), file.read("counts/number")
-    doubt = file.read("counts/doubt").astype(np.float64) if file.has_doubt else np.zeros(0)
+    uncertainty = file.read("counts/doubt").astype(np.float64) if file.has_uncertainty else np.zeros(0)
     start, stop, *about = (file.read(f"takes/{column}") for column in columns)
     check_parts("count", start, stop, len(times_s), shortest=0)
     counts = tuple(
-        Counts(times_s[i:j], numbers[i:j], int(metre), str(source), float(confidence), doubt[i:j])
+        Counts(times_s[i:j], numbers[i:j], int(metre), str(source), float(confidence), uncertainty[i:j])
         for i, j, metre, source, confidence in zip(start, stop, *about, strict=True)
     )
     for take, own in zip(takes, counts, strict=True):
@@ -128,7 +128,7 @@ def clip_steps(
     return ranks
 
 
-# How the clips of a repertoire move: poses, speeds, densities, liveliness and doubt of counts by frame.
+# How the clips of a repertoire move: poses, speeds, densities, liveliness and uncertainty of counts by frame.
 
 
 class ClipMotion:
@@ -189,12 +189,12 @@ class ClipMotion:
         offset = self._clip_start_frame[clip]
         return self._liveliness.ranks(self._clip_take[clip], offset + start, offset + stop)
 
-    def count_doubt(
+    def count_uncertainty(
         self, clip: Ints, start: NDArray[np.floating], stop: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """Doubt (N,), 0 … 1, of the counts half way between two frames of each clip: see `Counts`."""
+        """Uncertainty (N,), 0 … 1, of the counts half way between two frames of each clip: see `Counts`."""
         middle = np.round(0.5 * (start + stop)).astype(np.int64)
-        return self._doubt[self._clip_rows[clip] + middle]
+        return self._uncertainty[self._clip_rows[clip] + middle]
 
     @cached_property
     def liveliness_ranks(self) -> NDArray[np.float32]:
@@ -228,14 +228,14 @@ class ClipMotion:
         return np.concatenate(speeds).astype(np.float32)
 
     @cached_property
-    def _doubt(self) -> NDArray[np.float32]:
-        """Doubt of the counts, (B,); 0 where a take has none."""
-        doubt = np.zeros(len(self._body_pos_m), np.float32)
+    def _uncertainty(self) -> NDArray[np.float32]:
+        """Uncertainty of the counts, (B,); 0 where a take has none."""
+        uncertainty = np.zeros(len(self._body_pos_m), np.float32)
         for (start, stop), counts in zip(self._take_rows, self._counts, strict=True):
-            if len(counts.doubt):
+            if len(counts.uncertainty):
                 times_s = frame_times_s(stop - start, NET_FPS)
-                doubt[start:stop] = np.interp(times_s, counts.times_s, counts.doubt)
-        return doubt
+                uncertainty[start:stop] = np.interp(times_s, counts.times_s, counts.uncertainty)
+        return uncertainty
 
     @cached_property
     def _liveliness(self) -> Liveliness:

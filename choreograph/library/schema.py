@@ -70,8 +70,8 @@ DATASETS: dict[str, tuple[str, str]] = {
     "figures/n_counts": ("i8", "F"),
 }
 
-# How doubtful each count is, in files of takes that a network counted; without it, none is.
-DOUBT: dict[str, tuple[str, str]] = {"counts/doubt": ("f4", "U")}
+# How uncertain each count is, where a network estimated counts from motion. Without it, all are certain.
+UNCERTAINTY: dict[str, tuple[str, str]] = {"counts/doubt": ("f4", "U")}
 
 # Which joint is which, in files of a rig whose joints' names do not say it.
 ROLES: dict[str, tuple[str, str]] = {"skeleton/roles": ("i8", "J")}
@@ -120,7 +120,7 @@ class NetArrays:
 class Contents:
     """Everything in a repertoire file."""
 
-    # By path: all of `schema.DATASETS`, all or none of `MOTIFS`, of `DOUBT` and of `ROLES`.
+    # By path: all of `schema.DATASETS`, all or none of `MOTIFS`, of `UNCERTAINTY` and of `ROLES`.
     arrays: Mapping[str, NDArray]
     density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
     provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
@@ -128,9 +128,9 @@ class Contents:
 
 
 def layout_of(names: Container[str]) -> dict[str, tuple[str, str]]:
-    """The datasets of a file with these names: all or none of `schema.MOTIFS`, `DOUBT`, `ROLES`."""
+    """The datasets of a file with these names: all or none of `schema.MOTIFS`, `UNCERTAINTY`, `ROLES`."""
     layout = dict(DATASETS)
-    for optional in (DOUBT, MOTIFS, ROLES):
+    for optional in (UNCERTAINTY, MOTIFS, ROLES):
         if any(name in names for name in optional):
             layout |= optional
     return layout

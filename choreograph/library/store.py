@@ -22,12 +22,12 @@ from choreograph.library.schema import (
     DATASETS,
     DELTA_ORDER,
     DELTA_RESTART,
-    DOUBT,
     FORMAT,
     MOTIFS,
     NETS,
     NETWORKS_FORMAT,
     ROLES,
+    UNCERTAINTY,
     VERSION,
     NetArrays,
     axis_sizes,
@@ -175,9 +175,9 @@ class RepertoireFile:
         with opened(self.path, "a repertoire") as file:
             self._check_version(file)
             self.has_motifs = "motifs" in file
-            self.has_doubt = all(name in file for name in DOUBT)
+            self.has_uncertainty = all(name in file for name in UNCERTAINTY)
             self.has_roles = all(name in file for name in ROLES)
-            has = ((MOTIFS, self.has_motifs), (DOUBT, self.has_doubt), (ROLES, self.has_roles))
+            has = ((MOTIFS, self.has_motifs), (UNCERTAINTY, self.has_uncertainty), (ROLES, self.has_roles))
             optional = [name for names, is_there in has if is_there for name in names]
             stored = self._check_stored(file, layout_of(optional))
             self.density = attribute(file, "density", str)
@@ -231,7 +231,7 @@ class RepertoireFile:
         """
         with opened(self.path, "a repertoire") as file:
             data = file[name]
-            if (DATASETS | DOUBT | MOTIFS | ROLES)[name][0] == "s":
+            if (DATASETS | UNCERTAINTY | MOTIFS | ROLES)[name][0] == "s":
                 return _read_text(data, part, self.path.stat().st_size)
             array = _read_quantised(name, data, part) if "step" in data.attrs else data[part]
             checks.check_values(name, array, self._sizes)

@@ -106,13 +106,13 @@ def to_arrays(
 def _count_arrays(takes: Sequence[Take]) -> dict[str, NDArray]:
     stops = np.cumsum([len(take.counts) for take in takes])
     figures = [(index, figure) for index, take in enumerate(takes) for figure in take.figures]
-    doubt = [take.counts.doubt for take in takes]
-    if any(len(of_take) for of_take in doubt):  # counts that no network read are certain
-        known = [d if len(d) else np.zeros(len(t.counts)) for d, t in zip(doubt, takes, strict=True)]
-        doubts = {"counts/doubt": np.concatenate(known)}
+    uncertainty = [take.counts.uncertainty for take in takes]
+    if any(len(of_take) for of_take in uncertainty):  # counts that no network read are certain
+        known = [d if len(d) else np.zeros(len(t.counts)) for d, t in zip(uncertainty, takes, strict=True)]
+        uncertainties = {"counts/doubt": np.concatenate(known)}
     else:
-        doubts = {}
-    return doubts | {
+        uncertainties = {}
+    return uncertainties | {
         "takes/count_start": stops - [len(take.counts) for take in takes],
         "takes/count_stop": stops,
         "takes/metre": np.array([take.counts.metre for take in takes]),

@@ -31,7 +31,8 @@ Floats = NDArray[np.float64]
 
 METRES = (3, 4)
 _BREAK_LOG_RATIO = 0.2  # of intervals between which the tempo does not run on
-_DOUBT_S = 8.0  # of curves that say how doubtful the count in their middle is: errors come in long stretches
+# Length of the curves that give the uncertainty of the count in their middle: errors come in long stretches.
+_UNCERTAINTY_S = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +129,7 @@ def decode_counts(
     )
 
 
-def count_doubt(decoded: DecodedCounts, fps: float) -> Floats:
+def count_uncertainty(decoded: DecodedCounts, fps: float) -> Floats:
     """How far phase curves at `fps` disagree around each count read from them, (Q,) from 0 to 1.
 
     (1 - c) / 2, where c is the mean cosine between the curves' and the counts' phases, beat and bar alike,
@@ -136,7 +137,7 @@ def count_doubt(decoded: DecodedCounts, fps: float) -> Floats:
     """
     agreement = 0.5 * (decoded.beat_agreement + decoded.bar_agreement)
     total = np.append(0.0, np.cumsum(agreement))
-    around_s = decoded.counts.times_s[:, None] + [-_DOUBT_S / 2, _DOUBT_S / 2]  # (Q, 2)
+    around_s = decoded.counts.times_s[:, None] + [-_UNCERTAINTY_S / 2, _UNCERTAINTY_S / 2]  # (Q, 2)
     first, stop = np.clip(np.round(times_to_frames(around_s, fps)).astype(int), 0, len(agreement)).T
     return np.clip(0.5 - 0.5 * (total[stop] - total[first]) / (stop - first), 0.0, 1.0)
 

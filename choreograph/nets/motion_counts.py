@@ -21,7 +21,7 @@ from choreograph.music.bar_pointer import (
     DecodedCounts,
     PhaseCurves,
     PointerConfig,
-    count_doubt,
+    count_uncertainty,
     decode_counts,
 )
 from choreograph.nets.count_configs import MotionCountsConfig
@@ -178,13 +178,13 @@ class MotionCountsNet(StoredNet):
     def counts(self, body_pos_m: NDArray[np.floating]) -> Counts:
         """A take's counts, of body positions (T, 21, 3) at 20 fps; `ParameterError` if not so.
 
-        Confidence: the share of them that is expected within 0.15 beat of the true ones. With their doubt.
+        Their confidence is the share that is expected within 0.15 beat of the true counts.
         """
         curves = self.curves(body_pos_m)
         decoded = decode_counts(curves, POINTER, source=FROM_MOTION)
         features, weights = confidence_features(curves, decoded), self.confidence_weights.double().numpy()
-        doubt = count_doubt(decoded, NET_FPS)
-        return replace(decoded.counts, confidence=confidence_of(features, weights), doubt=doubt)
+        uncertainty = count_uncertainty(decoded, NET_FPS)
+        return replace(decoded.counts, confidence=confidence_of(features, weights), uncertainty=uncertainty)
 
 
 def motion_features(body: Tensor) -> Tensor:

@@ -204,9 +204,9 @@ def activated_beats(curves: MusicCurves, log_mel: NDArray[np.floating]) -> Float
     frames = np.arange(len(log_mel)) * CURVE_FPS / MUSIC_FPS
     activation = np.interp(frames, np.arange(len(curves.beat)), curves.beat)  # (T,)
     onsets = level_normalized(onset_strength(log_mel)[_LATE_FRAMES:])
-    heard = level_normalized(activation)
-    heard[: len(onsets)] += onsets
-    return at_one_level(path_of(level_normalized(heard)))
+    strength = level_normalized(activation)
+    strength[: len(onsets)] += onsets
+    return at_one_level(path_of(level_normalized(strength)))
 
 
 def at_one_level(beats_s: Floats) -> Floats:

@@ -237,9 +237,9 @@ def train_music_counts(
     def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
         mel, activation, phases = data.batch(rng, share)
         logits, vectors = net(mel.to(device))
-        heard = functional.binary_cross_entropy_with_logits(logits, activation.to(device))
+        activated = functional.binary_cross_entropy_with_logits(logits, activation.to(device))
         pointed = phase_loss(vectors, phases.to(device), bar_weight=config.bar_weight)
-        return config.activation_weight * heard + pointed
+        return config.activation_weight * activated + pointed
 
     train(
         net,

@@ -13,8 +13,6 @@ this alone (`music_inputs`, `music.rhythm`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -123,11 +121,6 @@ class StyleNets(StoredNet):
         for name, size in (("mel", MEL_BANDS), ("rhythm", RHYTHM_DIM), ("beats", 1)):
             self.register_buffer(f"{name}_mean", torch.zeros(size))
             self.register_buffer(f"{name}_std", torch.ones(size))
-
-    @staticmethod
-    def can_read(arrays: Mapping[str, NDArray]) -> bool:
-        """Whether weights are of networks that hear the rhythm of today; those of older files are not."""
-        return arrays["rhythm_mean"].shape == (RHYTHM_DIM,)
 
     def style_of_music(self, mel: Tensor, rhythm: Tensor) -> Tensor:
         """Log-mel (B, 240, 96) and rhythm (B, RHYTHM_DIM), raw, to (B, 32)."""

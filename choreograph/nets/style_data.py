@@ -179,10 +179,10 @@ class StyleData:
                 f"expected takes of two songs or more with {SEGMENT_S} s of music and motion to learn style "
                 f"from, got {len(names)}"
             )
-        heard = [*self.takes, *self.songs]
-        genres = sorted({song.genre for song in heard} - {""})
+        examples = [*self.takes, *self.songs]
+        genres = sorted({song.genre for song in examples} - {""})
         self._song = np.array([names.index(take.song_name) for take in self.takes])
-        self._genre = np.array([genres.index(song.genre) if song.genre else -1 for song in heard])
+        self._genre = np.array([genres.index(song.genre) if song.genre else -1 for song in examples])
         self._of_take = _probability(self.takes, balanced_genres)
         self._of_song = _probability(self.songs, balanced_genres)
 
@@ -193,9 +193,9 @@ class StyleData:
 
     def statistics(self) -> dict[str, NDArray[np.float32]]:
         """Means and deviations for standardising inputs, by the names of the buffers of `StyleNets`."""
-        heard = [*self.takes, *self.songs]
-        mel = np.concatenate([song.log_mel for song in heard])
-        rhythm = np.concatenate([song.rhythm for song in heard])
+        examples = [*self.takes, *self.songs]
+        mel = np.concatenate([song.log_mel for song in examples])
+        rhythm = np.concatenate([song.rhythm for song in examples])
         counts = np.concatenate([take.beat_counts(np.arange(take.n_starts)) for take in self.takes])
         return {
             "mel_mean": mel.mean(axis=0),
@@ -212,12 +212,12 @@ class StyleData:
         """Random segments of `size` pairs, and as many of songs if there are any; augmented or not."""
         pairs = rng.choice(len(self.takes), size, p=self._of_take)
         alone = rng.choice(len(self.songs), size, p=self._of_song) if self.songs else np.zeros(0, np.int64)
-        heard = [self.takes[i] for i in pairs] + [self.songs[i] for i in alone]
+        examples = [self.takes[i] for i in pairs] + [self.songs[i] for i in alone]
         index = np.concatenate([pairs, len(self.takes) + alone])
-        starts = [int(rng.integers(song.n_starts)) for song in heard]
+        starts = [int(rng.integers(song.n_starts)) for song in examples]
         takes = [self.takes[i] for i in pairs]
-        mel = np.stack([song.mel_at(start) for song, start in zip(heard, starts, strict=True)])
-        rhythm = np.stack([song.rhythm_at(start) for song, start in zip(heard, starts, strict=True)])
+        mel = np.stack([song.mel_at(start) for song, start in zip(examples, starts, strict=True)])
+        rhythm = np.stack([song.rhythm_at(start) for song, start in zip(examples, starts, strict=True)])
         body = np.stack([take.body_at(start) for take, start in zip(takes, starts, strict=False)])
         n_beats = [take.beat_counts(np.array([start]))[0] for take, start in zip(takes, starts, strict=False)]
         if augmented:

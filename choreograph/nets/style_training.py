@@ -109,7 +109,7 @@ def train_style(
         weight_decay=config.weight_decay,
         schedule=config.schedule,
         seed=seed,
-        configuration={**asdict(config), "takes": sorted(heard.name for heard in (*takes, *songs))},
+        configuration={**asdict(config), "takes": sorted(song.name for song in (*takes, *songs))},
         context=context,
     )
     return nets

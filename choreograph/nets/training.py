@@ -154,7 +154,7 @@ def load_pretrained(module: nn.Module, name: str, weights: Mapping[str, NDArray]
     except RuntimeError as error:
         raise ParameterError(
             f"expected {name} weights of the chosen preset, got others: the repertoire of the pretrained "
-            "weights was built with another preset, or by an older version"
+            "weights was built with another preset or other settings"
         ) from error
 
 

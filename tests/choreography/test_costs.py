@@ -122,8 +122,8 @@ def test_beats_count_where_counts_are_not_known_and_doubt_and_accents_where_they
     counted = layer.track >= 0
     assert counted.any() and not counted.all()
     rhythm, accents = Rhythm().node(layer, song_features), Accents().node(layer, song_features)
-    assert layer.count_doubt[counted].any() and not accents[~counted].any()
-    assert np.array_equal(rhythm[counted], layer.count_doubt[counted])
+    assert layer.count_uncertainty[counted].any() and not accents[~counted].any()
+    assert np.array_equal(rhythm[counted], layer.count_uncertainty[counted])
     assert np.allclose(rhythm[~counted], (layer.unmatched_beat + layer.density_mismatch)[~counted])
     assert np.array_equal(accents[counted], layer.unmatched_beat[counted])
 

@@ -114,18 +114,18 @@ def test_other_settings_still_dance(clicks, counted, settings):
 
 
 def test_a_dance_keeps_to_the_counts_that_are_not_in_doubt(clicks, tmp_path):
-    """The first half of every take is in doubt; without doubt most of the dance is from there."""
+    """The first half of every take is uncertain; without uncertainty most of the dance is from there."""
     song, beats, _ = clicks
     takes = with_counts(synthetic_takes())
     danced_s = []
-    for doubt in (0.0, 0.8):
+    for uncertainty in (0.0, 0.8):
         counts = [m.take.counts for m in takes]
-        doubts = [np.where(c.times_s < 15.0, doubt, 0.0) for c in counts]
+        uncertainties = [np.where(c.times_s < 15.0, uncertainty, 0.0) for c in counts]
         read = [
-            replace(m, take=replace(m.take, counts=replace(c, doubt=d)))
-            for m, c, d in zip(takes, counts, doubts, strict=True)
+            replace(m, take=replace(m.take, counts=replace(c, uncertainty=d)))
+            for m, c, d in zip(takes, counts, uncertainties, strict=True)
         ]
-        repertoire = synthetic_repertoire(tmp_path / f"{doubt}.h5", read)
+        repertoire = synthetic_repertoire(tmp_path / f"{uncertainty}.h5", read)
         seconds = cg.dance(song, repertoire, beats=beats).plan.seconds
         danced_s.append(np.array([np.mean(second.source_times_s) for second in seconds]))
     certain, doubted = danced_s

@@ -11,10 +11,10 @@ from synthetic_counts import counted
 from choreograph.core.counts import FROM_MOTION, NO_COUNTS, Figure
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.library.building.counting import (
-    MAX_MOTION_DOUBT,
+    MAX_MOTION_UNCERTAINTY,
     MOTION_NET,
     SURE_MOTION_CONFIDENCE,
-    motion_reader,
+    load_motion_counter,
 )
 from choreograph.library.builtin import PRETRAINED, pretrained_path, pretrained_set
 from choreograph.library.schema import NetArrays
@@ -150,14 +150,16 @@ def test_a_shipped_set_is_small_and_says_what_it_heard(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PRETRAINED)
 def test_a_shipped_network_counts_what_it_knows_and_knows_what_it_does_not(name):
-    read = motion_reader(pretrained_set(name))
+    read = load_motion_counter(pretrained_set(name))
     unseen = built_in_takes(2, first_seed=70_000, genres=["waltz", "disco"])
     counts = [read(take.body_pos_m) for take in unseen]
     assert np.mean([share_right(c, t.counts) for c, t in zip(counts, unseen, strict=True)]) > 0.9
     assert all(c.source == FROM_MOTION and c.confidence >= SURE_MOTION_CONFIDENCE for c in counts)
     still = np.repeat(unseen[0].body_pos_m[:1], 400, axis=0)
     standing = read(still)
-    assert standing.confidence < SURE_MOTION_CONFIDENCE and standing.doubt.mean() > MAX_MOTION_DOUBT
+    assert (
+        standing.confidence < SURE_MOTION_CONFIDENCE and standing.uncertainty.mean() > MAX_MOTION_UNCERTAINTY
+    )
 
 
 @pytest.mark.slow

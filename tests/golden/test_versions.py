@@ -58,7 +58,7 @@ def test_repertoires_hold_the_motion_that_was_written(path):
         np.testing.assert_allclose(motion.root_pos_m, written.root_pos_m, atol=2e-4)
         np.testing.assert_allclose(motion.local_quat, written.local_quat, atol=3e-4)
         counts = repertoire.counts(index)
-        assert len(counts) > 0 and counts.doubt.any()
+        assert len(counts) > 0 and counts.uncertainty.any()
 
 
 @pytest.mark.parametrize("path", REPERTOIRES, ids=names(REPERTOIRES))

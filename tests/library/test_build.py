@@ -306,7 +306,7 @@ def test_takes_without_music_are_counted_by_their_motion(tmp_path):
     counts = built.repertoire.counts(0)
     assert counts.source == FROM_MOTION and counts.confidence >= SURE_MOTION_CONFIDENCE
     assert counts_within(counts.times_s, beats_s) > 0.95
-    assert len(counts.doubt) == len(counts) and counts.doubt.mean() < 0.1
+    assert len(counts.uncertainty) == len(counts) and counts.uncertainty.mean() < 0.1
     assert any(note.startswith("1 take is counted by the motion, with") for note in built.notes)
     assert "counts are read from motion by the networks 'research'" in built.notes[-1] + built.notes[-2]
     assert built.repertoire.provenance["pretrained"] == "default"

@@ -14,13 +14,13 @@ from synthetic_repertoire import synthetic_takes, write_clicks
 from choreograph.core.counts import ANNOTATED, FROM_MOTION, FROM_MUSIC, NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.formats.register import import_takes
 from choreograph.library.building.counting import (
-    MAX_MOTION_DOUBT,
+    MAX_MOTION_UNCERTAINTY,
     MIN_MOTION_CONFIDENCE,
     MIN_PHASE_LOCK,
     SURE_MOTION_CONFIDENCE,
     counted_takes,
     counts_from_song,
-    motion_reader,
+    load_motion_counter,
     phase_lock,
 )
 from choreograph.library.builtin import pretrained_set
@@ -100,19 +100,19 @@ def test_takes_and_notes(tmp_path):
 
 
 def test_takes_without_counts_are_read_from_their_motion_if_that_is_likely_to_be_right():
-    """One take is sure, one is not; two are refused for their confidence and doubt; annotated counts stay."""
+    """Two of four are refused, for confidence or uncertainty. Annotated counts stay."""
     *takes, known = synthetic_takes(periods_s=(0.5, 0.6, 0.75, 0.8, 0.5))
     given_counts = make_counts([1.0, 2.0], [0, 0], 0, source=ANNOTATED)
     known = replace(known, take=replace(known.take, counts=given_counts))
     confidences = [SURE_MOTION_CONFIDENCE, MIN_MOTION_CONFIDENCE, 0.42, 0.7]
-    doubts = [0.1, MAX_MOTION_DOUBT, 0.1, 0.4]
+    uncertainties = [0.1, MAX_MOTION_UNCERTAINTY, 0.1, 0.4]
     read_bodies = []
 
     def read(pos_m):
-        confidence, doubt = confidences[len(read_bodies)], doubts[len(read_bodies)]
+        confidence, uncertainty = confidences[len(read_bodies)], uncertainties[len(read_bodies)]
         read_bodies.append(pos_m)
         read = make_counts([1.0, 1.5], [3, 4], 4, source=FROM_MOTION, confidence=confidence)
-        return replace(read, doubt=np.full(2, doubt))
+        return replace(read, uncertainty=np.full(2, uncertainty))
 
     counted, notes = counted_takes([*takes, known], SongCache(), read)
     assert [m.take.counts.source for m in counted] == [FROM_MOTION, FROM_MOTION, "", "", ANNOTATED]
@@ -122,7 +122,7 @@ def test_takes_without_counts_are_read_from_their_motion_if_that_is_likely_to_be
         "1 take is counted by the motion, but not surely: only 0.50 of the counts expected to be right: "
         "take1",
         "2 takes are without counts and left out beside counted takes, since counts read from the motion are "
-        "too doubtful (0.42 to 0.70 of them expected to be right, doubt 0.10 to 0.40): take2, take3",
+        "too doubtful (0.42 to 0.70 of them expected to be right, uncertainty 0.10 to 0.40): take2, take3",
     )
 
 
@@ -136,7 +136,7 @@ def test_the_song_comes_before_the_motion(tmp_path):
 
 
 def test_no_reader_without_a_network():
-    assert motion_reader(pretrained_set("nothing")) is None
+    assert load_motion_counter(pretrained_set("nothing")) is None
 
 
 @pytest.mark.slow

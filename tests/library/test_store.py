@@ -19,12 +19,12 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import (  # fmt: skip
     ATTRIBUTES,
     DATASETS,
-    DOUBT,
     FORMAT,
     HALF_PRECISION,
     MOTIFS,
     NETS,
     QUANTISATION_STEPS,
+    UNCERTAINTY,
     VERSION,
     NetArrays,
 )
@@ -55,22 +55,22 @@ def path(contents, tmp_path_factory):
 def test_doubt_is_stored_where_a_network_counted(tmp_path):
     """Of two takes one is counted by a network; a file with doubts of other counts is refused."""
     takes = with_counts(synthetic_takes())
-    assert not set(DOUBT) & set(synthetic_contents(takes).arrays)
+    assert not set(UNCERTAINTY) & set(synthetic_contents(takes).arrays)
     given_counts, read = takes[0].take.counts, takes[1].take.counts
-    doubt = np.linspace(0.1, 0.6, len(read))
-    takes[1] = replace(takes[1], take=replace(takes[1].take, counts=replace(read, doubt=doubt)))
+    uncertainty = np.linspace(0.1, 0.6, len(read))
+    takes[1] = replace(takes[1], take=replace(takes[1].take, counts=replace(read, uncertainty=uncertainty)))
     contents = synthetic_contents(takes)
     write_repertoire(tmp_path / "rep.h5", contents)
     repertoire = Repertoire.open(tmp_path / "rep.h5")
-    assert np.allclose(repertoire.counts(1).doubt, doubt)
-    assert np.array_equal(repertoire.counts(0).doubt, np.zeros(len(given_counts)))
+    assert np.allclose(repertoire.counts(1).uncertainty, uncertainty)
+    assert np.array_equal(repertoire.counts(0).uncertainty, np.zeros(len(given_counts)))
     clips = np.array([np.flatnonzero(repertoire.clip_take == take)[2] for take in (0, 1)])
-    found = repertoire.clip_motion.count_doubt(
+    found = repertoire.clip_motion.count_uncertainty(
         clips, np.full(2, 30.0), np.full(2, 50.0)
     )  # 2 s from their starts
     middle_s = repertoire.clip_start_s(int(clips[1])) + 2.0
-    assert found == pytest.approx([0.0, np.interp(middle_s, read.times_s, doubt)], abs=1e-6)
-    wrong = replace(contents, arrays={**contents.arrays, "counts/doubt": doubt})
+    assert found == pytest.approx([0.0, np.interp(middle_s, read.times_s, uncertainty)], abs=1e-6)
+    wrong = replace(contents, arrays={**contents.arrays, "counts/doubt": uncertainty})
     with pytest.raises(RepertoireError, match="counts/doubt"):
         write_repertoire(tmp_path / "rep.h5", wrong)
 
@@ -80,8 +80,8 @@ def test_the_published_layout_is_the_one_in_the_code():
     assert {name: (d["kind"], " ".join(d["axes"])) for name, d in LAYOUT["datasets"].items()} == DATASETS
     assert tuple(LAYOUT["attributes"]) == ATTRIBUTES
     assert tuple(LAYOUT["nets"]["names"]) == NETS
-    doubt, motifs = (LAYOUT[part]["datasets"] for part in ("doubt", "motifs"))
-    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in doubt.items()} == DOUBT
+    uncertainty, motifs = (LAYOUT[part]["datasets"] for part in ("uncertainty", "motifs"))
+    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in uncertainty.items()} == UNCERTAINTY
     assert {name: (d["kind"], " ".join(d["axes"])) for name, d in motifs.items()} == MOTIFS
     assert str(WORD_DIM) in motifs["motifs/embeddings"]["axes"]
     entries = (*LAYOUT["datasets"].values(), *motifs.values())

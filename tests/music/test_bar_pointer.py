@@ -16,7 +16,7 @@ from choreograph.music.bar_pointer import (
     DecodedCounts,
     PhaseCurves,
     PointerConfig,
-    count_doubt,
+    count_uncertainty,
     decode_counts,
 )
 
@@ -127,18 +127,18 @@ def test_curves_that_agree_are_told_from_noise():
 @settings(max_examples=25, deadline=None)
 @given(fps=st.sampled_from([20.0, 60.0]), beat=st.floats(-1, 1), bar=st.floats(-1, 1))
 def test_doubt_is_where_curves_disagree_with_the_counts(fps, beat, bar):
-    """Agreement is 1 but for 20 to 35 s of a minute: doubt there, half of it at the border."""
+    """Agreement is 1 but for 20 to 35 s of a minute: uncertainty there, half of it at the border."""
     frames_s = np.arange(round(60 * fps)) / fps
     there = (frames_s >= 20) & (frames_s < 35)
     counts = Counts(np.arange(0.0, 60.0, 0.5), np.arange(120) % 4 + 1, 4)
     agreements = (np.where(there, value, 1.0) for value in (beat, bar))
-    doubt = count_doubt(DecodedCounts(counts, *agreements), fps)
+    uncertainty = count_uncertainty(DecodedCounts(counts, *agreements), fps)
     wanted = 0.5 - 0.25 * (beat + bar)
     times_s = counts.times_s
-    assert doubt.shape == times_s.shape
-    assert np.allclose(doubt[(times_s >= 24) & (times_s <= 31)], wanted, atol=1e-6)
-    assert np.allclose(doubt[(times_s <= 16) | (times_s >= 39)], 0.0, atol=1e-6)
-    assert doubt[times_s == 20] == pytest.approx(wanted / 2, abs=0.01)
+    assert uncertainty.shape == times_s.shape
+    assert np.allclose(uncertainty[(times_s >= 24) & (times_s <= 31)], wanted, atol=1e-6)
+    assert np.allclose(uncertainty[(times_s <= 16) | (times_s >= 39)], 0.0, atol=1e-6)
+    assert uncertainty[times_s == 20] == pytest.approx(wanted / 2, abs=0.01)
 
 
 def test_curves_that_change_their_phase_leave_doubt():
@@ -146,14 +146,16 @@ def test_curves_that_change_their_phase_leave_doubt():
     position = positions(120.0, 60.0, 20.0)
     position[600:] += 0.5
     steady = PointerConfig(tempo_std=1e-4, break_cost=1e6)
-    doubt = count_doubt(decode_counts(curves_of(position, 4, 20.0), steady), 20.0)
-    assert doubt.max() > 0.15 and doubt.min() < 0.05
-    assert count_doubt(decode_counts(curves_of(positions(120.0, 60.0, 20.0), 4, 20.0)), 20.0).max() < 0.01
+    uncertainty = count_uncertainty(decode_counts(curves_of(position, 4, 20.0), steady), 20.0)
+    assert uncertainty.max() > 0.15 and uncertainty.min() < 0.05
+    assert (
+        count_uncertainty(decode_counts(curves_of(positions(120.0, 60.0, 20.0), 4, 20.0)), 20.0).max() < 0.01
+    )
 
 
 def test_no_frame_has_no_count():
     decoded = decode_counts(PhaseCurves(np.zeros((0, 2)), np.zeros((0, 2, 2)), 20.0))
-    assert len(decoded.counts) == 0 and len(count_doubt(decoded, 20.0)) == 0
+    assert len(decoded.counts) == 0 and len(count_uncertainty(decoded, 20.0)) == 0
 
 
 def test_other_metres():

@@ -207,13 +207,13 @@ class Rhythm(Cost):
     """Share of unmatched beats plus the mismatch of tempo-densities, of the warped node.
 
     Ours: the paper's costs do not measure the result of the warp, and select clips that cannot be warped
-    to the beat. A node whose take's counts lie on the beats costs only their doubt, where they were read from
-    the motion.
+    to the beat. A node whose take's counts lie on the beats costs only their uncertainty, where they were
+    read from the motion.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
         by_density = layer.unmatched_beat + layer.density_mismatch
-        return np.where(layer.track >= 0, layer.count_doubt, by_density)
+        return np.where(layer.track >= 0, layer.count_uncertainty, by_density)
 
 
 class Accents(Cost):

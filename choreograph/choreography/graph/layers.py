@@ -33,8 +33,8 @@ class PoseBank(Protocol):
         """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
         ...
 
-    def count_doubt(self, clip: Ints, start: Floats, stop: Floats) -> Floats:
-        """Doubt (N,), 0 … 1, of the counts half way between two frames of each clip."""
+    def count_uncertainty(self, clip: Ints, start: Floats, stop: Floats) -> Floats:
+        """Uncertainty (N,), 0 … 1, of the counts half way between two frames of each clip."""
         ...
 
 
@@ -62,7 +62,7 @@ class Layer:
     first_beat: Floats  # (N,) frame (20 fps) of the first motion beat in the second, nan if none
     last_beat: Floats  # (N,) frame of the last one
     track: Ints  # (N,) the same for nodes of one continuous time map of a counted take; -1 for other nodes
-    count_doubt: Floats  # (N,) of the counts of the node's take here, 0 … 1: 0 if no network read them
+    count_uncertainty: Floats  # (N,) of the counts of the node's take here, 0 … 1: 0 if no network read them
     off_bar: Floats  # (N,) share of this second's beats whose number in the bar is not the take's
     enter_penalty: Floats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
     leave_penalty: Floats  # (N,) of leaving it at the second's end
@@ -265,7 +265,7 @@ class LayerSource:
             first_beat=segments.first_beat[start, part, offset],
             last_beat=segments.last_beat[start, part, offset],
             track=segments.track[start, part],
-            count_doubt=self._poses.count_doubt(clip, source_frames[:, 0], source_frames[:, -1]),
+            count_uncertainty=self._poses.count_uncertainty(clip, source_frames[:, 0], source_frames[:, -1]),
             off_bar=segments.off_bar[start, part, offset],
             enter_penalty=segments.phrase_penalty[start, part, offset],
             leave_penalty=segments.phrase_penalty[start, part, offset + 1],

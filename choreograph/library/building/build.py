@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from choreograph.core.counts import FROM_MOTION
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
 from choreograph.core.progress import ProgressReport
-from choreograph.library.building.counting import MOTION_NET, counted_takes, motion_reader
+from choreograph.library.building.counting import MOTION_NET, counted_takes, load_motion_counter
 from choreograph.library.building.networks import (
     STYLE_NET,
     PretrainedWeights,
@@ -102,14 +102,14 @@ def _write_built(
     resume_notes: list[str] = []
     context = training_context(work, options, content, training_report, resume_notes.append)
     songs = SongCache(options.beats, keep_samples=options.rollout)
-    measured, count_notes = counted_takes(measured, songs, motion_reader(shipped))
-    heard: tuple[str, ...] = ()  # songs whose counts the network learned, where it has counted a take
+    measured, count_notes = counted_takes(measured, songs, load_motion_counter(shipped))
+    counter_trained_on: tuple[str, ...] = ()  # songs, if it counted a take
     uses = []
     if pretrained.from_shipped:
         begins = "style is that of" if pretrained.keep else "style begins with"
         uses.append(f"{begins} {shipped[STYLE_NET].description}")
     if any(m.take.counts.source == FROM_MOTION for m in measured):
-        heard = shipped[MOTION_NET].trained_on
+        counter_trained_on = shipped[MOTION_NET].trained_on
         uses.append(f"counts are read from motion by {shipped[MOTION_NET].description}")
     if uses:
         count_notes = (*count_notes, "; ".join(uses))
@@ -128,7 +128,9 @@ def _write_built(
     contents = Contents(
         arrays | words.arrays,
         options.density if features.density else "analytic",
-        _provenance(options, [*trained_on, *heard], features.selection_beat_weight, teacher is not None),
+        _provenance(
+            options, [*trained_on, *counter_trained_on], features.selection_beat_weight, teacher is not None
+        ),
         nets | words.nets,
     )
     if words.vocabulary is not None:

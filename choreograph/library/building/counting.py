@@ -26,7 +26,7 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
 
 Floats = NDArray[np.float64]
-MotionReader = Callable[[NDArray[np.floating]], Counts]  # of body positions (T, 21, 3) at 20 fps
+MotionCounter = Callable[[NDArray[np.floating]], Counts]  # of body positions (T, 21, 3) at 20 fps
 
 # Built-in takes and their songs' beats have 0.83 to 1, takes of dance-with-melody, of any phase, up to 0.28.
 MIN_PHASE_LOCK = 0.6
@@ -35,9 +35,9 @@ MIN_MOTION_CONFIDENCE = 0.5
 # and below which those read are said not to be sure: dances cut into pieces and shuffled, which have no
 # count, reach 0.65; dances of new genres or figures have 0.6 to 0.9.
 SURE_MOTION_CONFIDENCE = 0.7
-# Mean doubt above which none are read: 0.13 to 0.29 in real takes whose figures the network did not know,
-# 0.34 and more in takes that are shuffled or stand still.
-MAX_MOTION_DOUBT = 0.3
+# Mean uncertainty above which none are used. It is 0.13 to 0.29 in real takes with figures that the network
+# was not trained on, and 0.34 and more in takes that are shuffled or stand still.
+MAX_MOTION_UNCERTAINTY = 0.3
 MOTION_NET = "motion_counts"  # its name among the pretrained networks
 _WINDOW_BEATS = 4
 _FEWEST_WINDOWS = 5  # of fewer, random phases agree too often
@@ -46,7 +46,7 @@ _NAMED = 8  # takes in a note; the others are counted
 
 
 def counted_takes(
-    measured: Sequence[MeasuredTake], songs: SongCache, read_motion: MotionReader | None = None
+    measured: Sequence[MeasuredTake], songs: SongCache, read_motion: MotionCounter | None = None
 ) -> tuple[list[MeasuredTake], tuple[str, ...]]:
     """The takes, those without counts with their song's or motion's where these are likely right, and notes.
 
@@ -57,7 +57,7 @@ def counted_takes(
         new = _counted_by_song(given, songs)
         if not len(new.take.counts) and read_motion is not None:
             read = read_motion(given.body_pos_m)
-            if read.confidence >= MIN_MOTION_CONFIDENCE and _mean_doubt(read) <= MAX_MOTION_DOUBT:
+            if read.confidence >= MIN_MOTION_CONFIDENCE and _mean_uncertainty(read) <= MAX_MOTION_UNCERTAINTY:
                 new = replace(new, take=replace(new.take, counts=read))
             else:
                 refused.append(read)
@@ -84,17 +84,20 @@ def counted_takes(
     if without:
         why = ""
         if refused:
-            share, doubt = _range([c.confidence for c in refused]), _range([_mean_doubt(c) for c in refused])
+            share, uncertainty = (
+                _range([c.confidence for c in refused]),
+                _range([_mean_uncertainty(c) for c in refused]),
+            )
             why = (
                 f", since counts read from the motion are too doubtful ({share} of them expected to be "
-                f"right, doubt {doubt})"
+                f"right, uncertainty {uncertainty})"
             )
         danced = "left out beside counted takes" if len(without) < len(counted) else "danced by motion beats"
         notes.append(f"{_number(without)} without counts and {danced}{why}: {_some(without)}")
     return counted, tuple(notes)
 
 
-def motion_reader(pretrained: Mapping[str, PretrainedNet]) -> MotionReader | None:
+def load_motion_counter(pretrained: Mapping[str, PretrainedNet]) -> MotionCounter | None:
     """What reads counts from motion; None if the set has no such network."""
     if MOTION_NET not in pretrained:
         return None
@@ -166,8 +169,8 @@ def _counted_by_song(measured: MeasuredTake, songs: SongCache) -> MeasuredTake:
     return replace(measured, take=replace(take, counts=counts))
 
 
-def _mean_doubt(read: Counts) -> float:
-    return float(read.doubt.mean()) if len(read.doubt) else 0.0
+def _mean_uncertainty(read: Counts) -> float:
+    return float(read.uncertainty.mean()) if len(read.uncertainty) else 0.0
 
 
 def _number(takes: Sequence[object]) -> str:

@@ -98,8 +98,8 @@ def training_content(
     for index, m in enumerate(measured):
         take = m.take
         files = [checksum for _, checksum, of_take in checksums if of_take == index]
-        said = [asdict(take.credits), take.song_name, take.song_start_s, take.counts.source]
-        content[f"take {take.name}"] = _digest([*files, *said])
+        description = [asdict(take.credits), take.song_name, take.song_start_s, take.counts.source]
+        content[f"take {take.name}"] = _digest([*files, *description])
     return content
 
 

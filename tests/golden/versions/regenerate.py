@@ -56,8 +56,8 @@ def golden_takes() -> list[MeasuredTake]:
 def write_golden_repertoire(path: Path) -> None:
     """Write the golden takes with all optional arrays, in 16 bits."""
     contents = with_vocabulary(synthetic_contents(golden_takes()), golden_takes())
-    doubt = np.linspace(0.1, 0.6, len(contents.arrays["counts/time_s"])).astype(np.float32)
-    contents = replace(contents, arrays={**contents.arrays, "counts/doubt": doubt})
+    uncertainty = np.linspace(0.1, 0.6, len(contents.arrays["counts/time_s"])).astype(np.float32)
+    contents = replace(contents, arrays={**contents.arrays, "counts/doubt": uncertainty})
     write_repertoire(path, contents, compress=True)
 
 
