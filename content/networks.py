@@ -35,7 +35,7 @@ from choreograph.library.writing import write_networks
 from choreograph.motion.body import body_pos_m
 from choreograph.music.bar_pointer import decode_counts
 from choreograph.music.synthesis.song import STYLES, TempoMap
-from choreograph.nets.count_configs import MotionCountsConfig, motion_counts_config
+from choreograph.nets.count_phases import MotionCountsConfig, motion_counts_config
 from choreograph.nets.motion_counts import (
     POINTER,
     CountedMotion,

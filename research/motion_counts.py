@@ -46,7 +46,7 @@ from choreograph.music.bars import track_bars
 from choreograph.music.beats import get_beat_tracker
 from choreograph.music.mel import autocorrelations, log_mel
 from choreograph.music.song import load_song
-from choreograph.nets.count_configs import motion_counts_config
+from choreograph.nets.count_phases import motion_counts_config
 from choreograph.nets.motion_counts import (
     POINTER,
     TEMPI,

@@ -24,9 +24,9 @@ from choreograph.music.bar_pointer import (
     count_uncertainty,
     decode_counts,
 )
-from choreograph.nets.count_configs import MotionCountsConfig
 from choreograph.nets.count_phases import (
     N_OUTPUTS,
+    MotionCountsConfig,
     Phases,
     PhaseTargets,
     Trunk,

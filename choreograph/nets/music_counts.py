@@ -23,8 +23,7 @@ from choreograph.music.bar_pointer import PhaseCurves, PointerConfig, decode_cou
 from choreograph.music.beats import level_normalized, onset_strength, path_of
 from choreograph.music.mel import MEL_BANDS
 from choreograph.music.song import Song
-from choreograph.nets.count_configs import MusicCountsConfig
-from choreograph.nets.count_phases import N_OUTPUTS, Trunk, curves_from
+from choreograph.nets.count_phases import N_OUTPUTS, MusicCountsConfig, Trunk, curves_from
 from choreograph.nets.stored import StoredNet
 
 # `MusicCounts`: beats, downbeats and their phases from a song's log-mel, by a temporal convolution network.

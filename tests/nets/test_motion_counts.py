@@ -13,7 +13,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.evaluation.metrics.counts import counts_within
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, mirrored
-from choreograph.nets.count_configs import MotionCountsConfig, motion_counts_config
+from choreograph.nets.count_phases import MotionCountsConfig, motion_counts_config
 from choreograph.nets.motion_counts import (
     N_FEATURES,
     CountedMotion,

@@ -19,7 +19,7 @@ from choreograph.music.song import Song, load_song
 from choreograph.music.synthesis.song import render_song
 from choreograph.music.synthesis.sounds import RATE_HZ
 from choreograph.nets import music_counts_training as music_augmentation
-from choreograph.nets.count_configs import music_counts_config
+from choreograph.nets.count_phases import music_counts_config
 from choreograph.nets.music_counts import (
     CURVE_FPS,
     SHIPPED,
