@@ -18,7 +18,6 @@ import argparse
 from itertools import combinations
 from pathlib import Path
 
-import librosa
 import numpy as np
 import torch
 from scipy.signal import find_peaks
@@ -30,6 +29,7 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.evaluation.metrics.energy_response import motion_size
 from choreograph.motion.body import BODY_JOINTS
+from choreograph.music.cached_librosa import librosa
 from choreograph.music.song import load_song
 from choreograph.music.song_features import SongFeatures
 

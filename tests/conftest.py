@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# Tests run in several processes: one thread each, or they fight for the cores, and a numba cache each, since
-# processes that compile into one cache at the same time corrupt it. Set before anything imports numpy.
-if worker := os.environ.get("PYTEST_XDIST_WORKER"):
+# Tests run in several processes: one thread each, or they fight for the cores. All share the kernels that one
+# of them compiled. Set before anything imports numpy.
+if "PYTEST_XDIST_WORKER" in os.environ:
     for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(threads, "1")
-    cache = Path(__file__).resolve().parents[1] / ".pytest_cache" / "numba" / worker
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(cache))
+os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).resolve().parents[1] / ".pytest_cache" / "numba"))
 
 # Property tests check what a law says, not how long it takes on a loaded machine.
 settings.register_profile("choreograph", deadline=None)

@@ -1,15 +1,21 @@
 """Where compiled kernels are kept between runs, ours and librosa's.
 
-numba's own cache is not safe against processes that compile at the same time: each may write half of an
-index, or the wrapper of a gufunc that calls the function inside by a name that only the other process knows.
-Such a cache crashes every later run, and a damaged file does so, too. Here an entry is one file, named by all
-that it depends on, written at once and read only if its checksum holds. One process compiles at a time, and
-the others read what it compiled. Where nothing can be written, kernels are compiled anew, and a note says so.
+numba's own cache is not safe when several processes compile at the same time. Two processes may give two
+compiled functions the same file name, or save the wrapper of a gufunc that calls the inner function by a name
+that only the other process has. A later run then crashes. A damaged file has the same effect. Here an entry
+is one file whose name depends on everything that the code depends on. It is written at once and read only if
+its checksum is right. One process compiles at a time, and the others read the result. Where no folder can be
+written, kernels are compiled in every run, and a note says so.
+
+numba has no public way to replace the files of its cache, so `kernel_cache` replaces two of its private names
+while functions are decorated. `_why_not_replaced` first checks that they look as they do in the versions that
+this was written for (0.60 to 0.68). With any other numba, nothing is cached, and a note says so.
 """
 
 from __future__ import annotations
 
 import hashlib
+import inspect
 import logging
 import os
 import pickle
@@ -19,12 +25,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, ParamSpec, TypeVar
 
 import numba
-from numba.core import caching
-from numba.core.serialize import dumps
-from numba.core.sigutils import normalize_signature
 
 from choreograph.core import __version__
 from choreograph.core.errors import ChoreographError
@@ -33,17 +36,34 @@ from choreograph.core.files import atomic_path
 _DIGEST_BYTES = 32
 _WAIT_S = 60.0  # for another process that compiles, before this one does so beside it
 _WRAPPER = "guf-"  # begins the names of gufuncs' wrappers
+# The private names of numba that are used here, each with the parameters that it must have.
+_PRIVATE = {
+    "caching.IndexDataCacheFile": ["cache_path", "filename_base", "source_stamp"],
+    "caching.IndexDataCacheFile.load": ["self", "key"],
+    "caching.IndexDataCacheFile.save": ["self", "key", "data"],
+    "caching.IndexDataCacheFile.flush": ["self"],
+    "caching.Cache._index_key": ["self", "sig", "codegen"],
+    "serialize.dumps": ["obj"],
+    "sigutils.normalize_signature": ["sig"],
+}
+_LOCATOR_METHODS = {"get_cache_path", "get_disambiguator", "get_source_stamp"}
+_DECORATORS = ("jit", "njit", "vectorize", "guvectorize")  # that take `cache=True`
+
+_Parameters = ParamSpec("_Parameters")
+_Result = TypeVar("_Result")
+_Key = tuple[Any, ...]  # of an entry: a signature first, then the processor and the function's bytecode
 
 _log = logging.getLogger("choreograph")
 _patching = threading.RLock()
 
 
-def njit(**options: Any) -> Callable[[Callable], Any]:
+def njit(**options: Any) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
     """`numba.njit`, cached here."""
 
-    def compiled(function: Callable) -> Any:
+    def compiled(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
         with kernel_cache():
-            return numba.njit(cache=True, **options)(function)
+            decorated: Callable[_Parameters, _Result] = numba.njit(cache=True, **options)(function)
+        return decorated
 
     return compiled
 
@@ -51,33 +71,93 @@ def njit(**options: Any) -> Callable[[Callable], Any]:
 @contextmanager
 def kernel_cache() -> Iterator[None]:
     """Caches here what the block defines with numba's `cache=True`: librosa is imported in such blocks."""
-    numba_caching: Any = caching
     with _patching:
-        kept = numba_caching.IndexDataCacheFile, numba_caching.CacheImpl._locator_classes
-        numba_caching.IndexDataCacheFile, numba_caching.CacheImpl._locator_classes = _Entries, [_Locator]
+        why_not = _why_not_replaced()
+        if why_not is None:
+            replaced: list[tuple[Any, str, Any]] = [
+                (_private("caching"), "IndexDataCacheFile", _Entries),
+                (_private("caching.CacheImpl"), "_locator_classes", [_Locator]),
+            ]
+        else:
+            _note_once(f"compiled code is not kept, every run compiles it again: {why_not}")
+            replaced = [(numba, name, _uncached(getattr(numba, name))) for name in _DECORATORS]
+        kept = [getattr(owner, name) for owner, name, _ in replaced]
         try:
+            for owner, name, value in replaced:
+                setattr(owner, name, value)
             yield
         finally:
-            numba_caching.IndexDataCacheFile, numba_caching.CacheImpl._locator_classes = kept
+            for (owner, name, _), value in zip(replaced, kept, strict=True):
+                setattr(owner, name, value)
 
 
-class _Locator(caching._SourceFileBackedLocatorMixin, caching._CacheLocator):
-    """Accepts every function of a source file, whether or not its entries can be written."""
+@lru_cache(maxsize=1)
+def _why_not_replaced() -> str | None:
+    """What is not as expected in numba's private names; None if all is."""
+    version = f"numba {numba.__version__} is not one of those that are known"
+    for path, parameters in _PRIVATE.items():
+        found = _private(path)
+        if not callable(found) or list(inspect.signature(found).parameters) != parameters:
+            return f"{version} (numba.core.{path})"
+    locators = _private("caching.CacheImpl._locator_classes")
+    if not isinstance(locators, list) or not all(set(dir(one)) >= _LOCATOR_METHODS for one in locators):
+        return f"{version} (numba.core.caching.CacheImpl._locator_classes)"
+    return None
 
-    def __init__(self, py_func: Callable, py_file: str) -> None:
-        self._py_file = py_file
+
+def _private(path: str) -> Any:
+    """What has this name within `numba.core`; None if there is nothing."""
+    import numba.core.caching
+    import numba.core.serialize
+    import numba.core.sigutils
+
+    found: Any = numba.core
+    for name in path.split("."):
+        found = getattr(found, name, None)
+    return found
+
+
+def _uncached(decorator: Callable[..., Any]) -> Callable[..., Any]:
+    """A decorator of numba that ignores `cache=True`."""
+
+    def decorate(*arguments: Any, **options: Any) -> Any:
+        return decorator(*arguments, **{**options, "cache": False})
+
+    return decorate
+
+
+class _Locator:
+    """Tells numba where the entries of a function are; whether they can be written is not asked.
+
+    Has the methods of numba's own locators.
+    """
+
+    def __init__(self, py_func: Callable[..., object], py_file: str) -> None:
+        self._source = Path(py_file)
         self._lineno = py_func.__code__.co_firstlineno
-        self._cache_path = self.get_suitable_cache_subpath(py_file)  # inside the folder
 
     @classmethod
-    def from_function(cls, py_func: Callable, py_file: str) -> _Locator:
+    def from_function(cls, py_func: Callable[..., object], py_file: str) -> _Locator:
         return cls(py_func, py_file)
 
     def ensure_cache_path(self) -> None:
         """Made when an entry is written."""
 
     def get_cache_path(self) -> str:
-        return self._cache_path
+        """A folder in the cache, for each folder of sources."""
+        sources = self._source.absolute().parent
+        return f"{sources.name}_{hashlib.sha256(str(sources).encode()).hexdigest()[:32]}"
+
+    def get_source_stamp(self) -> str:
+        return _sha256_of(self._source)
+
+    def get_disambiguator(self) -> str:
+        return str(self._lineno)
+
+
+@lru_cache
+def _sha256_of(source: Path) -> str:
+    return hashlib.sha256(source.read_bytes()).hexdigest()
 
 
 class _Entries:
@@ -94,7 +174,7 @@ class _Entries:
     def flush(self) -> None:
         """No entry is ever out of date: its name would be another."""
 
-    def load(self, key: tuple) -> Any:
+    def load(self, key: _Key) -> Any:
         """What was compiled, or None."""
         path = self._path(key)
         if path is None:
@@ -109,12 +189,12 @@ class _Entries:
         self._note(key, payload)
         return pickle.loads(payload)
 
-    def save(self, key: tuple, data: Any) -> None:
+    def save(self, key: _Key, data: Any) -> None:
         """Write an entry; a note if that fails."""
         path = self._path(key)
         if path is None:
             return
-        payload = dumps(data)
+        payload: bytes = _private("serialize.dumps")(data)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_path(path) as temporary:
@@ -125,10 +205,10 @@ class _Entries:
         finally:
             _lock().release()
 
-    def _note(self, key: tuple, payload: bytes) -> None:
+    def _note(self, key: _Key, payload: bytes) -> None:
         self._loaded[self._subfolder, self._name, _arguments(key)] = hashlib.sha256(payload).hexdigest()
 
-    def _path(self, key: tuple) -> Path | None:
+    def _path(self, key: _Key) -> Path | None:
         """The file of a key's entry; a wrapper's is named by the very function that it calls, too."""
         folder = _folder()
         if folder is None:
@@ -139,9 +219,9 @@ class _Entries:
         return folder / self._subfolder / f"{self._name}.{depends_on.hexdigest()[:32]}"
 
 
-def _arguments(key: tuple) -> str:
+def _arguments(key: _Key) -> str:
     """The argument types of a key's signature, which wrappers and what they call write in two ways."""
-    return str(normalize_signature(key[0])[0])
+    return str(_private("sigutils.normalize_signature")(key[0])[0])
 
 
 def _read(path: Path) -> bytes | None:

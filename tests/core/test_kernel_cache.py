@@ -142,11 +142,33 @@ def test_where_nothing_can_be_written_kernels_are_compiled_every_time(start, tmp
         assert err.startswith("note: compiled code is not kept") and err.count("\n") == 1, err
 
 
+@pytest.mark.parametrize(
+    "differs",
+    [
+        "caching.IndexDataCacheFile.__init__ = lambda self, folder: None",
+        "del caching.IndexDataCacheFile",
+        "del caching.CacheImpl._locator_classes",
+        "caching.Cache._index_key = None",
+    ],
+)
+def test_with_a_numba_that_is_built_otherwise_kernels_are_compiled_every_time(start, tmp_path, differs):
+    numba_differs = f"import numba\nfrom numba.core import caching\n{differs}\n"
+    out, err = _finished(start(numba_differs + _USE))
+    assert out == "0 hits\n"
+    assert err.startswith("note: compiled code is not kept") and err.count("\n") == 1, err
+    assert not (tmp_path / "cache").exists()
+    assert not list(tmp_path.rglob("*.nb?"))
+
+
 @pytest.mark.slow
-def test_nothing_is_compiled_into_numbas_own_cache(tmp_path):
-    """Songs are tracked, counted and divided by both trackers; numba's cache says what it writes."""
+def test_nothing_is_compiled_into_numbas_own_cache():
+    """Songs are tracked, counted and divided by both trackers; numba's cache prints what it reads and writes.
+
+    In the folder that the tests share: what they have compiled before is read from there.
+    """
     code = (
         "import numpy as np\n"
+        "from choreograph.core import kernel_cache\n"
         "from choreograph.music.bars import track_bars\n"
         "from choreograph.music.mel import log_mel\n"
         "from choreograph.music.beats import librosa_beats\n"
@@ -157,10 +179,12 @@ def test_nothing_is_compiled_into_numbas_own_cache(tmp_path):
         "beats = librosa_beats(mel, 12.0)\n"
         "track_bars(clicks, mel, beats)\n"
         "song_sections(clicks, beats)\n"
+        "print(kernel_cache._folder())\n"
     )
-    env = {**os.environ, "NUMBA_DEBUG_CACHE": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
+    env = {**os.environ, "NUMBA_DEBUG_CACHE": "1"}
     done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert "[cache]" not in done.stdout
-    assert not list(tmp_path.rglob("*.nb?"))
-    assert len(_entries(tmp_path)) > 20
+    folder = Path(done.stdout.strip())
+    assert not list(folder.rglob("*.nb?"))
+    assert len(_entries(folder)) > 20

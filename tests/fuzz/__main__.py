@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import os
 import sys
 import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from fuzz.harness import Tally, Target, accepted, fuzz, input_of
+from fuzz.harness import Tally, Target, accepted, fuzz, in_jobs, input_of
 from fuzz.targets import all_targets
 
 CORPUS = Path(__file__).with_name("corpus")
@@ -21,7 +22,8 @@ CORPUS = Path(__file__).with_name("corpus")
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m fuzz", description=__doc__)
-    parser.add_argument("--minutes", type=float, default=5.0)
+    parser.add_argument("--minutes", type=float, default=5.0, help="of all jobs together")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes; default: one for a core")
     parser.add_argument("--seed", type=int, default=None, help="inputs follow from it; default: the time")
     parser.add_argument("--targets", nargs="*", help="by name; default: all")
     given = parser.parse_args()
@@ -29,9 +31,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         targets = all_targets(Path(folder))
         targets = [target for target in targets if not given.targets or target.name in given.targets]
-        began = time.monotonic()
-        untouched = {target.name: accepted(target) for target in targets}
-        tallies = fuzz(targets, seed=seed, seconds=60.0 * given.minutes - (time.monotonic() - began))
+        end = time.monotonic() + 60.0 * given.minutes / given.jobs
+        untouched = in_jobs(lambda some: {t.name: accepted(t) for t in some}, targets, given.jobs)
+        tallies = in_jobs(
+            lambda some: fuzz(some, seed=seed, seconds=end - time.monotonic()), targets, given.jobs
+        )
         _print(untouched, "untouched")
         _print(tallies, f"seed {seed}")
         for target in targets:

@@ -22,6 +22,7 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,25 @@ def fuzz(
                 _in_child(target, tally, lambda n, t=target: input_of(t, seed, n), last, slice_s)
         if time.monotonic() >= end and all(tally.tried >= (n_inputs or 0) for tally in tallies.values()):
             return tallies
+
+
+def in_jobs(
+    work: Callable[[Sequence[Target]], dict[str, Tally]], targets: Sequence[Target], n_jobs: int
+) -> dict[str, Tally]:
+    """Do the work in several processes at once, each for every n-th target. The inputs stay the same."""
+    context = get_context("fork")
+    started = []
+    for job in range(n_jobs):
+        receive, send = context.Pipe(duplex=False)
+        process = context.Process(target=lambda of, to: to.send(work(of)), args=(targets[job::n_jobs], send))
+        process.start()
+        send.close()
+        started.append((process, receive))
+    tallies: dict[str, Tally] = {}
+    for process, receive in started:
+        tallies |= receive.recv()
+        process.join()
+    return {target.name: tallies[target.name] for target in targets}
 
 
 def accepted(target: Target) -> Tally:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from acceptance.corpus import SaneFile
-from fuzz.harness import Input, Target, accepted, fuzz, input_of, replay
+from fuzz.harness import Input, Target, accepted, fuzz, in_jobs, input_of, replay
 from fuzz.mutations import MAX_BYTES, Repeated, _join, _lengthen_digits, _repeated_json, repeated
 from fuzz.targets import all_targets
 
@@ -144,6 +144,24 @@ def test_inputs_follow_from_the_seed(tmp_path):
     assert inputs == [input_of(target, 1, number) for number in range(30)]
     assert len({given.data for given in inputs}) > 20
     assert inputs != [input_of(target, 2, number) for number in range(30)]
+
+
+@pytest.mark.parametrize("n_jobs", [2, 3])
+def test_jobs_try_the_inputs_of_one_process(tmp_path, n_jobs):
+    targets = [Target(name, "file", "bytes", [b"ok", b"kk"], _planted, tmp_path) for name in ("a", "b", "c")]
+    for target in targets:
+        (tmp_path / target.name).mkdir()
+    targets = [replace(target, folder=tmp_path / target.name) for target in targets]
+
+    def tried(some):
+        return fuzz(some, seed=3, n_inputs=20)
+
+    alone, together = tried(targets), in_jobs(tried, targets, n_jobs)
+    assert list(together) == ["a", "b", "c"]
+    for name, tally in alone.items():
+        other = together[name]
+        assert (other.tried, other.was_read, other.failures) == (20, tally.was_read, tally.failures)
+        assert tally.failures
 
 
 @pytest.fixture(scope="module")

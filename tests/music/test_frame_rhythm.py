@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import librosa
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,6 +9,7 @@ from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.music.cached_librosa import librosa
 from choreograph.music.frame_rhythm import FRAME_RHYTHM_NAMES, WINDOW_FRAMES, frame_rhythm
 from choreograph.music.mel import at_unit_loudness
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from itertools import pairwise
 
-import librosa
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,6 +13,7 @@ from hypothesis import strategies as st
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import frame_blocks
 from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.music.cached_librosa import librosa
 from choreograph.music.mel import at_unit_loudness
 from choreograph.music.spectral import SPECTRAL_COLUMNS, SPECTRAL_DIM, spectral_features
 
