@@ -231,7 +231,8 @@ def _way_out(
         return shift
     smooth = gaussian_filter1d(shift, ease / 2.0, axis=0, mode="nearest")
     smooth /= np.maximum(np.linalg.norm(smooth, axis=-1, keepdims=True), 1e-12)
-    return smooth_cover(np.linalg.norm(shift, axis=-1), ease)[:, None] * smooth
+    eased: Floats = smooth_cover(np.linalg.norm(shift, axis=-1), ease)[:, None] * smooth
+    return eased
 
 
 # Feet of a character where the dancer's are: on the floor, and standing still as long.

@@ -95,7 +95,7 @@ def as_whole_numbers(what: str, values: Any) -> NDArray[np.int64]:
     return whole
 
 
-def as_array(what: str, values: Any) -> NDArray:
+def as_array(what: str, values: Any) -> NDArray[Any]:
     """Numbers of any type as an array, one as it is; `ParameterError` for anything else."""
     try:
         array = np.asarray(values)

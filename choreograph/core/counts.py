@@ -53,7 +53,8 @@ class Counts:
     @property
     def downbeat_times_s(self) -> Floats:
         """The instants of count 1, (D,); none if bars are not known."""
-        return self.times_s[self.numbers == 1]
+        downbeats_s: Floats = self.times_s[self.numbers == 1]
+        return downbeats_s
 
     def within(self, start_s: float, end_s: float) -> Counts:
         """The counts of a part, times from its start."""
@@ -142,13 +143,15 @@ def count_phase(counts: Counts, times_s: NDArray[np.floating]) -> NDArray[np.flo
 
 def index_at(instants_s: Floats, times_s: NDArray[np.floating]) -> Floats:
     """The fractional index among two or more increasing instants (Q,) at each time, below 0 before them."""
-    return np.interp(times_s, *_continued(instants_s))
+    index: Floats = np.interp(times_s, *_continued(instants_s))
+    return index
 
 
 def time_at(instants_s: Floats, index: NDArray[np.floating]) -> Floats:
     """The time at each fractional index among two or more increasing instants (Q,): inverse to `index_at`."""
-    times_s, indices = _continued(instants_s)
-    return np.interp(index, indices, times_s)
+    known_s, indices = _continued(instants_s)
+    times_s: Floats = np.interp(index, indices, known_s)
+    return times_s
 
 
 def _continued(instants_s: Floats) -> tuple[Floats, Floats]:

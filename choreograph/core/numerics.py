@@ -117,7 +117,8 @@ def squared_distances(a: Floats, b: Floats, *, b_squares: Floats | None = None) 
     """
     if b_squares is None:
         b_squares = np.sum(b**2, axis=1)
-    return np.maximum(np.sum(a**2, axis=1)[:, None] + b_squares - 2.0 * a @ b.T, 0.0)
+    squared: Floats = np.sum(a**2, axis=1)[:, None] + b_squares - 2.0 * a @ b.T
+    return np.maximum(squared, 0.0)
 
 
 # Distance between normalised histograms.
@@ -134,7 +135,8 @@ def chi_square_distance(a: Float64s, b: Float64s) -> Float64s:
     """
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     both = a + b
-    return 0.5 * np.sum(np.square(a - b) / np.where(both > 0, both, 1.0), axis=-1)
+    distance: Float64s = 0.5 * np.sum(np.square(a - b) / np.where(both > 0, both, 1.0), axis=-1)
+    return distance
 
 
 # Linear interpolation at fractional frames.

@@ -54,7 +54,7 @@ class Range:
 
     def holds(self, value: Any) -> bool:
         """Whether a number is within the range."""
-        return self.least <= value <= self.greatest
+        return bool(self.least <= value <= self.greatest)
 
     def __str__(self) -> str:
         if math.isinf(self.greatest):
@@ -92,7 +92,7 @@ def settings(cls: Class) -> Class:
             own_check(self)
 
     cls.__post_init__ = check  # type: ignore[attr-defined]
-    made: Any = dataclass(frozen=True)(cls)
+    made: Class = dataclass(frozen=True)(cls)  # type: ignore[assignment]
     described_fields = "\n".join(_as_numpydoc(setting) for setting in described(made))
     made.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n\nParameters\n----------\n{described_fields}\n"
     return made

@@ -112,11 +112,9 @@ def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDA
 
 def upward(roles: Mapping[str, int], pos: NDArray[np.floating]) -> NDArray[np.float64]:
     """The vector (3,) from the ankles to the shoulders of `pos` (T, J, 3), the mean of all frames."""
-    shoulders, ankles = (
-        pos[:, [roles[f"left_{part}"], roles[f"right_{part}"]]].mean(axis=(0, 1))
-        for part in ("shoulder", "ankle")
-    )
-    return shoulders - ankles
+    joints = [[roles[f"{side}_{part}"] for side in ("left", "right")] for part in ("shoulder", "ankle")]
+    shoulders, ankles = pos[:, joints].mean(axis=(0, 2))
+    return np.asarray(shoulders - ankles, np.float64)
 
 
 def rotation_from_upward(upward: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:

@@ -153,13 +153,15 @@ def _filled(pos: Floats, missing: NDArray[np.bool_]) -> Floats:
     if len(known) == 1:
         return np.repeat(pos[known], len(pos), axis=0)
     frames = np.arange(len(pos)).clip(known[0], known[-1])
-    return PchipInterpolator(known, pos[known])(frames)
+    filled: Floats = PchipInterpolator(known, pos[known])(frames)
+    return filled
 
 
 def _jumps(pos_m: Floats) -> NDArray[np.bool_]:
     """Samples (T,) where a marker is taken for another, or for a reflection, for a frame or two."""
     usual = median_filter(pos_m, size=(_JUMP_FRAMES, 1), mode="nearest")
-    return np.linalg.norm(pos_m - usual, axis=-1) > _JUMP_M
+    is_far: NDArray[np.bool_] = np.linalg.norm(pos_m - usual, axis=-1) > _JUMP_M
+    return is_far
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> int:

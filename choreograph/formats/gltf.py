@@ -222,15 +222,18 @@ def _sampled(keys_s: Floats, values: Floats, kind: str, path: str, times_s: Floa
         into, values, out = np.moveaxis(values.reshape(len(keys_s), 3, -1), 1, 0)
         if len(keys_s) > 1 and (np.diff(keys_s) > 0).all():
             return _cubic(keys_s, values, into, out, path, times_s)
-    after = np.searchsorted(keys_s, times_s, side="right").clip(1, max(len(keys_s) - 1, 1))
-    low, high = after - 1, after.clip(max=len(keys_s) - 1)
+    later = np.searchsorted(keys_s, times_s, side="right").clip(1)  # (T,) the first key after each time
     if kind == "STEP":
-        return values[np.searchsorted(keys_s, times_s, side="right").clip(1) - 1]
+        held: Floats = values[later - 1]
+        return held
+    after = later.clip(max=max(len(keys_s) - 1, 1))
+    low, high = after - 1, after.clip(max=len(keys_s) - 1)
     gap = np.maximum(keys_s[high] - keys_s[low], 1e-9)
     weight = ((times_s - keys_s[low]) / gap).clip(0.0, 1.0)
     if path == "rotation":
         return rot.slerp(rot.normalize(values[low]), rot.normalize(values[high]), weight)
-    return values[low] + weight[:, None] * (values[high] - values[low])
+    mixed: Floats = values[low] + weight[:, None] * (values[high] - values[low])
+    return mixed
 
 
 def _cubic(keys_s: Floats, values: Floats, into: Floats, out: Floats, path: str, times_s: Floats) -> Floats:

@@ -137,7 +137,7 @@ def _misfit_of_entries(value: Any, shape: Any) -> str:
 # A glTF 2.0 document in memory: its JSON, and one binary buffer that arrays are read from and added to.
 
 
-_TYPE_OF_COMPONENT: dict[int, np.dtype] = {
+_TYPE_OF_COMPONENT: dict[int, np.dtype[Any]] = {
     5120: np.dtype("<i1"), 5121: np.dtype("<u1"), 5122: np.dtype("<i2"), 5123: np.dtype("<u2"),
     5125: np.dtype("<u4"), 5126: np.dtype("<f4"),
 }  # fmt: skip
@@ -186,7 +186,8 @@ class GltfDocument:
         entries = self.json.get(kind, [])
         if index is None or not 0 <= index < len(entries):
             raise FormatError(f"{self.name}: expected {kind}[{index}], got none: the file is damaged")
-        return entries[index]
+        entry: dict[str, Any] = entries[index]
+        return entry
 
     def add(self, kind: str, entry: dict[str, Any]) -> int:
         """Add an entry to the document's array `kind` ("nodes", "meshes", …); its index."""
@@ -201,7 +202,7 @@ class GltfDocument:
         self._binary += data
         return self.add("bufferViews", entry)
 
-    def accessor(self, rows: NDArray, *, target: int | None = None, bounds: bool = False) -> int:
+    def accessor(self, rows: NDArray[Any], *, target: int | None = None, bounds: bool = False) -> int:
         """Add an array (N,) or (N, D) of a type that glTF knows; the accessor's index.
 
         `bounds` writes its least and greatest values, which positions and key times must have.
@@ -246,7 +247,8 @@ class GltfDocument:
     def n_values(self, index: int | None) -> int:
         """How many values `array` gives of an accessor, before it is read."""
         entry = self.entry("accessors", index)
-        return entry.get("count", 0) * _WIDTHS.get(entry.get("type", ""), 1)
+        count: int = entry.get("count", 0)
+        return count * _WIDTHS.get(entry.get("type", ""), 1)
 
     def bounds(self, index: int | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The least and greatest values (D,) that an accessor states, (0,) where it states none."""
@@ -254,7 +256,7 @@ class GltfDocument:
         low, high = (_divided(entry, np.array(entry.get(end, []), np.float64)) for end in ("min", "max"))
         return low, high
 
-    def _rows(self, entry: dict[str, Any], component: int, count: int, width: int) -> NDArray:
+    def _rows(self, entry: dict[str, Any], component: int, count: int, width: int) -> NDArray[Any]:
         """The numbers (N, D) that an accessor, or a part of a sparse one, has in its view."""
         dtype = _TYPE_OF_COMPONENT[component]
         view = self.entry("bufferViews", entry.get("bufferView"))
@@ -264,7 +266,7 @@ class GltfDocument:
             raise FormatError(f"{self.name}: expected {count} values of an accessor, the file ends before")
         return np.ndarray((count, width), dtype, self._binary, start, (stride, dtype.itemsize))
 
-    def _with_sparse(self, rows: NDArray, sparse: dict[str, Any], component: int) -> NDArray:
+    def _with_sparse(self, rows: NDArray[Any], sparse: dict[str, Any], component: int) -> NDArray[Any]:
         """The numbers (N, D) with those replaced that a sparse accessor lists by row."""
         indices, values, count = sparse.get("indices", {}), sparse.get("values", {}), sparse.get("count", 0)
         kind = indices.get("componentType")

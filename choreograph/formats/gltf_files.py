@@ -110,7 +110,7 @@ def _parsed(path: Path, text: bytes) -> dict[str, Any]:
     if text.count(b"{") + text.count(b"[") > _MAX_OBJECTS:
         raise FormatError(f"{path}: expected at most {_MAX_OBJECTS} objects and lists in the JSON, got more")
     try:
-        data = json.loads(text.decode("utf-8-sig"), parse_constant=_refused)
+        data: dict[str, Any] = json.loads(text.decode("utf-8-sig"), parse_constant=_refused)
     except (ValueError, RecursionError) as error:
         raise FormatError(
             f"{path}: expected a glTF file, got no valid JSON: damaged or another file"

@@ -241,8 +241,10 @@ def _skin_in_world(world: Floats, bones: list[int], inverse: Floats, above: int)
     found = world[bones] @ inverse  # (J, 4, 4)
     size = max(float(np.abs(found[0, :3, :3]).max()), _SMALLEST)
     if np.abs(found[:, :3, :3] - found[0, :3, :3]).max() < _SAME * size:
-        return found[0]
-    return world[above] if above >= 0 else np.eye(4)
+        in_world: Floats = found[0]
+    else:
+        in_world = world[above] if above >= 0 else np.eye(4)
+    return in_world
 
 
 def _boxes_of_skins(document: GltfDocument) -> dict[int, list[Floats]]:

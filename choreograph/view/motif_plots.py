@@ -26,6 +26,7 @@ from choreograph.motion.motion import Motion
 from choreograph.view.renderer import write_strip
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # Distances of a vocabulary's takes to their genre's template, in total and over time.
@@ -242,7 +243,7 @@ def distance_figure(vocabulary: Vocabulary, dances: dict[str, list[int]]) -> Fig
     return figure
 
 
-def _bars(axis, shares: NDArray[np.float64], motifs: NDArray[np.int64]) -> None:
+def _bars(axis: Axes, shares: Floats, motifs: NDArray[np.int64]) -> None:
     colours = [colorsys.hls_to_rgb(motif * _GOLDEN % 1.0, 0.52, 0.55) for motif in motifs]
     axis.bar(range(len(motifs)), 100.0 * shares[motifs], color=colours, width=0.8)
     axis.set_ylabel("% of words")

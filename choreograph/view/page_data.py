@@ -82,7 +82,7 @@ def compress_mesh(mesh: SkinnedMesh) -> tuple[str, dict[str, object]]:
     first weights (V,) uint8 of 255, normals (V, 3) int8 of 127, parts (V,) uint8.
     """
     step_m = max(float(np.abs(mesh.vertices_m).max()) / _LARGEST, 1e-9)
-    arrays: list[NDArray] = [
+    arrays: list[NDArray[Any]] = [
         np.round(mesh.vertices_m / step_m).astype("<i2"),
         mesh.triangles.astype("<u4"),
         mesh.joints.astype("<u2"),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, uniform_filter
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path
@@ -20,22 +20,21 @@ from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
 from choreograph.motion.kinematics import forward
 from choreograph.motion.mannequin.skinned_mesh import SkinnedMesh, build_mannequin, skin_matrices
 from choreograph.motion.motion import Motion
-from choreograph.view import raster_kernels as raster
-from choreograph.view import shading_kernels as shading
+from choreograph.view import render_kernels as kernels
 
 # Software renderer: a mesh in a pose, on a floor in studio light, seen by a camera.
 
 
 Floats = NDArray[np.float64]
+F32 = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
 
-_GRID = 2  # samples a pixel along each axis
-_SHADE_TEXELS = 192
-_SHADE_M = 4.2  # width of the square of floor that holds the shadow
+_SHADE_TEXELS = 192  # of the square of floor that holds the shadow, along each side
 _CONTACT_TOP_M = 0.22  # only lower parts cast the contact shadow
 _KEY_TEXEL_M = 0.007
 _LARGEST_KEY_MAP = 1024
-_LINE_M = 0.006  # half width of the floor's grid lines
+_CAST_TOP_M = 2.6  # the whole body casts the wide shadow
+_NEAR_M = 0.05  # nothing closer to the camera is drawn
 # Ordered dither: rounding thresholds spread evenly over 4 x 4 pixels.
 _BAYER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 _THRESHOLDS = ((_BAYER + 0.5) / 16).astype(np.float32)
@@ -58,7 +57,7 @@ class Camera:
                 f"expected a field of view between 0 and 180 degrees, got {self.fov_rad} rad"
             )
 
-    def axes(self) -> NDArray[np.float32]:
+    def axes(self) -> F32:
         """Unit directions to the right, up and into the picture, rows of (3, 3)."""
         ahead = np.asarray(self.target_m, float) - np.asarray(self.eye_m, float)
         ahead /= np.linalg.norm(ahead)
@@ -114,54 +113,71 @@ def render_pose(
         raise ParameterError(
             f"expected joint positions {mesh.bind_pos_m.shape} as in the mesh, got {np.shape(pos_m)}"
         )
-    points, normals = raster.skin(
-        mesh.vertices_m, mesh.normals, mesh.joints, mesh.weights,
-        skin_matrices(mesh, pos_m, global_quat),
-    )  # fmt: skip
+    points, normals = skinned(mesh, skin_matrices(mesh, pos_m, global_quat))
     axes, eye = camera.axes(), np.asarray(camera.eye_m, np.float32)
     focal = np.float32(0.5 * height / np.tan(0.5 * camera.fov_rad))  # pixels
     lights = np.stack([_unit(np.array(d) @ axes) for d in (light.key, light.fill, light.back)])
-    image = np.empty((height, width, 3), np.float32)
     shade, origin = _floor_shade(points, mesh.triangles, lights[0], stage.shadow)
-    middle = points[:, [0, 2]].mean(axis=0)
-    shading.paint_backdrop(
-        image, eye, axes[0], axes[1], axes[2], focal, np.float32(_LINE_M),
-        _linear(stage.horizon, stage.overhead), _linear(stage.floor, stage.grid),
-        shade, origin, np.float32(_SHADE_M / _SHADE_TEXELS), middle,
-    )  # fmt: skip
-    _draw_mesh(image, mesh, points, normals, eye, axes, focal, lights, light)
-    return shading.to_srgb(image, _srgb_table(), _THRESHOLDS)
+    image = np.empty((height, width, 3), np.float32)
+    sky, floor = _linear(stage.horizon, stage.overhead), _linear(stage.floor, stage.grid)
+    kernels.paint_backdrop(image, eye, axes, focal, sky, floor, shade, origin)
+    screen = projected(points, eye, axes, focal * kernels.GRID, (width * kernels.GRID, height * kernels.GRID))
+    _draw_mesh(image, mesh, (screen, points, normals), eye, lights, light)
+    pixels: Pixels = kernels.to_srgb(image, _srgb_table(), _THRESHOLDS)
+    return pixels
 
 
-def _draw_mesh(image, mesh, points, normals, eye, axes, focal, lights, light) -> None:
-    height, width, _ = image.shape
-    view = np.concatenate([axes, -(axes @ eye)[:, None]], axis=1).astype(np.float32)
-    screen = raster.project(
-        points, view, focal * _GRID, np.float32(0.5 * width * _GRID), np.float32(0.5 * height * _GRID)
+def skinned(mesh: SkinnedMesh, matrices: F32) -> tuple[F32, F32]:
+    """Vertices and unit normals (V, 3) in the world, by linear blend skinning with matrices (J, 3, 4)."""
+    blend = np.einsum("vk,vkij->vij", mesh.weights, matrices[mesh.joints])  # (V, 3, 4)
+    points = np.einsum("vij,vj->vi", blend[..., :3], mesh.vertices_m) + blend[..., 3]
+    normals = np.einsum("vij,vj->vi", blend[..., :3], mesh.normals)
+    return points, normals / np.sqrt(np.sum(normals**2, axis=1, keepdims=True) + np.float32(1e-12))
+
+
+def projected(points: F32, eye: F32, axes: F32, focal: np.float32, size: tuple[int, int]) -> F32:
+    """Places x, y on a screen of `size` (width, height), y down, and 1 / depth, 0 behind the camera, (V, 3).
+
+    `axes` (3, 3) are the camera's, and `focal` is in the screen's unit.
+    """
+    x, y, depth = ((points - eye) @ axes.T).T
+    seen = depth >= _NEAR_M
+    inverse = np.divide(1.0, depth, out=np.zeros_like(depth), where=seen)
+    screen = np.stack(
+        [0.5 * size[0] + focal * x * inverse, 0.5 * size[1] - focal * y * inverse, inverse], axis=1
     )
-    seen = screen[screen[:, 2] > 0, :2] / _GRID
+    screen[~seen] = 0.0
+    return screen.astype(np.float32, copy=False)
+
+
+def _draw_mesh(
+    image: F32, mesh: SkinnedMesh, vertices: tuple[F32, F32, F32], eye: F32, lights: F32, light: Light
+) -> None:
+    """Draw the vertices, (V, 3) each: their places on the screen, places in the world, and normals."""
+    screen, points, _ = vertices
+    seen = screen[screen[:, 2] > 0, :2] / kernels.GRID
     if len(seen) == 0:
         return
-    low = np.clip(np.floor(seen.min(axis=0)), 0, [width, height]).astype(np.int64)
-    high = np.clip(np.ceil(seen.max(axis=0)), 0, [width, height]).astype(np.int64)
+    low, high = (
+        np.clip(end, 0, image.shape[1::-1]).astype(int)
+        for end in (np.floor(seen.min(axis=0)), np.ceil(seen.max(axis=0)))
+    )
     if (high <= low).any():
         return
-    screen[:, :2] -= (low * _GRID).astype(np.float32)
-    shape = tuple((high - low)[::-1] * _GRID)
-    owners = np.full(shape, raster.NOTHING, np.int32)
-    raster.rasterise(screen, mesh.triangles, np.zeros(shape, np.float32), owners)
+    screen[:, :2] -= low * kernels.GRID
+    shape = tuple((high - low)[::-1] * kernels.GRID)
+    owners = np.full(shape, kernels.NOTHING, np.int32)
+    kernels.rasterise(screen, mesh.triangles, np.zeros(shape, np.float32), owners)
     tints = np.array(
         [light.key_rgb, light.fill_rgb, light.back_rgb, light.sky_rgb, light.ground_rgb], np.float32
     )
     colours = (np.asarray(mesh.palette, np.float32) ** np.float32(2.2))[mesh.parts]
     seen_by_key, key_map = _key_light_map(points, mesh.triangles, lights[0])
-    shading.shade_mesh(
-        image, owners, _GRID, low[::-1].copy(), screen, mesh.triangles, points, normals, colours, eye,
-        lights, tints, seen_by_key, key_map,
-    )  # fmt: skip
+    window, shaded = image[low[1] : high[1], low[0] : high[0]], np.stack([*vertices, seen_by_key, colours])
+    kernels.shade_mesh(window, owners, shaded, mesh.triangles, eye, lights, tints, key_map)
 
 
-def _key_light_map(points, triangles, key) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _key_light_map(points: F32, triangles: NDArray[np.int32], key: F32) -> tuple[F32, F32]:
     """The vertices (V, 3) in the key light's view, and its shadow map: nearest surfaces (N, N).
 
     Only surfaces that face away from the light are in the map, so that lit ones never shadow themselves.
@@ -176,41 +192,60 @@ def _key_light_map(points, triangles, key) -> tuple[NDArray[np.float32], NDArray
     n = min(int(seen[:, :2].max()) + 5, _LARGEST_KEY_MAP)
     nearness = np.zeros((n, n), np.float32)
     away = np.ascontiguousarray(triangles[:, ::-1])
-    raster.rasterise(seen, away, nearness, np.empty((n, n), np.int32))
+    kernels.rasterise(seen, away, nearness, np.empty((n, n), np.int32))
     return seen, nearness
 
 
-def _floor_shade(points, triangles, key, darkest: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _floor_shade(points: F32, triangles: NDArray[np.int32], key: F32, darkest: float) -> tuple[F32, F32]:
     """Light missing on the floor (N, N) around the mesh, and the (x, z) of the first texel.
 
     Two shadows: a dark contact shadow straight below what is close to the floor, and a wide, faint one of
     the whole body along the key light.
     """
-    texel = np.float32(_SHADE_M / _SHADE_TEXELS)
-    middle = points[:, [0, 2]].mean(axis=0)
-    origin = (np.floor(middle / texel) * texel - np.float32(_SHADE_M / 2)).astype(np.float32)
-    contact = np.zeros((_SHADE_TEXELS, _SHADE_TEXELS), np.float32)
-    cast = np.zeros_like(contact)
-    straight = np.zeros(2, np.float32)
-    slant = (-key[[0, 2]] / max(key[1], 0.2) * 0.8).astype(np.float32)
-    raster.flatten_onto_floor(points, triangles, straight, origin, texel, np.float32(_CONTACT_TOP_M), contact)
-    raster.flatten_onto_floor(points, triangles, slant, origin, texel, np.float32(2.6), cast)
-    contact, cast = raster.blur(contact, 1, 3), raster.blur(cast, 3, 3)
+    middle = np.floor(points[:, [0, 2]].mean(axis=0) / kernels.TEXEL_M)
+    origin = ((middle - _SHADE_TEXELS / 2) * kernels.TEXEL_M).astype(np.float32)
+    below = np.ascontiguousarray(triangles[:, ::-1])  # surfaces that face down cast it
+    slant = -key[[0, 2]] / max(float(key[1]), 0.2) * 0.8
+    contact = blurred(floor_cover(points, below, np.zeros(2), origin, _CONTACT_TOP_M), 3)
+    cast = blurred(floor_cover(points, below, slant, origin, _CAST_TOP_M), 7)
     return 1 - (1 - np.float32(darkest) * contact) * (1 - np.float32(0.6 * darkest) * cast), origin
 
 
+def floor_cover(
+    points: F32, triangles: NDArray[np.int32], slant: NDArray[np.floating], origin: F32, top_m: float
+) -> F32:
+    """How much of its light each texel of the floor (N, N) loses to a mesh, 0 to 1, before it is blurred.
+
+    Points are projected along `slant` (2,): x and z a metre of height. A surface on the floor takes all of
+    the light, one that is `top_m` or more above it takes none.
+    """
+    flat = points[:, [0, 2]] + points[:, 1:2] * slant
+    strength = 1 - np.maximum(points[:, 1:2], 0.0) / top_m
+    places = np.concatenate([(flat - origin) / kernels.TEXEL_M + 0.5, strength], axis=1)
+    cover = np.zeros((_SHADE_TEXELS, _SHADE_TEXELS), np.float32)
+    kernels.rasterise(places.astype(np.float32), triangles, cover, np.empty(cover.shape, np.int32))
+    return cover
+
+
+def blurred(image: F32, size: int) -> F32:
+    """An image after three box filters of `size` texels along both axes, which are nearly a Gaussian."""
+    for _ in range(3):
+        image = uniform_filter(image, size, mode="constant")
+    return image
+
+
 @lru_cache(maxsize=8)
-def _linear(*colours: str) -> NDArray[np.float32]:
+def _linear(*colours: str) -> F32:
     bytes_ = [[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours]
     return ((np.array(bytes_) / 255.0) ** 2.2).astype(np.float32)
 
 
 @lru_cache(maxsize=1)
-def _srgb_table() -> NDArray[np.float32]:
+def _srgb_table() -> F32:
     return (255.0 * np.linspace(0.0, 1.0, 8193) ** (1 / 2.2)).astype(np.float32)
 
 
-def _unit(vector: Floats) -> NDArray[np.float32]:
+def _unit(vector: NDArray[np.floating]) -> F32:
     return (vector / np.linalg.norm(vector)).astype(np.float32)
 
 

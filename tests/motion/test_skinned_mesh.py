@@ -16,7 +16,7 @@ from choreograph.motion.mannequin.skinned_mesh import PARTS, SkinnedMesh, build_
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import rest_pose_is_upright
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
-from choreograph.view import raster_kernels as raster
+from choreograph.view.renderer import skinned
 
 _MIXAMO = {
     "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2", "neck": "Neck",
@@ -69,7 +69,7 @@ def posed(mesh: SkinnedMesh, motion: Motion, frame: int = 0) -> tuple[np.ndarray
     """World vertices and normals in a frame of a motion."""
     pos, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
     matrices = skin_matrices(mesh, pos[frame], quat[frame])
-    return raster.skin(mesh.vertices_m, mesh.normals, mesh.joints, mesh.weights, matrices)
+    return skinned(mesh, matrices)
 
 
 @pytest.mark.parametrize("name", SKELETONS)
