@@ -32,7 +32,7 @@ class FormatError(ChoreographError, ValueError):
     """An input file (song, take, plan, manifest) is damaged or in an unexpected format."""
 
 
-class UnreadFilesError(FormatError):
+class UnreadableFilesError(FormatError):
     """Several input files cannot be read: a line on all, and one for each."""
 
     def __init__(self, summary: str, errors: Sequence[ChoreographError]) -> None:

@@ -3,7 +3,7 @@
 A new format is one module here and one line in `BUILTIN`. A format has any of these names:
 
 - `LAYOUT` (one line: what it reads), `detect(path) -> bool`, which is fast and never raises, and
-  `read(path) -> Iterable[Take | Unread]`: the takes of a file or folder, one by one, in a fixed order
+  `read(path) -> Iterable[Take | SkippedFile]`: the takes of a file or folder, one by one, in a fixed order
 - `READS_BONE_MAP = True` and `read(path, bone_map=None)`, if rigs of the format name their own bones
 - `SUFFIXES`, if a file of these suffixes holds one take: such files are read in folders as well
 - `annotate(takes, path) -> list[Take]`, if it also describes takes of other sources

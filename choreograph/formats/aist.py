@@ -19,7 +19,7 @@ from choreograph.core.files import read_bytes, read_text
 from choreograph.formats.amass import rotated_world, smpl_motion
 from choreograph.formats.axes_and_units import rotation_to_y_up
 from choreograph.formats.folder import SongsByName
-from choreograph.formats.manifest import Unread, attempted
+from choreograph.formats.manifest import SkippedFile, attempted
 from choreograph.formats.npz import array_names
 from choreograph.formats.npz import load_arrays as npz_arrays
 from choreograph.motion.motion import Credits, Motion, Take
@@ -129,7 +129,7 @@ def detect(path: Path) -> bool:
     return any((path / "motions").glob("[!.]*.pkl"))
 
 
-def read(path: Path) -> Iterator[Take | Unread]:
+def read(path: Path) -> Iterator[Take | SkippedFile]:
     """The takes by name, without those in `ignore_list.txt` (badly reconstructed according to AIST++)."""
     if path.is_file():
         yield attempted(partial(_take, _songs_in(path.parent)), path)
@@ -140,7 +140,7 @@ def read(path: Path) -> Iterator[Take | Unread]:
     songs = _songs_in(path)
     for file in sorted((path / "motions").glob("[!.]*.pkl")):
         if file.stem in ignored:
-            yield Unread(file, "in ignore_list.txt")
+            yield SkippedFile(file, "in ignore_list.txt")
         else:
             yield attempted(partial(_take, songs), file)
 

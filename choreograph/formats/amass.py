@@ -11,7 +11,7 @@ import numpy as np
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.formats.axes_and_units import UP_AXIS_MARGIN, Z_UP_TO_Y_UP, known_roles, upward
-from choreograph.formats.manifest import Unread, attempted
+from choreograph.formats.manifest import SkippedFile, attempted
 from choreograph.formats.npz import array_names, load_arrays
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Credits, Motion, Take, check_length
@@ -79,7 +79,7 @@ def detect(path: Path) -> bool:
     return any(_is_motion(file) for file in _files(path))
 
 
-def read(path: Path) -> Iterator[Take | Unread]:
+def read(path: Path) -> Iterator[Take | SkippedFile]:
     """Takes without music, by path; files without poses, such as body shapes, are not read.
 
     A file's folder is the performer; the folder above it is the data set, the source.
@@ -89,7 +89,7 @@ def read(path: Path) -> Iterator[Take | Unread]:
             yield attempted(partial(_take, path), file)
         elif not array_names(file):
             error = FormatError(f"{file}: not a valid NPZ file: damaged, cut off, or another format")
-            yield Unread.damaged(file, error)
+            yield SkippedFile.damaged(file, error)
 
 
 def _files(folder: Path) -> list[Path]:

@@ -18,7 +18,7 @@ from scipy.ndimage import median_filter
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import check_regular
 from choreograph.formats.axes_and_units import rotation_from_upward
-from choreograph.formats.manifest import Unread, attempted
+from choreograph.formats.manifest import SkippedFile, attempted
 from choreograph.motion import rotations as rot
 from choreograph.motion.contacts import estimate_floor_m
 from choreograph.motion.joint_centres import REQUIRED_MARKERS, joint_centres
@@ -198,30 +198,32 @@ def is_c3d(path: Path) -> bool:
     return path.suffix.lower() == ".c3d" and not path.name.startswith(".")
 
 
-def read(path: Path) -> Iterator[Take | Unread]:
+def read(path: Path) -> Iterator[Take | SkippedFile]:
     """The file as a take without music, named after it."""
     (found,) = read_c3d_files([path])
-    if isinstance(found, Unread):
+    if isinstance(found, SkippedFile):
         yield found
         return
     motion, notes = found
     yield Take(path.stem, motion, Credits(source=path.name), source_paths=(path,), notes=notes)
 
 
-def read_c3d_files(paths: Sequence[Path]) -> list[tuple[Motion, tuple[str, ...]] | Unread]:
+def read_c3d_files(paths: Sequence[Path]) -> list[tuple[Motion, tuple[str, ...]] | SkippedFile]:
     """The motions of C3D files and notes on each, all on one skeleton, the mean of all frames.
 
     Recordings are scaled to its size first: of one dancer that changes little, of several it keeps their
-    feet from sliding. A file that is damaged or lacks a marker is unread.
+    feet from sliding. A file that is damaged or lacks a marker is skipped.
     """
     recordings = [attempted(_recording, path) for path in paths]
-    read = [recording for recording in recordings if not isinstance(recording, Unread)]
+    read = [recording for recording in recordings if not isinstance(recording, SkippedFile)]
     if not read:
-        return [recording for recording in recordings if isinstance(recording, Unread)]
+        return [recording for recording in recordings if isinstance(recording, SkippedFile)]
     roles = read[0].roles  # the same for all
     skeleton = measure_skeleton(np.concatenate([recording.pos_m for recording in read]), roles)
     return [
-        recording if isinstance(recording, Unread) else attempted(partial(_fitted, skeleton, recording), path)
+        recording
+        if isinstance(recording, SkippedFile)
+        else attempted(partial(_fitted, skeleton, recording), path)
         for path, recording in zip(paths, recordings, strict=True)
     ]
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError
 from choreograph.core.files import read_json
-from choreograph.formats.manifest import Unread, attempted
+from choreograph.formats.manifest import SkippedFile, attempted
 from choreograph.motion.cleaning import Span, bridged, bridged_rotations
 from choreograph.motion.contacts import estimate_floor_m, sole_pos_m, track_floor_m
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
@@ -66,11 +66,11 @@ def detect(path: Path) -> bool:
     return bool(_folders(path))
 
 
-def read(path: Path) -> Iterator[Take | Unread]:
+def read(path: Path) -> Iterator[Take | SkippedFile]:
     """All takes under `path` (or the one), on one skeleton, feet on y = 0; songs alone are no takes."""
     found = {folder: attempted(_points_of, folder) for folder in _folders(path)}
-    points = {folder: pos_m for folder, pos_m in found.items() if not isinstance(pos_m, Unread)}
-    yield from (unread for unread in found.values() if isinstance(unread, Unread))
+    points = {folder: pos_m for folder, pos_m in found.items() if not isinstance(pos_m, SkippedFile)}
+    yield from (unread for unread in found.values() if isinstance(unread, SkippedFile))
     if not points:
         return
     joins = {folder: straight_spans(pos_m) for folder, pos_m in points.items()}

@@ -10,7 +10,7 @@ from choreograph.core.errors import FormatError
 from choreograph.formats import motion_suffixes, npz, reader_of
 from choreograph.formats.c3d import is_c3d, read_c3d_files
 from choreograph.formats.fbx import find_blender
-from choreograph.formats.manifest import SONG_SUFFIXES, VIDEO_SUFFIXES, Unread, attempted
+from choreograph.formats.manifest import SONG_SUFFIXES, VIDEO_SUFFIXES, SkippedFile, attempted
 from choreograph.motion.motion import Credits, Motion, Take
 from choreograph.music.decoding import has_sound
 
@@ -27,7 +27,7 @@ def detect(path: Path) -> bool:
     return path.is_dir() and any(map(_is_motion, path.iterdir()))
 
 
-def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take | Unread]:
+def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take | SkippedFile]:
     """The folder's takes by name, with the songs beside them; those of C3D files on one skeleton.
 
     Of two files of one name, NPZ and FBX are left to the other; any other is an error.
@@ -40,7 +40,7 @@ def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take
     fitted = dict(zip(captured, read_c3d_files(captured), strict=True))
     for file in motions:
         found = fitted[file] if file in fitted else attempted(partial(_read_motion, bone_map), file)
-        if isinstance(found, Unread):
+        if isinstance(found, SkippedFile):
             yield found
             continue
         motion, notes = found
@@ -92,22 +92,22 @@ def _is_motion(path: Path) -> bool:
     return not names or "root_pos_m" in names
 
 
-def _one_of_each_name(files: Iterable[Path]) -> tuple[list[Path], list[Unread]]:
+def _one_of_each_name(files: Iterable[Path]) -> tuple[list[Path], list[SkippedFile]]:
     """The files to read, by name, and those that have the name of another."""
     chosen: dict[str, Path] = {}
-    others: list[Unread] = []
+    others: list[SkippedFile] = []
     for file in sorted(files, key=lambda file: (file.suffix.lower() in _COPIES, file)):
         first = chosen.setdefault(file.stem, file)
         if first is file:
             continue
         if file.suffix.lower() in _COPIES:
-            others.append(Unread(file, "a motion of the same name is read"))
+            others.append(SkippedFile(file, "a motion of the same name is read"))
             continue
         error = FormatError(f"{file}: expected one motion of each name, got {first.name} as well")
-        others.append(Unread.damaged(file, error))
+        others.append(SkippedFile.damaged(file, error))
     if find_blender() is None:
         why = "FBX is read by way of Blender, and none was found: install it (blender.org), or export .glb"
-        others += [Unread(file, why) for file in chosen.values() if file.suffix.lower() == ".fbx"]
+        others += [SkippedFile(file, why) for file in chosen.values() if file.suffix.lower() == ".fbx"]
         chosen = {name: file for name, file in chosen.items() if file.suffix.lower() != ".fbx"}
     return [chosen[name] for name in sorted(chosen)], others
 

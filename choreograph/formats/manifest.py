@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from choreograph.core.counts import ANNOTATED, make_counts
-from choreograph.core.errors import ChoreographError, FormatError, ParameterError, UnreadFilesError
+from choreograph.core.errors import ChoreographError, FormatError, ParameterError, UnreadableFilesError
 from choreograph.formats import motion_suffixes
 from choreograph.formats.tables import SUFFIX as COUNTS_SUFFIX
 from choreograph.formats.tables import Row, as_number, check_within, read_table, with_counts_of
@@ -72,7 +72,7 @@ Content = TypeVar("Content")
 
 
 @dataclass(frozen=True, eq=False)
-class Unread:
+class SkippedFile:
     """A file, or a folder that holds one take, that gave no take."""
 
     path: Path
@@ -80,7 +80,7 @@ class Unread:
     error: ChoreographError | None = None  # set where it should have given one
 
     @classmethod
-    def damaged(cls, path: Path, error: ChoreographError) -> Unread:
+    def damaged(cls, path: Path, error: ChoreographError) -> SkippedFile:
         """Of a file that should have given a take; the reason is the error without the file's name."""
         return cls(path, str(error).removeprefix(str(path)).lstrip(":, "), error)
 
@@ -92,15 +92,15 @@ def named_source(source: str | Path) -> Path:
     return real if path.is_dir() and path.name != real.name else path
 
 
-def attempted(read: Callable[[Path], Content], path: Path) -> Content | Unread:
-    """What `read` makes of a file; if it raises a `ChoreographError`, the file as unread."""
+def attempted(read: Callable[[Path], Content], path: Path) -> Content | SkippedFile:
+    """What `read` makes of a file; if it raises a `ChoreographError`, the file as skipped."""
     try:
         return read(path)
     except ChoreographError as error:
-        return Unread.damaged(path, error)
+        return SkippedFile.damaged(path, error)
 
 
-def unread_files(folder: Path, used: Collection[Path]) -> Iterator[Unread]:
+def skipped_files(folder: Path, used: Collection[Path]) -> Iterator[SkippedFile]:
     """The files in a folder, and in those below it, that look like motion or music and are not in `used`."""
     for parent, folders, names in os.walk(folder):
         # Hidden files and folders come from other programs, such as macOS's "._NAME.bvh".
@@ -109,17 +109,17 @@ def unread_files(folder: Path, used: Collection[Path]) -> Iterator[Unread]:
             path = Path(parent) / name
             if path in used or name.startswith("."):
                 continue
-            why = _why_unread(path, is_below=path.parent != folder)
+            why = _why_skipped(path, is_below=path.parent != folder)
             if why:
-                yield Unread(path, why)
+                yield SkippedFile(path, why)
 
 
-def unread_notes(folder: str | Path, unread: Iterable[Unread]) -> tuple[str, ...]:
+def skipped_notes(folder: str | Path, skipped: Iterable[SkippedFile]) -> tuple[str, ...]:
     """A note for each reason for which files were skipped, and one for each that should have been read."""
     by_reason: dict[str, list[str]] = {}
     folder = named_source(folder)
     damaged = []
-    for file in unread:
+    for file in skipped:
         if file.error is not None:
             damaged.append(f"left out, since it cannot be read: {file.error}")
         else:
@@ -128,20 +128,20 @@ def unread_notes(folder: str | Path, unread: Iterable[Unread]) -> tuple[str, ...
     return (*(_note(reason, names) for reason, names in by_reason.items()), *damaged)
 
 
-def raise_errors(unread: Iterable[Unread], cure: str = "") -> None:
+def raise_errors(skipped: Iterable[SkippedFile], cure: str = "") -> None:
     """Raise the error of the only file that should have been read, or one that lists those of several.
 
     The list begins with a line that ends in the `cure`.
     """
-    errors = [file.error for file in unread if file.error is not None]
+    errors = [file.error for file in skipped if file.error is not None]
     if len(errors) == 1:
         raise errors[0]
     if errors:
         summary = f"expected to read all files, got {len(errors)} that cannot be read{cure}:"
-        raise UnreadFilesError(summary, errors)
+        raise UnreadableFilesError(summary, errors)
 
 
-def _why_unread(path: Path, *, is_below: bool) -> str:
+def _why_skipped(path: Path, *, is_below: bool) -> str:
     """Why a file of its kind is not read; "" if it looks like neither motion nor music."""
     suffix, foreign = path.suffix.lower(), foreign_format(path)
     if foreign is not None:
@@ -211,14 +211,14 @@ class Manifest:
             take = replace(take, song_path=song, song_name=song.stem, source_paths=(*others, song))
         return self._counted(take, row.get("counts", ""), row.get("beats", ""))
 
-    def unused(self, names: Collection[str]) -> Iterator[Unread]:
+    def unused(self, names: Collection[str]) -> Iterator[SkippedFile]:
         """The rows of no take in `names`, and those that cannot be read and are of none."""
         wrong = [*self.nameless, *(error for name, error in self.errors.items() if name not in names)]
         for name in (name for name in self.rows if name not in names):
             short = name[:80]
             what = f"there is no {short}.bvh, {short}.c3d, {short}.glb or other take {short}"
             wrong.append(FormatError(f"{self.rows[name].where}: {what}"))
-        return (Unread.damaged(self.path, error) for error in wrong)
+        return (SkippedFile.damaged(self.path, error) for error in wrong)
 
     def _song(self, name: str, given: str) -> Path:
         song = self.path.parent / given

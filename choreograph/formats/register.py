@@ -21,12 +21,12 @@ from choreograph.formats.axes_and_units import body_height
 from choreograph.formats.gltf_files import referenced_files
 from choreograph.formats.manifest import (
     Manifest,
-    Unread,
+    SkippedFile,
     foreign_format,
     named_source,
     raise_errors,
     read_manifest,
-    unread_files,
+    skipped_files,
 )
 from choreograph.formats.tables import SUFFIX, with_counts_beside
 from choreograph.formats.writer import Writer
@@ -62,18 +62,18 @@ def import_takes(
     ParameterError   if `source` does not exist or has no known layout, or the map is none
     FormatError      if a file in it is damaged, its rig is no body, or a song is elsewhere
     """
-    unread = []
+    skipped = []
     for found in read_source(source, allow_outside=allow_outside, bone_map=bone_map):
         if isinstance(found, Take):
             yield found
         elif found.error is not None:
-            unread.append(found)
-    raise_errors(unread)
+            skipped.append(found)
+    raise_errors(skipped)
 
 
 def read_source(
     source: str | Path, *, allow_outside: bool = False, bone_map: Mapping[str, str] | None = None
-) -> Iterator[Take | Unread]:
+) -> Iterator[Take | SkippedFile]:
     """The takes in a file or folder as `import_takes` gives them, and files that gave none and why.
 
     Raises `ParameterError` if `source` does not exist or has no known layout, or the map is none.
@@ -84,7 +84,7 @@ def read_source(
     check_bone_map(bone_map)
     importers, added = _importers_of(source), added_formats()
     manifest = read_manifest(source)
-    used: set[Path] = set()  # files that were read, or are said to be unread
+    used: set[Path] = set()  # files that were read, or are said to be skipped
     names: set[str] = set()  # of all takes, read or not
     for importer in importers:
         for found in _found_by(importer, source, bone_map):
@@ -94,7 +94,7 @@ def read_source(
                 found = _finished(found, source, manifest, allow_outside or importer in added)
             elif found.path in used and found.path.is_file():  # damaged, and said so by another layout
                 continue
-            if isinstance(found, Unread):
+            if isinstance(found, SkippedFile):
                 names |= {found.path.stem, found.path.name}
                 used.add(found.path)
             else:
@@ -102,7 +102,7 @@ def read_source(
             yield found
     yield from manifest.unused(names)
     if source.is_dir() and not any(importer in added for importer in importers):
-        yield from unread_files(source, used)
+        yield from skipped_files(source, used)
 
 
 def annotate_takes(takes: Sequence[Take], source: str | Path) -> list[Take]:
@@ -126,17 +126,19 @@ def read_beside(path: Path) -> list[Path]:
     ]
 
 
-def _found_by(importer: Any, source: Path, bone_map: Mapping[str, str] | None) -> Iterator[Take | Unread]:
+def _found_by(
+    importer: Any, source: Path, bone_map: Mapping[str, str] | None
+) -> Iterator[Take | SkippedFile]:
     """What an importer reads; an error that ends it is of the whole source."""
     reads_map = bone_map and getattr(importer, "READS_BONE_MAP", False)
-    read: Callable[..., Iterable[Take | Unread]] = importer.read
+    read: Callable[..., Iterable[Take | SkippedFile]] = importer.read
     try:
         yield from read(source, bone_map) if reads_map else read(source)
     except ChoreographError as error:
-        yield Unread.damaged(source, error)
+        yield SkippedFile.damaged(source, error)
 
 
-def _finished(take: Take, source: Path, manifest: Manifest, allow_outside: bool) -> Take | Unread:
+def _finished(take: Take, source: Path, manifest: Manifest, allow_outside: bool) -> Take | SkippedFile:
     """The take with what stands beside it, as it is stored."""
     try:
         take = manifest.applied(take)
@@ -144,7 +146,7 @@ def _finished(take: Take, source: Path, manifest: Manifest, allow_outside: bool)
             _check_inside(take, source)
         return _as_stored(with_counts_beside(take))
     except ChoreographError as error:
-        return Unread.damaged(take.source_paths[0] if take.source_paths else source, error)
+        return SkippedFile.damaged(take.source_paths[0] if take.source_paths else source, error)
 
 
 def _check_inside(take: Take, source: Path) -> None:

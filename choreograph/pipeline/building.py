@@ -199,7 +199,7 @@ def build(
     ------
     ChoreographError  another process builds the same file, or it cannot be written
     ParameterError    no take is left, two takes share a name, an unknown choice, an argument of another type
-    FormatError       a source is damaged; an `UnreadFilesError` names several damaged files
+    FormatError       a source is damaged; an `UnreadableFilesError` names several damaged files
     RepertoireError   a repertoire to start from cannot be read
     """
     paths = as_list("sources", [sources] if isinstance(sources, str | Path) else sources, "paths", str | Path)

@@ -15,9 +15,9 @@ from synthetic_motions import stepping, swaying
 from synthetic_repertoire import write_clicks
 
 import choreograph as cg
-from choreograph.core.errors import FormatError, ParameterError, UnreadFilesError
+from choreograph.core.errors import FormatError, ParameterError, UnreadableFilesError
 from choreograph.formats.fbx import VARIABLE, find_blender
-from choreograph.formats.manifest import Unread
+from choreograph.formats.manifest import SkippedFile
 from choreograph.formats.register import import_takes, read_source, save_motion
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import measured_takes
@@ -66,8 +66,10 @@ def mixed(folder: Path) -> Path:
 
 def test_all_layouts_of_a_folder_are_read_and_the_rest_is_named(tmp_path, no_blender):
     found = list(read_source(mixed(tmp_path)))
-    takes = {take.name: take for take in found if not isinstance(take, Unread)}
-    unread = {file.path.relative_to(tmp_path).as_posix(): file for file in found if isinstance(file, Unread)}
+    takes = {take.name: take for take in found if not isinstance(take, SkippedFile)}
+    skipped = {
+        file.path.relative_to(tmp_path).as_posix(): file for file in found if isinstance(file, SkippedFile)
+    }
     assert sorted(takes) == ["a", "b", "c", "d", "e"]
     assert takes["a"].song_path == tmp_path / "a.wav"
     assert [takes[name].credits.genre for name in "ae"] == ["waltz", "house"]
@@ -77,8 +79,8 @@ def test_all_layouts_of_a_folder_are_read_and_the_rest_is_named(tmp_path, no_ble
         "shape.npz": "neither", "other.counts.csv": "without a motion", "manifest.xlsx": "CSV",
         "poses.pkl": "AIST", "below/g.bvh": "below",
     }  # fmt: skip
-    assert sorted(unread) == sorted(reasons)
-    assert all(reasons[name] in file.why and file.error is None for name, file in unread.items())
+    assert sorted(skipped) == sorted(reasons)
+    assert all(reasons[name] in file.why and file.error is None for name, file in skipped.items())
 
 
 def test_dance_with_melody_beside_other_takes(tmp_path, shared_data, no_blender):
@@ -126,7 +128,7 @@ def with_bad_files(folder: Path) -> Path:
 
 
 def test_all_bad_files_are_named_in_one_run(tmp_path):
-    with pytest.raises(UnreadFilesError) as caught:
+    with pytest.raises(UnreadableFilesError) as caught:
         list(import_takes(with_bad_files(tmp_path)))
     assert isinstance(caught.value, FormatError)
     summary, *lines = str(caught.value).splitlines()

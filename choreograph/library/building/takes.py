@@ -15,7 +15,7 @@ from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.progress import ProgressReport
 from choreograph.core.timebase import CLIP_S, NET_FPS, STORE_FPS, WORD_FPS
 from choreograph.formats.axes_and_units import unit_in_notes
-from choreograph.formats.manifest import Unread, raise_errors, unread_notes
+from choreograph.formats.manifest import SkippedFile, raise_errors, skipped_notes
 from choreograph.formats.register import annotate_takes, read_source
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.motifs import WORDS_PER_MOTIF, Vocabulary, find_motifs, make_vocabulary
@@ -46,15 +46,15 @@ class Imported:
 
     takes: list[Take]  # with what other sources know about them
     left_out: list[Take]  # as the options ask
-    unread: list[tuple[Path, Unread]]  # source and file
+    skipped: list[tuple[Path, SkippedFile]]  # source and file
     not_found: list[str]  # names to leave out that nothing has
 
     def notes(self) -> tuple[str, ...]:
         """Notes on takes, and on files of each source that gave none."""
         notes = [f"{take.name}: {note}" for take in self.takes for note in take.notes]
-        for source in dict.fromkeys(source for source, _ in self.unread):
-            files = [file for of, file in self.unread if of == source]
-            notes += [f"{source}: {note}" for note in unread_notes(source, files)]
+        for source in dict.fromkeys(source for source, _ in self.skipped):
+            files = [file for of, file in self.skipped if of == source]
+            notes += [f"{source}: {note}" for note in skipped_notes(source, files)]
         if self.not_found:
             notes.append(f"no take to leave out is called {' or '.join(map(repr, self.not_found))}")
         return tuple(notes)
@@ -84,27 +84,27 @@ def measured_takes(
 
 
 def import_sources(sources: Sequence[Path], options: BuildOptions, report: ProgressReport | None) -> Imported:
-    """The takes of the sources and the files that gave none; of two takes of one name the second is unread.
+    """The takes of the sources and the files that gave none; of two takes of one name the second is skipped.
 
     Raises `ParameterError` if a source does not exist or has no known layout.
     """
     takes: list[Take] = []
     left_out: list[Take] = []
-    unread: list[tuple[Path, Unread]] = []
+    skipped: list[tuple[Path, SkippedFile]] = []
     names: set[str] = set()
     excluded, found_excluded = set(options.leave_out), set()
     for source in sources:
         for found in read_source(source, allow_outside=options.allow_outside, bone_map=options.bone_map):
-            if isinstance(found, Unread):
+            if isinstance(found, SkippedFile):
                 if found.path.stem in excluded:
                     found_excluded.add(found.path.stem)
-                    found = Unread(found.path, LEFT_OUT)
-                unread.append((source, found))
+                    found = SkippedFile(found.path, LEFT_OUT)
+                skipped.append((source, found))
             elif found.name in excluded:
                 found_excluded.add(found.name)
                 left_out.append(found)
             elif found.name in names:
-                unread.append((source, _namesake(found, source)))
+                skipped.append((source, _namesake(found, source)))
             else:
                 names.add(found.name)
                 takes.append(found)
@@ -114,8 +114,8 @@ def import_sources(sources: Sequence[Path], options: BuildOptions, report: Progr
         try:
             takes = annotate_takes(takes, source)
         except ChoreographError as error:
-            unread.append((source, Unread.damaged(source, error)))
-    return Imported(takes, left_out, unread, sorted(excluded - found_excluded))
+            skipped.append((source, SkippedFile.damaged(source, error)))
+    return Imported(takes, left_out, skipped, sorted(excluded - found_excluded))
 
 
 def check_takes(imported: Imported, options: BuildOptions) -> None:
@@ -125,11 +125,11 @@ def check_takes(imported: Imported, options: BuildOptions) -> None:
     """
     if not options.skip_bad:
         raise_errors(
-            (file for _, file in imported.unread),
+            (file for _, file in imported.skipped),
             cure=" (--skip-bad, or skip_bad=True, builds from the others)",
         )
     if not imported.takes:
-        why = next((f"{file.path}: {file.why}" for _, file in imported.unread), "all left out?")
+        why = next((f"{file.path}: {file.why}" for _, file in imported.skipped), "all left out?")
         raise ParameterError(f"expected a take or more to build from, got none: {why}")
     if options.bone_map:
         check_map_fits(imported.takes, options.bone_map)
@@ -152,7 +152,7 @@ def checked_files(imported: Imported) -> list[CheckedFile]:
     """A row for each take and each file that gave none, by path."""
     rows = [_checked_take(take, "") for take in imported.takes]
     rows += [_checked_take(take, LEFT_OUT) for take in imported.left_out]
-    for _, file in imported.unread:
+    for _, file in imported.skipped:
         is_bad = file.error is not None
         happens = LEFT_OUT if file.why == LEFT_OUT else f"{'bad' if is_bad else 'skipped'}: {file.why}"
         rows.append(CheckedFile(file.path, "", "", "", "", happens, is_bad=is_bad))
@@ -179,13 +179,13 @@ def is_short(n_frames: int) -> bool:
     return n_frames < CLIP_S * NET_FPS
 
 
-def _namesake(take: Take, source: Path) -> Unread:
-    """A take that has the name of another, as unread."""
+def _namesake(take: Take, source: Path) -> SkippedFile:
+    """A take that has the name of another, as skipped."""
     error = ParameterError(
         f"expected a name for each take, but two takes are called {take.name!r}: the sources overlap, or "
         "need other names"
     )
-    return Unread.damaged(take.source_paths[0] if take.source_paths else source, error)
+    return SkippedFile.damaged(take.source_paths[0] if take.source_paths else source, error)
 
 
 def measure_take(take: Take) -> MeasuredTake:

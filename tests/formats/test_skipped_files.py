@@ -10,14 +10,14 @@ from synthetic_motions import swaying
 from synthetic_repertoire import write_clicks
 
 from choreograph.formats.fbx import VARIABLE
-from choreograph.formats.manifest import Unread, unread_notes
+from choreograph.formats.manifest import SkippedFile, skipped_notes
 from choreograph.formats.register import import_takes, read_source, save_motion
 from choreograph.music.song import load_song
 
 
 def source_notes(folder):
     """The notes on the files of a folder that gave no take."""
-    return unread_notes(folder, [found for found in read_source(folder) if isinstance(found, Unread)])
+    return skipped_notes(folder, [found for found in read_source(folder) if isinstance(found, SkippedFile)])
 
 
 def write_video(path, *, sound: bool) -> None:
