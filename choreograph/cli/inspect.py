@@ -7,6 +7,7 @@ import os
 import shutil
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from choreograph.core.progress import counted
 
 if TYPE_CHECKING:
     from choreograph.core.settings import Setting
+    from choreograph.library.repertoire import Repertoire
 
 _N_COMMON = 5  # motifs shown of each genre
 
@@ -31,6 +33,7 @@ _N_COMMON = 5  # motifs shown of each genre
         "choreograph inspect rep.h5",
         "choreograph inspect                     the built-in repertoire",
         "choreograph inspect rep.h5 --json",
+        "choreograph inspect rep.h5 --notes --take W_1       what was unusual about the take W_1",
         "choreograph inspect rep.h5 --plots plots/   signatures, transitions and motifs as PNG",
         "choreograph inspect rep.h5 --signature waltz -o mine.json   for `choreograph dance --signature`",
         "choreograph inspect rep.h5 --counts W_1 -o W_1.counts.csv      to be put beside W_1.bvh",
@@ -42,16 +45,31 @@ _N_COMMON = 5  # motifs shown of each genre
     "--plots", type=click.Path(path_type=Path), metavar="FOLDER",
     help="Write plots of its genres as PNG: signatures, transitions, distances, motifs.",
 )  # fmt: skip
+@click.option(
+    "--notes", "with_notes", is_flag=True, help="Print what was unusual in the build, note by note."
+)
+@click.option("--take", metavar="TAKE", help="With --notes: only those on this take.")
 @click.option("--signature", metavar="TAKE|GENRE", help="Write the signature of this take or genre to -o.")
 @click.option("--counts", metavar="TAKE", help="Write the counts and figures of this take to -o.")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="File for --signature (.json) or --counts (.csv)."
 )
-def command(db, as_json, plots, signature, counts, output) -> None:
+def command(
+    db: Path | None,
+    as_json: bool,
+    plots: Path | None,
+    with_notes: bool,
+    take: str | None,
+    signature: str | None,
+    counts: str | None,
+    output: Path | None,
+) -> None:
     """Show takes, clips, networks and motifs of the repertoire DB (default: the built-in one)."""
     from choreograph.library.builtin import STARTER_PATH
     from choreograph.library.repertoire import Repertoire
 
+    if (with_notes and (plots is not None or output is not None)) or (take is not None and not with_notes):
+        raise ParameterError("expected --notes alone, with --take TAKE or with --json, got other options")
     if sum(option is not None for option in (signature, counts)) != (output is not None):
         raise ParameterError("expected either --signature TAKE|GENRE or --counts TAKE together with -o FILE")
     if output is not None and (as_json or plots is not None):
@@ -65,7 +83,7 @@ def command(db, as_json, plots, signature, counts, output) -> None:
         check_target(output)
     check_outputs_apart([output], named_by=("output", "plots"), with_songs=("signature",))
     repertoire = Repertoire.open(db or STARTER_PATH)
-    if signature is not None:
+    if signature is not None and output is not None:
         from choreograph.choreography.constraints import write_signature
         from choreograph.pipeline.variations import signature_of
 
@@ -73,12 +91,15 @@ def command(db, as_json, plots, signature, counts, output) -> None:
         write_signature(output, shares, name=signature, repertoire=repertoire.path.name)
         say(f"{output}: signature of {signature}, {int((shares > 0).sum())} of {len(shares)} motifs")
         return
-    if counts is not None:
+    if counts is not None and output is not None:
         from choreograph.formats.tables import write_counts
 
-        take = repertoire.take_index(counts)
-        write_counts(output, repertoire.counts(take), repertoire.figures(take))
-        say(f"{output}: {_counts_text(_counts_facts(repertoire, take))}")
+        index = repertoire.take_index(counts)
+        write_counts(output, repertoire.counts(index), repertoire.figures(index))
+        say(f"{output}: {_counts_text(_counts_facts(repertoire, index))}")
+        return
+    if with_notes:
+        _show_build_notes(repertoire, take, as_json=as_json)
         return
     facts = _facts(repertoire)
     if plots is not None:
@@ -92,9 +113,21 @@ def command(db, as_json, plots, signature, counts, output) -> None:
         say(line)
 
 
-def _facts(repertoire) -> dict[str, Any]:
+def _show_build_notes(repertoire: Repertoire, take: str | None, *, as_json: bool) -> None:
+    """Print the notes of the build, or those on a take."""
+    if take is not None:
+        repertoire.take_index(take)
+    notes = [note for note in repertoire.notes if take is None or note.subject == take]
+    if as_json:
+        click.echo(json.dumps([asdict(note) | {"text": note.text} for note in notes], indent=1))
+        return
+    for line in [str(note) for note in notes] or ["no notes"]:
+        say(line)
+
+
+def _facts(repertoire: Repertoire) -> dict[str, Any]:
     clips = Counter(int(take) for take in repertoire.clip_take)
-    takes = [
+    takes: list[dict[str, Any]] = [
         {
             "name": take.name, "song": take.song_name, "genre": take.credits.genre,
             "performer": take.credits.performer, "licence": take.credits.licence,
@@ -116,7 +149,7 @@ def _facts(repertoire) -> dict[str, Any]:
     }
 
 
-def _counts_facts(repertoire, take: int) -> dict[str, Any]:
+def _counts_facts(repertoire: Repertoire, take: int) -> dict[str, Any]:
     counts = repertoire.counts(take)
     return {
         "n": len(counts),
@@ -127,7 +160,7 @@ def _counts_facts(repertoire, take: int) -> dict[str, Any]:
     }
 
 
-def _vocabulary_facts(repertoire) -> dict[str, Any]:
+def _vocabulary_facts(repertoire: Repertoire) -> dict[str, Any]:
     from choreograph.core.numerics import chi_square_distance
     from choreograph.view.motif_plots import dances_of, distances_to_template
 
@@ -215,7 +248,7 @@ def _vocabulary_text(vocabulary: dict[str, Any]) -> list[str]:
 )
 @click.option("--path", "name", metavar="NAME", help="Print the path of this song.")
 @click.option("--json", "as_json", is_flag=True, help="Print names and paths as JSON.")
-def songs(folder, name, as_json) -> None:
+def songs(folder: Path | None, name: str | None, as_json: bool) -> None:
     """List the built-in songs. The project made them; use them as you like."""
     from choreograph.library.builtin import example_songs
 
@@ -264,7 +297,7 @@ def _is_copy(path: Path, song: Path) -> bool:
 @click.argument("name", required=False)
 @click.option("--build", is_flag=True, help="Settings of build-db instead of those of dance.")
 @click.option("--toml", is_flag=True, help="Print a settings file with all defaults, to be edited.")
-def settings(name, build, toml) -> None:
+def settings(name: str | None, build: bool, toml: bool) -> None:
     """Explain the settings of a dance: what each does, its unit, range and default.
 
     They are options of the command, parameters in Python, and keys of the TOML file of `dance --config`.

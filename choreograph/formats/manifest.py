@@ -65,7 +65,6 @@ def foreign_format(path: Path) -> ForeignFormat | None:
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a")
 VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".webm", ".avi")  # whose sound is taken where there is no song
 _MANIFESTS = (".tsv", ".txt", ".xls", ".xlsx", ".ods", ".json")  # in which a manifest may be kept by mistake
-_NAMED = 6  # files in a note; the others are counted
 
 File = TypeVar("File")
 Content = TypeVar("Content")
@@ -114,20 +113,6 @@ def skipped_files(folder: Path, used: Collection[Path]) -> Iterator[SkippedFile]
                 yield SkippedFile(path, why)
 
 
-def skipped_notes(folder: str | Path, skipped: Iterable[SkippedFile]) -> tuple[str, ...]:
-    """A note for each reason for which files were skipped, and one for each that should have been read."""
-    by_reason: dict[str, list[str]] = {}
-    folder = named_source(folder)
-    damaged = []
-    for file in skipped:
-        if file.error is not None:
-            damaged.append(f"left out, since it cannot be read: {file.error}")
-        else:
-            name = file.path.relative_to(folder).as_posix() if file.path != folder else folder.name
-            by_reason.setdefault(file.why, []).append(name)
-    return (*(_note(reason, names) for reason, names in by_reason.items()), *damaged)
-
-
 def raise_errors(skipped: Iterable[SkippedFile], cure: str = "") -> None:
     """Raise the error of the only file that should have been read, or one that lists those of several.
 
@@ -161,12 +146,6 @@ def _why_skipped(path: Path, *, is_below: bool) -> str:
     if path.stem.lower() == "manifest" and suffix in _MANIFESTS and not is_below:
         return "expected manifest.csv: save the table as CSV under that name"
     return ""
-
-
-def _note(reason: str, names: list[str]) -> str:
-    number = "1 file" if len(names) == 1 else f"{len(names)} files"
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return f"skipped {number}: {', '.join(names[:_NAMED])}{more} ({reason})"
 
 
 # `manifest.csv` beside takes, as spreadsheets write it: credits, songs, offsets and counts by a take's name.

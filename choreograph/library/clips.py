@@ -71,7 +71,7 @@ def counts_from(file: RepertoireFile, takes: Sequence[TakeInfo]) -> tuple[Counts
     """Each take's counts; `RepertoireError` if they are not in order."""
     columns = ("count_start", "count_stop", "metre", "counts_source", "counts_confidence")
     times_s, numbers = file.read("counts/time_s"), file.read("counts/number")
-    uncertainty = file.read("counts/doubt").astype(np.float64) if file.has_uncertainty else np.zeros(0)
+    uncertainty = file.read("counts/doubt").astype(np.float64) if "uncertainty" in file.parts else np.zeros(0)
     start, stop, *about = (file.read(f"takes/{column}") for column in columns)
     check_parts("count", start, stop, len(times_s), shortest=0)
     counts = tuple(

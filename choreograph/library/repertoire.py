@@ -22,6 +22,7 @@ from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 from choreograph.library.checks import check_clips
 from choreograph.library.clips import ClipMotion, TakeInfo, counts_from, figures_from, takes_from
 from choreograph.library.motifs import Vocabulary, vocabulary_from
+from choreograph.library.notes import Note, notes_from
 from choreograph.library.schema import NetArrays
 from choreograph.library.store import RepertoireFile
 from choreograph.motion import rotations as rot
@@ -130,7 +131,7 @@ class Repertoire:
     @property
     def has_vocabulary(self) -> bool:
         """Whether the file has motion words and motifs."""
-        return self._file.has_motifs
+        return "motifs" in self._file.parts
 
     @cached_property
     def vocabulary(self) -> Vocabulary:
@@ -179,7 +180,7 @@ class Repertoire:
         joints = tuple(str(name) for name in self._file.read("skeleton/names"))
         try:
             skeleton = Skeleton(joints, *(self._file.read(f"skeleton/{name}") for name in names))
-            if not self._file.has_roles:
+            if "roles" not in self._file.parts:
                 return skeleton
             return replace(skeleton, roles=roles_of(self._file.read("skeleton/roles")))
         except ParameterError as error:
@@ -190,6 +191,14 @@ class Repertoire:
         """All takes, in the order of the file; `RepertoireError` if there is none or their rows are wrong."""
         with self._damage_named():
             return takes_from(self._file)
+
+    @cached_property
+    def notes(self) -> tuple[Note, ...]:
+        """What was unusual in the build of the file, in detail; `RepertoireError` if a note is not valid."""
+        if "notes" not in self._file.parts:
+            return ()
+        with self._damage_named():
+            return notes_from(self._file.read)
 
     @property
     def n_clips(self) -> int:

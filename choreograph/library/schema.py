@@ -90,6 +90,16 @@ MOTIFS: dict[str, tuple[str, str]] = {
     "motifs/transitions": ("f8", "G K K"),
 }
 
+# Notes of the build, where there are any. O note.
+NOTES: dict[str, tuple[str, str]] = {
+    "notes/kind": ("s", "O"),
+    "notes/subject": ("s", "O"),
+    "notes/values": ("s", "O"),  # JSON
+}
+
+# Groups of datasets of which a file has all or none.
+OPTIONAL = {"uncertainty": UNCERTAINTY, "motifs": MOTIFS, "roles": ROLES, "notes": NOTES}
+
 # A compressed file stores these quantised to 16-bit integers: value = integer × step. The integers are
 # delta-coded `DELTA_ORDER` times from row to row (modulo 2^16), anew every `DELTA_RESTART` rows, and stored
 # as u2 in zigzag encoding. The attributes `step`, `order`, `restart` and `folded` say so. The steps keep
@@ -113,26 +123,25 @@ class NetArrays:
     """One network as plain data: its config and weights."""
 
     config: dict[str, Any]
-    weights: dict[str, NDArray]
+    weights: dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class Contents:
     """Everything in a repertoire file."""
 
-    # By path: all of `schema.DATASETS`, all or none of `MOTIFS`, of `UNCERTAINTY` and of `ROLES`.
-    arrays: Mapping[str, NDArray]
+    arrays: Mapping[str, NDArray[Any]]  # by path: `DATASETS`, and all or none of each group of `OPTIONAL`
     density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
     provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
 
 
 def layout_of(names: Container[str]) -> dict[str, tuple[str, str]]:
-    """The datasets of a file with these names: all or none of `schema.MOTIFS`, `UNCERTAINTY`, `ROLES`."""
+    """The datasets of a file with these names: `DATASETS`, and those groups of `OPTIONAL` that it has."""
     layout = dict(DATASETS)
-    for optional in (UNCERTAINTY, MOTIFS, ROLES):
-        if any(name in names for name in optional):
-            layout |= optional
+    for group in OPTIONAL.values():
+        if any(name in names for name in group):
+            layout |= group
     return layout
 
 

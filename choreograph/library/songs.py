@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from choreograph.core.counts import ANNOTATED, Counts, count_phase, index_at, time_at
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import frame_times_s, times_to_frames
+from choreograph.library.notes import Note
 from choreograph.motion.motion import Take
 from choreograph.music.bars import track_bars
 from choreograph.music.beats import TRACKERS, BeatTracker, get_beat_tracker, read_beats
@@ -124,43 +125,35 @@ class SongCache:
         return self._analysed[path]
 
 
-# What is wrong with takes' songs: damage, motion without music, offsets that counts contradict.
+# Notes on songs: damage, motion without music, offsets that counts contradict.
 
 
 _LONGER_S = 0.5  # than its song: a note
 _FEWEST_COUNTS = 8
 _APART_BEATS = 0.15  # that counts lie beside beats by
 _AGREEMENT = 0.9  # resultant length of the counts' phases in the beat: all lie beside the beats by the same
-_NAMED = 3  # takes in a note
 
 
-def song_notes(takes: Sequence[Take], songs: SongCache) -> tuple[str, ...]:
-    """Notes on damaged songs, on takes that go on without theirs, and on offsets that counts contradict.
+def song_notes(takes: Sequence[Take], songs: SongCache) -> list[Note]:
+    """Notes on damaged songs, on motion that continues after its song, and on offsets that counts contradict.
 
-    Of songs that are not analysed yet nothing is said.
+    Songs that have not been analysed have no notes.
     """
-    longer, beside = {}, {}
-    notes: dict[str, None] = {}  # once for each song
+    of_songs: dict[tuple[str, str], Note] = {}  # one for each song
+    of_takes: list[Note] = []
     for take in takes:
         song = songs.known(take.song_path) if take.song_path else None
-        if song is None:
+        if song is None or take.song_path is None:
             continue
-        notes |= dict.fromkeys(f"{take.song_path}: {note}" for note in song.notes)
+        name = take.song_path.name
+        of_songs |= {(name, text): Note("song", name, {"text": text}) for text in song.notes}
         over_s = take.song_start_s + take.motion.duration_s - song.duration_s
         if over_s > _LONGER_S:
-            longer[take.name] = over_s
+            of_takes.append(Note("longer than song", take.name, {"over_s": over_s}))
         offset_s = better_offset_s(take, song)
         if offset_s is not None:
-            beside[take.name] = offset_s
-    of_takes = []
-    if longer:
-        of_takes.append(f"motion goes on without music where it is longer than its song: {_listed(longer)}")
-    if beside:
-        of_takes.append(
-            "counts lie beside the song's beats all along; the song would have to start at another time of "
-            f"audio_offset_s by: {_listed(beside)}"
-        )
-    return (*notes, *of_takes)
+            of_takes.append(Note("counts beside beats", take.name, {"offset_s": offset_s}))
+    return [*of_songs.values(), *of_takes]
 
 
 def better_offset_s(take: Take, song: AnalysedSong) -> float | None:
@@ -180,12 +173,6 @@ def better_offset_s(take: Take, song: AnalysedSong) -> float | None:
     if np.abs(mean) < _AGREEMENT or abs(apart) < _APART_BEATS:
         return None
     return -apart * float(np.median(np.diff(beats.times_s)))
-
-
-def _listed(seconds: dict[str, float]) -> str:
-    named = [f"{name} ({value:+.2f} s)" for name, value in list(seconds.items())[:_NAMED]]
-    more = f" and {len(seconds) - _NAMED} more" if len(seconds) > _NAMED else ""
-    return ", ".join(named) + more
 
 
 # The music of a take as if it had been danced in step: its beats on the take's counts, bars on bars.

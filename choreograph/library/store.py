@@ -19,15 +19,12 @@ from choreograph.core.numerics import zigzag_decode
 from choreograph.library import checks
 from choreograph.library.checks import StoredArray
 from choreograph.library.schema import (
-    DATASETS,
     DELTA_ORDER,
     DELTA_RESTART,
     FORMAT,
-    MOTIFS,
     NETS,
     NETWORKS_FORMAT,
-    ROLES,
-    UNCERTAINTY,
+    OPTIONAL,
     VERSION,
     NetArrays,
     axis_sizes,
@@ -174,12 +171,10 @@ class RepertoireFile:
             self._check_heaps()
         with opened(self.path, "a repertoire") as file:
             self._check_version(file)
-            self.has_motifs = "motifs" in file
-            self.has_uncertainty = all(name in file for name in UNCERTAINTY)
-            self.has_roles = all(name in file for name in ROLES)
-            has = ((MOTIFS, self.has_motifs), (UNCERTAINTY, self.has_uncertainty), (ROLES, self.has_roles))
-            optional = [name for names, is_there in has if is_there for name in names]
-            stored = self._check_stored(file, layout_of(optional))
+            layout = layout_of(file)
+            self.parts = frozenset(part for part, names in OPTIONAL.items() if names.keys() <= layout.keys())
+            self._kinds = {name: kind for name, (kind, _) in layout.items()}
+            stored = self._check_stored(file, layout)
             self.density = attribute(file, "density", str)
             self.provenance = from_json(attribute(file, "provenance", str), f"{path}: provenance")
             checks.check_provenance(self.provenance)
@@ -231,7 +226,7 @@ class RepertoireFile:
         """
         with opened(self.path, "a repertoire") as file:
             data = file[name]
-            if (DATASETS | UNCERTAINTY | MOTIFS | ROLES)[name][0] == "s":
+            if self._kinds[name] == "s":
                 return _read_text(data, part, self.path.stat().st_size)
             array = _read_quantised(name, data, part) if "step" in data.attrs else data[part]
             checks.check_values(name, array, self._sizes)

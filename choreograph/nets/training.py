@@ -224,7 +224,7 @@ class _Run:
             why_not = self._restored_unless()
             if not why_not:
                 return
-            self.context.note(f"{self.checkpoint}: training of {self.name} begins anew: {why_not}")
+            self.context.note(f"{self.checkpoint.name}: training of {self.name} begins anew: {why_not}")
         with writing(self.log):
             self.log.write_text("", encoding="utf-8")
 

@@ -291,8 +291,8 @@ def test_counts_are_shown_written_and_imported_again(tmp_path):
     rows = [f"{0.5 * k:.6f},{k % 3 + 1},{'turn' if k == 3 else '-' if k == 9 else ''}" for k in range(18)]
     (folder / "a.counts.csv").write_text("\n".join(["time_s,number,figure", *rows, ""]))
     built = cg.build(folder, tmp_path / "rep.h5", preset="tiny", words=False)
-    unsure = "1 take is without counts and left out beside counted takes, since"
-    assert any(note.startswith(unsure) and note.endswith(": b") for note in built.notes)
+    assert any(note.startswith("b: there are no counts, since those estimated") for note in built.notes)
+    assert "takes without counts are not danced beside takes with counts" in built.notes
     shown = run("inspect", built.path).output
     assert "18 counts in 3 (annotation 1.00), 1 figure " in shown and "no counts" in shown
     facts = json.loads(run("inspect", built.path, "--json").output)["takes"][0]["counts"]

@@ -21,6 +21,7 @@ from choreograph.formats.manifest import SkippedFile
 from choreograph.formats.register import import_takes, read_source, save_motion
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import measured_takes
+from choreograph.library.notes import Note
 from choreograph.motion import rotations as rot
 
 MOTION = swaying(60)
@@ -91,7 +92,7 @@ def test_dance_with_melody_beside_other_takes(tmp_path, shared_data, no_blender)
     takes = [take.name for take in import_takes(tmp_path)]
     assert takes == [*(f"DANCE_W_{number}" for number in range(1, 8)), "e", "a", "b", "c", "d"]
     for name in ("f.fbx", "tune.mp3", "scene.blend", "shape.npz", "below/g.bvh"):
-        assert sum(name in note and "skipped" in note for note in notes) == 1, name
+        assert sum(note.kind == "skipped file" and note.subject == name for note in notes) == 1, name
 
 
 @pytest.mark.skipif(find_blender() is None, reason="no Blender on this machine")
@@ -156,7 +157,9 @@ def test_skip_bad_builds_from_the_rest_and_notes_each(tmp_path):
     )  # fmt: skip
     # Not the one whose offset is not known.
     assert [take.name for take in built.repertoire.takes] == ["a", "b"]
-    assert sum("left out, since it cannot be read" in note for note in built.notes) == 6
+    unreadable = {note.subject for note in built.details if note.kind == "unreadable file"}
+    assert unreadable == {"bad.bvh", "bad.c3d", f"{'long' * 50}.glb", "cut.npz", "manifest.csv", "offset.bvh"}
+    assert str(tmp_path) not in str(built.repertoire.notes) and built.repertoire.notes == built.details
 
 
 def test_a_bad_take_that_is_left_out_is_no_error(tmp_path):
@@ -164,7 +167,7 @@ def test_a_bad_take_that_is_left_out_is_no_error(tmp_path):
     (tmp_path / "bad.bvh").write_text("HIERARCHY")
     takes, notes = measured_takes([tmp_path], BuildOptions(leave_out=("bad", "typo")), None)
     assert [m.take.name for m in takes] == ["a"]
-    assert "no take to leave out is called 'typo'" in notes
+    assert Note("unknown take", "typo") in notes
 
 
 def test_check_prints_a_row_for_each_file_and_builds_nothing(tmp_path, no_blender):

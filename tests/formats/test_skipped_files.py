@@ -10,14 +10,18 @@ from synthetic_motions import swaying
 from synthetic_repertoire import write_clicks
 
 from choreograph.formats.fbx import VARIABLE
-from choreograph.formats.manifest import SkippedFile, skipped_notes
-from choreograph.formats.register import import_takes, read_source, save_motion
+from choreograph.formats.register import import_takes, save_motion
+from choreograph.library.building.options import BuildOptions
+from choreograph.library.building.takes import import_sources
+from choreograph.library.notes import summary
 from choreograph.music.song import load_song
 
 
 def source_notes(folder):
     """The notes on the files of a folder that gave no take."""
-    return skipped_notes(folder, [found for found in read_source(folder) if isinstance(found, SkippedFile)])
+    imported = import_sources([folder], BuildOptions(), None)
+    notes = [note for note in imported.notes() if note.kind != "import"]
+    return summary(notes, len(imported.takes), "a.h5")
 
 
 def write_video(path, *, sound: bool) -> None:
@@ -55,8 +59,8 @@ def test_a_mixed_folder_lists_what_it_skipped_and_why(folder, monkeypatch):
     save_motion(folder / "more" / "g.bvh", swaying(4))
     notes = source_notes(folder)
     assert [take.name for take in import_takes(folder)] == ["a"]
-    assert len(notes) == 5
-    assert any("2 files: b.vmd, c.vmd" in note and "MikuMikuDance" in note for note in notes)
+    assert len(notes) == 6 and "prints all 6 notes" in notes[-1]
+    assert any("2 files: " in note and "(b.vmd, c.vmd)" in note and "MikuMikuDance" in note for note in notes)
     for name in ("d.fbx", "e.usdz", "f.mp3", "more/g.bvh"):
         assert sum(name in note for note in notes) == 1, name
     assert not any("readme" in note or ".a.bvh" in note for note in notes)
@@ -65,8 +69,8 @@ def test_a_mixed_folder_lists_what_it_skipped_and_why(folder, monkeypatch):
 def test_many_files_are_counted(folder):
     for number in range(40):
         (folder / f"{number:02}.vmd").write_bytes(b"x")
-    (note,) = source_notes(folder)
-    assert "40 files" in note and "and 34 more" in note and len(note) < 300
+    note, more = source_notes(folder)
+    assert "40 files" in note and "and 37 more" in note and len(note) < 300 and "all 40 notes" in more
 
 
 def test_a_folder_of_takes_alone_has_nothing_to_say(folder):

@@ -19,6 +19,7 @@ from choreograph.library.building.counting import SURE_MOTION_CONFIDENCE
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import FEWEST_WORDS, segment_takes
 from choreograph.library.builtin import pretrained_set
+from choreograph.library.notes import Note
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.body import body_pos_m
 from content.moves.genres import GENRES
@@ -60,7 +61,7 @@ def test_build_resume_reuse_and_dance(takes, tmp_path):
     one, notes = build_repertoire(
         [takes], tmp_path / "b.h5", replace(LEARNED, init_from=built.path, leave_out=TAKES[1:])
     )
-    assert any("taken over" in note for note in notes)
+    assert any("used unchanged" in note for note in notes)
     assert set(one.net_names) == set(built.net_names)
     assert [take.name for take in one.takes] == [TAKES[0]]
 
@@ -181,13 +182,12 @@ def test_unknown_densities_are_refused():
 
 
 def test_style_begins_with_the_shipped_networks(takes_to_clicks, tmp_path):
-    """Of preset small. A build says which, and records what they heard."""
+    """Of preset small. A build says which, and records what they were trained on."""
     options = BuildOptions(preset="small", words=False, pretrained="clean", style_changes={"steps": 2})
     begun = build_repertoire([takes_to_clicks], tmp_path / "begun.h5", options)
-    (note,) = (note for note in begun.notes if "the networks 'clean'" in note)
-    assert note.startswith("style begins with")
-    heard = set(begun.repertoire.provenance["trained_on"])
-    assert {"even", "quick", "slow", "house-01"} <= heard
+    assert any(note.startswith("training of style begins with the networks 'clean'") for note in begun.notes)
+    trained_on = set(begun.repertoire.provenance["trained_on"])
+    assert {"even", "quick", "slow", "house-01"} <= trained_on
     kept, _ = build_repertoire([takes_to_clicks], tmp_path / "kept.h5", replace(options, keep_networks=True))
     shipped = pretrained_set("clean")["style"].arrays
     for name, weight in shipped.weights.items():
@@ -203,7 +203,7 @@ def test_takes_without_music_have_the_style_of_the_shipped_networks(silent_takes
     options = BuildOptions(preset="small", words=False, pretrained="clean")
     built, notes = build_repertoire([silent_takes], tmp_path / "a.h5", options)
     assert built.net_names == ("style",) and built.clip_style.any()
-    assert any("taken over as they are" in note for note in notes)
+    assert any("used unchanged" in note for note in notes)
 
 
 @pytest.mark.parametrize(("augment_mirror", "share"), [(True, 0.5), (False, 0.0)])
@@ -252,7 +252,7 @@ def test_takes_are_segmented_on_their_part_of_the_song(tmp_path):
     assert np.abs(inside.words.start_s[:, None] - clicks_s).min(axis=1).max() < 0.05
     for cut in (after, silent):
         assert np.abs(cut.words.start_s[:, None] - synthetic.motion_beats_s).min(axis=1).max() < 1e-9
-    assert len(notes) == 1 and notes[0].startswith("begins after the song")
+    assert notes == [Note("no music beats", "begins after the song")]
 
 
 def test_takes_with_counts_are_segmented_on_them_whatever_their_song_says(tmp_path):
@@ -307,8 +307,8 @@ def test_takes_without_music_are_counted_by_their_motion(tmp_path):
     assert counts.source == FROM_MOTION and counts.confidence >= SURE_MOTION_CONFIDENCE
     assert counts_within(counts.times_s, beats_s) > 0.95
     assert len(counts.uncertainty) == len(counts) and counts.uncertainty.mean() < 0.1
-    assert any(note.startswith("1 take is counted by the motion, with") for note in built.notes)
-    assert "counts are read from motion by the networks 'research'" in built.notes[-1] + built.notes[-2]
+    assert f"a: counts are estimated from the motion, confidence {counts.confidence:.2f}" in built.notes
+    assert any("estimated from motion by the networks 'research'" in note for note in built.notes)
     assert built.repertoire.provenance["pretrained"] == "default"
     without = build_repertoire([folder], tmp_path / "b.h5", replace(options, pretrained="nothing"))
     assert not len(without.repertoire.counts(0))

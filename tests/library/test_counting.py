@@ -18,12 +18,15 @@ from choreograph.library.building.counting import (
     MIN_MOTION_CONFIDENCE,
     MIN_PHASE_LOCK,
     SURE_MOTION_CONFIDENCE,
+    CountDecision,
+    count_notes,
     counted_takes,
     counts_from_song,
     load_motion_counter,
     phase_lock,
 )
 from choreograph.library.builtin import pretrained_set
+from choreograph.library.notes import summary
 from choreograph.library.songs import SongCache
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
@@ -90,13 +93,16 @@ def test_takes_and_notes(tmp_path):
         silent,
         replace(known, take=replace(known.take, song_path=song, counts=given_counts)),
     ]
-    counted, notes = counted_takes(takes, SongCache())
+    counted, decisions = counted_takes(takes, SongCache())
     assert [len(m.take.counts) for m in counted] == [pytest.approx(60, abs=3), 0, 0, 2]
     assert counted[0].take.counts.source == FROM_MUSIC
-    assert notes == (
-        "1 take is counted by the song's beats, which the motion keeps to: take0",
-        "2 takes are without counts and left out beside counted takes: take1, take2",
-    )
+    by_song = CountDecision("take0", FROM_MUSIC, counted[0].take.counts.confidence)
+    assert decisions == [by_song, CountDecision("take1", "", 0.0), CountDecision("take2", "", 0.0)]
+    kinds = [(note.kind, note.subject) for note in count_notes(counted, decisions)]
+    assert kinds == [
+        ("counts from song", "take0"), ("no counts", "take1"), ("no counts", "take2"),
+        ("uncounted left out", ""),
+    ]  # fmt: skip
 
 
 def test_takes_without_counts_are_read_from_their_motion_if_that_is_likely_to_be_right():
@@ -114,16 +120,22 @@ def test_takes_without_counts_are_read_from_their_motion_if_that_is_likely_to_be
         read = make_counts([1.0, 1.5], [3, 4], 4, source=FROM_MOTION, confidence=confidence)
         return replace(read, uncertainty=np.full(2, uncertainty))
 
-    counted, notes = counted_takes([*takes, known], SongCache(), read)
+    counted, decisions = counted_takes([*takes, known], SongCache(), read)
     assert [m.take.counts.source for m in counted] == [FROM_MOTION, FROM_MOTION, "", "", ANNOTATED]
     assert [id(body) for body in read_bodies] == [id(take.body_pos_m) for take in takes]
-    assert notes == (
-        "1 take is counted by the motion, with 0.70 of the counts expected to be right: take0",
-        "1 take is counted by the motion, but not surely: only 0.50 of the counts expected to be right: "
-        "take1",
-        "2 takes are without counts and left out beside counted takes, since counts read from the motion are "
-        "too doubtful (0.42 to 0.70 of them expected to be right, uncertainty 0.10 to 0.40): take2, take3",
+    assert summary(count_notes(counted, decisions), len(counted), "a.h5") == (
+        "take0: counts are estimated from the motion, confidence 0.70",
+        "take1: counts are estimated from the motion and are uncertain, confidence 0.50",
+        "2 of 5 takes: there are no counts, since those estimated from the motion are too uncertain, "
+        "confidence 0.42 to 0.70, uncertainty 0.10 to 0.40 (take2, take3)",
+        "takes without counts are not danced beside takes with counts",
+        "`choreograph inspect a.h5 --notes` prints all 5 notes",
     )
+
+
+def test_if_no_take_has_counts_all_are_danced_by_motion_beats():
+    counted, decisions = counted_takes(synthetic_takes(periods_s=(0.5,)), SongCache())
+    assert [note.kind for note in count_notes(counted, decisions)] == ["no counts", "uncounted danced"]
 
 
 def test_the_song_comes_before_the_motion(tmp_path):

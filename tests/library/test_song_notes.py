@@ -9,6 +9,7 @@ import pytest
 from synthetic_motions import swaying
 
 from choreograph.core.counts import ANNOTATED, FROM_MOTION, make_counts, numbers_in_bar
+from choreograph.library.notes import summary
 from choreograph.library.songs import AnalysedSong, SongCache, better_offset_s, song_notes
 from choreograph.motion.motion import Credits, Take
 
@@ -43,7 +44,7 @@ def songs(analysed: AnalysedSong) -> SongCache:
 def test_the_offset_that_would_fit_is_found(late_s):
     assert better_offset_s(take(late_s=late_s), song()) == pytest.approx(-late_s, abs=0.01)
     (note,) = song_notes([take(late_s=late_s)], songs(song()))
-    assert f"{-late_s:+.2f} s" in note and "audio_offset_s" in note
+    assert f"{-late_s:+.2f} s" in note.text and "audio_offset_s" in note.text
 
 
 @pytest.mark.parametrize(
@@ -55,14 +56,19 @@ def test_the_offset_that_would_fit_is_found(late_s):
     ids=["on the beat", "nearly", "not alike all along", "read from motion", "too few"],
 )  # fmt: skip
 def test_what_fits_or_is_not_known_is_not_noted(fitting):
-    assert song_notes([fitting], songs(song())) == ()
+    assert song_notes([fitting], songs(song())) == []
 
 
 def test_motion_that_is_longer_than_its_song_is_noted_and_many_are_counted():
     takes = [take(name, seconds=22.0) for name in "abcde"]
-    (note,) = song_notes(takes, songs(song(20.0)))
-    assert "a (+2.00 s)" in note and "and 2 more" in note
+    notes = song_notes(takes, songs(song(20.0)))
+    assert [(note.subject, note.values) for note in notes] == [(name, {"over_s": 2.0}) for name in "abcde"]
+    line, _ = summary(notes, 6, "a.h5")
+    assert (
+        line
+        == "5 of 6 takes: the motion continues without music for 2.00 s after its song (a, b, c and 2 more)"
+    )
 
 
 def test_of_songs_that_are_not_analysed_nothing_is_said():
-    assert song_notes([take(seconds=30.0)], SongCache()) == ()
+    assert song_notes([take(seconds=30.0)], SongCache()) == []

@@ -16,13 +16,13 @@ from synthetic_repertoire import synthetic_contents, synthetic_takes, with_count
 from choreograph.core.errors import ChoreographError, ParameterError, RepertoireError
 from choreograph.library import checks
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.schema import (  # fmt: skip
+from choreograph.library.schema import (
     ATTRIBUTES,
     DATASETS,
     FORMAT,
     HALF_PRECISION,
-    MOTIFS,
     NETS,
+    OPTIONAL,
     QUANTISATION_STEPS,
     UNCERTAINTY,
     VERSION,
@@ -80,11 +80,11 @@ def test_the_published_layout_is_the_one_in_the_code():
     assert {name: (d["kind"], " ".join(d["axes"])) for name, d in LAYOUT["datasets"].items()} == DATASETS
     assert tuple(LAYOUT["attributes"]) == ATTRIBUTES
     assert tuple(LAYOUT["nets"]["names"]) == NETS
-    uncertainty, motifs = (LAYOUT[part]["datasets"] for part in ("uncertainty", "motifs"))
-    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in uncertainty.items()} == UNCERTAINTY
-    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in motifs.items()} == MOTIFS
-    assert str(WORD_DIM) in motifs["motifs/embeddings"]["axes"]
-    entries = (*LAYOUT["datasets"].values(), *motifs.values())
+    groups = {part: LAYOUT[part]["datasets"] for part in OPTIONAL}
+    for part, names in OPTIONAL.items():
+        assert {name: (d["kind"], " ".join(d["axes"])) for name, d in groups[part].items()} == names
+    assert str(WORD_DIM) in groups["motifs"]["motifs/embeddings"]["axes"]
+    entries = (*LAYOUT["datasets"].values(), *(d for names in groups.values() for d in names.values()))
     letters = {axis for d in entries for axis in d["axes"] if axis.isalpha()}
     assert set(LAYOUT["axes"]) == letters
     assert str(len(BODY_JOINTS)) in LAYOUT["datasets"]["body/pos_m"]["axes"]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from choreograph.core.counts import FROM_MOTION
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
 from choreograph.core.progress import ProgressReport
-from choreograph.library.building.counting import MOTION_NET, counted_takes, load_motion_counter
+from choreograph.library.building.counting import MOTION_NET, count_notes, counted_takes, load_motion_counter
 from choreograph.library.building.networks import (
     STYLE_NET,
     PretrainedWeights,
@@ -33,6 +33,7 @@ from choreograph.library.building.takes import (
 )
 from choreograph.library.builtin import pretrained_set
 from choreograph.library.motifs import Vocabulary, motif_arrays
+from choreograph.library.notes import Note, note_arrays, summary
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import Contents, NetArrays
 from choreograph.library.songs import SongCache, song_notes
@@ -80,7 +81,8 @@ def build_repertoire(
     check_apart([output, work], [*sources, *([options.init_from] if options.init_from else ())])
     with locked_folder(work, doing=f"builds {output.name}"):
         notes = _write_built(sources, output, work, options, teacher, report, training_report)
-    return BuildResult(Repertoire.open(output), notes)
+    repertoire = Repertoire.open(output)
+    return BuildResult(repertoire, summary(notes, len(repertoire.takes), output.name))
 
 
 def _write_built(
@@ -91,7 +93,7 @@ def _write_built(
     teacher: Teacher | None,
     report: ProgressReport | None,
     training_report: Callable[[Any], None] | None,
-) -> tuple[str, ...]:
+) -> list[Note]:
     """Build what `output` holds and write it, with work in progress in `work`; returns notes."""
     shipped = pretrained_set(options.pretrained)
     pretrained = PretrainedWeights.of(options, shipped)
@@ -99,26 +101,26 @@ def _write_built(
     check_apart([output], [path for m in measured for path in m.take.source_paths])
     checksums = source_checksums(measured, sources)
     content = training_content(measured, checksums, options)
-    resume_notes: list[str] = []
-    context = training_context(work, options, content, training_report, resume_notes.append)
+    context = training_context(
+        work, options, content, training_report,
+        note=lambda text: notes.append(Note("training", values={"text": text})),
+    )  # fmt: skip
     songs = SongCache(options.beats, keep_samples=options.rollout)
-    measured, count_notes = counted_takes(measured, songs, load_motion_counter(shipped))
+    measured, decisions = counted_takes(measured, songs, load_motion_counter(shipped))
+    notes += count_notes(measured, decisions)
     counter_trained_on: tuple[str, ...] = ()  # songs, if it counted a take
-    uses = []
     if pretrained.from_shipped:
-        begins = "style is that of" if pretrained.keep else "style begins with"
-        uses.append(f"{begins} {shipped[STYLE_NET].description}")
+        kind = "style kept" if pretrained.keep else "style begins"
+        notes.append(Note(kind, values={"networks": shipped[STYLE_NET].description}))
     if any(m.take.counts.source == FROM_MOTION for m in measured):
         counter_trained_on = shipped[MOTION_NET].trained_on
-        uses.append(f"counts are read from motion by {shipped[MOTION_NET].description}")
-    if uses:
-        count_notes = (*count_notes, "; ".join(uses))
-    nets, trained_on, training_notes = train_music_networks(
+        notes.append(Note("counting networks", values={"networks": shipped[MOTION_NET].description}))
+    nets, trained_on, music_notes = train_music_networks(
         measured, songs, pretrained, options=options, context=context, report=report
     )
-    count_notes = (*count_notes, *song_notes([m.take for m in measured], songs))
-    features, density_notes = _clip_features(nets, options)
-    words, word_notes = _words(measured, songs, pretrained, options, context, report)
+    notes += [*music_notes, *song_notes([m.take for m in measured], songs)]
+    features = _clip_features(nets, options, notes)
+    words = _words(measured, songs, pretrained, options, context, report, notes)
     arrays = to_arrays(
         measured,
         embed_motion=features.embed_motion,
@@ -138,8 +140,9 @@ def _write_built(
             contents, words, measured, songs, pretrained, options, context, teacher, report
         )
         contents = replace(contents, nets={**contents.nets, **rollout})
+    contents = replace(contents, arrays={**contents.arrays, **note_arrays(notes)})
     write_repertoire(output, contents, compress=options.compress)
-    return (*notes, *count_notes, *resume_notes, *training_notes, *density_notes, *word_notes)
+    return notes
 
 
 def _provenance(
@@ -173,26 +176,24 @@ class _ClipFeatures:
     selection_beat_weight: float = 0.0
 
 
-def _clip_features(
-    nets: Mapping[str, NetArrays], options: BuildOptions
-) -> tuple[_ClipFeatures, tuple[str, ...]]:
-    """Style vectors and tempo-densities by the networks, and notes."""
+def _clip_features(nets: Mapping[str, NetArrays], options: BuildOptions, notes: list[Note]) -> _ClipFeatures:
+    """Style vectors and tempo-densities by the networks; notes are appended."""
     if "style" not in nets:
-        return _ClipFeatures(), ()
+        return _ClipFeatures()
     from choreograph.nets.style import StyleNets
 
     style = StyleNets.from_arrays(nets["style"].weights, nets["style"].config)
     beat_weight = style.config.beat_weight / style.config.style_weight
     if options.density != "learned":
-        return _ClipFeatures(style.embed_motion, None, beat_weight), ()
+        return _ClipFeatures(style.embed_motion, None, beat_weight)
     if "motion_density" not in nets:
-        note = "no tempo-density networks: the clips carry the analytic tempo-density"
-        return _ClipFeatures(style.embed_motion, None, beat_weight), (note,)
+        notes.append(Note("no density networks"))
+        return _ClipFeatures(style.embed_motion, None, beat_weight)
     from choreograph.nets.density import MotionDensity
 
     net = nets["motion_density"]
     estimator = MotionDensity.from_arrays(net.weights, net.config)
-    return _ClipFeatures(style.embed_motion, lambda m: estimator.take_density(m.body_pos_m), beat_weight), ()
+    return _ClipFeatures(style.embed_motion, lambda m: estimator.take_density(m.body_pos_m), beat_weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,22 +213,24 @@ def _words(
     options: BuildOptions,
     context: TrainingContext,
     report: ProgressReport | None,
-) -> tuple[_WordParts, tuple[str, ...]]:
-    """The takes' motion words, their networks and their motifs, and notes."""
+    notes: list[Note],
+) -> _WordParts:
+    """The takes' motion words, their networks and their motifs; notes are appended."""
     if not options.words:
-        return _WordParts(), ()
-    segmented, notes = segment_takes(measured, songs, report=report)
+        return _WordParts()
+    segmented, segment_notes = segment_takes(measured, songs, report=report)
+    notes += segment_notes
     net = train_word_network(segmented, pretrained, options=options, context=context)
     nets = {} if net is None else {"words": net}
     n_words = sum(len(take.words) for take in segmented)
     if net is None or n_words < FEWEST_WORDS:
-        few = f"{n_words} motion words, fewer than {FEWEST_WORDS}: no motifs, so no genre to follow"
-        return _WordParts(nets), (*notes, few)
+        notes.append(Note("few words", values={"words": n_words, "fewest": FEWEST_WORDS}))
+        return _WordParts(nets)
     from choreograph.nets.words import WordNet
 
     words = WordNet.from_arrays(net.weights, net.config)
     vocabulary = make_motifs(segmented, words, seed=options.seed)
-    return _WordParts(nets, motif_arrays(vocabulary), segmented, vocabulary), notes
+    return _WordParts(nets, motif_arrays(vocabulary), segmented, vocabulary)
 
 
 def _rollout_net(

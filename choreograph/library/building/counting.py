@@ -1,39 +1,41 @@
-"""Counts of takes that come without any: their song's, where the motion keeps to its beats, or the motion's.
+"""Counts of takes that have none: from the song if the motion follows its beats, else from the motion.
 
-That a take was danced to a song does not say that recording and sound file begin together: those of
-dance-with-melody do not. So the song's beats are a take's counts only if the motion is slow where they are,
-throughout the take. Otherwise, and without a song, a pretrained network reads the counts from the motion
-(`nets.counts`), and says how many of them it expects to be right. If these are less than half, or if its
-phases hardly agree with any counts, the take stays without and is danced by its motion beats. Counts that are
-not sure are better than motion beats, and said not to be sure (`research/results/warping.md`).
+A recording and the file of its song need not begin together. Those of dance-with-melody do not. So the beats
+of the song are the counts of a take only if the motion is slow on the beats throughout the take. Otherwise a
+pretrained network (`nets.motion_counts`) estimates the counts from the motion, with a confidence: the share
+of counts that are expected to be right. If the confidence is too low, or the uncertainty of the counts too
+high, the take stays without counts. Uncertain counts are better than motion beats
+(`research/results/warping.md`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from choreograph.core.counts import FROM_MOTION, NO_COUNTS, Counts
+from choreograph.core.counts import FROM_MOTION, FROM_MUSIC, NO_COUNTS, Counts
 from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.library.builtin import PretrainedNet
+from choreograph.library.notes import Note
 from choreograph.library.songs import SongCache
 from choreograph.library.writing import MeasuredTake
 from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Take
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
 
 Floats = NDArray[np.float64]
-MotionCounter = Callable[[NDArray[np.floating]], Counts]  # of body positions (T, 21, 3) at 20 fps
+MotionCounter = Callable[[NDArray[np.floating]], Counts]  # body positions (T, 21, 3) at 20 fps to counts
 
 # Built-in takes and their songs' beats have 0.83 to 1, takes of dance-with-melody, of any phase, up to 0.28.
 MIN_PHASE_LOCK = 0.6
-# Shares of counts that are expected to be right, below which none are read from the motion,
+# Confidence below which counts from motion are not used,
 MIN_MOTION_CONFIDENCE = 0.5
-# and below which those read are said not to be sure: dances cut into pieces and shuffled, which have no
-# count, reach 0.65; dances of new genres or figures have 0.6 to 0.9.
+# and below which a note says that they are uncertain. Dances that are cut into pieces and shuffled have no
+# counts, and reach 0.65. Dances of new genres or figures have 0.6 to 0.9.
 SURE_MOTION_CONFIDENCE = 0.7
 # Mean uncertainty above which none are used. It is 0.13 to 0.29 in real takes with figures that the network
 # was not trained on, and 0.34 and more in takes that are shuffled or stand still.
@@ -42,73 +44,89 @@ MOTION_NET = "motion_counts"  # its name among the pretrained networks
 _WINDOW_BEATS = 4
 _FEWEST_WINDOWS = 5  # of fewer, random phases agree too often
 _STILL_M_S = 0.02  # slower is no clearer rest
-_NAMED = 8  # takes in a note; the others are counted
+
+
+@dataclass(frozen=True)
+class CountDecision:
+    """Which counts a take without counts has been given, and how likely they are right."""
+
+    take: str
+    source: str  # `FROM_MUSIC`, `FROM_MOTION`, or "" if it stays without
+    confidence: float  # of the counts, or of those from motion that are not used
+    uncertainty: float = 0.0  # mean over the counts
+    is_refused: bool = False  # counts were estimated from the motion and are not used
+
+    def note(self) -> Note:
+        """The decision as a note of the build."""
+        if self.is_refused:
+            values = {"confidence": self.confidence, "uncertainty": self.uncertainty}
+            return Note("refused counts", self.take, values)
+        if not self.source:
+            return Note("no counts", self.take)
+        kind = "counts from song"
+        if self.source == FROM_MOTION:
+            is_sure = self.confidence >= SURE_MOTION_CONFIDENCE
+            kind = "counts from motion" if is_sure else "uncertain counts"
+        return Note(kind, self.take, {"confidence": self.confidence})
 
 
 def counted_takes(
-    measured: Sequence[MeasuredTake], songs: SongCache, read_motion: MotionCounter | None = None
-) -> tuple[list[MeasuredTake], tuple[str, ...]]:
-    """The takes, those without counts with their song's or motion's where these are likely right, and notes.
+    measured: Sequence[MeasuredTake], songs: SongCache, count_motion: MotionCounter | None = None
+) -> tuple[list[MeasuredTake], list[CountDecision]]:
+    """The takes with counts where these are likely right, and a decision for each take that had none.
 
-    Without `read_motion` no counts are read from the motion. Raises `FormatError` if a song cannot be read.
+    Without `count_motion`, no counts are estimated from motion. Raises `FormatError` for a song that cannot
+    be read.
     """
-    counted, refused = [], []  # what was read of takes that stay without counts
+    counted, decisions = [], []
     for given in measured:
-        new = _counted_by_song(given, songs)
-        if not len(new.take.counts) and read_motion is not None:
-            read = read_motion(given.body_pos_m)
-            if read.confidence >= MIN_MOTION_CONFIDENCE and _mean_uncertainty(read) <= MAX_MOTION_UNCERTAINTY:
-                new = replace(new, take=replace(new.take, counts=read))
-            else:
-                refused.append(read)
-        counted.append(new)
-    pairs = list(zip(measured, counted, strict=True))
-    found = [new.take for old, new in pairs if len(new.take.counts) and not len(old.take.counts)]
-    by_motion = [take for take in found if take.counts.source == FROM_MOTION]
-    by_song = [take.name for take in found if take.counts.source != FROM_MOTION]
-    without = [m.take.name for m in counted if not len(m.take.counts)]
-    notes = []
-    if by_song:
-        notes.append(
-            f"{_number(by_song)} counted by the song's beats, which the motion keeps to: {_some(by_song)}"
-        )
-    for is_sure in (True, False):
-        takes = [t for t in by_motion if (t.counts.confidence >= SURE_MOTION_CONFIDENCE) == is_sure]
-        if takes:
-            share = _range([take.counts.confidence for take in takes])
-            how = f"with {share}" if is_sure else f"but not surely: only {share}"
-            notes.append(
-                f"{_number(takes)} counted by the motion, {how} of the counts expected to be right: "
-                f"{_some([take.name for take in takes])}"
-            )
-    if without:
-        why = ""
-        if refused:
-            share, uncertainty = (
-                _range([c.confidence for c in refused]),
-                _range([_mean_uncertainty(c) for c in refused]),
-            )
-            why = (
-                f", since counts read from the motion are too doubtful ({share} of them expected to be "
-                f"right, uncertainty {uncertainty})"
-            )
-        danced = "left out beside counted takes" if len(without) < len(counted) else "danced by motion beats"
-        notes.append(f"{_number(without)} without counts and {danced}{why}: {_some(without)}")
-    return counted, tuple(notes)
+        if len(given.take.counts):
+            counted.append(given)
+            continue
+        counts, decision = _decide(given, songs, count_motion)
+        counted.append(replace(given, take=replace(given.take, counts=counts)))
+        decisions.append(decision)
+    return counted, decisions
+
+
+def _decide(
+    measured: MeasuredTake, songs: SongCache, count_motion: MotionCounter | None
+) -> tuple[Counts, CountDecision]:
+    """The counts of a take that has none, from its song, else from its motion, else none."""
+    name = measured.take.name
+    counts = _counts_from_own_song(measured.take, songs)
+    if len(counts):
+        return counts, CountDecision(name, counts.source or FROM_MUSIC, counts.confidence)
+    if count_motion is None:
+        return NO_COUNTS, CountDecision(name, "", 0.0)
+    counts = count_motion(measured.body_pos_m)
+    uncertainty = float(counts.uncertainty.mean()) if len(counts.uncertainty) else 0.0
+    if counts.confidence >= MIN_MOTION_CONFIDENCE and uncertainty <= MAX_MOTION_UNCERTAINTY:
+        return counts, CountDecision(name, FROM_MOTION, counts.confidence, uncertainty)
+    return NO_COUNTS, CountDecision(name, "", counts.confidence, uncertainty, is_refused=True)
+
+
+def count_notes(measured: Sequence[MeasuredTake], decisions: Sequence[CountDecision]) -> list[Note]:
+    """Notes on how takes were counted, and on what happens to those without counts."""
+    notes = [decision.note() for decision in decisions]
+    has_counts = [len(m.take.counts) > 0 for m in measured]
+    if not all(has_counts):
+        notes.append(Note("uncounted left out" if any(has_counts) else "uncounted danced"))
+    return notes
 
 
 def load_motion_counter(pretrained: Mapping[str, PretrainedNet]) -> MotionCounter | None:
-    """What reads counts from motion; None if the set has no such network."""
+    """The network that estimates counts from motion; None if the set has none."""
     if MOTION_NET not in pretrained:
         return None
     stored = pretrained[MOTION_NET].arrays
 
-    def read(body_pos_m: NDArray[np.floating]) -> Counts:
+    def count(body_pos_m: NDArray[np.floating]) -> Counts:
         from choreograph.nets.motion_counts import MotionCountsNet
 
         return MotionCountsNet.from_arrays(stored.weights, stored.config).counts(body_pos_m)
 
-    return read
+    return count
 
 
 def counts_from_song(
@@ -159,28 +177,9 @@ def phase_lock(speed_m_s: Floats, fps: float, beat_times_s: Floats) -> float:
     return max(0.0, float(sums[0].sum()) / size) if size > 0.0 else 0.0
 
 
-def _counted_by_song(measured: MeasuredTake, songs: SongCache) -> MeasuredTake:
-    take = measured.take
-    if len(take.counts) or take.song_path is None:
-        return measured
+def _counts_from_own_song(take: Take, songs: SongCache) -> Counts:
+    if take.song_path is None:
+        return NO_COUNTS
     song = songs.analysed(take.song_path).counts
     pos_m = body_pos_m(take.motion.resampled(STORE_FPS))
-    counts = counts_from_song(song, pos_m, STORE_FPS, song_start_s=take.song_start_s)
-    return replace(measured, take=replace(take, counts=counts))
-
-
-def _mean_uncertainty(read: Counts) -> float:
-    return float(read.uncertainty.mean()) if len(read.uncertainty) else 0.0
-
-
-def _number(takes: Sequence[object]) -> str:
-    return "1 take is" if len(takes) == 1 else f"{len(takes)} takes are"
-
-
-def _range(shares: Sequence[float]) -> str:
-    low, high = f"{min(shares):.2f}", f"{max(shares):.2f}"
-    return low if low == high else f"{low} to {high}"
-
-
-def _some(names: Sequence[str]) -> str:
-    return ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+    return counts_from_song(song, pos_m, STORE_FPS, song_start_s=take.song_start_s)

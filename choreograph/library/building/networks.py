@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from importlib.metadata import version
@@ -18,8 +17,9 @@ from choreograph.core.files import sha256_of
 from choreograph.core.progress import ProgressReport
 from choreograph.core.timebase import CLIP_S, MUSIC_FPS, NET_FPS, seconds_to_frames
 from choreograph.library.building.options import BuildOptions
-from choreograph.library.building.takes import FEWEST_WORDS, SegmentedTake
+from choreograph.library.building.takes import FEWEST_WORDS, SegmentedTake, path_within
 from choreograph.library.builtin import PretrainedNet, shipped_checksums
+from choreograph.library.notes import Note
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import NetArrays
 from choreograph.library.songs import SongCache
@@ -62,22 +62,15 @@ def source_checksums(
     The paths say nothing of this machine, nor of how the sources were typed: those of files outside of all
     sources, such as songs that a manifest names, are their names alone.
     """
-    folders = [Path(os.path.realpath(source)) for source in sources]
+    folders = [Path(source) for source in sources]
     known: dict[Path, tuple[str, str]] = {}
     rows = []
     for index, m in enumerate(measured):
         for path in m.take.source_paths:
             if path not in known:
-                known[path] = _path_within(path, folders), sha256_of(path)
+                known[path] = path_within(path, folders), sha256_of(path)
             rows.append((*known[path], index))
     return rows
-
-
-def _path_within(path: Path, folders: Sequence[Path]) -> str:
-    """The path from the first of the folders that holds it, else the file's name."""
-    real = Path(os.path.realpath(path.parent)) / path.name  # a link to a file is known by its own name
-    inside = (real.relative_to(folder) for folder in folders if folder in real.parents)
-    return next(inside, Path(path.name)).as_posix()
 
 
 def training_content(
@@ -181,7 +174,7 @@ def train_music_networks(
     options: BuildOptions,
     context: TrainingContext,
     report: ProgressReport | None,
-) -> tuple[dict[str, NetArrays], list[str], tuple[str, ...]]:
+) -> tuple[dict[str, NetArrays], list[str], list[Note]]:
     """Style networks, those of tempo-density if it is learned, the songs they were trained on, and notes.
 
     Networks that are not kept are trained if the takes have two songs or more; with fewer, the pretrained
@@ -193,7 +186,7 @@ def train_music_networks(
     song_names = {m.take.song_name for m in with_music}
     known = {name: net for name, net in pretrained.nets.items() if name in wanted}
     if pretrained.keep and set(known) == set(wanted):
-        return known, sorted(pretrained.trained_on), ()
+        return known, sorted(pretrained.trained_on), []
     if len(song_names) >= 2:
         takes = []
         for done, m in enumerate(with_music):
@@ -202,15 +195,11 @@ def train_music_networks(
                 report("analysing songs", done + 1, len(with_music))
         kept = known if pretrained.keep else {}
         nets = _trained(takes, kept, pretrained, options=options, context=context)
-        return nets, sorted(song_names | pretrained.trained_on), ()
+        return nets, sorted(song_names | pretrained.trained_on), []
     if known:
-        note = "fewer than two songs to train on: the networks are taken over as they are"
-        return known, sorted(pretrained.trained_on), () if pretrained.keep else (note,)
-    return (
-        {},
-        [],
-        ("fewer than two songs to train on: no music networks, so clips are not chosen by style",),
-    )
+        notes = [] if pretrained.keep else [Note("networks unchanged")]
+        return known, sorted(pretrained.trained_on), notes
+    return {}, [], [Note("no music networks")]
 
 
 def _trained(

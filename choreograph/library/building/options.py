@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from choreograph.core.progress import counted, cut_line, one_line
 from choreograph.core.settings import Range, settings
+from choreograph.library.notes import Note
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.bone_map import check_bone_map
 from choreograph.nets.configs import config_from_preset, density_config, style_config
@@ -119,10 +120,18 @@ class BuildOptions:
 
 
 class BuildResult(NamedTuple):
-    """The repertoire that was built, and notes on what was unusual, one line each."""
+    """The repertoire that was built, and a summary of what was unusual, in at most 25 lines.
+
+    The summary has a line for each kind of notes, with their number and the ranges of their values.
+    """
 
     repertoire: Repertoire
     notes: tuple[str, ...]
+
+    @property
+    def details(self) -> tuple[Note, ...]:
+        """The notes one by one, as the repertoire stores them. Notes on a resumed training are not stored."""
+        return self.repertoire.notes
 
     @property
     def path(self) -> Path:
@@ -132,7 +141,7 @@ class BuildResult(NamedTuple):
     def __repr__(self) -> str:
         takes, clips = counted(len(self.repertoire.takes), "take"), counted(self.repertoire.n_clips, "clip")
         return cut_line(
-            f"<BuildResult {self.path.name}: {takes}, {clips}, {counted(len(self.notes), 'note')}>"
+            f"<BuildResult {self.path.name}: {takes}, {clips}, {counted(len(self.details), 'note')}>"
         )
 
     def _repr_html_(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,10 +16,11 @@ from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.progress import ProgressReport
 from choreograph.core.timebase import CLIP_S, NET_FPS, STORE_FPS, WORD_FPS
 from choreograph.formats.axes_and_units import unit_in_notes
-from choreograph.formats.manifest import SkippedFile, raise_errors, skipped_notes
+from choreograph.formats.manifest import SkippedFile, raise_errors
 from choreograph.formats.register import annotate_takes, read_source
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.motifs import WORDS_PER_MOTIF, Vocabulary, find_motifs, make_vocabulary
+from choreograph.library.notes import Note
 from choreograph.library.songs import SongCache
 from choreograph.library.words import Words, segment_words
 from choreograph.library.writing import MeasuredTake
@@ -49,20 +51,27 @@ class Imported:
     skipped: list[tuple[Path, SkippedFile]]  # source and file
     not_found: list[str]  # names to leave out that nothing has
 
-    def notes(self) -> tuple[str, ...]:
-        """Notes on takes, and on files of each source that gave none."""
-        notes = [f"{take.name}: {note}" for take in self.takes for note in take.notes]
-        for source in dict.fromkeys(source for source, _ in self.skipped):
-            files = [file for of, file in self.skipped if of == source]
-            notes += [f"{source}: {note}" for note in skipped_notes(source, files)]
-        if self.not_found:
-            notes.append(f"no take to leave out is called {' or '.join(map(repr, self.not_found))}")
-        return tuple(notes)
+    def notes(self) -> list[Note]:
+        """Notes of the readers on takes, on files that gave none, and on names that no take has."""
+        notes = [Note("import", take.name, {"text": note}) for take in self.takes for note in take.notes]
+        for source, file in self.skipped:
+            kind = "skipped file" if file.error is None else "unreadable file"
+            why = file.why.replace(f"{file.path.parent}{os.sep}", "")  # no paths of this machine
+            notes.append(Note(kind, path_within(file.path, [source]), {"text": why}))
+        return [*notes, *(Note("unknown take", name) for name in self.not_found)]
+
+
+def path_within(path: Path, folders: Sequence[Path]) -> str:
+    """The path from the first of the folders that holds it, else the file's name."""
+    real = Path(os.path.realpath(path.parent)) / path.name  # a link to a file is known by its own name
+    resolved = (Path(os.path.realpath(folder)) for folder in folders)
+    inside = (real.relative_to(folder) for folder in resolved if folder in real.parents)
+    return next(inside, Path(path.name)).as_posix()
 
 
 def measured_takes(
     sources: Iterable[str | Path], options: BuildOptions, report: ProgressReport | None
-) -> tuple[list[MeasuredTake], tuple[str, ...]]:
+) -> tuple[list[MeasuredTake], list[Note]]:
     """All takes of the sources with their features, on one skeleton, and notes on what was unusual.
 
     Raises `ParameterError` if no take is left or two share a name, `FormatError` if a source is damaged; not
@@ -70,16 +79,13 @@ def measured_takes(
     """
     imported = import_sources([Path(source) for source in sources], options, report)
     check_takes(imported, options)
-    takes = [_without_jumps(take) for take in imported.takes]
-    notes = replace(imported, takes=takes).notes()
-    takes, skeleton_notes = _on_one_skeleton(takes)
-    notes = (*notes, *skeleton_notes)
+    notes = imported.notes()
+    takes = [_without_jumps(take, notes) for take in imported.takes]
+    takes = _on_one_skeleton(takes, notes)
     if options.lock_feet:
         takes = [replace(take, motion=lock_feet(take.motion)) for take in takes]
     measured = [measure_take(take) for take in takes]
-    short = [m.take.name for m in measured if is_short(len(m.body_pos_m))]
-    if short:
-        notes = (*notes, f"{', '.join(short)}: shorter than {CLIP_S} s: no clip comes from there")
+    notes += [Note("short", m.take.name, {"clip_s": CLIP_S}) for m in measured if is_short(len(m.body_pos_m))]
     return measured, notes
 
 
@@ -195,14 +201,14 @@ def measure_take(take: Take) -> MeasuredTake:
     return MeasuredTake(take, coarse, motion_beat_times_s(fine, STORE_FPS))
 
 
-def _without_jumps(take: Take) -> Take:
-    """The take without one-frame jumps of its markers, and a note on how many there were."""
+def _without_jumps(take: Take, notes: list[Note]) -> Take:
+    """The take without one-frame jumps of its markers; a note on how many there were is appended."""
     motion, count, limbs = without_jumps(take.motion)
     if count == 0:
         return take
-    jumps = "one-frame jump" if count == 1 else "one-frame jumps"
-    note = f"{count} {jumps} of markers ({', '.join(limbs)}) smoothed"
-    return replace(take, motion=motion, notes=(*take.notes, note))
+    note = Note("jumps", take.name, {"jumps": count, "limbs": ", ".join(limbs)})
+    notes.append(note)
+    return replace(take, motion=motion, notes=(*take.notes, note.text))
 
 
 def check_map_fits(takes: Sequence[Take], bone_map: Mapping[str, str]) -> None:
@@ -214,14 +220,14 @@ def check_map_fits(takes: Sequence[Take], bone_map: Mapping[str, str]) -> None:
         raise unexpected("a take whose rig has all bones of the map", lacking, "no joint has this name")
 
 
-def _on_one_skeleton(takes: list[Take]) -> tuple[list[Take], tuple[str, ...]]:
-    """The takes, retargeted to the canonical body unless they share a skeleton, and a note if so."""
+def _on_one_skeleton(takes: list[Take], notes: list[Note]) -> list[Take]:
+    """The takes, retargeted to the canonical body unless they share a skeleton; a note is appended if so."""
     first = takes[0].motion.skeleton
     if all(take.motion.skeleton.same_as(first) for take in takes):
-        return takes, ()
+        return takes
+    notes.append(Note("retargeted"))
     body = canonical_skeleton()
-    note = "the takes are on different skeletons: all are retargeted to the canonical body"
-    return [replace(take, motion=retarget(take.motion, body)) for take in takes], (note,)
+    return [replace(take, motion=retarget(take.motion, body)) for take in takes]
 
 
 # Motion words of a library: takes segmented on their counts, and the motifs found among the words.
@@ -251,7 +257,7 @@ def segment_takes(
     songs: SongCache | None = None,
     *,
     report: ProgressReport | None = None,
-) -> tuple[list[SegmentedTake], tuple[str, ...]]:
+) -> tuple[list[SegmentedTake], list[Note]]:
     """Every take segmented on its counts, and notes.
 
     A take without counts is segmented on the beats of its music, by the default tracker, as the paper does
@@ -271,14 +277,14 @@ def segment_takes(
             if np.sum((music_s >= 0) & (music_s <= take.motion.duration_s)) >= 2:
                 beats_s = music_s
             else:
-                notes.append(f"{take.name}: no beats found in its music: it is segmented on its motion beats")
+                notes.append(Note("no music beats", take.name))
         body = body_pos_m(take.motion.resampled(WORD_FPS)).astype(np.float32)
         segmented.append(
             SegmentedTake(take.name, take.credits.genre, body, segment_words(body, WORD_FPS, beats_s))
         )
         if report is not None:
             report("segmenting takes", index + 1, len(measured))
-    return segmented, tuple(notes)
+    return segmented, notes
 
 
 def make_motifs(takes: Sequence[SegmentedTake], net: WordNet, *, seed: int) -> Vocabulary:
