@@ -31,19 +31,6 @@ TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
         "example_songs",
         "starter_repertoire",
     ),
-    "formats": (
-        "BvhOptions",
-        "load_motion",
-        "save_motion",
-    ),
-    "core": (
-        "ChoreographError",
-        "Counts",
-        "FormatError",
-        "NoPathError",
-        "ParameterError",
-        "RepertoireError",
-    ),
     "motion": (
         "Credits",
         "Motion",
@@ -61,10 +48,6 @@ TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
         "vary",
     ),
     "settings": ("DanceConfig",),
-    "characters": (
-        "GltfCharacter",
-        "read_character",
-    ),
     "plan": ("Plan",),
     "music": (
         "Song",

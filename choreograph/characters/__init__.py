@@ -1,1 +1,1 @@
-"""Characters of the user's: their bones found and a dance brought onto them."""
+"""Characters of users: finds their bones and retargets dances to them."""

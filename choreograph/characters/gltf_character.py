@@ -1,4 +1,4 @@
-"""Characters in glTF files (.glb, .gltf, .vrm): their rigs read, and performances added as animations."""
+"""Characters in glTF files (.glb, .gltf, .vrm): reads their rigs and adds dances as animations."""
 
 from __future__ import annotations
 
@@ -30,7 +30,27 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class GltfCharacter:
-    """A document with one armature."""
+    """A character with one skeleton, as `read_character` returns it.
+
+    Parameters
+    ----------
+    document : GltfDocument    the file
+    rig : Rig                  its B bones
+    nodes : tuple of int (B,)  the nodes of the bones in the document
+    bones : dict of int        bone by canonical joint, such as "left_knee"
+    skin : SkinPoints          the points of its skin in the bind pose
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, start_s=0.0, stop_s=2.0)
+    >>> cg.save_motion("mannequin.glb", motion)
+    >>> character = cg.read_character("mannequin.glb")
+    >>> character.rig.n_bones, character.bones["left_knee"]
+    (24, 4)
+    >>> document = character.dancing(motion)
+    >>> [animation["name"] for animation in document.json["animations"]]
+    ['dance']
+    """
 
     document: GltfDocument
     rig: Rig
@@ -41,9 +61,9 @@ class GltfCharacter:
     __repr__ = one_line
 
     def dancing(self, motion: Motion, name: str = "dance") -> GltfDocument:
-        """The document with a dance on the character as its only animation.
+        """The document with a dance of the character as its only animation.
 
-        Raises `ParameterError` if the rig's body does not hang together below its pelvis.
+        Raises `ParameterError` if the bones of the body are not all below the pelvis.
         """
         check_kind("a motion", motion, Motion)
         try:
@@ -53,7 +73,7 @@ class GltfCharacter:
         return self.with_animation(performance, name)
 
     def with_animation(self, performance: Performance, name: str) -> GltfDocument:
-        """The document with the performance as its only animation, the one that players play."""
+        """The document with a performance as its only animation, called `name`."""
         check_kind("a performance", performance, Performance)
         check_text("the name of an animation", name)
         document = self.document.copy()
@@ -75,12 +95,29 @@ class GltfCharacter:
 
 @default_numerics()
 def read_character(path: str | Path, bone_map: Mapping[str, str] | None = None) -> GltfCharacter:
-    """The character of a .glb, .gltf or .vrm file, or with Blender on this machine of an .fbx.
+    """Read a character, to be passed to `Dance.save`.
 
-    `bone_map` are names of bones by canonical name (`read_bone_map`), instead of those that are found.
+    Parameters
+    ----------
+    path : str or Path          a .glb, .gltf or .vrm file, or an .fbx file if Blender is installed
+    bone_map : mapping of str   names of bones by canonical joint, instead of those that are found
 
-    Raises `FormatError` if the file cannot be read, or holds no skeleton, two characters or over 4096 bones,
-    `ParameterError` if its bones cannot be found, or an .fbx needs a Blender that is not there.
+    Returns
+    -------
+    character : GltfCharacter
+
+    Raises
+    ------
+    FormatError      if the file cannot be read, or has no skeleton, two characters or over 4096 bones
+    ParameterError   if its bones cannot be found, or an .fbx is given and Blender is not installed
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, start_s=0.0, stop_s=2.0)
+    >>> cg.save_motion("mannequin.glb", motion)
+    >>> character = cg.read_character("mannequin.glb")
+    >>> sorted(character.bones)[:3]
+    ['head', 'left_ankle', 'left_collar']
     """
     document = _document(as_path("a character", path))
     if not document.json.get("skins"):
@@ -94,7 +131,7 @@ def read_character(path: str | Path, bone_map: Mapping[str, str] | None = None) 
 
 
 def _document(path: Path) -> GltfDocument:
-    """The file as glTF."""
+    """The file as a glTF document."""
     if path.suffix.lower() != ".fbx":
         return read_gltf(path)
     with tempfile.TemporaryDirectory() as folder:

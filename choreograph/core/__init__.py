@@ -1,4 +1,4 @@
-"""What every room stands on: errors, files, progress, time base, counts, argument checks, small numerics."""
+"""Errors, files, progress, time base, counts, argument checks and small numerics, which all rooms use."""
 
 from functools import cache
 from importlib.metadata import entry_points, version
@@ -11,7 +11,7 @@ __version__ = version("choreograph")
 
 @cache
 def installed(group: str) -> dict[str, Any]:
-    """What other packages add to a group of entry points, by name; loaded when it is first asked for.
+    """The objects that other packages add to a group of entry points, by name. The first call loads them.
 
     Raises `ParameterError`, which names the package, if one cannot be loaded.
     """

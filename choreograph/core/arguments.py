@@ -1,6 +1,6 @@
-"""Arguments of a caller, held against what is expected: the checks that public functions share.
+"""Checks of arguments that public functions share.
 
-Public functions check what they are given once, where it enters; kernels take it as checked.
+Public functions check their arguments once. Kernels do not check them again.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ _EXACT = 2.0**53  # below it, floats hold every whole number
 
 
 def unexpected(wanted: str, got: object, likely: str = "") -> ParameterError:
-    """The error to raise: "expected WANTED, got GOT: LIKELY", the value shortened."""
+    """The error "expected WANTED, got GOT: LIKELY", to be raised. The value is shortened."""
     return ParameterError(f"expected {wanted}, got {reprlib.repr(got)}{likely and f': {likely}'}")
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value from TOML or JSON is a finite number; True and False are not, nor is 10**400."""
+    """Whether a value from TOML or JSON is a finite number. True, False and 10**400 are not."""
     limit = sys.float_info.max
     return isinstance(value, int | float) and not isinstance(value, bool) and -limit <= value <= limit
 
 
 def is_whole(value: Any) -> TypeGuard[int | np.integer]:
-    """Whether a value is a whole number, Python's or numpy's; True and False are not."""
+    """Whether a value is a whole number of Python or NumPy. True and False are not."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def check_kind(what: str, value: object, kind: type, likely: str = "") -> None:
-    """Raise `ParameterError` unless a value is an instance of `kind`, a subclass's included."""
+    """Raise `ParameterError` unless a value is an instance of `kind` or of a subclass."""
     if not isinstance(value, kind):
         raise unexpected(f"{what} as {_NAMES.get(kind, kind.__name__)}", value, likely)
 
@@ -58,7 +58,7 @@ def check_choice(what: str, value: object, choices: Collection[str]) -> None:
 
 
 def as_number(wanted: str, value: Any, *, above: float = -math.inf) -> float:
-    """A finite number, Python's or numpy's; `ParameterError` unless it is one, and `above` that."""
+    """The value as a float. Raises `ParameterError` unless it is a finite number greater than `above`."""
     plain = value.item() if isinstance(value, np.integer | np.floating) else value
     if not is_number(plain) or not plain > above:
         raise unexpected(wanted, value)
@@ -66,26 +66,26 @@ def as_number(wanted: str, value: Any, *, above: float = -math.inf) -> float:
 
 
 def as_whole(wanted: str, value: Any, *, least: int) -> int:
-    """A whole number, Python's or numpy's, as an int; `ParameterError` unless it is `least` or more."""
+    """The value as an int. Raises `ParameterError` unless it is a whole number of `least` or more."""
     if not is_whole(value) or value < least:
         raise unexpected(wanted, value)
     return int(value)
 
 
 def as_index(what: str, value: Any, n: int) -> int:
-    """An index from 0 on; `ParameterError` unless it is a whole number below `n`."""
+    """The value as an int. Raises `ParameterError` unless it is a whole number from 0 to `n` - 1."""
     if not is_whole(value) or not 0 <= value < n:
         raise unexpected(f"{what} as a whole number from 0 to {n - 1}", value)
     return int(value)
 
 
 def as_floats(what: str, values: Any) -> NDArray[np.float64]:
-    """Numbers as an array, one of float64 as it is; `ParameterError` for anything else."""
+    """Numbers as an array of float64, not copied if it is one. Raises `ParameterError` otherwise."""
     return as_array(what, values).astype(np.float64, copy=False)
 
 
 def as_whole_numbers(what: str, values: Any) -> NDArray[np.int64]:
-    """Whole numbers as an array, one of int64 as it is; `ParameterError` for anything else."""
+    """Whole numbers as an array of int64, not copied if it is one. Raises `ParameterError` otherwise."""
     array = as_array(what, values)
     if array.dtype.kind == "f" and not (np.abs(array) < _EXACT).all():
         raise unexpected(f"{what} as whole numbers", values)
@@ -96,7 +96,7 @@ def as_whole_numbers(what: str, values: Any) -> NDArray[np.int64]:
 
 
 def as_array(what: str, values: Any) -> NDArray[Any]:
-    """Numbers of any type as an array, one as it is; `ParameterError` for anything else."""
+    """Numbers of any type as an array, not copied if it is one. Raises `ParameterError` otherwise."""
     try:
         array = np.asarray(values)
     except (TypeError, ValueError, RuntimeError):  # ragged lists; arrays of other libraries on other devices
@@ -107,9 +107,9 @@ def as_array(what: str, values: Any) -> NDArray[Any]:
 
 
 def as_list(what: str, values: Any, kinds: str, types: type | UnionType) -> tuple[Any, ...]:
-    """Values of `types`, in words `kinds`, as a tuple; `ParameterError` unless all are, in a collection.
+    """Values of `types` as a tuple. Raises `ParameterError` for other values, which names them `kinds`.
 
-    Text is no collection here, and True no number.
+    Text is not a collection here, and True is not a number.
     """
     if isinstance(values, str | bytes | Mapping) or not isinstance(values, Iterable):
         raise unexpected(f"{what} as a list of {kinds}", values)
@@ -122,11 +122,11 @@ def as_list(what: str, values: Any, kinds: str, types: type | UnionType) -> tupl
 
 
 def as_texts(what: str, values: Any) -> tuple[str, ...]:
-    """Texts as a tuple; `ParameterError` unless they are a list of them: one text alone is none."""
+    """A list of texts as a tuple. Raises `ParameterError` for anything else, also for a single text."""
     return as_list(what, values, "texts", str)
 
 
 def check_function(what: str, value: object) -> None:
-    """Raise `ParameterError` unless a value is None or can be called."""
+    """Raise `ParameterError` unless a value is None or a function."""
     if not (value is None or callable(value)):
         raise unexpected(f"a function as {what}", value)

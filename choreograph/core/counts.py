@@ -1,4 +1,8 @@
-"""`Counts`: instants counted 1, 2, 3, …, their numbers in the bar, and their phases; `Figure`."""
+"""`Counts`, the instants at which a dancer counts 1, 2, 3, their phases, and `Figure`, named choreography.
+
+Counts of a take are where its dancer counts. Counts of a song are its beats. Both have one type, because a
+dance is on the count if its counts lie on those of the song, and count 1 on the downbeat.
+"""
 
 from __future__ import annotations
 
@@ -11,34 +15,48 @@ from choreograph.core.arguments import as_number, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.progress import one_line
 
-# `Counts`: instants that are counted 1, 2, 3, …, and their number in the bar; `Figure`: named choreography.
-#
-# A take's counts are where its dancer counts; a song's are its beats. Both are one thing, since dancing on
-# the count means that the first lie on the second, and count 1 on the downbeat.
-
-
 Floats = NDArray[np.float64]
 
 MAX_METRE = 12  # counts in a bar
 
-# Where counts come from, `Counts.source`.
-ANNOTATED = "annotation"  # given by hand, beside the take or the song
-DATA_SET = "data set"  # given by the data set that the take is from
-FROM_MUSIC = "music"  # tracked: a song's beats, or those of the song that the take dances to
-FROM_MOTION = "motion"  # read from the motion by a network
+# Values of `Counts.source`.
+ANNOTATED = "annotation"  # annotated by hand, beside the take or the song
+DATA_SET = "data set"  # annotated in the data set of the take
+FROM_MUSIC = "music"  # the tracked beats of a song, or of the song of a take
+FROM_MOTION = "motion"  # estimated from the motion by a network
 
 
 @dataclass(frozen=True, eq=False)
 class Counts:
-    """Counted instants, increasing; none if the times are empty."""
+    """The counts of a take or a song, in order.
 
-    times_s: Floats  # (Q,) from the first frame of the take, or in the song
-    numbers: NDArray[np.int64]  # (Q,) in the bar, 1 on the downbeat; all 0 if bars are not known
-    metre: int  # counts in a bar; 0 if bars are not known
-    source: str = ""  # see above
-    confidence: float = 0.0  # 0 … 1, that times and numbers are right
-    # (Q,) where a network read them: 0 if its phases agree with the count, ½ if they say nothing, up to 1
-    uncertainty: Floats = field(default_factory=lambda: np.zeros(0))
+    Parameters
+    ----------
+    times_s : float array (Q,)      increasing, from the first frame of the take or the start of the song
+    numbers : int array (Q,)        numbers in the bar, 1 on the downbeat, or all 0 if bars are not known
+    metre : int                     counts in a bar, or 0 if bars are not known
+    source : str                    "annotation", "data set", "music" or "motion"
+    confidence : float              probability from 0 to 1 that times and numbers are right
+    uncertainty : float array (Q,)  of counts estimated from motion: 0 if the phases of the network agree with
+                                    the count, 0.5 if they are uninformative, up to 1. Otherwise empty
+
+    Examples
+    --------
+    >>> counts = cg.Counts(np.array([0.0, 0.5, 1.0, 1.5, 2.0]), np.array([1, 2, 3, 4, 1]), metre=4)
+    >>> len(counts), counts.has_bars
+    (5, True)
+    >>> counts.downbeat_times_s
+    array([0., 2.])
+    >>> counts.within(1.0, 2.0).numbers
+    array([3, 4, 1])
+    """
+
+    times_s: Floats  # (Q,)
+    numbers: NDArray[np.int64]  # (Q,)
+    metre: int
+    source: str = ""
+    confidence: float = 0.0
+    uncertainty: Floats = field(default_factory=lambda: np.zeros(0))  # (Q,) or (0,)
 
     __repr__ = one_line
 
@@ -52,12 +70,12 @@ class Counts:
 
     @property
     def downbeat_times_s(self) -> Floats:
-        """The instants of count 1, (D,); none if bars are not known."""
+        """Times of count 1, (D,) in seconds, none if bars are not known."""
         downbeats_s: Floats = self.times_s[self.numbers == 1]
         return downbeats_s
 
     def within(self, start_s: float, end_s: float) -> Counts:
-        """The counts of a part, times from its start."""
+        """The counts from `start_s` to `end_s`, with times from `start_s`."""
         for what, bound_s in (("start", start_s), ("end", end_s)):
             as_number(f"the {what} of a part in seconds", bound_s)
         inside = (self.times_s >= start_s) & (self.times_s <= end_s)
@@ -70,7 +88,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Figure:
-    """A named piece of a take's choreography, a whole number of counts long."""
+    """A named part of the choreography of a take. It lasts a whole number of counts."""
 
     name: str
     start_s: float  # from the first frame of the take
@@ -84,10 +102,10 @@ NO_COUNTS = Counts(np.zeros(0), np.zeros(0, np.int64), 0)
 def make_counts(
     times_s: ArrayLike, numbers: ArrayLike, metre: int, *, source: str = "", confidence: float = 1.0
 ) -> Counts:
-    """Counts, checked.
+    """Checked counts.
 
-    Raises `ParameterError` unless times are finite and increasing, there is a number for each, numbers are
-    from 1 to `metre` (or all 0 with `metre` 0) and the confidence is from 0 to 1.
+    Raises `ParameterError` unless times (Q,) are finite and increasing, numbers (Q,) are from 1 to `metre`
+    (or all 0 with `metre` 0), and the confidence is from 0 to 1.
     """
     times: Floats = np.asarray(times_s, np.float64)
     given = np.asarray(numbers)
@@ -107,31 +125,30 @@ def make_counts(
 
 
 def bars_of(numbers: ArrayLike) -> NDArray[np.int64]:
-    """The bar (Q,) of each count by its number in the bar (Q,): 1 from the first count 1 on, 0 before it."""
+    """The bar (Q,) of each count from its number in the bar (Q,). Bar 1 begins with the first count 1."""
     return np.cumsum(np.asarray(numbers, np.int64) == 1)
 
 
 def numbers_in_bar(n_counts: int, metre: int, *, first: int = 1) -> NDArray[np.int64]:
-    """Numbers in the bar (Q,) of consecutive counts, the first of which is `first`."""
+    """Numbers in the bar (Q,) of consecutive counts that begin with `first`."""
     return (np.arange(n_counts) + first - 1) % metre + 1
 
 
-# Where in the beat and in the bar each instant lies: what a recurrent network dances by.
+# Phases in the beat and in the bar, an input of the rollout network.
 #
-# Continued before the first count and after the last at the tempo there, so that an introduction is counted
-# in.
+# Counts are continued before the first and after the last one at the tempo there.
 
 
 COUNT_PHASE_DIM = 4  # cos and sin of the phase of the beat, then of the bar
-_END_PERIODS = 8  # periods whose median continues counts beyond their ends
-_BEYOND = 10_000  # periods that counts are continued by
+_END_PERIODS = 8  # the median of so many periods continues the counts
+_BEYOND = 10_000  # periods by which counts are continued
 
 
 def count_phase(counts: Counts, times_s: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Cos and sin of the phases of beat and bar (T, 4) at each time (T,); a phase that is not known is 0, 0.
+    """Cos and sin of the phases of beat and bar (T, 4) at each time (T,).
 
-    A beat's phase is 0 on the count, a bar's on count 1. Two counts are needed to know the phase of the beat,
-    two counts 1 for that of the bar.
+    The phase of the beat is 0 on the count, that of the bar on count 1. A phase is (0, 0) if there are fewer
+    than two counts, or two counts 1.
     """
     phases = np.zeros((len(times_s), 2, 2))
     for column, instants_s in enumerate((counts.times_s, counts.downbeat_times_s)):
@@ -142,20 +159,20 @@ def count_phase(counts: Counts, times_s: NDArray[np.floating]) -> NDArray[np.flo
 
 
 def index_at(instants_s: Floats, times_s: NDArray[np.floating]) -> Floats:
-    """The fractional index among two or more increasing instants (Q,) at each time, below 0 before them."""
+    """The fractional index of each time in two or more increasing instants (Q,), below 0 before them."""
     index: Floats = np.interp(times_s, *_continued(instants_s))
     return index
 
 
 def time_at(instants_s: Floats, index: NDArray[np.floating]) -> Floats:
-    """The time at each fractional index among two or more increasing instants (Q,): inverse to `index_at`."""
+    """The time at each fractional index in two or more increasing instants (Q,): inverse of `index_at`."""
     known_s, indices = _continued(instants_s)
     times_s: Floats = np.interp(index, indices, known_s)
     return times_s
 
 
 def _continued(instants_s: Floats) -> tuple[Floats, Floats]:
-    """Instants and their indices, with one more far before and far after them."""
+    """Instants and their indices, extended by one far before and one far after them."""
     n, periods_s = len(instants_s), np.diff(instants_s)
     before_s = instants_s[0] - _BEYOND * np.median(periods_s[:_END_PERIODS])
     after_s = instants_s[-1] + _BEYOND * np.median(periods_s[-_END_PERIODS:])

@@ -1,6 +1,6 @@
 """The errors that a caller can cause.
 
-A message is one line: "expected X, got Y: likely cause". The command line prints it and exits with
+A message is one line, such as "expected X, got Y: likely cause". The command line prints it and exits with
 status 2. Any other exception is a bug in this program.
 """
 
@@ -8,32 +8,57 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-_LONGEST_LINE = 280  # letters of one of several errors, with room for what the command line puts before it
+_LONGEST_LINE = 280  # characters of one of several errors, with room for the prefix of the command line
 
 
 class ChoreographError(Exception):
-    """Base of all errors that a caller can cause."""
+    """Base class of all errors that a caller can cause.
+
+    Examples
+    --------
+    >>> try:
+    ...     cg.load_song("missing.mp3")
+    ... except cg.ChoreographError as error:
+    ...     print(error)
+    expected ... missing.mp3...
+    """
 
     def __str__(self) -> str:
-        """The message in one line, also where it quotes a path or text of several."""
+        """The message in one line, also where it quotes a text of several lines."""
         return " ".join(super().__str__().splitlines())
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The message, a line for each of several errors."""
+        """The message, one line for each error."""
         return (str(self),)
 
 
 class ParameterError(ChoreographError, ValueError):
-    """An argument, option or config key has an invalid value."""
+    """An argument, option or setting has an invalid value.
+
+    Examples
+    --------
+    >>> cg.BvhOptions(units_per_m=-1.0)
+    Traceback (most recent call last):
+    choreograph.core.errors.ParameterError: expected a positive number of units per metre, got -1.0
+    """
 
 
 class FormatError(ChoreographError, ValueError):
-    """An input file (song, take, plan, manifest) is damaged or in an unexpected format."""
+    """An input file (song, take, plan, manifest) is damaged or has an unexpected format.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> _ = Path("walk.bvh").write_text("HIERARCHY")
+    >>> cg.load_motion("walk.bvh")
+    Traceback (most recent call last):
+    choreograph.core.errors.FormatError: walk.bvh: the hierarchy has no joints
+    """
 
 
 class UnreadableFilesError(FormatError):
-    """Several input files cannot be read: a line on all, and one for each."""
+    """Several input files cannot be read. The message has a summary, and a line for each file."""
 
     def __init__(self, summary: str, errors: Sequence[ChoreographError]) -> None:
         super().__init__(summary, errors)
@@ -42,23 +67,44 @@ class UnreadableFilesError(FormatError):
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The summary and the errors, each in a line."""
+        """The summary and the errors, one line each."""
         return (self.summary, *(_shortened(str(error)) for error in self.errors))
 
     def __str__(self) -> str:
-        """The lines: the only message of several."""
+        """All lines. No other error has a message of several."""
         return "\n".join(self.lines)
 
 
 class RepertoireError(ChoreographError):
-    """A repertoire file is missing, damaged, of another version, or lacks the requested content."""
+    """A repertoire file is missing, damaged, of another version, or lacks the requested content.
+
+    Examples
+    --------
+    >>> cg.Repertoire.open("missing.h5")
+    Traceback (most recent call last):
+    choreograph.core.errors.RepertoireError: ...missing.h5...
+    """
 
 
 class NoPathError(ChoreographError):
-    """No dance satisfies the given costs: some second has no allowed node."""
+    """No dance satisfies the given costs and constraints.
+
+    For example, a cost of infinity forbids all candidates of a second.
+
+    Examples
+    --------
+    >>> class Never(cg.Cost):
+    ...     def node(self, layer, song_features):
+    ...         return np.full(layer.n_nodes, np.inf)
+    >>> try:
+    ...     cg.dance(cg.example_songs()["house"], duration_s=4, engine="graph", costs=[Never()])
+    ... except cg.NoPathError as error:
+    ...     print(error)
+    every node of second 0 is forbidden: relax a cost that returns inf
+    """
 
 
 def _shortened(line: str) -> str:
-    """The line; of one that is too long, its beginning and its end."""
+    """The line, of which the middle is left out if it is too long."""
     half = (_LONGEST_LINE - 5) // 2
     return line if len(line) <= _LONGEST_LINE else f"{line[:half]} ... {line[-half:]}"

@@ -1,4 +1,4 @@
-"""Files: written atomically, read with checks, locked folders of work, checksums."""
+"""Writes files atomically and never over an input, reads files from untrusted sources, locks work folders."""
 
 from __future__ import annotations
 
@@ -23,17 +23,14 @@ from filelock import FileLock, Timeout
 from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError
 
-# Atomic writing of files and never over an input, reading those of strangers, and checksums.
-
-
 MAX_TEXT_BYTES = 1 << 24  # of a plan, a list or another file that a person may read
 MAX_TABLE_BYTES = 1 << 22  # of a table, each row of which takes a hundred times its bytes
-_LONG_NAME_BYTES = 100  # of a file; the names of its temporary files have a checksum in its place
+_LONG_NAME_BYTES = 100  # of longer names, temporary files have a checksum
 _LONG_SUFFIX_BYTES = 16
-_NAME_MAX_BYTES = 255  # where the system does not say
-# Beginnings of what is written here and read from no folder: a repertoire, a page or report, an evaluation.
+_NAME_MAX_BYTES = 255  # where the system does not state the limit
+# How the files begin that are written here and never read from a folder: repertoires, pages, evaluations.
 _RESULT = re.compile(rb'\x89HDF\r\n\x1a\n|<!doctype html>|\{\s*"format": "choreograph-evaluation"')
-_HEAD_BYTES, _TAIL_BYTES = 1 << 22, 1 << 16  # the index of a long video comes before what wrote it
+_HEAD_BYTES, _TAIL_BYTES = 1 << 22, 1 << 16  # in a long video, the generator follows the index
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
@@ -44,24 +41,24 @@ _KINDS = {
 
 
 def as_path(what: str, path: object) -> Path:
-    """The path of `what`; `ParameterError` for anything but text or a `PathLike`."""
+    """The path as a `Path`. Raises `ParameterError` unless it is text or a `PathLike`."""
     if not isinstance(path, str | os.PathLike):
         raise unexpected(f"the path of {what}", path)
     return Path(path)
 
 
 def check_target(path: str | Path) -> Path:
-    """The path as a `Path`, of a file to be made or replaced.
+    """The path, as a `Path`, of a file to create or replace.
 
-    Raises `ParameterError` if its folder is missing or cannot be written to, the system does not allow its
-    name, or it is no file itself.
+    Raises `ParameterError` if its folder is missing or read-only, the system does not allow its name, or the
+    path is a folder, a pipe, a socket or a device.
     """
     path = Path(path)
     try:
         path.lstat()
     except (FileNotFoundError, NotADirectoryError):
         pass
-    except (OSError, ValueError) as error:  # too long for the file system; with a NUL
+    except (OSError, ValueError) as error:  # a name that is too long for the file system, or has a NUL
         raise ParameterError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}") from None
     if not path.parent.is_dir():
         raise ParameterError(f"cannot write {path}: there is no folder {path.parent}")
@@ -75,10 +72,11 @@ def check_target(path: str | Path) -> Path:
 
 
 def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path], *, hint: str = "") -> None:
-    """Raise `ParameterError` if an output is an input or another output; `hint` ends the latter's message.
+    """Raise `ParameterError` if an output is an input or another output.
 
-    Files are compared as the system has them, links resolved. Of a folder that is an input every file is one,
-    but for repertoires, pages and evaluations, which are not read from folders.
+    Links are resolved before files are compared. If an input is a folder, all files in it are inputs, except
+    repertoires, pages and evaluations, which are not read from folders. `hint` ends the message on two equal
+    outputs.
     """
     known: dict[object, Path] = {}
     for output in map(Path, outputs):
@@ -96,7 +94,7 @@ def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path], *, 
 
 
 def file_identity(path: Path) -> object:
-    """What two paths of one file have in common: its inode, or the resolved path if there is no file yet."""
+    """A value that all paths of one file share: its inode, or the resolved path if it does not exist yet."""
     try:
         found = path.stat()
     except (OSError, ValueError):
@@ -105,7 +103,7 @@ def file_identity(path: Path) -> object:
 
 
 def _files_below(folder: Path) -> Iterator[Path]:
-    """All files in a folder and in those below it, links followed, each folder once."""
+    """All files in a folder and its subfolders. Links are followed, and each folder is visited once."""
     seen: set[object] = set()
     for parent, folders, names in os.walk(folder, followlinks=True):
         identity = file_identity(Path(parent))
@@ -121,7 +119,7 @@ def _is_result(path: Path) -> bool:
 
 
 def free_names(paths: Iterable[Path], is_taken: Callable[[Path], bool]) -> list[Path]:
-    """The paths, or if one is taken all of them as NAME-new, NAME-new-2 and so on, where none is."""
+    """The paths, or if one of them is taken, all of them as NAME-new, NAME-new-2 and so on."""
     paths = list(paths)
     added = chain(("", "-new"), (f"-new-{number}" for number in count(2)))
     named = ([path.with_name(f"{path.stem}{end}{path.suffix}") for path in paths] for end in added)
@@ -129,7 +127,7 @@ def free_names(paths: Iterable[Path], is_taken: Callable[[Path], bool]) -> list[
 
 
 def ends_of(path: str | Path) -> bytes:
-    """The beginning and the end of a file, where formats say what wrote it; nothing if it cannot be read."""
+    """The beginning and the end of a file, where formats state its generator. Empty if it cannot be read."""
     with suppress(OSError), open(path, "rb") as file:
         head = file.read(_HEAD_BYTES)
         file.seek(max(file.tell(), os.path.getsize(path) - _TAIL_BYTES))
@@ -138,7 +136,7 @@ def ends_of(path: str | Path) -> bytes:
 
 
 def folder_beside(path: Path, suffix: str) -> Path:
-    """The folder for work in progress on a file: its name, or a checksum of a long one, and a suffix."""
+    """The work folder of a file. Its name is that of the file, or a checksum of it, and a suffix."""
     try:
         longest = os.pathconf(path.parent, "PC_NAME_MAX")
     except (AttributeError, OSError, ValueError):
@@ -149,7 +147,7 @@ def folder_beside(path: Path, suffix: str) -> Path:
 
 @contextmanager
 def writing(path: str | Path) -> Iterator[None]:
-    """Turn an `OSError` of the body (disk full, no permission) into a `ChoreographError` on `path`."""
+    """Turn an `OSError` in the block, such as a full disk, into a `ChoreographError` that names `path`."""
     try:
         yield
     except OSError as error:
@@ -158,11 +156,11 @@ def writing(path: str | Path) -> Iterator[None]:
 
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
-    """A temporary path beside `path`, renamed to it at the end and removed if anything fails.
+    """A temporary path beside `path`, which is renamed to it at the end and removed if anything fails.
 
-    What killed processes left of such files is removed first.
+    Temporary files that killed processes left are removed first.
 
-    Raises `ParameterError` as `check_target` does, and `ChoreographError` for an `OSError` in the body or
+    Raises `ParameterError` as `check_target` does, and `ChoreographError` for an `OSError` in the block or
     while renaming.
     """
     path = check_target(path)
@@ -190,7 +188,7 @@ def remove_leftovers(path: Path) -> None:
 
 
 def _temporary_name(path: Path) -> tuple[str, str]:
-    """Stem and suffix of the names of a file's temporary files, short enough for any file system."""
+    """Stem and suffix of the temporary files of a file, short enough for any file system."""
     suffix = path.suffix if len(os.fsencode(path.suffix)) <= _LONG_SUFFIX_BYTES else ""
     is_long = len(os.fsencode(path.name)) > _LONG_NAME_BYTES
     return _name_checksum(path) if is_long else path.stem, suffix
@@ -201,13 +199,13 @@ def _name_checksum(path: Path) -> str:
 
 
 def _writer() -> str:
-    """This process in the names of its temporary files: machine and process id."""
+    """Machine and process id, which the names of temporary files contain."""
     return f"{zlib.crc32(platform.node().encode()):08x}-{os.getpid()}"
 
 
 def is_running(pid: int) -> bool:
-    """Whether there is a process with this id; True where it cannot be asked without harm."""
-    if os.name == "nt":  # there, signal 0 ends the process
+    """Whether there is a process with this id. Always True on Windows."""
+    if os.name == "nt":  # signal 0 would end the process
         return True
     try:
         os.kill(pid, 0)
@@ -219,9 +217,9 @@ def is_running(pid: int) -> bool:
 
 
 def check_regular(path: str | Path, what: str) -> Path:
-    """The path as a `Path`, of an existing file that can be read to its end.
+    """The path, as a `Path`, of an existing regular file.
 
-    Raises `FormatError` if it is missing, or a folder, or a pipe, socket or device: those may never end.
+    Raises `FormatError` if it is missing, a folder, or a pipe, socket or device, which may never end.
     """
     path = Path(path)
     try:
@@ -238,7 +236,7 @@ def check_regular(path: str | Path, what: str) -> Path:
 def read_bytes(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
     """The content of a file of at most `max_bytes`.
 
-    Raises `FormatError` as `check_regular` does, and if it is larger or cannot be read.
+    Raises `FormatError` as `check_regular` does, and if the file is larger or cannot be read.
     """
     path = check_regular(path, what)
     try:
@@ -254,9 +252,9 @@ def read_bytes(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) 
 def read_text(
     path: str | Path, what: str, *, fallback: str | None = None, max_bytes: int = MAX_TEXT_BYTES
 ) -> str:
-    """The text of a file in UTF-8, in UTF-16 with its mark, or in the encoding `fallback` if it is neither.
+    """The text of a file in UTF-8, in UTF-16 with a byte order mark, or else in the encoding `fallback`.
 
-    Raises `FormatError` as of `read_bytes`, and if it is no such text.
+    Raises `FormatError` as `read_bytes` does, and if the file is not such a text.
     """
     data = read_bytes(path, what, max_bytes=max_bytes)
     is_utf_16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
@@ -269,7 +267,7 @@ def read_text(
 
 
 def read_json(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) -> Any:
-    """The content of a JSON file; `FormatError` as of `read_text`, and if it is no JSON."""
+    """The content of a JSON file. Raises `FormatError` as `read_text` does, and if it is not valid JSON."""
     text = read_text(path, what, max_bytes=max_bytes)
     try:
         return json.loads(text)
@@ -281,12 +279,12 @@ def read_json(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) -
 
 
 def sha256_of(path: str | Path) -> str:
-    """SHA-256 of a file's bytes, hexadecimal."""
+    """Hexadecimal SHA-256 of a file."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-# Folders of work in progress, in which one process works at a time.
+# Work folders, in which one process works at a time.
 
 
 _LOCK, _OWNER = "lock", "owner.json"
@@ -294,12 +292,12 @@ _LOCK, _OWNER = "lock", "owner.json"
 
 @contextmanager
 def locked_folder(folder: Path, *, doing: str) -> Iterator[None]:
-    """Hold a folder, made if missing, while the block runs; removed again if nothing is left in it.
+    """Lock a folder while the block runs. It is created if missing, and removed if it is empty at the end.
 
-    The operating system frees the lock of a process that ends in whatever way, so no lock is ever stale.
-    A second process is told who does it, since when, and what: `doing`, as in "builds rep.h5".
+    The operating system releases the lock of a process that ends in any way, so that no lock is stale.
+    `doing`, such as "builds rep.h5", is part of the error in another process.
 
-    Raises `ChoreographError` if another process holds the folder, or it cannot be written.
+    Raises `ChoreographError` if another process has locked the folder, or it cannot be written.
     """
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -316,7 +314,7 @@ def locked_folder(folder: Path, *, doing: str) -> Iterator[None]:
             )
         yield
     finally:
-        with suppress(OSError):  # the files may stay, but must go before another process holds the folder
+        with suppress(OSError):  # the files may stay, but are removed before the lock is released
             (folder / _OWNER).unlink(missing_ok=True)
             (folder / _LOCK).unlink(missing_ok=True)
         lock.release()
@@ -328,6 +326,6 @@ def _held_message(folder: Path) -> str:
     try:
         owner = json.loads((folder / _OWNER).read_text(encoding="utf-8"))
         who = f"process {owner['pid']} {owner['does']} since {owner['since']}"
-    except (OSError, ValueError, KeyError, TypeError):  # it has just begun, or just ended
+    except (OSError, ValueError, KeyError, TypeError):  # the process has just begun or ended
         who = "another process"
-    return f"expected {folder} to be free, got one in use: {who}; wait for it, end it, or write elsewhere"
+    return f"expected {folder} to be free, got one in use: {who}: wait for it, end it, or write elsewhere"

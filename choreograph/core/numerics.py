@@ -1,4 +1,4 @@
-"""Small numerics that several rooms share: blocks of frames, distances, interpolation, one thread."""
+"""Numerics that several rooms share: default settings, blocks of frames, distances, interpolation."""
 
 from __future__ import annotations
 
@@ -10,19 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-# The settings of NumPy and torch: the default ones in our functions, the caller's around them.
+Floats = NDArray[np.floating]
+Float64s = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Settings of NumPy and torch.
 #
-# Both libraries keep settings for a whole process or thread, and programs that use us change them. Results do
-# not depend on them, and they are the same afterwards. Random numbers are drawn from generators of our own;
-# of torch's, which is global, the state is forked.
+# Both libraries keep settings for the whole process or thread. Results do not depend on settings of the
+# caller, which are restored afterwards. Random numbers are drawn from generators of our own. The state of
+# torch's global generator is forked.
 
 
 @contextmanager
 def default_numerics() -> Iterator[None]:
-    """NumPy and torch have their default settings in the block; decorates functions, too.
+    """Use the default settings of NumPy and torch in the block. It decorates functions, too.
 
-    These are what NumPy does about errors of floating-point numbers, and torch's default type and device, its
-    precision of products, autocast, and whether gradients are recorded. Torch is not imported for it.
+    These are NumPy's handling of floating-point errors, and torch's default type and device, precision of
+    matrix products, autocast and recording of gradients. It does not import torch.
     """
     with ExitStack() as stack:
         stack.enter_context(np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"))
@@ -37,7 +41,7 @@ def _default_torch() -> Iterator[None]:
 
     dtype, precision = torch.get_default_dtype(), torch.get_float32_matmul_precision()
     with ExitStack() as stack:
-        # Those of the whole process are changed only where they differ, for the sake of other threads.
+        # Settings of the whole process are changed only where they differ, because other threads share them.
         if dtype != torch.float32:
             stack.callback(torch.set_default_dtype, dtype)
             torch.set_default_dtype(torch.float32)
@@ -55,9 +59,10 @@ def _default_torch() -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """As `default_numerics`, and BLAS and torch use one thread: sums have one order on any number of cores.
+    """Use the settings of `default_numerics`, and one thread in BLAS and torch.
 
-    A dance gains nothing from more: its arrays are small, and the planner has threads of its own.
+    The order of sums then does not depend on the number of cores. More threads do not make a dance faster,
+    because its arrays are small and the planner has threads of its own.
     """
     import torch  # a second to import
 
@@ -70,22 +75,22 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-# Long songs and motions in blocks of frames: what is only needed on the way does not grow with them.
+# Blocks of frames, so that temporary arrays do not grow with the length of a song or motion.
 
 
 BLOCK_FRAMES = 4096  # 68 s at 60 fps
 
 
 def frame_blocks(n_frames: int, size: int = BLOCK_FRAMES) -> Iterator[slice]:
-    """Consecutive slices of at most `size` frames that cover frames 0 … `n_frames` - 1."""
+    """Consecutive slices of at most `size` frames that cover frames 0 to `n_frames` - 1."""
     for start in range(0, n_frames, size):
         yield slice(start, min(start + size, n_frames))
 
 
 def sums_before(blocks: Iterable[NDArray[np.floating]], frames: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Sums (..., D) of all rows before each of `frames` (...), from 0 to T, of rows (T, D) in blocks.
+    """Sums (..., D) of all rows before each of `frames` (...), 0 to T, of rows (T, D) in blocks.
 
-    Rows are added one after another, so that the blocks' sizes change no bit.
+    Rows are added one after another, so that the result does not depend on the sizes of the blocks.
     """
     sums = np.zeros((*np.shape(frames), 0))
     before, position = np.zeros(0), 0
@@ -100,19 +105,14 @@ def sums_before(blocks: Iterable[NDArray[np.floating]], frames: NDArray[np.integ
     return sums
 
 
-# Distances between all pairs of many vectors, by a matrix product.
-#
-# For searches over many clips or words, where the product is 2 to 15 times faster than
-# `scipy.spatial.distance.cdist`. Use cdist where both sides are small or equal vectors must be at exactly 0.
-
-
-Floats = NDArray[np.floating]
+# Distances. `squared_distances` is 2 to 15 times faster than `scipy.spatial.distance.cdist` for many vectors.
+# Use cdist where both sides are small or equal vectors must be at a distance of exactly 0.
 
 
 def squared_distances(a: Floats, b: Floats, *, b_squares: Floats | None = None) -> Floats:
     """Squared Euclidean distances (N, M) of vectors (N, D) and (M, D), never below 0.
 
-    Computed as |a|² + |b|² - 2 a·b: the rounding error is that of |a|² + |b|², also for equal vectors.
+    They are computed as |a|² + |b|² - 2 a·b, with the rounding error of |a|² + |b|², also for equal vectors.
     `b_squares` (M,) are |b|², for callers that pass the same `b` many times.
     """
     if b_squares is None:
@@ -121,17 +121,11 @@ def squared_distances(a: Floats, b: Floats, *, b_squares: Floats | None = None) 
     return np.maximum(squared, 0.0)
 
 
-# Distance between normalised histograms.
-
-
-Float64s = NDArray[np.float64]
-
-
 def chi_square_distance(a: Float64s, b: Float64s) -> Float64s:
-    """Chi-square distance of histograms (..., K) that sum to 1, from 0 (equal) to 1 (disjoint); broadcasts.
+    """Chi-square distance (...) of histograms (..., K) that sum to 1, from 0 (equal) to 1 (disjoint).
 
-    ½ Σ_k (a_k - b_k)² / (a_k + b_k), our reading of Rhythm is a Dancer, equation 11. Bins empty in both add
-    nothing.
+    It is ½ Σ_k (a_k - b_k)² / (a_k + b_k), our reading of Rhythm is a Dancer, equation 11. Bins that are
+    empty in both add nothing. The arrays broadcast.
     """
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     both = a + b
@@ -142,13 +136,10 @@ def chi_square_distance(a: Float64s, b: Float64s) -> Float64s:
 # Linear interpolation at fractional frames.
 
 
-Indices = NDArray[np.int64]
-
-
 def frame_weights(frames: Floats, n_frames: int) -> tuple[Indices, Indices, NDArray[np.float64]]:
     """Indices of the frames before and after fractional `frames` (...), and the weight of the latter.
 
-    Each has the shape of `frames`, which is clamped to 0 … `n_frames` - 1.
+    Each has the shape of `frames`, which is clamped to 0 to `n_frames` - 1.
     """
     inside: NDArray[np.float64] = np.clip(np.asarray(frames, np.float64), 0.0, n_frames - 1)
     low: Indices = np.minimum(inside.astype(np.int64), max(n_frames - 2, 0))
@@ -163,10 +154,9 @@ def interpolate_frames(values: Floats, frames: Floats) -> NDArray[np.float64]:
     return values[low] * (1 - weight) + values[high] * weight
 
 
-# Zigzag encoding: signed 16-bit integers as unsigned ones, small magnitudes as small numbers.
+# Zigzag encoding of signed 16-bit integers as unsigned ones: 0, -1, 1, -2 become 0, 1, 2, 3.
 #
-# 0, -1, 1, -2, … become 0, 1, 2, 3, …: the high byte of a small number is then 0 whatever its sign, so that
-# differences compress well.
+# The high byte of a small number is 0, whatever its sign, so that differences compress well.
 
 
 def zigzag_encode(integers: NDArray[np.int16]) -> NDArray[np.uint16]:
@@ -175,5 +165,5 @@ def zigzag_encode(integers: NDArray[np.int16]) -> NDArray[np.uint16]:
 
 
 def zigzag_decode(encoded: NDArray[np.uint16]) -> NDArray[np.int16]:
-    """The integers (...) int16 that `zigzag_encode` was given."""
+    """The integers (...) int16 that `zigzag_encode` has encoded."""
     return ((encoded >> 1) ^ -(encoded & 1)).view(np.int16)

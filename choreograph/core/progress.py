@@ -1,4 +1,4 @@
-"""What users read while they work: progress, numbers of things, objects on one line."""
+"""Progress reports, numbers with plurals, and representations of objects on one line."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ import numpy as np
 REPR_CHARACTERS = 120  # of one line
 _SIMPLE = (str, int, float, bool, Path, type(None))
 
-# Called with the stage's name, how much is done, and of how much; 0 for a total that is not known.
+# Called with the name of the stage, the steps that are done and their total, which is 0 if it is not known.
 ProgressReport = Callable[[str, int, int], None]
-StepReport = Callable[[int, int], None]  # the same of one stage
+StepReport = Callable[[int, int], None]  # the same for one stage
 
 
 def substage(report: ProgressReport | None, stage: str) -> StepReport | None:
-    """A report of how much of one stage is done; None for none."""
+    """The report of one stage, or None without a report."""
     return None if report is None else lambda done, total: report(stage, done, total)
 
 
 def part(report: StepReport | None, start: int, stop: int, total: int) -> StepReport | None:
-    """A report of a part of a stage, which takes it from `start` to `stop` of `total`; None for none."""
+    """The report of a part of a stage, from step `start` to `stop` of `total`, or None without a report."""
     if report is None:
         return None
     return lambda done, steps: report(start + (stop - start) * done // steps, total)
 
 
 def counted(number: int, one: str, several: str = "") -> str:
-    """A number of things, such as "1 take" and "2,048 clips"; `several` where it does not end in s."""
+    """A number with its noun, such as "1 take" or "2,048 clips". `several` is an irregular plural."""
     return f"{number:,} {one if number == 1 else several or one + 's'}"
 
 
 def one_line(instance: Any) -> str:
-    """The `__repr__` of a dataclass: its fields that differ from their defaults, on one line.
+    """Return the class and the fields that differ from their defaults, on one line of 120 characters.
 
-    Arrays are shown by their shape, other objects by their kind. Fields that do not fit are counted.
+    Arrays are shown by their shape, long collections by their length. Fields that do not fit are counted.
     """
     shown = [
         f"{field.name}={_brief(getattr(instance, field.name))}"
@@ -72,5 +72,5 @@ def _brief(value: Any) -> str:
 
 
 def cut_line(line: str) -> str:
-    """A representation such as "<Repertoire rep.h5>", cut where it is longer than a line."""
+    """A representation such as "<Repertoire rep.h5>", shortened to one line of 120 characters."""
     return line if len(line) <= REPR_CHARACTERS else f"{line[: REPR_CHARACTERS - 4]}...>"

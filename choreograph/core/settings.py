@@ -9,9 +9,9 @@ A field has a type, a default and, below it, a docstring that says what it does 
         candidates: Annotated[int, Range(1)] = 512
         "Clips that are warped for each second. More candidates take longer."
 
-Editors and Sphinx show the docstring where it stands. `settings` adds it to the docstring of the class, so
-that `help` shows it, and `described` returns it, for command lines. Choices are `Literal` types and ranges
-are `Range`s. Both are checked when an instance is made.
+Editors and Sphinx show the docstring of the field. `settings` adds it to the docstring of the class, where
+`help` shows it, and `described` returns it for command lines. Choices are `Literal` types, and ranges are
+`Range`s. Both are checked when an instance is made.
 """
 
 from __future__ import annotations
@@ -77,8 +77,9 @@ class Setting:
 def settings(cls: Class) -> Class:
     """Make a class a frozen dataclass that checks its fields, and document them in its docstring.
 
-    `ParameterError` is raised when an instance is made with a value of another type, an unknown choice or a
-    number out of range. A `__post_init__` of the class is called after that.
+    An instance with a value of another type, an unknown choice or a number out of range raises
+    `ParameterError`. A `__post_init__` of the class is called after that check. The section `Parameters`
+    comes before `Examples`, if the docstring has such a section.
     """
     own_check = cls.__dict__.get("__post_init__")
 
@@ -94,7 +95,9 @@ def settings(cls: Class) -> Class:
     cls.__post_init__ = check  # type: ignore[attr-defined]
     made: Class = dataclass(frozen=True)(cls)  # type: ignore[assignment]
     described_fields = "\n".join(_as_numpydoc(setting) for setting in described(made))
-    made.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n\nParameters\n----------\n{described_fields}\n"
+    summary, heading, examples = inspect.cleandoc(cls.__doc__ or "").partition("Examples\n--------\n")
+    parts = (summary.strip(), f"Parameters\n----------\n{described_fields}", heading + examples)
+    made.__doc__ = "\n\n".join(filter(None, parts)) + "\n"
     return made
 
 
@@ -123,7 +126,7 @@ def _hints(cls: type) -> dict[str, Any]:
 
 
 def _field_docstrings(cls: type) -> Iterator[tuple[str, str]]:
-    """The names of fields and the texts below them; none where the source is not at hand."""
+    """The names of fields and the texts below them, none where the source is not available."""
     try:
         (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
     except (OSError, TypeError):
@@ -169,7 +172,7 @@ def _in_words(hint: Any) -> str:
 
 
 def _checked(name: str, value: Any, hint: Any) -> Any:
-    """The value as one of the alternatives of a type; `ParameterError` if it is none of them."""
+    """The value as one of the alternatives of a type. Raises `ParameterError` if it is none of them."""
     members = _members(hint)
     if value is None and NoneType in members:
         return None

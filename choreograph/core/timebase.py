@@ -1,6 +1,6 @@
-"""Seconds and frames: the program's frame rates and the only conversions between the two.
+"""The frame rates of the program, and the conversions between seconds and frames.
 
-Public functions take seconds, kernels take frames. Frame `i` at `fps` is at time `i / fps`; a span of
+Public functions take seconds, kernels take frames. Frame `i` at `fps` is at time `i / fps`. A span of
 `duration_s` has `round(duration_s * fps)` frames.
 """
 
@@ -17,18 +17,18 @@ from choreograph.core.errors import ParameterError
 SAMPLE_RATE_HZ = 22050  # mono audio inside the program
 MUSIC_FPS = 60  # music features
 NET_FPS = 20  # motion in the networks, the warper and the costs
-STORE_FPS = 60  # motion is stored at this rate, or at its native rate if that is lower
+STORE_FPS = 60  # stored motion, or its native rate if that is lower
 
 NODE_S = 1  # one node of the graph
 SEGMENT_S = 4  # the span of a style vector and of a warped segment
-CLIP_S = 8  # the span the warper chooses from
+CLIP_S = 8  # the span in which the warper places a segment
 
 NODE_FRAMES = NODE_S * NET_FPS
 SEGMENT_FRAMES = SEGMENT_S * NET_FPS
 CLIP_FRAMES = CLIP_S * NET_FPS
 MIN_SLOPE = 0.5  # of time maps: source frames per output frame
 MAX_SLOPE = 2.0
-WORD_FRAMES = 13  # a motion word, from beat to beat, whatever its length
+WORD_FRAMES = 13  # of a motion word, from beat to beat, whatever its duration
 WORD_FPS = 30.0  # of the positions that words are segmented from
 
 
@@ -36,7 +36,7 @@ _CLOCK = re.compile(r"(?:(\d+):(?=[0-5]\d:))?(\d+):([0-5]?\d(?:\.\d*)?)", re.ASC
 
 
 def parse_seconds(text: str) -> float:
-    """Seconds of `75.5`, `1:15.5` or `1:02:03.5`; `ParameterError` for anything else."""
+    """Seconds of `75.5`, `1:15.5` or `1:02:03.5`. Raises `ParameterError` for anything else."""
     clock = _CLOCK.fullmatch(text.strip())
     if clock:
         hours, minutes, seconds = clock.groups(default="0")
@@ -50,7 +50,7 @@ def parse_seconds(text: str) -> float:
 
 
 def seconds_to_frames(seconds: float, fps: float) -> int:
-    """Number of frames in a span, rounded to the nearest."""
+    """The nearest whole number of frames in a span."""
     return round(seconds * fps)
 
 

@@ -1,15 +1,15 @@
-"""Readers and writers of every format and of the layouts of data sets, and the one table that lists them.
+"""Readers and writers of all formats and layouts of data sets.
 
 A new format is one module here and one line in `BUILTIN`. A format has any of these names:
 
-- `LAYOUT` (one line: what it reads), `detect(path) -> bool`, which is fast and never raises, and
-  `read(path) -> Iterable[Take | SkippedFile]`: the takes of a file or folder, one by one, in a fixed order
-- `READS_BONE_MAP = True` and `read(path, bone_map=None)`, if rigs of the format name their own bones
-- `SUFFIXES`, if a file of these suffixes holds one take: such files are read in folders as well
-- `annotate(takes, path) -> list[Take]`, if it also describes takes of other sources
-- `WRITERS`, the classes that write motions (`formats.writer.Writer`)
+- `LAYOUT` describes in one line what is read. `detect(path) -> bool` is fast and never raises.
+  `read(path) -> Iterable[Take | SkippedFile]` yields the takes of a file or folder in a fixed order.
+- `SUFFIXES` are the suffixes of files that hold one take. Such files are read in folders as well.
+- `READS_BONE_MAP = True` and `read(path, bone_map=None)` allow names of bones that are not recognised.
+- `annotate(takes, path) -> list[Take]` adds information on takes of other sources.
+- `WRITERS` are the classes that write motions (`formats.writer.Writer`).
 
-Another package adds a format, a module or an object with these names, by an entry point of the group
+Another package adds a format, which is a module or an object with these names, by an entry point of the group
 `choreograph.formats`. Its reader takes precedence over the built-in ones.
 """
 
@@ -25,19 +25,19 @@ if TYPE_CHECKING:
     from choreograph.formats.writer import Writer
 
 GROUP = "choreograph.formats"
-# Of those that detect a file the first reads it; of a folder all read what they know.
+# The first format that detects a file reads it. A folder is read by all formats that detect it.
 BUILTIN = (
     "dance_with_melody",  # the dance-with-melody dataset
-    "choreonet",  # recordings with figures, and lists that count the takes of dance_with_melody
+    "choreonet",  # recordings with figures, and counts of the takes of dance_with_melody
     "aist",  # AIST++
     "amass",  # AMASS
     "bvh",
-    "npz",  # exact arrays, SMPL's as well where the skeleton is the canonical one
+    "npz",  # exact arrays, also those of SMPL if the skeleton is the canonical one
     "c3d",  # markers
-    "gltf",  # reads .glb, .gltf and .vrma: each of their animations
+    "gltf",  # reads the animations of .glb, .gltf and .vrma
     "glb",  # writes .glb and .vrma
     "usd",  # writes .usda and .usdc
-    "fbx",  # by way of Blender
+    "fbx",  # with Blender
     "folder",  # a folder of motion files with songs
 )
 

@@ -25,14 +25,11 @@ from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Credits, Motion, Take
 from choreograph.motion.skeleton import Skeleton
 
-# BVH reader: any channels per joint, Euler order, unit, up axis, and roots above the hips.
-
-
 LAYOUT = "a single NAME.bvh"
 SUFFIXES = (".bvh",)
 READS_BONE_MAP = True
-_NAMED = 6  # joints in a note; the others are counted
-_POSES = 4  # of the motion, in which a body is looked for that the rest pose does not show
+_NAMED = 6  # joints in a note, which counts the others
+_POSES = 4  # of the motion, in which bones are searched if the rest pose does not show them
 _VARIES_M = 1e-3  # bone offsets that vary by more get a note
 
 
@@ -50,21 +47,21 @@ def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take
 def read_bvh(path: str | Path, bone_map: Mapping[str, str] | None = None) -> tuple[Motion, tuple[str, ...]]:
     """Read a BVH file at its own frame rate.
 
-    Position channels are a joint's full translation, as common exporters and readers take them. If all
+    Position channels are the full translation of a joint, as in common exporters and readers. If all of them
     below the root stay near zero while the offsets do not, they are added to the offsets instead. The hips
-    become the root: transforms above them are applied to them, other branches are left out. Bone offsets
-    that vary over time are replaced by their mean. Where the names of joints are unknown, or
-    `bone_map` says which is which, the skeleton has the joints that were found as its `roles`.
+    become the root: transforms above them are applied to them, and other branches are left out. Bone offsets
+    that vary over time are replaced by their mean. If the names of the joints are unknown, or `bone_map` is
+    given, the skeleton has `roles` for the joints that were found.
 
     Returns
     -------
     motion : Motion             metres, Y up
-    notes : tuple of str        what was inferred (the unit) or unusual, one line each
+    notes : tuple of str        what was inferred (the unit) or is unusual, one line each
 
     Raises
     ------
-    ParameterError   if there is no such file
-    FormatError      if it is not a valid BVH; the message names the file
+    ParameterError   if the file does not exist
+    FormatError      if it is not a valid BVH
     """
     path = Path(path)
     text = read_text(path)
@@ -85,16 +82,16 @@ class _Body:
     local_quat: NDArray[np.float64]  # (T, J, 4)
     tip_parents: NDArray[np.int64]  # (E,)
     tips: NDArray[np.float64]  # (E, 3)
-    roles: Mapping[str, int] | None = None  # where the names do not say them
+    roles: Mapping[str, int] | None = None  # if they are not known by the names
 
     def skeleton(self) -> Skeleton:
-        """The skeleton whose bone offsets are the joints' mean translations."""
+        """The skeleton, whose bone offsets are the mean translations of the joints."""
         offsets = self.local_pos.mean(axis=0)  # (J, 3)
         offsets[0] = self.rest[0]
         return Skeleton(self.names, self.parents, offsets, self.tip_parents, self.tips, roles=self.roles)
 
     def with_roles(self, bone_map: Mapping[str, str] | None, notes: list[str]) -> _Body:
-        """The body with the roles of joints whose names do not say them."""
+        """The body with roles, if the names of its joints are unknown."""
         skeleton = self.skeleton()
         tips = skeleton.tip_parents, skeleton.rest_pos_m()[skeleton.tip_parents] + skeleton.tips_m
         rig = PosedBones(self.names, self.parents, skeleton.rest_pos_m(), *tips)
@@ -208,10 +205,7 @@ def _from_hips(body: _Body, notes: list[str]) -> _Body:
     )
 
 
-# BVH writer: the motion's skeleton, six channels on the root and three elsewhere.
-
-
-# The format has no place for comments: a dance is known by zeros after the ten digits of its frame time.
+# The format has no comments. A file is known as a dance by zeros after the ten digits of its frame time.
 DANCE_DIGITS = "000"
 _ORDERS = tuple("".join(axes) for axes in itertools.permutations("XYZ"))
 
@@ -222,7 +216,17 @@ RestPose = Literal["t", "a"]
 
 @settings
 class BvhOptions:
-    """Options of a BVH file. `ParameterError` is raised for a field that cannot be used."""
+    """Options of a BVH file. A field that cannot be used raises `ParameterError`.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, start_s=0.0, stop_s=4.0)
+    >>> from choreograph.formats.bvh import BvhWriter
+    >>> options = cg.BvhOptions(naming="mixamo", rest="t")
+    >>> cg.save_motion("steps.bvh", motion, writer=BvhWriter(options))
+    >>> cg.load_motion("steps.bvh").skeleton.names[:3]
+    ('Hips', 'LeftUpLeg', 'LeftLeg')
+    """
 
     units_per_m: float = 100.0
     """How many units of the file are a metre. 100 writes centimetres, as most programs expect."""
@@ -246,7 +250,10 @@ class BvhOptions:
 
 
 class BvhWriter(Writer):
-    """Writes five decimals: an error far below a tenth of a millimetre at the fingertips."""
+    """Writes six channels for the root and three for other joints, with five decimals.
+
+    The error is far below a tenth of a millimetre at the fingertips.
+    """
 
     format = "bvh"
     uses = ("bvh",)
@@ -255,7 +262,7 @@ class BvhWriter(Writer):
         self.options = options or BvhOptions()
 
     def write(self, motion: Motion, path: Path) -> None:
-        """Write `motion`; Euler angles are unwrapped past 180 degrees so that curves can be edited."""
+        """Write `motion`. Euler angles are unwrapped past 180 degrees, so that their curves can be edited."""
         if self.options.rest is not None:
             motion = with_rest_pose(motion, self.options.rest)
         motion = renamed(motion, self.options.naming)
@@ -278,8 +285,8 @@ class BvhWriter(Writer):
                 file.writelines(line % tuple(row) + "\n" for row in rows[block].tolist())
 
     def _hierarchy(self, skeleton: Skeleton, joint: int, indent: str) -> list[str]:
-        # With a root offset of zero it does not matter whether a reader adds the position channels to it.
-        # A rest pose that was asked for stands on the floor, for the readers that take them as they are.
+        # A root offset of zero is safe for readers that add the position channels to it. A rest pose that was
+        # asked for stands on the floor.
         offset = skeleton.offsets_m[joint] if joint or self.options.rest else np.zeros(3)
         position = "Xposition Yposition Zposition " if joint == 0 else ""
         rotation = " ".join(f"{axis}rotation" for axis in self.options.order)
@@ -305,7 +312,7 @@ class BvhWriter(Writer):
 
 
 def _file_order(skeleton: Skeleton) -> list[int]:
-    """Joints depth first, the order in which the file nests them; skeletons may differ."""
+    """Joints depth first, which is the order in the file. That of the skeleton may differ."""
     order: list[int] = []
     stack = [0]
     while stack:

@@ -1,8 +1,8 @@
-"""Parser of BVH text: the file's hierarchy and numbers as arrays, in its own units and axes.
+"""Parser of BVH text: the hierarchy and numbers of a file as arrays, in its own units and axes.
 
-Read with a note: end-of-file marks after the motion, decimal commas, and a number of frames that is off by
-one or two. A comment begins with # or // at the beginning of a word, so that "-1.#IND00", as C libraries
-print what is not a number, is one word and a missing value.
+End-of-file marks after the motion, decimal commas, and a number of frames that is off by one or two are
+accepted with a note. A comment begins with # or // at the beginning of a word. "-1.#IND00", which C libraries
+print for NaN, is therefore one word, a missing value.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _MOTION = re.compile(r"^[ \t]*MOTION\b", re.MULTILINE | re.IGNORECASE)
 _SPACE = re.compile(r"\s")
 # 1.#IND, 1.#QNAN, 1.#INF and, rounded, 1.#J of MSVC; nan(ind) and nan(0x8000) of others; NaNQ of AIX.
 _MISSING = re.compile(r"[+-]?(?:\d+[.,]#[a-z]+\d*|nan(?:[qs]|\(\w*\))?)", re.IGNORECASE)
-_END_MARKS = "\x1a\0"  # ^Z of DOS, and what pads a file to the size of a block
+_END_MARKS = "\x1a\0"  # ^Z of DOS, and padding to the size of a block
 _TIMING = re.compile(r"\s*Frames\s*:\s*(\S+)\s+Frame\s+Time\s*:\s*(\S+)", re.IGNORECASE)
 _MAX_BYTES = 1 << 29
 _BLOCK_LETTERS = 1 << 20
 _MISCOUNTED_FRAMES = 2  # programs count from 0, or leave out the rest pose
-_CHANNELLESS_JOINTS = 256  # that a file may have beyond one for each channel: props, ends, fingers
+_CHANNELLESS_JOINTS = 256  # beyond one joint for each channel: props, ends, fingers
 _LARGEST = 1e7  # bound on lengths and angles in any unit; keeps later arithmetic finite
 
 
@@ -55,9 +55,9 @@ class BvhText:
 
 
 def read_text(path: Path) -> str:
-    """The file's text, in any common encoding and with any line ends.
+    """The text of a file, in any common encoding and with any line ends.
 
-    Raises `ParameterError` if there is no such file, `FormatError` if it cannot be read.
+    Raises `ParameterError` if the file does not exist, `FormatError` if it cannot be read.
     """
     if not path.exists():
         raise ParameterError(f"no file {path}")
@@ -73,7 +73,7 @@ def read_text(path: Path) -> str:
 
 
 def parse_bvh(text: str) -> BvhText:
-    """Parse BVH text; `FormatError` (without the file's name) if it is incomplete or damaged."""
+    """Parse BVH text. Raises `FormatError`, without the name of the file, if it is incomplete or damaged."""
     head, *motion = _MOTION.split(text, maxsplit=1)
     tokens = _COMMENT.sub("", head).replace("{", " { ").replace("}", " } ").split()
     if not tokens or tokens[0].upper() != "HIERARCHY":
@@ -94,7 +94,7 @@ def parse_bvh(text: str) -> BvhText:
 
 
 def _without_end_marks(body: str, notes: list[str]) -> str:
-    """The text without the ^Z and NULs after it, which are noted."""
+    """The text without the ^Z and NULs at its end. They are noted."""
     end = len(body.rstrip(_END_MARKS + " \t\n"))
     marks = sum(body.count(mark, end) for mark in _END_MARKS)
     if marks:
@@ -103,7 +103,7 @@ def _without_end_marks(body: str, notes: list[str]) -> str:
 
 
 class _Hierarchy:
-    """Parser, with a stack, of the tokens between HIERARCHY and MOTION."""
+    """Parses the tokens between HIERARCHY and MOTION with a stack."""
 
     def __init__(self, tokens: list[str]) -> None:
         self.tokens = tokens
@@ -214,14 +214,14 @@ def _parse_motion(body: str, bvh: BvhText) -> None:
     announced = _frame_count(timing[1])
     bvh.fps = _frame_rate(timing[2])
     check_length(max(announced, 1), len(bvh.names), bvh.fps)
-    if len(bvh.names) > n_channels + _CHANNELLESS_JOINTS:  # a short file would take much memory
+    if len(bvh.names) > n_channels + _CHANNELLESS_JOINTS:  # a short file would need much memory
         raise FormatError(
             f"expected channels on most joints, got {n_channels} channels of {len(bvh.names)} joints"
         )
     most = (announced + _MISCOUNTED_FRAMES) * n_channels
     values, n_found = _numbers(body, timing.end(), most)
     if n_found == 0 or announced < 0:
-        raise FormatError(f"no motion: {announced} frames announced, {n_found} numbers found")
+        raise FormatError(f"expected a motion, got {announced} stated frames and {n_found} numbers")
     n_frames, rest = divmod(n_found, n_channels)
     if rest or n_frames == 0 or abs(n_frames - announced) > _MISCOUNTED_FRAMES:
         raise FormatError(
@@ -229,7 +229,7 @@ def _parse_motion(body: str, bvh: BvhText) -> None:
             "the frame count is wrong or the file is cut off"
         )
     if n_frames != announced:
-        bvh.notes.append(f"the file says {announced} frames and has {n_frames}, which are read")
+        bvh.notes.append(f"the file states {announced} frames and contains {n_frames}, which are read")
     bvh.has_decimal_commas |= "," in timing[2] or body.find(",", timing.end()) >= 0
     bvh.values = values.reshape(n_frames, n_channels)  # (T, C)
     bad = ~(np.abs(bvh.values) < _LARGEST)
@@ -241,9 +241,9 @@ def _parse_motion(body: str, bvh: BvhText) -> None:
 
 
 def _numbers(text: str, start: int, most: int) -> tuple[NDArray[np.float64], int]:
-    """The numbers between spaces from a letter on, and how many there are; those beyond `most` are counted.
+    """The numbers from a character on, and how many there are. Those beyond `most` are only counted.
 
-    Read block by block, since words take much more memory than their text or numbers.
+    They are read in blocks, because words need much more memory than their text or numbers.
     """
     blocks, n_found = [np.zeros(0)], 0
     while start < len(text):
@@ -269,7 +269,7 @@ def _as_numbers(words: Sequence[str]) -> NDArray[np.float64]:
 
 
 def _number_or_nan(word: str) -> float:
-    """The number that a word is, with a decimal point or comma; NaN for a missing value and other words."""
+    """The number of a word, with a decimal point or comma. NaN for a missing value and other words."""
     try:
         return float(word.replace(",", ".", 1))
     except ValueError:
@@ -277,7 +277,7 @@ def _number_or_nan(word: str) -> float:
 
 
 def _is_missing(word: str) -> bool:
-    """Whether a word stands for a missing value in any spelling."""
+    """Whether a word is a spelling of a missing value."""
     return _MISSING.fullmatch(word) is not None
 
 
@@ -289,11 +289,11 @@ def _frame_count(word: str) -> int:
 
 
 def _frame_rate(frame_time: str) -> float:
-    """Frames per second, rounded to a whole rate if that has the given frame time at the digits printed."""
+    """Frames per second, or the whole rate that has the same frame time in the printed digits."""
     seconds = _number_or_nan(frame_time)
     if not 1e-4 <= seconds <= 10.0:
         raise FormatError(f"expected a frame time in seconds, got {reprlib.repr(frame_time)}")
     whole = round(1.0 / seconds)
     digits = -int(Decimal(frame_time.replace(",", ".")).as_tuple().exponent)
-    # With fewer than 4 digits 60 and 59.9 print alike; the whole rate is more probable.
+    # With fewer than 4 digits 60 and 59.9 look alike. The whole rate is more probable.
     return float(whole) if whole and abs(1.0 / whole - seconds) < 10.0 ** -max(digits, 3) else 1.0 / seconds

@@ -1,4 +1,4 @@
-"""A folder of motion files, each a take, optionally with a song of the same name each, and a manifest.csv."""
+"""A folder of motion files, each a take, with optional songs of the same names and a manifest.csv."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from choreograph.motion.motion import Credits, Motion, Take
 from choreograph.music.decoding import has_sound
 
 LAYOUT = (
-    "a folder of NAME.bvh, .c3d, .glb, .npz or, with Blender, .fbx, with NAME.wav|mp3|flac|ogg|m4a, or a "
-    "video of that name, and an optional manifest.csv"
+    "a folder of such files, each with an optional NAME.wav|mp3|flac|ogg|m4a or a video of its name, and an "
+    "optional manifest.csv"
 )
 READS_BONE_MAP = True
-_COPIES = (".npz", ".fbx")  # formats in which a motion is often kept besides another
+_COPIES = (".npz", ".fbx")  # formats in which a motion is often kept beside another file of it
 
 
 def detect(path: Path) -> bool:
@@ -28,9 +28,9 @@ def detect(path: Path) -> bool:
 
 
 def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take | SkippedFile]:
-    """The folder's takes by name, with the songs beside them; those of C3D files on one skeleton.
+    """The takes of the folder by name, with the songs beside them. C3D files share one skeleton.
 
-    Of two files of one name, NPZ and FBX are left to the other; any other is an error.
+    Of two files of one name, an NPZ or FBX is skipped. Other pairs are an error.
     """
     files = sorted(path.iterdir())
     songs = SongsByName(files)
@@ -57,7 +57,7 @@ def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take
 
 
 class SongsByName:
-    """The audio files and videos of a folder by their names, from one listing of it."""
+    """The audio files and videos of a folder by name, from one listing of it."""
 
     def __init__(self, files: Iterable[Path]) -> None:
         self._songs: dict[str, Path] = {}
@@ -71,18 +71,18 @@ class SongsByName:
 
     @classmethod
     def in_folder(cls, folder: Path) -> SongsByName:
-        """Those of a folder; none if there is no such folder."""
+        """The songs of a folder, none if the folder does not exist."""
         return cls(sorted(folder.iterdir()) if folder.is_dir() else ())
 
     def of(self, name: str) -> Path | None:
-        """The file NAME with an audio suffix (in any case), else a video with sound; None without one."""
+        """The audio file of a name (suffix in any case), else a video with sound, else None."""
         song = self._songs.get(name)
         return song or next((video for video in self._videos.get(name, ()) if has_sound(video)), None)
 
 
 def _is_motion(path: Path) -> bool:
-    """Whether the name is that of a motion file; an NPZ of other arrays is none, a damaged one is."""
-    # Hidden files come from other programs, such as macOS's "._NAME.bvh".
+    """Whether a file is a motion by its name. A damaged NPZ is one, an NPZ with other arrays is not."""
+    # Hidden files come from other programs, such as "._NAME.bvh" of macOS.
     suffix = path.suffix.lower()
     if suffix not in motion_suffixes() or path.name.startswith("."):
         return False
@@ -93,7 +93,7 @@ def _is_motion(path: Path) -> bool:
 
 
 def _one_of_each_name(files: Iterable[Path]) -> tuple[list[Path], list[SkippedFile]]:
-    """The files to read, by name, and those that have the name of another."""
+    """The files to read, by name, and those with the name of another file."""
     chosen: dict[str, Path] = {}
     others: list[SkippedFile] = []
     for file in sorted(files, key=lambda file: (file.suffix.lower() in _COPIES, file)):
@@ -106,21 +106,21 @@ def _one_of_each_name(files: Iterable[Path]) -> tuple[list[Path], list[SkippedFi
         error = FormatError(f"{file}: expected one motion of each name, got {first.name} as well")
         others.append(SkippedFile.damaged(file, error))
     if find_blender() is None:
-        why = "FBX is read by way of Blender, and none was found: install it (blender.org), or export .glb"
+        why = "FBX is read with Blender, which was not found: install it (blender.org), or export .glb"
         others += [SkippedFile(file, why) for file in chosen.values() if file.suffix.lower() == ".fbx"]
         chosen = {name: file for name, file in chosen.items() if file.suffix.lower() != ".fbx"}
     return [chosen[name] for name in sorted(chosen)], others
 
 
 def _read_motion(bone_map: Mapping[str, str] | None, file: Path) -> tuple[Motion, tuple[str, ...]]:
-    """The motion of a file of one, and notes."""
+    """The motion of a file that holds one, and notes."""
     reader = reader_of(file)
     reads_map = getattr(reader, "READS_BONE_MAP", False)
     takes = list(reader.read(file, bone_map) if reads_map else reader.read(file))
     if len(takes) > 1:
         names = ", ".join(take.name.removeprefix(f"{file.stem}-") for take in takes)
         raise FormatError(
-            f"{file}: expected one animation of each file in a folder, got {names}: "
-            "give the file by itself, or export them one by one"
+            f"{file}: expected one animation in each file of a folder, got {names}: "
+            "pass the file by itself, or export them one by one"
         )
     return takes[0].motion, takes[0].notes

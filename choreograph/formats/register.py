@@ -1,4 +1,9 @@
-"""Reads and writes by the register of formats: `import_takes` reads takes, `save_motion` writes motions."""
+"""Reads takes and writes motions in all formats.
+
+`import_takes` detects the layouts of a file or folder and reads them. If a folder has several layouts, all
+are read. A `manifest.csv` in a folder describes the takes of all layouts (`formats.manifest`). The counts in
+`NAME.counts.csv` are read with the motion in the file of the same name.
+"""
 
 from __future__ import annotations
 
@@ -35,13 +40,6 @@ from choreograph.motion.bone_map import check_bone_map
 from choreograph.motion.contacts import estimate_floor_m, sole_pos_m
 from choreograph.motion.motion import FARTHEST_M, Motion, Take
 
-# Takes from files: `import_takes` detects the layouts of a file or folder and reads them.
-#
-# A folder may have several layouts: all are read. A `manifest.csv` in it says more of the takes of all of
-# them (`formats.manifest`). Counts beside any take's motion, `NAME.counts.csv` next to NAME.bvh, are read
-# with it.
-
-
 _FLOOR_NOTE_M = 0.05
 _ACCELERATION_FPS = 30.0
 _MAX_ACCELERATION_M_S2 = 30.0  # 3 g; takes known to be correct have at most 21 m/s²
@@ -52,15 +50,14 @@ def import_takes(
 ) -> Iterator[Take]:
     """The takes in a file or folder, one by one, at 60 fps or their native rate if lower, floor at Y = 0.
 
-    Takes that cannot be read are an error after the others, which names all their files; none is skipped
-    silently. A manifest may come from a stranger: songs that it names outside of the folder are read only
-    with `allow_outside`. `bone_map` says which bone is which, canonical name to the rig's name, for the takes
-    whose rig has all bones of it.
+    Damaged files raise an error after all other takes, which names all of them. A manifest may come from an
+    untrusted source: the songs that it names outside of the folder are read only with `allow_outside`.
+    `bone_map` names the bones of the rig by canonical name. It is used for rigs that have all its bones.
 
     Raises
     ------
-    ParameterError   if `source` does not exist or has no known layout, or the map is none
-    FormatError      if a file in it is damaged, its rig is no body, or a song is elsewhere
+    ParameterError   if `source` does not exist or has no known layout, or `bone_map` is not a bone map
+    FormatError      if a file in it is damaged, its rig is not a body, or a song is outside of the folder
     """
     skipped = []
     for found in read_source(source, allow_outside=allow_outside, bone_map=bone_map):
@@ -74,9 +71,10 @@ def import_takes(
 def read_source(
     source: str | Path, *, allow_outside: bool = False, bone_map: Mapping[str, str] | None = None
 ) -> Iterator[Take | SkippedFile]:
-    """The takes in a file or folder as `import_takes` gives them, and files that gave none and why.
+    """The takes of `import_takes`, and the files that gave none, with the reason.
 
-    Raises `ParameterError` if `source` does not exist or has no known layout, or the map is none.
+    Raises `ParameterError` if `source` does not exist or has no known layout, or `bone_map` is not a bone
+    map.
     """
     source = named_source(source)
     if not source.exists():
@@ -84,7 +82,7 @@ def read_source(
     check_bone_map(bone_map)
     importers, added = _importers_of(source), added_formats()
     manifest = read_manifest(source)
-    used: set[Path] = set()  # files that were read, or are said to be skipped
+    used: set[Path] = set()  # files that were read or reported as skipped
     names: set[str] = set()  # of all takes, read or not
     for importer in importers:
         for found in _found_by(importer, source, bone_map):
@@ -92,7 +90,7 @@ def read_source(
                 names.add(found.name)
                 used.update(found.source_paths)
                 found = _finished(found, source, manifest, allow_outside or importer in added)
-            elif found.path in used and found.path.is_file():  # damaged, and said so by another layout
+            elif found.path in used and found.path.is_file():  # reported as damaged by another layout
                 continue
             if isinstance(found, SkippedFile):
                 names |= {found.path.stem, found.path.name}
@@ -106,9 +104,9 @@ def read_source(
 
 
 def annotate_takes(takes: Sequence[Take], source: str | Path) -> list[Take]:
-    """The takes of all sources, with what `source` knows about them, such as counts of another's takes.
+    """The takes of all sources, with the information that `source` adds, such as counts of other takes.
 
-    Raises `ParameterError` if it has no known layout, `FormatError` if it is damaged.
+    Raises `ParameterError` if `source` has no known layout, `FormatError` if it is damaged.
     """
     source = named_source(source)
     for importer in _importers_of(source):
@@ -118,7 +116,7 @@ def annotate_takes(takes: Sequence[Take], source: str | Path) -> list[Take]:
 
 
 def read_beside(path: Path) -> list[Path]:
-    """The files that are read with a file of motion or a character: its counts, what a .gltf refers to."""
+    """The files that are read with a motion or character: counts, and the files that a .gltf refers to."""
     counts = path.with_suffix(SUFFIX) if path.stem else path
     return [
         *([counts] if os.path.isfile(counts) else []),
@@ -129,7 +127,7 @@ def read_beside(path: Path) -> list[Path]:
 def _found_by(
     importer: Any, source: Path, bone_map: Mapping[str, str] | None
 ) -> Iterator[Take | SkippedFile]:
-    """What an importer reads; an error that ends it is of the whole source."""
+    """The takes and skipped files of an importer. An error that ends it is an error of the whole source."""
     reads_map = bone_map and getattr(importer, "READS_BONE_MAP", False)
     read: Callable[..., Iterable[Take | SkippedFile]] = importer.read
     try:
@@ -139,7 +137,7 @@ def _found_by(
 
 
 def _finished(take: Take, source: Path, manifest: Manifest, allow_outside: bool) -> Take | SkippedFile:
-    """The take with what stands beside it, as it is stored."""
+    """The take as it is stored, with information from its manifest and the counts beside it."""
     try:
         take = manifest.applied(take)
         if not allow_outside:
@@ -150,12 +148,12 @@ def _finished(take: Take, source: Path, manifest: Manifest, allow_outside: bool)
 
 
 def _check_inside(take: Take, source: Path) -> None:
-    """`FormatError` if the take's song is named by a path that leaves the folder."""
+    """Raise `FormatError` if the song of a take is outside of the folder."""
     folder = os.path.abspath(source if source.is_dir() else source.parent)
     if take.song_path is not None and not Path(os.path.abspath(take.song_path)).is_relative_to(folder):
         raise FormatError(
-            f"{source}: {take.name!r} is danced to {take.song_path}, outside of the folder: is the list your "
-            "own? Then --allow-outside (allow_outside=True)"
+            f"{source}: expected songs inside the folder, got {take.song_path} for {take.name!r}: "
+            "if you trust the list, use --allow-outside (allow_outside=True)"
         )
 
 
@@ -172,14 +170,14 @@ def _as_stored(take: Take) -> Take:
     acceleration_m_s2 = _pelvis_acceleration_m_s2(motion)
     if acceleration_m_s2 > _MAX_ACCELERATION_M_S2:
         notes += (
-            f"in one frame of a hundred the pelvis accelerates by {acceleration_m_s2:.0f} m/s² or more, "
-            "which no dancer does: is the frame rate right?",
+            f"in 1 % of the frames the pelvis accelerates by {acceleration_m_s2:.0f} m/s² or more, "
+            "which is more than a dancer can: is the frame rate right?",
         )
     return replace(take, motion=motion.resampled(min(motion.fps, STORE_FPS)), notes=notes)
 
 
 def _check_size(motion: Motion) -> None:
-    """`FormatError` if a body has no size, or one that files in single precision cannot hold."""
+    """Raise `FormatError` if a body has no size, or is too large for files in single precision."""
     body_height(motion.skeleton, motion.skeleton.rest_pos_m()[None])
     farthest_m = max(np.abs(motion.root_pos_m).max(), np.abs(motion.skeleton.offsets_m).max())
     if farthest_m >= FARTHEST_M:
@@ -189,7 +187,7 @@ def _check_size(motion: Motion) -> None:
 
 
 def _pelvis_acceleration_m_s2(motion: Motion) -> float:
-    """99th percentile of the pelvis acceleration, at 30 fps."""
+    """99th percentile of the acceleration of the pelvis at 30 fps."""
     pos_m = body_pos_m(motion.resampled(_ACCELERATION_FPS))[:, 0]
     if len(pos_m) < 3:
         return 0.0
@@ -199,7 +197,7 @@ def _pelvis_acceleration_m_s2(motion: Motion) -> float:
 
 
 def _importers_of(source: Path) -> list[Any]:
-    """The formats that read a file or folder: another package's alone, else all built-in ones of a folder."""
+    """The format of another package that reads a source, else the built-in one, or all of a folder."""
     added, builtin = ([f for f in of if hasattr(f, "read")] for of in (added_formats(), builtin_formats()))
     for importer in added:
         if importer.detect(source):
@@ -221,7 +219,7 @@ def _importers_of(source: Path) -> list[Any]:
 def read_take(path: str | Path, *, bone_map: Mapping[str, str] | None = None) -> Take:
     """The take of a file that holds one.
 
-    Raises `ParameterError` for a folder and for several takes, else as `import_takes`.
+    Raises `ParameterError` for a folder or several takes, and errors as `import_takes` does.
     """
     path = named_source(as_path("a file with a motion", path))
     if path.is_dir():
@@ -236,23 +234,32 @@ def read_take(path: str | Path, *, bone_map: Mapping[str, str] | None = None) ->
 def load_motion(path: str | Path, *, bone_map: Mapping[str, str] | None = None) -> Motion:
     """Read the motion of a file, in any format that `choreograph build-db` reads.
 
-    The motion is as a repertoire stores it: at 60 fps, or at the rate of the file if that is lower, with the
-    floor at Y = 0. `bone_map` names the rig's bones, canonical name to name in the file, where they are not
-    recognised.
+    Parameters
+    ----------
+    path : str or Path
+    bone_map : mapping of str   names of bones in the file by canonical joint, if they are not recognised
+
+    Returns
+    -------
+    motion : Motion   at 60 fps, or at the rate of the file if that is lower, with the floor at Y = 0
 
     Raises
     ------
-    ParameterError   if there is no such file, its format is unknown, or it holds several takes
+    ParameterError   if the file does not exist, its format is unknown, or it holds several takes
     FormatError      if the file is damaged or its rig is not a body
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, start_s=0.0, stop_s=4.0)
+    >>> cg.save_motion("steps.bvh", motion)
+    >>> cg.load_motion("steps.bvh")
+    <Motion: 122 frames at 30 fps (4.1 s), 24 joints>
     """
     return read_take(path, bone_map=bone_map).motion
 
 
-# Motions to files: `save_motion` by suffix, `get_writer` by format.
-
-
 def get_writer(format: str) -> Writer:
-    """The writer, with its default options, of a format such as "bvh"; `ParameterError` if unknown."""
+    """The writer of a format such as "bvh". Raises `ParameterError` if the format is unknown."""
     known = writers()
     if format.lower() not in known:
         raise unexpected(f"a motion format among {', '.join(known)}", format)
@@ -261,10 +268,26 @@ def get_writer(format: str) -> Writer:
 
 @default_numerics()
 def save_motion(path: str | Path, motion: Motion, *, writer: Writer | None = None) -> None:
-    """Write `motion` atomically, in the format of the path's suffix or with `writer`.
+    """Write a motion to a file. The file is complete, or it is not written.
 
-    Raises `ParameterError` for an unknown suffix or a missing folder, `ChoreographError` if the disk
-    is full or write-protected.
+    Parameters
+    ----------
+    path : str or Path   the suffix selects the format: .bvh, .npz, .glb, .vrma, .usda, .usdc or .fbx
+    motion : Motion
+    writer : Writer      used instead of the writer of the suffix, for example `BvhWriter` with options
+
+    Raises
+    ------
+    ParameterError     if the suffix is unknown, the folder is missing, or the format needs a package or
+                       program that is not installed
+    ChoreographError   if the disk is full or read-only
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, start_s=0.0, stop_s=4.0)
+    >>> cg.save_motion("steps.npz", motion)
+    >>> bool(np.array_equal(cg.load_motion("steps.npz").local_quat, motion.local_quat))
+    True
     """
     path = as_path("a file to write", path)
     check_kind("the motion to write", motion, Motion)

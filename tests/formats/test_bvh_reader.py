@@ -178,7 +178,7 @@ DAMAGED = {
     "not a bvh": (lambda t: "RIFF....WAVE", "HIERARCHY"),
     "garbage": (lambda t: bytes(range(256)) * 20, "HIERARCHY"),
     "no motion section": (lambda t: t.partition("MOTION")[0], "MOTION"),
-    "no frames": (lambda t: rows(t)[0].replace("Frames: 20", "Frames: 0"), "no motion"),
+    "no frames": (lambda t: rows(t)[0].replace("Frames: 20", "Frames: 0"), "expected a motion, got 0"),
     "nan": (lambda t: t.rsplit(" ", 1)[0] + " nan\n", "frame 19 holds nan"),
     "too many frames announced": (lambda t: t.replace("Frames: 20", "Frames: 23"), "count is wrong"),
     "too few frames announced": (lambda t: t.replace("Frames: 20", "Frames: 7"), "count is wrong"),
@@ -200,7 +200,7 @@ DAMAGED = {
     "frames no number": (lambda t: t.replace("Frames: 20", "Frames: many"), "number of frames"),
     "two bodies": (lambda t: t.replace("MOTION", t[9 : t.index("MOTION")] + "MOTION"), "one ROOT"),
     "unknown channel": (lambda t: t.replace("Xrotation", "Xscale"), "channels"),
-    "no channels": (lambda t: re.sub(r"CHANNELS .*", "CHANNELS 0", t), "no motion"),
+    "no channels": (lambda t: re.sub(r"CHANNELS .*", "CHANNELS 0", t), "expected a motion, got 0"),
     "no size": (lambda t: re.sub(r"OFFSET .*", "OFFSET 0 0 0", t), "no bone lengths"),
     "over an hour": (lambda t: re.sub(r"Time: \S+", "Time: 9", t).replace("s: 20", "s: 999"), "hour"),
     "10⁴ joints": (lambda t: t.replace("JOINT", "JOINT x\n{\n}\n" * 10_000 + "JOINT", 1), "4096 joints"),
@@ -271,7 +271,7 @@ def test_a_comma_in_a_name_is_no_decimal_comma(tmp_path):
 def test_a_frame_count_off_by_one_or_two_is_noted(tmp_path, announced):
     motion, notes = read_text(tmp_path, bvh_text(tmp_path).replace("Frames: 20", f"Frames: {announced}"))
     assert_same_dance(motion)
-    assert sum(f"says {announced} frames and has 20" in note for note in notes) == 1
+    assert sum(f"states {announced} frames and contains 20" in note for note in notes) == 1
 
 
 def test_comments_begin_at_the_beginning_of_a_word(tmp_path):

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from installed_packages import installed_package
 from synthetic_motions import stepping
 
+from choreograph import formats
 from choreograph.cli.main import main
 from choreograph.core.errors import ParameterError
 from choreograph.formats import BUILTIN, builtin_formats, motion_suffixes, writers
@@ -42,6 +48,27 @@ class MineWriter(Writer):
 WRITERS = (MineWriter,)
 """
 
+PATH_READER = """
+
+from choreograph.motion.motion import Credits, Take
+from choreograph.motion.skeleton import canonical_skeleton
+
+LAYOUT = "a single NAME.path"
+SUFFIXES = (".path",)
+
+
+def detect(path):
+    return path.is_file() and path.suffix == ".path"
+
+
+def read(path):
+    table = np.loadtxt(path)  # (T, 4)
+    fps = 1.0 / float(np.diff(table[:, 0]).mean())
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (len(table), canonical_skeleton().n_joints, 1))
+    motion = Motion(canonical_skeleton(), table[:, 1:], still, fps)
+    yield Take(path.stem, motion, Credits(), source_paths=(path,))
+"""
+
 
 @pytest.fixture
 def mine(tmp_path):
@@ -55,6 +82,36 @@ def test_every_built_in_format_reads_or_writes():
         assert hasattr(module, "WRITERS") or (module.LAYOUT and module.detect and module.read), name
     assert tuple(writers()) == ("bvh", "npz", "glb", "vrma", "usda", "usdc", "fbx")
     assert set(motion_suffixes()) == {".bvh", ".c3d", ".glb", ".gltf", ".vrma", ".npz", ".fbx"}
+
+
+@pytest.fixture
+def path_format(tmp_path, monkeypatch):
+    """The worked example of the documentation as a built-in format: one module and one line in `BUILTIN`."""
+    page = Path(__file__).resolve().parents[2] / "docs/contributing/format.md"
+    (writer,) = re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+    (tmp_path / "path.py").write_text(writer + PATH_READER)
+    monkeypatch.setattr(formats, "__path__", [*formats.__path__, str(tmp_path)])
+    monkeypatch.setattr(formats, "BUILTIN", (*BUILTIN, "path"))
+    yield
+    sys.modules.pop("choreograph.formats.path", None)
+
+
+def test_a_new_format_is_one_module_and_one_line(path_format, tmp_path):
+    folder = tmp_path / "takes"
+    folder.mkdir()
+    save_motion(folder / "a.bvh", stepping(30))
+    done = CliRunner().invoke(main, ["convert", str(folder / "a.bvh"), str(folder / "b.path")])
+    assert done.exit_code == 0, done.output
+    # Its writer is listed, its reader reads a file and is one of those of a folder, and errors name it.
+    assert "path" in output_formats() and "path" in used_by("loop") and "path" not in used_by("bvh")
+    (take,) = import_takes(folder / "b.path")
+    np.testing.assert_allclose(
+        np.diff(take.motion.root_pos_m, axis=0), np.diff(stepping(30).root_pos_m, axis=0), atol=1e-4
+    )
+    assert [take.name for take in import_takes(folder)] == ["a", "b"]
+    (folder / "a.unknown").touch()
+    with pytest.raises(ParameterError, match=r"known layout: .*a single NAME\.path"):
+        list(import_takes(folder / "a.unknown"))
 
 
 def test_another_package_adds_a_reader_and_a_writer(mine, tmp_path):
@@ -95,6 +152,6 @@ def test_a_package_that_cannot_be_loaded_is_named(tmp_path):
 
 
 def test_the_help_of_dance_and_convert_names_every_format():
-    for command, formats in (("dance", output_formats()), ("convert", tuple(writers()))):
+    for command, known in (("dance", output_formats()), ("convert", tuple(writers()))):
         shown = CliRunner().invoke(main, [command, "--help"]).output
-        assert not [name for name in formats if f".{name}" not in shown]
+        assert not [name for name in known if f".{name}" not in shown]
