@@ -36,7 +36,6 @@ import choreograph as cg
 from choreograph.choreography.graph.warping import smooth_time_maps, subsequence_dtw
 from choreograph.core.numerics import interpolate_frames
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGMENT_S, STORE_FPS
-from choreograph.evaluation.metrics.warping import recovery_errors_ms, summary_ms
 from choreograph.evaluation.songs import EvaluatedSong, beats_of, check_unseen, find_songs, second_tracker
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s
@@ -46,6 +45,7 @@ from choreograph.music.song_features import motion_density, music_density
 from choreograph.nets.density import MotionDensity, MusicDensity
 from choreograph.nets.density_data import random_time_map
 from choreograph.nets.style import centred
+from research.warp_scores import recovery_errors_ms, summary_ms
 
 STIFFNESS = (0.0, 40.0, 400.0, 4_000.0, 40_000.0)  # frames⁴; the last is what dances use
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")

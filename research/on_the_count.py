@@ -29,10 +29,10 @@ import numpy as np
 import choreograph as cg
 from choreograph.core.counts import Counts, numbers_in_bar
 from choreograph.evaluation.danced_counts import danced_counts
-from choreograph.evaluation.metrics import beat, counts, motion_beat_detectors
+from choreograph.evaluation.metrics import beat, count_phase, counts, motion_beat_detectors
 from choreograph.evaluation.results import EXPERT, REAL, MeasuredDance
 from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
-from choreograph.evaluation.scores import DancedPhases, phases_by_genre
+from choreograph.evaluation.scores import DancedPhases
 from choreograph.evaluation.songs import beats_of, find_songs, read_experts
 from choreograph.evaluation.variants import Variant
 from choreograph.motion.body import body_pos_m
@@ -42,6 +42,7 @@ from choreograph.music.mel import log_mel
 from choreograph.music.song import load_song
 from choreograph.music.synthesis.song import SyntheticSong, write_song
 from content.songs.known_songs import BENCHMARK_SONGS
+from research.variants import with_counts
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 METRES = {"waltz": 3}
@@ -94,7 +95,7 @@ def dances_of(
 ) -> tuple[list[MeasuredDance], list[DancedPhases]]:
     """All dances of a repertoire to the held-out songs, the experts' and the real ones; experts' phases."""
     only = songs_file.read_text(encoding="utf-8").split()
-    songs = find_songs(given.data, only=only, duration_s=given.duration, counted_by=given.counted_by)
+    songs = with_counts(find_songs(given.data, only=only, duration_s=given.duration), given.counted_by)
     variants = tuple(
         Variant(
             engine,
@@ -151,6 +152,25 @@ def dance_lines(engine: str, dances: Sequence[MeasuredDance], *, judged: bool) -
         if any(shown.values()):
             lines.append(Line(what, target, shown[engine], text(chance, digits), shown[EXPERT], shown[REAL]))
     return lines
+
+
+def phases_by_genre(
+    dances: Sequence[DancedPhases], experts: Sequence[DancedPhases], rng: np.random.Generator
+) -> dict[str, dict[str, float]]:
+    """`count_phase.evaluate` of all dances of a genre together against its experts, by genre.
+
+    A single dance has few motion beats, so that much of its distance is chance. Genres without a dance or
+    without experts' dances to two songs are left out.
+    """
+    found = {}
+    for genre in sorted({dance.genre for dance in dances}):
+        danced = np.concatenate([d.phases for d in dances if d.genre == genre])
+        known = [e for e in experts if e.genre == genre and len(e.phases)]
+        if len(danced) and len({e.song for e in known}) > 1:
+            found[genre] = count_phase.evaluate(
+                danced, [e.phases for e in known], [e.song for e in known], rng
+            )
+    return found
 
 
 def phase_lines(engine: str, dances: Sequence[MeasuredDance], experts: Sequence[DancedPhases]) -> list[Line]:

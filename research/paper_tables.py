@@ -31,9 +31,9 @@ from choreograph.evaluation.results import EXPERT, REAL, TAKES, MeasuredDance
 from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.scores import physical_scores, weighted_mean
 from choreograph.evaluation.songs import EvaluatedSong, find_songs, read_experts
-from choreograph.evaluation.variants import variants_named
 from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.plan import Plan
+from research.variants import variants_named, with_counts
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 LABELS = tuple(f"label_distance_{name}" for name in ("openness", "intensity", "rhythm", "asymmetry"))
@@ -166,7 +166,7 @@ def main() -> None:
     parser.add_argument("--seen", action="store_true", help="also songs that networks were trained on")
     options = parser.parse_args()
     only = options.only.read_text(encoding="utf-8").split()
-    songs = find_songs(options.data, only=only, counted_by=options.counted_by)
+    songs = with_counts(find_songs(options.data, only=only), options.counted_by)
     variants = variants_named(options.variants)
     dances: list[MeasuredDance] = []
     groups = [("", options.repertoires), *((name, [Path(p) for p in paths]) for name, *paths in options.also)]

@@ -23,6 +23,7 @@ from choreograph.evaluation.results import MeasuredDance
 from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.songs import find_songs
 from choreograph.evaluation.variants import Variant
+from research.variants import with_counts
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 WAYS = {
@@ -79,9 +80,8 @@ def main() -> None:
     judges = given.repertoires[1:] + given.repertoires[:1] if judged else given.repertoires
     shown = SHOWN if judged else [metric for metric in SHOWN if metric != "signature_chi2"]
     for seed, (path, judge, file) in enumerate(zip(given.repertoires, judges, files, strict=True)):
-        songs = find_songs(
-            given.data, only=file.read_text(encoding="utf-8").split(), counted_by=given.counted_by
-        )
+        only = file.read_text(encoding="utf-8").split()
+        songs = with_counts(find_songs(given.data, only=only), given.counted_by)
         found = evaluate_variants(
             cg.Repertoire.open(path),
             songs,

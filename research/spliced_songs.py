@@ -22,12 +22,23 @@ import soundfile
 
 import choreograph as cg
 from choreograph.evaluation.danced_counts import danced_counts
-from choreograph.evaluation.metrics import counts, style_response
-from choreograph.evaluation.plan_scores import genre_by_second
+from choreograph.evaluation.metrics import counts
 from choreograph.music.synthesis.sounds import RATE_HZ
+from choreograph.plan import Plan
 from content.songs.known_songs import SPLICED_SONGS, SplicedSong
+from research import style_response
 
 Row = dict[str, float]
+
+
+def genre_by_second(plan: Plan, repertoire: cg.Repertoire) -> list[str]:
+    """Genre of the take danced in the middle of every whole second; empty strings without takes."""
+    genres = {take.name: take.credits.genre for take in repertoire.takes}
+    middles_s = np.arange(int(plan.duration_s)) + 0.5
+    blocks = plan.blocks
+    starts_s = [block.start_s for block in blocks]
+    danced = np.clip(np.searchsorted(starts_s, middles_s, side="right") - 1, 0, None)
+    return [genres.get(blocks[index].planned.take, "") for index in danced]
 
 
 def measured(spliced: SplicedSong, repertoire: cg.Repertoire, config: cg.DanceConfig) -> Row:

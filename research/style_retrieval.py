@@ -23,7 +23,6 @@ import torch
 
 from choreograph.choreography.selection import select_clips
 from choreograph.core.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
-from choreograph.evaluation.metrics.retrieval import chance_precision, mean_over_groups, precision_at_k
 from choreograph.library.songs import DEFAULT_BEATS, song_counts
 from choreograph.music.mel import log_mel
 from choreograph.music.rhythm import rhythm_features
@@ -34,6 +33,7 @@ from choreograph.nets.style_data import StyleSong, StyleTake
 from choreograph.nets.style_training import train_style
 from choreograph.nets.training import TrainingContext
 from content.style_networks import built_in_style_takes, shipped_style_config, style_songs, style_takes
+from research.retrieval import chance_precision, mean_over_groups, precision_at_k
 
 # All cha-chas and rumbas with motion, and six waltzes chosen before any result was seen.
 POOL = (

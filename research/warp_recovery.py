@@ -20,7 +20,6 @@ from scipy.ndimage import gaussian_filter1d
 from choreograph.choreography.graph.warping import subsequence_dtw
 from choreograph.core.numerics import interpolate_frames
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, STORE_FPS
-from choreograph.evaluation.metrics.warping import recovery_errors_ms, summary_ms
 from choreograph.formats.register import import_takes
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s
@@ -32,6 +31,7 @@ from choreograph.nets.density_training import train_motion_density
 from choreograph.nets.style import centred
 from choreograph.nets.style_data import StyleTake
 from choreograph.nets.training import TrainingContext
+from research.warp_scores import recovery_errors_ms, summary_ms
 
 SMOOTHING_FRAMES = 2.0
 MIDDLE = slice((CLIP_FRAMES - SEGMENT_FRAMES) // 2, (CLIP_FRAMES + SEGMENT_FRAMES) // 2)

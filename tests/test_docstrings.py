@@ -185,17 +185,6 @@ TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
         "metrics.references.shuffled_joints",
         "metrics.references.still",
     ),
-    "metrics.retrieval": (
-        "metrics.retrieval.chance_precision",
-        "metrics.retrieval.chance_recall",
-        "metrics.retrieval.chance_reciprocal_rank",
-        "metrics.retrieval.evaluate",
-        "metrics.retrieval.mean_over_groups",
-        "metrics.retrieval.precision_at_k",
-        "metrics.retrieval.recall_at_k",
-        "metrics.retrieval.reciprocal_rank",
-        "metrics.retrieval.validate",
-    ),
     "metrics.structure": (
         "metrics.structure.distinct_takes_per_minute",
         "metrics.structure.evaluate",
@@ -210,14 +199,6 @@ TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
         "metrics.structure.transition_chance_bits",
         "metrics.structure.validate",
     ),
-    "metrics.style_response": (
-        "metrics.style_response.chance_shares",
-        "metrics.style_response.evaluate",
-        "metrics.style_response.own_genre_shares",
-        "metrics.style_response.part_bounds",
-        "metrics.style_response.seconds_to_switch",
-        "metrics.style_response.validate",
-    ),
     "metrics.transitions": (
         "metrics.transitions.at_bar_borders",
         "metrics.transitions.at_borders",
@@ -228,14 +209,6 @@ TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
         "metrics.transitions.transitions_per_minute",
         "metrics.transitions.uniform_chance",
         "metrics.transitions.validate",
-    ),
-    "metrics.warping": (
-        "metrics.warping.evaluate",
-        "metrics.warping.recovery_errors_ms",
-        "metrics.warping.share_at_limits",
-        "metrics.warping.slope_histogram",
-        "metrics.warping.summary_ms",
-        "metrics.warping.validate",
     ),
 }
 TO_DO = {name for names in TO_DO_BY_ROOM.values() for name in names}

@@ -18,7 +18,7 @@ from synthetic_repertoire import (
 import choreograph as cg
 from choreograph import settings as published
 from choreograph.core.errors import ParameterError, RepertoireError
-from choreograph.evaluation.variants import VARIANTS, dance_variant, variants_named
+from choreograph.evaluation.variants import dance_variant
 from choreograph.formats.register import save_motion
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.writing import write_repertoire
@@ -27,6 +27,7 @@ from choreograph.nets.configs import DensityConfig, StyleConfig
 from choreograph.nets.density import MotionDensity
 from choreograph.render.rendering import assemble, motion_reader, plan_runs
 from choreograph.settings import DEFAULT_WEIGHTS
+from research.variants import VARIANTS, variants_named
 
 pytestmark = pytest.mark.slow
 

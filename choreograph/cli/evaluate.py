@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _FILE = click.Path(path_type=Path)
 # These are of dances that are made.
 _FOR_SONGS = {
-    "--counted-by", "--experts", "--judge", "--only", "--resume", "--seeds", "--seen", "--variants",
+    "--experts", "--judge", "--only", "--resume", "--seeds", "--seen", "--variants",
 }  # fmt: skip
 
 
@@ -42,7 +42,7 @@ _FOR_SONGS = {
     cls=Command,
     short_help="Measure dances.",
     epilog=examples(
-        "choreograph evaluate --db rep.h5 --songs heldout/ --variants paper --report report.html",
+        "choreograph evaluate --db rep.h5 --songs heldout/ --variants baselines --report report.html",
         "choreograph evaluate --db rep.h5 --songs takes/ --only @heldout.txt   beside the real dances",
         "choreograph evaluate dance.bvh song.mp3                 any system's dance",
         "choreograph evaluate dance.bvh song.mp3 --beats beats.txt --json -",
@@ -57,17 +57,13 @@ _FOR_SONGS = {
     help="Songs to dance to. Real dances in DIR, in any layout of build-db, are measured as well.",
 )  # fmt: skip
 @optgroup.option(
-    "--counted-by", multiple=True, type=_FILE, metavar="SOURCE",
-    help="Knows the counts of the real dances: ChoreoNet's folder for those of dance-with-melody.",
-)  # fmt: skip
-@optgroup.option(
     "--experts", type=_FILE, metavar="DIR",
     help="Dances to compare with, named as the songs, with NAME.counts.csv beside them.",
 )  # fmt: skip
 @optgroup.option("--only", multiple=True, metavar="SONG", help="Only this song, or @FILE of names.")
 @optgroup.option(
     "--variants", multiple=True, metavar="NAME",
-    help="What to compare: ours (default), paper, ablations, engines, or one of their variants.",
+    help="What to compare: engines, baselines, as-published, or one variant of a group. Default: ours.",
 )  # fmt: skip
 @optgroup.option("--seeds", default=5, show_default=True, help="Dances of each variant to each song.")
 @optgroup.option("--seen", is_flag=True, help="Also measure on songs that the repertoire was made with.")
@@ -90,7 +86,7 @@ _FOR_SONGS = {
 )  # fmt: skip
 @optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no table.")
 def command(
-    dance, song, db, folder, counted_by, experts, only, variants, seeds, duration, beats, seen, judge, report,
+    dance, song, db, folder, experts, only, variants, seeds, duration, beats, seen, judge, report,
     json_path, resume, quiet,
 ) -> None:  # fmt: skip
     """Measure dances: made with --db to the songs of DIR, or DANCE (BVH, NPZ, …) against its SONG."""
@@ -120,7 +116,7 @@ def command(
         else:
             config = EvaluationConfig(variants_named(variants or ("ours",)), seeds, beats, seen)
             shown.report("finding songs", 0, 0)
-            songs = find_songs(folder, only=names_of(only), duration_s=duration, counted_by=counted_by)
+            songs = find_songs(folder, only=names_of(only), duration_s=duration)
             with _kept(output, resume) as kept:
                 evaluation = _of_songs(songs, db, config, judge, experts, kept, shown.report)
                 _write(evaluation, report, json_path)

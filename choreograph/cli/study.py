@@ -30,7 +30,7 @@ _FILE = click.Path(path_type=Path)
 @click.group(
     short_help="Let people rate dances.",
     epilog=examples(
-        "choreograph study write --songs heldout/ --variants paper -o study/",
+        "choreograph study write --songs heldout/ --variants baselines -o study/",
         "choreograph study write --songs heldout/ --variants rollout --ask pairs -o pairs/",
         "choreograph study show study/",
     ),
@@ -46,7 +46,7 @@ def command() -> None:
 @click.option("--only", multiple=True, metavar="SONG", help="Only this song, or @FILE of names.")
 @click.option(
     "--variants", multiple=True, metavar="NAME",
-    help="What to compare: paper (default), ablations, engines, or one of their variants.",
+    help="What to compare: engines, as-published, or one variant of a group. Default: baselines.",
 )  # fmt: skip
 @click.option("--seen", is_flag=True, help="Also use songs that the repertoire was made with.")
 @click.option("--duration", type=Seconds(), help="Seconds of each song to dance. Default: to the end.")
@@ -83,7 +83,7 @@ def write(
 
     check_study_folder(output)
     check_outputs_apart([output / PAGE_NAME, output / KEY_NAME], named_by=("output",))
-    chosen = variants_named(variants or ("paper",))
+    chosen = variants_named(variants or ("baselines",))
     repertoire = starter_repertoire() if db is None else Repertoire.open(db)
     with stages(quiet=quiet) as shown:
         songs = find_songs(folder, only=names_of(only), duration_s=duration)

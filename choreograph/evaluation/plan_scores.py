@@ -1,4 +1,4 @@
-"""Scores of a plan, of its motifs, and of the style retrieval."""
+"""Scores of a plan and of its motifs."""
 
 from __future__ import annotations
 
@@ -7,20 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, WORD_FPS
 from choreograph.evaluation.danced_counts import figure_borders_s
-from choreograph.evaluation.metrics import retrieval, structure, transitions, warping
-from choreograph.evaluation.scores import Scores, split_chance
+from choreograph.evaluation.metrics import structure, transitions
+from choreograph.evaluation.scores import Scores
 from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.music.sections import Sections
-from choreograph.music.song import Song
 from choreograph.plan import Plan
 from choreograph.render.rendering import plan_runs
 
@@ -28,6 +26,8 @@ from choreograph.render.rendering import plan_runs
 
 
 Floats = NDArray[np.float64]
+
+_SLOWEST, _FASTEST = 0.5, 2.0  # of a warp; ChoreoGraph, section 3.2
 
 
 def plan_scores(plan: Plan, repertoire: Repertoire, genre: str = "") -> Scores:
@@ -45,7 +45,7 @@ def plan_scores(plan: Plan, repertoire: Repertoire, genre: str = "") -> Scores:
         "distinct_takes_per_minute": structure.distinct_takes_per_minute(takes, plan.duration_s),
     }
     if plan.seconds:
-        scores |= warping.evaluate(time_maps(plan))
+        scores |= playback_speed_scores(time_maps(plan))
     genres = {take.name: take.credits.genre for take in repertoire.takes}
     if genre not in genres.values():
         return Scores(scores)
@@ -76,16 +76,6 @@ def transition_scores(plan: Plan, repertoire: Repertoire, music: Counts) -> Scor
     return Scores(known, {name: level for name, level in chance.items() if name in known})
 
 
-def genre_by_second(plan: Plan, repertoire: Repertoire) -> list[str]:
-    """Genre of the take danced in the middle of every whole second; empty strings without takes."""
-    genres = {take.name: take.credits.genre for take in repertoire.takes}
-    middles_s = np.arange(int(plan.duration_s)) + 0.5
-    blocks = plan.blocks
-    starts_s = [block.start_s for block in blocks]
-    danced = np.clip(np.searchsorted(starts_s, middles_s, side="right") - 1, 0, None)
-    return [genres.get(blocks[index].planned.take, "") for index in danced]
-
-
 def time_maps(plan: Plan) -> Floats:
     """The take's frame at every frame of the plan's seconds, ends included, (S, 21) at 20 fps."""
     times_s = np.array([second.source_times_s for second in plan.seconds], np.float64)
@@ -97,6 +87,21 @@ def transition_times_s(plan: Plan) -> Floats:
     if not plan.from_takes:
         return np.zeros(0)
     return np.array([run.start_s for run in plan_runs(plan)[1:]])
+
+
+def playback_speed_scores(time_maps: Floats) -> dict[str, float]:
+    """Percentiles of the slopes of time maps (S, T), and the shares of the frames at the limits, by name.
+
+    A slope of 1 is the recorded speed. A smoothed map comes within 2 % of a limit where it runs along it.
+    """
+    slopes = np.diff(time_maps, axis=-1)
+    return {
+        "slope_p05": float(np.percentile(slopes, 5)),
+        "slope_median": float(np.median(slopes)),
+        "slope_p95": float(np.percentile(slopes, 95)),
+        "share_at_slowest": float(np.mean(slopes <= _SLOWEST * 1.02)),
+        "share_at_fastest": float(np.mean(slopes >= _FASTEST * 0.98)),
+    }
 
 
 # Scores of the motifs in a dance: against its genre's signature and its song's sections.
@@ -206,26 +211,3 @@ class MotifScorer:
 
     def _known(self, genre: str) -> str:
         return genre if genre in self.vocabulary.genres else ALL_GENRES
-
-
-# Scores of the style retrieval: whether clips near a song in style are of its genre.
-
-
-RETRIEVED = 50  # clips per second of the song
-
-
-def retrieval_scores(song: Song, genre: str, repertoire: Repertoire) -> Scores:
-    """Precision, recall and reciprocal rank of the genre among the clips nearest in style to each second.
-
-    Empty if the repertoire has no style networks, or no clip of the genre.
-    """
-    genres = np.array([take.credits.genre for take in repertoire.takes])[repertoire.clip_take]
-    of_genre = genres == genre
-    if not genre or "style" not in repertoire.net_names or not of_genre.any():
-        return Scores({})
-    song_features, _ = analyse_song(song, repertoire)
-    distances = np.linalg.norm(song_features.style[:, None] - repertoire.clip_style, axis=2)  # (S, N)
-    relevant = of_genre[np.argsort(distances, axis=1, kind="stable")]
-    k = min(RETRIEVED, repertoire.n_clips)
-    metrics = retrieval.evaluate(relevant, k)
-    return split_chance({name.replace(f"_at_{k}", ""): value for name, value in metrics.items()})

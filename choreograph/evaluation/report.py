@@ -28,7 +28,6 @@ _TITLES = {
     "endings": "First and last pose",
     "beats": "Motion beats", "realism": "Realism", "sets": "Sets of dances", "labels": "Labels",
     "physics": "Physics", "motifs": "Motifs", "structure": "Structure", "warping": "Warping",
-    "retrieval": "Retrieval",
 }  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.progress import one_line
-from choreograph.evaluation.metric_catalogue import FAMILIES, METRICS, Metric
+from choreograph.evaluation.metric_catalogue import CAPTIONS, METRICS, Metric
 from choreograph.evaluation.plan_scores import DancedMotifs
 from choreograph.evaluation.scores import DancedPhases, Scores
 from choreograph.motion.motion import Motion
@@ -24,7 +24,6 @@ from choreograph.plan import Plan
 Floats = NDArray[np.float64]
 
 EXPERT, REAL, TAKES = "expert", "real", "takes"  # table columns next to the variants
-SELECTION = "selection"  # not a dance: style retrieval for a song
 SINGLE = "dance"  # the only column if a single dance is evaluated
 
 
@@ -118,7 +117,7 @@ class Table:
 def tables(evaluation: Evaluation) -> tuple[Table, ...]:
     """One table for each family that was measured; variants first, then real dances and takes."""
     result = []
-    for family, caption in FAMILIES.items():
+    for family, caption in CAPTIONS.items():
         dances = evaluation.sets if family == "sets" else evaluation.dances
         metrics = [metric for metric in METRICS.values() if metric.family == family]
         columns = tuple(
@@ -171,7 +170,7 @@ def to_json(evaluation: Evaluation) -> str:
         "version": VERSION,
         "facts": dict(evaluation.facts),
         "variants": dict(evaluation.variants),
-        "metrics": {name: {**asdict(metric), "limits": metric.limits} for name, metric in METRICS.items()},
+        "metrics": {name: asdict(metric) for name, metric in METRICS.items()},
         "tables": [
             {
                 "family": table.family,

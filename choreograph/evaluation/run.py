@@ -17,11 +17,10 @@ from choreograph.core.progress import ProgressReport
 from choreograph.evaluation.dance_scores import dance_scores
 from choreograph.evaluation.danced_counts import CountedDance
 from choreograph.evaluation.metrics import labels
-from choreograph.evaluation.plan_scores import retrieval_scores, scorer_for
+from choreograph.evaluation.plan_scores import scorer_for
 from choreograph.evaluation.results import (
     EXPERT,
     REAL,
-    SELECTION,
     TAKES,
     Evaluation,
     ExampleDance,
@@ -125,7 +124,6 @@ class _Run:
         self.repertoire, self.songs, self.config, self.kept = repertoire, songs, config, kept
         self.report = report or (lambda stage, done, total: None)
         self.dances: list[MeasuredDance] = []
-        self.retrievals: list[MeasuredDance] = []  # style retrieval by song, not dances
         self.notes: dict[str, None] = {}
         self.features: dict[tuple[str, int], list[FeatureRows]] = {}  # (variant, seed) -> dances
         self.dance_labels: list[Floats] = []  # (W, 4) per dance
@@ -180,8 +178,6 @@ class _Run:
                     examples.append(example)
         examples += [self._measure(song, 0, known) for known in self.references if known.song == song.name]
         if song.take is not None:
-            scores = retrieval_scores(loaded, song.genre, self.repertoire)
-            self.retrievals.append(MeasuredDance(SELECTION, song.name, 0, scores))
             n_frames = min(song.take.motion.n_frames, round(loaded.duration_s * song.take.motion.fps))
             motion = song.take.motion.sliced(0, n_frames)
             counts = song.take.counts.within(0.0, motion.duration_s)
@@ -229,9 +225,6 @@ class _Run:
             variants.setdefault(reference.variant, "experts' choreography, laid on the beats count by count")
         if any(d.variant == REAL for d in dances):
             variants[REAL] = "the real takes to these songs as recorded, synchronised with them or not"
-        retrievals = [r for r in self.retrievals if r.scores.values]
-        if retrievals:
-            variants[SELECTION] = "the repertoire's clips ranked by style; the same for every variant"
         if takes:
             variants[TAKES] = (
                 f"the takes in the dances of {self.config.variants[0].name}, weighted by duration"
@@ -247,9 +240,8 @@ class _Run:
             "frechet_against": self.real_description,
             "seen": self.config.seen,
         }
-        measured = (*dances, *retrievals, *takes)
         return Evaluation(
-            facts, variants, measured, tuple(sets), tuple(self.notes), self.example, tuple(experts)
+            facts, variants, (*dances, *takes), tuple(sets), tuple(self.notes), self.example, tuple(experts)
         )
 
     def _with_label_scores(self) -> list[MeasuredDance]:

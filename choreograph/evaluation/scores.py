@@ -228,25 +228,6 @@ def phase_scores(dance: DancedPhases, experts: Sequence[DancedPhases], rng: np.r
     )
 
 
-def phases_by_genre(
-    dances: Sequence[DancedPhases], experts: Sequence[DancedPhases], rng: np.random.Generator
-) -> dict[str, dict[str, float]]:
-    """`count_phase.evaluate` of all dances of a genre together against its experts, by genre.
-
-    A single dance has few motion beats, so that much of its distance is chance. Genres without a dance or
-    without experts' dances to two songs are left out.
-    """
-    found = {}
-    for genre in sorted({dance.genre for dance in dances}):
-        danced = np.concatenate([d.phases for d in dances if d.genre == genre])
-        known = [e for e in experts if e.genre == genre and len(e.phases)]
-        if len(danced) and len({e.song for e in known}) > 1:
-            found[genre] = count_phase.evaluate(
-                danced, [e.phases for e in known], [e.song for e in known], rng
-            )
-    return found
-
-
 # Scores against real dances: FPD and FMD of single dances, FID and diversity of sets.
 
 

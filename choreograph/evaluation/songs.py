@@ -16,7 +16,7 @@ from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.danced_counts import CountedDance
 from choreograph.evaluation.metrics.energy_response import section_loudness_db
 from choreograph.evaluation.results import EXPERT
-from choreograph.formats.register import annotate_takes, import_takes
+from choreograph.formats.register import import_takes
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import names_a_tracker, song_counts
 from choreograph.motion.motion import Take
@@ -62,24 +62,19 @@ def find_songs(
     *,
     only: Collection[str] = (),
     duration_s: float | None = None,
-    counted_by: Sequence[str | Path] = (),
 ) -> tuple[EvaluatedSong, ...]:
     """Find the songs in a folder: those of importable takes in any layout, and all other audio files.
 
     `only` names the takes and songs (files without suffix) to keep, all if empty. `duration_s` cuts songs and
-    their real takes. `counted_by` are other sources that know the counts of the takes, such as ChoreoNet's
-    lists of dance-with-melody's figures. Raises `ParameterError` if there is no song or a name in `only` is
-    missing, `FormatError` if a take is damaged.
+    their real takes. Raises `ParameterError` if there is no song or a name in `only` is missing, and
+    `FormatError` if a take is damaged.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise ParameterError(f"expected a folder of songs at {folder}, got no such folder")
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in SONG_SUFFIXES and p.name[0] != ".")
     songs, with_take = [], set()
-    takes = list(_takes(folder, optional=bool(files)))
-    for source in counted_by:
-        takes = annotate_takes(takes, source)
-    for take in takes:
+    for take in _takes(folder, optional=bool(files)):
         if take.song_path is None:
             continue
         with_take.add(take.song_path)

@@ -1,10 +1,10 @@
-"""Variants to compare, and their dances kept until an evaluation is complete."""
+"""Variants to compare, and their dances, which are kept until an evaluation is complete."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
@@ -26,9 +26,9 @@ from choreograph.music.song import Song
 from choreograph.pipeline.dancing import Dance, dance
 from choreograph.plan import Plan, PlannedSecond
 from choreograph.render.rendering import render
-from choreograph.settings import DEFAULT_WEIGHTS, TRANSITION_LENGTHS_S, DanceConfig
+from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig
 
-# Variants to compare: the paper's Table 1, ablations of our own parts, and the engines.
+# Variants to compare: the engines, the published method, and baselines.
 
 
 @dataclass(frozen=True)
@@ -43,98 +43,45 @@ class Variant:
     method: str = ""  # what the provenance of its repertoires begins with; "": any
 
 
-def _variant(name: str, description: str, *, seeded: bool = True, **settings) -> Variant:
-    return Variant(name, description, DanceConfig(**settings), seeded)
-
-
-def _published(name: str, description: str, **settings) -> Variant:
-    config = published.published_dance(**settings)
-    return Variant(name, description, config, seeded=False, method=published.METHOD)
-
-
-def _without_cost(cost: str) -> Variant:
-    return _variant(
-        f"no-{cost}", f"ours without the {cost} cost", seeded=cost != "variety", weights={cost: 0.0}
-    )
-
-
-_NO_EDGES = dict.fromkeys(
-    ("completeness", "transition", "velocity", "repeat", "signature", "motif_transition"), 0.0
-)
 VARIANTS: dict[str, Variant] = {
     variant.name: variant
     for variant in (
+        Variant("ours", "the defaults"),
+        Variant("greedy", "ours with the greedy planner", DanceConfig(planner="greedy")),
+        Variant("mixer", "the mixer engine: motion words of takes", DanceConfig(engine="mixer")),
+        Variant("rollout", "the rollout engine: motion from a network", DanceConfig(engine="rollout")),
         Variant(
-            "random", "random clips: their middle 4 s unwarped, linear blending", random_clips=True,
-            config=DanceConfig(blending="linear", transitions="seconds"),
+            "as-published",
+            "ChoreoGraph as published, throughout: networks, selection, warping, graph and blending",
+            published.published_dance(),
+            seeded=False,
+            method=published.METHOD,
         ),
-        _variant(
-            "motion-graph", "the paper's Motion Graph variant: first warped seconds, transition cost only, "
-            "linear blending, transitions on seconds", seeded=False, planner="motion-graph",
-            selection="style", blending="linear", transitions="seconds", weights=published.WEIGHTS,
+        Variant(
+            "random",
+            "random clips: their middle 4 s unwarped, linear blending",
+            DanceConfig(blending="linear", transitions="seconds"),
+            random_clips=True,
         ),
-        _variant(
-            "greedy-published", "ChoreoGraph's graph as published: greedy planner, unweighted style, "
-            "completeness and transition costs, linear blending, transitions on seconds; with our warping "
-            "and foot lock",
-            seeded=False, planner="greedy", selection="style", blending="linear", transitions="seconds",
-            weights=published.WEIGHTS,
-        ),
-        _published(
-            "as-published", "ChoreoGraph as published, throughout: networks, selection, warping, graph and "
-            "blending",
-        ),
-        _published(
-            "as-published-motion-graph", "the same with the paper's Motion Graph variant of the graph",
-            planner="motion-graph",
-        ),
-        _published(
-            "as-published-no-retempo", "as published without warping: clips' middle 4 s at recorded speed",
-            warping="none",
-        ),
-        _variant("ours", "the defaults"),
-        _variant("greedy", "ours with the greedy planner", planner="greedy"),
-        _variant("linear", "ours with linear blending", blending="linear"),
-        _variant("no-retempo", "ours without warping: clips at recorded speed", warping="none"),
-        _variant(
-            "no-selection", "ours with random candidates and without the style cost", selection="random",
-            weights={"style": 0.0},
-        ),
-        _variant("style-selection", "ours with the clips nearest in style, the paper's", selection="style"),
-        _variant(
-            "no-graph", "ours without costs between seconds: the best node for each second alone",
-            weights=_NO_EDGES,
-        ),
-        _variant("transitions-on-seconds", "ours with transitions on seconds", transitions="seconds"),
-        *(_without_cost(cost) for cost in DEFAULT_WEIGHTS),
-        _variant("mixer", "the mixer engine: motion words of takes", engine="mixer"),
-        _variant(
-            "mixer-absolute", "the mixer with equation 5 as published: the absolute difference of signatures",
-            engine="mixer", motif_draw="absolute",
-        ),
-        _variant("rollout", "the rollout engine: motion from a network", engine="rollout"),
     )
-}  # fmt: skip
+}
 GROUPS: dict[str, tuple[str, ...]] = {
-    "paper": ("ours", "greedy-published", "motion-graph", "random"),
-    "published": ("as-published", "as-published-motion-graph", "as-published-no-retempo"),
-    "ablations": (
-        "ours", "no-selection", "style-selection", "no-retempo", "no-graph", "greedy", "linear",
-        "transitions-on-seconds",
-        *(f"no-{cost}" for cost in DEFAULT_WEIGHTS),
-    ),
     "engines": ("ours", "mixer", "rollout"),
-}  # fmt: skip
+    "baselines": ("ours", "greedy", "random"),
+}
 
 
-def variants_named(names: Sequence[str]) -> tuple[Variant, ...]:
-    """The variants with these names or in these `GROUPS`, each once; `ParameterError` for an unknown name."""
+def variants_named(
+    names: Sequence[str],
+    variants: Mapping[str, Variant] = VARIANTS,
+    groups: Mapping[str, tuple[str, ...]] = GROUPS,
+) -> tuple[Variant, ...]:
+    """The variants with these names or in these groups, each once; `ParameterError` for an unknown name."""
     chosen: dict[str, Variant] = {}
     for name in names:
-        if name not in GROUPS and name not in VARIANTS:
-            known = ", ".join([*GROUPS, *VARIANTS])
-            raise ParameterError(f"expected variants among {known}, got {name!r}")
-        chosen.update({member: VARIANTS[member] for member in GROUPS.get(name, (name,))})
+        if name not in groups and name not in variants:
+            raise ParameterError(f"expected variants among {', '.join([*groups, *variants])}, got {name!r}")
+        chosen.update({member: variants[member] for member in groups.get(name, (name,))})
     return tuple(chosen.values())
 
 

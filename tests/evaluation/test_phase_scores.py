@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic_motions import stepping
 
-from choreograph.evaluation.scores import DancedPhases, danced_phases, phase_scores, phases_by_genre
+from choreograph.evaluation.scores import DancedPhases, danced_phases, phase_scores
 
 RNG = np.random.default_rng(0)
 
@@ -46,17 +46,3 @@ def test_phases_of_a_motion():
     found = danced_phases(motion, 0.1 + 0.5 * np.arange(19), "a", "song")
     assert (found.genre, found.song) == ("a", "song")
     assert found.phases == pytest.approx(np.full(len(found.phases), 0.8), abs=0.1)
-
-
-def test_phases_pooled_by_genre():
-    rng = np.random.default_rng(3)
-    made = [
-        dance("rumba", "a", 0.8),
-        dance("rumba", "b", 0.8),
-        dance("cha-cha", "c", 0.5),
-        dance("tango", "d", 0),
-    ]
-    found = phases_by_genre(made, EXPERTS, rng)
-    assert list(found) == ["cha-cha", "rumba"]  # no experts in tango
-    assert found["rumba"]["phase_nearness"] > 0.9 > 0 > found["cha-cha"]["phase_nearness"]
-    assert phases_by_genre([], EXPERTS, rng) == {}

@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.evaluation.metrics import beat, fid, frechet, labels, physical, retrieval, structure, warping
+from choreograph.evaluation.metrics import beat, fid, frechet, labels, physical, structure
+from choreograph.evaluation.plan_scores import playback_speed_scores
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.motion.rotations import from_rotvec
 from choreograph.motion.skeleton import canonical_skeleton
+from research import retrieval, warp_scores
 
 FOLDER = Path(__file__).parent
 FPS = 60.0
@@ -147,9 +149,8 @@ def warping_scores() -> dict[str, float]:
     """Maps whose slope swings between the limits, and their recovery by a path of whole frames."""
     frames = np.arange(80)
     true = np.cumsum(2.0 ** np.sin(frames / np.array([[9.0], [15.0], [40.0]])), axis=1)
-    errors_ms = warping.recovery_errors_ms(np.rint(true), true, 20.0)
-    shares = {f"bin {i}": float(share) for i, share in enumerate(warping.slope_histogram(true))}
-    return warping.evaluate(true) | warping.summary_ms(errors_ms) | shares
+    errors_ms = warp_scores.recovery_errors_ms(np.rint(true), true, 20.0)
+    return playback_speed_scores(true) | warp_scores.summary_ms(errors_ms)
 
 
 def retrieval_scores() -> dict[str, float]:

@@ -6,7 +6,6 @@ Music and dance
 - `beat` — motion beats against music beats: F-score, beat alignment, distances, chance levels
 - `motion_beat_detectors` — five ways to detect motion beats, and the F-score by each
 - `count_phase` — where in the count motion beats lie, against experts of the genre
-- `style_response` — whether the danced genre changes where the song's does
 - `energy_response` — whether the dance is bigger where the song is louder, section by section
 - `labels` — distances between paired labels of dance and music (openness, intensity, rhythm, asymmetry)
 - `structure` — motif signatures and transitions, repeats, agreement with the sections of the song
@@ -23,11 +22,6 @@ Physics
 - `physical` — foot sliding, floor penetration, floating, jerk and speed at transitions, bone lengths
 - `endings` — speed at the first and last pose, and when the last one is held
 - `contact_scores` — PFC and foot skating ratio as published, and corrected
-
-Parts of the engine
-
-- `retrieval` — precision and recall at k, mean reciprocal rank
-- `warping` — slopes of time maps, errors of recovered warps
 """
 
 import lazy_loader

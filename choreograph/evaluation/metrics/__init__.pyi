@@ -10,8 +10,5 @@ from . import labels as labels
 from . import motion_beat_detectors as motion_beat_detectors
 from . import physical as physical
 from . import references as references
-from . import retrieval as retrieval
 from . import structure as structure
-from . import style_response as style_response
 from . import transitions as transitions
-from . import warping as warping

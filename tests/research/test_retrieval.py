@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
-from choreograph.evaluation.metrics import retrieval
+from research import retrieval
 
 
 def row(*relevant: int) -> np.ndarray:

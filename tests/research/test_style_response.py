@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
-from choreograph.evaluation.metrics.style_response import (
+from research.style_response import (
     chance_shares,
     evaluate,
     own_genre_shares,
