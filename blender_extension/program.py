@@ -82,7 +82,7 @@ class Run:
         write_skeleton(self._character, skeleton)
         command = [
             found, "dance", *request.arguments(), "--character", str(self._character),
-            "-o", str(self._made), "-o", str(self._plan), "--json", "--progress-lines",
+            "-o", str(self._made), "-o", str(self._plan), "--json",
         ]  # fmt: skip
         self._process = self._started(command)
         self._listener = threading.Thread(target=self._listen, daemon=True)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -23,7 +24,8 @@ from choreograph.settings import DanceConfig
 FORMAT = "choreograph-plan"
 VERSION = 1
 _ANEW = "make it anew with `choreograph dance SONG -o plan.json`"
-_SETTINGS = ("engine", "planner", "blending", "fps", "seed")  # that a plan holds, named as in `DanceConfig`
+_SETTINGS = ("planner", "blending", "fps", "seed")  # that a plan holds, named as in `DanceConfig`
+_ENGINE_NAME = re.compile("[a-z][a-z0-9_-]*")  # of an engine that need not be installed
 _TOUCH_S = 1e-3  # words that meet this closely leave no gap
 
 
@@ -84,9 +86,9 @@ class Block:
 class Plan:
     """A whole dance as decisions: render it again with `choreograph dance --plan`.
 
-    The graph engine plans seconds, and words only where motifs are pinned or banned: those replace the
-    seconds there. The other engines plan words only, from start to end without a gap. What is kept of another
-    dance is a word, too, however long.
+    The graph engine plans seconds, and words only where motifs are pinned or banned. These words replace the
+    seconds there. The mixer and the rollout engine plan words only, from start to end without a gap. What is
+    kept of another dance is a word, too, of any length. Engines of other packages plan either.
     """
 
     song: str
@@ -219,7 +221,8 @@ class Plan:
         seconds = tuple(_second(entry, name, index) for index, entry in enumerate(data["seconds"]))
         words = tuple(_word(entry, f"{name}: word {index}") for index, entry in enumerate(data["words"]))
         plan = cls(**known, seconds=seconds, words=words)
-        plan._check(name)
+        for fault in plan._faults():
+            raise FormatError(f"{name}: {fault}")
         return plan
 
     @classmethod
@@ -227,68 +230,70 @@ class Plan:
         """Read a plan file; `FormatError` if it is missing or not a plan."""
         return cls.from_json(read_text(as_path("a plan", path), "a plan file"), name=str(path))
 
-    def _check(self, name: str) -> None:
+    def _faults(self) -> Iterator[str]:
+        """What makes the plan unusable, one line each."""
         if self.start_s < 0:
-            raise FormatError(f"{name}: expected a start_s of 0 or more, got {self.start_s}")
+            yield f"expected a start_s of 0 or more, got {self.start_s}"
+        if not _ENGINE_NAME.fullmatch(self.engine):
+            yield f"expected the name of an engine as engine, got {reprlib.repr(self.engine)}"
         try:
             DanceConfig(**{name: getattr(self, name) for name in _SETTINGS})
         except ParameterError as error:
-            raise FormatError(f"{name}: {error}") from error
+            yield str(error)
         if self.duration_s <= 0:
-            raise FormatError(f"{name}: expected a duration_s above 0, got {self.duration_s}")
+            yield f"expected a duration_s above 0, got {self.duration_s}"
         if not 0 <= self.opening_s < self.danced_until_s <= self.duration_s:
-            raise FormatError(
-                f"{name}: expected 0 <= opening_s < closing_s <= duration_s, got {self.opening_s} to "
-                f"{self.danced_until_s}"
+            yield (
+                "expected 0 <= opening_s < closing_s <= duration_s, got "
+                f"{self.opening_s} to {self.danced_until_s}"
             )
         if len(self.music_beat_numbers) not in (0, len(self.music_beats_s)):
-            raise FormatError(
-                f"{name}: expected a music_beat_number for each of the {len(self.music_beats_s)} "
-                f"music_beats_s, or none, got {len(self.music_beat_numbers)}"
+            yield (
+                f"expected a music_beat_number for each of the {len(self.music_beats_s)} music_beats_s, or "
+                f"none, got {len(self.music_beat_numbers)}"
             )
-        if self.engine == "graph":
-            if not self.duration_s <= len(self.seconds):
-                raise FormatError(
-                    f"{name}: expected seconds for {self.duration_s} s, got {len(self.seconds)}"
-                )
-        elif self.seconds:
-            raise FormatError(
-                f"{name}: expected words alone of the {self.engine} engine, got {len(self.seconds)} seconds"
-            )
-        self._check_words(name)
+        if self.seconds and self.engine in ("mixer", "rollout"):
+            yield f"expected words alone of the {self.engine} engine, got {len(self.seconds)} seconds"
+        if (self.seconds or self.engine == "graph") and len(self.seconds) < self.duration_s:
+            yield f"expected seconds for {self.duration_s} s, got {len(self.seconds)}"
+        yield from self._faults_of_words()
 
-    def _check_words(self, name: str) -> None:
-        """Check that words are in order, without overlap, and without gaps unless seconds fill them."""
-        gap_allowed = self.engine == "graph"
+    def _faults_of_words(self) -> Iterator[str]:
+        """Words that are not in order, overlap, or leave gaps that no seconds fill."""
+        longest_gap_s = np.inf if self.seconds else _TOUCH_S
         done_s = 0.0
         for index, word in enumerate(self.words):
-            where = f"{name}: word {index}"
-            if not -_TOUCH_S <= word.start_s - done_s <= (np.inf if gap_allowed else _TOUCH_S):
-                raise FormatError(f"{where}: expected it to begin at {done_s:g} s, got {word.start_s:g} s")
+            where = f"word {index}"
+            if not -_TOUCH_S <= word.start_s - done_s <= longest_gap_s:
+                yield f"{where}: expected it to begin at {done_s:g} s, got {word.start_s:g} s"
             if not word.start_s < word.end_s <= self.duration_s + _TOUCH_S:
-                raise FormatError(
+                yield (
                     f"{where}: expected an end after its start, {word.start_s:g} s, and within the dance of "
                     f"{self.duration_s:g} s, got {word.end_s:g} s"
                 )
-            if word.kept and word.take:
-                raise FormatError(f"{where}: expected no take where {word.kept} is kept, got {word.take!r}")
-            if word.kept and word.kept != self.kept_of:
-                raise FormatError(f"{where}: expected parts kept of {self.kept_of} alone, got {word.kept!r}")
-            if word.kept and abs(word.source_start_s - word.start_s) > _TOUCH_S:
-                raise FormatError(
-                    f"{where}: expected {word.kept} kept where it is danced, at {word.start_s:g} s, got its "
-                    f"part from {word.source_start_s:g} s on"
-                )
-            if not (word.take or word.kept or self.engine == "rollout"):
-                raise FormatError(f"{where}: expected a take for the {self.engine} engine to dance, got none")
+            if word.kept:
+                yield from self._faults_of_kept(word, where)
+            if not (word.take or word.kept) and self.engine in ("graph", "mixer"):
+                yield f"{where}: expected a take for the {self.engine} engine to dance, got none"
             if (word.take or word.kept) and not 0 <= word.source_start_s < word.source_end_s:
-                raise FormatError(
+                yield (
                     f"{where}: expected 0 <= source_start_s < source_end_s, got {word.source_start_s:g} and "
                     f"{word.source_end_s:g}"
                 )
             done_s = word.end_s
-        if not gap_allowed and done_s < self.duration_s - _TOUCH_S:
-            raise FormatError(f"{name}: expected words to {self.duration_s:g} s, got some to {done_s:g} s")
+        if not self.seconds and done_s < self.duration_s - _TOUCH_S:
+            yield f"expected words to {self.duration_s:g} s, got some to {done_s:g} s"
+
+    def _faults_of_kept(self, word: PlannedWord, where: str) -> Iterator[str]:
+        if word.take:
+            yield f"{where}: expected no take where {word.kept} is kept, got {word.take!r}"
+        if word.kept != self.kept_of:
+            yield f"{where}: expected parts kept of {self.kept_of} alone, got {word.kept!r}"
+        if abs(word.source_start_s - word.start_s) > _TOUCH_S:
+            yield (
+                f"{where}: expected {word.kept} kept where it is danced, at {word.start_s:g} s, got its part "
+                f"from {word.source_start_s:g} s on"
+            )
 
 
 def _unreplaced_blocks(
@@ -312,7 +317,7 @@ def _source_s(second: PlannedSecond, at_s: float) -> float:
     frame = (at_s - second.second) * NODE_FRAMES
     inside = float(np.interp(frame, np.arange(len(times_s)), times_s))
     before, beyond = min(frame, 0.0), max(frame - NODE_FRAMES, 0.0)
-    return inside + before * (times_s[1] - times_s[0]) + beyond * (times_s[-1] - times_s[-2])
+    return float(inside + before * (times_s[1] - times_s[0]) + beyond * (times_s[-1] - times_s[-2]))
 
 
 def _of_this_version(data: Any, name: str) -> dict[str, Any]:

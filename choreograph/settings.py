@@ -7,18 +7,23 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypedDict, get_args
 
 import numpy as np
 
-from choreograph.core.arguments import check_text, is_number, unexpected
+from choreograph.core import installed_names
+from choreograph.core.arguments import check_choice, check_text, is_number, unexpected
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_text
 from choreograph.core.progress import one_line
-from choreograph.core.settings import Range, settings
+from choreograph.core.settings import Range, settings, unknown_setting
+from choreograph.music.song import Song
 from choreograph.nets.configs import density_config
 
-EngineName = Literal["graph", "mixer", "rollout"]
+EngineName = Literal["graph", "mixer", "rollout"]  # the built-in ones
+# Entry points of other packages.
+ENGINE_GROUP = "choreograph.engines"
+COST_GROUP = "choreograph.costs"
 Planner = Literal["exact", "greedy", "motion-graph"]
 Selection = Literal["genre", "style", "random"]
 Warping = Literal["counts", "dtw", "none"]
@@ -45,14 +50,26 @@ DEFAULT_WEIGHTS = {
 class DanceConfig:
     """Settings of a dance.
 
-    The names of the fields are also the keys of a settings file (TOML) and, with dashes, the options of
-    `choreograph dance`. Each setting says which engines use it. `ParameterError` is raised for a value of
-    another type, an unknown choice, or a number out of range.
+    The names of the fields are also keywords of `dance`, keys of a settings file (TOML), and names for
+    `choreograph dance --set NAME=VALUE`. Each setting says which engines use it. `ParameterError` is raised
+    for a value of another type, an unknown choice, or a number out of range.
+
+    Examples
+    --------
+    >>> config = cg.DanceConfig(engine="mixer", seed=3)
+    >>> config
+    DanceConfig(engine='mixer', seed=3)
+    >>> config.planner
+    'exact'
+    >>> cg.DanceConfig(candidates=0)
+    Traceback (most recent call last):
+    choreograph.core.errors.ParameterError: expected candidates as whole number of 1 or more, got 0
     """
 
-    engine: EngineName = "graph"
+    engine: EngineName | str = "graph"
     """What a dance is made of. "graph" joins seconds of takes, "mixer" joins motion words of takes, and
-    "rollout" generates motion with a network. Graph dances are the most like the takes."""
+    "rollout" generates motion with a network. Graph dances are the most like the takes. Other packages can
+    add engines."""
 
     planner: Planner = "exact"
     """How the engine searches. "exact" finds the cheapest dance of the whole song. "greedy" takes the
@@ -115,6 +132,10 @@ class DanceConfig:
     in and out in each word as in the paper. None takes what the network was trained with. Used by the
     rollout engine."""
 
+    style_song: str | Path | Song | None = None
+    """Another song, whose style the motion takes on. None takes the style of the song itself. Used by the
+    rollout engine."""
+
     fps: Annotated[float, Range(1, 1000)] = 60.0
     """Frames per second of the dance. Game engines often use 30. Used by all engines."""
 
@@ -127,18 +148,56 @@ class DanceConfig:
 
     weights: Mapping[str, float] = field(default_factory=dict)
     """Weights of costs by name, in place of the defaults. 0 leaves a cost out. A cost of your own has the
-    weight 1 unless it is named here. Used by the graph engine."""
+    weight 1 unless it is named here. A cost of another package takes part if it is named here. Used by the
+    graph engine."""
 
     __repr__ = one_line
 
     def __post_init__(self) -> None:
         from choreograph.library.songs import check_beats
 
+        if self.engine not in get_args(EngineName):
+            check_choice("engine", self.engine, engine_names())
         check_beats(self.beats)
         check_text("the cost that a weight is of", *self.weights)
         for name, weight in self.weights.items():
             if not is_number(weight):
                 raise unexpected(f"a finite number as weight of {name!r}", weight)
+
+
+class DanceSettings(TypedDict, total=False):
+    """The fields of `DanceConfig` as keywords of `dance` and `vary`, for type checkers and editors."""
+
+    engine: EngineName | str
+    planner: Planner
+    candidates: int
+    selection: Selection
+    warping: Warping
+    density: Density
+    time_maps: TimeMaps
+    blending: Blending
+    transitions: Transitions
+    lock_feet: bool
+    hold_ends: bool
+    keep_on_stage: bool
+    motif_draw: MotifDraw
+    style_strength: float | None
+    style_window: StyleWindow | None
+    style_song: str | Path | Song | None
+    fps: float
+    seed: int
+    beats: str | Path
+    weights: Mapping[str, float]
+
+
+def engine_names() -> tuple[str, ...]:
+    """The names of the built-in engines, then those of engines of other packages."""
+    return (*get_args(EngineName), *installed_names(ENGINE_GROUP))
+
+
+def cost_names() -> tuple[str, ...]:
+    """The names of the built-in costs, then those of costs of other packages."""
+    return (*DEFAULT_WEIGHTS, *installed_names(COST_GROUP))
 
 
 def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfig:
@@ -155,7 +214,7 @@ def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfi
     known = [f.name for f in fields(DanceConfig)]
     unknown = set(data) - set(known)
     if unknown:
-        raise ParameterError(f"{path}: expected keys among {', '.join(known)}, got {min(unknown)!r}")
+        raise ParameterError(f"{path}: {unknown_setting(min(unknown), known)}")
     if not isinstance(data.get("weights", {}), dict):
         got = reprlib.repr(data["weights"])
         raise ParameterError(f"{path}: expected a table [weights] of name = number, got {got}")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from choreograph.core import installed
+from choreograph.core import installed, installed_names
 
 
 @contextmanager
@@ -22,9 +22,14 @@ def installed_package(folder: Path, name: str, source: str, entry_points: str) -
     (folder / f"{name}.py").write_text(source)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(folder)
-        installed.cache_clear()
+        _forget()
         try:
             yield
         finally:
-            installed.cache_clear()
+            _forget()
             sys.modules.pop(name, None)
+
+
+def _forget() -> None:
+    for known in (installed, installed_names):
+        known.cache_clear()

@@ -224,7 +224,8 @@ def sound_calls(t: SimpleNamespace) -> dict[str, Sound]:
         ),
         "signature_of": sound(cg.signature_of, name="a", repertoire=t.repertoire),
         "vary": Sound(
-            cg.vary, {"song": t.song, "repertoire": t.repertoire, "n": 1, "seed": 1, "config": None},
+            cg.vary,
+            {"song": t.song, "repertoire": t.repertoire, "n": 1, "seed": 1, "config": cg.DanceConfig()},
             too_long=(("repertoire", "None"),),
         ),
     }  # fmt: skip

@@ -2,10 +2,33 @@
 
 from __future__ import annotations
 
+import inspect
+from typing import get_type_hints
+
+import numpy as np
 import pytest
 
+import choreograph as cg
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.settings import DEFAULT_WEIGHTS, DanceConfig, load_config, resolve_weights
+from choreograph.pipeline.dancing import DanceArguments
+from choreograph.settings import DEFAULT_WEIGHTS, DanceConfig, DanceSettings, load_config, resolve_weights
+
+
+def test_the_keywords_are_the_fields_with_their_types():
+    """A new setting is one field of `DanceConfig`, and its line in `DanceSettings`."""
+    assert get_type_hints(DanceSettings) == get_type_hints(DanceConfig)
+
+
+def test_dance_has_few_parameters_and_refuses_unknown_names():
+    parameters = inspect.signature(cg.dance).parameters
+    assert len(parameters) <= 15
+    assert set(DanceArguments.__annotations__) == (
+        set(DanceSettings.__annotations__) | set(parameters) - {"song", "repertoire", "settings"}
+    )
+    for call in (cg.dance, cg.vary):
+        for wrong, meant in (("planer", "planner"), ("genres", "genre"), ("lock_foot", "lock_feet")):
+            with pytest.raises(ParameterError, match=f"got '{wrong}': the most similar one is '{meant}'"):
+                call(cg.Song(np.ones(22050, np.float32) / 2, "one"), **{wrong: "greedy"})
 
 
 def written(path, text: str):

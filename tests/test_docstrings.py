@@ -42,12 +42,9 @@ TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
         "RolloutFrame",
         "RolloutStream",
         "build",
-        "dance",
         "motifs_of",
         "signature_of",
-        "vary",
     ),
-    "settings": ("DanceConfig",),
     "plan": ("Plan",),
     "music": (
         "Song",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -176,7 +177,11 @@ def test_the_schema_matches_the_plan():
     assert set(of_word["properties"]) == set(of_word["required"]) == {f.name for f in fields(PlannedWord)}
     credit_keys = {f.name for f in fields(Credits)}
     assert set(SCHEMA["$defs"]["credits"]["properties"]) == credit_keys
-    assert tuple(SCHEMA["properties"]["engine"]["enum"]) == get_args(EngineName)
+    builtin, added = SCHEMA["properties"]["engine"]["anyOf"]
+    assert tuple(builtin["enum"]) == get_args(EngineName)
+    for name in ("mixer", "first-take", "Steam", "", "a b", "9"):
+        fits = re.search(added["pattern"], name) is not None
+        assert fits == (not list(replace(MIXED, engine=name)._faults())), name
     assert tuple(SCHEMA["properties"]["planner"]["enum"]) == get_args(Planner)
 
 
@@ -213,7 +218,7 @@ def edited_second(**changes) -> str:
         edited(unknown=1),
         edited(blending="glue"),
         edited(planner="best"),
-        edited(engine="steam"),
+        edited(engine="Steam engine"),
         edited(words=None),
         edited(words=[{}]),
         edited(words=[{**json.loads(PINNED.to_json())["words"][0], "pinned": 1}]),

@@ -1,31 +1,28 @@
-"""Ways from song features and constraints to a plan.
+"""The engines by name, and which of them makes a dance.
 
-- `base` — the `Engine` protocol, its request and its result
-- `graph` — seconds of takes: select, warp, and search a path through a graph of them (ChoreoGraph)
-- `mixer` — motion words of takes that dance a sequence of motifs (Rhythm is a Dancer)
-- `rollout` — a recurrent network that dances a sequence of motifs (Rhythm is a Dancer)
-- `candidates`, `word_bank`, `word_search` — the words that fit each slot, and the best sequence of them
-- `enforce_motifs`, `danced_motifs` — pinned and banned motifs, checked in the rendered motion
+A new engine is one class (`choreography.engine.Engine`) and one line in `BUILTIN_ENGINES`. Another package
+adds a class by an entry point of the group `choreograph.engines`, under the engine's name.
 """
 
 from __future__ import annotations
 
 from choreograph.choreography.constraints import Constraints
-from choreograph.choreography.engine import DanceRequest, Engine, EngineResult, check_settings
+from choreograph.choreography.engine import Engine
 from choreograph.choreography.graph.engine import GraphEngine
 from choreograph.choreography.mixer.engine import MixerEngine
 from choreograph.choreography.rollout.engine import RolloutEngine
-from choreograph.settings import DanceConfig, EngineName
+from choreograph.core import installed
+from choreograph.settings import ENGINE_GROUP, DanceConfig
 
-ENGINES: dict[str, Engine] = {
-    engine.name: engine for engine in (GraphEngine(), MixerEngine(), RolloutEngine())
-}
-
-__all__ = ["ENGINES", "DanceRequest", "Engine", "EngineResult", "check_settings", "engine_name"]
+BUILTIN_ENGINES: tuple[type[Engine], ...] = (GraphEngine, MixerEngine, RolloutEngine)
 
 
-def engine_name(config: DanceConfig, given: EngineName | None, constraints: Constraints) -> EngineName:
-    """The given engine; by default `config`'s, or the mixer for a whole sequence of motifs."""
-    if given is not None:
-        return given
-    return "mixer" if constraints.motifs and config.engine == GraphEngine.name else config.engine
+def engines() -> dict[str, Engine]:
+    """The engines by name: the built-in ones, then those of other packages."""
+    added = {name: kind() for name, kind in installed(ENGINE_GROUP).items()}
+    return {**{engine.name: engine() for engine in BUILTIN_ENGINES}, **added}
+
+
+def engine_for(config: DanceConfig, constraints: Constraints) -> str:
+    """The engine of `config`, or the mixer in place of the graph engine for a whole sequence of motifs."""
+    return MixerEngine.name if constraints.motifs and config.engine == GraphEngine.name else config.engine

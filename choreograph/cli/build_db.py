@@ -93,8 +93,8 @@ _DECIDED = {
 )  # fmt: skip
 @optgroup.option(
     "--published", is_flag=True,
-    help="Train as ChoreoGraph was published, for `dance --published`: its losses, inputs, batch and rate. "
-    "Widths and its 10,000 epochs are scaled by the preset: tiny 10, small 100, paper all of them.",
+    help="Train as ChoreoGraph was published, for `dance --config published`: its losses, inputs, batch and "
+    "rate. The preset scales widths and epochs: 10 epochs for tiny, 100 for small, all 10,000 for paper.",
 )  # fmt: skip
 @optgroup.option("--rollout", is_flag=True, help="Also train the network of `dance --engine rollout`.")
 @optgroup.option(
@@ -143,7 +143,7 @@ def command(sources, output, check, quiet, leave_out, map_path, density, publish
         raise ParameterError("expected --rollout beside --rollout-teacher or --no-rollout-teacher, got none")
     options["bone_map"] = read_bone_map(map_path) if map_path else None
     if published:
-        given = sorted(set(given_options(except_for=())) & _DECIDED)
+        given = sorted(set(given_options()) & _DECIDED)
         if given:
             raise ParameterError(
                 f"--published decides how networks are trained: leave out {', '.join(given)}"

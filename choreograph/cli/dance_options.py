@@ -7,106 +7,78 @@ engine does not use.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
-from click_option_group import optgroup
+from click_option_group import GroupedOption, optgroup
 
 from choreograph.cli.characters import NAMINGS, RESTS, UNITS
-from choreograph.cli.present import Seconds
+from choreograph.cli.present import Seconds, given_options
+from choreograph.core.errors import ParameterError
+from choreograph.core.settings import from_texts
+from choreograph.settings import DanceConfig, engine_names, load_config, published_dance
 
+if TYPE_CHECKING:
+    from choreograph.formats.bvh import Naming, RestPose
+    from choreograph.library.repertoire import Repertoire
+    from choreograph.pipeline.dancing import DanceArguments
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+Options = TypeVar("Options")
+PUBLISHED = "published"  # in place of a file of settings: those of ChoreoGraph as published
 _FILE = click.Path(path_type=Path)
 
-_OUTPUT = (
-    optgroup.option(
-        "-o", "--output", multiple=True, type=_FILE,
-        help="File to write: .bvh or .npz (motion), .glb, .fbx, .usda, .usdc (a dancing body), .vrma (for "
-        "VRM avatars), .html (page to watch), .mp4 (video), .png (poses on the beats), .json (the plan). "
-        "Repeat for more. Default: SONG.bvh and SONG.html here. {song} in it stands for the song's name.",
-    ),
-    optgroup.option(
-        "--character", type=_FILE,
-        help="Character (.glb, .gltf, .vrm, .fbx) for the .html, .glb or .fbx. Default: a mannequin.",
-    ),
-    optgroup.option(
-        "--map", "map_path", type=_FILE, help="Which bone of it is which, as --save-map writes it (.json)."
-    ),
-    optgroup.option("--save-map", type=_FILE, help="Write which bones were found (.json), to be edited."),
-    optgroup.option(
-        "--names", "naming", type=click.Choice(NAMINGS), help="Joint names of the .bvh (smpl)."
-    ),
-    optgroup.option("--units", type=click.Choice(tuple(UNITS)), help="Units of the .bvh (cm)."),
-    optgroup.option("--rest", type=click.Choice(RESTS), help="A standing rest pose in the .bvh: T or A."),
-    optgroup.option("--in-place", is_flag=True, help="The hips stay in one place, in the .bvh."),
-    optgroup.option(
-        "--loop", is_flag=True, help="Motion files end where they begin, on a bar: to be played again."
-    ),
-    optgroup.option(
-        "--click", "with_clicks", is_flag=True, help="Click on the counts in the video, higher on count 1."
-    ),
-    optgroup.option(
-        "--force", is_flag=True,
-        help="Replace files of the default names, and of those with {song}, that are no dances made here.",
-    ),
-    optgroup.option("--open", "opened", is_flag=True, help="Open the page in the browser."),
-    optgroup.option("--fps", type=float, help="Frames per second of the dance (60)."),
-    optgroup.option("--variations", type=int, metavar="N", help="N different dances: NAME-1.bvh, …"),
-    optgroup.option("--json", "as_json", is_flag=True, help="Print what was made as JSON."),
-    optgroup.option(
-        "--progress-lines", "as_lines", is_flag=True,
-        help="Progress as lines on stderr, STAGE DONE/TOTAL, for a program that shows it.",
-    ),
-    optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no summary."),
-)  # fmt: skip
+
+class _Planned(GroupedOption):
+    """An option that says what is planned: with --plan, the plan has decided it."""
+
 
 _SOURCES = (
     optgroup.option("--db", type=_FILE, help="Repertoire to dance with. Default: the built-in one."),
-    optgroup.option("--start", type=Seconds(), help="Second of the song to start at, or 1:15.5 (0)."),
-    optgroup.option("--duration", type=Seconds(), help="Seconds to dance. Default: to the end of the song."),
     optgroup.option(
-        "--beats",
-        metavar="network|tempo-path|librosa|beat-this|FILE",
-        help="Beat tracker (network), or a text file of the song's beats: a time in seconds and, if you "
-        "know it, the number in the bar on every line, such as 12.34 1.",
+        "--start", cls=_Planned, type=Seconds(), help="Where in the song to begin: 75.5 or 1:15.5 (0)."
     ),
-)
+    optgroup.option(
+        "--duration", cls=_Planned, type=Seconds(), help="Length of the dance. Default: to the song's end."
+    ),
+    optgroup.option(
+        "--beats", cls=_Planned, metavar="network|tempo-path|librosa|beat-this|FILE",
+        help="Beat tracker (network), or a text file with a beat on each line: its time in seconds and, if "
+        "known, its number in the bar.",
+    ),
+)  # fmt: skip
 
 _CONSTRAINTS = (
+    optgroup.option("--genre", cls=_Planned, help="Genre to follow. Default: the nearest one to the song."),
     optgroup.option(
-        "--genre", help="Follow this genre of the repertoire. Default: the one nearest to the song."
+        "--signature", cls=_Planned, type=_FILE,
+        help="Dance each motif as often as this file says. `inspect --signature` writes one.",
     ),
     optgroup.option(
-        "--signature", type=_FILE,
-        help="Dance each motif as often as this file says. `choreograph inspect --signature` writes one.",
+        "--motifs", cls=_Planned, metavar="FILE|TAKE",
+        help="Dance these motifs in this order: those of a plan, of a list (.json), of a take of the "
+        "repertoire, or of a motion file.",
     ),
     optgroup.option(
-        "--motifs", "motif_file", type=_FILE,
-        help="Dance these motifs. A plan, or JSON: a list of numbers or of {\"at_s\": …, \"motif\": …}.",
+        "--pin", cls=_Planned, multiple=True, metavar="SECOND=motif:N|FROM-TO=take:NAME",
+        help="Dance this motif or take at this time. Repeatable.",
     ),
     optgroup.option(
-        "--recreate", metavar="TAKE",
-        help="Dance the motifs of this take, or of a motion file with its song beside it.",
+        "--ban", cls=_Planned, multiple=True, metavar="take:NAME|genre:NAME|motif:N",
+        help="Never dance this. Repeatable.",
     ),
     optgroup.option(
-        "--pin", multiple=True, metavar="SECOND=motif:N|FROM-TO=take:NAME",
-        help="Dance this motif or take at this time of the dance. Repeat for more.",
+        "--keep", cls=_Planned, multiple=True, metavar="FROM-TO",
+        help="Keep these seconds of the --existing dance, and plan the rest anew. Repeatable.",
     ),
     optgroup.option(
-        "--ban", multiple=True, metavar="take:NAME|genre:NAME|motif:N",
-        help="Never dance this. Repeat for more.",
+        "--existing", type=_FILE, help="The dance to keep parts of: .bvh, .npz or a plan (.json)."
     ),
     optgroup.option(
-        "--keep", multiple=True, metavar="FROM-TO",
-        help="Keep these seconds of the dance of --existing, and dance the rest anew. Repeat for more.",
-    ),
-    optgroup.option(
-        "--existing", type=_FILE,
-        help="The dance to keep parts of: a .bvh, a .npz or a plan (.json). Beside --plan, that of which the "
-        "plan keeps parts, if it is not in its folder.",
-    ),
-    optgroup.option(
-        "--strict", is_flag=True,
-        help="Fail, and write nothing, if a pin, ban or given motif is not danced; without, a note says so.",
+        "--strict", cls=_Planned, is_flag=True,
+        help="Fail if a pin, ban or motif is not danced. Otherwise, a note is printed.",
     ),
     optgroup.option(
         "--plan", "plan_path", type=_FILE,
@@ -114,101 +86,189 @@ _CONSTRAINTS = (
     ),
 )  # fmt: skip
 
-_ENGINE = (
+_SETTINGS = (
     optgroup.option(
-        "--engine", metavar="graph|mixer|rollout",
-        help="graph (default): seconds of takes. mixer: motion words of takes. rollout: a network's motion.",
+        "--engine", cls=_Planned, metavar="|".join(engine_names()),
+        help="Join seconds of takes (graph, the default) or motion words of takes (mixer), or generate "
+        "motion with a network (rollout).",
     ),
-    optgroup.option("--seed", type=int, help="Another seed gives another dance (0)."),
-    optgroup.option("--config", type=_FILE, help="TOML file of settings."),
+    optgroup.option("--seed", cls=_Planned, type=int, help="Another seed gives another dance (0)."),
+    optgroup.option("--fps", cls=_Planned, type=float, help="Frames per second of the dance (60)."),
     optgroup.option(
-        "--published", is_flag=True,
-        help="ChoreoGraph as published, with a repertoire of `build-db --published`; other settings change "
-        "it. Not with --engine mixer or rollout.",
-    ),
-)  # fmt: skip
-
-_GRAPH_AND_MIXER = (
-    optgroup.option(
-        "--planner", metavar="exact|greedy|motion-graph",
-        help="exact (default) looks at the whole song, greedy at one second or word at a time. "
-        "motion-graph: graph engine only.",
-    ),
-    optgroup.option("--blending", metavar="inertial|linear", help="Kind of transition (inertial)."),
-)  # fmt: skip
-
-_GRAPH = (
-    optgroup.option(
-        "--transitions", metavar="beats|seconds",
-        help="Transitions where they keep the beat best (beats, the default), or on whole seconds.",
-    ),
-    optgroup.option("--candidates", type=int, help="Clips to warp for each second (512)."),
-    optgroup.option(
-        "--selection", metavar="genre|style|random",
-        help="Which clips: at random, at least half of the music's genre (default); nearest in style; any.",
+        "--weight", cls=_Planned, multiple=True, metavar="COST=NUMBER",
+        help="Weight of a cost of the graph engine, such as transition=8. 0 leaves it out. Repeatable. "
+        "`choreograph settings weights` lists the costs.",
     ),
     optgroup.option(
-        "--warping", metavar="counts|dtw|none",
-        help="Lay counts on beats (counts, the default; dtw where they are not known), warp clips by "
-        "tempo-density (dtw), or not at all.",
+        "--set", "assigned", cls=_Planned, multiple=True, metavar="NAME=VALUE",
+        help="Any other setting, such as planner=greedy. Repeatable. `choreograph settings` lists them.",
     ),
     optgroup.option(
-        "--density", metavar="repertoire|learned",
-        help="What dtw aligns: the tempo-density of the repertoire (default), or only a learned one.",
+        "--config", cls=_Planned, metavar="FILE|published",
+        help="TOML file of settings, or those of ChoreoGraph as published. Options and --set replace them.",
     ),
     optgroup.option(
-        "--time-maps", metavar="smooth|raw", help="Smooth the path of dtw (default), or play it as it is."
-    ),
-    optgroup.option("--lock-feet/--no-lock-feet", default=None, help="Lock feet that touch the ground."),
-    optgroup.option(
-        "--hold-ends/--no-hold-ends", default=None,
-        help="Hold a pose before the song's first count, and one after its last.",
-    ),
-    optgroup.option(
-        "--keep-on-stage/--no-keep-on-stage", default=None, help="Turn a little where dances walk away."
-    ),
-    optgroup.option(
-        "--weight", multiple=True, metavar="COST=NUMBER",
-        help="Weight of a cost: style, completeness, transition, … 0 leaves it out. Repeat for more.",
+        "--variations", cls=_Planned, type=int, metavar="N", help="Make N different dances: NAME-1.bvh, …"
     ),
 )  # fmt: skip
 
-_MIXER_AND_ROLLOUT = (
+_OUTPUT = (
     optgroup.option(
-        "--motif-draw", metavar="missing|absolute",
-        help="Draw motifs that the dance lacks (missing, the default), or by the absolute difference from "
-        "the signature, as published.",
-    ),
-)  # fmt: skip
-
-_ROLLOUT = (
-    optgroup.option("--style-song", type=_FILE, help="Move in the style of this other song."),
-    optgroup.option(
-        "--style-strength", type=float,
-        help="How much the song's style changes the motion (1.5; published: 40, with hamming).",
+        "-o", "--output", multiple=True, type=_FILE,
+        help="File to write. Repeatable. .bvh, .npz: motion. .glb, .fbx, .usda, .usdc: a body that moves. "
+        ".vrma: for VRM avatars. .html: a page to watch. .mp4: a video. .png: poses on the beats. .json: the "
+        "plan. Default: SONG.bvh and SONG.html here. {song} stands for the song's name.",
     ),
     optgroup.option(
-        "--style-window", metavar="smooth|hamming",
-        help="Smooth the style from word to word (default), or fade it in each, as published.",
+        "--character", type=_FILE, help="Character (.glb, .gltf, .vrm, .fbx) in an .html, .glb or .fbx."
     ),
+    optgroup.option("--map", "map_path", type=_FILE, help="Bones of the character, edited (.json)."),
+    optgroup.option("--save-map", type=_FILE, help="Write the bones that were found (.json)."),
+    optgroup.option("--names", "naming", type=click.Choice(NAMINGS), help="Joint names of a .bvh (smpl)."),
+    optgroup.option("--units", type=click.Choice(tuple(UNITS)), help="Units of a .bvh (cm)."),
+    optgroup.option("--rest", type=click.Choice(RESTS), help="Standing rest pose of a .bvh: T or A."),
+    optgroup.option("--in-place", is_flag=True, help="Keep the hips in one place in a .bvh."),
+    optgroup.option("--loop", is_flag=True, help="Cut motion files to whole bars that can be looped."),
+    optgroup.option(
+        "--click", "with_clicks", is_flag=True, help="Mix a click on each count into the video."
+    ),
+    optgroup.option(
+        "--force", is_flag=True, help="Replace files that are no dances, where -o gives no name."
+    ),
+    optgroup.option("--open", "opened", is_flag=True, help="Open the page in the browser."),
+    optgroup.option(
+        "--json", "as_json", is_flag=True,
+        help="Print the results as JSON, and progress as lines on stderr: STAGE DONE/TOTAL.",
+    ),
+    optgroup.option("-q", "--quiet", is_flag=True, help="Print no progress, notes or summary."),
 )  # fmt: skip
 
 _GROUPS = (
-    ("Output", _OUTPUT),
     ("Song and repertoire", _SOURCES),
     ("What is danced", _CONSTRAINTS),
-    ("Engine", _ENGINE),
-    ("Graph and mixer engines", _GRAPH_AND_MIXER),
-    ("Graph engine", _GRAPH),
-    ("Mixer and rollout engines", _MIXER_AND_ROLLOUT),
-    ("Rollout engine", _ROLLOUT),
+    ("Engine and settings", _SETTINGS),
+    ("Output", _OUTPUT),
 )
 
 
-def dance_options(command: Callable) -> Callable:
+def dance_options(command: Command) -> Command:
     """Add the options, group by group."""
     for name, options in reversed(_GROUPS):
         for option in reversed(options):
             command = option(command)
         command = optgroup.group(name)(command)
     return command
+
+
+def check_options_with_plan(songs: tuple[Path, ...]) -> None:
+    """Raise `ParameterError` if an option or a song is given that the plan has decided."""
+    if len(songs) > 1:
+        raise ParameterError(f"expected one SONG beside --plan, got {len(songs)}")
+    decided = given_options(of_kind=_Planned)
+    if decided:
+        raise ParameterError(f"--plan decides what is danced: leave out {', '.join(decided)}")
+
+
+def options_of(kind: type[Options], given: dict[str, Any]) -> Options:
+    """The options that a dataclass has fields for."""
+    return kind(**{field.name: given[field.name] for field in fields(kind)})  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class FileOptions:
+    """The options on the files that are written, and on what is printed."""
+
+    output: tuple[Path, ...]
+    character: Path | None
+    map_path: Path | None
+    save_map: Path | None
+    naming: Naming | None
+    units: str | None
+    rest: RestPose | None
+    in_place: bool
+    loop: bool
+    with_clicks: bool
+    force: bool
+    opened: bool
+    as_json: bool
+    quiet: bool
+
+
+@dataclass(frozen=True)
+class DanceOptions:
+    """The options on what is danced, and how it is planned."""
+
+    start: float | None
+    duration: float | None
+    beats: str | None
+    genre: str | None
+    signature: Path | None
+    motifs: str | None
+    pin: tuple[str, ...]
+    ban: tuple[str, ...]
+    keep: tuple[str, ...]
+    existing: Path | None
+    engine: str | None
+    seed: int | None
+    fps: float | None
+    weight: tuple[str, ...]
+    assigned: tuple[str, ...]
+    config: str | None
+
+    def arguments(self, repertoire: Repertoire) -> DanceArguments:
+        """The keywords of `dance`.
+
+        Raises `ParameterError` for text that is no constraint, setting or weight, `FormatError` for a file
+        that cannot be read.
+        """
+        from choreograph.choreography.constraints import parse_ban, parse_keep, parse_pin, read_signature
+
+        arguments: dict[str, Any] = {
+            "genre": self.genre,
+            "signature": read_signature(self.signature) if self.signature else None,
+            "motifs": _motifs(self.motifs, repertoire) if self.motifs else (),
+            "pins": tuple(parse_pin(text) for text in self.pin),
+            "bans": tuple(parse_ban(text) for text in self.ban),
+            "keep": tuple(parse_keep(text) for text in self.keep),
+            "existing": self.existing,
+            "start_s": self.start,
+            "duration_s": self.duration,
+            **self._settings(),
+        }
+        if self.config is not None:
+            arguments["config"] = published_dance() if self.config == PUBLISHED else load_config(self.config)
+        return arguments  # type: ignore[return-value]  # by name, as `DanceArguments` has them
+
+    def _settings(self) -> dict[str, Any]:
+        """The settings that were given as options or with --set."""
+        options = {name: getattr(self, name) for name in ("beats", "engine", "seed", "fps")}
+        options = {name: value for name, value in options.items() if value is not None}
+        assigned = from_texts(DanceConfig, self.assigned)
+        if twice := sorted(set(options) & set(assigned)):
+            raise ParameterError(f"expected {twice[0]} once, got --{twice[0]} and --set {twice[0]}")
+        weights = _weights(self.weight)
+        return {**options, **assigned, **({"weights": weights} if weights else {})}
+
+
+def _motifs(text: str, repertoire: Repertoire) -> Any:
+    """The motifs in a .json file, else those of a take or motion file."""
+    from choreograph.choreography.constraints import read_motifs
+    from choreograph.pipeline.variations import motifs_of
+
+    return read_motifs(text) if text.lower().endswith(".json") else motifs_of(text, repertoire)
+
+
+def _weights(given: tuple[str, ...]) -> dict[str, float]:
+    weights: dict[str, float] = {}
+    for text in given:
+        name, equals, number = (part.strip() for part in text.partition("="))
+        try:
+            weight = float(number)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise ParameterError(f"expected --weight COST=NUMBER, got {text!r}")
+        if name in weights:
+            raise ParameterError(f"expected the weight of {name} once, got several")
+        weights[name] = weight
+    return weights

@@ -290,6 +290,7 @@ def _is_copy(path: Path, song: Path) -> bool:
     epilog=examples(
         "choreograph settings                    what each setting does, with its default",
         "choreograph settings selection          only this one",
+        "choreograph settings weights            the weights of the costs, with their defaults",
         "choreograph settings --build            the settings of build-db",
         "choreograph settings --toml > mine.toml    for `choreograph dance --config`",
     ),
@@ -300,16 +301,16 @@ def _is_copy(path: Path, song: Path) -> bool:
 def settings(name: str | None, build: bool, toml: bool) -> None:
     """Explain the settings of a dance: what each does, its unit, range and default.
 
-    They are options of the command, parameters in Python, and keys of the TOML file of `dance --config`.
+    Give them as `dance --set NAME=VALUE`, as keywords in Python, or in the TOML file of `dance --config`.
     """
-    from choreograph.core.settings import described
+    from choreograph.core.settings import described, unknown_setting
     from choreograph.library.building.options import BuildOptions
-    from choreograph.settings import DanceConfig
+    from choreograph.settings import DEFAULT_WEIGHTS, DanceConfig, cost_names
 
     found = {setting.name: setting for setting in described(BuildOptions if build else DanceConfig)}
     if name is not None:
         if name.replace("-", "_") not in found:
-            raise ParameterError(f"expected a setting among {', '.join(found)}, got {name!r}")
+            raise unknown_setting(name, found)
         found = {name: found[name.replace("-", "_")]}
     if toml and build:
         raise ParameterError("expected --toml without --build, got both: build-db reads no settings file")
@@ -319,6 +320,9 @@ def settings(name: str | None, build: bool, toml: bool) -> None:
         else:
             click.echo(f"{setting.name}: {setting.kind}, default {setting.default!r}")
             click.echo(click.wrap_text(setting.text, 100, "    ", "    ") + "\n")
+    if name == "weights" and not toml:
+        for cost in cost_names():
+            click.echo(f"    {cost} = {DEFAULT_WEIGHTS.get(cost, '(of another package, unused)')}")
 
 
 def _as_toml(setting: Setting) -> list[str]:

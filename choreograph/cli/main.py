@@ -139,7 +139,7 @@ def _printable_usage() -> Iterator[None]:
 
 @click.group(
     cls=_Commands,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog=examples(
         "choreograph dance song.mp3 --open         dances with the built-in takes, shows it in the browser",
         "choreograph build-db TAKES -o rep.h5      makes a repertoire of your own motion library",

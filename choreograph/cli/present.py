@@ -126,7 +126,7 @@ _SAVE_OPTIONS = {
     "click": ("--click",),
 }
 
-_NAMES_OR_FILES = {"beats", "recreate", "signature"}  # options that take either
+_NAMES_OR_FILES = {"beats", "config", "motifs", "signature"}  # options that take either
 
 
 class Command(click.Command):
@@ -153,13 +153,13 @@ class Seconds(click.ParamType):
             self.fail(str(error), param, ctx)
 
 
-def given_options(*, except_for: Collection[str] = ()) -> list[str]:
-    """The flags that the user gave to the running command, in the order of its help; not `except_for`."""
+def given_options(*, of_kind: type[click.Option] = click.Option) -> list[str]:
+    """The flags of a kind that the user gave to the running command, in the order of its help."""
     context = click.get_current_context()
     return [
         _flag(option)
         for option in context.command.params
-        if option.name not in except_for
+        if isinstance(option, of_kind)
         and option.name is not None
         and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
     ]
@@ -177,6 +177,8 @@ def input_files(*, except_for: Collection[str], with_songs: Collection[str] = ()
     files: list[Path] = []
     for name, given in click.get_current_context().params.items():
         values = () if name in except_for else given if isinstance(given, tuple) else (given,)
+        if name == "assigned":  # NAME=VALUE, which may be a file
+            values = tuple(Path(value.partition("=")[2].strip() or "=") for value in values)
         lists = [Path(value[1:]) for value in values if isinstance(value, str) and value.startswith("@")]
         named = [
             Path(value) for value in values if isinstance(value, Path) or (value and name in _NAMES_OR_FILES)

@@ -10,6 +10,12 @@ __version__ = version("choreograph")
 
 
 @cache
+def installed_names(group: str) -> tuple[str, ...]:
+    """The names that other packages add to a group of entry points; nothing of them is loaded."""
+    return tuple(point.name for point in entry_points(group=group))
+
+
+@cache
 def installed(group: str) -> dict[str, Any]:
     """The objects that other packages add to a group of entry points, by name. The first call loads them.
 

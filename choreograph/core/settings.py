@@ -21,8 +21,10 @@ import inspect
 import math
 import os
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
@@ -39,6 +41,7 @@ from typing import (
 )
 
 from choreograph.core.arguments import as_texts, check_choice, is_number, is_whole, unexpected
+from choreograph.core.errors import ParameterError
 
 Class = TypeVar("Class", bound=type)
 _WIDTH = 96  # of the text of a field in `help`
@@ -116,6 +119,44 @@ def described(cls: type) -> tuple[Setting, ...]:
     )
 
 
+def unknown_setting(name: object, names: Iterable[str]) -> ParameterError:
+    """The error to raise for a name that is none of the `names`, with the most similar one."""
+    near = get_close_matches(str(name), list(names), 1, 0.0)
+    return unexpected("the name of a setting", name, f"the most similar one is {near[0]!r}")
+
+
+def from_texts(cls: type, texts: Sequence[str]) -> dict[str, Any]:
+    """Values of fields of a settings class from texts such as "candidates=64" or "time-maps=raw".
+
+    Raises `ParameterError` for an unknown or repeated name, and for a text that is no value of the setting.
+    """
+    hints, values = _hints(cls), {}
+    for text in texts:
+        written, equals, value = text.partition("=")
+        name = written.strip().replace("-", "_")
+        if not equals:
+            raise unexpected("NAME=VALUE", text)
+        if name not in hints:
+            raise unknown_setting(written, hints)
+        if name in values:
+            raise ParameterError(f"expected a value of {name} once, got several")
+        values[name] = _parsed(name, value.strip(), hints[name])
+    return values
+
+
+def _parsed(name: str, text: str, hint: Any) -> Any:
+    """The first value that the text can stand for and that the setting may have."""
+    words: dict[str, bool | None] = {"true": True, "false": False, "none": None}
+    readings: list[Any] = [words[text.lower()]] if text.lower() in words else []
+    for kind in (int, float):
+        with suppress(ValueError):
+            readings.append(kind(text))
+    for value in readings:
+        with suppress(ParameterError):
+            return _checked(name, value, hint)
+    return _checked(name, text, hint)
+
+
 def _as_numpydoc(setting: Setting) -> str:
     text = textwrap.indent(textwrap.fill(setting.text, _WIDTH, break_on_hyphens=False), "    ")
     return f"{setting.name} : {setting.kind}, default {setting.default!r}\n{text}"
@@ -176,10 +217,13 @@ def _checked(name: str, value: Any, hint: Any) -> Any:
     members = _members(hint)
     if value is None and NoneType in members:
         return None
-    if choices := _choices(hint):
+    choices = _choices(hint)
+    if choices and str not in members:
         check_choice(name, value, choices)
         return value
     for member in members:
+        if get_origin(member) is Literal:
+            continue
         kind, limits = _kind_of(member)
         if kind is bool and isinstance(value, bool):
             return value

@@ -14,7 +14,7 @@ import numpy as np
 
 from choreograph import settings as published
 from choreograph.choreography.constraints import Constraints
-from choreograph.choreography.engines import ENGINES
+from choreograph.choreography.engines import engines
 from choreograph.core.errors import ChoreographError, ParameterError, RepertoireError
 from choreograph.core.files import atomic_path, locked_folder, sha256_of
 from choreograph.core.timebase import CLIP_S, NODE_FRAMES, SEGMENT_S
@@ -95,7 +95,7 @@ def check_variant(variant: Variant, repertoire: Repertoire) -> None:
         )
     if not variant.random_clips:
         try:
-            ENGINES[variant.config.engine].check(repertoire, variant.config, Constraints(), ())
+            engines()[variant.config.engine].check(repertoire, variant.config, Constraints(), ())
         except ChoreographError as error:
             raise type(error)(f"cannot dance the variant {variant.name}: {error}") from error
     elif repertoire.n_clips == 0:

@@ -46,9 +46,7 @@ def as_repertoire(repertoire: object) -> Repertoire:
 
 
 def as_config(config: object) -> DanceConfig:
-    """A `DanceConfig`, the default one for None; `ParameterError` for anything else."""
-    if config is None:
-        return DanceConfig()
+    """A `DanceConfig`; `ParameterError` for anything else."""
     if not isinstance(config, DanceConfig):
         raise unexpected("a DanceConfig as config", config)
     return config

@@ -9,7 +9,7 @@ from functools import cached_property
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
 from choreograph.choreography.engine import DanceRequest, check_settings
-from choreograph.choreography.engines import ENGINES, engine_name
+from choreograph.choreography.engines import engine_for, engines
 from choreograph.choreography.genres import left_out_notes
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, Transition
 from choreograph.choreography.slots import KeptDance, check_pins_in_gaps, kept_dance, resolve
@@ -27,6 +27,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
 from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, counted, substage
+from choreograph.core.settings import unknown_setting
 from choreograph.core.timebase import STORE_FPS
 from choreograph.formats.bvh import BvhOptions
 from choreograph.library.repertoire import Repertoire
@@ -36,24 +37,14 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.music.song import Song, check_span
 from choreograph.pipeline.arguments import as_config, as_costs, as_repertoire, as_song, as_weights
-from choreograph.pipeline.keeping import ExistingDance, Unlike, fill, read_existing
+from choreograph.pipeline.keeping import AvoidRepeating, ExistingDance, fill, read_existing
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan import Plan
 from choreograph.render.filled_gaps import Loop, looped
 from choreograph.render.rendering import render
-from choreograph.settings import (
-    Blending,
-    DanceConfig,
-    Density,
-    EngineName,
-    MotifDraw,
-    Planner,
-    Selection,
-    StyleWindow,
-    TimeMaps,
-    Transitions,
-    Warping,
-)
+from choreograph.settings import DanceConfig, DanceSettings
+
+DEFAULTS = DanceConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,43 +139,41 @@ class Dance:
         )
 
 
+class DanceArguments(DanceSettings, total=False):
+    """The keywords of `dance`, for functions that pass them on."""
+
+    genre: str | None
+    signature: Sequence[float] | NDArray[np.floating[Any]] | None
+    motifs: Sequence[int] | Sequence[MotifPin]
+    pins: Sequence[Pin]
+    bans: Sequence[Ban]
+    keep: Sequence[Keep]
+    existing: str | Path | Dance | None
+    costs: Sequence[Cost]
+    start_s: float | None
+    duration_s: float | None
+    config: DanceConfig
+    report: ProgressReport | None
+
+
 @default_numerics()
 def dance(
     song: str | Path | Song,
     repertoire: str | Path | Repertoire | None = None,
     *,
-    engine: EngineName | None = None,
-    planner: Planner | None = None,
-    candidates: int | None = None,
-    selection: Selection | None = None,
-    warping: Warping | None = None,
-    density: Density | None = None,
-    time_maps: TimeMaps | None = None,
-    blending: Blending | None = None,
-    transitions: Transitions | None = None,
-    lock_feet: bool | None = None,
-    hold_ends: bool | None = None,
-    keep_on_stage: bool | None = None,
-    motif_draw: MotifDraw | None = None,
-    style_strength: float | None = None,
-    style_window: StyleWindow | None = None,
-    fps: float | None = None,
-    seed: int | None = None,
-    beats: str | Path | None = None,
     genre: str | None = None,
-    signature: Sequence[float] | NDArray[np.floating] | None = None,
+    signature: Sequence[float] | NDArray[np.floating[Any]] | None = None,
     motifs: Sequence[int] | Sequence[MotifPin] = (),
     pins: Sequence[Pin] = (),
     bans: Sequence[Ban] = (),
     keep: Sequence[Keep] = (),
     existing: str | Path | Dance | None = None,
-    style_song: str | Path | Song | None = None,
-    config: DanceConfig | None = None,
-    weights: Mapping[str, float] | None = None,
     costs: Sequence[Cost] = (),
     start_s: float | None = None,
     duration_s: float | None = None,
+    config: DanceConfig = DEFAULTS,
     report: ProgressReport | None = None,
+    **settings: Unpack[DanceSettings],
 ) -> Dance:
     """Make a dance for a song.
 
@@ -192,93 +181,81 @@ def dance(
     ----------
     song : path of any audio file, or a loaded `Song`
     repertoire : the takes to dance with, opened or as a path; by default the built-in ones
-    engine : "graph" (seconds of takes), "mixer" (motion words of takes) or "rollout" (a network); default
-        `config`'s, or "mixer" if `motifs` has one for every word
-    planner, candidates, selection, warping, density, time_maps, blending, transitions, lock_feet, hold_ends,
-        keep_on_stage, motif_draw, style_strength, style_window, fps, seed, beats : settings, as in
-        `DanceConfig`; those given here replace `config`'s. `beats` is a tracker's name or the path of a file
-        of beats (`music.beats`), with times in the song file
     genre : whose signature and motif transitions the dance follows; by default the genre whose takes are
-        nearest to the song in style. With weights 0 of "signature" and "motif_transition" a graph dance
-        follows none
+        nearest to the song in style
     signature : (K,) shares of the motifs that the dance should have
-    motifs : of the dance's words from the first on, or with their times
+    motifs : of the dance's words from the first on, or with their times. A whole sequence is danced by the
+        mixer, unless another engine is given
     pins : each a `MotifPin` or a `TakePin`, in seconds of the dance
     bans : takes, genres and motifs that must not be danced
-    keep : stretches of the `existing` dance that are kept to the bit; the gaps between them, of 2 s or more,
-        are danced anew
-    existing : a dance to the same part of the song, as made by `dance` or as the path of a .bvh, .npz or plan
-    style_song : another song, whose style the rollout engine's motion takes on
-    config : all settings in one object; default `DanceConfig()`. `choreograph.settings.published_dance()`
-        makes the one of the method as published
-    weights : cost name -> weight, replacing those of `config`; 0 leaves a cost out; graph engine only
-    costs : custom costs beside the built-in ones; weight 1 unless given; graph engine only
-    start_s, duration_s : the part of the song to dance to; by default that of the `existing` dance if its
-        plan is known, else all of it
+    keep : stretches of the `existing` dance that are kept exactly; the gaps of 2 s or more are danced anew
+    existing : a dance to the same part of the song, as made by `dance` or as a .bvh, .npz or plan file
+    costs : custom costs beside the built-in ones, with the weight 1 unless given; graph engine only
+    start_s, duration_s : the part of the song to dance to; by default that of the plan of the `existing`
+        dance, or the whole song
+    config : all settings in one object, such as one of `choreograph.settings.published_dance`
     report : called with the stage's name, how much is done, of how much
+    **settings : single settings, which replace those of `config`: any field of `DanceConfig`, such as
+        `engine`, `seed`, `fps` and `beats`. `weights` adds to those of `config`
 
     Raises
     ------
     FormatError      the song cannot be read
     RepertoireError  the repertoire is damaged, or lacks clips, motifs or networks that are needed
-    ParameterError   an argument of the wrong type or value; an unknown genre, take, motif or weight; a
-                     setting that the engine does not use; constraints that contradict each other; a cost
-                     that misbehaves
+    ParameterError   an argument has a wrong type or value, the engine does not use a setting, a name is
+                     unknown, constraints contradict each other, or a cost returns unusable values
     NoPathError      the costs or constraints forbid every dance
 
     References
     ----------
-    ChoreoGraph, section 3; the differences stand with `plan_exact`, `smooth_time_maps`, `Rhythm`,
-    `Velocity` and `assemble`. Rhythm is a Dancer, sections 4 and 5.2.5; the differences stand with
-    `search_words`, `Signature` and `enforce_motifs`.
+    ChoreoGraph, section 3. Rhythm is a Dancer, sections 4 and 5.2.5. The page "How it works" of the
+    documentation lists what differs.
+
+    Examples
+    --------
+    >>> dance = cg.dance(cg.example_songs()["house"], duration_s=8, seed=1)
+    >>> dance
+    <Dance to 'house': 8.0 s at 60 fps, graph engine, ...>
+    >>> dance.save("house.bvh")
     """
-    settings = {
-        "planner": planner, "candidates": candidates, "selection": selection, "warping": warping,
-        "density": density, "time_maps": time_maps, "blending": blending, "transitions": transitions,
-        "lock_feet": lock_feet, "hold_ends": hold_ends, "keep_on_stage": keep_on_stage,
-        "motif_draw": motif_draw, "style_strength": style_strength, "style_window": style_window, "fps": fps,
-        "seed": seed, "beats": beats,
-    }  # fmt: skip
     requested = make_constraints(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
-    config, costs = as_config(config), as_costs(costs)
-    beside = {"costs": bool(costs), "style_song": style_song is not None}
-    config = _configured(config, settings, weights, engine, requested, beside)
+    costs = as_costs(costs)
+    config = _configured(as_config(config), settings, requested, costs)
     check_span(0.0 if start_s is None else start_s, duration_s)
     check_function("report", report)
     keep = as_list("keep", keep, "Keep", Keep)
     repertoire = as_repertoire(repertoire)
-    if existing is None and keep:
-        raise ParameterError("expected an existing dance beside the stretches to keep, got none")
-    known = None if existing is None else _as_existing(existing, repertoire)
-    if known is not None and fps is None:
+    known = _as_existing(existing, keep, repertoire)
+    if known is not None and "fps" not in settings:
         config = replace(config, fps=known.motion.fps)
-    ENGINES[config.engine].check(repertoire, config, requested, costs)
+    engines()[config.engine].check(repertoire, config, requested, costs)
     loaded = _part_of(song, start_s, duration_s, known.plan if known else None)
-    style = None if style_song is None else as_song("a style song", style_song)
+    style = None if config.style_song is None else as_song("a style song", config.style_song)
     kept = None if known is None else (known, keep)
     return _danced(loaded, repertoire, config, requested, costs, style, kept, report)
 
 
 def _configured(
-    config: DanceConfig,
-    settings: Mapping[str, Any],
-    weights: Mapping[str, float] | None,
-    engine: EngineName | None,
-    requested: Constraints,
-    beside: Mapping[str, bool],
+    config: DanceConfig, settings: DanceSettings, requested: Constraints, costs: Sequence[Cost]
 ) -> DanceConfig:
-    """`config` with the settings and weights that were given and the engine that dances.
+    """`config` with the settings that were given and the engine that makes the dance.
 
-    `beside` says which arguments that are no settings were given. Raises `ParameterError` for a value out of
-    range and for anything that the engine does not use.
+    Raises `ParameterError` for an unknown name, a value out of range and anything that the engine does not
+    use.
     """
-    given = {name: value for name, value in settings.items() if value is not None}
-    if weights is not None:
-        given["weights"] = {**config.weights, **as_weights(weights)}
-        _check_weights_used(given.get("planner", config.planner), as_weights(weights))
-    config = replace(config, engine=engine_name(config, engine, requested), **given)
-    used = {*given, *(name for name, is_given in beside.items() if is_given)}
-    check_settings(ENGINES[config.engine], list(ENGINES.values()), config, used)
+    given: dict[str, Any] = dict(settings)
+    for name in given:
+        if name not in DanceSettings.__annotations__:
+            raise unknown_setting(name, DanceArguments.__annotations__)
+    if "weights" in given:
+        weights = as_weights(given["weights"])
+        _check_weights_used(given.get("planner", config.planner), weights)
+        given["weights"] = {**config.weights, **weights}
+    config = replace(config, **given)
+    if "engine" not in given:
+        config = replace(config, engine=engine_for(config, requested))
+    used = {*given, "costs"} if costs else set(given)
+    check_settings(engines()[config.engine], list(engines().values()), config, used)
     return config
 
 
@@ -314,9 +291,9 @@ def _danced(
     bounds_s = dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
     resolved = resolve(requested, repertoire, bounds_s, song_features.duration_s)
     kept = None if kept_of is None else _kept(*kept_of, requested, song_features.duration_s, config)
-    engine = ENGINES[config.engine]
+    engine = engines()[config.engine]
     if kept is not None and kept.plan is not None and "costs" in engine.settings:
-        costs = (*costs, Unlike([kept.plan]))
+        costs = (*costs, AvoidRepeating([kept.plan]))
     request = DanceRequest(song, song_features, repertoire, config, resolved, costs, style, kept, report)
     if kept is None:
         result = engine.plan(request)
@@ -346,7 +323,11 @@ def _part_of(song: object, start_s: float | None, duration_s: float | None, exis
     return as_song("a song", song, start_s=start_s or 0.0, duration_s=duration_s)
 
 
-def _as_existing(existing: object, repertoire: Repertoire) -> ExistingDance:
+def _as_existing(existing: object, keep: Sequence[Keep], repertoire: Repertoire) -> ExistingDance | None:
+    if existing is None and keep:
+        raise ParameterError("expected an existing dance beside the stretches to keep, got none")
+    if existing is None:
+        return None
     if isinstance(existing, Dance):
         return ExistingDance(existing.motion, existing.plan, existing.plan.song)
     if not isinstance(existing, str | Path):

@@ -34,8 +34,10 @@ from choreograph.render.rendering import render
 _SAME_S = 0.5  # parts of a take nearer than this look the same
 
 
-class Unlike(Cost):
+class AvoidRepeating(Cost):
     """1 for what an earlier dance danced in this second: the same take within half a second."""
+
+    name = "unlike"  # in plans
 
     def __init__(self, earlier: Sequence[Plan]) -> None:
         self._earlier = [plan for plan in earlier if plan.seconds]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.engines import ENGINES
+from choreograph.choreography.engines import engines
 from choreograph.core.arguments import is_whole, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
@@ -23,8 +23,8 @@ from choreograph.motion.motion import Take
 from choreograph.motion.retargeting import retarget
 from choreograph.music.song import Song
 from choreograph.pipeline.arguments import as_config, as_costs, as_repertoire, as_song
-from choreograph.pipeline.dancing import Dance, dance
-from choreograph.pipeline.keeping import Unlike
+from choreograph.pipeline.dancing import DEFAULTS, Dance, DanceArguments, dance
+from choreograph.pipeline.keeping import AvoidRepeating
 from choreograph.plan import Plan
 from choreograph.settings import MAX_VARIATIONS
 
@@ -35,32 +35,43 @@ _SEEDS = 3  # tried for each variation
 
 
 def vary(
-    song: str | Path | Song, repertoire: str | Path | Repertoire | None = None, n: int = 3, **options: Any
+    song: str | Path | Song,
+    repertoire: str | Path | Repertoire | None = None,
+    n: int = 3,
+    **arguments: Unpack[DanceArguments],
 ) -> list[Dance]:
-    """`n` dances for one song that all differ; `options` are the keywords of `dance`.
+    """`n` dances for one song that all differ.
 
-    Their seeds are `seed` (or `config`'s) and the ones after it. With an engine that has costs, what earlier
-    variations danced in a second costs more in the later ones (`Unlike`). Raises `ParameterError` if `n` is
-    below 1 or above 1000, or so many different dances cannot be found.
+    `arguments` are the keywords of `dance`. The dances have the seeds from `seed` (or `config`'s) on. With
+    the graph engine, what earlier variations danced in a second costs more in the later ones.
+
+    Raises as `dance`, and `ParameterError` if `n` is below 1 or above 1000, or if so many different dances
+    cannot be found.
+
+    Examples
+    --------
+    >>> dances = cg.vary(cg.example_songs()["house"], n=2, engine="mixer", duration_s=8)
+    >>> [dance.plan.seed for dance in dances]
+    [0, 1]
     """
     if not is_whole(n) or not 1 <= n <= MAX_VARIATIONS:
         raise unexpected(f"1 to {MAX_VARIATIONS} variations", n)
-    config, costs = as_config(options.pop("config", None)), as_costs(options.pop("costs", ()))
-    if options.get("seed") is not None:
-        config = replace(config, seed=options["seed"])
-    options.pop("seed", None)
-    part = {k: options.pop(k) for k in ("start_s", "duration_s") if options.get(k) is not None}
-    loaded = as_song("a song", song, **part)
+    config, costs = as_config(arguments.pop("config", DEFAULTS)), as_costs(arguments.pop("costs", ()))
+    if "seed" in arguments:
+        config = replace(config, seed=arguments.pop("seed"))
+    start_s = arguments.pop("start_s", None)
+    loaded = as_song("a song", song, start_s=start_s or 0.0, duration_s=arguments.pop("duration_s", None))
     made: list[Dance] = []
     for seed in range(config.seed, config.seed + _SEEDS * n):
-        has_costs = bool(made) and "costs" in ENGINES[made[0].plan.engine].settings
-        unlike = (Unlike([one.plan for one in made]),) if has_costs else ()
-        one = dance(loaded, repertoire, config=replace(config, seed=seed), costs=(*costs, *unlike), **options)
+        has_costs = bool(made) and "costs" in engines()[made[0].plan.engine].settings
+        avoid = (AvoidRepeating([one.plan for one in made]),) if has_costs else ()
+        arguments |= {"config": replace(config, seed=seed), "costs": (*costs, *avoid)}
+        one = dance(loaded, repertoire, **arguments)
         if all(_content(one.plan) != _content(other.plan) for other in made):
             made.append(one)
         if len(made) == n:
             return made
-    raise ParameterError(f"expected {n} different dances, got {len(made)}: so little is left to chance")
+    raise ParameterError(f"expected {n} different dances, got {len(made)}: too little is drawn at random")
 
 
 def _content(plan: Plan) -> list[tuple[object, ...]]:

@@ -209,8 +209,8 @@ def _check_takes(plan: Plan, repertoire: Repertoire) -> None:
     blocks = [block for block in plan.planned_blocks if not block.kept]
     if not all(block.planned.take for block in blocks):
         raise ParameterError(
-            "expected a plan of takes, got one of the rollout engine, which holds motifs: dance to its song "
-            "again"
+            f"expected a plan of takes, got one of the {plan.engine} engine, which holds motifs: dance to "
+            "its song again"
         )
     indices = {block.planned.take: repertoire.take_index(block.planned.take) for block in blocks}
     for block in blocks:

@@ -4,7 +4,7 @@
 
 The songs are the built-in ones, one after another at changing levels with gaps between. Every dance is made
 by `choreograph dance` in a process of its own, as a motion alone (npz) and as motion and page (bvh, html):
-CPU seconds, peak resident memory, and how long `--progress-lines` was silent at most, and after which line.
+CPU seconds, peak resident memory, and how long `--json` printed no progress at most, and after which line.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def long_song(minutes: float, seed: int = 0) -> NDArray[np.float32]:
 def cost_of(song: Path, engine: str, outputs: list[Path]) -> Cost:
     """Dance to a song in another process; `CalledProcessError` if that fails."""
     command = [sys.executable, "-m", "choreograph", "dance", str(song), "--engine", engine]
-    command += ["--progress-lines"]
+    command += ["--json"]
     command += [text for path in outputs for text in ("-o", str(path))]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None

@@ -38,8 +38,9 @@ def test_the_published_method_says_what_it_needs(tmp_path, song, db):
     build = ("build-db", tmp_path, "-o", tmp_path / "x.h5", "--published")
     assert_one_line(run(*build, "--density", "analytic", "--no-lock-feet"), says="--density, --lock-feet")
     assert_one_line(run(*build, "--preset", "huge"), says="preset among tiny, small, paper")
-    assert_one_line(run("dance", song, "--db", db, "--published"), says="--density learned")
-    assert_one_line(run("dance", song, "--db", db, "--published", "--engine", "mixer"), says="graph engine")
+    assert_one_line(run("dance", song, "--db", db, "--config", "published"), says="--density learned")
+    mixed = run("dance", song, "--db", db, "--config", "published", "--engine", "mixer")
+    assert_one_line(mixed, says="graph engine")
     evaluated = run(
         "evaluate", "--db", db, "--songs", song.parent, "--variants", "as-published", "--seeds", 1
     )
@@ -48,16 +49,8 @@ def test_the_published_method_says_what_it_needs(tmp_path, song, db):
 
 def test_a_dance_without_what_rendering_adds(tmp_path, song, db):
     plan = tmp_path / "p.json"
-    given = (
-        "--warping",
-        "dtw",
-        "--time-maps",
-        "raw",
-        "--no-lock-feet",
-        "--no-hold-ends",
-        "--no-keep-on-stage",
-    )
-    result = run("dance", song, "--db", db, *given, "-o", plan)
+    given = ("warping=dtw", "time-maps=raw", "lock_feet=false", "hold_ends=false", "keep_on_stage=False")
+    result = run("dance", song, "--db", db, *(f"--set={setting}" for setting in given), "-o", plan)
     assert result.exit_code == 0, result.output
     made = cg.Plan.read(plan)
     assert (made.lock_feet, made.keep_on_stage, made.opening_s, made.closing_s) == (False, False, 0.0, None)
@@ -74,7 +67,7 @@ def test_a_plan_is_rendered_again(tmp_path, song, db):
 
 
 def test_progress_comes_as_lines_and_the_blocks_as_json(tmp_path, song, db):
-    made = run("dance", song, "--db", db, "-o", tmp_path / "p.json", "--json", "--progress-lines")
+    made = run("dance", song, "--db", db, "-o", tmp_path / "p.json", "--json")
     assert made.exit_code == 0, made.output
     lines = made.stderr.strip().splitlines()
     assert any(line.startswith("planning ") for line in lines)
@@ -131,12 +124,12 @@ def test_build_and_dance_with_takes_without_music(tmp_path, song, db):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--candidates", "0"], "candidates"),
+        (["--set", "candidates=0"], "candidates"),
         (["--weight", "grace=2"], "grace"),
         (["--weight", "style"], "COST=NUMBER"),
         (["--weight", "style=nan"], "style"),
-        (["--planner", "lazy"], "planner"),
-        (["--blending", "none"], "blending"),
+        (["--set", "planner=lazy"], "planner"),
+        (["--set", "blending=none"], "blending"),
         (["--fps", "0"], "fps"),
         (["--beats", "ear"], "ear"),
         (["--start", "1e6"], "start"),
@@ -260,19 +253,16 @@ def test_songs_are_listed_located_and_copied(tmp_path):
     assert_one_line(run("songs", "--path", "nothing"), says="nothing")
 
 
-def test_help_shows_options_in_groups():
+def test_help_of_dance_fits_two_screens_by_purpose():
+    """At most 35 options, in groups, on two screens of 50 lines, with examples."""
     shown = run("dance", "--help").output
-    titles = [
-        "Output:",
-        "Song and repertoire:",
-        "What is danced:",
-        "Engine:",
-        "Graph engine:",
-        "Rollout engine:",
-    ]
+    lines = shown.splitlines()
+    options = [line for line in lines if re.match(r" +(-\w, )?--?\w", line)]
+    assert 30 <= len(options) <= 35 and len(lines) <= 100
+    titles = ("Song and repertoire:", "What is danced:", "Engine and settings:", "Output:", "Examples:")
     places = [shown.index(f"  {title}") for title in titles]
     assert places == sorted(places)
-    assert shown.index("Graph engine:") < shown.index("--transitions") < shown.index("Rollout engine:")
+    assert shown.index("Engine and settings:") < shown.index("--set NAME=VALUE") < shown.index("Output:")
 
 
 def test_the_installed_command_answers():

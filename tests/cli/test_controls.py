@@ -53,7 +53,7 @@ def test_a_sequence_from_a_plan_from_a_list_and_from_a_take(here):
     assert danced("--motifs", "old.json", "--seed", 3)["motifs"] == first
     (here / "list.json").write_text(json.dumps(first[:3]))
     assert danced("--motifs", "list.json")["motifs"][:3] == first[:3]
-    facts = danced("--recreate", "take1")
+    facts = danced("--motifs", "take1")
     assert facts["engine"] == "mixer" and any("motifs were given" in note for note in facts["notes"])
 
 
@@ -79,9 +79,14 @@ def test_variations_are_numbered(here):
         (["--genre", "polka"], "polka"),
         (["--signature", "none.json"], "none.json"),
         (["--motifs", "none.json"], "none.json"),
-        (["--recreate", "nobody"], "nobody"),
-        (["--motifs", "none.json", "--recreate", "take1"], "both"),
-        (["--engine", "graph", "--recreate", "take1"], "graph engine"),
+        (["--motifs", "nobody"], "nobody"),
+        (["--set", "planer=greedy"], "the most similar one is 'planner'"),
+        (["--set", "candidates"], "expected NAME=VALUE, got 'candidates'"),
+        (["--set", "candidates=few"], "expected candidates as whole number of 1 or more, got 'few'"),
+        (["--set", "fps=30", "--fps", "60"], "expected fps once, got --fps and --set fps"),
+        (["--set", "fps=30", "--set", "fps=60"], "expected a value of fps once, got several"),
+        (["--weight", "style=1", "--weight", "style=2"], "expected the weight of style once, got several"),
+        (["--engine", "graph", "--motifs", "take1"], "graph engine"),
         (["--variations", "0"], "1 to 1000 variations"),
     ],
 )
@@ -93,14 +98,14 @@ def test_constraints_that_cannot_be_met(here, options, says):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--engine", "mixer", "--warping", "none"], "graph engine"),
-        (["--engine", "mixer", "--warping", "dtw"], "graph engine"),  # its default, but given
-        (["--engine", "mixer", "--candidates", "3"], "graph engine"),
-        (["--engine", "mixer", "--selection", "random"], "graph engine"),
-        (["--engine", "mixer", "--transitions", "seconds"], "graph engine"),
+        (["--engine", "mixer", "--set", "warping=none"], "graph engine"),
+        (["--engine", "mixer", "--set", "warping=dtw"], "graph engine"),  # its default, but given
+        (["--engine", "mixer", "--set", "candidates=3"], "graph engine"),
+        (["--engine", "mixer", "--set", "selection=random"], "graph engine"),
+        (["--engine", "mixer", "--set", "transitions=seconds"], "graph engine"),
         (["--engine", "mixer", "--weight", "style=2"], "graph engine"),
-        (["--engine", "mixer", "--style-song", "song.wav"], "rollout engine"),
-        (["--engine", "rollout", "--planner", "greedy"], "rollout engine"),
+        (["--engine", "mixer", "--set", "style_song=song.wav"], "rollout engine"),
+        (["--engine", "rollout", "--set", "planner=greedy"], "rollout engine"),
     ],
 )
 def test_a_setting_that_the_engine_does_not_use_is_refused(here, options, says):
@@ -113,7 +118,7 @@ def test_a_setting_that_the_engine_does_not_use_is_refused(here, options, says):
     "options",
     [
         ["--engine", "graph"],
-        ["--planner", "greedy"],
+        ["--set", "planner=greedy"],
         ["--seed", "0"],
         ["--weight", "style=2"],
         ["--start", "0"],

@@ -69,8 +69,9 @@ def test_the_options_to_repeat_are_few():
     }
     assert repeated == {
         ("build-db", "--leave-out"), ("dance", "--output"), ("dance", "--pin"), ("dance", "--ban"),
-        ("dance", "--keep"), ("dance", "--weight"), ("evaluate", "--counted-by"), ("evaluate", "--only"),
-        ("evaluate", "--variants"), ("study write", "--only"), ("study write", "--variants"),
+        ("dance", "--keep"), ("dance", "--set"), ("dance", "--weight"), ("evaluate", "--counted-by"),
+        ("evaluate", "--only"), ("evaluate", "--variants"), ("study write", "--only"),
+        ("study write", "--variants"),
     }  # fmt: skip
 
 
@@ -138,7 +139,7 @@ def test_options_that_another_makes_useless_are_refused(tmp_path, monkeypatch, d
 @pytest.mark.slow
 def test_times_may_be_minutes_and_seconds(tmp_path, monkeypatch, db, song):
     monkeypatch.chdir(tmp_path)
-    asked = ("dance", song, "--db", db, "--candidates", "4", "-o", "a.json")
+    asked = ("dance", song, "--db", db, "--set", "candidates=4", "-o", "a.json")
     for start, duration in (("1.5", "4"), ("0:01.5", "0:04"), ("0:00:01.5", "0:4")):
         made = run(*asked, "--start", start, "--duration", duration, "--pin", "0:01-0:02=take:take1")
         assert made.exit_code == 0, made.output
@@ -153,7 +154,7 @@ def test_times_may_be_minutes_and_seconds(tmp_path, monkeypatch, db, song):
 @pytest.mark.slow
 def test_notes_on_files_are_shown_and_in_the_json(tmp_path, monkeypatch, db, song):
     monkeypatch.chdir(tmp_path)
-    asked = ("dance", song, "--db", db, "--candidates", "4", "-oa.bvh", "-oa.json", "--rest", "t")
+    asked = ("dance", song, "--db", db, "--set", "candidates=4", "-oa.bvh", "-oa.json", "--rest", "t")
     said = "--rest has no effect on .json"
     assert f"note: {said}" in run(*asked).stderr
     assert said in json.loads(run(*asked, "--json").stdout)["notes"]

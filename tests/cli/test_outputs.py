@@ -26,8 +26,9 @@ MINE = b"mine, and of no format: nothing may be read before the outputs are chec
 # output; the suffixes that it may have.
 _DANCE_INPUTS = (
     ["MINE"], ["s.wav", "--db", "MINE"], ["s.wav", "--config", "MINE"], ["s.wav", "--beats", "MINE"],
-    ["s.wav", "--signature", "MINE"], ["s.wav", "--motifs", "MINE"], ["s.wav", "--recreate", "MINE"],
-    ["s.wav", "--existing", "MINE", "--keep", "0-2"], ["s.wav", "--style-song", "MINE"], ["--plan", "MINE"],
+    ["s.wav", "--signature", "MINE"], ["s.wav", "--motifs", "MINE"], ["s.wav", "--set", "beats=MINE"],
+    ["s.wav", "--existing", "MINE", "--keep", "0-2"], ["s.wav", "--set", "style_song=MINE"],
+    ["--plan", "MINE"],
 )  # fmt: skip
 _MAPPED = ["s.wav", "--character", "MINE"], ["s.wav", "--character", "hero.glb", "--map", "MINE"]
 _EVALUATED = (

@@ -64,7 +64,7 @@ def special(request, tmp_path, monkeypatch):
         (("dance", "--plan", "SPECIAL"), "plan.json"),
         (("dance", "SONG", "--db", "DB", "--signature", "SPECIAL"), "signature.json"),
         (("dance", "SONG", "--db", "DB", "--motifs", "SPECIAL"), "motifs.json"),
-        (("dance", "SONG", "--db", "DB", "--recreate", "SPECIAL"), "take.bvh"),
+        (("dance", "SONG", "--db", "DB", "--motifs", "SPECIAL"), "take.bvh"),
         *(
             (("dance", "SONG", "--db", "DB", "--keep", "0-1", "--existing", "SPECIAL"), f"dance.{suffix}")
             for suffix in ("bvh", "npz", "json")

@@ -116,7 +116,7 @@ def test_a_take_is_pinned_in_the_whole_gap(old):
 
 def test_the_part_of_an_existing_plan_is_danced_by_default(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    asked = ("dance", SONG, "--candidates", "16", "-q")
+    asked = ("dance", SONG, "--set", "candidates=16", "-q")
     first = run(*asked, "--start", "0:10", "--duration", "12", "-o", "old.json")
     assert first.exit_code == 0, first.output
     keep = ("--keep", "0-0:05", "--keep", "9-12")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from dataclasses import fields
 from functools import cache
 from itertools import pairwise
 
@@ -11,7 +12,7 @@ import pytest
 from synthetic_repertoire import write_clicks
 
 import choreograph as cg
-from choreograph.choreography.engines import ENGINES
+from choreograph.choreography.engines import engines
 from choreograph.cli.dance import command
 from choreograph.core.errors import ChoreographError
 from choreograph.pipeline import dancing
@@ -112,11 +113,12 @@ ELSEWHERE = {
 
 
 def test_the_table_is_whole():
-    assert set(TABLE) | ELSEWHERE == set(inspect.signature(cg.dance).parameters)
-    assert set(ENGINES) == ALL
-    on_the_command_line = {option.name for option in command.params}
-    renamed = {"weights": "weight", "start_s": "start", "duration_s": "duration", "pins": "pin",
-               "bans": "ban", "motifs": "motif_file"}  # fmt: skip
+    settings = {field.name for field in fields(cg.DanceConfig)}
+    parameters = set(inspect.signature(cg.dance).parameters) - {"settings"}
+    assert set(TABLE) | ELSEWHERE == settings | parameters
+    assert set(engines()) == ALL
+    on_the_command_line = {option.name for option in command.params} | settings
+    renamed = {"start_s": "start", "duration_s": "duration", "pins": "pin", "bans": "ban"}
     assert {renamed.get(name, name) for name in TABLE} - {"costs"} <= on_the_command_line
 
 

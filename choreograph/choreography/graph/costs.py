@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.selection import energy_mismatch, steps_mismatch
+from choreograph.core import installed
+from choreograph.core.arguments import unexpected
 from choreograph.core.kernel_cache import njit
 from choreograph.core.timebase import CLIP_FRAMES, NODE_FRAMES
 from choreograph.music.song_features import SongFeatures
+from choreograph.settings import COST_GROUP
 
 # Compiled loops of the planners: edge costs, and the cheapest predecessor of each node.
 #
@@ -332,6 +336,22 @@ BUILTIN_COSTS: tuple[type[Cost], ...] = (
     Variety,
     Repeat,
 )
+
+
+def installed_costs(weights: Collection[str], given: Iterable[Cost] = ()) -> tuple[Cost, ...]:
+    """The costs of other packages that have a weight, but for those whose name one of the `given` has.
+
+    Another package adds a subclass of `Cost` by an entry point of the group `choreograph.costs`, under the
+    cost's name. Raises `ParameterError` if one cannot be loaded or has another name.
+    """
+    taken = {*(cost.name for cost in BUILTIN_COSTS), *(cost.name for cost in given)}
+    kinds = {name: kind for name, kind in installed(COST_GROUP).items() if name in weights}
+    for name, kind in kinds.items():
+        if not (isinstance(kind, type) and issubclass(kind, Cost) and kind.name == name):
+            raise unexpected(
+                f"a subclass of Cost with the name {name!r} as entry point of {COST_GROUP}", kind
+            )
+    return tuple(kind() for name, kind in kinds.items() if name not in taken)
 
 
 def _rms_distances(a: Floats, b: Floats) -> Floats:

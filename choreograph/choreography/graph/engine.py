@@ -13,7 +13,7 @@ from choreograph.choreography.constraints import Constraints, TakePin
 from choreograph.choreography.enforcement import KeptBorders, enforce_motifs
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.genres import SectionGoal, section_goals
-from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost
+from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, installed_costs
 from choreograph.choreography.graph.layer_source import AllowedNodes, make_layers
 from choreograph.choreography.graph.layers import Layer, LayerSource
 from choreograph.choreography.graph.motif_costs import (
@@ -134,7 +134,7 @@ def _with_words(plan: Plan, repertoire: Repertoire, words: tuple[PlannedWord, ..
 
 
 def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]:
-    """The weight of every cost that may take part, the user's `costs` among them.
+    """The weight of every cost that may take part, the user's `costs` and installed ones among them.
 
     Raises `ParameterError` if two costs share a name, or a weight belongs to no cost.
     """
@@ -142,6 +142,7 @@ def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]
     names = [
         *(cost.name for cost in known),
         *(cost.name for cost in costs),
+        *(cost.name for cost in installed_costs(config.weights, costs)),
     ]
     if len(set(names)) != len(names):
         raise ParameterError(
@@ -205,6 +206,7 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
     """The path that the planner finds, and the weights of the costs it was searched by."""
     features, config = request.song_features, request.config
     costs: list[Cost] = [*(cost() for cost in BUILTIN_COSTS), *request.costs]
+    costs += installed_costs(config.weights, request.costs)
     costs.append(Stillness(request.repertoire.clip_motion))
     if goals:
         parts = [(part.first_second, part.goal) for part in goals]
