@@ -173,12 +173,12 @@ def check_text(name: str, texts: Sequence[str], n_file_bytes: int) -> None:
     )
 
 
-def check_finite(name: str, array: NDArray) -> None:
+def check_finite(name: str, array: NDArray[Any]) -> None:
     """`RepertoireError` if an array has NaN or infinity."""
     _expect(bool(np.isfinite(array).all()), f"{name}: expected finite numbers, got NaN or infinity")
 
 
-def check_values(name: str, array: NDArray, sizes: Mapping[str, int]) -> None:
+def check_values(name: str, array: NDArray[Any], sizes: Mapping[str, int]) -> None:
     """`RepertoireError` if a number of an array is outside `VALUES`; `sizes` are those of the axes."""
     if name not in VALUES or array.size == 0:
         return
@@ -206,7 +206,7 @@ def check_quantisation(name: str, attributes: Mapping[str, Any]) -> None:
         )
 
 
-def check_parts(name: str, start: NDArray, stop: NDArray, length: int, *, shortest: int) -> None:
+def check_parts(name: str, start: NDArray[Any], stop: NDArray[Any], length: int, *, shortest: int) -> None:
     """`RepertoireError` unless takes' parts [start, stop) of an array follow each other over all of it."""
     ends = np.concatenate([[0], stop])
     _expect(
@@ -230,7 +230,7 @@ def check_provenance(provenance: Mapping[str, Any]) -> None:
     )
 
 
-def check_clips(take: NDArray, start_frame: NDArray, n_frames: NDArray) -> None:
+def check_clips(take: NDArray[Any], start_frame: NDArray[Any], n_frames: NDArray[Any]) -> None:
     """`RepertoireError` unless clips (N,) lie inside their takes, of `n_frames` (X,) at 20 fps."""
     _expect(
         bool((start_frame + CLIP_FRAMES <= n_frames[take]).all()),
@@ -238,7 +238,7 @@ def check_clips(take: NDArray, start_frame: NDArray, n_frames: NDArray) -> None:
     )
 
 
-def check_counts(name: str, times_s: NDArray, numbers: NDArray, metre: int) -> None:
+def check_counts(name: str, times_s: NDArray[Any], numbers: NDArray[Any], metre: int) -> None:
     """`RepertoireError` unless a take's counts (Q,) increase and are numbered in bars of the metre."""
     lowest = 1 if metre else 0
     _expect(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +84,7 @@ def counts_from(file: RepertoireFile, takes: Sequence[TakeInfo]) -> tuple[Counts
     return counts
 
 
-def figures_from(read: Callable[[str], NDArray]) -> dict[int, tuple[Figure, ...]]:
+def figures_from(read: Callable[[str], NDArray[Any]]) -> dict[int, tuple[Figure, ...]]:
     """The figures in order by take; takes without figures are left out."""
     names = ("take", "name", "start_s", "end_s", "n_counts")
     figures: dict[int, list[Figure]] = {}
@@ -103,7 +104,10 @@ def clip_liveliness(liveliness: Liveliness, take: Ints, start_frame: Ints) -> ND
     """Mean rank (N,), 0 … 1, of the seconds of each clip's middle 4 s; clips by take (N,) and first frame."""
     start = middle_starts(start_frame).astype(np.float64)  # (N,) in their takes
     seconds = (start + second * NET_FPS for second in range(SEGMENT_S))
-    return np.mean([liveliness.ranks(take, at, at + NET_FPS) for at in seconds], axis=0, dtype=np.float32)
+    result: NDArray[np.float32] = np.mean(
+        [liveliness.ranks(take, at, at + NET_FPS) for at in seconds], axis=0, dtype=np.float32
+    )
+    return result
 
 
 def clip_steps(
@@ -140,7 +144,7 @@ class ClipMotion:
 
     def __init__(
         self,
-        read: Callable[[str], NDArray],
+        read: Callable[[str], NDArray[Any]],
         takes: Sequence[TakeInfo],
         counts: Sequence[Counts],
         clip_take: Ints,
@@ -160,11 +164,13 @@ class ClipMotion:
 
     def density(self, clips: Ints) -> NDArray[np.float32]:
         """Tempo-densities of clips (K,), (K, 160)."""
-        return self._density[self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)]
+        result: NDArray[np.float32] = self._density[self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)]
+        return result
 
     def speed(self, clips: Ints) -> NDArray[np.float32]:
         """Mean joint speeds of clips (K,) in m/s, (K, 160)."""
-        return self._speed[self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)]
+        result: NDArray[np.float32] = self._speed[self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)]
+        return result
 
     def poses_m(
         self, clip: Ints, frames: NDArray[np.floating]
@@ -194,7 +200,8 @@ class ClipMotion:
     ) -> NDArray[np.float32]:
         """Uncertainty (N,), 0 … 1, of the counts half way between two frames of each clip: see `Counts`."""
         middle = np.round(0.5 * (start + stop)).astype(np.int64)
-        return self._uncertainty[self._clip_rows[clip] + middle]
+        result: NDArray[np.float32] = self._uncertainty[self._clip_rows[clip] + middle]
+        return result
 
     @cached_property
     def liveliness_ranks(self) -> NDArray[np.float32]:
@@ -209,7 +216,8 @@ class ClipMotion:
     @cached_property
     def _clip_rows(self) -> NDArray[np.int64]:
         """First row of each clip in the flat arrays, (N,)."""
-        return self._take_rows[self._clip_take, 0] + self._clip_start_frame
+        result: NDArray[np.int64] = self._take_rows[self._clip_take, 0] + self._clip_start_frame
+        return result
 
     @cached_property
     def _body_pos_m(self) -> NDArray[np.float32]:

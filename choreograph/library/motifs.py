@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +86,8 @@ def _centroids(vectors: NDArray[np.float32], n_motifs: int, seed: int) -> NDArra
     n_distinct = len(np.unique(vectors, axis=0))
     kmeans = KMeans(min(n_motifs, n_distinct), n_init=_RESTARTS, random_state=seed)
     with threadpool_limits(1):  # the order of sums over threads varies
-        return kmeans.fit(vectors).cluster_centers_
+        result: NDArray[np.float32] = kmeans.fit(vectors).cluster_centers_
+        return result
 
 
 def _medoids(vectors: NDArray[np.float32], centroids: NDArray[np.float32]) -> Indices:
@@ -259,7 +261,7 @@ class SpanMotifLookup:
 _TOLERANCE_S = 1e-6  # between the end of a word and the beginning of the next
 
 
-def motif_arrays(vocabulary: Vocabulary) -> dict[str, NDArray]:
+def motif_arrays(vocabulary: Vocabulary) -> dict[str, NDArray[Any]]:
     """The arrays of `schema.MOTIFS` by path."""
     return {
         "motifs/embeddings": vocabulary.motifs.embeddings,
@@ -275,7 +277,7 @@ def motif_arrays(vocabulary: Vocabulary) -> dict[str, NDArray]:
     }
 
 
-def vocabulary_from(read: Callable[[str], NDArray], n_takes: int) -> Vocabulary:
+def vocabulary_from(read: Callable[[str], NDArray[Any]], n_takes: int) -> Vocabulary:
     """The vocabulary of a file; `read(path)` returns an array of `schema.MOTIFS`.
 
     Raises `RepertoireError`, without the file name, if the arrays are inconsistent.

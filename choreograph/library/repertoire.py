@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +109,7 @@ class Repertoire:
         return self._file.density
 
     @property
-    def provenance(self) -> dict:
+    def provenance(self) -> dict[str, Any]:
         """How the file was made: program version, preset, seed, songs trained on."""
         return self._file.provenance
 
@@ -146,10 +146,8 @@ class Repertoire:
 
         self._expect_vocabulary()
         net = self.net("words")
-        try:
+        with self._damage_named():
             return WordNet.from_arrays(net.weights, net.config)
-        except ParameterError as error:
-            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
 
     def rollout_net(self) -> RolloutNet:
         """The network that generates motion from motifs; `RepertoireError` if there is none."""
@@ -161,10 +159,8 @@ class Repertoire:
                 "`choreograph build-db --rollout`"
             )
         net = self.net("rollout")
-        try:
+        with self._damage_named():
             return RolloutNet.from_arrays(net.weights, net.config)
-        except ParameterError as error:
-            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
 
     def _expect_vocabulary(self) -> None:
         if not self.has_vocabulary:
@@ -178,13 +174,11 @@ class Repertoire:
         """The skeleton of all motion in the file."""
         names = ("parents", "offsets_m", "tip_parents", "tips_m")
         joints = tuple(str(name) for name in self._file.read("skeleton/names"))
-        try:
+        with self._damage_named():
             skeleton = Skeleton(joints, *(self._file.read(f"skeleton/{name}") for name in names))
             if "roles" not in self._file.parts:
                 return skeleton
             return replace(skeleton, roles=roles_of(self._file.read("skeleton/roles")))
-        except ParameterError as error:
-            raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
 
     @cached_property
     def takes(self) -> tuple[TakeInfo, ...]:
@@ -239,10 +233,10 @@ class Repertoire:
 
     @contextmanager
     def _damage_named(self) -> Iterator[None]:
-        """Names the file in errors about what its arrays say together."""
+        """Raise errors of what the arrays hold as a `RepertoireError` that names the file."""
         try:
             yield
-        except RepertoireError as error:
+        except (RepertoireError, ParameterError) as error:
             if str(error).startswith(str(self.path)):
                 raise
             raise RepertoireError(f"{self.path}: {error}: a damaged file") from error
@@ -320,7 +314,8 @@ class Repertoire:
         """Motion beats inside a clip, in its frames at 20 fps."""
         clip = self._clip(clip)
         beats = self.motion_beats_s(int(self.clip_take[clip])) * NET_FPS - self.clip_start_frame[clip]
-        return beats[(beats >= 0) & (beats < CLIP_FRAMES)]
+        result: NDArray[np.float64] = beats[(beats >= 0) & (beats < CLIP_FRAMES)]
+        return result
 
     @cached_property
     def clip_motion(self) -> ClipMotion:

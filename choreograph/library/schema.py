@@ -6,9 +6,11 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import RepertoireError
+from choreograph.core.numerics import zigzag_decode, zigzag_encode
 
 # The layout of a repertoire file, version 1; `data_schema/repertoire.json` documents it for other programs.
 #
@@ -107,6 +109,27 @@ OPTIONAL = {"uncertainty": UNCERTAINTY, "motifs": MOTIFS, "roles": ROLES, "notes
 QUANTISATION_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
 DELTA_ORDER, DELTA_RESTART = 2, 8192
 HALF_PRECISION = ("motifs/embeddings",)  # f2 in a compressed file, as are the networks' weights
+
+
+def delta_encode(integers: NDArray[np.int16]) -> NDArray[np.uint16]:
+    """Quantised integers (N, ...) as a compressed file stores them."""
+    encoded = integers
+    for _ in range(DELTA_ORDER):
+        deltas = np.diff(encoded, axis=0, prepend=np.zeros_like(encoded[:1]))
+        deltas[::DELTA_RESTART] = encoded[::DELTA_RESTART]
+        encoded = deltas
+    return zigzag_encode(encoded)
+
+
+def delta_decode(encoded: NDArray[np.uint16]) -> NDArray[np.int16]:
+    """The integers of `delta_encode`, of rows from one where the encoding starts anew."""
+    integers = zigzag_decode(encoded)
+    for row in range(0, len(integers), DELTA_RESTART):
+        block = integers[row : row + DELTA_RESTART]
+        for _ in range(DELTA_ORDER):
+            np.cumsum(block, axis=0, dtype=np.int16, out=block)
+    return integers
+
 
 # nets/<name>: a group with the attribute `config` (JSON) and one dataset per weight, of any shape.
 NETS = ("style", "motion_density", "music_density", "words", "rollout")

@@ -253,7 +253,7 @@ def _rhythm_at(
     rows = frame_rhythm(song.samples, inside)
     # The nearest rows, not rows between: onsets are short.
     frames = np.rint(times_to_frames(song_times_s, FRAME_RHYTHM_FPS)).astype(np.int64)
-    rhythm = rows[frames.clip(0, len(rows) - 1)].copy()
+    rhythm: NDArray[np.float32] = rows[frames.clip(0, len(rows) - 1)].copy()
     counted = np.rint(times_to_frames(count_times_s, FRAME_RHYTHM_FPS)).astype(np.int64)
     rhythm[:, FRAME_RHYTHM_NAMES.index("beat")] = np.isin(np.arange(len(rhythm)), counted)
     return rhythm

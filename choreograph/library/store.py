@@ -15,11 +15,9 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError, RepertoireError
 from choreograph.core.files import check_regular
-from choreograph.core.numerics import zigzag_decode
 from choreograph.library import checks
 from choreograph.library.checks import StoredArray
 from choreograph.library.schema import (
-    DELTA_ORDER,
     DELTA_RESTART,
     FORMAT,
     NETS,
@@ -28,42 +26,51 @@ from choreograph.library.schema import (
     VERSION,
     NetArrays,
     axis_sizes,
+    delta_decode,
     layout_of,
 )
 
-# HDF5 files of strangers: opened, and looked at before anything of them is read.
+# HDF5 files from untrusted sources: opened, and validated before any data is read.
 #
-# Nothing outside the file is followed. All that HDF5 makes of a damaged one becomes one error that names it.
+# Links to other files are refused. Every error of HDF5 and of `checks` becomes one that names the file.
+
+
+# What h5py raises for a file that it cannot read. Which of them depends on the bytes that are damaged.
+H5PY_ERRORS = (
+    OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError,
+    NotImplementedError,
+)  # fmt: skip
 
 
 @contextmanager
 def opened(path: Path, what: str) -> Iterator[h5py.File]:
-    """The open file; `RepertoireError` naming it for all that HDF5 or `checks` find wrong with it."""
-    with damage_named(path, what), h5py.File(path, "r") as file:
+    """The open file of a kind such as "a repertoire"; `RepertoireError` for all that is wrong with it."""
+    with file_named(path, what), h5py.File(path, "r") as file:
         yield file
 
 
 @contextmanager
-def damage_named(path: Path, what: str) -> Iterator[None]:
+def file_named(path: Path, what: str) -> Iterator[None]:
+    """Raise the errors of HDF5 and of `checks` as a `RepertoireError` that names the file."""
     try:
         check_regular(path, what)
         yield
-    except RepertoireError as error:
-        message = str(error)
-        if message.startswith(str(path)):
+    except (RepertoireError, FormatError, *H5PY_ERRORS) as error:
+        if isinstance(error, RepertoireError) and str(error).startswith(str(path)):
             raise
-        raise RepertoireError(f"{path}: {message}: a damaged file") from error
-    except FormatError as error:  # no file
-        raise RepertoireError(str(error)) from error
-    except (
-        OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError,
-        NotImplementedError,
-    ) as error:  # fmt: skip  # all that h5py makes of what it cannot read
-        reason = " ".join(str(error).split())[:120]
-        raise RepertoireError(
-            f"{path}: expected {what} (HDF5), could not read it ({reason}): truncated or "
-            "not made by choreograph"
-        ) from error
+        raise RepertoireError(_with_file(error, path, what)) from error
+
+
+def _with_file(error: Exception, path: Path, what: str) -> str:
+    """The message of an error, with the name of the file."""
+    if isinstance(error, RepertoireError):
+        return f"{path}: {error}: a damaged file"
+    if isinstance(error, FormatError):  # there is no such file, and the message names it
+        return str(error)
+    reason = " ".join(str(error).split())[:120]
+    return (
+        f"{path}: expected {what} (HDF5), could not read it ({reason}): truncated or not made by choreograph"
+    )
 
 
 def check_link(file: h5py.File, name: str) -> None:
@@ -77,7 +84,7 @@ def check_link(file: h5py.File, name: str) -> None:
 
 
 def stored_array(file: h5py.File, name: str) -> StoredArray:
-    """How an array is stored; low-level calls, since opening a repertoire looks at all of them."""
+    """How an array is stored. Calls are low-level, since opening a repertoire checks every array."""
     check_link(file, name)
     data = h5py.h5o.open(file.id, name.encode())
     if not isinstance(data, h5py.h5d.DatasetID):
@@ -175,7 +182,7 @@ class RepertoireFile:
             self.parts = frozenset(part for part, names in OPTIONAL.items() if names.keys() <= layout.keys())
             self._kinds = {name: kind for name, (kind, _) in layout.items()}
             stored = self._check_stored(file, layout)
-            self.density = attribute(file, "density", str)
+            self.density: str = attribute(file, "density", str)
             self.provenance = from_json(attribute(file, "provenance", str), f"{path}: provenance")
             checks.check_provenance(self.provenance)
             self.net_names = self._find_nets(file)
@@ -184,7 +191,7 @@ class RepertoireFile:
 
     def _check_heaps(self) -> None:
         with (
-            damage_named(self.path, "a repertoire"),
+            file_named(self.path, "a repertoire"),
             open(self.path, "rb") as file,
             mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
         ):
@@ -219,7 +226,7 @@ class RepertoireFile:
         check_link(file, "nets")
         return tuple(name for name in NETS if name in file["nets"])
 
-    def read(self, name: str, part: slice = slice(None)) -> NDArray:
+    def read(self, name: str, part: slice = slice(None)) -> NDArray[Any]:
         """An array of the schema, or a slice of its first axis; strings as numpy str.
 
         Raises `RepertoireError` if it cannot be read or a value is not one that `checks` expects.
@@ -257,15 +264,13 @@ def _read_net(file: h5py.File, name: str, path: Path) -> NetArrays:
 
 
 def _read_quantised(name: str, data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
+    """Rows of a quantised array, decoded from the last row before them where the encoding starts anew."""
     checks.check_quantisation(name, {key: scalar(data, key) for key in data.attrs})
     start, stop, _ = part.indices(len(data))
     first = start // DELTA_RESTART * DELTA_RESTART
-    differences = zigzag_decode(data[first:stop])
-    for row in range(0, len(differences), DELTA_RESTART):
-        block = differences[row : row + DELTA_RESTART]
-        for _ in range(DELTA_ORDER):
-            np.cumsum(block, axis=0, dtype=np.int16, out=block)
-    return (differences[start - first :] * data.attrs["step"]).astype(np.float32)
+    integers = delta_decode(data[first:stop])[start - first :]
+    result: NDArray[np.float32] = np.multiply(integers, data.attrs["step"]).astype(np.float32)
+    return result
 
 
 def _read_text(data: h5py.Dataset, part: slice, n_file_bytes: int) -> NDArray[np.str_]:
@@ -279,5 +284,5 @@ def _read_text(data: h5py.Dataset, part: slice, n_file_bytes: int) -> NDArray[np
     return np.array(texts, dtype=np.str_)
 
 
-def _to_single(weight: NDArray) -> NDArray:
+def _to_single(weight: NDArray[Any]) -> NDArray[Any]:
     return weight.astype(np.float32) if weight.dtype == np.float16 else weight

@@ -111,7 +111,8 @@ def poses_at(body_pos_m: NDArray[np.floating], fps: float, times_s: NDArray[np.f
 
 def word_distance_m(a: NDArray[np.floating], b: NDArray[np.floating]) -> Floats:
     """Mean joint distance (...) of words (..., 13, 21, 3), without alignment."""
-    return np.linalg.norm(np.asarray(a, np.float64) - b, axis=-1).mean(axis=(-2, -1))
+    result: Floats = np.linalg.norm(np.asarray(a, np.float64) - b, axis=-1).mean(axis=(-2, -1))
+    return result
 
 
 # Signatures and motif transitions of dances (Rhythm is a Dancer, sections 3.4 and 4.3).
@@ -141,7 +142,8 @@ def template(dances: Sequence[Indices], n_motifs: int) -> Floats:
     signatures = [signature(dance, n_motifs) for dance in dances if len(dance)]
     if not signatures:
         raise ParameterError("expected a dance with motion words for the template, got none")
-    return np.mean(signatures, axis=0)
+    result: Floats = np.mean(signatures, axis=0)
+    return result
 
 
 def transition_matrix(dances: Sequence[Indices], n_motifs: int) -> Floats:

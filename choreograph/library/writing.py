@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import RepertoireError
 from choreograph.core.files import atomic_path
-from choreograph.core.numerics import zigzag_encode
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, frames_to_seconds
 from choreograph.library.schema import (
     DELTA_ORDER,
@@ -28,6 +27,7 @@ from choreograph.library.schema import (
     Contents,
     NetArrays,
     axis_sizes,
+    delta_encode,
     layout_of,
 )
 from choreograph.motion.motion import Take
@@ -45,6 +45,12 @@ class MeasuredTake:
     motion_beats_s: NDArray[np.float64]  # (Q,)
 
 
+# Body positions (T, 21, 3) and first frames (N,) of segments to style vectors (N, 32).
+EmbedMotion = Callable[[NDArray[np.float32], NDArray[np.int64]], NDArray[np.float32]]
+# A take to its tempo-density (T,) at 20 fps.
+ClipDensity = Callable[[MeasuredTake], NDArray[np.float32]]
+
+
 def clip_starts(n_frames: int) -> NDArray[np.int64]:
     """First frames of a take's clips, at 20 fps: one every second, as long as 8 s remain."""
     return np.arange(0, max(0, n_frames - CLIP_FRAMES + 1), NET_FPS, dtype=np.int64)
@@ -58,18 +64,17 @@ def middle_starts(starts: NDArray[np.integer]) -> NDArray[np.int64]:
 def to_arrays(
     takes: Sequence[MeasuredTake],
     *,
-    embed_motion: Callable[[NDArray[np.float32], NDArray[np.int64]], NDArray[np.float32]] | None,
-    density: Callable[[MeasuredTake], NDArray[np.float32]],
+    embed_motion: EmbedMotion | None,
+    density: ClipDensity,
     checksums: Sequence[tuple[str, str, int]],
-) -> dict[str, NDArray]:
+) -> dict[str, NDArray[Any]]:
     """All arrays of a repertoire file by path.
 
-    `embed_motion(body_pos_m (T, 21, 3), starts (N,)) -> (N, 32)`; None without style networks, for zeros.
-    `density(take) -> (T,)` at 20 fps. `checksums` are (path, sha256, index of the take).
+    Without `embed_motion`, style vectors are zeros. `checksums` are (path, sha256, index of the take).
     """
     skeleton = takes[0].take.motion.skeleton
     motions = [measured.take.motion for measured in takes]
-    columns: dict[str, NDArray] = {
+    columns: dict[str, NDArray[Any]] = {
         "skeleton/names": np.array(skeleton.names),
         "skeleton/parents": skeleton.parents,
         "skeleton/offsets_m": skeleton.offsets_m,
@@ -103,7 +108,7 @@ def to_arrays(
     return columns | _count_arrays([m.take for m in takes]) | _clip_arrays(takes, embed_motion)
 
 
-def _count_arrays(takes: Sequence[Take]) -> dict[str, NDArray]:
+def _count_arrays(takes: Sequence[Take]) -> dict[str, NDArray[Any]]:
     stops = np.cumsum([len(take.counts) for take in takes])
     figures = [(index, figure) for index, take in enumerate(takes) for figure in take.figures]
     uncertainty = [take.counts.uncertainty for take in takes]
@@ -128,7 +133,7 @@ def _count_arrays(takes: Sequence[Take]) -> dict[str, NDArray]:
     }
 
 
-def _clip_arrays(takes: Sequence[MeasuredTake], embed_motion) -> dict[str, NDArray]:
+def _clip_arrays(takes: Sequence[MeasuredTake], embed_motion: EmbedMotion | None) -> dict[str, NDArray[Any]]:
     starts = [clip_starts(len(m.body_pos_m)) for m in takes]
     styles, counts = [], []
     for measured, first in zip(takes, starts, strict=True):
@@ -214,7 +219,7 @@ def _gzip(level: int) -> dict[str, Any]:
     return {"compression": "gzip", "compression_opts": level, "shuffle": True}
 
 
-def _write_numbers(file: h5py.File, name: str, array: NDArray, step: float | None) -> None:
+def _write_numbers(file: h5py.File, name: str, array: NDArray[Any], step: float | None) -> None:
     """Write an array, quantised to multiples of `step` if it is given and 16 bits hold all values."""
     options = _gzip(1) if array.size > _MIN_GZIP_SIZE else {}
     if step is None or np.abs(array).max(initial=0.0) > np.iinfo(np.int16).max * step:
@@ -225,10 +230,5 @@ def _write_numbers(file: h5py.File, name: str, array: NDArray, step: float | Non
         chunk = (min(len(array), DELTA_RESTART), *(1,) * (array.ndim - 1))
         options = {**_gzip(9), "chunks": chunk}
     integers = np.rint(array / step).astype(np.int16)
-    differences = integers
-    for _ in range(DELTA_ORDER):
-        deltas = np.diff(differences, axis=0, prepend=np.zeros_like(differences[:1]))
-        deltas[::DELTA_RESTART] = differences[::DELTA_RESTART]
-        differences = deltas
-    data = file.create_dataset(name, data=zigzag_encode(differences), track_times=False, **options)
+    data = file.create_dataset(name, data=delta_encode(integers), track_times=False, **options)
     data.attrs.update(step=step, order=DELTA_ORDER, restart=DELTA_RESTART, folded=True)

@@ -162,7 +162,8 @@ def phase_loss(outputs: Tensor, targets: PhaseTargets, *, bar_weight: float) -> 
     `outputs` (B, N_OUTPUTS, T). The bar counts `bar_weight`: its vector of the right metre is to give the
     phase, those of the others to give none.
     """
-    vectors = outputs.unflatten(1, (1 + len(METRES), 2))  # (B, 1 + M, 2, T)
+    batch, _, frames = outputs.shape
+    vectors = outputs.reshape(batch, 1 + len(METRES), 2, frames)
     log_i0 = _log_i0(vectors.square().sum(dim=2).add(1e-8).sqrt())  # (B, 1 + M, T)
     beat = log_i0[:, 0] - _along(vectors[:, 0], targets.beat)
     index = (1 + targets.metre)[:, None, None, :].expand(-1, 1, 2, -1)  # (B, 1, 2, T)
@@ -184,7 +185,8 @@ def _along(vectors: Tensor, turns: Tensor) -> Tensor:
 
 
 def _log_i0(concentration: Tensor) -> Tensor:
-    return torch.special.i0e(concentration).log() + concentration
+    result: Tensor = torch.special.i0e(concentration).log() + concentration
+    return result
 
 
 # The trunk of the networks that count: residual blocks of dilated convolutions over time.
@@ -211,12 +213,14 @@ class Trunk(nn.Module):
         x = self.into(x)
         for block in self.blocks:
             x = block(x)
-        return self.norm(x)
+        result: Tensor = self.norm(x)
+        return result
 
     @property
     def n_seen(self) -> int:
         """Frames that one output frame depends on."""
-        return 1 + (KERNEL - 1) * (1 + sum(2**i for i in range(len(self.blocks))))
+        result: int = 1 + (KERNEL - 1) * (1 + sum(2**i for i in range(len(self.blocks))))
+        return result
 
 
 class _Block(nn.Module):
@@ -231,7 +235,8 @@ class _Block(nn.Module):
         )
 
     def forward(self, x: Tensor) -> Tensor:
-        return x + self.layers(x)
+        result: Tensor = x + self.layers(x)
+        return result
 
 
 class _ChannelNorm(nn.Module):

@@ -128,7 +128,8 @@ class MotionDecoder(nn.Module):
             if self.config.skips:
                 x = torch.cat([x, skips.pop()], dim=1)
         x = self.join(x.transpose(1, 2))
-        return self.to_body(self.transformer(x)).unflatten(2, (len(BODY_JOINTS), 3))
+        body: Tensor = self.to_body(self.transformer(x))  # (B, T, 63)
+        return body.reshape(*body.shape[:2], len(BODY_JOINTS), 3)
 
 
 class MusicDensity(StoredNet):
@@ -175,7 +176,8 @@ class MusicDensity(StoredNet):
             x = deconv(x)
             if self.config.skips:
                 x = torch.cat([x, skips.pop()], dim=1)
-        return self.last(x)[:, 0]
+        result: Tensor = self.last(x)[:, 0]
+        return result
 
     def song_density(self, log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:
         """Densities (S, 80) wanted in the 4 s from each second, from a song's log-mel (T, 96) at 60 fps.

@@ -122,7 +122,8 @@ def random_time_map(
         low = max(warped[i - 1] + gap / MAX_SLOPE, end - rest / MIN_SLOPE)
         high = min(warped[i - 1] + gap / MIN_SLOPE, end - rest / MAX_SLOPE)
         warped[i] = np.clip(source[i] + shifts[i], low, high)
-    return np.interp(np.arange(n_frames), warped, source)
+    result: NDArray[np.float64] = np.interp(np.arange(n_frames), warped, source)
+    return result
 
 
 class MusicDensityData:
@@ -178,7 +179,8 @@ def target_density(
         density = interpolate_frames(density, time_map).astype(np.float32)
     if not motion_density.config.unit_variance:
         return density
-    return (density - density.mean()) / (density.std() + 1e-5)
+    result: NDArray[np.float32] = (density - density.mean()) / (density.std() + 1e-5)
+    return result
 
 
 def synchronising_map(

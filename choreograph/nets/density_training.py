@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -109,7 +110,7 @@ def train_motion_density(
     *,
     seed: int,
     context: TrainingContext | None = None,
-    pretrained: Mapping[str, NDArray] | None = None,
+    pretrained: Mapping[str, NDArray[Any]] | None = None,
 ) -> MotionDensity:
     """Train motion's estimator with its decoder, on clips and their random warps.
 
@@ -157,7 +158,7 @@ def train_music_density(
     *,
     seed: int,
     context: TrainingContext | None = None,
-    pretrained: Mapping[str, NDArray] | None = None,
+    pretrained: Mapping[str, NDArray[Any]] | None = None,
 ) -> MusicDensity:
     """Train music's estimator to predict the motion's density (equation 3).
 

@@ -108,7 +108,8 @@ def fit_confidence(features: Sequence[Floats], share_right: Sequence[float]) -> 
         slope = x.T @ (1.0 / (1.0 + np.exp(-logits)) - y) / len(y) + prior * weights
         return float(value), slope
 
-    return minimize(loss, np.zeros(N_CONFIDENCE), jac=True, method="L-BFGS-B").x
+    result: Floats = minimize(loss, np.zeros(N_CONFIDENCE), jac=True, method="L-BFGS-B").x
+    return result
 
 
 # The network that reads counts from motion: body positions at 20 fps to curves of beat and bar phase.
@@ -152,7 +153,8 @@ class MotionCountsNet(StoredNet):
         """Body positions (B, T, 21, 3) at 20 fps, and which frames there are (B, T), to (B, N_OUTPUTS, T)."""
         standard = (motion_features(body) - self.feature_mean) / self.feature_std
         features = self.feature_dropout((standard * present[..., None]).transpose(1, 2))
-        return self.head(self.trunk(features))
+        result: Tensor = self.head(self.trunk(features))
+        return result
 
     def curves(self, body_pos_m: NDArray[np.floating], tempi: Sequence[float] = TEMPI) -> PhaseCurves:
         """Phase curves of a take's body positions (T, 21, 3) at 20 fps; `ParameterError` if not so.
@@ -284,7 +286,8 @@ class MotionData:
         middle = 0.5 * n_frames * tempo
         offsets = middle * (share + 0.5 * rng.uniform(-_MAX_RAMP, _MAX_RAMP) * (share**2 - 1.0))
         spare = n_taken - n_frames * tempo  # below 0 for a take that is shorter than the sample
-        return offsets + middle + rng.uniform(min(spare, 0.0), max(spare, 0.0))
+        result: NDArray[np.float64] = offsets + middle + rng.uniform(min(spare, 0.0), max(spare, 0.0))
+        return result
 
 
 def augmented(body: Float32s, rng: np.random.Generator) -> Float32s:
@@ -308,12 +311,14 @@ def _probabilities(takes: Sequence[CountedMotion], recorded_share: float) -> NDA
     }
     n_genres = {kind: sum(g[0] == kind for g in total) for kind in (True, False)}
     share = {True: 1.0 - recorded_share, False: recorded_share}
-    weights = np.array(
+    weights: NDArray[np.float64] = np.array(
         [n / total[g] / n_genres[g[0]] * share[g[0]] for n, g in zip(length, groups, strict=True)]
     )
     if min(n_genres.values()) == 0:
-        return length / np.array([total[g] for g in groups]) / len(total)
-    return weights / weights.sum()
+        weights = length / np.array([total[g] for g in groups]) / len(total)
+        return weights
+    weights = weights / weights.sum()
+    return weights
 
 
 def _seconds(take: CountedMotion) -> NDArray[np.float64]:

@@ -94,7 +94,8 @@ def levelled(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
     """Log-mel (T, 96) without gain and equalisation: a band's mean is 0, what is 52 dB down is cut."""
     mel = np.asarray(log_mel, np.float32)
     mel = np.maximum(mel, mel.max() - _RANGE)
-    return (mel - mel.mean(axis=0)) / _SCALE
+    result: NDArray[np.float32] = (mel - mel.mean(axis=0)) / _SCALE
+    return result
 
 
 # Weights of `MusicCounts` in a file: `.npz` in half precision, with the configuration and what it heard.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -51,7 +52,8 @@ def pitch_shifted(mel: Mel, rng: Rng) -> Mel:
     position = np.clip(np.arange(n_bands) - rng.uniform(-_MOST_BANDS, _MOST_BANDS), 0, n_bands - 1)
     low = np.minimum(position.astype(np.int64), n_bands - 2)
     share = (position - low).astype(np.float32)
-    return mel[:, low] * (1 - share) + mel[:, low + 1] * share
+    result: Mel = mel[:, low] * (1 - share) + mel[:, low + 1] * share
+    return result
 
 
 def equalised(mel: Mel, rng: Rng) -> Mel:
@@ -68,13 +70,15 @@ def band_limited(mel: Mel, rng: Rng) -> Mel:
         beyond = np.arange(n_bands) - rng.uniform(0.45, 0.95) * n_bands
     else:
         beyond = rng.uniform(0.02, 0.15) * n_bands - np.arange(n_bands)
-    return mel - (rng.uniform(0.5, 3.0) * np.maximum(0.0, beyond)).astype(np.float32)
+    result: Mel = mel - (rng.uniform(0.5, 3.0) * np.maximum(0.0, beyond)).astype(np.float32)
+    return result
 
 
 def compressed(mel: Mel, rng: Rng) -> Mel:
     """Less, or a little more, contrast in time."""
     mean = mel.mean(axis=0)
-    return mean + np.float32(rng.uniform(0.55, 1.15)) * (mel - mean)
+    result: Mel = mean + np.float32(rng.uniform(0.55, 1.15)) * (mel - mean)
+    return result
 
 
 def in_room(mel: Mel, rng: Rng) -> Mel:
@@ -83,7 +87,8 @@ def in_room(mel: Mel, rng: Rng) -> Mel:
     power = np.exp(mel)
     tail = lfilter([1.0 - decay], [1.0, -decay], power, axis=0)
     wet = rng.uniform(0.1, 0.8)
-    return np.log((1 - wet) * power + wet * tail + 1e-6).astype(np.float32)
+    result: Mel = np.log((1 - wet) * power + wet * tail + 1e-6).astype(np.float32)
+    return result
 
 
 def noisy(mel: Mel, rng: Rng) -> Mel:
@@ -91,7 +96,8 @@ def noisy(mel: Mel, rng: Rng) -> Mel:
     slope = rng.uniform(-3.0, 3.0) * np.linspace(-1, 1, mel.shape[1])
     level = mel.mean(axis=0).max() - rng.uniform(0.0, 30.0) * NATS_PER_DB
     ripple = rng.normal(0.0, 0.3, mel.shape)
-    return np.logaddexp(mel, (level + slope + ripple).astype(np.float32))
+    result: Mel = np.logaddexp(mel, (level + slope + ripple).astype(np.float32))
+    return result
 
 
 def with_break(mel: Mel, rng: Rng) -> Mel:
@@ -118,7 +124,8 @@ def voiced(mel: Mel, rng: Rng) -> Mel:
         bands = np.exp(-0.5 * ((np.arange(n_bands) - middle) / width) ** 2)
         voice[start : start + len(age)] += np.outer(envelope, rng.uniform(0.3, 1.0) * bands)
     loudest = mel.mean(axis=0).max() + rng.uniform(-15.0, 12.0) * NATS_PER_DB
-    return np.logaddexp(mel, np.log(voice + 1e-6) + np.float32(loudest)).astype(np.float32)
+    result: Mel = np.logaddexp(mel, np.log(voice + 1e-6) + np.float32(loudest)).astype(np.float32)
+    return result
 
 
 # What the network that hears counts is trained on: excerpts of songs at any tempo, and their true phases.
@@ -191,7 +198,8 @@ def resampled(log_mel: NDArray[np.floating], frames: NDArray[np.floating]) -> ND
     low = np.minimum(position.astype(np.int64), max(len(log_mel) - 2, 0))
     high = np.minimum(low + 1, len(log_mel) - 1)
     share = (position - low).astype(np.float32)[:, None]
-    mel = log_mel[low].astype(np.float32) * (1 - share) + log_mel[high].astype(np.float32) * share
+    mel: NDArray[np.float32] = log_mel[low].astype(np.float32) * (1 - share)
+    mel += log_mel[high].astype(np.float32) * share
     mel[~inside] = _SILENCE
     return mel
 
@@ -219,7 +227,7 @@ def train_music_counts(
     seed: int,
     weights: NDArray[np.floating] | None = None,
     context: TrainingContext | None = None,
-    pretrained: Mapping[str, NDArray] | None = None,
+    pretrained: Mapping[str, NDArray[Any]] | None = None,
 ) -> MusicCounts:
     """Train on excerpts of songs; `weights` (N,) says how often each is heard, evenly if not given.
 

@@ -118,7 +118,7 @@ class RolloutNet(StoredNet):
 
     def rotations(self, pose: Tensor) -> Tensor:
         """The unit rotations (..., J, 4) of poses (..., P)."""
-        return functional.normalize(pose[..., ROOT_DIM:-N_FEET].unflatten(-1, (-1, 4)), dim=-1)
+        return _unit_quaternions(pose[..., ROOT_DIM:-N_FEET])
 
     def apply_style(self, pose: Tensor, conditions: RolloutConditions) -> Tensor:
         """Poses (B, T, P) with the style of their songs (equation 4); unchanged without one.
@@ -141,7 +141,7 @@ class RolloutNet(StoredNet):
             vector = vector * (window / n_frames.sqrt())[..., None]
         scale, shift = (self.config.style_strength * vector).chunk(2, dim=-1)  # (B, T, 4 J) each
         quat = pose[..., ROOT_DIM:-N_FEET]
-        quat = functional.normalize(((1 + scale) * quat + shift).unflatten(-1, (-1, 4)), dim=-1)
+        quat = _unit_quaternions((1 + scale) * quat + shift)
         return torch.cat([pose[..., :ROOT_DIM], quat.flatten(-2), pose[..., -N_FEET:]], dim=-1)
 
     def with_style(self, strength: float | None, window: str | None) -> RolloutNet:
@@ -167,6 +167,11 @@ class RolloutNet(StoredNet):
     def _standardised(self, pose: Tensor) -> Tensor:
         root = (pose[..., :ROOT_DIM] - self.root_mean) / self.root_std
         return torch.cat([root, pose[..., ROOT_DIM:]], dim=-1)
+
+
+def _unit_quaternions(values: Tensor) -> Tensor:
+    """Values (..., 4 J) as unit quaternions (..., J, 4)."""
+    return functional.normalize(values.reshape(*values.shape[:-1], values.shape[-1] // 4, 4), dim=-1)
 
 
 def _smoothed(vectors: Tensor, n_frames: int) -> Tensor:

@@ -268,7 +268,8 @@ def _with_beats_of(played: Floats, rhythm: Floats, tempo: float) -> Floats:
 def _played_at(rows: Floats, tempo: float) -> Floats:
     """The rows (T, D) nearest to each frame at another tempo."""
     frames = np.rint(np.arange(int((len(rows) - 1) / tempo) + 1) * tempo).astype(np.int64)
-    return rows[np.minimum(frames, len(rows) - 1)]
+    result: Floats = rows[np.minimum(frames, len(rows) - 1)]
+    return result
 
 
 def _take_tensors(take: RolloutTake) -> _TakeTensors | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -50,7 +51,7 @@ class RolloutLosses:
         root = ((styled - target)[..., :ROOT_DIM] / net.root_std).abs().mean()
         contact = functional.binary_cross_entropy_with_logits(predicted[..., -N_FEET:], target[..., -N_FEET:])
         world_m, target_world_m = self._world_pos_m(net, styled), self._world_pos_m(net, target)
-        loss = (
+        loss: Tensor = (
             coherence
             + config.position_weight * position
             + config.velocity_weight * velocity
@@ -96,7 +97,8 @@ class RolloutLosses:
         weight = (frames - low)[..., None, None]
         rows = batch.word_sequence[:, None]
         words = world_m[rows, low] * (1 - weight) + world_m[rows, low + 1] * weight  # (M, 13, 21, 3)
-        return (self._words(words) - batch.word_motif).norm(dim=-1).mean()
+        result: Tensor = (self._words(words) - batch.word_motif).norm(dim=-1).mean()
+        return result
 
 
 def _foot_slide_m_s(world_m: Tensor, contact: Tensor) -> Tensor:
@@ -125,7 +127,8 @@ def _border_speed_m_s(world_m: Tensor, target_m: Tensor, batch: RolloutBatch) ->
     predicted, danced = (
         speed[rows, low] * (1 - weight) + speed[rows, low + 1] * weight for speed in speeds
     )  # (M,)
-    return (predicted - danced).abs().mean()
+    result: Tensor = (predicted - danced).abs().mean()
+    return result
 
 
 # Training of the rollout network with auto-conditioning (Rhythm is a Dancer, section 4.4).
@@ -138,7 +141,7 @@ def train_rollout(
     *,
     seed: int,
     context: TrainingContext | None = None,
-    pretrained: Mapping[str, NDArray] | None = None,
+    pretrained: Mapping[str, NDArray[Any]] | None = None,
 ) -> RolloutNet:
     """Train the network on takes of one skeleton; `words` is the frozen P of the perceptual loss.
 

@@ -29,13 +29,13 @@ class StoredNet(nn.Module):
     config_class: ClassVar[type]
     config: Any  # of `config_class`
 
-    def to_arrays(self) -> tuple[dict[str, NDArray], dict[str, Any]]:
+    def to_arrays(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Weights by name, and the configuration as a plain dictionary."""
         return {n: v.detach().cpu().numpy() for n, v in self.state_dict().items()}, asdict(self.config)
 
     @classmethod
     @default_numerics()
-    def from_arrays(cls, arrays: Mapping[str, NDArray], config: Mapping[str, Any]) -> Self:
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], config: Mapping[str, Any]) -> Self:
         """The network of `to_arrays`; `ParameterError` if weights and config disagree."""
         config = cls.config_class(**check_fields(cls.config_class, config))
         mismatch = ParameterError(
@@ -113,7 +113,7 @@ def rotation_matrices(quat: Tensor) -> Tensor:
         2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
         2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
     ]  # fmt: skip
-    return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
+    return torch.stack(rows, dim=-1).reshape(*quat.shape[:-1], 3, 3)
 
 
 def geodesic_rad(a: Tensor, b: Tensor) -> Tensor:

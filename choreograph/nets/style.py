@@ -124,16 +124,21 @@ class StyleNets(StoredNet):
 
     def style_of_music(self, mel: Tensor, rhythm: Tensor) -> Tensor:
         """Log-mel (B, 240, 96) and rhythm (B, RHYTHM_DIM), raw, to (B, 32)."""
-        return self.music((mel - self.mel_mean) / self.mel_std, (rhythm - self.rhythm_mean) / self.rhythm_std)
+        result: Tensor = self.music(
+            (mel - self.mel_mean) / self.mel_std, (rhythm - self.rhythm_mean) / self.rhythm_std
+        )
+        return result
 
     def style_of_motion(self, body: Tensor) -> Tensor:
         """Centred body positions (B, 80, 21, 3) in metres (`centred`) to (B, 32)."""
         # Contiguous: torch 2.13 crashes in oneDNN's backward pass of a permuted (channels-last) input.
-        return self.motion(body.permute(0, 3, 1, 2).contiguous())
+        result: Tensor = self.motion(body.permute(0, 3, 1, 2).contiguous())
+        return result
 
     def beat_count(self, music_style: Tensor) -> Tensor:
         """Motion beats expected in the 4 s, (B,), from the music's style (B, 32)."""
-        return self.beat_head(music_style)[:, 0] * self.beats_std + self.beats_mean
+        result: Tensor = self.beat_head(music_style)[:, 0] * self.beats_std + self.beats_mean
+        return result
 
     def embed_music(
         self, log_mel: NDArray[np.floating], rhythm: NDArray[np.floating], starts_s: NDArray[np.integer]

@@ -252,4 +252,5 @@ def _probability(songs: Sequence[StyleSong], balanced_genres: bool) -> NDArray[n
         weight = np.array([1.0 / np.sum(genres == genre) for genre in genres])
     else:
         weight = np.array([song.n_starts for song in songs], np.float64)
-    return weight / np.sum(weight)
+    result: NDArray[np.float64] = weight / np.sum(weight)
+    return result

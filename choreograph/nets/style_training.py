@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 import torch
@@ -63,7 +64,7 @@ def train_style(
     seed: int,
     songs: Sequence[StyleSong] = (),
     context: TrainingContext | None = None,
-    pretrained: Mapping[str, NDArray] | None = None,
+    pretrained: Mapping[str, NDArray[Any]] | None = None,
 ) -> StyleNets:
     """Train both embeddings and the beat-count head together (ChoreoGraph, section 3.1).
 
@@ -121,7 +122,7 @@ def pair_loss(nets: StyleNets, batch: StyleBatch) -> Tensor:
     all_music = nets.style_of_music(batch.mel, batch.rhythm)  # (B + S, 32)
     motion = nets.style_of_motion(batch.body)
     music = all_music[: len(motion)]
-    loss = style_loss(
+    loss: Tensor = style_loss(
         music,
         motion,
         nets.beat_count(music),
@@ -144,10 +145,11 @@ def pair_loss(nets: StyleNets, batch: StyleBatch) -> Tensor:
     known = (genre >= 0)[:, None] & (genre >= 0)[None]
     same_genre = genre[:, None] == genre[None]
     same = torch.eye(len(both), dtype=torch.bool, device=both.device)
-    return loss + config.genre_weight * contrastive_loss(
+    result: Tensor = loss + config.genre_weight * contrastive_loss(
         both,
         both,
         positive=known & same_genre & ~same,
         negative=known & ~same_genre,
         temperature=config.temperature,
     )
+    return result

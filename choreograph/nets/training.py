@@ -119,7 +119,7 @@ def train(
                 torch.manual_seed((seed * _SEED_STRIDE + run.step) % 2**63)
                 value = loss(np.random.default_rng([seed, run.step]), device)
                 optimizer.zero_grad()
-                value.backward()
+                torch.autograd.backward(value)
                 optimizer.step()
                 rate.step()
                 run.advance(float(value.detach()))
@@ -147,7 +147,7 @@ def select_device(device: str) -> torch.device:
     )
 
 
-def load_pretrained(module: nn.Module, name: str, weights: Mapping[str, NDArray]) -> None:
+def load_pretrained(module: nn.Module, name: str, weights: Mapping[str, NDArray[Any]]) -> None:
     """Load the weights of another repertoire's network; `ParameterError` if they do not fit."""
     try:
         module.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in weights.items()})
@@ -200,10 +200,17 @@ class _Run:
     """The state of one training, written to and restored from its folder."""
 
     def __init__(
-        self, name, n_steps, module, optimizer, schedule, configuration, context: TrainingContext
+        self,
+        name: str,
+        n_steps: int,
+        module: nn.Module,
+        optimizer: torch.optim.Optimizer,
+        schedule: torch.optim.lr_scheduler.LRScheduler,
+        configuration: Mapping[str, Any],
+        context: TrainingContext,
     ) -> None:
         self.name, self.n_steps, self.context, self.configuration = name, n_steps, context, configuration
-        self.parts = {"module": module, "optimizer": optimizer, "schedule": schedule}
+        self.parts: dict[str, Any] = {"module": module, "optimizer": optimizer, "schedule": schedule}
         self.step = 0
         self.loss = float("nan")
         self._recent: list[float] = []

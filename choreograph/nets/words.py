@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
+from typing import Any
 
 import numpy as np
 import torch
@@ -73,7 +74,8 @@ class WordNet(StoredNet):
         features = self.blocks(self.into(x.transpose(1, 2)))  # (B, C, 13)
         # From standard deviations summed over joints and frames to root mean joint distances in metres.
         scale_m = self.std_m / (WORD_FRAMES * len(BODY_JOINTS)) ** 0.5
-        return scale_m * (self.linear(x.flatten(1)) + self.out(features.flatten(1)))
+        result: Tensor = scale_m * (self.linear(x.flatten(1)) + self.out(features.flatten(1)))
+        return result
 
     def embed(self, words_m: NDArray[np.floating]) -> NDArray[np.float32]:
         """Embeddings (N, 184) of words (N, 13, 21, 3); `ParameterError` for another shape or nan."""
@@ -102,7 +104,7 @@ def _resampled_words(body: Tensor) -> Tensor:
         return body
     values = body.flatten(2).transpose(1, 2)  # (B, 63, T)
     resampled = functional.interpolate(values, WORD_FRAMES, mode="linear", align_corners=True)
-    return resampled.transpose(1, 2).unflatten(2, body.shape[2:])  # (B, 13, 21, 3)
+    return resampled.transpose(1, 2).reshape(len(body), WORD_FRAMES, *body.shape[2:])  # (B, 13, 21, 3)
 
 
 class _Block(nn.Module):
@@ -114,7 +116,8 @@ class _Block(nn.Module):
         )  # fmt: skip
 
     def forward(self, x: Tensor) -> Tensor:
-        return x + self.layers(x)
+        result: Tensor = x + self.layers(x)
+        return result
 
 
 # Training data of the motion-word network: words of takes, and pairs of augmented copies of them.
@@ -214,7 +217,7 @@ def train_word_net(
     *,
     seed: int,
     context: TrainingContext | None = None,
-    pretrained: Mapping[str, NDArray] | None = None,
+    pretrained: Mapping[str, NDArray[Any]] | None = None,
 ) -> WordNet:
     """Train the network; `ParameterError` if the takes have fewer than two words."""
     usable = [take for take in takes if len(take.start_s) > 0]
@@ -265,7 +268,8 @@ def word_loss(net: WordNet, batch: AugmentedWords) -> Tensor:
     contrast = 0.5 * (functional.cross_entropy(logits, target) + functional.cross_entropy(logits.T, target))
     floor_m = 0.5 * config.same_m
     log_ratio = torch.log((distance_m + floor_m) / (true_m + floor_m))
-    return config.contrast_weight * contrast + config.distance_weight * log_ratio.square().mean()
+    result: Tensor = config.contrast_weight * contrast + config.distance_weight * log_ratio.square().mean()
+    return result
 
 
 def mean_joint_distance_m(words: Tensor) -> Tensor:

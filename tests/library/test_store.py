@@ -255,7 +255,7 @@ def test_a_compressed_file_is_smaller_and_hardly_different(contents, path, tmp_p
 
 
 def test_delta_coding_restarts(contents, tmp_path, monkeypatch):
-    for module in ("writing", "store"):
+    for module in ("schema", "writing", "store"):
         monkeypatch.setattr(f"choreograph.library.{module}.DELTA_RESTART", 7)
     monkeypatch.setitem(checks.ENCODING, "restart", 7)
     write_repertoire(tmp_path / "often.h5", contents, compress=True)

@@ -37,7 +37,7 @@ from choreograph.library.notes import Note, note_arrays, summary
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import Contents, NetArrays
 from choreograph.library.songs import SongCache, song_notes
-from choreograph.library.writing import MeasuredTake, to_arrays, write_repertoire
+from choreograph.library.writing import ClipDensity, EmbedMotion, MeasuredTake, to_arrays, write_repertoire
 from choreograph.motion.motion import Take
 from choreograph.music.song_features import motion_density
 
@@ -171,8 +171,8 @@ def _provenance(
 class _ClipFeatures:
     """What the trained networks add to the clips; None where there are none."""
 
-    embed_motion: Callable | None = None
-    density: Callable | None = None
+    embed_motion: EmbedMotion | None = None
+    density: ClipDensity | None = None
     selection_beat_weight: float = 0.0
 
 
@@ -201,7 +201,7 @@ class _WordParts:
     """Networks of motion words, and the arrays of the vocabulary; none where there are too few words."""
 
     nets: dict[str, NetArrays] = field(default_factory=dict)
-    arrays: dict[str, NDArray] = field(default_factory=dict)
+    arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
     segmented: Sequence[SegmentedTake] = ()
     vocabulary: Vocabulary | None = None
 

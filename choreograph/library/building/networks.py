@@ -27,6 +27,7 @@ from choreograph.library.writing import MeasuredTake
 from choreograph.music.rhythm import rhythm_features
 
 if TYPE_CHECKING:
+    from choreograph.nets.stored import StoredNet
     from choreograph.nets.style_data import StyleTake
     from choreograph.nets.training import TrainingContext
 
@@ -290,7 +291,7 @@ def _changes(options: BuildOptions) -> dict[str, Any]:
     return {} if options.augment_mirror else {"mirrored_share": 0.0}
 
 
-def _stored(net) -> NetArrays:
+def _stored(net: StoredNet) -> NetArrays:
     weights, config = net.to_arrays()
     return NetArrays(config, weights)
 
