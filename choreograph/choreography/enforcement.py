@@ -111,7 +111,8 @@ def is_danced(slot: int, plan: Plan, constraints: ResolvedConstraints) -> bool:
     """Whether a slot is danced throughout, and not in part or all of it a pose that is held."""
     end_s = plan.duration_s if plan.closing_s is None else coming_to_rest_s(plan.opening_s, plan.closing_s)[0]
     start_s, stop_s = constraints.bounds_s[slot : slot + 2]
-    return start_s >= plan.opening_s and stop_s <= end_s
+    inside: bool = start_s >= plan.opening_s and stop_s <= end_s
+    return inside
 
 
 def violated_slots(danced: Indices, constraints: ResolvedConstraints) -> list[int]:
@@ -159,7 +160,10 @@ class _Surroundings:
 
     def _distance_m(self, poses_m: NDArray[np.floating], at_s: float) -> NDArray[np.floating]:
         danced_m = clips_to_root_frame(poses_at(self._body, self._fps, at_s + AROUND_S))  # (3, 21, 3)
-        return np.sqrt(np.square(poses_m - danced_m).sum(axis=-1).mean(axis=(1, 2)))
+        distance_m: NDArray[np.floating] = np.sqrt(
+            np.square(poses_m - danced_m).sum(axis=-1).mean(axis=(1, 2))
+        )
+        return distance_m
 
 
 # What is kept of another dance, as engines see it: where its gaps begin and end, and in which poses.
@@ -239,4 +243,5 @@ def with_border_costs(
 
 def _rms(vectors: NDArray[np.floating]) -> Floats:
     """Root mean square lengths (N,) of vectors (N, 21, 3)."""
-    return np.sqrt(np.square(vectors).sum(axis=-1).mean(axis=-1))
+    rms: Floats = np.sqrt(np.square(vectors).sum(axis=-1).mean(axis=-1))
+    return rms

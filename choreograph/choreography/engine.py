@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
-from typing import Protocol
+from typing import Any, Protocol
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.graph.costs import Cost
@@ -54,7 +54,7 @@ class DanceRequest:
             features.duration_s if late else features.closing_s,
         )
 
-    def new_plan(self, **parts) -> Plan:
+    def new_plan(self, **parts: Any) -> Plan:
         """A plan with what every engine's plan says of the song, the repertoire and the settings."""
         features, config, counts = self.song_features, self.config, self.song_features.counts
         opening_s, closing_s = self.danced_span_s

@@ -205,7 +205,8 @@ def _drawn(prior: Floats, possible: Floats, need: Floats, rng: np.random.Generat
 def _need(counts: Floats, target: Floats, need: str) -> Floats:
     """Equation 5's difference of signatures, (K,), from the counts of the dance so far (K,)."""
     missing = target - counts / max(1.0, counts.sum())
-    return np.maximum(missing, 0.0) if need == "missing" else np.abs(missing)
+    need_of: Floats = np.maximum(missing, 0.0) if need == "missing" else np.abs(missing)
+    return need_of
 
 
 def _backward_messages(

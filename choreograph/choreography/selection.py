@@ -32,7 +32,8 @@ def energy_mismatch(louder: float, liveliness: Floats) -> Floats:
 
 def steps_mismatch(onset_density: float, steps: Floats) -> Floats:
     """How far ranks of steps (N,) are from the density of onsets, as a rank in the song."""
-    return np.abs(steps - onset_density)
+    mismatch: Floats = np.abs(steps - onset_density)
+    return mismatch
 
 
 # How far music is from the genres of a repertoire, in the space of styles.
@@ -62,7 +63,8 @@ def genre_distances(
     ridge = max(_RIDGE * np.trace(covariance) / len(covariance), _LEAST_VARIANCE)
     away = np.asarray(music_style, np.float64)[:, None] - means  # (S, G, D)
     precision = np.linalg.inv(covariance + ridge * np.eye(len(covariance)))
-    return np.einsum("sgd,de,sge->sg", away, precision, away, optimize=True)
+    distances: Float64s = np.einsum("sgd,de,sge->sg", away, precision, away, optimize=True)
+    return distances
 
 
 # Selection towards a signature: clips with the motifs that it needs come first.
@@ -210,7 +212,8 @@ class Alignments:
 
     def numbers(self, second: int) -> NDArray[np.float64]:
         """A number from 0 to 1 for each clip (N,)."""
-        return self._numbers[self._slots - second]
+        numbers: NDArray[np.float64] = self._numbers[self._slots - second]
+        return numbers
 
 
 def draw_clips(

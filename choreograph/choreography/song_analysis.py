@@ -162,7 +162,8 @@ def _nearness(style: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.
     n_nearest = min(_NEAREST_CLIPS, repertoire.n_clips)
     _, nearest = cKDTree(repertoire.clip_style).query(style, n_nearest)  # (S, K)
     counted = np.bincount(repertoire.clip_take[np.ravel(nearest)], minlength=len(repertoire.takes))
-    return counted / counted.sum()
+    nearness: NDArray[np.float64] = counted / counted.sum()
+    return nearness
 
 
 def _style(

@@ -89,7 +89,10 @@ def body_pos_at(body_pos_m: NDArray[np.floating], fps: float, target_fps: float)
         return pos
     times_s = frame_times_s(len(pos), fps)
     n_frames = int(times_s[-1] * target_fps + 1e-6) + 1
-    return CubicSpline(times_s, pos)(np.minimum(frame_times_s(n_frames, target_fps), times_s[-1]))
+    pos_m: NDArray[np.float64] = CubicSpline(times_s, pos)(
+        np.minimum(frame_times_s(n_frames, target_fps), times_s[-1])
+    )
+    return pos_m
 
 
 def mirrored(body_pos_m: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -97,7 +100,8 @@ def mirrored(body_pos_m: NDArray[np.floating]) -> NDArray[np.floating]:
     order = np.arange(len(BODY_JOINTS))
     for left, right in LEFT_RIGHT:
         order[[left, right]] = right, left
-    return body_pos_m[..., order, :] * np.array([-1.0, 1.0, 1.0])
+    mirrored_m: NDArray[np.floating] = body_pos_m[..., order, :] * np.array([-1.0, 1.0, 1.0])
+    return mirrored_m
 
 
 # Heading and ground position of a body, and poses relative to them (in the root frame).
@@ -118,12 +122,14 @@ def heading_rad(body_pos_m: Floats) -> Floats:
     """
     left, right = (list(side) for side in zip(*_ACROSS, strict=True))
     across = (body_pos_m[..., left, :] - body_pos_m[..., right, :]).sum(axis=-2)  # (..., 3)
-    return np.arctan2(-across[..., 2], across[..., 0])  # left is +X when facing +Z
+    heading: Floats = np.arctan2(-across[..., 2], across[..., 0])  # left is +X when facing +Z
+    return heading
 
 
 def ground_pos_m(body_pos_m: Floats) -> Floats:
     """Pelvis position projected on the ground, (..., 3) with Y = 0, of body positions (..., 21, 3)."""
-    return body_pos_m[..., _PELVIS, :] * np.array([1.0, 0.0, 1.0])
+    ground_m: Floats = body_pos_m[..., _PELVIS, :] * np.array([1.0, 0.0, 1.0])
+    return ground_m
 
 
 def to_root_frame(body_pos_m: Floats, vectors: Floats | None = None) -> Floats:

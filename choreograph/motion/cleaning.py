@@ -139,7 +139,8 @@ def _off_path_m(pos_m: Floats, length: int) -> Floats:
     smooth = CubicHermiteSpline([0, length + 1], ends, rates)(np.arange(1, length + 1))
     straight = np.linspace(ends[0], ends[1], length + 2)[1:-1]
     off_m = [np.linalg.norm(windows[2:-2] - path, axis=-1).max(axis=0) for path in (smooth, straight)]
-    return np.minimum(*off_m)
+    nearest_m: Floats = np.minimum(*off_m)
+    return nearest_m
 
 
 # Smoothing of fitted rotations: flips bridged, weighted angles smoothed over time.
@@ -182,4 +183,5 @@ def smoothed_angle(cos: Floats, sin: Floats, smoothing: float) -> Floats:
     bands[1, :-1] += link[1:]
     bands[0, 1:] = -link[1:]
     smooth = solveh_banded(bands, np.stack([cos, sin], axis=-1))  # (T, 2)
-    return np.arctan2(smooth[:, 1], smooth[:, 0])
+    angle: Floats = np.arctan2(smooth[:, 1], smooth[:, 0])
+    return angle

@@ -61,7 +61,8 @@ def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, global_quat: Floats, side
         else np.percentile(foot_m[..., 1], _LOW_PERCENT, axis=0)
     )
     clearance = heights_m - heights_m.min()  # (F,)
-    return foot_m - clearance[:, None] * [0.0, 1.0, 0.0]  # (T, F, 3)
+    sole_m: Floats = foot_m - clearance[:, None] * [0.0, 1.0, 0.0]  # (T, F, 3)
+    return sole_m
 
 
 def estimate_floor_m(foot_pos_m: Floats) -> float:
@@ -86,7 +87,8 @@ def track_floor_m(foot_pos_m: Floats, fps: float) -> Floats:
     lowest = _lowest(foot_pos_m)
     window = max(1, min(round(_WINDOW_S * fps), len(lowest)))
     envelope = percentile_filter(lowest, _LOW_PERCENT * 2, size=window, mode="nearest")
-    return gaussian_filter1d(envelope, _SMOOTH_S * fps, mode="nearest")
+    floor_m: Floats = gaussian_filter1d(envelope, _SMOOTH_S * fps, mode="nearest")
+    return floor_m
 
 
 def _lowest(foot_pos_m: Floats) -> Floats:
@@ -95,7 +97,8 @@ def _lowest(foot_pos_m: Floats) -> Floats:
         raise ParameterError(f"expected foot points (T, F, 3), got {foot_pos_m.shape}")
     if not np.isfinite(foot_pos_m).all():
         raise ParameterError("expected finite foot positions, got nan or infinity")
-    return foot_pos_m[..., 1].min(axis=1)  # (T,)
+    lowest_m: Floats = foot_pos_m[..., 1].min(axis=1)  # (T,)
+    return lowest_m
 
 
 # Foot contacts with the floor, from the height and speed of the foot joints.
@@ -132,7 +135,10 @@ def contacts_above(
     step = np.gradient(smooth, axis=0) if len(feet) > 1 else np.zeros_like(feet)
     speed = np.linalg.norm(step, axis=-1) * fps  # (T, 4)
     confidence = expit((_LOW_M - height) / _LOW_WIDTH_M) / (1.0 + (speed / _SLOW_M_S) ** 4)
-    return gaussian_filter1d(confidence, _CONTACT_SMOOTH_S * fps, axis=0, mode="nearest").clip(0.0, 1.0)
+    contacts: NDArray[np.float64] = gaussian_filter1d(
+        confidence, _CONTACT_SMOOTH_S * fps, axis=0, mode="nearest"
+    ).clip(0.0, 1.0)
+    return contacts
 
 
 def step_counts(
@@ -147,4 +153,5 @@ def step_counts(
     began = (stands[1:] & ~stands[:-1]).sum(axis=1)
     steps = np.concatenate([[0, 0], np.cumsum(began)])[: len(stands) + 1]  # before each frame, and the end
     first = np.clip(start_frames, 0, len(stands))
-    return steps[np.minimum(first + n_frames, len(stands))] - steps[first]
+    counts: NDArray[np.int64] = steps[np.minimum(first + n_frames, len(stands))] - steps[first]
+    return counts

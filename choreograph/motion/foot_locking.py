@@ -122,7 +122,8 @@ def locking_shift(
     steps = np.einsum("tp,tpi->ti", confidence, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
     wanted = np.diff(steps, axis=0, prepend=0.0, append=0.0)  # (T, 3)
     if given_m is None:
-        return solveh_banded(bands, wanted, lower=True)
+        shift_m: Floats = solveh_banded(bands, wanted, lower=True)
+        return shift_m
     n_given = len(given_m)
     for below in range(1, _ORDER + 1):  # what given shifts want of the frames after them
         for given in range(max(0, n_given - below), n_given):
@@ -169,7 +170,8 @@ def smooth_cover(amount: Floats, ease: int) -> Floats:
     """A smooth curve (T,) that is nowhere below `amount`, up to the tails of its smoothing."""
     if not amount.any():
         return amount
-    return gaussian_filter1d(maximum_filter1d(amount, 2 * ease + 1), ease / 2.0, mode="nearest")
+    cover: Floats = gaussian_filter1d(maximum_filter1d(amount, 2 * ease + 1), ease / 2.0, mode="nearest")
+    return cover
 
 
 def move_leg(

@@ -214,11 +214,13 @@ def _segment(origin: Floats, along: Floats, towards: Floats) -> Segment:
 
 
 def _into(segment: Segment, pos: Floats) -> Floats:
-    return np.einsum("tij,ti->tj", segment[1], pos - segment[0])
+    local: Floats = np.einsum("tij,ti->tj", segment[1], pos - segment[0])
+    return local
 
 
 def _out_of(segment: Segment, local: Floats) -> Floats:
-    return segment[0] + np.einsum("tij,j->ti", segment[1], local)
+    pos: Floats = segment[0] + np.einsum("tij,j->ti", segment[1], local)
+    return pos
 
 
 def _sample(n_frames: int) -> NDArray[np.int64]:
@@ -226,4 +228,5 @@ def _sample(n_frames: int) -> NDArray[np.int64]:
 
 
 def _unit(vector: Floats) -> Floats:
-    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
+    unit: Floats = vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
+    return unit

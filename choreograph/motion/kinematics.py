@@ -113,7 +113,8 @@ def flexion_rad(start_m: Floats, middle_m: Floats, end_m: Floats, hinge_axis: Fl
     bone = upper / np.maximum(_length(upper), 1e-9)[..., None]
     hinge = _perpendicular(np.broadcast_to(hinge_axis, bone.shape), bone)
     bend = _bend(bone, lower / np.maximum(_length(lower), 1e-9)[..., None])
-    return np.sum(bend * hinge, axis=-1)
+    flexion: Floats = np.sum(bend * hinge, axis=-1)
+    return flexion
 
 
 def _bend(bone: Floats, lower: Floats) -> Floats:
@@ -121,7 +122,8 @@ def _bend(bone: Floats, lower: Floats) -> Floats:
     axis = np.cross(bone, lower)
     sin = _length(axis)
     angle = np.arctan2(sin, np.sum(bone * lower, axis=-1))
-    return axis * (angle / np.maximum(sin, 1e-12))[..., None]
+    bend: Floats = axis * (angle / np.maximum(sin, 1e-12))[..., None]
+    return bend
 
 
 def _resized_bend(bend: Floats, angle: Floats, hinge: Floats) -> Floats:
@@ -158,8 +160,10 @@ def _soft_reach(target: Floats, current: Floats, full: Floats) -> Floats:
 def _perpendicular(vector: Floats, bone: Floats) -> Floats:
     """The unit vector (..., 3) nearest to `vector` at right angles to the unit vector `bone`."""
     across = vector - bone * np.sum(vector * bone, axis=-1, keepdims=True)
-    return across / np.maximum(_length(across), 1e-9)[..., None]
+    unit: Floats = across / np.maximum(_length(across), 1e-9)[..., None]
+    return unit
 
 
 def _length(vector: Floats) -> Floats:
-    return np.linalg.norm(vector, axis=-1)
+    length: Floats = np.linalg.norm(vector, axis=-1)
+    return length

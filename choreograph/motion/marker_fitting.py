@@ -156,7 +156,8 @@ def fit_error_m(
     pairs = [(column, indices[role]) for column, role in enumerate(roles) if role in indices]
     joint_pos_m, _ = forward(skeleton, root_pos_m, local_quat)  # (T, J, 3)
     columns, joints = np.array(pairs).T
-    return np.linalg.norm(joint_pos_m[:, joints] - pos_m[:, columns], axis=-1)
+    error_m: Floats = np.linalg.norm(joint_pos_m[:, joints] - pos_m[:, columns], axis=-1)
+    return error_m
 
 
 @dataclass
@@ -199,7 +200,10 @@ class _Fit:
         return self.root_pos_m, rot.make_continuous(to_local(self.skeleton, world))
 
     def _rest_middle(self, part: str) -> Floats:
-        return 0.5 * (self.rest_m[self.joints[f"left_{part}"]] + self.rest_m[self.joints[f"right_{part}"]])
+        middle_m: Floats = 0.5 * (
+            self.rest_m[self.joints[f"left_{part}"]] + self.rest_m[self.joints[f"right_{part}"]]
+        )
+        return middle_m
 
     def _middle(self, part: str) -> Floats:
         return 0.5 * (self.targets[f"left_{part}"] + self.targets[f"right_{part}"])  # (T, 3)
@@ -224,7 +228,8 @@ class _Fit:
         return pos
 
     def _rest_vector(self, source: int, target: int) -> Floats:
-        return self.rest_m[target] - self.rest_m[source]
+        vector_m: Floats = self.rest_m[target] - self.rest_m[source]
+        return vector_m
 
     def _pelvis(self) -> None:
         """Pelvis rotation from the hips and the joint above; root position where they fit best."""
@@ -354,7 +359,8 @@ class _Fit:
 
 
 def _unit(vector: Floats) -> Floats:
-    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
+    unit: Floats = vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
+    return unit
 
 
 def _basis(first: Floats, second: Floats) -> Floats:

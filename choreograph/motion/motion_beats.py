@@ -28,7 +28,8 @@ def mean_joint_speed_m_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArra
     if len(pos) < 2:
         return np.zeros(len(pos))
     smooth = gaussian_filter1d(pos, SMOOTHING_S * fps, axis=0, mode="nearest")
-    return np.linalg.norm(np.gradient(smooth, axis=0) * fps, axis=2).mean(axis=1)
+    speed_m_s: NDArray[np.float64] = np.linalg.norm(np.gradient(smooth, axis=0) * fps, axis=2).mean(axis=1)
+    return speed_m_s
 
 
 def motion_beat_times_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
@@ -57,7 +58,8 @@ def speed_minima(speed_m_s: NDArray[np.floating], fps: float) -> NDArray[np.floa
         distance=max(1, round(MIN_GAP_S * fps)),
         prominence=max(MIN_PROMINENCE * float(np.median(speed)), MIN_PROMINENCE_M_S),
     )
-    return frames + _vertex_offset(speed, frames)
+    minima: NDArray[np.float64] = frames + _vertex_offset(speed, frames)
+    return minima
 
 
 def _vertex_offset(speed: NDArray[np.float64], frames: NDArray[np.integer]) -> NDArray[np.float64]:

@@ -300,15 +300,18 @@ def _leg_m(pos: Floats, roles: dict[str, int]) -> float:
 
 
 def _unit(vector: Floats) -> Floats:
-    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-12)
+    unit: Floats = vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-12)
+    return unit
 
 
 def _mean_rotation(quat: Floats) -> Floats:
     """Mean rotation (4,) of rotations (T, 4)."""
-    return Rotation.from_quat(quat, scalar_first=True).mean().as_quat(scalar_first=True)
+    mean: Floats = Rotation.from_quat(quat, scalar_first=True).mean().as_quat(scalar_first=True)
+    return mean
 
 
 def _alignment(source: list[Floats], target: list[Floats], weights: list[float] | None = None) -> Floats:
     """The rotation (4,) that best aligns directions `source` with `target`."""
     rotation, _ = Rotation.align_vectors(np.array(target), np.array(source), weights=weights)
-    return rotation.as_quat(scalar_first=True)
+    quat: Floats = rotation.as_quat(scalar_first=True)
+    return quat

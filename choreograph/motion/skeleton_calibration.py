@@ -37,7 +37,8 @@ class BodyClusters:
         nearest = np.argmin(np.linalg.norm(lengths[:, None] - self.bone_lengths_m, axis=-1), axis=1)  # (T,)
         membership = np.eye(len(self.bone_lengths_m))[nearest]
         membership = gaussian_filter1d(membership, 0.2 * fps, axis=0, mode="nearest")
-        return membership / membership.sum(axis=1, keepdims=True)
+        shares: Floats = membership / membership.sum(axis=1, keepdims=True)
+        return shares
 
 
 def cluster_bodies(pos_m: Floats, roles: Sequence[str], n_bodies: int) -> BodyClusters:
@@ -75,14 +76,16 @@ def resized(pos_m: Floats, size: Floats, floor_m: float) -> Floats:
     steps = np.diff(middle, axis=0) * (0.5 * (size[1:] + size[:-1]))[:, None]
     path = np.concatenate([middle[:1], middle[:1] + np.cumsum(steps, axis=0)])  # (T, 3)
     path[:, 1] = floor_m + (middle[:, 1] - floor_m) * size
-    return path[:, None] + (pos_m - middle[:, None]) * size[:, None, None]
+    resized_m: Floats = path[:, None] + (pos_m - middle[:, None]) * size[:, None, None]
+    return resized_m
 
 
 def _bone_lengths_m(pos_m: Floats, roles: Sequence[str]) -> Floats:
     index = list(roles).index
     pairs = [(f"{s}_{a}", f"{s}_{b}") for s in ("left", "right") for a, b in _CLUSTERED_BONES]
     vectors = np.stack([pos_m[:, index(a)] - pos_m[:, index(b)] for a, b in pairs], axis=1)
-    return np.linalg.norm(vectors, axis=-1)  # (T, L)
+    lengths_m: Floats = np.linalg.norm(vectors, axis=-1)  # (T, L)
+    return lengths_m
 
 
 def measure_skeleton(pos_m: Floats, roles: Sequence[str]) -> Skeleton:

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from choreograph.core.kernel_cache import njit
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Complexes = NDArray[np.complex128]
 
 _NONE = 0  # the first beat: no interval before it
 
 
 @njit(nogil=True)
-def best_beat_sequence(strength, tempo_gain, gain_hop, first_period, change_penalty, new_tempo_penalty):
+def best_beat_sequence(
+    strength: Floats,
+    tempo_gain: Floats,
+    gain_hop: int,
+    first_period: int,
+    change_penalty: float,
+    new_tempo_penalty: float,
+) -> Ints:
     """Frames of the beat sequence with the highest score over the whole song.
 
     A state is a beat at frame t whose interval back is p frames. It scores p times (strength[t] +
@@ -64,8 +76,17 @@ def best_beat_sequence(strength, tempo_gain, gain_hop, first_period, change_pena
 
 @njit(nogil=True)
 def best_bar_sequence(
-    beat, bar, metre_gain, first_period, n_periods, state_metre, state_number, metres, change_cost, break_cost
-):
+    beat: Floats,
+    bar: Floats,
+    metre_gain: Floats,
+    first_period: int,
+    n_periods: int,
+    state_metre: Ints,
+    state_number: Ints,
+    metres: Ints,
+    change_cost: float,
+    break_cost: float,
+) -> tuple[Ints, Ints]:
     """The beats, and their numbers in the bar, of the path with the highest score over all frames.
 
     A state is a beat interval that ends at frame t, p frames long, whose beat has a number in a metre. It
@@ -144,7 +165,7 @@ def best_bar_sequence(
 
 
 @njit(nogil=True)
-def _phase_steps(first_period, n_periods, metres):
+def _phase_steps(first_period: int, n_periods: int, metres: Ints) -> tuple[Complexes, Complexes]:
     """Of the phases in beat and bars that run through each interval: their turn from frame to frame, and one
     over the phase of the interval's last frame, (P, 1 + M) unit complex numbers each."""
     turns = np.empty((n_periods, 1 + len(metres)), np.complex128)
@@ -158,7 +179,16 @@ def _phase_steps(first_period, n_periods, metres):
 
 
 @njit(nogil=True)
-def _slide(sums, metre_sums, vectors, metre_gain, turns, newest, t, first_period):
+def _slide(
+    sums: Complexes,
+    metre_sums: Floats,
+    vectors: Complexes,
+    metre_gain: Floats,
+    turns: Complexes,
+    newest: Complexes,
+    t: int,
+    first_period: int,
+) -> None:
     """Move the sums over the interval that ends at frame t - 1, for each of its lengths, on to frame t.
 
     `sums` (P, 1 + M) are those of the vectors over the phases that run through the interval: a frame leaves
@@ -180,7 +210,9 @@ def _slide(sums, metre_sums, vectors, metre_gain, turns, newest, t, first_period
 
 
 @njit(nogil=True)
-def _traced(t, i, s, from_period, from_state, first_period):
+def _traced(
+    t: int, i: int, s: int, from_period: NDArray[np.int16], from_state: NDArray[np.int8], first_period: int
+) -> tuple[Ints, Ints]:
     """The path that ends at frame t with period i in state s: bounds (Q + 1,) and states (Q,)."""
     bounds, states = [t, t - first_period - i], [s]
     while from_period[t, i, s] >= 0:

@@ -139,7 +139,8 @@ def count_uncertainty(decoded: DecodedCounts, fps: float) -> Floats:
     total = np.append(0.0, np.cumsum(agreement))
     around_s = decoded.counts.times_s[:, None] + [-_UNCERTAINTY_S / 2, _UNCERTAINTY_S / 2]  # (Q, 2)
     first, stop = np.clip(np.round(times_to_frames(around_s, fps)).astype(int), 0, len(agreement)).T
-    return np.clip(0.5 - 0.5 * (total[stop] - total[first]) / (stop - first), 0.0, 1.0)
+    uncertainty: Floats = np.clip(0.5 - 0.5 * (total[stop] - total[first]) / (stop - first), 0.0, 1.0)
+    return uncertainty
 
 
 def _on_grid(vectors: Floats, fps: float, grid_fps: float) -> Floats:
@@ -156,7 +157,8 @@ def _states(metres: Sequence[int]) -> tuple[NDArray[np.int64], NDArray[np.int64]
 
 def _log_i0(concentration: Floats) -> Floats:
     """Logarithm of the modified Bessel function: the normalisation of a von Mises density."""
-    return np.log(i0e(concentration)) + concentration
+    log_i0: Floats = np.log(i0e(concentration)) + concentration
+    return log_i0
 
 
 def _counts_within(
@@ -225,4 +227,5 @@ def _evened(
 def _cosine(vectors: Floats, turns: Floats) -> Floats:
     angle = 2 * np.pi * turns
     along = vectors[:, 0] * np.cos(angle) + vectors[:, 1] * np.sin(angle)
-    return along / np.maximum(np.linalg.norm(vectors, axis=1), 1e-12)
+    cosine: Floats = along / np.maximum(np.linalg.norm(vectors, axis=1), 1e-12)
+    return cosine

@@ -98,7 +98,8 @@ def _peaks(rises: Floats, times_s: Floats) -> Floats:
     """Largest rise near each time, (Q, 5)."""
     frames = np.rint(times_to_frames(times_s, MUSIC_FPS)).astype(np.int64)
     near = np.clip(frames[:, None] + np.arange(-_BEFORE, _AFTER + 1), 0, len(rises) - 1)
-    return rises[near].max(axis=1)
+    peaks: Floats = rises[near].max(axis=1)
+    return peaks
 
 
 def _interval_means(log_mel: NDArray[np.floating], floor: float, bounds_s: Floats) -> Floats:
@@ -109,7 +110,8 @@ def _interval_means(log_mel: NDArray[np.floating], floor: float, bounds_s: Float
     stops = np.maximum(frames[1:], starts + 1)
     levels = (np.maximum(log_mel[block], floor).astype(np.float64) for block in frame_blocks(n_frames))
     at_starts, at_stops = sums_before(levels, np.stack([starts, stops]))
-    return (at_stops - at_starts) / (stops - starts)[:, None]
+    means: Floats = (at_stops - at_starts) / (stops - starts)[:, None]
+    return means
 
 
 def _chroma(samples: NDArray[np.floating], bounds_s: Floats) -> tuple[Floats, Floats]:
@@ -154,15 +156,18 @@ def _change(rows: Floats, span: int) -> Floats:
 
 
 def _cosine(one: Floats, other: Floats) -> Floats:
-    return (_unit(one) * _unit(other)).sum(axis=1)
+    cosine: Floats = (_unit(one) * _unit(other)).sum(axis=1)
+    return cosine
 
 
 def _unit(rows: Floats) -> Floats:
-    return rows / (np.linalg.norm(rows, axis=1, keepdims=True) + 1e-6)
+    unit: Floats = rows / (np.linalg.norm(rows, axis=1, keepdims=True) + 1e-6)
+    return unit
 
 
 def _local_mean(rows: Floats) -> Floats:
-    return uniform_filter1d(rows, _NORM_BEATS, axis=0, mode="nearest")
+    means: Floats = uniform_filter1d(rows, _NORM_BEATS, axis=0, mode="nearest")
+    return means
 
 
 def _locally_normal(rows: Floats) -> Floats:
@@ -170,7 +175,8 @@ def _locally_normal(rows: Floats) -> Floats:
     centred = rows - _local_mean(rows)
     spread = np.sqrt(np.maximum(0.0, _local_mean(centred**2)))  # a running mean may round below 0
     floor = 0.1 * np.sqrt((centred**2).mean(axis=0)) + 1e-3
-    return np.clip(centred / np.maximum(spread, floor), -_CLIP, _CLIP)
+    normal: Floats = np.clip(centred / np.maximum(spread, floor), -_CLIP, _CLIP)
+    return normal
 
 
 def _repeat(rows: Floats, lag: int) -> Floats:
@@ -250,7 +256,10 @@ def _without_bars(beats_s: Floats) -> Counts:
 def state_evidence(accents: Floats, repeats: Floats, accent_weights: Floats, metre_weights: Floats) -> Floats:
     """Log evidence of each state at each beat, (Q, 7): beats 1, 2, 3 of three and 1, 2, 3, 4 of four."""
     for_three = repeats @ metre_weights[:-1] + metre_weights[-1]  # (Q,)
-    return accents @ accent_weights + np.where(STATE_METRE == 3, for_three[:, None], -for_three[:, None])
+    evidence: Floats = accents @ accent_weights + np.where(
+        STATE_METRE == 3, for_three[:, None], -for_three[:, None]
+    )
+    return evidence
 
 
 def best_bars(evidence: Floats) -> tuple[NDArray[np.int64], float]:

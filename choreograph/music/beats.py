@@ -92,7 +92,10 @@ def level_normalized(strength: NDArray[np.floating]) -> NDArray[np.float64]:
 
     power = np.asarray(strength, np.float64) ** 2
     local = uniform_filter1d(power, round(_LEVEL_S * MUSIC_FPS), mode="nearest")
-    return strength / np.sqrt(np.maximum(np.maximum(local, 0.01 * power.mean()), 1e-20))
+    normalized: NDArray[np.float64] = strength / np.sqrt(
+        np.maximum(np.maximum(local, 0.01 * power.mean()), 1e-20)
+    )
+    return normalized
 
 
 def _tempo_gain(strength: NDArray[np.float64]) -> NDArray[np.float64]:

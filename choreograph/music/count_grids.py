@@ -189,7 +189,8 @@ class TakeGrids:
         last = (self.start + self.n_counts - 1)[take][:, None]
         row = np.clip(index + self.start[take][:, None], self.start[take][:, None], last - 1e-9)
         low = np.minimum(row.astype(np.int64), last - 1)
-        return self.times_s[low] + (row - low) * (self.times_s[low + 1] - self.times_s[low])
+        times_s: Floats = self.times_s[low] + (row - low) * (self.times_s[low + 1] - self.times_s[low])
+        return times_s
 
     def accents_at(self, take: NDArray[np.integer], index: NDArray[np.int64]) -> tuple[Floats, Floats]:
         """How much later than counts by index (K, Q) their accents are, and the counts' periods, seconds."""
@@ -208,7 +209,8 @@ class TakeGrids:
     def reaches(self, take: NDArray[np.integer], index: Floats) -> NDArray[np.bool_]:
         """Whether spans of count indices (K, 2) are counted, but for a few counts beyond the known ones."""
         first, last = _PADDING - _DANCED_PADDING, (self.n_counts - 1 - _PADDING + _DANCED_PADDING)[take]
-        return (index[:, 0] >= first) & (index[:, 1] <= last)
+        inside: NDArray[np.bool_] = (index[:, 0] >= first) & (index[:, 1] <= last)
+        return inside
 
     def number_at(self, take: NDArray[np.integer], index: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers in the bar of counts by index (K, Q)."""
@@ -219,7 +221,10 @@ class TakeGrids:
         return self.phrase_penalty[self._row(take, index)]
 
     def _row(self, take: NDArray[np.integer], index: NDArray[np.int64]) -> NDArray[np.int64]:
-        return self.start[take][:, None] + np.clip(index, 0, (self.n_counts - 1)[take][:, None])
+        rows: NDArray[np.int64] = self.start[take][:, None] + np.clip(
+            index, 0, (self.n_counts - 1)[take][:, None]
+        )
+        return rows
 
 
 def _phrase_penalty(times_s: Floats, numbers: NDArray[np.int64], figures: Sequence[Figure]) -> Floats:

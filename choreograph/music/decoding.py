@@ -102,14 +102,15 @@ def _opened(path: Path) -> av.container.InputContainer:
     limits = {"format_whitelist": _FORMATS, "protocol_whitelist": "file"}
     try:
         # "file:", or a name with a colon would be taken for an address.
-        return av.open(f"file:{path}", container_options=limits, **tags)
+        container: av.container.InputContainer = av.open(f"file:{path}", container_options=limits, **tags)
+        return container
     except (av.FFmpegError, ValueError) as error:
         raise FormatError(
             f"expected a song in {path}, got a file that is not audio or is cut off ({_reason(error)})"
         ) from error
 
 
-def _blocks(path: Path, container, stream, notes: list[str]) -> Blocks:
+def _blocks(path: Path, container: Any, stream: Any, notes: list[str]) -> Blocks:
     import av
 
     reader = _PacketReader(path, container, stream)
@@ -147,7 +148,7 @@ class _PacketReader:
     Beside them, how many packets cannot be decoded, and the length that the file states.
     """
 
-    def __init__(self, path: Path, container, stream) -> None:
+    def __init__(self, path: Path, container: Any, stream: Any) -> None:
         self.n_good = self.n_bad = 0
         self.stated_s = 0.0  # 0 where none is stated
         # Kept here, since those of the stream follow what is decoded.
@@ -161,7 +162,7 @@ class _PacketReader:
         self._is_first = True
         self._n_bad_at_end = 0  # junk after the sound, unless more sound follows
 
-    def read(self, packet) -> Iterator[NDArray[np.float32]]:
+    def read(self, packet: Any) -> Iterator[NDArray[np.float32]]:
         """The samples of a packet, and after the last one what is left."""
         import av
 
@@ -185,7 +186,7 @@ class _PacketReader:
         if not packet.size:
             yield from self._resampled(None)
 
-    def _converted(self, frame) -> Iterator[NDArray[np.float32]]:
+    def _converted(self, frame: Any) -> Iterator[NDArray[np.float32]]:
         import av
 
         kind = frame.format.name, frame.layout.name, frame.sample_rate
@@ -195,7 +196,7 @@ class _PacketReader:
             self._kind = kind
         yield from self._resampled(frame)
 
-    def _resampled(self, frame) -> Iterator[NDArray[np.float32]]:
+    def _resampled(self, frame: Any) -> Iterator[NDArray[np.float32]]:
         for resampled in self._resampler.resample(frame) if self._resampler is not None else ():
             if resampled is not None:
                 samples = np.asarray(resampled.to_ndarray(), np.float32)
@@ -310,12 +311,12 @@ def _decoding(path: Path) -> Decoding:
     return ffmpeg_decoding(path, notes)
 
 
-def _states_frames(sound) -> bool:
+def _states_frames(sound: Any) -> bool:
     """Whether libsndfile takes the length from the file: not of a stream, and of mp3 in a WAV it guesses."""
     return 0 < sound.frames < _UNKNOWN_FRAMES and not sound.subtype.startswith("MPEG")
 
 
-def _soundfile_blocks(path: Path, sound) -> Blocks:
+def _soundfile_blocks(path: Path, sound: Any) -> Blocks:
     import soundfile
 
     n_frames = 0

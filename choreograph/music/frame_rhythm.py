@@ -110,7 +110,8 @@ def _beat_lag_autocorrelation(
     ends = 1 + _ONSETS_PER_FRAME * np.arange(n_frames)  # row 0 is the silence before the song
     now, before = windows[ends], windows[np.maximum(0, ends - lags)]  # (T, W)
     energy = np.sqrt((now**2).sum(axis=1) * (before**2).sum(axis=1))
-    return (now * before).sum(axis=1) / np.maximum(energy, 1e-9)
+    correlation: NDArray[np.floating] = (now * before).sum(axis=1) / np.maximum(energy, 1e-9)
+    return correlation
 
 
 def _window_rms(samples: NDArray[np.float32], n_frames: int) -> NDArray[np.float64]:
@@ -119,7 +120,8 @@ def _window_rms(samples: NDArray[np.float32], n_frames: int) -> NDArray[np.float
     ends = np.arange(n_frames) * _FRAME_SAMPLES + _FRAME_SAMPLES // 2 + 1
     width = WINDOW_FRAMES * _FRAME_SAMPLES
     inside = energy[np.minimum(ends, len(samples))] - energy[np.clip(ends - width, 0, len(samples))]
-    return np.sqrt(inside / width)
+    rms: NDArray[np.float64] = np.sqrt(inside / width)
+    return rms
 
 
 # Audio input of the rollout network: rhythm per frame and spectral features per motion word.
@@ -149,7 +151,10 @@ def word_spectra(
         inside = np.array([0.0, song.duration_s])
     rows = spectral_features(song.samples, inside, report=report)
     middles = (bounds_s[1:] + bounds_s[:-1]) / 2
-    return rows[(np.searchsorted(inside, middles, side="right") - 1).clip(0, len(rows) - 1)]
+    spectra: NDArray[np.float32] = rows[
+        (np.searchsorted(inside, middles, side="right") - 1).clip(0, len(rows) - 1)
+    ]
+    return spectra
 
 
 # Rhythmic features of music that is still playing: `music.frame_rhythm`, row by row as samples come in.

@@ -67,7 +67,8 @@ def log_mel_of_windows(windows: NDArray[np.float32]) -> NDArray[np.float32]:
     """`log_mel` (T, 96) of the `MEL_WINDOW` samples around each frame, (T, W)."""
     spectrum = fft.rfft(windows * _hann(), axis=1)  # (T, F)
     power = spectrum.real**2 + spectrum.imag**2
-    return np.log(np.maximum(power @ mel_filterbank().T, _POWER_FLOOR))
+    log_mel: NDArray[np.float32] = np.log(np.maximum(power @ mel_filterbank().T, _POWER_FLOOR))
+    return log_mel
 
 
 @lru_cache(maxsize=1)
@@ -190,7 +191,8 @@ def onset_density(log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.f
     first = np.minimum(np.arange(n_seconds) * MUSIC_FPS, last - 1)
     end = np.minimum(first + SEGMENT_S * MUSIC_FPS, last)
     mean = (strength[end] - strength[first]) / (end - first)
-    return ((rankdata(np.round(mean, 6)) - 0.5) / n_seconds).astype(np.float32)
+    density: NDArray[np.float32] = ((rankdata(np.round(mean, 6)) - 0.5) / n_seconds).astype(np.float32)
+    return density
 
 
 def autocorrelations(
@@ -222,7 +224,10 @@ def autocorrelations(
 def _autocorrelation(rows: NDArray[np.floating], size: int) -> NDArray[np.floating]:
     """Linear autocorrelation of rows (C, W) at lags 0 … W - 1."""
     spectrum = fft.rfft(rows, size, axis=1)
-    return fft.irfft(spectrum.real**2 + spectrum.imag**2, size, axis=1)[:, : rows.shape[1]]
+    correlation: NDArray[np.floating] = fft.irfft(spectrum.real**2 + spectrum.imag**2, size, axis=1)[
+        :, : rows.shape[1]
+    ]
+    return correlation
 
 
 def _checked(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:

@@ -43,7 +43,8 @@ def change_times_s(counts: Counts) -> Floats:
 
 def at_changes(bounds_s: NDArray[np.number], changes_s: NDArray[np.floating]) -> NDArray[np.bool_]:
     """Which bounds (B,) of sections lie at a change (C,) of tempo or metre: within 1.5 s."""
-    return np.any(np.abs(np.subtract.outer(bounds_s, changes_s)) <= SAME_S, axis=1)
+    near: NDArray[np.bool_] = np.any(np.abs(np.subtract.outer(bounds_s, changes_s)) <= SAME_S, axis=1)
+    return near
 
 
 def part_metre(bar_lengths: Ints, metre: int) -> int:

@@ -82,7 +82,8 @@ def _strength_at(times_s: Floats, log_mel: NDArray[np.floating]) -> Floats:
     strength = onset_strength(log_mel)
     frames = np.round(times_s * MUSIC_FPS).astype(np.int64)[:, None]
     near = frames + np.arange(-_NEAR_FRAMES, _NEAR_FRAMES + 1)
-    return strength[np.clip(near, 0, len(strength) - 1)].max(axis=1)
+    strongest: Floats = strength[np.clip(near, 0, len(strength) - 1)].max(axis=1)
+    return strongest
 
 
 def join_times_s(counts: Counts, n_borders: int) -> Floats:
@@ -168,7 +169,9 @@ def _section_starts(beat_features: Floats, beats_s: Floats, units: NDArray[np.in
 
     most = min(len(beat_features) // _MIN_BEATS, len(units))
     n_sections = int(np.clip(round((beats_s[-1] - beats_s[0]) / SECTION_S), min(2, most), most))
-    starts = units[np.unique(librosa.segment.agglomerative(_means(beat_features, units).T, n_sections))]
+    starts: NDArray[np.int64] = units[
+        np.unique(librosa.segment.agglomerative(_means(beat_features, units).T, n_sections))
+    ]
     while len(starts) > 1:
         length_s = np.diff(beats_s[np.append(starts, len(beats_s) - 1)])
         shortest = int(length_s.argmin())

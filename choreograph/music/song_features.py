@@ -73,7 +73,8 @@ def energy_per_second(samples: NDArray[np.floating], n_seconds: int) -> NDArray[
     level_db = 10.0 * np.log10(median_filter(power, _SPAN_S, mode="nearest") + 1e-12)
     sounding = level_db > level_db.max() - _SILENT_DB
     energy = 1.0 + (level_db - np.percentile(level_db[sounding], 90)) / _RANGE_DB
-    return np.clip(energy, 0.0, 1.0).astype(np.float32)
+    per_second: NDArray[np.float32] = np.clip(energy, 0.0, 1.0).astype(np.float32)
+    return per_second
 
 
 # The analytic tempo-density: a Gaussian bump on every beat of the motion or of the music.

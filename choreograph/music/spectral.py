@@ -145,7 +145,10 @@ def _tones(samples: NDArray[np.float32], block: slice, tuning: float) -> NDArray
         long_enough, sr=SAMPLE_RATE_HZ, hop_length=_HOP, n_bins=_CQT_BINS,
         bins_per_octave=_CQT_BINS_PER_OCTAVE, tuning=tuning * _CQT_BINS_PER_OCTAVE / 12,
     )  # fmt: skip
-    return np.abs(tones[:, block.start - first // _HOP : block.stop - first // _HOP])
+    amplitude: NDArray[np.float32] = np.abs(
+        tones[:, block.start - first // _HOP : block.stop - first // _HOP]
+    )
+    return amplitude
 
 
 def _span(samples: NDArray[np.float32], first: int, stop: int) -> NDArray[np.float32]:
@@ -167,7 +170,8 @@ def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArr
 
     def mel_db(n_mels: int) -> NDArray[np.floating]:
         mel = librosa.feature.melspectrogram(S=gated, n_mels=n_mels, **rate)
-        return librosa.power_to_db(mel, amin=_MEL_POWER_FLOOR, top_db=None)
+        decibels: NDArray[np.floating] = librosa.power_to_db(mel, amin=_MEL_POWER_FLOOR, top_db=None)
+        return decibels
 
     centroid = librosa.feature.spectral_centroid(S=amplitude, **rate)
     rows = {

@@ -68,7 +68,8 @@ class Run:
         inside = CubicSpline(knots, self.source_times_s)
         source = inside(np.clip(since, 0.0, self.length_s))
         source += np.minimum(since, 0.0) * inside(0.0, 1)
-        return source + np.maximum(since - self.length_s, 0.0) * inside(self.length_s, 1)
+        frames_s: Floats = source + np.maximum(since - self.length_s, 0.0) * inside(self.length_s, 1)
+        return frames_s
 
     def cut(self, start_s: float, stop_s: float) -> Run:
         """The part of the run between two times of the dance."""
@@ -213,7 +214,8 @@ class SampledRun:
 
     def body_at(self, frame: int) -> Floats:
         """The body (21, 3) at a frame of the dance."""
-        return self.bodies_m[frame - self.first_frame]
+        body_m: Floats = self.bodies_m[frame - self.first_frame]
+        return body_m
 
     def moved(self, yaw_rad: float, shift_m: Floats) -> SampledRun:
         """Rotated about Y, then shifted by (3,)."""

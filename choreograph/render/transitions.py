@@ -74,7 +74,8 @@ def decay_offset(offset: Floats, times_s: Floats, length_s: float) -> Floats:
     c4 = (15 * x + 8 * v * d + 1.5 * a * d**2) / d**4
     c5 = -(6 * x + 3 * v * d + 0.5 * a * d**2) / d**5
     t = np.minimum(np.asarray(times_s), d).reshape(-1, *([1] * x.ndim))
-    return x + v * t + a * t**2 / 2 + c3 * t**3 + c4 * t**4 + c5 * t**5
+    decayed: Floats = x + v * t + a * t**2 / 2 + c3 * t**3 + c4 * t**4 + c5 * t**5
+    return decayed
 
 
 def decay_distance(distance: Floats, times_s: Floats, length_s: float, *, shared: bool) -> Floats:

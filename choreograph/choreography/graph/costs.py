@@ -17,6 +17,10 @@ from choreograph.core.timebase import CLIP_FRAMES, NODE_FRAMES
 from choreograph.music.song_features import SongFeatures
 from choreograph.settings import COST_GROUP
 
+Floats = NDArray[np.floating]
+F32 = NDArray[np.float32]
+Ints = NDArray[np.integer]
+
 # Compiled loops of the planners: edge costs, and the cheapest predecessor of each node.
 #
 # Each call runs on one thread: the planner evaluates parts of a block of edges in threads of its own.
@@ -28,7 +32,9 @@ _ROUNDING = np.float32(2e-6)
 
 
 @njit(nogil=True)
-def distances_from_product(product, sq_a, sq_b, scale):  # pragma: no cover - compiled
+def distances_from_product(
+    product: F32, sq_a: F32, sq_b: F32, scale: np.float32
+) -> F32:  # pragma: no cover - compiled
     """√(scale · (|a|² + |b|² - 2 a·b)) in place of the products a·b, (P, N) float32; 0 within rounding."""
     n_a, n_b = product.shape
     for i in range(n_a):
@@ -40,7 +46,7 @@ def distances_from_product(product, sq_a, sq_b, scale):  # pragma: no cover - co
 
 
 @njit(nogil=True)
-def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
+def cheapest_predecessor(reached: F32, edges: F32) -> NDArray[np.int32]:  # pragma: no cover - compiled
     """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32; float32 in."""
     n_a, n_b = edges.shape
     parent = np.zeros(n_b, np.int32)
@@ -60,7 +66,9 @@ def cheapest_predecessor(reached, edges):  # pragma: no cover - compiled
 
 
 @njit(nogil=True)
-def revisits(take_a, end_a, take_b, start_b, min_frames, max_frames):  # pragma: no cover - compiled
+def revisits(
+    take_a: Ints, end_a: Floats, take_b: Ints, start_b: Floats, min_frames: float, max_frames: float
+) -> F32:  # pragma: no cover - compiled
     """1 where a and b share a take and b starts between `min_frames` and `max_frames` before a ends, (P, N).
 
     Both limits are exclusive.
@@ -75,7 +83,7 @@ def revisits(take_a, end_a, take_b, start_b, min_frames, max_frames):  # pragma:
 
 
 @njit(nogil=True)
-def motif_count_costs(step_cost, counts, motifs):  # pragma: no cover - compiled
+def motif_count_costs(step_cost: F32, counts: Ints, motifs: Ints) -> F32:  # pragma: no cover - compiled
     """Sum over a node's motifs of step_cost[motif, times danced before], (P, N) float32.
 
     step_cost (K, C) float32; counts (P, K) along the path to each predecessor; motifs (N, W) padded with -1.
@@ -108,8 +116,6 @@ def motif_count_costs(step_cost, counts, motifs):  # pragma: no cover - compiled
 
 # Costs of nodes and edges. The built-in ones use only what a user-defined cost can use, too.
 
-
-Floats = NDArray[np.floating]
 
 _USAGE_SCALE_S = 12.0  # three minutes in 15 takes
 _STILL_M_S = 0.1  # bodies this slow hardly differ in velocity
@@ -150,7 +156,8 @@ class Style(Cost):
     """‖S_x(clip) - S_m(second)‖₂: distance of a clip's style from the music's (equation 5)."""
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
-        return np.linalg.norm(layer.style - song_features.style[layer.second], axis=1)
+        distance: Floats = np.linalg.norm(layer.style - song_features.style[layer.second], axis=1)
+        return distance
 
 
 class Completeness(Cost):
@@ -255,7 +262,8 @@ class Phrasing(Cost):
         return cost
 
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
-        return 0.5 * (previous.leave_penalty.min() + next.enter_penalty)
+        least: Floats = 0.5 * (previous.leave_penalty.min() + next.enter_penalty)
+        return least
 
 
 class Energy(Cost):
@@ -288,7 +296,8 @@ class Pace(Cost):
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
         slopes = np.diff(layer.source_frames[:, :: NODE_FRAMES // 4], axis=1) / (NODE_FRAMES // 4)  # (N, 4)
-        return np.abs(np.log2(slopes)).mean(axis=1)
+        octaves: Floats = np.abs(np.log2(slopes)).mean(axis=1)
+        return octaves
 
 
 class Variety(Cost):
@@ -311,7 +320,7 @@ class Repeat(Cost):
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
 
-        return revisits(
+        again: Floats = revisits(
             previous.take,
             previous.take_frames[:, 1],
             next.take,
@@ -319,6 +328,7 @@ class Repeat(Cost):
             _OVERLAP_FRAMES,
             CLIP_FRAMES,
         )
+        return again
 
 
 BUILTIN_COSTS: tuple[type[Cost], ...] = (
@@ -362,11 +372,13 @@ def _rms_distances(a: Floats, b: Floats) -> Floats:
     flat_b = np.ascontiguousarray(b, np.float32).reshape(len(b), -1)
     sq_a = np.einsum("pd,pd->p", flat_a, flat_a)
     sq_b = np.einsum("nd,nd->n", flat_b, flat_b)
-    return distances_from_product(flat_a @ flat_b.T, sq_a, sq_b, np.float32(1.0 / n_joints))
+    distances_m: Floats = distances_from_product(flat_a @ flat_b.T, sq_a, sq_b, np.float32(1.0 / n_joints))
+    return distances_m
 
 
 def _rms_speed_m_s(velocity_m_s: Floats) -> NDArray[np.float32]:
     """Root mean square joint speeds (N,) of velocities (N, 21, 3)."""
-    return np.sqrt(
+    speed_m_s: NDArray[np.float32] = np.sqrt(
         np.einsum("njd,njd->n", velocity_m_s, velocity_m_s) / velocity_m_s.shape[1], dtype=np.float32
     )
+    return speed_m_s

@@ -118,7 +118,8 @@ def candidate_clips(
     def may_dance(second: int) -> Mask:
         if allowed is None:
             return np.ones(repertoire.n_clips, bool)
-        return allowed.takes[second, repertoire.clip_take]
+        allowed_here: Mask = allowed.takes[second, repertoire.clip_take]
+        return allowed_here
 
     if request.config.selection == "style":
         return _nearest_in_style(request, goals, costs, may_dance)
@@ -149,7 +150,8 @@ def _suits(request: DanceRequest, goals: Sequence[SectionGoal]) -> Callable[[int
 
     def suits(second: int) -> Mask:
         same_metre, genre = other_metre[second] == 0, genres[second]
-        return same_metre if genre is None else same_metre & (genre_of_clip == genre)
+        suited: Mask = same_metre if genre is None else same_metre & (genre_of_clip == genre)
+        return suited
 
     return suits
 

@@ -114,7 +114,8 @@ class Signature(Cost):
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
         if layer.second > 0:
             return None
-        return self._costs(np.zeros((1, len(self._step_cost[0])), np.int16), layer)[0]
+        counted: Floats = self._costs(np.zeros((1, len(self._step_cost[0])), np.int16), layer)[0]
+        return counted
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         return self._costs(_counts_before(previous, next), next)
@@ -122,13 +123,15 @@ class Signature(Cost):
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
         step_cost = self._step_cost[self._part[next.second]]
         least = step_cost[np.arange(len(step_cost)), _counts_before(previous, next)].min(axis=0)  # (K,)
-        return np.append(least, 0.0)[next.motifs].sum(axis=1)
+        bounds: Floats = np.append(least, 0.0)[next.motifs].sum(axis=1)
+        return bounds
 
     def _costs(self, counts: NDArray[np.integer], layer: Layer) -> NDArray[np.float32]:
         from choreograph.choreography.graph.costs import motif_count_costs
 
         step_cost = self._step_cost[self._part[layer.second]]
-        return motif_count_costs(step_cost, counts, np.ascontiguousarray(layer.motifs))
+        total: NDArray[np.float32] = motif_count_costs(step_cost, counts, np.ascontiguousarray(layer.motifs))
+        return total
 
 
 def _signature_steps(goal: MotifGoal, n_words: int, n_seconds: int) -> NDArray[np.float32]:
@@ -163,16 +166,20 @@ class MotifTransition(Cost):
         self._cost = [_transition_costs(goal, song_features.n_seconds / n_words) for _, goal in goals]
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
-        return self._cost_at(layer)[layer.motifs[:, :-1], layer.motifs[:, 1:]].sum(axis=1)
+        total: Floats = self._cost_at(layer)[layer.motifs[:, :-1], layer.motifs[:, 1:]].sum(axis=1)
+        return total
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
-        return self._cost_at(next)[_last_motif(previous)[:, None], _first_motif(next)]
+        total: Floats = self._cost_at(next)[_last_motif(previous)[:, None], _first_motif(next)]
+        return total
 
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
-        return self._cost_at(next)[np.unique(_last_motif(previous))].min(axis=0)[_first_motif(next)]
+        least: Floats = self._cost_at(next)[np.unique(_last_motif(previous))].min(axis=0)[_first_motif(next)]
+        return least
 
     def _cost_at(self, layer: Layer) -> NDArray[np.float32]:
-        return self._cost[self._part[layer.second]]
+        of_layer: NDArray[np.float32] = self._cost[self._part[layer.second]]
+        return of_layer
 
 
 def _transition_costs(goal: MotifGoal, scale: float) -> NDArray[np.float32]:
@@ -238,7 +245,8 @@ class Stillness(Cost):
         here = [at_s for at_s in held_s if layer.second <= at_s < layer.second + 1]
         if not here:
             return None
-        return np.sum([self._restlessness(layer, at_s) for at_s in here], axis=0)
+        restless: Floats = np.sum([self._restlessness(layer, at_s) for at_s in here], axis=0)
+        return restless
 
     def _restlessness(self, layer: Layer, at_s: float) -> Floats:
         frame = (at_s - layer.second) * NET_FPS
@@ -249,7 +257,8 @@ class Stillness(Cost):
         )
         speed_m_s = np.linalg.norm(velocity_m_s, axis=-1).mean(axis=1) * slope
         lifted_m = np.ptp(pose_m[:, _ANKLES, 1], axis=1)
-        return speed_m_s + 10.0 * lifted_m
+        restlessness: Floats = speed_m_s + 10.0 * lifted_m
+        return restlessness
 
 
 # Weighted sums of costs, with what user-defined costs return checked.
@@ -298,7 +307,7 @@ def weighted_terms(
         yield weighted.cost.name, weighted.weight * value
 
 
-def _checked(value: Any, shape: tuple[int, ...], cost: Cost) -> NDArray:
+def _checked(value: Any, shape: tuple[int, ...], cost: Cost) -> NDArray[Any]:
     """What a cost returned as an array; `ParameterError` unless that is of numbers and the shape."""
     array = as_array(f"what cost {cost.name!r} returns", value)
     if array.shape != shape:

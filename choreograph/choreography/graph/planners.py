@@ -50,7 +50,7 @@ class Path:
 
 
 # Multi-threaded BLAS competes with the planner's threads for the cores: four times slower.
-@threadpool_limits.wrap(limits=1, user_api="blas")
+@threadpool_limits.wrap(limits=1, user_api="blas")  # type: ignore[untyped-decorator, unused-ignore]
 def plan_exact(
     source: LayerSource,
     costs: Sequence[WeightedCost],

@@ -156,4 +156,7 @@ def _density_mismatch(
     weight = weights.astype(np.float32)
     rows = np.arange(len(targets))[:, None]
     warped = targets[rows, low] * (1 - weight) + targets[rows, high] * weight  # (K, 80)
-    return ((warped - query) ** 2).reshape(len(maps), SEGMENT_S, NODE_FRAMES).mean(axis=2)
+    mismatch: NDArray[np.float32] = (
+        ((warped - query) ** 2).reshape(len(maps), SEGMENT_S, NODE_FRAMES).mean(axis=2)
+    )
+    return mismatch

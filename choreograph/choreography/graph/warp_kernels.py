@@ -8,14 +8,18 @@ on a new machine waits for that.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from choreograph.core.kernel_cache import njit
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
 
 UNREACHED = np.float32(3.0e38)
 
 
 @njit(nogil=True, error_model="numpy")
-def dtw_batch(queries, targets):  # pragma: no cover - compiled
+def dtw_batch(queries: F32, targets: F32) -> tuple[F32, F32]:  # pragma: no cover - compiled
     """Subsequence DTW of queries (K, Tq) in targets (K, Tt), float32: source frames (K, Tq), costs (K,).
 
     Steps (query, target) are (1, 1), (1, 2), (2, 1), preferred in this order on ties. A step (2, 1) pays
@@ -54,7 +58,9 @@ def dtw_batch(queries, targets):  # pragma: no cover - compiled
 
 
 @njit()
-def _backtrack(query, target, table, end, source_frames):  # pragma: no cover - compiled
+def _backtrack(
+    query: F32, target: F32, table: F32, end: int, source_frames: F32
+) -> None:  # pragma: no cover - compiled
     """Write the path that ends at `end` to `source_frames`, from the cost table (1 + Tq, 2 + Tt)."""
     i, j = len(query) - 1, end
     source_frames[i] = j
@@ -78,7 +84,7 @@ def _backtrack(query, target, table, end, source_frames):  # pragma: no cover - 
 
 
 @njit()
-def _solve_banded(main, first, second, rhs):  # pragma: no cover - compiled
+def _solve_banded(main: F64, first: F64, second: F64, rhs: F64) -> None:  # pragma: no cover - compiled
     """In-place LDLᵀ solve of a symmetric positive definite pentadiagonal system."""
     n = len(main)
     for i in range(n):
@@ -103,7 +109,9 @@ def _solve_banded(main, first, second, rhs):  # pragma: no cover - compiled
 
 
 @njit()
-def _match_beats(path, source_beats, music_beats, window, anchor_frame, anchor_source):  # pragma: no cover
+def _match_beats(
+    path: F64, source_beats: F64, music_beats: F64, window: float, anchor_frame: F64, anchor_source: F64
+) -> int:  # pragma: no cover - compiled
     """Match music beats to motion beats along the path; returns the number of pairs.
 
     Pairs go to `anchor_frame` (output frames) and `anchor_source` (source frames). Beats match if each is the
@@ -141,15 +149,18 @@ def _match_beats(path, source_beats, music_beats, window, anchor_frame, anchor_s
 
 
 @njit()
-def _gap_of(path, frame, source):  # pragma: no cover - compiled
+def _gap_of(path: F64, frame: float, source: float) -> float:  # pragma: no cover - compiled
     """Distance of a source frame from the path at an output frame, in output frames."""
     low = min(int(frame), len(path) - 2)
     slope = path[low + 1] - path[low]
-    return abs(source - (path[low] + (frame - low) * slope)) / max(slope, 0.25)
+    gap: float = abs(source - (path[low] + (frame - low) * slope)) / max(slope, 0.25)
+    return gap
 
 
 @njit()
-def _limit_slopes(path, slopes, min_slope, max_slope, last_source):  # pragma: no cover - compiled
+def _limit_slopes(
+    path: F64, slopes: F64, min_slope: float, max_slope: float, last_source: float
+) -> None:  # pragma: no cover - compiled
     """Clamp the path's slopes in place, preserving its mean, and keep it inside [0, last_source].
 
     Where the path would leave the clip, it follows the border at the minimum slope instead: shifting the
@@ -176,8 +187,17 @@ def _limit_slopes(path, slopes, min_slope, max_slope, last_source):  # pragma: n
 
 @njit(nogil=True)
 def smooth_batch(
-    paths, beats, beat_ranges, music, window, stiffness, anchor_weight, min_slope, max_slope, last_source
-):  # pragma: no cover - compiled
+    paths: F64,
+    beats: F64,
+    beat_ranges: NDArray[np.int64],
+    music: F64,
+    window: float,
+    stiffness: float,
+    anchor_weight: float,
+    min_slope: float,
+    max_slope: float,
+    last_source: float,
+) -> F64:  # pragma: no cover - compiled
     """Smooth time maps (K, Tq) of DTW paths; see `time_maps.smooth_time_maps` for the objective.
 
     Candidate k has the motion beats beats[beat_ranges[k, 0] : beat_ranges[k, 1]], in clip frames; all have
@@ -218,7 +238,9 @@ def smooth_batch(
 
 
 @njit()
-def _normal_equations(path, stiffness, main, first, second, rhs):  # pragma: no cover - compiled
+def _normal_equations(
+    path: F64, stiffness: float, main: F64, first: F64, second: F64, rhs: F64
+) -> None:  # pragma: no cover - compiled
     """Bands of I + stiffness · D₂ᵀD₂ (D₂: second differences) and the right-hand side `path`."""
     n = len(path)
     for i in range(n):
@@ -236,7 +258,9 @@ def _normal_equations(path, stiffness, main, first, second, rhs):  # pragma: no 
 
 
 @njit(nogil=True)
-def segment_beats(maps, speeds, music, near, far, prominence):  # pragma: no cover - compiled
+def segment_beats(
+    maps: F64, speeds: F32, music: NDArray[np.floating], near: float, far: float, prominence: float
+) -> tuple[F32, F32, F32]:  # pragma: no cover - compiled
     """Beats of each quarter of each warped segment, for time maps (K, Tq + 1).
 
     `speeds` (K, Tt) are the clips' mean joint speeds. Motion beats are found in the warped motion: a tempo
@@ -273,7 +297,9 @@ def segment_beats(maps, speeds, music, near, far, prominence):  # pragma: no cov
 
 
 @njit()
-def _played_beats(time_map, speed, prominence):  # pragma: no cover - compiled
+def _played_beats(
+    time_map: F64, speed: F32, prominence: float
+) -> tuple[F64, int]:  # pragma: no cover - compiled
     """Minima of the speed at which a clip is played through `time_map`, in output frames; their number."""
     n = len(time_map)
     played = np.empty(n)
@@ -306,7 +332,7 @@ def _played_beats(time_map, speed, prominence):  # pragma: no cover - compiled
 
 
 @njit()
-def _median(values):  # pragma: no cover - compiled
+def _median(values: F64) -> float:  # pragma: no cover - compiled
     """The median, by sorting a copy; quick for a segment's 80 frames."""
     n = len(values)
     ordered = np.empty(n)
@@ -316,11 +342,14 @@ def _median(values):  # pragma: no cover - compiled
             ordered[j] = ordered[j - 1]
             j -= 1
         ordered[j] = values[i]
-    return 0.5 * (ordered[(n - 1) // 2] + ordered[n // 2])
+    median: float = 0.5 * (ordered[(n - 1) // 2] + ordered[n // 2])
+    return median
 
 
 @njit()
-def _unmatched(at, others, count, near, far):  # pragma: no cover - compiled
+def _unmatched(
+    at: float, others: NDArray[np.floating], count: int, near: float, far: float
+) -> float:  # pragma: no cover - compiled
     gap = far
     for i in range(count):
         gap = min(gap, abs(others[i] - at))

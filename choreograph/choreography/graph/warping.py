@@ -111,10 +111,11 @@ def smooth_time_maps(
             f"expected DTW paths (K, Tq) of at least 3 frames and ranges (K, 2), got {paths.shape} "
             f"and {ranges.shape}"
         )
-    return smooth_batch(
+    time_maps: NDArray[np.float64] = smooth_batch(
         paths, np.asarray(motion_beats, np.float64), ranges, np.asarray(music_beats, np.float64),
         float(snap_frames), float(stiffness), ANCHOR_WEIGHT, MIN_SLOPE, MAX_SLOPE, float(clip_frames - 1),
     )  # fmt: skip
+    return time_maps
 
 
 # Time maps that lay a take's counts on a song's beats: count k + d of the take on beat k of the song.
@@ -243,7 +244,8 @@ def _off_bar(
     """1 where the number of a beat is not that of the take's count on it, (K', Q); 0 where one is unknown."""
     numbers = takes.number_at(take, beats + shift[:, None])
     wanted = song.numbers[beats]
-    return ((numbers != wanted) & (numbers > 0) & (wanted > 0)).astype(np.float64)
+    off_bar: Floats = ((numbers != wanted) & (numbers > 0) & (wanted > 0)).astype(np.float64)
+    return off_bar
 
 
 def _per_quarter(off_bar: Floats, beats: NDArray[np.int64], index: Floats) -> Floats:

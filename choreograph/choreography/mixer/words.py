@@ -85,7 +85,10 @@ class WordBank:
         rows, own = np.arange(len(words)), v.word_motif[words]
         to_own = distance[rows, own]
         distance[rows, own] = np.inf
-        return np.minimum(distance.min(axis=1), 1.0) - to_own  # with one motif alone the next is a metre away
+        margin_m: Floats = (
+            np.minimum(distance.min(axis=1), 1.0) - to_own
+        )  # with one motif alone the next is a metre away
+        return margin_m
 
     def _poses_m(self, words: Indices, times_s: Floats) -> NDArray[np.float64]:
         """Poses (M, ..., 21, 3) of the words' takes at times (M, ...)."""
@@ -296,4 +299,5 @@ def _transition_costs_m(before: Candidates, here: Candidates) -> Floats:
     a, b = before.last_m.reshape(len(before.words), -1), here.first_m.reshape(len(here.words), -1)
     n_points = a.shape[1] // 3
     again = before.words[:, None] == here.words
-    return np.sqrt(squared_distances(a, b) / n_points) + _REPEAT_COST_M * again
+    cost_m: Floats = np.sqrt(squared_distances(a, b) / n_points) + _REPEAT_COST_M * again
+    return cost_m

@@ -108,7 +108,8 @@ def _turns_from_bones(skeleton: Skeleton) -> Floats:
 
 
 def _unit(vectors: Floats) -> Floats:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    unit: Floats = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +127,8 @@ class Body:
 
     def place(self, role: str) -> Floats:
         """Position (3,) of the joint of a role, metres."""
-        return self.pos_m[self.roles[role]]
+        place_m: Floats = self.pos_m[self.roles[role]]
+        return place_m
 
     def middle(self, part: str) -> Floats:
         """Midpoint (3,) of the left and the right joint of a part, metres."""

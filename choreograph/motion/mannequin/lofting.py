@@ -39,7 +39,8 @@ class Rings:
 
 def smooth_rows(table: Floats, at: Floats) -> Floats:
     """Rows (R, C - 1) interpolated in a table whose first column increases, without overshoot."""
-    return PchipInterpolator(table[:, 0], table[:, 1:], axis=0)(at)
+    rows: Floats = PchipInterpolator(table[:, 0], table[:, 1:], axis=0)(at)
+    return rows
 
 
 def frames_along(axis: Floats, front: Floats) -> tuple[Floats, Floats]:
@@ -132,7 +133,8 @@ def vertex_normals(vertices_m: Floats, triangles: NDArray[np.int64]) -> Floats:
     normals = np.zeros_like(vertices_m)
     for k in range(3):
         np.add.at(normals, triangles[:, k], faces)
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    unit: Floats = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return unit
 
 
 def _outward(rings: Rings, end: int) -> Floats:

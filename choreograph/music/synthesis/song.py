@@ -61,7 +61,8 @@ class TempoMap:
     def seconds(self, beats: ArrayLike) -> NDArray[np.float64]:
         """Times of (fractional) beats in seconds; negative for beats before 0."""
         beats = np.asarray(beats, np.float64)
-        return self._from_first_point(beats) - self._from_first_point(np.zeros(1))[0]
+        times_s: NDArray[np.float64] = self._from_first_point(beats) - self._from_first_point(np.zeros(1))[0]
+        return times_s
 
     def bpm_at(self, beats: ArrayLike) -> NDArray[np.float64]:
         """Tempo at (fractional) beats."""

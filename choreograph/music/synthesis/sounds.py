@@ -159,7 +159,8 @@ def _oscillator(wave: str, n: NDArray[np.int64]) -> NDArray[np.float64]:
     if wave == "square":
         return (odd + 0.06) / n
     if wave == "pulse":
-        return np.abs(np.sin(np.pi * 0.3 * n)) / n
+        harmonics: NDArray[np.float64] = np.abs(np.sin(np.pi * 0.3 * n)) / n
+        return harmonics
     if wave == "triangle":
         return (odd + 0.15) / n**2
     if wave == "reed":
@@ -255,7 +256,8 @@ def _noise(rng: Rng, low_hz: float, high_hz: float, decay_s: float, length_s: fl
     sos = butter(2, [low_hz, min(high_hz, 20000.0)], "bandpass", fs=RATE_HZ, output="sos")
     t = _seconds(length_s)
     noise = sosfilt(sos, rng.standard_normal(len(t))) * np.exp(-t / decay_s)
-    return noise / np.abs(noise).max()
+    peak_one: NDArray[np.float64] = noise / np.abs(noise).max()
+    return peak_one
 
 
 def _metal(
@@ -266,7 +268,8 @@ def _metal(
     tone = sum(np.sign(np.sin(2.0 * np.pi * (hz * rng.uniform(0.995, 1.005) * t))) for hz in partials_hz)
     sos = butter(3, low_hz, "highpass", fs=RATE_HZ, output="sos")
     tone = sosfilt(sos, np.asarray(tone)) * np.exp(-t / decay_s)
-    return tone / np.abs(tone).max()
+    peak_one: NDArray[np.float64] = tone / np.abs(tone).max()
+    return peak_one
 
 
 def _scrape(rng: Rng, length_s: float, teeth_hz: float, swell: float) -> NDArray[np.float64]:
@@ -276,7 +279,8 @@ def _scrape(rng: Rng, length_s: float, teeth_hz: float, swell: float) -> NDArray
     tooth = np.exp(-8.0 * ((np.cumsum(speed) / RATE_HZ) % 1.0))
     sos = butter(2, [2200.0, 9000.0], "bandpass", fs=RATE_HZ, output="sos")
     shape = (0.35 + 0.65 * (t / length_s)) * np.minimum(1.0, (length_s - t) / 0.02)
-    return sosfilt(sos, rng.standard_normal(len(t)) * tooth) * shape
+    scraped: NDArray[np.float64] = sosfilt(sos, rng.standard_normal(len(t)) * tooth) * shape
+    return scraped
 
 
 def _claps(rng: Rng) -> NDArray[np.float64]:
