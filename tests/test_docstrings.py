@@ -24,13 +24,6 @@ TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
         "MotifPin",
         "TakePin",
     ),
-    "library": (
-        "BuildOptions",
-        "BuildResult",
-        "Repertoire",
-        "example_songs",
-        "starter_repertoire",
-    ),
     "motion": (
         "Credits",
         "Motion",

@@ -55,7 +55,20 @@ _HTML_ROWS = 50
 
 
 class Repertoire:
-    """Everything that `dance` needs besides the song. Open with `Repertoire.open`; arrays load on demand."""
+    """An opened repertoire file: takes, clips, networks and motifs, all that a dance needs besides the song.
+
+    `Repertoire.open` opens a file. Arrays are read when they are first used.
+
+    Examples
+    --------
+    >>> repertoire = cg.Repertoire.open(cg.starter_repertoire().path)
+    >>> take = repertoire.takes[0]
+    >>> take.name, take.credits.genre, repertoire.counts(0).metre
+    ('cha-cha-01', 'cha-cha', 4)
+    >>> motion, first_s = repertoire.motion(0, start_s=2, stop_s=4)
+    >>> motion.root_pos_m.shape, first_s
+    ((62, 3), 2.0)
+    """
 
     def __init__(self, file: RepertoireFile) -> None:
         check_kind("the file of a repertoire", file, RepertoireFile, "`Repertoire.open` opens a path")

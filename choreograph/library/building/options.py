@@ -26,8 +26,16 @@ Tracker = Literal["network", "tempo-path", "librosa", "beat-this"]
 class BuildOptions:
     """Settings of a build.
 
-    The fields are also the options of `choreograph build-db`, with dashes. `ParameterError` is raised for a
-    value of another type, an unknown choice, or a number out of range.
+    The fields are also the options of `choreograph build-db`, with dashes. `cg.build` takes them as keywords.
+
+    Raises
+    ------
+    ParameterError   for a value of another type, an unknown choice, or a number out of range
+
+    Examples
+    --------
+    >>> cg.BuildOptions(preset="tiny", words=False)
+    BuildOptions(preset='tiny', words=False)
     """
 
     preset: Preset = "small"
@@ -123,6 +131,16 @@ class BuildResult(NamedTuple):
     """The repertoire that was built, and a summary of what was unusual, in at most 25 lines.
 
     The summary has a line for each kind of notes, with their number and the ranges of their values.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, stop_s=10)
+    >>> cg.save_motion("walk.bvh", motion)
+    >>> built = cg.build("walk.bvh", "rep.h5", preset="tiny", words=False, pretrained="nothing")
+    >>> built
+    <BuildResult rep.h5: 1 take, 3 clips, 4 notes>
+    >>> print(built.notes[0])
+    walk: read as centimetres, which makes the body 1.71 m tall
     """
 
     repertoire: Repertoire
