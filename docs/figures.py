@@ -16,7 +16,7 @@ from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.music.beats import onset_strength
 from choreograph.music.mel import log_mel
 from choreograph.music.song_features import motion_density, music_density
-from choreograph.render.rendering import assemble, motion_reader, plan_runs
+from choreograph.render.rendering import assemble, plan_runs, take_motions
 from choreograph.view.motif_plots import write_motif_plots
 
 SONG_S = 20.0
@@ -133,7 +133,7 @@ def draw_transition(repertoire: cg.Repertoire, plan: cg.Plan, path: Path) -> Non
         body_pos_m(
             assemble(
                 of,
-                motion_reader(repertoire),
+                take_motions(repertoire),
                 fps=plan.fps,
                 duration_s=plan.duration_s,
                 blending=plan.blending,

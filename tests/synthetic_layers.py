@@ -9,7 +9,7 @@ import numpy as np
 from choreograph.choreography.graph.layers import ClipTable, LayerSource
 from choreograph.choreography.graph.motif_costs import node_motifs, song_words_s
 from choreograph.choreography.graph.segments import Segments
-from choreograph.choreography.graph.warping import NO_TRACK
+from choreograph.choreography.graph.warping import NO_TIME_MAP
 from choreograph.core.counts import Counts
 from choreograph.core.timebase import CLIP_FRAMES, NODE_FRAMES, SEGMENT_FRAMES
 from choreograph.music.sections import Sections
@@ -65,7 +65,7 @@ def random_source(
         unmatched_beat=rng.random((n_seconds, k, 4), np.float32),
         first_beat=beats[0],
         last_beat=beats[1],
-        track=_tracks(rng, n_seconds, k) if tracked else np.full((n_seconds, k), NO_TRACK),
+        time_map_id=_time_map_ids(rng, n_seconds, k) if tracked else np.full((n_seconds, k), NO_TIME_MAP),
         off_bar=rng.random((n_seconds, k, 4), np.float32),
         phrase_penalty=rng.random((n_seconds, k, 5), np.float32),
     )
@@ -96,5 +96,5 @@ def random_source(
     return source, song_features
 
 
-def _tracks(rng: np.random.Generator, n_seconds: int, k: int) -> np.ndarray:
-    return np.where(rng.random((n_seconds, k)) < 0.5, rng.integers(0, 3, (n_seconds, k)), NO_TRACK)
+def _time_map_ids(rng: np.random.Generator, n_seconds: int, k: int) -> np.ndarray:
+    return np.where(rng.random((n_seconds, k)) < 0.5, rng.integers(0, 3, (n_seconds, k)), NO_TIME_MAP)

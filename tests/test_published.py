@@ -25,7 +25,7 @@ from choreograph.library.writing import write_repertoire
 from choreograph.music.song_features import motion_density
 from choreograph.nets.configs import DensityConfig, StyleConfig
 from choreograph.nets.density import MotionDensity
-from choreograph.render.rendering import assemble, motion_reader, plan_runs
+from choreograph.render.rendering import assemble, plan_runs, take_motions
 from choreograph.settings import DEFAULT_WEIGHTS
 from research.variants import VARIANTS, variants_named
 
@@ -117,7 +117,7 @@ def test_a_dance_is_rendered_without_locked_feet_held_ends_or_steering(made, bui
     assert (plan.opening_s, plan.closing_s) == (0.0, None)
     assert not plan.lock_feet and not plan.keep_on_stage
     joined, _ = assemble(
-        plan_runs(plan), motion_reader(built[0]), fps=60.0, duration_s=plan.duration_s, blending="linear",
+        plan_runs(plan), take_motions(built[0]), fps=60.0, duration_s=plan.duration_s, blending="linear",
         keep_on_stage=False,
     )  # fmt: skip
     np.testing.assert_array_equal(made.motion.local_quat, joined.local_quat)

@@ -215,7 +215,7 @@ _MOST = 0.5  # of a dance is of the genre that was asked for, or a note says tha
 _NAMED = 4  # genres in a note
 
 
-def left_out_notes(
+def missing_from_plan(
     plan: Plan, repertoire: Repertoire, constraints: ResolvedConstraints, config: DanceConfig
 ) -> tuple[str, ...]:
     """Notes on what a dance of takes leaves out; none on a network's motion."""

@@ -191,7 +191,7 @@ Mask = NDArray[np.bool_]
 _SUITABLE_SHARE = 0.5  # of the candidates, at least
 
 
-class Alignments:
+class ClipPriorities:
     """Random numbers of clips that stay the same for as long as a take is danced on.
 
     The clip of a take that begins a second later, a second later, has the number that this one has: so that
@@ -217,7 +217,7 @@ class Alignments:
 
 
 def draw_clips(
-    alignments: Alignments,
+    priorities: ClipPriorities,
     n_seconds: int,
     *,
     candidates: int,
@@ -228,7 +228,7 @@ def draw_clips(
 
     Parameters
     ----------
-    alignments : the random numbers that clips are drawn by, least first
+    priorities : the random numbers that clips are drawn by, least first
     candidates : int                        K; all clips if there are fewer
     may_dance : second -> bool array (N,)   a clip that may not is drawn only where too few may
     suits : second -> bool array (N,)       as of the genre that suits the music; None: all are alike
@@ -246,7 +246,7 @@ def draw_clips(
     chosen = []
     for second in range(n_seconds):
         may = may_dance(second)
-        numbers = alignments.numbers(second) + ~may  # (N,)
+        numbers = priorities.numbers(second) + ~may  # (N,)
         k = min(candidates, len(numbers))
         suitable = np.zeros(0, np.int64)
         if suits is not None:

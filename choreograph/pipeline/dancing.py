@@ -18,7 +18,7 @@ from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
 from choreograph.choreography.engine import DanceRequest, check_settings
 from choreograph.choreography.engines import engine_for, engines
-from choreograph.choreography.genres import left_out_notes
+from choreograph.choreography.genres import missing_from_plan
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, Transition
 from choreograph.choreography.slots import KeptDance, check_pins_in_gaps, kept_dance, resolve
 from choreograph.choreography.song_analysis import analyse_song
@@ -302,7 +302,7 @@ def _danced(
             motion = render(result.plan, repertoire, report=substage(report, "rendering"))
     else:
         result, motion = fill(request, engine)
-    left_out = left_out_notes(result.plan, repertoire, resolved, config)
+    left_out = missing_from_plan(result.plan, repertoire, resolved, config)
     kept_notes = () if kept is None else kept.notes
     notes = (*notes, *kept_notes, *result.notes, *left_out, *result.unmet)
     return Dance(motion, result.plan, notes, song.path, result.unmet)

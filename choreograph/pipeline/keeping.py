@@ -25,7 +25,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits, Motion
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan import Plan, PlannedWord
-from choreograph.render.filled_gaps import fill_gaps, led_m_s, of_length
+from choreograph.render.filled_gaps import correction_speed_m_s, fill_gaps, of_length
 from choreograph.render.rendering import render
 
 # A cost that keeps a dance from repeating what others of the same song do.
@@ -142,7 +142,7 @@ def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
             rendering = substage(request.report, "rendering")
             motion = render(result.plan, request.repertoire, report=rendering)
         existing = of_length(kept.motion, motion.n_frames)
-        fast_m_s = led_m_s(existing, motion, kept.frames)
+        fast_m_s = correction_speed_m_s(existing, motion, kept.frames)
         if best is None or (len(result.unmet), fast_m_s) < (len(best[1].unmet), best[0]):
             best = fast_m_s, result, motion
         if fast_m_s <= _LED_M_S and not result.unmet:

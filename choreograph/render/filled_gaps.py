@@ -85,7 +85,7 @@ def gaps_between(stretches: Sequence[Frames], n_frames: int) -> list[Frames]:
     return [(first, stop) for first, stop in pairs if first < stop]
 
 
-def led_m_s(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> float:
+def correction_speed_m_s(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> float:
     """How fast the filling of the worst gap has to be led elsewhere, turn and shift, in metres a second."""
     fastest = 0.0
     for first, stop in gaps_between(stretches, kept.n_frames):

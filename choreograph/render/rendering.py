@@ -166,7 +166,7 @@ def render(
     runs = plan_runs(plan)
     motion, _ = assemble(
         without_holes(runs, plan.duration_s) if plan.kept_of and not plan.seconds else runs,
-        motion_reader(repertoire),
+        take_motions(repertoire),
         fps=plan.fps,
         duration_s=plan.duration_s,
         blending=plan.blending,
@@ -228,7 +228,7 @@ def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repert
     What follows a word goes on from where the word ends. Feet are locked again. Raises `RepertoireError` if
     the repertoire lacks a word's take.
     """
-    read_take, end_s = motion_reader(repertoire), motion.duration_s
+    read_take, end_s = take_motions(repertoire), motion.duration_s
 
     def read(take: str, start_s: float, stop_s: float) -> tuple[Motion, float]:
         return read_take(take, start_s, stop_s) if take else (motion, 0.0)
@@ -267,7 +267,7 @@ def runs_of_seconds(plan: Plan) -> list[Run]:
     return to_runs([s.take for s in plan.seconds], [s.source_times_s for s in plan.seconds])
 
 
-def motion_reader(repertoire: Repertoire) -> MotionReader:
+def take_motions(repertoire: Repertoire) -> MotionReader:
     """Reads parts of the repertoire's takes by name."""
     indices = {take.name: index for index, take in enumerate(repertoire.takes)}
     return lambda take, start_s, stop_s: repertoire.motion(indices[take], start_s, stop_s)

@@ -57,7 +57,7 @@ def test_staying_in_a_counted_take_is_complete(tracked):
     a, b, song_features = tracked
     cost = Completeness().edge(a, b, song_features)
     here, there = a.successors_in(b)
-    counted = a.track[here] >= 0
+    counted = a.time_map_id[here] >= 0
     assert counted.any() and (cost[here[counted], there[counted]] == 0).all()
     assert (cost[here[~counted], there[~counted]] > 0).all()
     others = np.ones(cost.shape, bool)
@@ -119,7 +119,7 @@ def tracked(request):
 
 def test_beats_count_where_counts_are_not_known_and_doubt_and_accents_where_they_are(tracked):
     layer, _, song_features = tracked
-    counted = layer.track >= 0
+    counted = layer.time_map_id >= 0
     assert counted.any() and not counted.all()
     rhythm, accents = Rhythm().node(layer, song_features), Accents().node(layer, song_features)
     assert layer.count_uncertainty[counted].any() and not accents[~counted].any()
@@ -242,9 +242,11 @@ def test_successors_are_the_pairs_of_one_track_too(tracked):
         (i, j)
         for i in range(a.n_nodes)
         for j in range(b.n_nodes)
-        if (a.track[i] == b.track[j] >= 0)
+        if (a.time_map_id[i] == b.time_map_id[j] >= 0)
         or (
-            a.track[i] == b.track[j] == -1 and a.segment[i] == b.segment[j] and a.offset[i] + 1 == b.offset[j]
+            a.time_map_id[i] == b.time_map_id[j] == -1
+            and a.segment[i] == b.segment[j]
+            and a.offset[i] + 1 == b.offset[j]
         )
     }
     assert {(int(i), int(j)) for i, j in zip(*a.successors_in(b), strict=True)} == by_hand
@@ -253,9 +255,9 @@ def test_successors_are_the_pairs_of_one_track_too(tracked):
 
 def test_a_layer_has_one_node_per_track(tracked):
     for layer in tracked[:2]:
-        tracks = layer.track[layer.track >= 0]
-        assert len(tracks) == len(set(tracks.tolist())) > 0
-        assert (layer.track < 0).sum() > 0
+        by_time_map = layer.time_map_id[layer.time_map_id >= 0]
+        assert len(by_time_map) == len(set(by_time_map.tolist())) > 0
+        assert (layer.time_map_id < 0).sum() > 0
 
 
 def test_motifs_are_counted_anew_where_a_goal_begins():

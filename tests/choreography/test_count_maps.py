@@ -92,11 +92,11 @@ def test_every_map_puts_counts_on_beats_within_its_clip_and_slopes(
 @pytest.mark.parametrize("period_s", [0.2, 1.1])
 def test_takes_too_far_from_the_songs_tempo_get_no_map(period_s):
     maps = maps_at(5, laid(counted(0.5, length_s=26.0), [counted(period_s)]))
-    assert len(maps.candidates) == len(maps.time_maps) == len(maps.track) == 0
+    assert len(maps.candidates) == len(maps.time_maps) == len(maps.time_map_id) == 0
 
 
 def test_a_take_and_shift_is_one_continuous_map_over_all_seconds():
-    """A song that gets faster, a take that gets slower: overlapping segments of one track agree."""
+    """A song that gets faster, a take that gets slower: overlapping segments of one time map agree."""
     beats = np.cumsum(np.linspace(0.6, 0.45, 50))
     song = make_counts(beats[beats < 25], numbers_in_bar(int((beats < 25).sum()), 4), 4)
     times_s = np.cumsum(np.linspace(0.45, 0.6, 55))
@@ -105,20 +105,22 @@ def test_a_take_and_shift_is_one_continuous_map_over_all_seconds():
     for second in range(N_SECONDS - 1):
         maps = maps_at(second, clips)
         source_s = clips.start_s[maps.candidates, None] + maps.time_maps / NET_FPS  # (K', 81)
-        tracks = dict(zip(maps.track.tolist(), source_s, strict=True))
-        for track in tracks.keys() & before.keys():
-            assert tracks[track][:-NET_FPS] == pytest.approx(before[track][NET_FPS:], abs=1e-9)
+        by_time_map = dict(zip(maps.time_map_id.tolist(), source_s, strict=True))
+        for time_map_id in by_time_map.keys() & before.keys():
+            assert by_time_map[time_map_id][:-NET_FPS] == pytest.approx(
+                before[time_map_id][NET_FPS:], abs=1e-9
+            )
             shared += 1
-        for same in np.unique(maps.track):  # and so do clips of one second that share a track
-            assert np.ptp(source_s[maps.track == same], axis=0).max() < 1e-9
-        before = tracks
+        for same in np.unique(maps.time_map_id):  # and so do clips of one second that share a time map
+            assert np.ptp(source_s[maps.time_map_id == same], axis=0).max() < 1e-9
+        before = by_time_map
     assert shared >= 2 * (N_SECONDS - 2)
 
 
-def test_shifts_of_different_takes_are_different_tracks():
+def test_shifts_of_different_takes_are_different_time_map_ids():
     maps = maps_at(4, laid(counted(0.5, length_s=26.0), [counted(0.5), counted(0.5)]))
     takes = maps.candidates // 23
-    assert not set(maps.track[takes == 0]) & set(maps.track[takes == 1])
+    assert not set(maps.time_map_id[takes == 0]) & set(maps.time_map_id[takes == 1])
 
 
 def test_takes_of_another_metre_are_off_the_bar():

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from choreograph.choreography.selection import Alignments, draw_clips
+from choreograph.choreography.selection import ClipPriorities, draw_clips
 from choreograph.core.errors import ParameterError
 
 
@@ -20,7 +20,7 @@ def take_of_clip(clips_of_takes):
 def draw(clip_take, *, n_seconds=5, candidates=4, may_dance=None, suits=None, seed=0):
     every = np.ones(len(clip_take), bool)
     return draw_clips(
-        Alignments(clip_take, n_seconds, np.random.default_rng(seed)),
+        ClipPriorities(clip_take, n_seconds, np.random.default_rng(seed)),
         n_seconds,
         candidates=candidates,
         may_dance=lambda _: every if may_dance is None else may_dance,

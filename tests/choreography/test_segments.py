@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from choreograph.choreography.graph.segments import ClipBeats, warp_segments
-from choreograph.choreography.graph.warping import NO_TRACK, CountedClips, subsequence_dtw
+from choreograph.choreography.graph.warping import NO_TIME_MAP, CountedClips, subsequence_dtw
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
 from choreograph.music.count_grids import SongGrid, TakeGrids
@@ -119,7 +119,7 @@ def mixed():
 
 
 def test_counted_clips_are_laid_and_the_others_warped_as_before(mixed, segments):
-    assert (mixed.track[:, 0] >= 0).all() and (mixed.track[:, 1:] == NO_TRACK).all()
+    assert (mixed.time_map_id[:, 0] >= 0).all() and (mixed.time_map_id[:, 1:] == NO_TIME_MAP).all()
     assert np.array_equal(mixed.time_maps[:, 1:], segments.time_maps[:, 1:])
     assert np.array_equal(mixed.density_mismatch[:, 1:], segments.density_mismatch[:, 1:])
     assert not mixed.density_mismatch[:, 0].any()
@@ -138,4 +138,4 @@ def test_bars_and_phrases_of_takes_without_counts_are_those_of_chance(mixed):
 
 
 def test_without_counted_takes_there_is_no_track(segments):
-    assert (segments.track == NO_TRACK).all() and (segments.off_bar == 0.75).all()
+    assert (segments.time_map_id == NO_TIME_MAP).all() and (segments.off_bar == 0.75).all()

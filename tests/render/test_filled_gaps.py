@@ -14,7 +14,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.render.filled_gaps import fill_gaps, gaps_between, led_m_s
+from choreograph.render.filled_gaps import correction_speed_m_s, fill_gaps, gaps_between
 
 N_FRAMES, FPS = 300, 30.0
 KEPT = swaying(N_FRAMES, fps=FPS, seed=1)
@@ -62,20 +62,20 @@ def test_a_gap_shows_the_filling():
 def test_a_dance_filled_with_itself_stays():
     filled = fill_gaps(KEPT, KEPT, ((0, 90), (200, 300)))
     assert np.abs(filled.root_pos_m - KEPT.root_pos_m).max() < 1e-6
-    assert led_m_s(KEPT, KEPT, ((0, 90), (200, 300))) < 1e-6
+    assert correction_speed_m_s(KEPT, KEPT, ((0, 90), (200, 300))) < 1e-6
 
 
 def test_a_filling_that_walks_elsewhere_is_led_back():
     stretches = ((0, 90), (200, 300))
     away, near = walking(2, speed_m_s=1.0), walking(2, speed_m_s=0.0, turn_rad_s=0.0)
-    assert led_m_s(KEPT, away, stretches) > 2 * led_m_s(KEPT, near, stretches)
+    assert correction_speed_m_s(KEPT, away, stretches) > 2 * correction_speed_m_s(KEPT, near, stretches)
     filled = fill_gaps(KEPT, away, stretches)
     step_m = np.linalg.norm(np.diff(filled.root_pos_m[:, [0, 2]], axis=0), axis=1)
     assert step_m[199] < 3.0 / FPS  # the last one, into what is kept
 
 
 def test_an_open_end_goes_wherever_it_goes():
-    assert led_m_s(KEPT, walking(2), ((0, 90),)) == 0.0
+    assert correction_speed_m_s(KEPT, walking(2), ((0, 90),)) == 0.0
     assert gaps_between(((0, 90),), 300) == [(90, 300)]
     assert gaps_between(((50, 60), (60, 90)), 100) == [(0, 50), (90, 100)]
 

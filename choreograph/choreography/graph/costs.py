@@ -178,7 +178,7 @@ class Completeness(Cost):
         first = np.nan_to_num(next.first_beat[there], nan=float(NODE_FRAMES))
         gap = NODE_FRAMES - last + first  # frames, at most two seconds
         by_beats = 1.0 / (1.0 + np.exp(-(NODE_FRAMES - gap) / 5.0))
-        cost[here, there] = np.where(previous.track[here] >= 0, 0.0, by_beats)
+        cost[here, there] = np.where(previous.time_map_id[here] >= 0, 0.0, by_beats)
         return cost
 
 
@@ -224,7 +224,7 @@ class Rhythm(Cost):
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
         by_density = layer.unmatched_beat + layer.density_mismatch
-        return np.where(layer.track >= 0, layer.count_uncertainty, by_density)
+        return np.where(layer.time_map_id >= 0, layer.count_uncertainty, by_density)
 
 
 class Accents(Cost):
@@ -235,7 +235,7 @@ class Accents(Cost):
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
-        return np.where(layer.track >= 0, layer.unmatched_beat, 0.0)
+        return np.where(layer.time_map_id >= 0, layer.unmatched_beat, 0.0)
 
 
 class Bars(Cost):

@@ -32,7 +32,7 @@ from choreograph.motion.motion import Motion
 from choreograph.music.count_grids import FEWEST_COUNTS
 from choreograph.music.sections import REACH_S, join_times_s
 from choreograph.plan import Plan, PlannedSecond, PlannedWord
-from choreograph.render.rendering import motion_reader, render, runs_of_seconds
+from choreograph.render.rendering import render, runs_of_seconds, take_motions
 from choreograph.render.runs import Run, TransitionTiming
 from choreograph.render.transitions import time_transitions
 from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig, resolve_weights
@@ -163,7 +163,7 @@ def with_transitions_on_counts(plan: Plan, request: DanceRequest) -> Plan:
     fixed = [False, *(any(_borders_pin(pin, *pair) for pin in pins) for pair in pairwise(runs))]
     timings = time_transitions(
         runs, [float(joins_s[round(run.start_s)]) for run in runs],
-        {take.name: take.duration_s for take in repertoire.takes}, motion_reader(repertoire),
+        {take.name: take.duration_s for take in repertoire.takes}, take_motions(repertoire),
         fps=plan.fps, blending=plan.blending, fixed=fixed,
         report=substage(request.report, "timing transitions"),
     )  # fmt: skip

@@ -23,7 +23,7 @@ from choreograph.choreography.graph.motif_costs import (
 from choreograph.choreography.graph.segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import CountedClips
 from choreograph.choreography.selection import (
-    Alignments,
+    ClipPriorities,
     clip_signature_mismatch,
     draw_clips,
     energy_mismatch,
@@ -100,7 +100,7 @@ def _pinned_seconds(pins: tuple[TakePin, ...], n_seconds: int) -> dict[int, Take
 
 
 _OTHER_METRE = 2.0  # style loss added to clips of another metre than the song's
-_FEEL = 0.5  # style loss of the quietest clip where the song is loudest; genres are 1 or more apart
+_EFFORT = 0.5  # style loss of the quietest clip where the song is loudest; genres are 1 or more apart
 
 Floats = NDArray[np.floating]
 Mask = NDArray[np.bool_]
@@ -133,7 +133,7 @@ def _drawn(
     config, repertoire, n_seconds = request.config, request.repertoire, request.song_features.n_seconds
     rng = np.random.default_rng(config.seed)
     return draw_clips(
-        Alignments(repertoire.clip_take, n_seconds, rng), n_seconds,
+        ClipPriorities(repertoire.clip_take, n_seconds, rng), n_seconds,
         candidates=config.candidates, may_dance=may_dance,
         suits=_suits(request, goals) if config.selection == "genre" else None,
     )  # fmt: skip
@@ -166,10 +166,10 @@ def _nearest_in_style(
     features, config, repertoire = request.song_features, request.config, request.repertoire
     mismatch = _signature_mismatch(request, goals, costs)
     other_metre = _other_metre(request)
-    feel = _feel_mismatch(request, costs)
+    effort = _effort_mismatch(request, costs)
 
     def penalty(second: int) -> Floats:
-        loss = mismatch[second] + _OTHER_METRE * other_metre[second] + feel(second)
+        loss = mismatch[second] + _OTHER_METRE * other_metre[second] + effort(second)
         return np.where(may_dance(second), loss, np.inf)
 
     return select_clips(
@@ -213,11 +213,11 @@ def _other_metre(request: DanceRequest) -> list[NDArray[np.float64]]:
     return [other[of_song] for of_song in metre_at]
 
 
-def _feel_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Callable[[int], Floats]:
+def _effort_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Callable[[int], Floats]:
     """How far each clip (N,) is from a second in energy and in density of steps, as far as these matter."""
     repertoire, features = request.repertoire, request.song_features
     weights = {type(w.cost): w.weight for w in costs}
-    energy, steps = (_FEEL * (weights.get(cost, 0.0) > 0) for cost in (Energy, Steps))
+    energy, steps = (_EFFORT * (weights.get(cost, 0.0) > 0) for cost in (Energy, Steps))
 
     def mismatch(second: int) -> Floats:
         louder = float(features.energy[second : second + SEGMENT_S].mean() - features.energy.mean())

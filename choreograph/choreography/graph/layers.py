@@ -61,7 +61,9 @@ class Layer:
     unmatched_beat: Floats  # (N,) share of this second's music and motion beats without a partner
     first_beat: Floats  # (N,) frame (20 fps) of the first motion beat in the second, nan if none
     last_beat: Floats  # (N,) frame of the last one
-    track: Ints  # (N,) the same for nodes of one continuous time map of a counted take; -1 for other nodes
+    time_map_id: (
+        Ints  # (N,) the same for nodes of one continuous time map of a counted take; -1 for other nodes
+    )
     count_uncertainty: Floats  # (N,) of the counts of the node's take here, 0 … 1: 0 if no network read them
     off_bar: Floats  # (N,) share of this second's beats whose number in the bar is not the take's
     enter_penalty: Floats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
@@ -123,16 +125,22 @@ class Layer:
         return replace(self, recent_usage_s=recent_usage_s[self.take])
 
     def successors_in(self, following: Layer) -> tuple[Ints, Ints]:
-        """Pairs (node here, node of `following`) that are consecutive in one warped segment or track.
+        """Pairs (node here, node of `following`) that are consecutive in one warped segment or time map.
 
         Raises `ParameterError` for anything but a layer.
         """
         check_kind("the following layer", following, Layer)
-        here = np.where(self.track >= 0, -2 - self.track, self.segment * SEGMENT_S + self.offset + 1)
-        there = np.where(
-            following.track >= 0, -2 - following.track, following.segment * SEGMENT_S + following.offset
+        here = np.where(
+            self.time_map_id >= 0, -2 - self.time_map_id, self.segment * SEGMENT_S + self.offset + 1
         )
-        there = np.where((following.track < 0) & (following.offset == 0), -1, there)  # a segment's first
+        there = np.where(
+            following.time_map_id >= 0,
+            -2 - following.time_map_id,
+            following.segment * SEGMENT_S + following.offset,
+        )
+        there = np.where(
+            (following.time_map_id < 0) & (following.offset == 0), -1, there
+        )  # a segment's first
         order = np.argsort(here)
         row = order[np.minimum(np.searchsorted(here, there, sorter=order), self.n_nodes - 1)]
         follows = here[row] == there
@@ -206,7 +214,7 @@ class LayerSource:
         parts = [self._quarter(start, second - start) for start in reversed(inserted)]
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
         layer = Layer(second=second, new_goal=parts[0].new_goal, **arrays)
-        return layer.subset(_one_per_track(layer.track)) if (layer.track >= 0).any() else layer
+        return layer.subset(_one_per_time_map(layer.time_map_id)) if (layer.time_map_id >= 0).any() else layer
 
     def node(self, key: int) -> Layer:
         """The one node with segment × 4 + offset = `key`, without building its whole layer."""
@@ -264,7 +272,7 @@ class LayerSource:
             unmatched_beat=segments.unmatched_beat[start, part, offset],
             first_beat=segments.first_beat[start, part, offset],
             last_beat=segments.last_beat[start, part, offset],
-            track=segments.track[start, part],
+            time_map_id=segments.time_map_id[start, part],
             count_uncertainty=self._poses.count_uncertainty(clip, source_frames[:, 0], source_frames[:, -1]),
             off_bar=segments.off_bar[start, part, offset],
             enter_penalty=segments.phrase_penalty[start, part, offset],
@@ -282,7 +290,9 @@ class LayerSource:
         )
 
 
-def _one_per_track(track: Ints) -> Ints:
-    """Indices of nodes (N,) without those that repeat a track: the first of each stays."""
-    _, first = np.unique(np.where(track >= 0, track, -1 - np.arange(len(track))), return_index=True)
+def _one_per_time_map(time_map_id: Ints) -> Ints:
+    """Indices of nodes (N,) without those that repeat a time map. The first node of each stays."""
+    _, first = np.unique(
+        np.where(time_map_id >= 0, time_map_id, -1 - np.arange(len(time_map_id))), return_index=True
+    )
     return np.sort(first)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.graph.warping import (
-    NO_TRACK,
+    NO_TIME_MAP,
     CountedClips,
     count_time_maps,
     smooth_time_maps,
@@ -44,9 +44,7 @@ class Segments:
     unmatched_beat: NDArray[np.float32]  # (S, K, 4) share of music and motion beats without a partner
     first_beat: NDArray[np.float32]  # (S, K, 4) frame of the quarter's first motion beat, nan if none
     last_beat: NDArray[np.float32]  # (S, K, 4)
-    track: NDArray[
-        np.int64
-    ]  # (S, K) the same for segments that are parts of one time map; `NO_TRACK` if none
+    time_map_id: NDArray[np.int64]  # (S, K) equal in segments of one time map; `NO_TIME_MAP` if none
     off_bar: NDArray[np.float32]  # (S, K, 4) share of beats whose number in the bar is not the take's
     phrase_penalty: NDArray[np.float32]  # (S, K, 5) of changing takes at the quarters' borders, 0 … 1
 
@@ -78,7 +76,7 @@ def warp_segments(
     time_maps = np.empty((n_seconds, k, SEGMENT_FRAMES + 1), np.float32)
     density_mismatch = np.zeros((n_seconds, k, SEGMENT_S), np.float32)
     of_beats = [np.empty((n_seconds, k, SEGMENT_S), np.float32) for _ in range(3)]
-    track = np.full((n_seconds, k), NO_TRACK, np.int64)
+    time_map_id = np.full((n_seconds, k), NO_TIME_MAP, np.int64)
     off_bar = np.full((n_seconds, k, SEGMENT_S), _UNKNOWN_OFF_BAR, np.float32)
     phrase_penalty = np.ones((n_seconds, k, SEGMENT_S + 1), np.float32)
 
@@ -89,7 +87,7 @@ def warp_segments(
             laid = count_time_maps(second, chosen, counted)
             searched[laid.candidates] = False
             time_maps[second, laid.candidates] = laid.time_maps
-            track[second, laid.candidates] = laid.track
+            time_map_id[second, laid.candidates] = laid.time_map_id
             off_bar[second, laid.candidates] = laid.off_bar
             phrase_penalty[second, laid.candidates] = laid.phrase_penalty
         here = music_beats_s[slice(*np.searchsorted(music_beats_s, [second - 0.5, second + SEGMENT_S + 0.5]))]
@@ -113,8 +111,8 @@ def warp_segments(
                 report(done + 1, n_seconds)
     unmatched_beat, first_beat, last_beat = of_beats
     return Segments(
-        np.asarray(clip, np.int64), time_maps, density_mismatch, unmatched_beat, first_beat, last_beat, track,
-        off_bar, phrase_penalty,
+        np.asarray(clip, np.int64), time_maps, density_mismatch, unmatched_beat, first_beat, last_beat,
+        time_map_id, off_bar, phrase_penalty,
     )  # fmt: skip
 
 

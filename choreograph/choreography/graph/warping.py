@@ -122,16 +122,16 @@ def smooth_time_maps(
 #
 # A take whose counts are known needs no search for its tempo: one whole number, the shift d, says how it is
 # danced to the song, and its bars lie on the song's bars for every shift that brings count 1 to a downbeat.
-# All seconds of a take with one shift are one continuous time map, its track, however many clips it spans.
+# All seconds of a take with one shift are one continuous time map, however many clips it spans.
 # ChoreoGraph warps every clip by tempo-density instead (section 3.2; `segments`).
 
 
 Floats = NDArray[np.float64]
 
-NO_TRACK = -1
+NO_TIME_MAP = -1
 _MAX_SHIFTS = 9  # tried around the middle of a clip: two bars of four to each side
 _ON_BEAT = 1e-9  # of a beat, by which rounding moves one across a border
-_SHIFTS_PER_TRACK = 1 << 20  # above the number of counts of any song or take
+_SHIFTS_PER_TAKE = 1 << 20  # above the number of counts of any song or take
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +140,7 @@ class CountMaps:
 
     candidates: NDArray[np.int64]  # (K',) which of the candidates
     time_maps: Floats  # (K', 81) clip frames at the 80 output frames and the end
-    track: NDArray[np.int64]  # (K',) one number for each take and shift
+    time_map_id: NDArray[np.int64]  # (K',) one number for each take and shift
     off_bar: Floats  # (K', 4) share of each quarter's beats whose number is not the take's
     phrase_penalty: Floats  # (K', 5) of the quarters' borders: see `TakeGrids.phrase_penalty_at`
 
@@ -206,10 +206,10 @@ def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips)
     fits = np.isfinite(best) & (slopes.min(axis=1) >= MIN_SLOPE) & (slopes.max(axis=1) <= MAX_SLOPE)
     fits &= (maps[:, 0] >= 0.0) & (maps[:, -1] <= CLIP_FRAMES - 1)
     off_bar = _per_quarter(_off_bar(song, takes, take, beats, shift), beats, index)
-    track = take.astype(np.int64) * _SHIFTS_PER_TRACK + shift + _SHIFTS_PER_TRACK // 2
+    time_map_id = take.astype(np.int64) * _SHIFTS_PER_TAKE + shift + _SHIFTS_PER_TAKE // 2
     joins = np.round(song.index_at(clips.join_times_s[second : second + 5])).astype(np.int64)  # (5,)
     phrase_penalty = takes.phrase_penalty_at(take, joins + shift[:, None])
-    return CountMaps(candidates[fits], maps[fits], track[fits], off_bar[fits], phrase_penalty[fits])
+    return CountMaps(candidates[fits], maps[fits], time_map_id[fits], off_bar[fits], phrase_penalty[fits])
 
 
 def _accent_shift_s(

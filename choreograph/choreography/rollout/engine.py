@@ -125,7 +125,7 @@ def _rolled_out(
         if best is not None and np.array_equal(asked, best.asked):
             break  # the network would dance the same
         motion = hold_ends(_generated(request, constraints, motifs, asked), plan.opening_s, plan.closing_s)
-        dance = _looked_at(motifs, asked, motion, plan, constraints, request.repertoire)
+        dance = _checked_dance(motifs, asked, motion, plan, constraints, request.repertoire)
         if best is None or len(dance.wrong) < len(best.wrong):
             best = dance
         if not best.wrong:
@@ -154,7 +154,7 @@ def _asked(
     return asked
 
 
-def _looked_at(
+def _checked_dance(
     motifs: Indices,
     asked: Floats,
     motion: Motion,
@@ -188,7 +188,7 @@ def _laid_over(
         )
     except NoPathError:
         return dance, plan
-    return _looked_at(dance.motifs, dance.asked, motion, plan, constraints, repertoire), plan
+    return _checked_dance(dance.motifs, dance.asked, motion, plan, constraints, repertoire), plan
 
 
 def _held_longer(wrong: Sequence[int], slots: int, constraints: ResolvedConstraints) -> dict[int, int]:
