@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import matplotlib
@@ -19,8 +20,9 @@ from choreograph.music.song_features import motion_density, music_density
 from choreograph.render.rendering import assemble, plan_runs, take_motions
 from choreograph.view.motif_plots import write_motif_plots
 
-SONG_S = 20.0
-GRAPH_SECONDS = slice(6, 12)
+SONG_S = 30.0
+WARPED_SECOND = 6
+GRAPH_S = 12  # seconds of the song in the figure of the graph
 CANDIDATES_SHOWN = 60  # of each second
 WRIST = BODY_JOINTS.index("left_wrist")
 AROUND_JOIN_S = 0.8
@@ -38,9 +40,17 @@ class Recorder(cg.Cost):
         self.candidates.setdefault(layer.second, (layer, away))
 
 
+def sources() -> str:
+    """The SHA-256 of everything that the figures depend on: this file, the program and its built-in files."""
+    package = Path(cg.__file__).parent
+    paths = sorted(path for suffix in ("py", "h5", "ogg") for path in package.rglob(f"*.{suffix}"))
+    return sha256(b"".join(path.read_bytes() for path in [Path(__file__), *paths])).hexdigest()
+
+
 def draw_all(folder: Path) -> None:
-    """Write every figure of `NAMES` into `folder` as PNG; those that are there are kept."""
-    if all((folder / f"{name}.png").exists() for name in NAMES):
+    """Write every figure of `NAMES` into `folder` as PNG, unless they were drawn from these `sources`."""
+    drawn_from = folder / "drawn-from.txt"
+    if drawn_from.exists() and drawn_from.read_text() == sources():
         return
     folder.mkdir(parents=True, exist_ok=True)
     matplotlib.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
@@ -59,6 +69,7 @@ def draw_all(folder: Path) -> None:
     for path in (folder / "motifs").iterdir():
         path.unlink()
     (folder / "motifs").rmdir()
+    drawn_from.write_text(sources())
 
 
 def draw_song(song: cg.Song, features: cg.SongFeatures, path: Path) -> None:
@@ -83,7 +94,7 @@ def draw_song(song: cg.Song, features: cg.SongFeatures, path: Path) -> None:
 
 def draw_warp(repertoire: cg.Repertoire, features: cg.SongFeatures, plan: cg.Plan, path: Path) -> None:
     """Tempo-densities of the music and of a clip, and the path of the subsequence DTW."""
-    second = plan.seconds[GRAPH_SECONDS.start]
+    second = plan.seconds[WARPED_SECOND]
     take = repertoire.take_index(second.take)
     n_frames = len(repertoire.body_pos_m(take))
     first = round(second.clip_start_s * 20)
@@ -105,23 +116,34 @@ def draw_warp(repertoire: cg.Repertoire, features: cg.SongFeatures, plan: cg.Pla
 
 
 def draw_graph(recorder: Recorder, plan: cg.Plan, path: Path) -> None:
-    """The candidates of some seconds by their distance of style, and the chosen path."""
-    figure = Figure(figsize=(8.0, 3.6), dpi=110, layout="constrained")
+    """Candidates of some seconds by their distance of style, and the chosen path through several takes."""
+    starts = range(len(plan.seconds) - GRAPH_S + 1)
+    seconds = max(
+        (plan.seconds[start : start + GRAPH_S] for start in starts), key=lambda s: len({at.take for at in s})
+    )
+    takes = list(dict.fromkeys(second.take for second in seconds))
+    figure = Figure(figsize=(8.0, 4.2), dpi=110, layout="constrained")
     axis = figure.subplots()
     chosen = []
-    for second in plan.seconds[GRAPH_SECONDS]:
+    for second in seconds:
         layer, away = recorder.candidates[second.second]
         nearest = np.argsort(away)[:CANDIDATES_SHOWN]
-        axis.plot(np.full(len(nearest), second.second), away[nearest], ".", color="0.7", ms=5)
+        colors = [
+            f"C{takes.index(take)}" if take in takes else "0.8" for take in layer.take_names[nearest].tolist()
+        ]
+        axis.scatter(np.full(len(nearest), second.second), away[nearest], s=12, c=colors)
         node = (layer.clip == second.clip) & (layer.offset == second.offset)
-        chosen.append((second.second, away[node][0], second.take))
-    at, away, takes = zip(*chosen, strict=True)
-    axis.plot(at, away, "o-", color="C3", label="chosen path")
-    for index, take in enumerate(takes):
-        if index == 0 or take != takes[index - 1]:
-            axis.annotate(take, (at[index], away[index]), xytext=(5, 6), textcoords="offset points")
-    axis.legend(loc="upper left")
-    axis.set(xlabel="second of the song", ylabel="distance of style")
+        chosen.append(away[node][0])
+    times = [second.second for second in seconds]
+    axis.plot(times, chosen, "-", color="0.2", lw=1.2, zorder=0, label="chosen path")
+    axis.scatter(
+        times, chosen, s=70, c=[f"C{takes.index(at.take)}" for at in seconds], edgecolors="0.2", zorder=3
+    )
+    for number, take in enumerate(takes):
+        axis.scatter([], [], s=12, color=f"C{number}", label=take)
+    axis.scatter([], [], s=12, color="0.8", label="other takes")
+    figure.legend(loc="outside right upper", frameon=False)
+    axis.set(xlabel="second of the song", ylabel="distance of style", xticks=times)
     figure.savefig(path)
 
 

@@ -7,6 +7,7 @@ the same: songs last a few seconds and videos one, and a library of five takes s
 from __future__ import annotations
 
 import re
+import runpy
 import shlex
 import shutil
 from dataclasses import replace
@@ -157,3 +158,13 @@ def test_the_table_of_rooms_is_what_the_contracts_say():
         assert set(stated) == set(MAY_IMPORT[room]) - {""}, room
         above.append(room)
     assert set(above) == set(MAY_IMPORT) - {"", "__main__"}
+
+
+def test_figures_are_drawn_again_when_the_program_has_changed(tmp_path, monkeypatch):
+    figures = runpy.run_path(str(DOCS / "figures.py"))
+    monkeypatch.setattr(cg, "starter_repertoire", lambda: pytest.fail("drawn"))
+    (tmp_path / "drawn-from.txt").write_text(figures["sources"]())
+    figures["draw_all"](tmp_path)
+    (tmp_path / "drawn-from.txt").write_text("an earlier program")
+    with pytest.raises(pytest.fail.Exception, match="drawn"):
+        figures["draw_all"](tmp_path)
