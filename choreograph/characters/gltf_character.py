@@ -6,10 +6,6 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.characters.performance import Performance, perform
 from choreograph.core.arguments import check_kind, check_text
@@ -24,8 +20,6 @@ from choreograph.formats.gltf_files import read_gltf
 from choreograph.formats.gltf_rig import Rig, SkinPoints, read_rig, read_skin_points
 from choreograph.motion.bone_map import find_bones
 from choreograph.motion.motion import Motion
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,18 +72,9 @@ class GltfCharacter:
         check_text("the name of an animation", name)
         document = self.document.copy()
         document.json["animations"] = []
-        times = document.accessor(
-            frame_times_s(performance.n_frames, performance.fps).astype(np.float32), bounds=True
-        )
-        samplers: list[dict[str, Any]] = []
-        channels: list[dict[str, Any]] = []
-        tracks = [(b, "rotation", np.roll(q, -1, axis=-1)) for b, q in performance.local_quat.items()]
-        tracks += [(b, "translation", t) for b, t in performance.translation.items()]
-        for bone, path, values in tracks:
-            channels.append({"sampler": len(samplers), "target": {"node": self.nodes[bone], "path": path}})
-            output = document.accessor(values.astype(np.float32))
-            samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
-        document.add("animations", {"name": name, "samplers": samplers, "channels": channels})
+        tracks = [(self.nodes[b], "rotation", quat) for b, quat in performance.local_quat.items()]
+        tracks += [(self.nodes[b], "translation", pos) for b, pos in performance.translation.items()]
+        document.add_animation(name, frame_times_s(performance.n_frames, performance.fps), tracks)
         return document
 
 

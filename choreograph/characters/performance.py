@@ -99,12 +99,6 @@ def ik_bones(rig: Rig, bones: Mapping[str, int]) -> dict[int, int]:
 # point.
 
 
-# Bones that point where the dancer's point, each with the joint that it leads to.
-_POINTING = {
-    f"{side}_{start}": f"{side}_{end}"
-    for side in ("left", "right")
-    for start, end in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
-}
 _SPINE = ("pelvis", "spine1", "spine2", "spine3")
 _BALL_AHEAD, _TIP_AHEAD = 0.166, 0.27  # of the leg: from the ankle to the ball and the tip of a foot
 _UP = np.array([0.0, 1.0, 0.0])
@@ -152,21 +146,13 @@ def figure_skeleton(rig: Rig, bones: Mapping[str, int]) -> tuple[Skeleton, list[
 
     Joints that are known have their canonical names. Also the bone of each joint.
     """
-    top = bones["pelvis"]
-    inside = {top}
-    for bone in range(top + 1, rig.n_bones):
-        if int(rig.parents[bone]) in inside:
-            inside.add(bone)
-    order = sorted(inside)
-    outside = [name for name, bone in bones.items() if bone not in inside]
+    order, parents, offsets = rig.below(bones["pelvis"])
+    outside = [name for name, bone in bones.items() if bone not in order]
     if outside:
         raise ParameterError(f"expected all of the body below the pelvis, got {', '.join(outside)} elsewhere")
     joint_of = {bone: joint for joint, bone in enumerate(order)}
     role_of = {bone: role for role, bone in bones.items()}
     names = tuple(role_of.get(bone, f"#{bone}") for bone in order)
-    parents = np.array([-1, *(joint_of[int(rig.parents[bone])] for bone in order[1:])])
-    offsets = rig.bind_pos_m[order].copy()
-    offsets[1:] -= rig.bind_pos_m[rig.parents[order[1:]]]
     tip_parents, tips = _soles(rig, bones, joint_of)
     return Skeleton(names, parents, offsets, tip_parents, tips), order
 
@@ -218,9 +204,9 @@ def _alignments(skeleton: Skeleton, facing: Floats) -> Floats:
     canonical_rest = canonical.rest_pos_m()
     aligned = np.tile(facing, (skeleton.n_joints, 1))
     for joint, name in enumerate(skeleton.names):
-        if name in _POINTING and _POINTING[name] in skeleton.names:
-            start, end = CANONICAL_JOINTS.index(name), CANONICAL_JOINTS.index(_POINTING[name])
-            own = rest[skeleton.index(_POINTING[name])] - rest[joint]
+        if LIMB_ENDS.get(name) in skeleton.names:
+            start, end = CANONICAL_JOINTS.index(name), CANONICAL_JOINTS.index(LIMB_ENDS[name])
+            own = rest[skeleton.index(LIMB_ENDS[name])] - rest[joint]
             before = aligned[_known_parent(skeleton, joint)] if name.endswith(("knee", "elbow")) else facing
             bone = rot.rotate(before, canonical_rest[end] - canonical_rest[start])
             aligned[joint] = rot.multiply(rot.between(bone, own), before)

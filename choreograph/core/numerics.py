@@ -154,6 +154,18 @@ def interpolate_frames(values: Floats, frames: Floats) -> NDArray[np.float64]:
     return values[low] * (1 - weight) + values[high] * weight
 
 
+# Hierarchies of joints or bones, every parent before its children.
+
+
+def descendants(parents: NDArray[np.int64], top: int) -> list[int]:
+    """A joint and all joints below it, in order, of a hierarchy with parents (J,), -1 for a root."""
+    found = {top}
+    for joint in range(top + 1, len(parents)):
+        if int(parents[joint]) in found:
+            found.add(joint)
+    return sorted(found)
+
+
 # Zigzag encoding of signed 16-bit integers as unsigned ones: 0, -1, 1, -2 become 0, 1, 2, 3.
 #
 # The high byte of a small number is 0, whatever its sign, so that differences compress well.

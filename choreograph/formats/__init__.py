@@ -2,9 +2,10 @@
 
 A new format is one module here and one line in `BUILTIN`. A format has any of these names:
 
-- `LAYOUT` describes in one line what is read. `detect(path) -> bool` is fast and never raises.
-  `read(path) -> Iterable[Take | SkippedFile]` yields the takes of a file or folder in a fixed order.
+- `LAYOUT` describes in one line what is read.
+- `read(path) -> Iterable[Take | SkippedFile]` yields the takes of a file or folder in a fixed order.
 - `SUFFIXES` are the suffixes of files that hold one take. Such files are read in folders as well.
+- `detect(path) -> bool`, for other sources than files with one of the `SUFFIXES`, is fast and never raises.
 - `READS_BONE_MAP = True` and `read(path, bone_map=None)` allow names of bones that are not recognised.
 - `annotate(takes, path) -> list[Take]` adds information on takes of other sources.
 - `WRITERS` are the classes that write motions (`formats.writer.Writer`).

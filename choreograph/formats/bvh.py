@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_number
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.numerics import frame_blocks
+from choreograph.core.numerics import descendants, frame_blocks
 from choreograph.core.progress import one_line
 from choreograph.core.settings import settings
 from choreograph.formats.axes_and_units import known_roles, rotation_to_y_up, to_rotated_axes, unit_m
@@ -31,11 +31,6 @@ READS_BONE_MAP = True
 _NAMED = 6  # joints in a note, which counts the others
 _POSES = 4  # of the motion, in which bones are searched if the rest pose does not show them
 _VARIES_M = 1e-3  # bone offsets that vary by more get a note
-
-
-def detect(path: Path) -> bool:
-    """Whether `path` is one BVH file."""
-    return path.is_file() and path.suffix.lower() == ".bvh"
 
 
 def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take]:
@@ -179,12 +174,8 @@ def _from_hips(body: _Body, notes: list[str]) -> _Body:
     for joint in chain[1:]:
         pos = pos + rot.rotate(quat, body.local_pos[:, joint])
         quat = rot.multiply(quat, body.local_quat[:, joint])
-    kept = [hips]
-    new = {hips: 0}  # joint -> its place in `kept`
-    for joint in range(hips + 1, len(body.names)):
-        if int(body.parents[joint]) in new:
-            new[joint] = len(kept)
-            kept.append(joint)
+    kept = descendants(body.parents, hips)
+    new = {joint: place for place, joint in enumerate(kept)}
     known = {*chain, *new}
     dropped = [name for joint, name in enumerate(body.names) if joint not in known]
     if dropped:

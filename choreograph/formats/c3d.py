@@ -187,17 +187,6 @@ _SMALLEST_BODY_M, _LARGEST_BODY_M = 0.3, 10.0  # of a child to a giant on stilts
 _FOOT_MARKERS = ("left_heel", "right_heel", "left_foot", "right_foot")
 
 
-def detect(path: Path) -> bool:
-    """Whether `path` is one C3D file."""
-    return path.is_file() and is_c3d(path)
-
-
-def is_c3d(path: Path) -> bool:
-    """Whether the name is that of a C3D file."""
-    # Hidden files come from other programs, such as macOS's "._NAME.c3d".
-    return path.suffix.lower() == ".c3d" and not path.name.startswith(".")
-
-
 def read(path: Path) -> Iterator[Take | SkippedFile]:
     """The file as a take without music, named after it."""
     (found,) = read_c3d_files([path])

@@ -14,7 +14,7 @@ import numpy as np
 from choreograph.core.counts import DATA_SET, NO_COUNTS, Counts, Figure, make_counts, numbers_in_bar
 from choreograph.core.errors import FormatError
 from choreograph.core.files import read_json
-from choreograph.formats.c3d import is_c3d, read_c3d_files
+from choreograph.formats import c3d
 from choreograph.formats.manifest import SkippedFile
 from choreograph.formats.tables import Row, as_number, read_table
 from choreograph.motion.motion import Credits, Take
@@ -151,7 +151,7 @@ def read(path: Path) -> Iterator[Take | SkippedFile]:
     Raises `FormatError` if the list of figures is damaged.
     """
     folder = path / "c3d"
-    files = sorted(file for file in folder.iterdir() if is_c3d(file)) if folder.is_dir() else []
+    files = sorted(file for file in folder.glob("[!.]*") if file.suffix.lower() in c3d.SUFFIXES)
     if not files:
         return
     rows: dict[str, list[RecordedFigure]] = defaultdict(list)
@@ -159,7 +159,7 @@ def read(path: Path) -> Iterator[Take | SkippedFile]:
         for row in read_recorded_figures(path / _FIGURES):
             if is_figure(row.name):
                 rows[row.recording].append(row)
-    for file, found in zip(files, read_c3d_files(files), strict=True):
+    for file, found in zip(files, c3d.read_c3d_files(files), strict=True):
         if isinstance(found, SkippedFile):
             yield found
             continue

@@ -90,11 +90,6 @@ SUFFIXES = (".fbx",)
 READS_BONE_MAP = True
 
 
-def detect(path: Path) -> bool:
-    """Whether `path` is one FBX file."""
-    return path.is_file() and path.suffix.lower() == ".fbx"
-
-
 def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take]:
     """The file's animations as takes without music, named after the file; several also after themselves.
 

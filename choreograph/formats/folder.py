@@ -7,8 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from choreograph.core.errors import FormatError
-from choreograph.formats import motion_suffixes, npz, reader_of
-from choreograph.formats.c3d import is_c3d, read_c3d_files
+from choreograph.formats import c3d, motion_suffixes, npz, reader_of
 from choreograph.formats.fbx import find_blender
 from choreograph.formats.manifest import SONG_SUFFIXES, VIDEO_SUFFIXES, SkippedFile, attempted
 from choreograph.motion.motion import Credits, Motion, Take
@@ -36,8 +35,8 @@ def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take
     songs = SongsByName(files)
     motions, others = _one_of_each_name(filter(_is_motion, files))
     yield from others
-    captured = [file for file in motions if is_c3d(file)]
-    fitted = dict(zip(captured, read_c3d_files(captured), strict=True))
+    captured = [file for file in motions if file.suffix.lower() in c3d.SUFFIXES]
+    fitted = dict(zip(captured, c3d.read_c3d_files(captured), strict=True))
     for file in motions:
         found = fitted[file] if file in fitted else attempted(partial(_read_motion, bone_map), file)
         if isinstance(found, SkippedFile):

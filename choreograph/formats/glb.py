@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,17 +64,10 @@ def as_dance(document: GltfDocument) -> GltfDocument:
 
 def add_animation(document: GltfDocument, motion: Motion, name: str = ANIMATION_NAME) -> None:
     """Add the motion as an animation of nodes 0 … J - 1, which are its joints."""
-    times = document.accessor(frame_times_s(motion.n_frames, motion.fps).astype(np.float32), bounds=True)
-    samplers: list[dict[str, Any]] = []
-    channels: list[dict[str, Any]] = []
     quat = rot.make_continuous(motion.local_quat)  # (T, J, 4)
     tracks = [(0, "translation", motion.root_pos_m)]
-    tracks += [(joint, "rotation", gltf_quat(quat[:, joint])) for joint in range(motion.skeleton.n_joints)]
-    for node, path, values in tracks:
-        channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
-        output = document.accessor(values.astype(np.float32))
-        samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
-    document.add("animations", {"name": name, "samplers": samplers, "channels": channels})
+    tracks += [(joint, "rotation", quat[:, joint]) for joint in range(motion.skeleton.n_joints)]
+    document.add_animation(name, frame_times_s(motion.n_frames, motion.fps), tracks)
 
 
 def gltf_quat(quat: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,7 +15,8 @@ from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.formats.axes_and_units import unit_m
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.gltf_files import read_gltf
-from choreograph.formats.gltf_rig import GltfRig, Rig, distinct, read_rig, rotations_of, world_matrices
+from choreograph.formats.gltf_rig import GltfRig, Rig, read_rig, rotations_of, world_matrices
+from choreograph.formats.writer import distinct
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import take_bones
 from choreograph.motion.kinematics import to_local
@@ -34,16 +35,6 @@ _MAX_ANIMATIONS = 4096
 _BLOCK_POSES = 1 << 18  # frames × bones at a time
 _LARGEST = 1e12  # place or scale in any unit; never so with NaN, which compares false
 _WIDTHS = {"rotation": 4, "translation": 3, "scale": 3}
-
-
-def detect(path: Path) -> bool:
-    """Whether `path` is one glTF file."""
-    return path.is_file() and is_gltf(path)
-
-
-def is_gltf(path: Path) -> bool:
-    """Whether the name is that of a glTF file."""
-    return path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
 
 
 def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take]:
@@ -104,11 +95,8 @@ class _Body:
     def of(cls, rig: Rig, bone_map: Mapping[str, str] | None) -> _Body:
         """The body of a rig; `FormatError` or `ParameterError` if there is none."""
         roles, found_note = take_bones(rig.posed, bone_map=bone_map)
-        below = _below(rig, _pelvis(rig) if roles is None else roles["pelvis"])
+        below, parents, offsets = rig.below(_pelvis(rig) if roles is None else roles["pelvis"])
         joint_of = {bone: joint for joint, bone in enumerate(below)}
-        parents = np.array([-1, *(joint_of[int(rig.parents[bone])] for bone in below[1:])])
-        offsets = rig.bind_pos_m[below].copy()
-        offsets[1:] -= rig.bind_pos_m[rig.parents[below[1:]]]
         names = tuple(rig.names[bone] for bone in below)
         known = None if roles is None else {role: joint_of[bone] for role, bone in roles.items()}
         skeleton = Skeleton(names, parents, offsets, roles=known)
@@ -149,7 +137,7 @@ def _with_human_names(found: GltfRig) -> Rig:
     """The rig with the names that a VRM file gives its bones, and every name once."""
     human = {bone: name for name, bone in found.human_bones.items()}
     names = [human.get(bone, name) for bone, name in enumerate(found.rig.names)]
-    return replace(found.rig, names=distinct(names))
+    return replace(found.rig, names=distinct(names, form="{} #{}"))
 
 
 class _TrackReader:
@@ -257,12 +245,3 @@ def _pelvis(rig: Rig) -> int:
     if pelvis < 0:
         raise ParameterError("expected one body, got limbs that hang under different roots")
     return pelvis
-
-
-def _below(rig: Rig, top: int) -> list[int]:
-    """A bone and all that hangs from it, parents first."""
-    inside = {top}
-    for bone in range(top + 1, rig.n_bones):
-        if int(rig.parents[bone]) in inside:
-            inside.add(bone)
-    return sorted(inside)

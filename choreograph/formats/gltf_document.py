@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import struct
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -218,6 +219,23 @@ class GltfDocument:
             entry["min"] = np.atleast_1d(rows.min(axis=0)).tolist()
             entry["max"] = np.atleast_1d(rows.max(axis=0)).tolist()
         return self.add("accessors", entry)
+
+    def add_animation(
+        self, name: str, times_s: NDArray[np.float64], tracks: Iterable[tuple[int, str, NDArray[np.float64]]]
+    ) -> None:
+        """Add an animation with keys at times (T,), and tracks of node, property and values.
+
+        The property is "rotation" with quaternions (T, 4) `wxyz`, or "translation" with positions (T, 3).
+        """
+        times = self.accessor(times_s.astype(np.float32), bounds=True)
+        samplers: list[dict[str, Any]] = []
+        channels: list[dict[str, Any]] = []
+        for node, path, values in tracks:
+            channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+            stored = np.roll(values, -1, axis=-1) if path == "rotation" else values  # as `xyzw`
+            output = self.accessor(stored.astype(np.float32))
+            samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
+        self.add("animations", {"name": name, "samplers": samplers, "channels": channels})
 
     def array(self, index: int | None, *, most: int = _MAX_VALUES) -> NDArray[np.float64]:
         """The values of an accessor as floats, (N,) for scalars, else (N, D); normalised integers divided.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError
+from choreograph.core.numerics import descendants
 from choreograph.formats.gltf_document import MAX_ENTRIES, GltfDocument
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import PosedBones
@@ -53,19 +54,14 @@ class Rig:
         """The bones in the bind pose."""
         return PosedBones(self.names, self.parents, self.bind_pos_m)
 
-
-def distinct(names: Sequence[str]) -> tuple[str, ...]:
-    """The names, those that repeat with their place: "arm", "arm #7"."""
-    taken = set(names)
-    seen: set[str] = set()
-    found = []
-    for place, name in enumerate(names):
-        own = name
-        while own in seen or (own != name and own in taken):
-            own = f"{own} #{place}"
-        seen.add(own)
-        found.append(own)
-    return tuple(found)
+    def below(self, top: int) -> tuple[list[int], NDArray[np.int64], Floats]:
+        """The bones (J,) from one down as joints of a skeleton: their parents (J,) and offsets (J, 3)."""
+        bones = descendants(self.parents, top)
+        joint_of = {bone: joint for joint, bone in enumerate(bones)}
+        parents = np.array([-1, *(joint_of[int(self.parents[bone])] for bone in bones[1:])])
+        offsets_m = self.bind_pos_m[bones].copy()
+        offsets_m[1:] -= self.bind_pos_m[self.parents[bones[1:]]]
+        return bones, parents, offsets_m
 
 
 def world_matrices(parents: NDArray[np.int64], translation: Floats, quat: Floats, scale: Floats) -> Floats:

@@ -30,8 +30,7 @@ class ForeignFormat(NamedTuple):
 
 _BLENDER = "export BVH from Blender: File > Export > Motion Capture (.bvh)"
 _ACCLAIM = ForeignFormat(
-    "Acclaim motion capture",
-    "take the .bvh or .c3d that most archives offer too, or import it in Blender",
+    "Acclaim motion capture", "take the .bvh or .c3d that most archives offer too, or import it in Blender"
 )
 _MAYA = ForeignFormat("a Maya scene", "export FBX from Maya: File > Export Selection > FBX")
 _USD = ForeignFormat("USD", "import it in Blender (File > Import > Universal Scene Description), export .glb")

@@ -200,9 +200,9 @@ def _importers_of(source: Path) -> list[Any]:
     """The format of another package that reads a source, else the built-in one, or all of a folder."""
     added, builtin = ([f for f in of if hasattr(f, "read")] for of in (added_formats(), builtin_formats()))
     for importer in added:
-        if importer.detect(source):
+        if _detects(importer, source):
             return [importer]
-    found = [importer for importer in builtin if importer.detect(source)]
+    found = [importer for importer in builtin if _detects(importer, source)]
     if found:
         return found if source.is_dir() else found[:1]
     if source.is_dir() and not any(source.iterdir()):
@@ -214,6 +214,12 @@ def _importers_of(source: Path) -> list[Any]:
             f"{source}: expected a format that is read, got {foreign.what}: {foreign.motion}"
         )
     raise ParameterError(f"expected takes at {source}, got none of a known layout: {layouts}")
+
+
+def _detects(importer: Any, source: Path) -> bool:
+    if hasattr(importer, "detect"):
+        return bool(importer.detect(source))
+    return source.is_file() and source.suffix.lower() in importer.SUFFIXES
 
 
 def read_take(path: str | Path, *, bone_map: Mapping[str, str] | None = None) -> Take:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from choreograph.core import __version__
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import descendants
 from choreograph.motion import rotations as rot
 from choreograph.motion.mannequin.bind_pose import Body, standing_body
 from choreograph.motion.motion import Motion
@@ -122,13 +123,13 @@ def name_of_word(word: str) -> str:
 
 def text_names(names: Sequence[str]) -> tuple[str, ...]:
     """The names as different texts that can be stored: those with characters that cannot are escaped."""
-    return _distinct([name if _is_text(name) else word_of(name) for name in names], taken=names)
+    return distinct([name if _is_text(name) else word_of(name) for name in names], taken=names)
 
 
 def identifiers(names: Sequence[str]) -> tuple[str, ...]:
     """Different identifiers of ASCII letters, digits and "_" for names, as paths in USD have them."""
     own = [re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names]
-    return _distinct([f"_{name}" if name[0].isdigit() else name for name in own])
+    return distinct([f"_{name}" if name[0].isdigit() else name for name in own])
 
 
 def _is_plain(character: str) -> bool:
@@ -151,14 +152,14 @@ def _unescaped(found: re.Match[str]) -> str:
         return found[0]
 
 
-def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> tuple[str, ...]:
-    """The names, those that repeat with a number that none has."""
+def distinct(names: Sequence[str], *, taken: Sequence[str] = (), form: str = "{}_{}") -> tuple[str, ...]:
+    """The names, with a number added to those that repeat, so that all differ from each other and `taken`."""
     used, found = set(taken) | set(names), []
     seen: set[str] = set()
     for place, name in enumerate(names):
         own, number = name, place
         while own in seen or (own != name and own in used):
-            own, number = f"{name}_{number}", number + 1
+            own, number = form.format(name, number), number + 1
         seen.add(own)
         found.append(own)
     return tuple(found)
@@ -213,14 +214,5 @@ def _arm_turns(skeleton: Skeleton, body: Body, side: str, below_rad: float) -> d
         bone = body.place(f"{side}_{end}") - body.place(f"{side}_{start}")
         turn = rot.between(bone / np.linalg.norm(bone), along)
         first = body.roles[f"{side}_{start}"]
-        turns |= {joint: turn for joint in _with_descendants(skeleton, first)}
+        turns |= dict.fromkeys(descendants(skeleton.parents, first), turn)
     return turns
-
-
-def _with_descendants(skeleton: Skeleton, joint: int) -> list[int]:
-    """A joint and all below it."""
-    below = [joint]
-    for child in range(joint + 1, skeleton.n_joints):
-        if skeleton.parents[child] in below:
-            below.append(child)
-    return below

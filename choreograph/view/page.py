@@ -183,10 +183,7 @@ def _sources(plan: Plan, duration_s: float) -> dict[str, Any]:
         for name in names
     ]
     index = {name: i for i, name in enumerate(names)}
-    return {
-        "takes": takes,
-        "blocks": [_block(block, index[block.source], duration_s) for block in shown],
-    }
+    return {"takes": takes, "blocks": [_block(block, index[block.source], duration_s) for block in shown]}
 
 
 def _block(block: Block, take: int, duration_s: float) -> dict[str, Any]:

@@ -17,7 +17,8 @@ from synthetic_characters import CHARACTERS, write_character
 from choreograph.core.errors import FormatError
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.gltf_files import read_gltf
-from choreograph.formats.gltf_rig import distinct, read_rig, read_skin_points
+from choreograph.formats.gltf_rig import read_rig, read_skin_points
+from choreograph.formats.writer import distinct
 
 
 @pytest.fixture
@@ -389,7 +390,8 @@ def test_a_rig_that_cannot_be_is_refused_in_a_line(glb, bad):
 
 
 def test_names_that_repeat_are_told_apart():
-    assert distinct(["a", "b", "a", "a #2", "a"]) == ("a", "b", "a #2 #2", "a #2", "a #4")
+    names = distinct(["a", "b", "a", "a #2", "a"], form="{} #{}")
+    assert names == ("a", "b", "a #3", "a #2", "a #4")
 
 
 def sparse(count: int, view: int, kind: int) -> dict:
