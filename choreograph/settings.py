@@ -5,7 +5,7 @@ from __future__ import annotations
 import reprlib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import field, fields, replace
+from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypedDict, get_args
 
@@ -16,7 +16,7 @@ from choreograph.core.arguments import check_choice, check_text, is_number, unex
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_text
 from choreograph.core.progress import one_line
-from choreograph.core.settings import Range, settings, unknown_setting
+from choreograph.core.settings import Range, changed, settings
 from choreograph.music.song import Song
 from choreograph.nets.configs import density_config
 
@@ -211,14 +211,13 @@ def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfi
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # an integer of too many digits is no TOMLDecodeError
         raise FormatError(f"{path}: expected a config (TOML), could not read it: {error}") from error
-    known = [f.name for f in fields(DanceConfig)]
-    unknown = set(data) - set(known)
-    if unknown:
-        raise ParameterError(f"{path}: {unknown_setting(min(unknown), known)}")
     if not isinstance(data.get("weights", {}), dict):
         got = reprlib.repr(data["weights"])
         raise ParameterError(f"{path}: expected a table [weights] of name = number, got {got}")
-    return replace(base or DanceConfig(), **data)
+    try:
+        return changed(base or DanceConfig(), data)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from None
 
 
 def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, float]:

@@ -6,7 +6,7 @@ Each REPERTOIRE was built with `--rollout` from TAKES: dance-with-melody, say, o
 (build/starter/takes). Its ablations are trained on the same takes, with its preset and seed, and written to
 FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as the network itself,
 or as `--steps` says: compare then with `as-built`, which has all of it. `as-built` and all that are named
-after what they lack learn from the takes alone (`build-db --no-rollout-teacher`); `graph-dances-too` from
+after what they lack learn from the takes alone (`--set rollout_teacher=false`); `graph-dances-too` from
 graph dances to their songs, too, and `synthesised-songs-too` from those to synthesised ones as well, as with
 `build-db --rollout`; `counts-at-accents` has words, and beats of the music, where the motion's accents lie
 beside the counts. After a stop, the same command continues.

@@ -145,9 +145,9 @@ def test_wrong_arguments_of_build(tmp_path):
     for arguments, message in (
         ({"sources": 5}, "expected sources as a list of paths, got 5"),
         ({"output": None}, "expected the path of the output, got None"),
-        ({"init_from": 3}, "expected the path of init_from, got 3"),
+        ({"init_from": 3}, "expected init_from as path or None, got 3"),
         ({"words": "yes"}, "expected words as True or False, got 'yes'"),
-        ({"leave_out": "take"}, "expected leave_out as a list of texts, got 'take'"),
+        ({"leave_out": "take"}, "expected leave_out as list of texts, got 'take'"),
         ({"preset": "big"}, "expected preset among tiny, small, paper, got 'big'"),
         ({"device": "tpu"}, "expected device among auto, cpu, cuda, got 'tpu'"),
         ({"method": 3}, "expected method as text, got 3"),

@@ -10,6 +10,7 @@ import pytest
 
 import choreograph as cg
 from choreograph.core.errors import FormatError, ParameterError
+from choreograph.library.building.options import BuildOptions, BuildSettings
 from choreograph.pipeline.dancing import DanceArguments
 from choreograph.settings import DEFAULT_WEIGHTS, DanceConfig, DanceSettings, load_config, resolve_weights
 
@@ -17,6 +18,16 @@ from choreograph.settings import DEFAULT_WEIGHTS, DanceConfig, DanceSettings, lo
 def test_the_keywords_are_the_fields_with_their_types():
     """A new setting is one field of `DanceConfig`, and its line in `DanceSettings`."""
     assert get_type_hints(DanceSettings) == get_type_hints(DanceConfig)
+
+
+def test_the_keywords_of_a_build_are_the_fields():
+    keywords, of_fields = get_type_hints(BuildSettings), get_type_hints(BuildOptions)
+    wider = {"init_from", "leave_out"}  # other paths and sequences become a `Path` and a tuple
+    assert list(keywords) == list(of_fields)
+    assert {name for name in keywords if keywords[name] != of_fields[name]} == wider
+    assert len(inspect.signature(cg.build).parameters) <= 15
+    with pytest.raises(ParameterError, match="got 'word': the most similar one is 'words'"):
+        cg.build("takes", "rep.h5", word=False)
 
 
 def test_dance_has_few_parameters_and_refuses_unknown_names():

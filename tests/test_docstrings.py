@@ -34,7 +34,6 @@ TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
         "Dance",
         "RolloutFrame",
         "RolloutStream",
-        "build",
         "motifs_of",
         "signature_of",
     ),

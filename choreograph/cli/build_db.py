@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 from click_option_group import optgroup
@@ -12,7 +14,7 @@ from choreograph.cli.present import (
     Command,
     check_outputs_apart,
     examples,
-    given_options,
+    given_settings,
     names_of,
     printable,
     say,
@@ -22,12 +24,12 @@ from choreograph.cli.present import (
 from choreograph.core.errors import ParameterError
 from choreograph.core.progress import counted
 
+if TYPE_CHECKING:
+    from choreograph.library.building.options import BuildOptions
+
 _FILE = click.Path(path_type=Path)
+_PUBLISHED = ("augment_mirror", "init_from", "keep_networks")  # settings that --published needs as they are
 _WIDEST = 80  # letters of a column of --check; longer cells push the next ones
-# By --published.
-_DECIDED = {
-    "--augment-mirror", "--density", "--init-from", "--keep-networks", "--lock-feet", "--pretrained",
-}  # fmt: skip
 
 
 @click.command(
@@ -45,83 +47,83 @@ _DECIDED = {
 )
 @click.argument("sources", nargs=-1, required=True, type=_FILE)
 @optgroup.group("Output")
-@optgroup.option("-o", "--output", type=_FILE, help="Repertoire to write; required without --check.")
+@optgroup.option("-o", "--output", type=_FILE, help="Repertoire to write. Required without --check.")
 @optgroup.option(
     "--check", is_flag=True,
-    help="Build nothing: read the sources and print a row for each file with rig, units, counts, length, "
-    "and what a build does with it.",
+    help="Build nothing. Read the sources and print a row for each file with its rig, units, counts and "
+    "length, and whether a build would use it.",
 )  # fmt: skip
-@optgroup.option("--compress", is_flag=True, help="A third of the size: motion in 16 bits.")
-@optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes.")
+@optgroup.option(
+    "--compress", is_flag=True, default=None, help="Store motion in 16 bits: a third of the size."
+)
+@optgroup.option("-q", "--quiet", is_flag=True, help="Print no progress and no notes.")
 @optgroup.group("Takes")
+@optgroup.option("--leave-out", multiple=True, metavar="TAKE", help="Leave out this take, or @FILE of names.")
 @optgroup.option(
-    "--leave-out",
-    multiple=True,
-    metavar="TAKE",
-    help="Leave out this take, or @FILE of names.",
+    "--skip-bad", is_flag=True, default=None, help="Skip files that cannot be read, and print a note."
 )
 @optgroup.option(
-    "--skip-bad", is_flag=True, help="Build from the others where files cannot be read, and note those."
+    "--lock-feet/--no-lock-feet", default=None, help="Keep standing feet of takes in place (on)."
 )
-@optgroup.option(
-    "--lock-feet/--no-lock-feet", default=True, show_default=True,
-    help="Lock feet of takes that slide where they stand.",
-)  # fmt: skip
 @optgroup.option(
     "--density", metavar="analytic|learned",
-    help="Tempo-density of the clips: from their motion beats (analytic), or of two networks, which are "
-    "trained for it alone.",
+    help="Tempo-density of the clips: from their motion beats (analytic, the default), or of two networks "
+    "that are trained for it (learned).",
 )  # fmt: skip
 @optgroup.option(
-    "--beats",
-    default="network",
-    show_default=True,
-    metavar="network|tempo-path|librosa|beat-this",
-    help="Beat tracker of the takes' songs.",
+    "--beats", metavar="network|tempo-path|librosa|beat-this", help="Beat tracker for the songs (network)."
 )
 @optgroup.option(
-    "--allow-outside", is_flag=True, help="Read songs that a manifest.csv names outside of its folder."
-)
+    "--allow-outside", is_flag=True, default=None,
+    help="Read songs that a manifest.csv names outside of its folder.",
+)  # fmt: skip
 @optgroup.option(
     "--map", "map_path", type=_FILE,
     help="Which bone is which in the takes, as `retarget --save-map` writes it (.json).",
 )  # fmt: skip
 @optgroup.group("Networks")
 @optgroup.option(
-    "--preset", default="small", show_default=True, metavar="tiny|small|paper",
-    help="Size of the networks. tiny: to try it out. small: for two CPU cores. paper: for a GPU.",
+    "--preset", metavar="tiny|small|paper",
+    help="Size of the networks. tiny: for a first try. small (default): for two CPU cores. paper: for a GPU.",
 )  # fmt: skip
 @optgroup.option(
     "--published", is_flag=True,
     help="Train as ChoreoGraph was published, for `dance --config published`: its losses, inputs, batch and "
     "rate. The preset scales widths and epochs: 10 epochs for tiny, 100 for small, all 10,000 for paper.",
 )  # fmt: skip
-@optgroup.option("--rollout", is_flag=True, help="Also train the network of `dance --engine rollout`.")
 @optgroup.option(
-    "--rollout-teacher/--no-rollout-teacher", default=True, show_default=True,
-    help="Let that network learn from graph dances as well, to the takes' songs and to synthesised ones of "
-    "their genres. They are on the count, which takes need not be; it takes half as long again.",
-)  # fmt: skip
+    "--rollout", is_flag=True, default=None, help="Also train the network of `dance --engine rollout`."
+)
 @optgroup.option("--init-from", type=_FILE, help="Start from the networks of another repertoire.")
 @optgroup.option(
-    "--pretrained", default="default", metavar="default|clean|research|nothing",
-    help="Shipped networks that style begins with (preset small), and that count takes without counts by "
-    "their motion. clean: trained on our own takes; their counts know no recorded dancer. research: also "
-    "on data that states no licence. Default: style clean, counts research.",
+    "--pretrained", metavar="default|clean|research|nothing",
+    help="Shipped networks that style starts from (preset small), and that count takes by their motion. "
+    "clean: trained on our own takes only. research: also on data that states no licence. Default: clean "
+    "for style, research for counts.",
 )  # fmt: skip
 @optgroup.option(
-    "--keep-networks", is_flag=True,
-    help="Do not train the networks of --init-from, or the style of --pretrained, any further.",
-)  # fmt: skip
-@optgroup.option(
-    "--augment-mirror/--no-augment-mirror", default=True, show_default=True,
-    help="Train on mirrored motion as well. Not where left must stay left.",
+    "--keep-networks", is_flag=True, default=None,
+    help="Use the networks of --init-from, or the style of --pretrained, without further training.",
 )  # fmt: skip
 @optgroup.group("Training")
-@optgroup.option("--resume", is_flag=True, help="Continue from the checkpoints of a build that was stopped.")
-@optgroup.option("--device", default="auto", show_default=True, metavar="auto|cpu|cuda")
-@optgroup.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Seed.")
-def command(sources, output, check, quiet, leave_out, map_path, density, published, **options) -> None:
+@optgroup.option("--resume", is_flag=True, default=None, help="Continue a build that was stopped.")
+@optgroup.option("--device", metavar="auto|cpu|cuda", help="Where to train: a GPU if there is one (auto).")
+@optgroup.option("--seed", type=int, help="Seed of the training (0).")
+@optgroup.option(
+    "--set", "assigned", multiple=True, metavar="NAME=VALUE",
+    help="Any other setting, such as words=false. Repeatable. `choreograph settings --build` lists them.",
+)  # fmt: skip
+def command(
+    sources: tuple[Path, ...],
+    output: Path | None,
+    check: bool,
+    quiet: bool,
+    leave_out: tuple[str, ...],
+    map_path: Path | None,
+    published: bool,
+    assigned: tuple[str, ...],
+    **options: Any,
+) -> None:
     """Build a repertoire from SOURCES: folders or files of recorded dances with their music.
 
     Known layouts, of which a folder may have several: NAME.bvh, .c3d, .glb, .npz or (with Blender) .fbx with
@@ -130,31 +132,33 @@ def command(sources, output, check, quiet, leave_out, map_path, density, publish
     counted: time_s,number,figure.
     """
     import choreograph as cg
+    from choreograph.library.building.options import BuildOptions
     from choreograph.motion.bone_map import read_bone_map
     from choreograph.settings import published_build
 
     if output is None and not check:
         raise click.UsageError("Missing option '-o' / '--output'.")
     check_outputs_apart([output], named_by=("output",))
-    if density is not None:
-        options["density"] = density
-    options["leave_out"] = names_of(leave_out)
-    if "--rollout-teacher" in given_options() and not options["rollout"]:
-        raise ParameterError("expected --rollout beside --rollout-teacher or --no-rollout-teacher, got none")
+    options["leave_out"] = names_of(leave_out) or None
     options["bone_map"] = read_bone_map(map_path) if map_path else None
+    settings = given_settings(BuildOptions, options, assigned)
+    if "rollout_teacher" in settings and not settings.get("rollout"):
+        raise ParameterError("expected --rollout beside --set rollout_teacher, got none")
     if published:
-        given = sorted(set(given_options()) & _DECIDED)
-        if given:
-            raise ParameterError(
-                f"--published decides how networks are trained: leave out {', '.join(given)}"
-            )
-        options |= published_build(options["preset"])
+        decided = published_build(settings.get("preset", "small"))
+        if given := sorted(set(settings) & {*decided, *_PUBLISHED} - {"preset"}):
+            raise ParameterError(f"--published decides {', '.join(given)}: leave these settings out")
+        settings |= decided
+    built_with = BuildOptions(**settings)
     if check:
-        _check(sources, options, quiet=quiet)
+        _check(sources, built_with, quiet=quiet)
         return
+    assert output is not None
     try:
         with stages(quiet=quiet) as shown:
-            built = cg.build(sources, output, report=shown.report, training_report=shown.training, **options)
+            built = cg.build(
+                sources, output, options=built_with, report=shown.report, training_report=shown.training
+            )
     except KeyboardInterrupt:
         say("stopped: the same command with --resume continues from here", err=True)
         sys.exit(130)
@@ -164,12 +168,10 @@ def command(sources, output, check, quiet, leave_out, map_path, density, publish
         say(f"{output}: {counted(takes, 'take')}, {counted(clips, 'clip')}")
 
 
-def _check(sources, options, *, quiet: bool) -> None:
+def _check(sources: Sequence[Path], settings: BuildOptions, *, quiet: bool) -> None:
     """Print a row for each file of the sources; an error if a build would be refused."""
-    from choreograph.library.building.options import BuildOptions
     from choreograph.library.building.takes import check_takes, checked_files, import_sources
 
-    settings = BuildOptions(**options)
     with stages(quiet=quiet) as shown:
         imported = import_sources(sources, settings, shown.report)
     files = checked_files(imported)

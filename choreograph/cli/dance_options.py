@@ -15,9 +15,8 @@ import click
 from click_option_group import GroupedOption, optgroup
 
 from choreograph.cli.characters import NAMINGS, RESTS, UNITS
-from choreograph.cli.present import Seconds, given_options
+from choreograph.cli.present import Seconds, given_options, given_settings
 from choreograph.core.errors import ParameterError
-from choreograph.core.settings import from_texts
 from choreograph.settings import DanceConfig, engine_names, load_config, published_dance
 
 if TYPE_CHECKING:
@@ -242,12 +241,8 @@ class DanceOptions:
     def _settings(self) -> dict[str, Any]:
         """The settings that were given as options or with --set."""
         options = {name: getattr(self, name) for name in ("beats", "engine", "seed", "fps")}
-        options = {name: value for name, value in options.items() if value is not None}
-        assigned = from_texts(DanceConfig, self.assigned)
-        if twice := sorted(set(options) & set(assigned)):
-            raise ParameterError(f"expected {twice[0]} once, got --{twice[0]} and --set {twice[0]}")
-        weights = _weights(self.weight)
-        return {**options, **assigned, **({"weights": weights} if weights else {})}
+        options["weights"] = _weights(self.weight) or None
+        return given_settings(DanceConfig, options, self.assigned)
 
 
 def _motifs(text: str, repertoire: Repertoire) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from click.core import ParameterSource
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import check_apart, read_text
+from choreograph.core.settings import from_texts
 from choreograph.core.timebase import parse_seconds
 
 if TYPE_CHECKING:
@@ -163,6 +164,18 @@ def given_options(*, of_kind: type[click.Option] = click.Option) -> list[str]:
         and option.name is not None
         and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
     ]
+
+
+def given_settings(cls: type, options: Mapping[str, Any], assigned: Sequence[str]) -> dict[str, Any]:
+    """The settings of a class that were given: by options, those that are not None, and by --set.
+
+    Raises `ParameterError` for one that was given both ways, and as `core.settings.from_texts`.
+    """
+    given = {name: value for name, value in options.items() if value is not None}
+    values = from_texts(cls, assigned)
+    for name in sorted(set(given) & set(values)):
+        raise ParameterError(f"expected {name} once, got --{name.replace('_', '-')} and --set {name}")
+    return {**given, **values}
 
 
 def input_files(*, except_for: Collection[str], with_songs: Collection[str] = ()) -> list[Path]:

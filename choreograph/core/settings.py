@@ -23,12 +23,13 @@ import os
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import (
+    TYPE_CHECKING,
     Annotated,
     Any,
     Literal,
@@ -43,7 +44,11 @@ from typing import (
 from choreograph.core.arguments import as_texts, check_choice, is_number, is_whole, unexpected
 from choreograph.core.errors import ParameterError
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 Class = TypeVar("Class", bound=type)
+Instance = TypeVar("Instance", bound="DataclassInstance")
 _WIDTH = 96  # of the text of a field in `help`
 _WORDS = {bool: "True or False", int: "whole number", float: "number", str: "text", Path: "path"}
 
@@ -123,6 +128,19 @@ def unknown_setting(name: object, names: Iterable[str]) -> ParameterError:
     """The error to raise for a name that is none of the `names`, with the most similar one."""
     near = get_close_matches(str(name), list(names), 1, 0.0)
     return unexpected("the name of a setting", name, f"the most similar one is {near[0]!r}")
+
+
+def changed(base: Instance, given: Mapping[str, Any], *, other_names: Iterable[str] = ()) -> Instance:
+    """An instance of a settings class with other values of the fields that are given.
+
+    Raises `ParameterError` for a name that is no field, with the most similar one of all fields and
+    `other_names`, and for a value that a field cannot have.
+    """
+    names = [field.name for field in fields(base)]
+    for name in given:
+        if name not in names:
+            raise unknown_setting(name, (*names, *other_names))
+    return replace(base, **given)
 
 
 def from_texts(cls: type, texts: Sequence[str]) -> dict[str, Any]:

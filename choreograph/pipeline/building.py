@@ -5,31 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
-from choreograph.core.arguments import as_list, as_texts, check_function
+from choreograph.core.arguments import as_list, check_function, check_kind
 from choreograph.core.counts import make_counts
 from choreograph.core.files import as_path, atomic_path
 from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import ProgressReport
+from choreograph.core.settings import changed
 from choreograph.library.building.build import build_repertoire
-from choreograph.library.building.options import (
-    BuildOptions,
-    BuildResult,
-    Density,
-    Device,
-    Preset,
-    Pretrained,
-    Tracker,
-)
+from choreograph.library.building.options import BuildOptions, BuildResult, BuildSettings
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits, Take
 from choreograph.music.synthesis.song import STYLES, render_song, write_song
 from choreograph.pipeline.dancing import dance
 from choreograph.plan import Plan
 from choreograph.render.rendering import render
+
+if TYPE_CHECKING:
+    from choreograph.nets.training import TrainingProgress
 
 # Synthesised songs that the graph engine dances to beside those of the takes, for rollouts to learn from.
 #
@@ -148,7 +144,10 @@ def _as_take(plan: Plan, repertoire: Repertoire, song: Path, genre: str, name: s
     return Take(name, motion, Credits(genre=genre), song, song_name=song.stem, counts=counts)
 
 
-# `build`: a repertoire from takes, every option a keyword.
+# `build`: a repertoire from takes, every setting a keyword.
+
+
+DEFAULTS = BuildOptions()
 
 
 @default_numerics()
@@ -156,30 +155,10 @@ def build(
     sources: str | Path | Iterable[str | Path],
     output: str | Path,
     *,
-    preset: Preset = "small",
-    density: Density = "analytic",
-    seed: int = 0,
-    device: Device = "auto",
-    beats: Tracker = "network",
-    resume: bool = False,
-    init_from: str | Path | None = None,
-    pretrained: Pretrained = "default",
-    keep_networks: bool = False,
-    compress: bool = False,
-    rollout: bool = False,
-    rollout_teacher: bool = True,
-    leave_out: Sequence[str] = (),
-    skip_bad: bool = False,
-    lock_feet: bool = True,
-    augment_mirror: bool = True,
-    words: bool = True,
-    style_changes: Mapping[str, Any] | None = None,
-    density_changes: Mapping[str, Any] | None = None,
-    allow_outside: bool = False,
-    bone_map: Mapping[str, str] | None = None,
-    method: str = "ours",
+    options: BuildOptions = DEFAULTS,
     report: ProgressReport | None = None,
-    training_report: Callable[[Any], None] | None = None,
+    training_report: Callable[[TrainingProgress], None] | None = None,
+    **settings: Unpack[BuildSettings],
 ) -> BuildResult:
     """Build a repertoire from takes and their songs, and write it to one file.
 
@@ -187,37 +166,35 @@ def build(
     ----------
     sources : a folder or file of takes, or several
     output : the file to write; work in progress lies beside it in `OUTPUT.build/`
-    preset, density, seed, device, beats, resume, keep_networks, compress, rollout, rollout_teacher,
-        leave_out, skip_bad, lock_feet, augment_mirror, words, pretrained, style_changes, density_changes,
-        allow_outside, bone_map, method : as in `BuildOptions`; `choreograph.settings.published_build` gives
-        those of the method as published
-    init_from : repertoire whose networks training starts from
+    options : all settings in one object
     report : called with the stage's name, how much is done, of how much
     training_report : called with a `TrainingProgress` now and then
+    **settings : single settings, which replace those of `options`: any field of `BuildOptions`, such as
+        `preset`, `seed` and `leave_out`. `choreograph.settings.published_build` makes those of ChoreoGraph as
+        published
 
     Raises
     ------
     ChoreographError  another process builds the same file, or it cannot be written
     ParameterError    no take is left, two takes share a name, an unknown choice, an argument of another type
-    FormatError       a source is damaged; an `UnreadableFilesError` names several damaged files
+    FormatError       a source is damaged; an `UnreadFilesError` names several damaged files
     RepertoireError   a repertoire to start from cannot be read
+
+    Examples
+    --------
+    >>> dance = cg.dance(cg.example_songs()["house"], duration_s=12)
+    >>> dance.save("take.bvh")
+    >>> built = cg.build("take.bvh", "mine.h5", preset="tiny", words=False)
+    >>> built
+    <BuildResult mine.h5: 1 take, 5 clips, ...>
     """
     paths = as_list("sources", [sources] if isinstance(sources, str | Path) else sources, "paths", str | Path)
     check_function("report", report)
     check_function("training_report", training_report)
-    options = BuildOptions(
-        preset=preset, density=density, seed=seed, device=device, beats=beats, resume=resume,
-        init_from=None if init_from is None else as_path("init_from", init_from),
-        pretrained=pretrained, keep_networks=keep_networks,
-        compress=compress, rollout=rollout, rollout_teacher=rollout_teacher,
-        leave_out=as_texts("leave_out", leave_out), skip_bad=skip_bad,
-        lock_feet=lock_feet, augment_mirror=augment_mirror, words=words,
-        style_changes={} if style_changes is None else style_changes,
-        density_changes={} if density_changes is None else density_changes,
-        allow_outside=allow_outside, bone_map=bone_map, method=method,
-    )  # fmt: skip
+    check_kind("options", options, BuildOptions)
+    options = changed(options, settings)
+    teacher = partial(teach_rollout, beats=options.beats, seed=options.seed, report=report)
     return build_repertoire(
         paths, as_path("the output", output), options,
-        teacher=partial(teach_rollout, beats=beats, seed=seed, report=report),
-        report=report, training_report=training_report,
+        teacher=teacher, report=report, training_report=training_report,
     )  # fmt: skip

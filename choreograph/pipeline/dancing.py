@@ -27,7 +27,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
 from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, counted, substage
-from choreograph.core.settings import unknown_setting
+from choreograph.core.settings import changed
 from choreograph.core.timebase import STORE_FPS
 from choreograph.formats.bvh import BvhOptions
 from choreograph.library.repertoire import Repertoire
@@ -244,14 +244,11 @@ def _configured(
     use.
     """
     given: dict[str, Any] = dict(settings)
-    for name in given:
-        if name not in DanceSettings.__annotations__:
-            raise unknown_setting(name, DanceArguments.__annotations__)
     if "weights" in given:
         weights = as_weights(given["weights"])
         _check_weights_used(given.get("planner", config.planner), weights)
         given["weights"] = {**config.weights, **weights}
-    config = replace(config, **given)
+    config = changed(config, given, other_names=DanceArguments.__annotations__)
     if "engine" not in given:
         config = replace(config, engine=engine_for(config, requested))
     used = {*given, "costs"} if costs else set(given)

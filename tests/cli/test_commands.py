@@ -36,7 +36,9 @@ def test_dance_writes_every_output_and_the_same_bytes_again(tmp_path, song, db):
 
 def test_the_published_method_says_what_it_needs(tmp_path, song, db):
     build = ("build-db", tmp_path, "-o", tmp_path / "x.h5", "--published")
-    assert_one_line(run(*build, "--density", "analytic", "--no-lock-feet"), says="--density, --lock-feet")
+    assert_one_line(
+        run(*build, "--density", "analytic", "--no-lock-feet"), says="decides density, lock_feet: leave"
+    )
     assert_one_line(run(*build, "--preset", "huge"), says="preset among tiny, small, paper")
     assert_one_line(run("dance", song, "--db", db, "--config", "published"), says="--density learned")
     mixed = run("dance", song, "--db", db, "--config", "published", "--engine", "mixer")
@@ -210,7 +212,11 @@ def test_sources_without_takes_are_refused(tmp_path):
     [
         ([], {"augment_mirror": True, "compress": False, "lock_feet": True}),
         (["--preset", "tiny"], {"preset": "tiny"}),
-        (["--no-augment-mirror"], {"augment_mirror": False, "pretrained": "default"}),
+        (["--set", "augment_mirror=false"], {"augment_mirror": False, "pretrained": "default"}),
+        (["--set", "words=true", "--set", "words=false"], "expected a value of words once"),
+        (["--set", "words=no"], "expected words as True or False, got 'no'"),
+        (["--set", "word=false"], "the most similar one is 'words'"),
+        (["--set", "preset=tiny", "--preset", "tiny"], "expected preset once, got --preset and --set preset"),
         (["--pretrained", "clean"], {"pretrained": "clean"}),
         (["--pretrained", "nothing", "--keep-networks"], {"pretrained": "nothing", "keep_networks": True}),
         (["--no-lock-feet", "--compress"], {"lock_feet": False, "compress": True}),
@@ -219,14 +225,15 @@ def test_sources_without_takes_are_refused(tmp_path):
     ],
 )  # fmt: skip
 def test_build_options(tmp_path, monkeypatch, given, expected):
-    def build(sources, output, *, report, training_report, **options):
-        assert {name: options[name] for name in expected} == expected
+    def build(sources, output, *, options, report, training_report):
+        assert {name: getattr(options, name) for name in expected} == expected
         raise ParameterError("built with these options")
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "names.txt").write_text("# takes\nb\n\nc\n")
     monkeypatch.setattr("choreograph.build", build)
-    assert_one_line(run("build-db", tmp_path, "-o", "r.h5", *given), says="built with these options")
+    says = expected if isinstance(expected, str) else "built with these options"
+    assert_one_line(run("build-db", tmp_path, "-o", "r.h5", *given), says=says)
 
 
 def test_a_list_of_names_must_be_readable(tmp_path):

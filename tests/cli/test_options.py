@@ -68,10 +68,10 @@ def test_the_options_to_repeat_are_few():
         if isinstance(option, click.Option) and option.multiple
     }
     assert repeated == {
-        ("build-db", "--leave-out"), ("dance", "--output"), ("dance", "--pin"), ("dance", "--ban"),
-        ("dance", "--keep"), ("dance", "--set"), ("dance", "--weight"), ("evaluate", "--counted-by"),
-        ("evaluate", "--only"), ("evaluate", "--variants"), ("study write", "--only"),
-        ("study write", "--variants"),
+        ("build-db", "--leave-out"), ("build-db", "--set"), ("dance", "--output"), ("dance", "--pin"),
+        ("dance", "--ban"), ("dance", "--keep"), ("dance", "--set"), ("dance", "--weight"),
+        ("evaluate", "--counted-by"), ("evaluate", "--only"), ("evaluate", "--variants"),
+        ("study write", "--only"), ("study write", "--variants"),
     }  # fmt: skip
 
 
@@ -129,8 +129,11 @@ def test_options_that_another_makes_useless_are_refused(tmp_path, monkeypatch, d
         (("inspect", db, "--signature", "a", "-o", "x.json", "--plots", "x"), "got --json or --plots"),
         (("evaluate", "x.bvh", "x.wav", "--seeds", "5"), "expected --songs beside --seeds, got a DANCE"),
         (("evaluate", "x.bvh", "x.wav", "--seen", "--only", "x"), "beside --only, --seen, got a DANCE"),
-        (("build-db", "x", "-o", "x.h5", "--no-rollout-teacher"), "expected --rollout beside"),
-        (("build-db", "x", "-o", "x.h5", "--published", "--augment-mirror"), "leave out --augment-mirror"),
+        (("build-db", "x", "-o", "x.h5", "--set", "rollout_teacher=false"), "expected --rollout beside"),
+        (
+            ("build-db", "x", "-o", "x.h5", "--published", "--set", "augment_mirror=true"),
+            "decides augment_mirror",
+        ),
     ):
         assert_one_line(run(*arguments), says=says)
         assert not list(tmp_path.iterdir())

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from html import escape
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 from choreograph.core.progress import counted, cut_line, one_line
 from choreograph.core.settings import Range, settings
@@ -122,6 +122,33 @@ class BuildOptions:
         check_bone_map(self.bone_map)
         for config, changes in ((style_config, self.style_changes), (density_config, self.density_changes)):
             config_from_preset({self.preset: config(self.preset)}, self.preset, changes)
+
+
+class BuildSettings(TypedDict, total=False):
+    """The fields of `BuildOptions` as keywords of `build`, for type checkers and editors."""
+
+    preset: Preset
+    density: Density
+    seed: int
+    device: Device
+    beats: Tracker
+    resume: bool
+    init_from: str | Path | None
+    pretrained: Pretrained
+    keep_networks: bool
+    compress: bool
+    rollout: bool
+    rollout_teacher: bool
+    leave_out: Sequence[str]
+    skip_bad: bool
+    lock_feet: bool
+    augment_mirror: bool
+    words: bool
+    style_changes: Mapping[str, Any]
+    density_changes: Mapping[str, Any]
+    allow_outside: bool
+    bone_map: Mapping[str, str] | None
+    method: str
 
 
 # What a build returns.
