@@ -36,16 +36,10 @@ from choreograph.motion.body import body_pos_m
 from choreograph.music.bar_pointer import decode_counts
 from choreograph.music.synthesis.song import STYLES, TempoMap
 from choreograph.nets.count_phases import MotionCountsConfig, motion_counts_config
-from choreograph.nets.motion_counts import (
-    POINTER,
-    CountedMotion,
-    MotionCountsNet,
-    confidence_features,
-    fit_confidence,
-    train_motion_counts,
-)
+from choreograph.nets.motion_counts import POINTER, MotionCountsNet, confidence_features
 from choreograph.nets.style import StyleNets
 from choreograph.nets.training import TrainingContext
+from content.motion_counting import CountedMotion, fit_confidence, train_motion_counts
 from content.moves.genres import GENRES
 from content.moves.sequencer import render_take
 from content.style_networks import built_in_style_takes, style_takes, train_shipped_style

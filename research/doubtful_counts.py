@@ -49,14 +49,8 @@ from choreograph.music.bar_pointer import DecodedCounts, PhaseCurves, count_unce
 from choreograph.music.mel import log_mel
 from choreograph.music.song import Song
 from choreograph.nets.count_phases import motion_counts_config
-from choreograph.nets.motion_counts import (
-    POINTER,
-    CountedMotion,
-    MotionCountsNet,
-    confidence_features,
-    confidence_of,
-    fit_confidence,
-)
+from choreograph.nets.motion_counts import POINTER, MotionCountsNet, confidence_features, confidence_of
+from content.motion_counting import CountedMotion, fit_confidence
 from content.networks import (
     RecordedTake,
     Trial,

@@ -16,7 +16,7 @@ import numpy as np
 
 from choreograph.evaluation.metrics.beat import f_score
 from choreograph.nets.music_counts import activated_beats, decoded_beats, read_music_counts
-from choreograph.nets.music_counts_training import augmented
+from content.music_counting import augmented
 
 THRESHOLDS = np.arange(0.0, 1.01, 0.05)
 

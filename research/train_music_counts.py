@@ -1,4 +1,4 @@
-"""Trains the network that hears counts: `choreograph/nets/counts/music_*.py`.
+"""Trains the network that counts music: `content/music_counting.py`.
 
     python research/train_music_counts.py songs/ -o clean.npz [--seed N] [--songs N] [--steps N] \\
         [--without-genres salsa tango …]
@@ -36,8 +36,8 @@ from choreograph.music.synthesis.song import STYLES
 from choreograph.music.synthesis.sounds import RATE_HZ
 from choreograph.nets.count_phases import music_counts_config
 from choreograph.nets.music_counts import read_music_counts, write_music_counts
-from choreograph.nets.music_counts_training import CountedMel, train_music_counts
 from choreograph.nets.training import TrainingContext, TrainingProgress
+from content.music_counting import CountedMel, train_music_counts
 from content.songs.training_songs import FIRST_SEED, drawn_song, style_of
 
 N_SONGS = 480

@@ -20,7 +20,7 @@ from choreograph.library.builtin import PRETRAINED, pretrained_path, pretrained_
 from choreograph.library.schema import NetArrays
 from choreograph.library.store import read_networks
 from choreograph.library.writing import write_networks
-from choreograph.nets.motion_counts import CountedMotion
+from content.motion_counting import CountedMotion
 from content.moves.genres import GENRES
 from content.networks import (
     N_FOLDS,

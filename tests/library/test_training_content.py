@@ -6,7 +6,7 @@ import numpy as np
 
 from choreograph.core.counts import ANNOTATED, make_counts
 from choreograph.library.building.networks import checksum_of
-from choreograph.nets.motion_counts import CountedMotion
+from content.motion_counting import CountedMotion
 
 COUNTS = make_counts(np.arange(4.0), np.arange(1, 5), 4, source=ANNOTATED)
 TAKE = CountedMotion("a", "waltz", np.zeros((80, 21, 3)), COUNTS)

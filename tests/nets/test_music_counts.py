@@ -18,7 +18,6 @@ from choreograph.music.mel import log_mel
 from choreograph.music.song import Song, load_song
 from choreograph.music.synthesis.song import render_song
 from choreograph.music.synthesis.sounds import RATE_HZ
-from choreograph.nets import music_counts_training as music_augmentation
 from choreograph.nets.count_phases import music_counts_config
 from choreograph.nets.music_counts import (
     CURVE_FPS,
@@ -35,7 +34,8 @@ from choreograph.nets.music_counts import (
     shipped_music_counts,
     write_music_counts,
 )
-from choreograph.nets.music_counts_training import (
+from content import music_counting as music_augmentation
+from content.music_counting import (
     CountedMel,
     MusicCountsData,
     activations,

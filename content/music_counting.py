@@ -17,9 +17,10 @@ from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import MUSIC_FPS, seconds_to_frames
 from choreograph.music.bar_pointer import METRES
-from choreograph.nets.count_phases import MusicCountsConfig, Phases, PhaseTargets, phase_loss, phases_at
+from choreograph.nets.count_phases import MusicCountsConfig
 from choreograph.nets.music_counts import CURVE_FPS, MusicCounts, levelled
 from choreograph.nets.training import TrainingContext, load_pretrained, train
+from content.counted_phases import Phases, PhaseTargets, phase_loss, phases_at
 
 # Log-mel as it might have been recorded elsewhere: other pitch, equalisation, room, noise, voice, breaks.
 #

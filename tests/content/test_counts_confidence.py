@@ -8,7 +8,8 @@ from synthetic_counts import counted
 
 from choreograph.core.errors import ParameterError
 from choreograph.music.bar_pointer import DecodedCounts, PhaseCurves, decode_counts
-from choreograph.nets.motion_counts import N_CONFIDENCE, confidence_features, confidence_of, fit_confidence
+from choreograph.nets.motion_counts import N_CONFIDENCE, confidence_features, confidence_of
+from content.motion_counting import fit_confidence
 
 
 def test_a_planted_relation_is_found():

@@ -11,7 +11,8 @@ from synthetic_counts import counted
 
 from choreograph.core.counts import Counts
 from choreograph.music.bar_pointer import METRES
-from choreograph.nets.count_phases import N_OUTPUTS, PhaseTargets, Trunk, curves_from, phase_loss, phases_at
+from choreograph.nets.count_phases import N_OUTPUTS, Trunk, curves_from
+from content.counted_phases import PhaseTargets, phase_loss, phases_at
 
 
 @given(st.floats(0.3, 1.0), st.sampled_from(METRES), st.floats(0, 29))
