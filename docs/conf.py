@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
+import click
+
 import choreograph
+from choreograph.cli.main import main
 
 project = "choreograph"
 copyright = "the choreograph contributors"
@@ -23,10 +27,14 @@ extensions = [
 root_doc = "index"
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 exclude_patterns = ["README.md"]
+default_role = "literal"
+smartquotes = False
 
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
 
+templates_path = ["_templates"]
+add_module_names = False
 autosummary_generate = True
 autodoc_typehints = "none"  # signatures show them; numpydoc describes the parameters
 autodoc_member_order = "bysource"
@@ -44,14 +52,56 @@ html_theme_options = {
     "footer_start": ["copyright"],
     "footer_end": [],
 }
-html_sidebars = {"index": []}
+html_sidebars = {"index": [], "results": []}
 
 sys.path.insert(0, str(Path(__file__).parent))
+
+ITEM = re.compile(
+    r"(?P<name>\*{0,2}\w[\w, ]*?)(?: : | {2,})(?P<text>\S.*)|(?P<error>\w+Error)\b\s*(?P<cause>.*)"
+)
+
+
+def _name_commands() -> None:
+    """Give each command its name: the function of several is called `command`."""
+    for name in main.list_commands(click.Context(main)):
+        command = main.get_command(click.Context(main), name)
+        assert command is not None
+        command.name = name
 
 
 def _as_literal(_app, _ctx, lines: list[str]) -> None:
     """Examples below a command keep their lines, and `*` in them is no emphasis."""
-    lines[:] = ["::", "", *(f"   {line}" for line in lines if line.strip()), ""] if any(lines) else []
+    kept = [line.removeprefix("| ") for line in lines if line.strip()]
+    lines[:] = [".. code-block:: text", "", *(f"   {line}" for line in kept), ""] if kept else []
+
+
+def _as_numpydoc(_app, _what, _name, _obj, _options, lines: list[str]) -> None:
+    """Write the items of a section as numpydoc has them, and tables as literal text.
+
+    Docstrings here have `name : text`, `name : type   text` or `Error   cause` in a line.
+    """
+    section, made = "", []
+    for number, line in enumerate(lines):
+        following = lines[number + 1] if number + 1 < len(lines) else ""
+        if set(following) == {"-"} and len(following) > 2:
+            section = line
+        if line.startswith("|"):
+            if not lines[number - 1].startswith("|"):
+                made += [".. list-table::", "   :header-rows: 1", ""]
+            if set(line) - set("|- "):
+                cells = [cell.strip() for cell in line.strip("|").split("|")]
+                made += [f"   {'  -' if column else '* -'} {cell}" for column, cell in enumerate(cells)]
+        elif section in ("Parameters", "Raises") and (item := ITEM.fullmatch(line)):
+            kind, _, text = (item["text"] or item["cause"]).rpartition("   ")
+            made += [
+                f"{item['name']} : {kind.strip()}" if kind else item["name"] or item["error"],
+                f"    {text}",
+            ]
+        elif section in ("Parameters", "Raises") and line.startswith(" "):
+            made.append(f"    {line.strip()}")
+        else:
+            made.append(line)
+    lines[:] = made
 
 
 def _draw(app) -> None:
@@ -61,5 +111,7 @@ def _draw(app) -> None:
 
 
 def setup(app) -> None:
+    _name_commands()
     app.connect("sphinx-click-process-epilog", _as_literal)
+    app.connect("autodoc-process-docstring", _as_numpydoc, priority=100)  # before numpydoc's
     app.connect("builder-inited", _draw)
