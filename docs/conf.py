@@ -36,13 +36,17 @@ myst_heading_anchors = 3
 templates_path = ["_templates"]
 add_module_names = False
 autosummary_generate = True
-autodoc_typehints = "none"  # signatures show them; numpydoc describes the parameters
+autodoc_preserve_defaults = True
+autodoc_typehints_format = "short"
+python_maximum_signature_line_length = 72
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
 
 html_theme = "pydata_sphinx_theme"
 html_title = "choreograph"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_theme_options = {
     "show_nav_level": 2,
