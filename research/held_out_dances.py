@@ -33,7 +33,9 @@ def evaluate(pos_m: np.ndarray, music_beats_s: np.ndarray, rng: np.random.Genera
     beats = motion_beat_times_s(pos_m, FPS)
     return {
         **beat.evaluate(beats, music_beats_s),
-        "chance_f": beat.chance_f_score(beats, music_beats_s, duration_s=len(pos_m) / FPS, rng=rng),
+        "chance_f": beat.chance_level(
+            beat.f_score, beats, music_beats_s, duration_s=len(pos_m) / FPS, rng=rng
+        ),
         "slide_cm_s": physical.foot_slide_cm_s(pos_m, FPS),
     }
 

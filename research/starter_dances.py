@@ -47,7 +47,7 @@ def measured(made: cg.Dance, beats_s: np.ndarray) -> dict[str, float]:
         motion_beats = motion_beats[motion_beats < beats_s[-1] + 0.5]
     return {
         "f": beat.f_score(motion_beats, beats_s),
-        "chance": beat.chance_f_score(motion_beats, beats_s, duration_s=len(pos) / FPS, rng=rng),
+        "chance": beat.chance_level(beat.f_score, motion_beats, beats_s, duration_s=len(pos) / FPS, rng=rng),
         "motion_to_music": beat.evaluate(motion_beats, beats_s)["motion_to_music"],
         "slide_cm_s": physical.foot_slide_cm_s(pos, FPS),
         "jerk_ratio": physical.jerk_ratio_at(pos, FPS, np.arange(1.0, made.plan.duration_s)),

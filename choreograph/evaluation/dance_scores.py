@@ -127,15 +127,36 @@ def evaluate(
     beats: str | Path = DEFAULT_TRACKER,
     repertoire: Repertoire | str | Path | None = None,
 ) -> Evaluation:
-    """Measure one dance of any system to a song; with a repertoire also against its takes and motifs.
+    """Measure one dance of any system to a song.
 
-    Dance and song start together, and the longer one is cut. `beats` names a tracker or a file of times.
-    `choreograph evaluate DANCE SONG` prints the result; `evaluation.results.to_json` gives it as text.
+    Dance and song start together, and the longer one is cut. `choreograph evaluate DANCE SONG` prints the
+    result, and `evaluation.results.to_json` returns it as text.
+
+    Parameters
+    ----------
+    motion : Motion   the dance
+    song : Song or path   its song
+    name : str   how the dance is named in the result
+    beats : str or path   a beat tracker, or a file of beat times in seconds
+    repertoire : Repertoire or path, optional   its takes and motifs, to which the dance is compared as well
+
+    Returns
+    -------
+    evaluation : Evaluation   the scores, `evaluation.dances[0].scores.values`, and their chance levels
 
     Raises
     ------
-    ParameterError   if an argument is of another type, a joint's name is unknown, or the beats cannot be used
+    ParameterError   if an argument is of another type, the name of a joint is unknown, or the beats cannot be
+                     used
     FormatError      if the song or the file of beats is damaged
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 8.0)
+    >>> song = cg.load_song(cg.example_songs()["house"], duration_s=8.0)
+    >>> found = cg.evaluate(motion, song)
+    >>> 0 <= found.dances[0].scores.values["f_score"] <= 1
+    True
     """
     check_kind("the motion to evaluate", motion, Motion)
     check_text("the name of a dance", name)

@@ -102,7 +102,8 @@ def _danced_at_s(run: Run, source_times_s: Iterable[float], from_s: float, to_s:
     source_s, grid_s = _map_of(run, from_s, to_s)
     wanted = np.array(sorted(source_times_s))
     wanted = wanted[(wanted >= source_s[0]) & (wanted <= source_s[-1])]
-    return np.interp(wanted, source_s, grid_s).tolist()
+    result: list[float] = np.interp(wanted, source_s, grid_s).tolist()
+    return result
 
 
 def _map_of(run: Run, from_s: float, to_s: float) -> tuple[Floats, Floats]:

@@ -163,7 +163,8 @@ class MotifScorer:
 
     def template(self, genre: str) -> Floats:
         """The signature (K,) of a genre, or of all genres if the repertoire does not have it."""
-        return self.vocabulary.signatures[self.vocabulary.genre_index(self._known(genre))]
+        result: Floats = self.vocabulary.signatures[self.vocabulary.genre_index(self._known(genre))]
+        return result
 
     def scores(self, danced: DancedMotifs, genre: str) -> Scores:
         """Distance of the motifs to the genre's signature, and surprisal of their transitions.

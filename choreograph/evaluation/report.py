@@ -6,6 +6,7 @@ import base64
 import html
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from choreograph.core.files import atomic_path, check_target
 from choreograph.evaluation import plots
@@ -20,6 +21,9 @@ from choreograph.evaluation.results import (
     song_table,
     tables,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _ARROWS = {"higher": "↑", "lower": "↓", "real": "≈"}
 _ARROW_TITLES = {"higher": "higher is better", "lower": "lower is better", "real": "closer to real is better"}
@@ -164,7 +168,7 @@ def _figures(evaluation: Evaluation) -> list[str]:
     return [*sections, poses]
 
 
-def _svg(figure) -> str:
+def _svg(figure: Figure) -> str:
     return f"<div class=scroll>{plots.to_svg(figure)}</div>"
 
 

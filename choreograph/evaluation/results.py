@@ -189,7 +189,7 @@ def to_json(evaluation: Evaluation) -> str:
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _dance_data(dance: MeasuredDance) -> dict:
+def _dance_data(dance: MeasuredDance) -> dict[str, Any]:
     return {
         "variant": dance.variant,
         "song": dance.song,

@@ -1,4 +1,7 @@
-"""Metrics of dances: in each module `validate`, one function per metric, and `evaluate` for all by name.
+"""Metrics of dances of any system.
+
+Each module has a function for each metric and `evaluate` for all of them by name. Most have `validate`, which
+checks the input. Functions take arrays. Their docstrings give units, range, and which direction is better.
 
 Music and dance
 
@@ -14,14 +17,22 @@ Music and dance
 Realism
 
 - `fid` — FID_k, FID_g and diversity of kinetic and geometric features
-- `frechet` — Fréchet distance of Gaussians; FPD of poses and FMD of movements
-- `references` — halves of the real data and chance dances, to read distances by
+- `frechet` — Fréchet distance of Gaussians, FPD of poses and FMD of movements
+- `references` — halves of the real data and chance dances, with which distances are compared
 
 Physics
 
 - `physical` — foot sliding, floor penetration, floating, jerk and speed at transitions, bone lengths
 - `endings` — speed at the first and last pose, and when the last one is held
 - `contact_scores` — PFC and foot skating ratio as published, and corrected
+
+Examples
+--------
+>>> music_s = np.array([0.5, 1.0, 1.5, 2.0])
+>>> cg.metrics.beat.f_score(music_s + 0.03, music_s)  # motion beats 30 ms after the music
+1.0
+>>> cg.metrics.counts.counts_within(music_s + 0.25, music_s)  # counts between the beats
+0.0
 """
 
 import lazy_loader

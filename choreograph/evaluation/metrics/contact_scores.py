@@ -1,12 +1,13 @@
 """Published foot contact scores: PFC, the physical foot contact score, and FSR, the foot skating ratio.
 
-Conventions: body positions (T, 21, 3) in metres at any rate, resampled to the 30 fps at which both scores
-count frames; Y up, the floor at y = 0. Lower is better. `validate` raises `ParameterError` for positions that
-are not finite or have another shape, and for an invalid rate.
+Conventions: body positions (T, 21, 3) are in metres at any rate. They are resampled to the 30 fps at which
+both scores count frames. Y is up and the floor is at y = 0. Lower is better. `validate` raises
+`ParameterError` for positions that are not finite or have another shape, and for an invalid rate.
 
-**PFC**, physical foot contact score (Tseng et al., EDGE, CVPR 2023; as in its public code): a body can only
-accelerate if a foot stands on the floor, so acceleration while both feet slide is penalised. Known
-weaknesses, which `variant="published"` keeps:
+**PFC** is the physical foot contact score of EDGE (Tseng et al., CVPR 2023), as in its public code. A body
+can only accelerate if a foot stands on the floor, so acceleration while both feet slide is penalised. The
+score is the mean product of the acceleration and of the speeds of both feet. `variant="published"` keeps its
+weaknesses:
 
 - Acceleration is divided by its maximum *in the sequence*. One glitch makes everything else look clean, and a
   long dance scores better than its own pieces. `variant="pieces"` is the mean over pieces of 5 s and compares
@@ -18,10 +19,10 @@ weaknesses, which `variant="published"` keeps:
 - Displacements are per frame, not per second: at 60 fps the score is a quarter of the one at 30. Hence the
   fixed rate. The final factor of 10,000 is from the public code.
 
-**FSR**, foot skating ratio (Li et al., LODGE, CVPR 2024; as in its public code): of the frames in which a
-foot is in contact, the share in which it slides. In contact means an ankle at most 8 cm and a toe joint at
-most 5 cm above the ground; sliding means more than 1 cm from frame to frame, for ankle or toe. Known bugs,
-which `variant="published"` keeps and `"corrected"` fixes:
+**FSR** is the foot skating ratio of LODGE (Li et al., CVPR 2024), as in its public code. It is the share of
+the frames with contact in which the foot slides. A foot is in contact if the ankle is at most 8 cm and the
+toe joint at most 5 cm above the ground. It slides if the ankle or the toe moves more than 1 cm from frame to
+frame. `variant="published"` keeps these errors of the code, and `"corrected"` fixes them:
 
 - The value compared with 1 cm is the *signed* mean of the displacement's two horizontal components: a foot
   that slides along x = -z counts as still, and the ratio depends on the dancer's heading. Corrected: the
@@ -57,15 +58,31 @@ _TOES = [BODY_JOINTS.index("left_foot"), BODY_JOINTS.index("right_foot")]
 
 
 def validate(body_pos_m: Floats, fps: float) -> None:
-    """Raise `ParameterError` unless positions are finite, (T, 21, 3) and not empty, and `fps` is positive."""
+    """Raise `ParameterError` unless positions are finite, (T, 21, 3) and not empty, and `fps` is positive.
+
+    Examples
+    --------
+    >>> cg.metrics.contact_scores.validate(np.zeros((60, 21, 3)), 30.0)
+    >>> cg.metrics.contact_scores.validate(np.zeros((60, 3)), 30.0)
+    Traceback (most recent call last):
+        ...
+    choreograph.core.errors.ParameterError: expected body positions ... (60, 3)
+    """
     checked_body_pos_m(body_pos_m, fps)
 
 
 def pfc(body_pos_m: Floats, fps: float, *, variant: Literal["published", "pieces"] = "published") -> float:
-    """EDGE's physical foot contact score, 0 if nothing moves; its weaknesses are listed in the module.
+    """Physical foot contact score of EDGE, 0 or more. Lower is better, and 0 means that nothing moves.
 
-    A dance of fewer than three frames at 30 fps has no acceleration and scores 0. Raises `ParameterError` as
-    `validate` does, and for an unknown variant.
+    The module's docstring gives the formula and its weaknesses. A dance of fewer than three frames at 30 fps
+    has no acceleration and scores 0. Raises `ParameterError` as `validate` does, and for an unknown variant.
+
+    Examples
+    --------
+    >>> still_m = np.zeros((60, 21, 3))
+    >>> slide_m = still_m + (np.arange(60) / 30)[:, None, None] ** 2  # both feet slide faster and faster
+    >>> cg.metrics.contact_scores.pfc(still_m, 30.0), cg.metrics.contact_scores.pfc(slide_m, 30.0) > 10
+    (0.0, True)
     """
     validate(body_pos_m, fps)
     _check_variant(variant, ("published", "pieces"))
@@ -79,10 +96,19 @@ def pfc(body_pos_m: Floats, fps: float, *, variant: Literal["published", "pieces
 def foot_skating_ratio(
     body_pos_m: Floats, fps: float, *, variant: Literal["published", "corrected"] = "corrected"
 ) -> float:
-    """LODGE's foot skating ratio, 0 … 1, the mean over both feet; `nan` if neither is ever in contact.
+    """Foot skating ratio of LODGE, 0 to 1, the mean over both feet. Lower is better.
 
-    A foot without contact is left out (the published code then returns nan for the whole data set). Raises
+    It is the share of the frames with contact in which the foot moves more than 1 cm per 1/30 s. A foot
+    without contact is left out, and the result is nan if neither foot is ever in contact. Raises
     `ParameterError` as `validate` does, and for an unknown variant.
+
+    Examples
+    --------
+    >>> still_m = np.zeros((60, 21, 3))
+    >>> slide_m = still_m.copy()
+    >>> slide_m[:, :, 0] = np.arange(60)[:, None] / 30  # 1 m/s, on the floor
+    >>> [cg.metrics.contact_scores.foot_skating_ratio(pos_m, 30.0) for pos_m in (still_m, slide_m)]
+    [0.0, 1.0]
     """
     validate(body_pos_m, fps)
     _check_variant(variant, ("published", "corrected"))
@@ -107,7 +133,13 @@ def foot_skating_ratio(
 
 @default_numerics()
 def evaluate(body_pos_m: Floats, fps: float) -> dict[str, float]:
-    """All metrics of this module by name. Raises `ParameterError` as `validate` does."""
+    """All metrics of this module by name. Raises `ParameterError` as `validate` does.
+
+    Examples
+    --------
+    >>> cg.metrics.contact_scores.evaluate(np.zeros((60, 21, 3)), 30.0)["pfc"]
+    0.0
+    """
     return {
         "foot_skating_ratio": foot_skating_ratio(body_pos_m, fps),
         "foot_skating_ratio_published": foot_skating_ratio(body_pos_m, fps, variant="published"),

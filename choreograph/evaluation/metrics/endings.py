@@ -1,9 +1,9 @@
-"""Endings: whether a dance begins in a held pose and closes in one, on time.
+"""Endings: whether a dance begins and ends in a held pose, and whether it ends on time.
 
 Conventions: body positions (T, 21, 3) in metres at `fps`. Speed is the mean over the joints of the distance
-covered in 1/60 s, in m/s, root motion included; a pose is held while it is below `HELD_M_S` (breathing and
-marker noise of a standing dancer are 0.03 to 0.1). A body that never moves is held throughout: read these
-beside the speed of the dance itself.
+covered in 1/60 s, in m/s, with root motion. A pose is held while the speed is below `HELD_M_S`. Breathing and
+marker noise of a standing dancer are 0.03 to 0.1 m/s. A body that never moves is held throughout, so compare
+these values with the speed of the dance itself.
 """
 
 from __future__ import annotations
@@ -23,24 +23,57 @@ HELD_M_S = 0.15
 
 
 def validate(body_pos_m: Floats, fps: float, last_strong_s: float | None = None) -> None:
-    """Raise `ParameterError` unless positions (T, 21, 3), rate and the time of the count are valid."""
+    """Raise `ParameterError` unless positions (T, 21, 3), rate and the time of the count are valid.
+
+    Examples
+    --------
+    >>> cg.metrics.endings.validate(np.zeros((60, 21, 3)), 60.0, last_strong_s=0.5)
+    >>> cg.metrics.endings.validate(np.zeros((60, 21, 3)), 60.0, last_strong_s=np.nan)
+    Traceback (most recent call last):
+        ...
+    choreograph.core.errors.ParameterError: expected the last strong count in seconds, got nan
+    """
     checked_body_pos_m(body_pos_m, fps)
     if last_strong_s is not None and not np.isfinite(last_strong_s):
         raise ParameterError(f"expected the last strong count in seconds, got {last_strong_s}")
 
 
 def opening_speed_m_s(body_pos_m: Floats, fps: float, *, span_s: float = END_S) -> float:
-    """Mean joint speed in the first `span_s`, m/s; nan for a single frame."""
+    """Mean joint speed in the first `span_s`, in m/s. Low is a held pose. nan for a single frame.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((180, 21, 3))  # 2 s of 1 m/s, then 1 s of standing still
+    >>> pos_m[:, :, 0] = np.minimum(np.arange(180) / 60, 2.0)[:, None]
+    >>> round(cg.metrics.endings.opening_speed_m_s(pos_m, 60.0), 2)
+    1.0
+    """
     return _mean(_speed(body_pos_m, fps)[1][: _frames(span_s)])
 
 
 def closing_speed_m_s(body_pos_m: Floats, fps: float, *, span_s: float = END_S) -> float:
-    """Mean joint speed in the last `span_s`, m/s; nan for a single frame."""
+    """Mean joint speed in the last `span_s`, in m/s. Low is a held pose. nan for a single frame.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((180, 21, 3))  # 2 s of 1 m/s, then 1 s of standing still
+    >>> pos_m[:, :, 0] = np.minimum(np.arange(180) / 60, 2.0)[:, None]
+    >>> cg.metrics.endings.closing_speed_m_s(pos_m, 60.0)
+    0.0
+    """
     return _mean(_speed(body_pos_m, fps)[1][-_frames(span_s) :])
 
 
 def held_from_s(body_pos_m: Floats, fps: float, *, held_m_s: float = HELD_M_S) -> float:
-    """The time from which the pose is held to the end of the dance; nan if it moves to the end."""
+    """The time from which the pose is held to the end of the dance, in seconds. nan if it moves to the end.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((180, 21, 3))  # 2 s of 1 m/s, then 1 s of standing still
+    >>> pos_m[:, :, 0] = np.minimum(np.arange(180) / 60, 2.0)[:, None]
+    >>> cg.metrics.endings.held_from_s(pos_m, 60.0)
+    2.0
+    """
     times_s, speed = _speed(body_pos_m, fps)
     if len(speed) == 0:
         return 0.0
@@ -51,14 +84,30 @@ def held_from_s(body_pos_m: Floats, fps: float, *, held_m_s: float = HELD_M_S) -
 
 
 def hold_delay_s(body_pos_m: Floats, fps: float, last_strong_s: float) -> float:
-    """Seconds from the last strong count to the pose held; below 0 if it is held before; nan if never."""
+    """Seconds from the last strong count to the held pose. 0 is on time.
+
+    The delay is negative if the pose is held earlier, and nan if it is never held.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((180, 21, 3))  # 2 s of 1 m/s, then 1 s of standing still
+    >>> pos_m[:, :, 0] = np.minimum(np.arange(180) / 60, 2.0)[:, None]
+    >>> cg.metrics.endings.hold_delay_s(pos_m, 60.0, last_strong_s=1.5)
+    0.5
+    """
     validate(body_pos_m, fps, last_strong_s)
     return held_from_s(body_pos_m, fps) - last_strong_s
 
 
 @default_numerics()
 def evaluate(body_pos_m: Floats, fps: float, last_strong_s: float | None = None) -> dict[str, float]:
-    """All metrics of this module by name; the delay only with the song's last strong count."""
+    """All metrics of this module by name. The delay needs the last strong count of the song.
+
+    Examples
+    --------
+    >>> cg.metrics.endings.evaluate(np.zeros((60, 21, 3)), 60.0)
+    {'opening_speed_m_s': 0.0, 'closing_speed_m_s': 0.0, 'closing_held': 1.0}
+    """
     validate(body_pos_m, fps, last_strong_s)
     scores = {
         "opening_speed_m_s": opening_speed_m_s(body_pos_m, fps),

@@ -1,12 +1,12 @@
 """Energy response: whether a dance is bigger where its song is louder, section by section.
 
-Conventions: body positions (T, 21, 3) in metres at `fps`; the song's sections by their bounds (S + 1,) in
-seconds and their loudness (S,) in dB. Motion size is measured in two ways, neither of which sees where the
-dancer travels: speed is the mean of 20 joints' speed relative to the pelvis, in m/s; space the volume of
-the convex hull of those joints, in litres. A section counts from `LEAST_S` danced seconds
-on; held poses at both ends are left out. Songs whose sections differ by less than `LEAST_RANGE_DB`, or that
-have fewer than three, tell nothing: nan. Read correlations over one song's few sections as a mean of many
-songs, or pool them by `pooled_response`. Dances may change more than their size with the music.
+Conventions: body positions (T, 21, 3) are in metres at `fps`. The sections of the song are given by their
+bounds (S + 1,) in seconds and their loudness (S,) in dB. Motion size is measured in two ways, and travelling
+does not count in either. Speed is the mean speed of 20 joints relative to the pelvis, in m/s. Space is the
+volume of the convex hull of those joints, in litres. A section counts if at least `LEAST_S` seconds of it are
+danced. Held poses at both ends are left out. The metrics are nan for songs of fewer than three sections, or
+whose sections differ by less than `LEAST_RANGE_DB`. Average the correlations of many songs, or pool them by
+`pooled_response`, because one song has few sections. Dances may change more than their size with the music.
 """
 
 from __future__ import annotations
@@ -41,7 +41,16 @@ def validate(
     bounds_s: Sequence[float] | Floats,
     loudness_db: Sequence[float] | Floats,
 ) -> None:
-    """Raise `ParameterError` unless positions, rate, times, increasing bounds (S + 1,), loudness (S,) fit."""
+    """Raise `ParameterError` unless positions, rate, times, increasing bounds (S + 1,) and loudness (S,) fit.
+
+    Examples
+    --------
+    >>> cg.metrics.energy_response.validate(np.zeros((60, 21, 3)), 20.0, (0.0, 3.0), [0.0, 3.0], [-10.0])
+    >>> cg.metrics.energy_response.validate(np.zeros((60, 21, 3)), 20.0, (3.0, 0.0), [0.0, 3.0], [-10.0])
+    Traceback (most recent call last):
+        ...
+    choreograph.core.errors.ParameterError: expected when the dance begins and ends in seconds, got (3.0, 0.0)
+    """
     checked_body_pos_m(body_pos_m, fps)
     if not (np.isfinite(danced_s).all() and 0 <= danced_s[0] < danced_s[1]):
         raise ParameterError(f"expected when the dance begins and ends in seconds, got {danced_s}")
@@ -57,7 +66,14 @@ def validate(
 def section_loudness_db(
     samples: NDArray[np.floating], rate_hz: float, bounds_s: Sequence[float] | Floats
 ) -> Floats:
-    """Level (S,) of each section of a song's samples (N,): their root mean square in dB of full scale."""
+    """Level (S,) of each section of the samples (N,) of a song: the root mean square in dB of full scale.
+
+    Examples
+    --------
+    >>> samples = np.concatenate([np.ones(100), np.full(100, 0.1)])
+    >>> cg.metrics.energy_response.section_loudness_db(samples, 100.0, bounds_s=[0.0, 1.0, 2.0]).round(2)
+    array([  0., -20.])
+    """
     levels = []
     for start_s, stop_s in pairwise(np.asarray(bounds_s, np.float64)):
         part = np.asarray(samples[round(start_s * rate_hz) : round(stop_s * rate_hz)], np.float64)
@@ -67,7 +83,15 @@ def section_loudness_db(
 
 
 def motion_size(body_pos_m: Floats, fps: float) -> Sizes:
-    """Speed (T',) in m/s and space (T',) in litres of each frame at 20 fps."""
+    """Speed (T',) in m/s and space (T',) in litres of each frame at 20 fps.
+
+    Examples
+    --------
+    >>> pose_m = np.random.default_rng(0).normal(0.0, 0.3, (21, 3))
+    >>> speed, space = cg.metrics.energy_response.motion_size(np.tile(pose_m, (40, 1, 1)), 20.0)  # held
+    >>> speed.max(), bool(space.min() > 0)
+    (np.float64(0.0), True)
+    """
     pos = body_pos_at(body_pos_m, fps, NET_FPS)
     relative = np.delete(pos - pos[:, [_PELVIS]], _PELVIS, axis=1)  # (T', 20, 3)
     space = 1000.0 * np.array([_hull_m3(pose) for pose in relative])
@@ -87,7 +111,14 @@ def _hull_m3(points_m: Floats) -> float:
 def section_means(
     values: Floats, bounds_s: Sequence[float] | Floats, danced_s: tuple[float, float]
 ) -> Floats:
-    """Means (S,) of values (T',) at 20 fps over the danced part of each section; nan if it is too short."""
+    """Means (S,) of values (T',) at 20 fps over the danced part of each section. nan if it is too short.
+
+    Examples
+    --------
+    >>> values = np.repeat([1.0, 2.0], 80)  # two sections of 4 s
+    >>> cg.metrics.energy_response.section_means(values, [0.0, 4.0, 8.0], danced_s=(0.0, 8.0))
+    array([1., 2.])
+    """
     times_s = np.arange(len(values)) / NET_FPS
     moving = (times_s >= danced_s[0]) & (times_s < danced_s[1])
     means = []
@@ -98,31 +129,55 @@ def section_means(
 
 
 def response(loudness_db: Sequence[float] | Floats, size: Sequence[float] | Floats) -> float:
-    """Correlation of loudness (S,) and motion size (S,) over a song's sections; sections of size nan do not
-    count. nan if the song tells nothing, 0 for a dance of one size.
+    """Correlation of loudness (S,) and motion size (S,) over the sections of a song, -1 to 1.
+
+    Higher is better. Sections whose size is nan are left out. The result is 0 for a dance of constant size,
+    and nan for a song of fewer than three sections or a range below 2 dB.
+
+    Examples
+    --------
+    >>> loudness_db = [-20.0, -15.0, -10.0]
+    >>> [round(cg.metrics.energy_response.response(loudness_db, size), 2) for size in ([1, 2, 3], [3, 2, 1])]
+    [1.0, -1.0]
     """
-    loudness, sizes = _telling(loudness_db, size)
+    loudness, sizes = _measurable(loudness_db, size)
     return _correlation(loudness, sizes) if len(loudness) else float("nan")
 
 
 def soft_to_loud(loudness_db: Sequence[float] | Floats, size: Sequence[float] | Floats) -> float:
-    """Motion size in the softest section over that in the loudest; nan if the song tells nothing."""
-    loudness, sizes = _telling(loudness_db, size)
+    """Motion size in the softest section divided by that in the loudest, 0 or more. Below 1 follows the song.
+
+    The result is nan for songs that `response` cannot measure, and if the loudest section has no motion.
+
+    Examples
+    --------
+    >>> cg.metrics.energy_response.soft_to_loud([-20.0, -15.0, -10.0], [1.0, 2.0, 4.0])
+    0.25
+    """
+    loudness, sizes = _measurable(loudness_db, size)
     if len(loudness) == 0 or sizes[loudness.argmax()] <= 0:
         return float("nan")
     return float(sizes[loudness.argmin()] / sizes[loudness.argmax()])
 
 
 def pooled_response(songs: Sequence[tuple[Floats, Floats]]) -> float:
-    """Correlation over the sections of all songs that tell, given as (loudness_db (S,), size (S,)).
+    """Correlation over the sections of all songs, given as (loudness_db (S,), size (S,)), -1 to 1.
 
-    Loudness is centred by song, size divided by the song's mean: genres and tempi do not count.
+    The loudness of a song is centred and its motion size divided by the mean of the song, so that genres and
+    tempi do not count. Songs that `response` cannot measure are left out. Higher is better.
+
+    Examples
+    --------
+    >>> loudness_db, size = np.array([-20.0, -15.0, -10.0]), np.array([1.0, 2.0, 3.0])
+    >>> songs = [(loudness_db, size), (loudness_db + 6, 10 * size)]
+    >>> round(cg.metrics.energy_response.pooled_response(songs), 2)
+    1.0
     """
-    telling = [pair for pair in (_telling(*song) for song in songs) if len(pair[0]) and pair[1].mean() > 0]
-    if not telling:
+    known = [pair for pair in (_measurable(*song) for song in songs) if len(pair[0]) and pair[1].mean() > 0]
+    if not known:
         return float("nan")
-    loudness = np.concatenate([loudness - loudness.mean() for loudness, _ in telling])
-    return _correlation(loudness, np.concatenate([size / size.mean() - 1.0 for _, size in telling]))
+    loudness = np.concatenate([loudness - loudness.mean() for loudness, _ in known])
+    return _correlation(loudness, np.concatenate([size / size.mean() - 1.0 for _, size in known]))
 
 
 @default_numerics()
@@ -133,7 +188,16 @@ def evaluate(
     bounds_s: Sequence[float] | Floats,
     loudness_db: Sequence[float] | Floats,
 ) -> dict[str, float]:
-    """All metrics of one dance by name; it is danced from the first to the second of `danced_s`."""
+    """All metrics of one dance by name. It is danced from the first to the second time of `danced_s`.
+
+    Examples
+    --------
+    >>> size = np.repeat([1.0, 2.0, 3.0], 80)[:, None, None]  # three sections of 4 s at 20 fps
+    >>> pos_m = size * np.random.default_rng(0).normal(0.0, 0.1, (240, 21, 3))
+    >>> song = {"danced_s": (0, 12), "bounds_s": [0, 4, 8, 12], "loudness_db": [-20, -15, -10]}
+    >>> round(cg.metrics.energy_response.evaluate(pos_m, 20.0, **song)["energy_response"], 1)
+    1.0
+    """
     validate(body_pos_m, fps, danced_s, bounds_s, loudness_db)
     return _scores(motion_size(body_pos_m, fps), danced_s, bounds_s, loudness_db)
 
@@ -148,7 +212,17 @@ def evaluate_chance(
     *,
     rounds: int = 100,
 ) -> dict[str, float]:
-    """Means of the same metrics with the danced part turned round in time, in so many even steps."""
+    """Means of the same metrics after rotations of the danced part in time, in `rounds` equal steps.
+
+    Examples
+    --------
+    >>> size = np.repeat([1.0, 2.0, 3.0], 80)[:, None, None]  # three sections of 4 s at 20 fps
+    >>> pos_m = size * np.random.default_rng(0).normal(0.0, 0.1, (240, 21, 3))
+    >>> song = {"danced_s": (0, 12), "bounds_s": [0, 4, 8, 12], "loudness_db": [-20, -15, -10]}
+    >>> chance = cg.metrics.energy_response.evaluate_chance(pos_m, 20.0, **song, rounds=11)
+    >>> abs(chance["energy_response"]) < 0.3
+    True
+    """
     validate(body_pos_m, fps, danced_s, bounds_s, loudness_db)
     sizes = motion_size(body_pos_m, fps)
     turns = [turned_round(sizes, danced_s, (i + 1) / (rounds + 1)) for i in range(rounds)]
@@ -157,7 +231,14 @@ def evaluate_chance(
 
 
 def turned_round(sizes: Sizes, danced_s: tuple[float, float], turn: float) -> Sizes:
-    """`motion_size` with the danced part later by a share of its length, its end wrapped to its start."""
+    """`motion_size` with the danced part rotated by a share of its length, its end wrapped to its start.
+
+    Examples
+    --------
+    >>> sizes = np.arange(4.0), np.arange(4.0)  # 0.2 s at 20 fps
+    >>> cg.metrics.energy_response.turned_round(sizes, (0.0, 0.2), turn=0.25)[0]
+    array([3., 0., 1., 2.])
+    """
     first, stop = (min(len(sizes[0]), round(time_s * NET_FPS)) for time_s in danced_s)
     speed, space = (values.copy() for values in sizes)
     for values in (speed, space):
@@ -185,7 +266,9 @@ def _mean_of_known(values: Sequence[float]) -> float:
     return float(np.mean(known)) if known else float("nan")
 
 
-def _telling(loudness_db: Sequence[float] | Floats, size: Sequence[float] | Floats) -> tuple[Floats, Floats]:
+def _measurable(
+    loudness_db: Sequence[float] | Floats, size: Sequence[float] | Floats
+) -> tuple[Floats, Floats]:
     """Loudness and size of the sections that count; none if they are too few or too alike."""
     loudness, sizes = np.asarray(loudness_db, np.float64), np.asarray(size, np.float64)
     if loudness.shape != sizes.shape or loudness.ndim != 1:

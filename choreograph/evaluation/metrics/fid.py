@@ -4,7 +4,7 @@ Kinetic features (Onuma, Faloutsos, Hodgins 2008): for each of 24 joints the mea
 the mean squared vertical velocity and the mean acceleration, 72 numbers. Geometric features (Müller, Röder,
 Clausen 2005): the shares of frames in which 32 relations hold (see `geometric_relations`). FID_k and FID_g
 are squared Fréchet distances between a set of dances and real dances in these features. Div_k and Div_g (also
-Dist_k, Dist_g) are the mean distance between two dances of the set.
+called Dist_k and Dist_g) are the mean distance between two dances of the set.
 
 Conventions: positions (T, 24, 3) of the canonical joints in metres, Y up, at any rate. Both variants first
 resample to 60 fps by cubic splines, the rate of AIST++ and of the published tables, because windows are five
@@ -17,8 +17,8 @@ has bugs:
   earlier velocity p_t − p_{t−1}/dt, so the "acceleration" is mostly 3600 times the position and depends on
   where the dancer stands. As in Bailando's evaluation, the origin is the pelvis in the first frame (AIST++
   uses the world origin). Bailando's repository has since fixed the bracket, so newer tables may be right.
-  Geometric: dt is 1/120 s at 60 fps, so all speeds count double; some relations use the wrong joints or sides
-  (`geometric_relations`); lengths are those of one body model. AI Choreographer's own table comes from a
+  Geometric: dt is 1/120 s at 60 fps, so all speeds count double. Some relations use the wrong joints or sides
+  (`geometric_relations`). Lengths are those of one body model. AI Choreographer's own table comes from a
   still older feature extractor, as its authors say.
 - "corrected": a true acceleration, the true dt, the relations of the original authors, and the dancer's own
   lengths. Position and heading change nothing, and a mirror only swaps left and right.
@@ -73,9 +73,16 @@ class DanceFeatures:
 
 
 def canonical_pos_m(motion: Motion) -> Floats:
-    """World positions (T, 24, 3) of the canonical joints in metres; a joint the rig lacks is at its parent.
+    """World positions (T, 24, 3) of the canonical joints in metres.
 
-    Raises `ParameterError` if the rig's joint names are unknown.
+    A joint that the rig lacks is at its parent. Raises `ParameterError` if the joint names of the rig are
+    unknown.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> cg.metrics.fid.canonical_pos_m(motion).shape[1:]
+    (24, 3)
     """
     return motion.joint_pos_m()[:, body_indices(motion.skeleton, CANONICAL_JOINTS)]
 
@@ -84,6 +91,11 @@ def validate(pos_m: NDArray[np.floating], fps: float, variant: Variant) -> Float
     """Positions (T, 24, 3) resampled to 60 fps, (T', 24, 3).
 
     Raises `ParameterError` unless positions are finite, T' is at least 3, and rate and variant are valid.
+
+    Examples
+    --------
+    >>> cg.metrics.fid.validate(np.zeros((30, 24, 3)), 30.0, "corrected").shape
+    (59, 24, 3)
     """
     if variant not in ("published", "corrected"):
         raise ParameterError(f"expected variant 'published' or 'corrected', got {variant!r}")
@@ -108,6 +120,13 @@ def kinetic(pos_m: NDArray[np.floating], fps: float, *, variant: Variant = "corr
 
     Velocities and accelerations are averaged over five frames (fewer at the ends) before their length is
     taken. Raises `ParameterError` as `validate` does.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((60, 24, 3))
+    >>> pos_m[:, :, 0] = 2.0 * np.arange(60)[:, None] / 60  # along x at 2 m/s
+    >>> cg.metrics.fid.kinetic(pos_m, 60.0).reshape(24, 3)[0].round(6)
+    array([4., 0., 0.])
     """
     pos, dt_s = validate(pos_m, fps, variant), 1.0 / FEATURE_FPS
     pos = pos - pos[:1, :1]
@@ -119,13 +138,21 @@ def kinetic(pos_m: NDArray[np.floating], fps: float, *, variant: Variant = "corr
     horizontal = np.sum(mean_velocity[..., [0, 2]] ** 2, axis=-1)
     vertical = mean_velocity[..., 1] ** 2
     effort = np.linalg.norm(_windowed_mean(acceleration, len(velocity)), axis=-1)
-    return np.stack([horizontal, vertical, effort], axis=-1).mean(axis=0).reshape(-1)  # (72,)
+    result: Floats = np.stack([horizontal, vertical, effort], axis=-1).mean(axis=0).reshape(-1)  # (72,)
+    return result
 
 
 def geometric(pos_m: NDArray[np.floating], fps: float, *, variant: Variant = "corrected") -> Floats:
-    """Geometric features (32,) of positions (T, 24, 3): shares of the frames, 0 … 1.
+    """Geometric features (32,) of positions (T, 24, 3): shares of the frames, 0 to 1.
 
     Raises `ParameterError` as `validate` does.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> shares = cg.metrics.fid.geometric(cg.metrics.fid.canonical_pos_m(motion), motion.fps)
+    >>> shares.shape, bool(shares.min() >= 0), bool(shares.max() <= 1)
+    ((32,), True, True)
     """
     pos = validate(pos_m, fps, variant)
     if variant == "published":
@@ -140,9 +167,15 @@ def geometric(pos_m: NDArray[np.floating], fps: float, *, variant: Variant = "co
 def features_of(
     motions: Sequence[Motion], *, variant: Variant = "corrected", piece_s: float = PIECE_S
 ) -> DanceFeatures:
-    """Features of each full piece of `piece_s` seconds of each motion; a shorter motion is one piece.
+    """Features of each full piece of `piece_s` seconds of each motion. A shorter motion is one piece.
 
     Raises `ParameterError` if there is no motion, and as `canonical_pos_m` and `validate` do.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> cg.metrics.fid.features_of([motion], piece_s=1.0).kinetic.shape
+    (4, 72)
     """
     if len(motions) == 0:
         raise ParameterError("expected at least one motion, got none")
@@ -159,9 +192,17 @@ def features_of(
 
 
 def fid(features: Floats, real: Floats, *, variant: Variant = "corrected", normalised: bool = True) -> float:
-    """Squared Fréchet distance between features (N, D) and those of real dances (N', D).
+    """Squared Fréchet distance between features (N, D) and those of real dances (N', D). Lower is better.
 
-    Raises `ParameterError` if a set has fewer than two rows, or the sets differ in D.
+    0 means equal means and covariances. Raises `ParameterError` if a set has fewer than two rows, or the sets
+    differ in D.
+
+    Examples
+    --------
+    >>> real = np.random.default_rng(0).normal(size=(200, 4))
+    >>> one_spread_off = real + real.std(axis=0)
+    >>> abs(round(cg.metrics.fid.fid(real, real), 6)), round(cg.metrics.fid.fid(one_spread_off, real), 6)
+    (0.0, 4.0)
     """
     _check_sets(features, real)
     sides = (_normalised(side, real, variant) if normalised else side for side in (features, real))
@@ -173,7 +214,13 @@ def diversity(
 ) -> float:
     """Mean Euclidean distance between two rows of features (N, D), normalised by the real ones (N', D).
 
-    Raises `ParameterError` as `fid` does.
+    Nearer to that of the real dances is better. Raises `ParameterError` as `fid` does.
+
+    Examples
+    --------
+    >>> real = np.array([[0.0], [2.0]])  # of standard deviation 1
+    >>> cg.metrics.fid.diversity(real, real), cg.metrics.fid.diversity(np.ones((2, 1)), real)
+    (2.0, 0.0)
     """
     _check_sets(features, real)
     return float(pdist(_normalised(features, real, variant) if normalised else features).mean())
@@ -184,6 +231,14 @@ def evaluate(dances: DanceFeatures, real: DanceFeatures, *, normalised: bool = T
     """FID and diversity for both kinds of features by name, and the diversity of the real set as the target.
 
     Raises `ParameterError` if the variants differ, or a set has fewer than two dances.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> features = cg.metrics.fid.features_of([motion], piece_s=1.0)
+    >>> scores = cg.metrics.fid.evaluate(features, features)  # a set against itself
+    >>> round(scores["fid_k"], 6) == 0, scores["diversity_k"] == scores["real_diversity_k"]
+    (True, True)
     """
     if dances.variant != real.variant:
         raise ParameterError(f"expected features of one variant, got {dances.variant} and {real.variant}")
@@ -204,7 +259,8 @@ def _windowed_mean(values: Floats, n_frames: int) -> Floats:
     sums = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])  # (N + 1, ...)
     rows = np.arange(n_frames)
     low, high = np.maximum(rows - _WINDOW, 0), np.minimum(rows + _WINDOW + 1, len(values))
-    return (sums[high] - sums[low]) / (high - low).reshape(-1, *[1] * (values.ndim - 1))
+    result: Floats = (sums[high] - sums[low]) / (high - low).reshape(-1, *[1] * (values.ndim - 1))
+    return result
 
 
 def _check_sets(features: Floats, real: Floats) -> None:
@@ -220,4 +276,5 @@ def _normalised(features: Floats, real: Floats, variant: Variant) -> Floats:
     divisor = (
         spread + _PUBLISHED_TINY if variant == "published" else np.where(spread > _CONSTANT, spread, 1.0)
     )
-    return (features - real.mean(axis=0)) / divisor
+    result: Floats = (features - real.mean(axis=0)) / divisor
+    return result

@@ -3,23 +3,23 @@
 Conventions: a pose is the local rotations of the joints that all motions share by role, as exponential maps
 (rotation vectors in radians, angle at most π) at 20 Hz, not normalised. A movement is three consecutive poses
 of one motion. All poses of a set form one Gaussian, so long dances weigh more. The distance is
-‖m - m'‖² + tr(C + C' - 2 (C C')^½), in rad²; lower is closer.
+‖m - m'‖² + tr(C + C' - 2 (C C')^½), in rad². Lower is closer.
 
 Root: its position and heading (the rotation about the vertical) are left out; its lean stays in as the
-rotation of the pelvis. So FPD does not depend on where the dancer is, and FMD sees neither travelling nor
-turning. The paper does not say what it did with the root; Transflower's code, which it follows, keeps height
-and steps.
+rotation of the pelvis. So FPD does not depend on where the dancer is, and FMD depends neither on travelling
+nor on turning. The paper does not say what it did with the root; Transflower's code, which it follows, keeps
+height and steps.
 
 Skeletons: a joint's rotation is relative to its nearest shared ancestor, so extra joints in between do no
-harm, and bone lengths do not matter. Rest poses must agree, otherwise the same pose has other rotations: rigs
-with different rest poses are refused, and one side must be retargeted first.
+harm, and bone lengths do not matter. Rest poses must agree, because the same pose has other rotations
+otherwise. Rigs with different rest poses raise an error: retarget one side first.
 
 Regularisation: none. tr (C C')^½ is the sum of the singular values of FᵀF' with C = FFᵀ, which is exact for
 singular covariances too, where the usual matrix square root fails. Small samples still bias the distance
 upwards, more so with fewer samples per dimension (3 per joint, 9 for FMD), and the frames of one dance are
 hardly independent. So compare sets of equal size, and report the distance between `references.halves` of the
-real dances with it. The paper's values (9.87 ± 0.01 for all systems) depend on its skeleton; we could not
-reproduce their scale.
+real dances with it. The paper's values (9.87 ± 0.01 for all systems) depend on its skeleton. We could
+not reproduce their scale.
 """
 
 from __future__ import annotations
@@ -64,11 +64,18 @@ class Gaussian:
     def factor(self) -> Floats:
         """F (D, D) with FFᵀ = C; eigenvalues that are negative through rounding count as 0."""
         values, vectors = np.linalg.eigh(self.covariance)
-        return vectors * np.sqrt(np.maximum(values, 0.0))
+        result: Floats = vectors * np.sqrt(np.maximum(values, 0.0))
+        return result
 
 
 def fit_gaussian(samples: NDArray[np.floating]) -> Gaussian:
-    """Fit a Gaussian to samples (N, D); `ParameterError` unless N is at least 2 and all are finite."""
+    """Fit a Gaussian to samples (N, D). `ParameterError` unless N is at least 2 and all are finite.
+
+    Examples
+    --------
+    >>> cg.metrics.frechet.fit_gaussian(np.array([[0.0], [2.0]])).covariance
+    array([[2.]])
+    """
     samples = np.asarray(samples, np.float64)
     if samples.ndim != 2 or samples.shape[0] < 2 or samples.shape[1] == 0:
         raise ParameterError(f"expected samples (N, D) with N of at least 2, got {samples.shape}")
@@ -82,7 +89,15 @@ def fit_gaussian(samples: NDArray[np.floating]) -> Gaussian:
 def frechet_distance(a: Gaussian, b: Gaussian) -> float:
     """Squared Fréchet (2-Wasserstein) distance between two Gaussians, in the samples' unit squared.
 
-    Raises `ParameterError` if they differ in dimension.
+    It is ‖m - m'‖² + tr(C + C' - 2 (C C')^½), 0 for equal Gaussians. Lower is better. Raises `ParameterError`
+    if they differ in dimension.
+
+    Examples
+    --------
+    >>> samples = np.random.default_rng(0).normal(size=(100, 3))
+    >>> one, moved = (cg.metrics.frechet.fit_gaussian(samples + shift) for shift in (0.0, 1.0))
+    >>> round(cg.metrics.frechet.frechet_distance(one, moved), 6)
+    3.0
     """
     if a.mean.shape != b.mean.shape:
         raise ParameterError(f"expected Gaussians of one dimension, got {len(a.mean)} and {len(b.mean)}")
@@ -94,7 +109,13 @@ def frechet_distance(a: Gaussian, b: Gaussian) -> float:
 def validate(motions: Sequence[Motion]) -> tuple[str, ...]:
     """The joint roles that all motions share, in canonical order.
 
-    Raises `ParameterError` if there is no motion, a rig's joint names are unknown, or rest poses differ.
+    Raises `ParameterError` if there is no motion, the joint names of a rig are unknown, or rest poses differ.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> len(cg.metrics.frechet.validate([motion]))
+    24
     """
     if len(motions) == 0:
         raise ParameterError("expected at least one motion, got none")
@@ -106,7 +127,14 @@ def validate(motions: Sequence[Motion]) -> tuple[str, ...]:
 
 
 def poses_rad(motion: Motion, roles: Sequence[str]) -> Floats:
-    """Exponential maps (T', 3 R) of the joints with these roles at 20 Hz, without position and heading."""
+    """Exponential maps (T', 3 R) of the joints with these roles at 20 Hz, without position and heading.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> cg.metrics.frechet.poses_rad(motion, ["left_knee", "right_knee"]).shape[1]
+    6
+    """
     motion = motion.resampled(POSE_FPS)
     joints = joint_roles(motion.skeleton)
     world = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)[1]  # (T', J, 4)
@@ -120,15 +148,29 @@ def poses_rad(motion: Motion, roles: Sequence[str]) -> Floats:
 
 
 def movements_of(poses: Floats) -> Floats:
-    """Each pose (T, D) of a motion with the two after it, (T - 2, 3 D); empty if T is below 3."""
+    """Each pose (T, D) of a motion with the two after it, (T - 2, 3 D). Empty if T is below 3.
+
+    Examples
+    --------
+    >>> cg.metrics.frechet.movements_of(np.array([[0.0], [1.0], [2.0], [3.0]]))
+    array([[0., 1., 2.],
+           [1., 2., 3.]])
+    """
     n = max(len(poses) - MOVEMENT_POSES + 1, 0)
     return np.concatenate([poses[i : i + n] for i in range(MOVEMENT_POSES)], axis=1)
 
 
 def gaussians(motions: Sequence[Motion], roles: Sequence[str]) -> dict[str, Gaussian]:
-    """The Gaussians that "fpd" and "fmd" compare: fit the real ones once, then compare each song with them.
+    """The Gaussians of the poses ("fpd") and of the movements ("fmd") of motions.
 
-    Raises `ParameterError` if there are fewer than two movements in all.
+    Fit the real ones once, then compare those of each song with them. Raises `ParameterError` if there are
+    fewer than two movements in all.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> cg.metrics.frechet.gaussians([motion], ["left_knee"])["fmd"].mean.shape
+    (9,)
     """
     poses = [poses_rad(motion, roles) for motion in motions]
     movements = [movements_of(p) for p in poses]
@@ -136,22 +178,48 @@ def gaussians(motions: Sequence[Motion], roles: Sequence[str]) -> dict[str, Gaus
 
 
 def fpd(dances: Sequence[Motion], real: Sequence[Motion]) -> float:
-    """Fréchet pose distance between two sets of motions, rad². Raises as `evaluate` does."""
+    """Fréchet pose distance between two sets of motions, in rad². Lower is better.
+
+    Raises as `evaluate` does.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> round(cg.metrics.frechet.fpd([motion], [motion]), 6)  # a set against itself
+    0.0
+    """
     return evaluate(dances, real)["fpd"]
 
 
 def fmd(dances: Sequence[Motion], real: Sequence[Motion]) -> float:
-    """Fréchet movement distance between two sets of motions, rad². Raises as `evaluate` does."""
+    """Fréchet movement distance between two sets of motions, in rad². Lower is better.
+
+    Raises as `evaluate` does.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> held = cg.metrics.references.still(motion, np.random.default_rng(0))
+    >>> cg.metrics.frechet.fmd([held], [motion]) > cg.metrics.frechet.fmd([motion], [motion])
+    True
+    """
     return evaluate(dances, real)["fmd"]
 
 
 @default_numerics()
 def evaluate(dances: Sequence[Motion], real: Sequence[Motion]) -> dict[str, float]:
-    """FPD and FMD by name, rad².
+    """FPD and FMD by name, in rad². 0 for equal sets. Lower is better.
 
     The paper compares the dances to one song with all real ones and averages over songs. A single dance does
-    not cover the variety of a whole set, so even a real dance is far from the others: report real dances
-    measured the same way. Raises `ParameterError` as `validate` and `gaussians` do.
+    not cover the variety of a whole set, so even a real dance is far from the others. Report real dances
+    measured in the same way. Raises `ParameterError` as `validate` and `gaussians` do.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> scores = cg.metrics.frechet.evaluate([motion], [motion])
+    >>> {name: round(value, 6) for name, value in scores.items()}
+    {'fpd': 0.0, 'fmd': 0.0}
     """
     roles = validate([*dances, *real]) if dances and real else validate(())
     ours, theirs = gaussians(dances, roles), gaussians(real, roles)

@@ -102,7 +102,8 @@ def _speed_off_plane(now: _Points, velocity: _Points, a: str, b: str, c: str, po
 
 def _speed(_: _Points, velocity: _Points, point: str) -> Floats:
     """Speed of `point`, m/s."""
-    return np.linalg.norm(velocity[point], axis=-1)
+    result: Floats = np.linalg.norm(velocity[point], axis=-1)
+    return result
 
 
 def _height(now: _Points, _: _Points, point: str) -> Floats:
@@ -130,7 +131,8 @@ MEASURES: dict[str, Callable[..., Floats]] = {
 def _unit(vector: Floats) -> Floats:
     """Unit vectors (..., 3); nan, which lies in no range, where the direction is undefined."""
     norm = np.linalg.norm(vector, axis=-1, keepdims=True)
-    return np.divide(vector, norm, out=np.full_like(vector, np.nan), where=norm > 1e-9)
+    result: Floats = np.divide(vector, norm, out=np.full_like(vector, np.nan), where=norm > 1e-9)
+    return result
 
 
 def _normal(now: _Points, a: str, b: str, c: str) -> Floats:
@@ -138,7 +140,8 @@ def _normal(now: _Points, a: str, b: str, c: str) -> Floats:
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    return np.sum(a * b, axis=-1)
+    result: Floats = np.sum(a * b, axis=-1)
+    return result
 
 
 def _pair(relation: Relation) -> tuple[Relation, Relation]:

@@ -18,16 +18,16 @@ joints above and below the pelvis, relative to it | rough or smooth, aggressive 
 flatness and centroid of the window's mean spectrum (frame by frame, a pause would be rough) |
 
 The labels of a pair rise together: open with wide, intense with dense, jerky with hurried, one-sided with
-rough. (The paper's text says left-right asymmetry in one place; its table says upper or lower.)
+rough. The text of the paper has left-right asymmetry in one place, but its table has upper or lower.
 
 Scale: the rank of a value among the windows of the reference, from 1 for the lowest to 10 for the highest
 (`fit_scale`; the reference is real data, the training split). Ranks do not depend on a label's unit or on a
 monotone change of its formula, which is what the paper leaves open. Unrelated labels are then 3 apart, and
-`chance_distances` gives the exact value. The paper's own numbers (1.05 to 2.07) are on another scale: compare
-only rows of one table.
+`chance_distances` gives the exact value. The numbers of the paper (1.05 to 2.07) are on another scale, so
+compare only rows of one table.
 
-Conventions: body positions (T, 21, 3) in metres; mono samples at 22.05 kHz that begin with the dance; windows
-by their start in seconds. Input that does not fit raises `ParameterError`.
+Conventions: body positions (T, 21, 3) are in metres. Mono samples at 22.05 kHz begin with the dance. Windows
+are given by their start in seconds. Input that does not fit raises `ParameterError`.
 """
 
 from __future__ import annotations
@@ -81,12 +81,26 @@ class LabelScale:
 
 
 def fit_scale(dance_values: Floats, music_values: Floats) -> LabelScale:
-    """The scale on which the reference's values (R, 4) and (R', 4) are evenly distributed."""
+    """The scale on which the values (R, 4) and (R', 4) of the reference are evenly distributed.
+
+    Examples
+    --------
+    >>> reference = np.arange(1.0, 101.0)[:, None] * np.ones(4)
+    >>> scale = cg.metrics.labels.fit_scale(reference, reference)
+    >>> scale.dance_labels(np.array([[0.0, 50.5, 100.5, 999.0]]))  # ranks from 1 to 10
+    array([[ 1. ,  5.5, 10. , 10. ]])
+    """
     return LabelScale(np.sort(_checked(dance_values), axis=0), np.sort(_checked(music_values), axis=0))
 
 
 def window_starts_s(duration_s: float) -> Floats:
-    """Starts, one second apart, of all windows of 4 s that fit, (N,); none if the duration is shorter."""
+    """Starts (N,) of all windows of 4 s that fit, one second apart. None if the duration is shorter.
+
+    Examples
+    --------
+    >>> cg.metrics.labels.window_starts_s(6.0)
+    array([0., 1., 2.])
+    """
     return np.arange(max(0, int(duration_s + 1e-6) - SEGMENT_S + 1), dtype=np.float64)
 
 
@@ -94,6 +108,12 @@ def dance_values(body_pos_m: NDArray[np.floating], fps: float, starts_s: Floats)
     """The four dance labels in their own units, (N, 4), for windows of body positions (T, 21, 3).
 
     Raises `ParameterError` if a window does not lie within the dance, and as `checked_body_pos_m` does.
+
+    Examples
+    --------
+    >>> held_m = np.tile(np.random.default_rng(0).normal(size=(21, 3)), (80, 1, 1))  # one pose for 4 s
+    >>> cg.metrics.labels.dance_values(held_m, 20.0, starts_s=np.array([0.0]))[0, 1:3]  # m/s, rad/s²
+    array([0., 0.])
     """
     duration_s = len(np.asarray(body_pos_m)) / fps
     pos = body_pos_at(body_pos_m, fps, NET_FPS)
@@ -119,9 +139,14 @@ def dance_values(body_pos_m: NDArray[np.floating], fps: float, starts_s: Floats)
 def music_values(samples: NDArray[np.floating], starts_s: Floats) -> Floats:
     """The four music labels in their own units, (N, 4), for windows of a song (S,) at 22.05 kHz.
 
-    In a window with fewer than two onsets, openness and rhythm are 0.
+    In a window with fewer than two onsets, openness and rhythm are 0. Raises `ParameterError` if samples are
+    empty or not mono, or a window does not lie within the song.
 
-    Raises `ParameterError` if samples are empty or not mono, or a window does not lie within the song.
+    Examples
+    --------
+    >>> silence = np.zeros(4 * 22050, np.float32)
+    >>> cg.metrics.labels.music_values(silence, starts_s=np.array([0.0]))[0, :3]  # no onsets
+    array([0., 0., 0.])
     """
     mel = log_mel(samples)
     duration_s = len(samples) / SAMPLE_RATE_HZ
@@ -138,20 +163,45 @@ def music_values(samples: NDArray[np.floating], starts_s: Floats) -> Floats:
 
 
 def label_distances(dance_labels: Floats, music_labels: Floats) -> Floats:
-    """Mean absolute difference between paired labels (N, 4), by pair: (4,), 0 … 9."""
+    """Mean absolute difference between paired labels (N, 4), by pair, (4,) from 0 to 9. Lower is better.
+
+    Examples
+    --------
+    >>> dance, music = np.full((5, 4), 2.0), np.full((5, 4), 6.0)
+    >>> cg.metrics.labels.label_distances(dance, dance), cg.metrics.labels.label_distances(dance, music)
+    (array([0., 0., 0., 0.]), array([4., 4., 4., 4.]))
+    """
     validate(dance_labels, music_labels)
-    return np.abs(np.asarray(dance_labels) - music_labels).mean(axis=0)
+    result: Floats = np.abs(np.asarray(dance_labels) - music_labels).mean(axis=0)
+    return result
 
 
 def chance_distances(dance_labels: Floats, music_labels: Floats) -> Floats:
-    """Chance level of the distances, (4,): the mean over all pairings of dance and music windows."""
+    """Chance level of the distances, (4,): the mean over all pairings of dance and music windows.
+
+    Examples
+    --------
+    >>> labels = np.array([[1.0] * 4, [10.0] * 4])  # half of all pairings are equal, the others 9 apart
+    >>> cg.metrics.labels.chance_distances(labels, labels)
+    array([4.5, 4.5, 4.5, 4.5])
+    """
     validate(dance_labels, music_labels)
     music = np.asarray(music_labels)
-    return np.mean([np.abs(music - row).mean(axis=0) for row in np.asarray(dance_labels)], axis=0)
+    result: Floats = np.mean([np.abs(music - row).mean(axis=0) for row in np.asarray(dance_labels)], axis=0)
+    return result
 
 
 def validate(dance_labels: Floats, music_labels: Floats) -> None:
-    """Raise `ParameterError` unless both are labels (N, 4) from 1 to 10, for the same number of windows."""
+    """Raise `ParameterError` unless both are labels (N, 4) from 1 to 10, for the same number of windows.
+
+    Examples
+    --------
+    >>> cg.metrics.labels.validate(np.ones((2, 4)), np.ones((2, 4)))
+    >>> cg.metrics.labels.validate(np.ones((2, 4)), np.ones((3, 4)))
+    Traceback (most recent call last):
+        ...
+    choreograph.core.errors.ParameterError: expected as many music as dance windows, got 3 and 2
+    """
     for labels in (dance_labels, music_labels):
         values = _checked(labels)
         if values.min() < LOW or values.max() > HIGH:
@@ -166,7 +216,15 @@ def validate(dance_labels: Floats, music_labels: Floats) -> None:
 
 @default_numerics()
 def evaluate(dance_labels: Floats, music_labels: Floats) -> dict[str, float]:
-    """Distance of every pair by name, and its chance level."""
+    """Distance of every pair by name, and its chance level. Raises `ParameterError` as `validate` does.
+
+    Examples
+    --------
+    >>> labels = np.array([[1.0] * 4, [10.0] * 4])
+    >>> scores = cg.metrics.labels.evaluate(labels, labels)
+    >>> scores["label_distance_rhythm"], scores["label_distance_rhythm_chance"]
+    (0.0, 4.5)
+    """
     distances, chance = (f(dance_labels, music_labels) for f in (label_distances, chance_distances))
     return {f"label_distance_{pair}": float(d) for pair, d in zip(PAIRS, distances, strict=True)} | {
         f"label_distance_{pair}_chance": float(c) for pair, c in zip(PAIRS, chance, strict=True)
@@ -183,7 +241,8 @@ def _angular_acceleration_rad_s2(pos: Floats) -> Floats:
     sine = np.linalg.norm(axis, axis=-1, keepdims=True)
     cosine = (direction[:-1] * direction[1:]).sum(axis=-1, keepdims=True)
     velocity_rad_s = axis * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-12)) * NET_FPS
-    return np.linalg.norm(np.diff(velocity_rad_s, axis=0), axis=-1).mean(axis=1) * NET_FPS
+    result: Floats = np.linalg.norm(np.diff(velocity_rad_s, axis=0), axis=-1).mean(axis=1) * NET_FPS
+    return result
 
 
 def _onset_times_s(mel: NDArray[np.floating]) -> Floats:

@@ -1,10 +1,11 @@
 """Physical plausibility: foot sliding, floor, jerk, transitions, one-frame jumps, bone lengths.
 
-Conventions: body positions (T, 21, 3) in metres at `fps`, Y up, the floor at y = 0. A foot is low when its
-ball is at most `LOW_M` above the floor. Speed and jerk are first and third differences of the joint positions
-at 20 fps, whatever the source's rate, so that dances and takes compare; m/s and m/s³. `validate` raises
-`ParameterError` for positions that are not finite or have another shape, and for an invalid rate. The
-published foot scores, with their thresholds and bugs, are in `evaluation.metrics.contact_scores`.
+Conventions: body positions (T, 21, 3) are in metres at `fps`. Y is up and the floor is at y = 0. A foot is
+low when its ball is at most `LOW_M` above the floor. Speed (m/s) and jerk (m/s³) are first and third
+differences of the joint positions at 20 fps, whatever the rate of the source, so that dances and takes can be
+compared. `validate` raises `ParameterError` for positions that are not finite or have another shape, and for
+an invalid rate. The published foot scores, with their thresholds and bugs, are in
+`evaluation.metrics.contact_scores`.
 """
 
 from __future__ import annotations
@@ -42,15 +43,32 @@ _LIMB_BONES = [
 
 
 def validate(body_pos_m: Floats, fps: float, boundary_times_s: Times = ()) -> None:
-    """Raise `ParameterError` unless positions (T, 21, 3), rate and boundaries (B,) are finite and valid."""
+    """Raise `ParameterError` unless positions (T, 21, 3), rate and boundaries (B,) are finite and valid.
+
+    Examples
+    --------
+    >>> cg.metrics.physical.validate(np.zeros((60, 21, 3)), 60.0, boundary_times_s=[0.5])
+    >>> cg.metrics.physical.validate(np.zeros((60, 21, 3)), 60.0, boundary_times_s=[np.nan])
+    Traceback (most recent call last):
+        ...
+    choreograph.core.errors.ParameterError: expected finite boundaries (B,) in seconds, got an array of (1,)
+    """
     checked_body_pos_m(body_pos_m, fps)
     _checked_boundaries(boundary_times_s)
 
 
 def foot_slide_cm_s(body_pos_m: Floats, fps: float, *, low_m: float = LOW_M) -> float:
-    """Mean horizontal speed of the balls of the feet while low, cm/s; 0 if they are never low.
+    """Mean horizontal speed of the balls of the feet while low, in cm/s. Lower is better.
 
-    Speeds are taken over 1/60 s at any rate; one counts if the foot is low at both ends of it.
+    A speed is measured over 1/60 s at any rate, if the foot is low at both ends of it. The result is 0 if the
+    feet are never low.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((120, 21, 3))
+    >>> pos_m[:, :, 0] = 0.1 * np.arange(120)[:, None] / 60  # a glide of 10 cm/s on the floor
+    >>> round(cg.metrics.physical.foot_slide_cm_s(pos_m, 60.0), 3)
+    10.0
     """
     feet = body_pos_at(body_pos_m, fps, STORE_FPS)[:, _FEET]  # (T', 2, 3)
     low = feet[..., 1] <= low_m
@@ -60,12 +78,20 @@ def foot_slide_cm_s(body_pos_m: Floats, fps: float, *, low_m: float = LOW_M) -> 
 
 
 def floor_penetration_cm(body_pos_m: Floats, fps: float, *, sole_pos_m: Floats | None = None) -> float:
-    """Mean depth in cm, over all frames, of the lowest point of the feet below the floor.
+    """Mean depth in cm, over all frames, of the lowest point of the feet below the floor. Lower is better.
 
-    With `sole_pos_m` (T, F, 3), from `motion.contacts.sole_pos_m`, the points are those of the rig's soles;
-    otherwise they are the balls of the feet and heels `ANKLE_OVER_SOLE_M` below the ankles.
+    With `sole_pos_m` (T, F, 3), from `motion.contacts.sole_pos_m`, the points are those of the rig's soles.
+    Otherwise they are the balls of the feet, and heels `ANKLE_OVER_SOLE_M` below the ankles.
 
     Raises `ParameterError` as `validate` does, and if the soles have another number of frames than the body.
+
+    Examples
+    --------
+    >>> body_m, soles_m = np.ones((60, 21, 3)), np.full((60, 4, 3), -0.02)
+    >>> round(cg.metrics.physical.floor_penetration_cm(body_m, 60.0, sole_pos_m=soles_m), 3)
+    2.0
+    >>> cg.metrics.physical.floor_penetration_cm(body_m, 60.0)
+    0.0
     """
     lowest_m = _lowest_foot_m(checked_body_pos_m(body_pos_m, fps), sole_pos_m)
     return float(np.maximum(-lowest_m, 0.0).mean() * 100.0)
@@ -79,11 +105,18 @@ def floating_share(
     near_m: float = NEAR_M,
     jump_s: float = JUMP_S,
 ) -> float:
-    """Share of the frames, 0 … 1, in which no foot is near the floor for longer than a jump lasts.
+    """Share of the frames, 0 to 1, in which no foot is near the floor for longer than a jump lasts.
 
-    Near means that the lowest point of the feet (see `floor_penetration_cm`) is at most `near_m` above the
-    floor. A span without contact counts in full if it is longer than `jump_s` and not at all otherwise:
-    dancing on a box is floating, a leap is not.
+    Lower is better. Near means that the lowest point of the feet (see `floor_penetration_cm`) is at most
+    `near_m` above the floor. A span without contact counts in full if it is longer than `jump_s`, and not at
+    all otherwise. A leap is not floating. Dancing on a box is.
+
+    Examples
+    --------
+    >>> pos_m = np.full((120, 21, 3), 0.05)
+    >>> pos_m[60:] += 0.5  # in the air for the second of two seconds
+    >>> cg.metrics.physical.floating_share(pos_m, 60.0)
+    0.5
     """
     up = _lowest_foot_m(checked_body_pos_m(body_pos_m, fps), sole_pos_m) > near_m  # (T,)
     edges = np.flatnonzero(np.diff(up.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
@@ -92,12 +125,29 @@ def floating_share(
 
 
 def joint_speed_m_s(body_pos_m: Floats, fps: float) -> tuple[Floats, Floats]:
-    """Times in seconds and mean joint speed in m/s, both (T' - 1,) at `JERK_FPS`."""
+    """Times in seconds and mean joint speed in m/s, both (T' - 1,) at `JERK_FPS`.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((120, 21, 3))
+    >>> pos_m[:, :, 0] = 0.1 * np.arange(120)[:, None] / 60  # a glide of 10 cm/s on the floor
+    >>> times_s, speed_m_s = cg.metrics.physical.joint_speed_m_s(pos_m, 60.0)
+    >>> round(speed_m_s.mean(), 3)
+    np.float64(0.1)
+    """
     return _derivative(body_pos_m, fps, order=1)
 
 
 def joint_jerk_m_s3(body_pos_m: Floats, fps: float) -> tuple[Floats, Floats]:
-    """Times in seconds and mean joint jerk in m/s³, both (T' - 3,) at `JERK_FPS`."""
+    """Times in seconds and mean joint jerk in m/s³, both (T' - 3,) at `JERK_FPS`.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((60, 21, 3))
+    >>> pos_m[:, :, 0] = np.arange(60)[:, None] ** 3 / 20**3  # x = t³, whose third derivative is 6
+    >>> cg.metrics.physical.joint_jerk_m_s3(pos_m, 20.0)[1].mean().round(3)
+    np.float64(6.0)
+    """
     return _derivative(body_pos_m, fps, order=3)
 
 
@@ -106,8 +156,15 @@ def speed_ratio_at(
 ) -> float:
     """Mean joint speed within `half_width_s` of any boundary, divided by the mean joint speed elsewhere.
 
-    Above 1 the dance speeds up at transitions, below 1 it slows down. `nan` if no frame is near a boundary,
-    all are, or nothing moves elsewhere.
+    Above 1 the dance speeds up at transitions, and below 1 it slows down. 1 is best. The result is nan if no
+    frame is near a boundary, all are, or nothing moves elsewhere.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((120, 21, 3))
+    >>> pos_m[:, :, 0] = 0.1 * np.arange(120)[:, None] / 60  # a glide of 10 cm/s on the floor
+    >>> round(cg.metrics.physical.speed_ratio_at(pos_m, 60.0, boundary_times_s=[1.0]), 3)
+    1.0
     """
     near, elsewhere = _at_and_elsewhere(joint_speed_m_s(body_pos_m, fps), boundary_times_s, half_width_s)
     if len(near) == 0 or len(elsewhere) == 0 or elsewhere.mean() == 0:
@@ -118,9 +175,19 @@ def speed_ratio_at(
 def jerk_ratio_at(
     body_pos_m: Floats, fps: float, boundary_times_s: Times, *, half_width_s: float = BOUNDARY_HALF_WIDTH_S
 ) -> float:
-    """95th percentile of jerk within `half_width_s` of any boundary, divided by that elsewhere.
+    """95th percentile of the jerk within `half_width_s` of any boundary, divided by that elsewhere.
 
-    `nan` if no frame is near a boundary, or all are.
+    1 means that transitions are as smooth as the rest. Lower is better. The result is nan if no frame is near
+    a boundary, or all are.
+
+    Examples
+    --------
+    >>> noise_m = np.random.default_rng(0).normal(0.0, 0.01, (80, 21, 3))
+    >>> pop_m = noise_m.copy()
+    >>> pop_m[40:] += 1.0  # the body jumps at 2 s
+    >>> ratios = [cg.metrics.physical.jerk_ratio_at(pos_m, 20.0, [2.0]) for pos_m in (noise_m, pop_m)]
+    >>> ratios[0] < 1.5 < 10 < ratios[1]
+    True
     """
     near, elsewhere = _at_and_elsewhere(joint_jerk_m_s3(body_pos_m, fps), boundary_times_s, half_width_s)
     if len(near) == 0 or len(elsewhere) == 0:
@@ -129,27 +196,51 @@ def jerk_ratio_at(
 
 
 def jump_times_s(body_pos_m: Floats, fps: float, *, above_m: float = JUMP_M_PER_FRAME2) -> Floats:
-    """Instants (N,) in seconds at which a joint leaves its path for a frame or two, and comes back or not.
+    """Instants (N,) in seconds at which a joint leaves its path for a frame or two.
 
-    There the second difference of any joint's position at 60 fps is longer than `above_m` (metres a frame²).
-    Frames and joints within `SAME_JUMP_S` of each other are one jump, which is where it begins.
+    There the second difference of the position of any joint at 60 fps is longer than `above_m` (metres per
+    frame²). Frames and joints within `SAME_JUMP_S` of each other are one jump, at its first frame.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((120, 21, 3))
+    >>> pos_m[60, 5] = 0.2  # one joint, for one frame
+    >>> cg.metrics.physical.jump_times_s(pos_m, 60.0).round(2)
+    array([0.98])
     """
     pos = body_pos_at(body_pos_m, fps, STORE_FPS)
     bend_m = np.linalg.norm(np.diff(pos, n=2, axis=0), axis=-1).max(axis=1, initial=0.0)  # (T' - 2,)
     times_s = frame_times_s(len(pos), STORE_FPS)[1:-1][bend_m > above_m]
-    return times_s[np.diff(times_s, prepend=-np.inf) > SAME_JUMP_S]
+    result: Floats = times_s[np.diff(times_s, prepend=-np.inf) > SAME_JUMP_S]
+    return result
 
 
 def jumps_per_minute(body_pos_m: Floats, fps: float) -> float:
-    """One-frame jumps (see `jump_times_s`) a minute; 0 for fewer than three frames."""
+    """One-frame jumps (see `jump_times_s`) per minute. Lower is better. 0 for fewer than three frames.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((120, 21, 3))
+    >>> pos_m[60, 5] = 0.2  # one joint, for one frame of 2 s
+    >>> cg.metrics.physical.jumps_per_minute(pos_m, 60.0)
+    30.0
+    """
     return len(jump_times_s(body_pos_m, fps)) * 60.0 * fps / len(body_pos_m)
 
 
 def limb_length_spread_mm(body_pos_m: Floats, fps: float) -> float:
-    """Standard deviation over time of a bone's length in mm, the largest of the ten arm and leg bones.
+    """Standard deviation over time of the length of a bone in mm, the largest of ten bones of arms and legs.
 
-    0 up to rounding for motion of a skeleton; some millimetres for markers or for positions that a network
-    predicts.
+    0 up to rounding for the motion of a skeleton. Some millimetres for markers, or for positions that a
+    network predicts. Lower is better.
+
+    Examples
+    --------
+    >>> pose_m = np.random.default_rng(0).normal(size=(1, 21, 3))
+    >>> steady_m, growing_m = np.repeat(pose_m, 60, axis=0), pose_m * np.linspace(1.0, 1.1, 60)[:, None, None]
+    >>> spread = [cg.metrics.physical.limb_length_spread_mm(pos_m, 60.0) for pos_m in (steady_m, growing_m)]
+    >>> spread[0] < 1e-9, spread[1] > 50
+    (True, True)
     """
     pos = checked_body_pos_m(body_pos_m, fps)
     parents = [BODY_PARENTS[joint] for joint in _LIMB_BONES]
@@ -161,7 +252,14 @@ def limb_length_spread_mm(body_pos_m: Floats, fps: float) -> float:
 def evaluate(
     body_pos_m: Floats, fps: float, boundary_times_s: Times = (), *, sole_pos_m: Floats | None = None
 ) -> dict[str, float]:
-    """All metrics of this module, and those of `evaluation.metrics.contact_scores`, by name."""
+    """All metrics of this module, and those of `contact_scores`, by name.
+
+    Examples
+    --------
+    >>> scores = cg.metrics.physical.evaluate(np.zeros((120, 21, 3)), 60.0)  # a body that stands still
+    >>> scores["foot_slide_cm_s"], scores["jumps_per_minute"], scores["foot_skating_ratio"]
+    (0.0, 0.0, 0.0)
+    """
     validate(body_pos_m, fps, boundary_times_s)
     _, jerk = joint_jerk_m_s3(body_pos_m, fps)
     return {
@@ -179,15 +277,18 @@ def evaluate(
 
 def _lowest_foot_m(pos: Floats, sole_pos_m: Floats | None) -> Floats:
     """Height of the lowest point of the feet above the floor, (T,)."""
+    lowest_m: Floats
     if sole_pos_m is None:
         heels_y_m = pos[:, _ANKLES, 1] - ANKLE_OVER_SOLE_M
-        return np.concatenate([pos[:, _FEET, 1], heels_y_m], axis=1).min(axis=1)
+        lowest_m = np.concatenate([pos[:, _FEET, 1], heels_y_m], axis=1).min(axis=1)
+        return lowest_m
     soles = np.asarray(sole_pos_m, np.float64)
     if soles.ndim != 3 or soles.shape[0] != len(pos) or soles.shape[2] != 3 or soles.shape[1] == 0:
         raise ParameterError(f"expected points on the soles ({len(pos)}, F, 3), got {soles.shape}")
     if not np.isfinite(soles).all():
         raise ParameterError("expected finite points on the soles, got nan or infinity")
-    return soles[..., 1].min(axis=1)
+    lowest_m = soles[..., 1].min(axis=1)
+    return lowest_m
 
 
 def _derivative(body_pos_m: Floats, fps: float, *, order: int) -> tuple[Floats, Floats]:

@@ -1,4 +1,4 @@
-"""References for reading a distance: halves of the real data as the floor, chance dances as the ceiling.
+"""References for a distance: halves of the real data as the floor, chance dances as the ceiling.
 
 A distance between sets of dances means little alone. The floor is the distance between two halves of the real
 dances, split by song. The ceiling is the distance of a body that stands still, or whose joints or frames are
@@ -25,6 +25,13 @@ def halves(groups: Sequence[str], rng: np.random.Generator) -> tuple[Indices, In
 
     Groups are drawn in random order and go to the half that has fewer items so far. Raises `ParameterError`
     if there are fewer than two groups.
+
+    Examples
+    --------
+    >>> songs = ["a", "a", "b", "b"]
+    >>> one, other = cg.metrics.references.halves(songs, np.random.default_rng(0))
+    >>> {songs[i] for i in one} & {songs[i] for i in other}
+    set()
     """
     names = np.asarray(groups)
     different = np.unique(names)
@@ -37,12 +44,28 @@ def halves(groups: Sequence[str], rng: np.random.Generator) -> tuple[Indices, In
 
 
 def still(motion: Motion, rng: np.random.Generator) -> Motion:
-    """The motion frozen in one random frame."""
+    """The motion frozen in one random frame.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> held = cg.metrics.references.still(motion, np.random.default_rng(0))
+    >>> held.n_frames == motion.n_frames, np.ptp(held.root_pos_m, axis=0)
+    (True, array([0., 0., 0.]))
+    """
     return motion.sampled(np.full(motion.n_frames, float(rng.integers(motion.n_frames))))
 
 
 def shuffled_joints(motion: Motion, rng: np.random.Generator) -> Motion:
-    """The motion with the rotations of all joints but the root permuted, the same way in all frames."""
+    """The motion with the rotations of all joints but the root permuted, in the same way in all frames.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> shuffled = cg.metrics.references.shuffled_joints(motion, np.random.default_rng(0))
+    >>> bool(np.allclose(shuffled.local_quat[:, 0], motion.local_quat[:, 0]))
+    True
+    """
     order = np.concatenate([[0], 1 + rng.permutation(motion.skeleton.n_joints - 1)])
     return replace(motion, local_quat=motion.local_quat[:, order])
 
@@ -51,6 +74,13 @@ def shuffled_frames(motion: Motion, rng: np.random.Generator) -> Motion:
     """The motion with its poses in random order and its root path unchanged.
 
     The set of poses stays the same at this rate only: resample before shuffling, not after.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> shuffled = cg.metrics.references.shuffled_frames(motion, np.random.default_rng(0))
+    >>> bool(np.allclose(shuffled.root_pos_m, motion.root_pos_m))
+    True
     """
     quat = motion.local_quat[rng.permutation(motion.n_frames)]
     return replace(motion, local_quat=rot.make_continuous(quat))

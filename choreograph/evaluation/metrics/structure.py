@@ -1,11 +1,11 @@
 """Structure: whether a dance repeats itself, and whether it does so where its song does.
 
 Conventions: a dance is a sequence of motifs (N,), numbered from 0, with increasing start times in seconds
-(N,); and a sequence of pieces of takes (P,), each with its span in the dance and in its take. The sections of
-a song are bounds (S + 1,) in seconds and labels (S,): equal labels mean the same music. Signatures and motif
-transitions follow Rhythm is a Dancer (sections 3.4 and 4.3). That paper compares signatures, but does not
-measure how a dance follows the sections of its song; `section_agreement` is ours. Input that does not fit
-raises `ParameterError`.
+(N,). It is also a sequence of pieces of takes (P,), each with its span in the dance and in its take. The
+sections of a song are bounds (S + 1,) in seconds and labels (S,). Equal labels mean the same music.
+Signatures and motif transitions follow Rhythm is a Dancer (sections 3.4 and 4.3). That paper compares
+signatures, but does not measure how a dance follows the sections of its song. `section_agreement` is ours.
+Input that does not fit raises `ParameterError`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,16 @@ SOON_S = 1.0  # at half speed a take stays this long within `SAME_S` of one mome
 
 
 def validate(motifs: Indices, n_motifs: int) -> None:
-    """Raise `ParameterError` unless these are motif numbers (N,) from 0 to K - 1."""
+    """Raise `ParameterError` unless these are motif numbers (N,) from 0 to K - 1.
+
+    Examples
+    --------
+    >>> cg.metrics.structure.validate(np.array([0, 1, 1]), n_motifs=2)
+    >>> cg.metrics.structure.validate(np.array([0, 1, 2]), n_motifs=2)
+    Traceback (most recent call last):
+        ...
+    choreograph.core.errors.ParameterError: expected motifs 0 to 1, got 0 to 2
+    """
     sequence = np.asarray(motifs)
     if sequence.ndim != 1 or (len(sequence) and not np.issubdtype(sequence.dtype, np.integer)):
         raise ParameterError(f"expected motif numbers (N,), got {sequence.dtype} of shape {sequence.shape}")
@@ -36,7 +45,17 @@ def validate(motifs: Indices, n_motifs: int) -> None:
 
 
 def signature_distance(motifs: Indices, template: Floats) -> float:
-    """χ² distance between the motif shares of a dance and a template (K,), 0 … 1; `nan` without motifs."""
+    """χ² distance between the motif shares of a dance and a signature (K,), 0 to 1. Lower is better.
+
+    Rhythm is a Dancer, equation 11. The result is nan without motifs.
+
+    Examples
+    --------
+    >>> genre = np.array([0.5, 0.5, 0.0])
+    >>> distance = cg.metrics.structure.signature_distance
+    >>> distance(np.array([0, 1, 0, 1]), genre), distance(np.array([2, 2]), genre)
+    (0.0, 1.0)
+    """
     validate(motifs, len(template))
     if len(motifs) == 0:
         return float("nan")
@@ -46,7 +65,14 @@ def signature_distance(motifs: Indices, template: Floats) -> float:
 def transition_bits(motifs: Indices, transitions: Floats) -> float:
     """Mean surprisal of the transitions between motifs, -log₂ of their probability (K, K), in bits.
 
-    0 if every transition was certain, `inf` if one was impossible, `nan` without a transition.
+    Rhythm is a Dancer, section 4.3. The result is 0 if every transition was certain, `inf` if one was
+    impossible, and nan without a transition. Lower is more usual for the genre.
+
+    Examples
+    --------
+    >>> even = np.full((4, 4), 0.25)
+    >>> cg.metrics.structure.transition_bits(np.array([0, 3, 1]), even)
+    2.0
     """
     bits = _bits(transitions)
     validate(motifs, len(bits))
@@ -54,7 +80,19 @@ def transition_bits(motifs: Indices, transitions: Floats) -> float:
 
 
 def transition_chance_bits(motifs: Indices, transitions: Floats) -> float:
-    """Chance level: the mean of `transition_bits` over all orders of the same motifs."""
+    """Chance level of `transition_bits`: its mean over all orders of the same motifs.
+
+    Examples
+    --------
+    >>> alternating = np.array([[0.25, 0.75], [0.75, 0.25]])
+    >>> motifs = np.array([0, 1, 0, 1])
+    >>> bits, chance = (
+    ...     f(motifs, alternating)
+    ...     for f in (cg.metrics.structure.transition_bits, cg.metrics.structure.transition_chance_bits)
+    ... )
+    >>> bits < chance
+    True
+    """
     bits = _bits(transitions)
     validate(motifs, len(bits))
     if len(motifs) < 2:
@@ -64,7 +102,13 @@ def transition_chance_bits(motifs: Indices, transitions: Floats) -> float:
 
 
 def longest_repeat(items: Sequence[int] | Indices) -> int:
-    """Length of the longest run of items that occurs twice without overlap; 0 if none does."""
+    """Length of the longest run of items that occurs twice without overlap. 0 if none does.
+
+    Examples
+    --------
+    >>> cg.metrics.structure.longest_repeat([1, 2, 3, 9, 1, 2, 3])
+    3
+    """
     items = np.asarray(items)
     return _longest_diagonal(items[:, None] == items) if len(items) else 0
 
@@ -73,8 +117,14 @@ def longest_repeat_s(takes: Sequence[str], pieces_s: Floats) -> float:
     """Seconds of the longest span in which the dance plays the same part of the same take a second time.
 
     `pieces_s` (P, 4) holds start and end in the dance, and start and end in the take, for each of `takes`.
-    Moments of a take within `SAME_S` count as the same, so a clip repeated at a slightly different tempo is
-    found.
+    Moments of a take within `SAME_S` count as the same, so that a clip repeated at a slightly different tempo
+    is found. Lower is better.
+
+    Examples
+    --------
+    >>> pieces_s = np.array([[0, 4, 10, 14], [4, 8, 0, 4], [8, 12, 10, 14]])  # the third repeats the first
+    >>> cg.metrics.structure.longest_repeat_s(["a", "b", "a"], pieces_s)
+    4.0
     """
     rows = _checked_pieces(takes, pieces_s)
     times_s = np.arange(rows[0, 0], rows[-1, 1], STEP_S)
@@ -87,14 +137,27 @@ def longest_repeat_s(takes: Sequence[str], pieces_s: Floats) -> float:
 
 
 def distinct_takes_per_minute(takes: Sequence[str], duration_s: float) -> float:
-    """Number of different takes in the dance per minute."""
+    """Number of different takes in the dance per minute. Higher is more varied.
+
+    Examples
+    --------
+    >>> cg.metrics.structure.distinct_takes_per_minute(["a", "b", "a"], duration_s=30.0)
+    4.0
+    """
     if not (np.isfinite(duration_s) and duration_s > 0):
         raise ParameterError(f"expected a duration above 0 s, got {duration_s}")
     return len(set(takes)) * 60.0 / duration_s
 
 
 def motifs_by_section(motifs: Indices, starts_s: Floats, section_bounds_s: Floats) -> list[Indices]:
-    """The motifs that start in each section, S sequences."""
+    """The motifs that start in each section, S sequences.
+
+    Examples
+    --------
+    >>> motifs, starts_s = np.array([7, 8, 9]), np.array([0.0, 1.0, 2.0])
+    >>> cg.metrics.structure.motifs_by_section(motifs, starts_s, section_bounds_s=np.array([0.0, 2.0, 4.0]))
+    [array([7, 8]), array([9])]
+    """
     starts, bounds = np.asarray(starts_s, np.float64), np.asarray(section_bounds_s, np.float64)
     for name, times in (("motif starts", starts), ("section bounds", bounds)):
         if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
@@ -108,7 +171,15 @@ def motifs_by_section(motifs: Indices, starts_s: Floats, section_bounds_s: Float
 
 
 def shared_motifs(sections: Sequence[Indices], n_motifs: int) -> Floats:
-    """Similarity of the motif shares of any two sections, regardless of order: 1 - χ², (S, S)."""
+    """Similarity of the motif shares of any two sections, regardless of order: 1 - χ², (S, S) from 0 to 1.
+
+    Examples
+    --------
+    >>> cg.metrics.structure.shared_motifs([np.array([0, 1]), np.array([1, 0]), np.array([2])], n_motifs=3)
+    array([[1., 1., 0.],
+           [1., 1., 0.],
+           [0., 0., 1.]])
+    """
     for section in sections:
         validate(section, n_motifs)
     shares = np.array([np.bincount(s, minlength=n_motifs) / max(1, len(s)) for s in sections])
@@ -116,7 +187,16 @@ def shared_motifs(sections: Sequence[Indices], n_motifs: int) -> Floats:
 
 
 def motifs_in_step(sections: Sequence[Indices]) -> Floats:
-    """Share of equal motifs at the same position of any two sections, counted from their starts: (S, S)."""
+    """Share of equal motifs at the same position of any two sections, (S, S) from 0 to 1.
+
+    Positions are counted from the start of each section.
+
+    Examples
+    --------
+    >>> cg.metrics.structure.motifs_in_step([np.array([0, 1]), np.array([0, 2])])
+    array([[1. , 0.5],
+           [0.5, 1. ]])
+    """
     similarity = np.zeros((len(sections), len(sections)))
     for i, one in enumerate(sections):
         for j, other in enumerate(sections):
@@ -126,11 +206,18 @@ def motifs_in_step(sections: Sequence[Indices]) -> Floats:
 
 
 def section_agreement(similarity: Floats, section_labels: Sequence[str] | Indices) -> float:
-    """How much more alike sections with equal labels are danced than sections with different labels, -1 … 1.
+    """Similarity of sections with equal labels minus that of sections with different labels, -1 to 1.
 
-    Mean of `similarity` (S, S) over pairs with equal labels, minus its mean over the other pairs. A dance
-    that ignores the song scores 0 however much it repeats: 0 is the mean over all orders of the labels. `nan`
-    if all labels are different, or all are equal.
+    It is the mean of `similarity` (S, S) over pairs with equal labels, minus its mean over the other pairs.
+    Higher is better. A dance that ignores the song scores 0, however much it repeats, because 0 is the mean
+    over all orders of the labels. The result is nan if all labels are different, or all are equal.
+
+    Examples
+    --------
+    >>> motifs = [np.array([0, 1]), np.array([2, 3]), np.array([0, 1])]
+    >>> similarity = cg.metrics.structure.motifs_in_step(motifs)
+    >>> [cg.metrics.structure.section_agreement(similarity, labels) for labels in (list("ABA"), list("AAB"))]
+    [1.0, -0.5]
     """
     similarity, labels = np.asarray(similarity, np.float64), np.asarray(section_labels)
     if similarity.shape != (len(labels), len(labels)) or not np.isfinite(similarity).all():
@@ -154,7 +241,18 @@ def evaluate(
     section_bounds_s: Floats,
     section_labels: Sequence[str] | Indices,
 ) -> dict[str, float]:
-    """All metrics of this module by name."""
+    """All metrics of this module by name.
+
+    Examples
+    --------
+    >>> scores = cg.metrics.structure.evaluate(
+    ...     np.array([0, 1, 0, 1]), np.arange(4.0), ["a"], np.array([[0.0, 4.0, 0.0, 4.0]]),
+    ...     template=np.array([0.5, 0.5]), transitions=np.array([[0.0, 1.0], [1.0, 0.0]]),
+    ...     section_bounds_s=np.array([0.0, 2.0, 4.0]), section_labels=["A", "A"],
+    ... )
+    >>> scores["signature_distance"], scores["transition_bits"] == 0, scores["longest_repeat_motifs"]
+    (0.0, True, 2.0)
+    """
     sections = motifs_by_section(motifs, starts_s, section_bounds_s)
     rows = _checked_pieces(takes, pieces_s)
     return {

@@ -1,13 +1,13 @@
 """Transitions: how often a dance goes from one take to another, and whether it does so at borders.
 
-Conventions: transitions (B,) in seconds of the dance, increasing, each the instant at which a take gives way
-to another. A bar border is a downbeat: a music beat (Q,) numbered 1. Figure borders (F,) are the instants, in
-seconds of the dance, at which the outgoing or the incoming take of a transition is at the start or end of one
-of its figures; takes whose figures are not known have none. "At" is within `WITHIN_BEATS` beat, a beat being
-the interval between the music beats around the transition.
+Conventions: transitions (B,) are in seconds of the dance, increasing. Each is the instant at which one take
+gives way to another. A bar border is a downbeat, a music beat (Q,) numbered 1. Figure borders (F,) are the
+instants, in seconds of the dance, at which the outgoing or the incoming take of a transition is at the start
+or end of one of its figures. Takes whose figures are not known have none. "At" is within `WITHIN_BEATS` beat.
+A beat is the interval between the music beats around the transition.
 
-The shares say where transitions are, not how they look: see `evaluation.metrics.physical` for speed and jerk
-there. Where there is nothing to take a share of, it is nan.
+The shares tell where transitions are. `physical` measures the speed and the jerk there. A share of nothing is
+nan.
 """
 
 from __future__ import annotations
@@ -25,7 +25,16 @@ Booleans = NDArray[np.bool_]
 
 
 def validate(transitions_s: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLike) -> None:
-    """Raise `ParameterError` unless transitions and beats increase and every beat has a number."""
+    """Raise `ParameterError` unless transitions and beats increase and every beat has a number.
+
+    Examples
+    --------
+    >>> cg.metrics.transitions.validate([1.0], beats_s=[0.0, 0.5], beat_numbers=[1, 2])
+    >>> cg.metrics.transitions.validate([2.0, 1.0], beats_s=[0.0, 0.5], beat_numbers=[1, 2])
+    Traceback (most recent call last):
+        ...
+    choreograph.core.errors.ParameterError: expected increasing, finite transitions in seconds, got shape (2,)
+    """
     for name, times_s in (("transitions", transitions_s), ("music beats", beats_s)):
         times = np.asarray(times_s, np.float64)
         if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
@@ -37,27 +46,54 @@ def validate(transitions_s: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLi
 
 
 def transitions_per_minute(transitions_s: ArrayLike, duration_s: float) -> float:
-    """Transitions in a minute of the dance, which lasts `duration_s`."""
+    """Transitions per minute of a dance of `duration_s`. Nearer to real dances is better.
+
+    Examples
+    --------
+    >>> cg.metrics.transitions.transitions_per_minute([2.0, 6.0, 9.0], duration_s=30.0)
+    6.0
+    """
     if not (np.isfinite(duration_s) and duration_s > 0):
         raise ParameterError(f"expected a duration above 0 s, got {duration_s}")
     return np.size(transitions_s) * 60.0 / duration_s
 
 
 def mean_gap_s(transitions_s: ArrayLike) -> float:
-    """Mean time from a transition to the next, seconds; nan with fewer than two."""
+    """Mean time from a transition to the next, in seconds. nan with fewer than two.
+
+    Examples
+    --------
+    >>> cg.metrics.transitions.mean_gap_s([2.0, 6.0, 8.0])
+    3.0
+    """
     gaps_s = np.diff(np.asarray(transitions_s, np.float64))
     return float(gaps_s.mean()) if len(gaps_s) else float("nan")
 
 
 def on_counts(transitions_s: ArrayLike, beats_s: ArrayLike) -> float:
-    """Share of the transitions at a music beat, 0 … 1; 0.30 by chance."""
+    """Share of the transitions at a music beat, 0 to 1. Higher is better. 0.30 is chance.
+
+    Examples
+    --------
+    >>> cg.metrics.transitions.on_counts([1.0, 2.25], beats_s=np.arange(16) / 2)
+    0.5
+    """
     position = beat_positions(transitions_s, beats_s)
     position = position[~np.isnan(position)]
     return _share(np.abs(position - np.round(position)) <= WITHIN_BEATS + 1e-9)
 
 
 def at_bar_borders(transitions_s: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLike) -> float:
-    """Share of the transitions at a downbeat, 0 … 1; nan without downbeats; by chance 0.30 / metre."""
+    """Share of the transitions at a downbeat, 0 to 1. Higher is better. 0.30 / metre is chance.
+
+    The result is nan without downbeats.
+
+    Examples
+    --------
+    >>> beats_s, numbers = np.arange(16) / 2, np.tile([1, 2, 3, 4], 4)  # bars of 2 s
+    >>> cg.metrics.transitions.at_bar_borders([2.0, 4.0, 4.5, 5.0], beats_s, numbers)
+    0.5
+    """
     validate(transitions_s, beats_s, beat_numbers)
     if not _has_bars(beat_numbers):
         return float("nan")
@@ -65,14 +101,32 @@ def at_bar_borders(transitions_s: ArrayLike, beats_s: ArrayLike, beat_numbers: A
 
 
 def at_figure_borders(transitions_s: ArrayLike, beats_s: ArrayLike, figure_borders_s: ArrayLike) -> float:
-    """Share of the transitions at which one of the two takes is at a border of a figure, 0 … 1."""
+    """Share of the transitions at which one of the two takes is at a border of a figure, 0 to 1.
+
+    Higher is better.
+
+    Examples
+    --------
+    >>> borders_s = [2.0, 6.0]
+    >>> cg.metrics.transitions.at_figure_borders([2.0, 4.0], np.arange(16) / 2, borders_s)
+    0.5
+    """
     return _share(_at_figures(transitions_s, beats_s, figure_borders_s))
 
 
 def at_borders(
     transitions_s: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLike, figure_borders_s: ArrayLike
 ) -> float:
-    """Share of the transitions at a bar's or a figure's border, 0 … 1; nan if neither kind is known."""
+    """Share of the transitions at the border of a bar or of a figure, 0 to 1. Higher is better.
+
+    The result is nan if neither kind is known.
+
+    Examples
+    --------
+    >>> beats_s, numbers = np.arange(16) / 2, np.tile([1, 2, 3, 4], 4)  # bars of 2 s
+    >>> cg.metrics.transitions.at_borders([2.0, 3.0, 3.5], beats_s, numbers, [3.0]) > 0.6
+    True
+    """
     validate(transitions_s, beats_s, beat_numbers)
     if not _has_bars(beat_numbers) and np.size(figure_borders_s) == 0:
         return float("nan")
@@ -88,7 +142,15 @@ def evaluate(
     beat_numbers: ArrayLike,
     figure_borders_s: ArrayLike = (),
 ) -> dict[str, float]:
-    """All metrics of this module by name."""
+    """All metrics of this module by name. Raises `ParameterError` as `validate` does.
+
+    Examples
+    --------
+    >>> beats_s, numbers = np.arange(16) / 2, np.tile([1, 2, 3, 4], 4)  # bars of 2 s
+    >>> scores = cg.metrics.transitions.evaluate([2.0, 4.0], 8.0, beats_s, numbers)
+    >>> scores["transitions_per_minute"], scores["transitions_at_bar_borders"]
+    (15.0, 1.0)
+    """
     validate(transitions_s, beats_s, beat_numbers)
     return {
         "transitions_per_minute": transitions_per_minute(transitions_s, duration_s),
@@ -101,9 +163,14 @@ def evaluate(
 
 
 def uniform_chance(metre: int) -> dict[str, float]:
-    """Shares of transitions at random instants of a steady beat of that metre, exactly.
+    """Exact shares of transitions at random instants of a steady beat of that metre.
 
     Raises `ParameterError` unless the metre is 1 or more.
+
+    Examples
+    --------
+    >>> cg.metrics.transitions.uniform_chance(4)
+    {'transitions_on_counts': 0.3, 'transitions_at_bar_borders': 0.075}
     """
     of_counts = counts.uniform_chance(metre)
     return {
@@ -136,7 +203,8 @@ def _near(times_s: ArrayLike, borders_s: Floats, beats_s: ArrayLike) -> Booleans
     if np.size(beats_s) < 2:
         return np.zeros(len(times), bool)
     apart = beat_positions(borders_s, beats_s) - beat_positions(times, beats_s)[:, None]  # (B, F)
-    return np.any(np.abs(apart) <= WITHIN_BEATS + 1e-9, axis=1)
+    result: Booleans = np.any(np.abs(apart) <= WITHIN_BEATS + 1e-9, axis=1)
+    return result
 
 
 def _share(flags: Booleans) -> float:

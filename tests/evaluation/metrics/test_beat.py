@@ -15,7 +15,6 @@ from choreograph.evaluation.metrics.beat import (
     aligned_share,
     alignment_score,
     beat_ratio,
-    chance_f_score,
     chance_level,
     evaluate,
     evaluate_chance,
@@ -146,9 +145,9 @@ def test_chance_is_the_share_of_time_that_windows_cover():
     rng = np.random.default_rng(0)
     music = np.arange(0.25, 60, 0.5)
     motion = np.sort(rng.uniform(0, 60, 120))
-    chance = chance_f_score(motion, music, duration_s=60.0, rng=np.random.default_rng(1))
+    chance = chance_level(f_score, motion, music, duration_s=60.0, rng=np.random.default_rng(1))
     assert chance == pytest.approx(0.14 / 0.5, abs=0.06)
-    assert chance == chance_f_score(motion, music, duration_s=60.0, rng=np.random.default_rng(1))
+    assert chance == chance_level(f_score, motion, music, duration_s=60.0, rng=np.random.default_rng(1))
     assert chance < 0.5 * f_score(music, music)
 
 
