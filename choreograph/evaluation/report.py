@@ -6,7 +6,6 @@ import base64
 import html
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from choreograph.core.files import atomic_path, check_target
 from choreograph.evaluation import plots
@@ -21,9 +20,6 @@ from choreograph.evaluation.results import (
     song_table,
     tables,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _ARROWS = {"higher": "↑", "lower": "↓", "real": "≈"}
 _ARROW_TITLES = {"higher": "higher is better", "lower": "lower is better", "real": "closer to real is better"}
@@ -135,7 +131,7 @@ def _songs(evaluation: Evaluation) -> str:
     return (
         "<section id=songs><h2>F-score by song</h2><p>Mean over seeds.</p><div class=scroll>"
         f"<table><thead><tr><th></th>{head}</tr></thead><tbody>{lines}</tbody></table></div>"
-        + (_svg(figure) if figure else "")
+        + (f"<div class=scroll>{plots.to_svg(figure)}</div>" if figure else "")
         + "</section>"
     )
 
@@ -160,16 +156,13 @@ def _figures(evaluation: Evaluation) -> list[str]:
         ("convergence", "Convergence of the signatures", song, plots.convergence_figure(example)),
     ]  # fmt: skip
     sections = [
-        f'<section id="{name}"><h2>{title}</h2><p>{_text(caption)}</p>{_svg(figure)}</section>'
+        f'<section id="{name}"><h2>{title}</h2><p>{_text(caption)}</p>'
+        f"<div class=scroll>{plots.to_svg(figure)}</div></section>"
         for name, title, caption, figure in parts
         if figure is not None
     ]
     poses = f"<section id=poses><h2>Poses on beats</h2><p>{_text(song)}</p>{strips}</section>"
     return [*sections, poses]
-
-
-def _svg(figure: Figure) -> str:
-    return f"<div class=scroll>{plots.to_svg(figure)}</div>"
 
 
 def _notes(evaluation: Evaluation) -> str:
