@@ -16,14 +16,6 @@ import choreograph as cg
 EXAMPLES = re.compile(r"^Examples\n-{8}\n(.+?)(?=^\S[^\n]*\n-{3,}\n|\Z)", flags=re.S | re.M)
 # Names whose docstring has no example yet, by room. They only become fewer: a name with an example must go.
 TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
-    "choreography": (
-        "Ban",
-        "Cost",
-        "Keep",
-        "Layer",
-        "MotifPin",
-        "TakePin",
-    ),
     "motion": (
         "Credits",
         "Motion",
@@ -44,7 +36,6 @@ TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
         "load_song",
     ),
     "choreograph": ("__version__",),
-    "render": ("render",),
 }
 TO_DO = {name for names in TO_DO_BY_ROOM.values() for name in names}
 

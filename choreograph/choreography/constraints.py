@@ -27,7 +27,25 @@ from choreograph.plan import Plan
 
 @dataclass(frozen=True)
 class MotifPin:
-    """A motif in the beat interval around a time of the dance."""
+    """Require a motif in the beat interval around a time of the dance.
+
+    Parameters
+    ----------
+    at_s : time in the dance, in seconds
+    motif : index of the motif in the repertoire's vocabulary, 0 or more
+
+    Raises
+    ------
+    ParameterError   if a value is not a number, or the motif is negative
+
+    Examples
+    --------
+    >>> pin = cg.MotifPin(at_s=2.0, motif=4)
+    >>> dance = cg.dance(cg.example_songs()["house"], duration_s=4, pins=[pin])
+    >>> word = dance.plan.words[0]
+    >>> word.motif, word.start_s < 2.0 < word.end_s
+    (4, True)
+    """
 
     at_s: float
     motif: int
@@ -44,7 +62,24 @@ class MotifPin:
 
 @dataclass(frozen=True)
 class TakePin:
-    """Only one take, from one time of the dance to another."""
+    """Require one take from one time of the dance to another.
+
+    Parameters
+    ----------
+    start_s, end_s : times in the dance, in seconds
+    take : name of the take in the repertoire
+
+    Raises
+    ------
+    ParameterError   if a time is not a number, or the take is not a name
+
+    Examples
+    --------
+    >>> pin = cg.TakePin(start_s=1.0, end_s=3.0, take="house-01")
+    >>> dance = cg.dance(cg.example_songs()["house"], duration_s=4, pins=[pin])
+    >>> dance.plan.seconds[2].take
+    'house-01'
+    """
 
     start_s: float
     end_s: float
@@ -62,7 +97,24 @@ class TakePin:
 
 @dataclass(frozen=True)
 class Keep:
-    """A stretch of another dance to the same song that is kept as it is."""
+    """Keep a part of another dance to the same song as it is.
+
+    Parameters
+    ----------
+    start_s, end_s : times in the dance, in seconds
+
+    Raises
+    ------
+    ParameterError   if a time is not a number
+
+    Examples
+    --------
+    >>> song = cg.load_song(cg.example_songs()["house"], duration_s=6)
+    >>> first = cg.dance(song)
+    >>> second = cg.dance(song, existing=first, keep=[cg.Keep(start_s=0.0, end_s=3.0)], seed=1)
+    >>> np.array_equal(first.motion.root_pos_m[:180], second.motion.root_pos_m[:180])
+    True
+    """
 
     start_s: float
     end_s: float
@@ -78,7 +130,24 @@ class Keep:
 
 @dataclass(frozen=True)
 class Ban:
-    """One take, one genre or one motif that must not be danced: give exactly one of the three."""
+    """Exclude one take, one genre or one motif from the dance. Give exactly one of the three.
+
+    Parameters
+    ----------
+    take : name of a take in the repertoire
+    genre : genre of takes in the repertoire
+    motif : index of a motif in the repertoire's vocabulary, 0 or more
+
+    Raises
+    ------
+    ParameterError   if not exactly one is given, a name is no text, or the motif is negative
+
+    Examples
+    --------
+    >>> dance = cg.dance(cg.example_songs()["house"], duration_s=2, bans=[cg.Ban(take="house-16")])
+    >>> "house-16" in dance.plan.takes_s()
+    False
+    """
 
     take: str | None = None
     genre: str | None = None

@@ -146,14 +146,39 @@ def render(
     existing: Motion | None = None,
     report: StepReport | None = None,
 ) -> Motion:
-    """The motion of a plan, exactly as planned; `report` is called with how much is done, of how much.
+    """The motion of a plan, exactly as planned.
 
-    `existing` is the dance of which a plan keeps parts: these are as they are there, and the rest is led from
-    and to them (`filled_gaps`).
+    Parameters
+    ----------
+    plan : the plan of a dance, which may have been edited
+    repertoire : with the takes of the plan
+    existing : the dance of which a plan keeps parts. These parts stay as they are, and the motion in the
+        gaps between them is moved so that it meets them.
+    report : called with the number of steps done, and the number of all steps
 
-    Raises `RepertoireError` if the plan names a take that the repertoire does not have, `FormatError` if it
-    was edited to no plan, `ParameterError` if it wants a take beyond its end, holds words that a network
-    dances, or keeps parts of a dance that is not given, or of another length or skeleton.
+    Returns
+    -------
+    Motion   at `plan.fps`, `plan.duration_s` long
+
+    Raises
+    ------
+    RepertoireError   if a take of the plan is not in the repertoire
+    FormatError       if the plan is not valid
+    ParameterError    if a part of a take is outside the take, the plan has words that a network dances, or
+                      it keeps parts of a dance that is not given or has another length or skeleton
+
+    References
+    ----------
+    ChoreoGraph, section 3.3, for `blending="linear"`. The other transitions are ours.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> repertoire = cg.starter_repertoire()
+    >>> dance = cg.dance(cg.example_songs()["house"], repertoire, duration_s=4)
+    >>> edited = replace(dance.plan, blending="linear", lock_feet=False)
+    >>> cg.render(edited, repertoire)
+    <Motion: 240 frames at 60 fps (4.0 s), 24 joints>
     """
     if not isinstance(plan, Plan):
         raise unexpected("a Plan", plan, "`Plan.read` reads a file")

@@ -28,7 +28,7 @@ from content.songs.known_songs import BENCHMARK_SONGS
 pytestmark = pytest.mark.slow
 
 SCHEMA = Path(__file__).resolve().parents[2] / "data_schema" / "plan.schema.json"
-ENGINES = ("graph", "mixer")
+ENGINE_NAMES = ("graph", "mixer")
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +120,7 @@ def test_seeds_decide_the_dance(mixed, with_motifs, song):
     assert [w.motif for w in other.plan.words] != [w.motif for w in mixed.plan.words]
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINE_NAMES)
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_pinned_motifs_are_danced(with_motifs, song, engine, seed):
     rng = np.random.default_rng(seed)
@@ -139,7 +139,7 @@ def test_pinned_motifs_are_danced(with_motifs, song, engine, seed):
     assert np.array_equal(again.local_quat, made.motion.local_quat)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINE_NAMES)
 def test_only_a_pinned_take_is_danced_where_it_is_pinned(with_motifs, song, engine):
     pin = cg.TakePin(4.0, 8.0, "take2")
     made = cg.dance(song, with_motifs, engine=engine, pins=[pin], bans=[cg.Ban(take="take1")])
@@ -155,7 +155,7 @@ def test_transitions_do_not_reach_into_a_pinned_take(with_motifs, song):
         cg.dance(song, with_motifs, pins=[cg.TakePin(2.0, 4.2, "take2"), cg.TakePin(4.8, 6.0, "take1")])
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINE_NAMES)
 def test_a_motif_within_a_pinned_take(with_motifs, song, engine):
     v = with_motifs.vocabulary
     motif = int(v.word_motif[v.words_of_take(1)[8]])
@@ -165,7 +165,7 @@ def test_a_motif_within_a_pinned_take(with_motifs, song, engine):
     assert motif_at(made, with_motifs, 5.2) == motif
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINE_NAMES)
 def test_bans_are_never_danced(with_motifs, song, engine):
     made = cg.dance(song, with_motifs, engine=engine, bans=[cg.Ban(genre="a")])
     assert "take0" not in made.plan.takes_s()
@@ -217,7 +217,7 @@ def test_a_motion_file_is_recreated(with_motifs, mixed, song, tmp_path):
         cg.motifs_of("nobody", with_motifs)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINE_NAMES)
 def test_variations_differ(with_motifs, song, engine):
     made = cg.vary(song, with_motifs, 3, engine=engine, duration_s=6.0)
     assert len(made) == 3
@@ -267,7 +267,7 @@ def test_constraints_that_cannot_be_met(with_motifs, constraints, message):
     assert "\n" not in str(raised.value)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINE_NAMES)
 def test_every_engine_refuses_constraints_that_cannot_be_met(with_motifs, song, engine):
     for constraints in (
         {"pins": [cg.MotifPin(13.0, 1)]},

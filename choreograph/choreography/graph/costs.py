@@ -123,12 +123,33 @@ _OVERLAP_FRAMES = NODE_FRAMES // 4  # a step back of at most this is no repeat: 
 
 
 class Cost:
-    """A cost on nodes, on edges, or on both. Subclass it and override what you need.
+    """A cost of nodes, of edges, or of both, in the graph of the graph engine.
 
-    `name` is its name in plans, weights and errors; the default is the class name in lower case. Values
-    may have any unit: the weight scales them. `inf` forbids, `nan` is an error. `min_jump_cost` is a lower
-    bound of every edge between two warped segments; with it the exact planner skips edges that cannot be
-    on the cheapest path. Set it to 0 if no edge is negative.
+    A node is one second of a warped take. An edge leads from a node of one second to a node of the next.
+    Subclass `Cost` and override `node`, `edge` or both. Values may have any unit, since the weight of the
+    cost scales them. `inf` forbids a node or an edge, and `nan` is an error.
+
+    Attributes
+    ----------
+    name : name in plans, weights and errors; by default the class name in lower case
+    min_jump_cost : lower bound of every edge between two warped segments. With it, the exact planner skips
+        edges that cannot be on the cheapest path. Set it to 0 if no edge is negative.
+
+    References
+    ----------
+    ChoreoGraph, section 3.3.
+
+    Examples
+    --------
+    A cost that prefers slow motion. Its values are mean joint speeds in m/s.
+
+    >>> class Calm(cg.Cost):
+    ...     def node(self, layer, song_features):
+    ...         return np.linalg.norm(layer.first_velocity_m_s, axis=-1).mean(axis=1)  # (N,)
+    >>> song = cg.example_songs()["house"]
+    >>> dance = cg.dance(song, duration_s=4, costs=[Calm()], weights={"calm": 2.0})
+    >>> dance.plan.seconds[0].costs["calm"] >= 0.0
+    True
     """
 
     name: str = ""
@@ -140,15 +161,46 @@ class Cost:
             cls.name = cls.__name__.lower()
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
-        """Cost (N,) of dancing each node of `layer`, or None."""
+        """The cost of dancing each node of a layer.
+
+        Parameters
+        ----------
+        layer : the N nodes of one second, `layer.second`
+        song_features : the song, with one row for each second S of `style` (S, 32), `energy` (S,), ...
+
+        Returns
+        -------
+        float array (N,)   `inf` forbids a node
+        or None            if the cost is 0 for all of them
+        """
         return None
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats | None:
-        """Cost (P, N) of going from each node of `previous` to each of `next`, or None."""
+        """The cost of going from each node of one second to each node of the next.
+
+        Parameters
+        ----------
+        previous : P nodes of one second, or a part of them
+        next : N nodes of the second after it, or a part of them
+        song_features : the song, as in `node`
+
+        Returns
+        -------
+        float array (P, N)   `inf` forbids an edge
+        or None              if the cost is 0 for all of them
+        """
         return None
 
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats | float:
-        """Lower bounds of edges between segments: one per node of `next`, (N,), or one for all."""
+        """Lower bounds of the edges between segments.
+
+        The default is `min_jump_cost`. Override it if a tighter bound of each node of `next` is known.
+
+        Returns
+        -------
+        float array (N,)   a bound for each node of `next`
+        or float           one bound for all of them
+        """
         return self.min_jump_cost
 
 

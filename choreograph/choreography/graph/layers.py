@@ -40,11 +40,26 @@ class PoseBank(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """All nodes active in one second. Axis 0 of every array field is the node.
+    """All nodes that are active in one second of the song. Axis 0 of every array is the node.
 
-    Poses are in the root frame (pelvis above the origin, facing +Z), so that poses of two nodes compare as
-    if one had been aligned to the other. `first_*` and `last_*` are at the two borders of the second: the
-    last pose of a node is the first pose of its successor in the segment.
+    Costs (`Cost`) are computed from layers. Poses are in the root frame: the pelvis is above the origin, and
+    the body faces +Z. Poses of two nodes can therefore be compared as if one had been aligned to the other.
+    The fields `first_*` belong to the start of the second and `last_*` to its end. The last pose of a node is
+    the first pose of its successor in the segment.
+
+    Examples
+    --------
+    >>> layers = []
+    >>> class Recorder(cg.Cost):
+    ...     def node(self, layer, song_features):
+    ...         layers.append(layer)
+    >>> dance = cg.dance(cg.example_songs()["house"], duration_s=2, costs=[Recorder()])
+    >>> layer = layers[0]
+    >>> layer.second, layer.first_pose_m.shape == (layer.n_nodes, 21, 3)
+    (0, True)
+    >>> of_house = layer.subset(layer.genre == "house")
+    >>> set(of_house.genre.tolist())
+    {'house'}
     """
 
     second: int  # second of the song
@@ -61,9 +76,7 @@ class Layer:
     unmatched_beat: Floats  # (N,) share of this second's music and motion beats without a partner
     first_beat: Floats  # (N,) frame (20 fps) of the first motion beat in the second, nan if none
     last_beat: Floats  # (N,) frame of the last one
-    time_map_id: (
-        Ints  # (N,) the same for nodes of one continuous time map of a counted take; -1 for other nodes
-    )
+    time_map_id: Ints  # (N,) equal for nodes of one continuous time map of a counted take, -1 for others
     count_uncertainty: Floats  # (N,) of the counts of the node's take here, 0 … 1: 0 if no network read them
     off_bar: Floats  # (N,) share of this second's beats whose number in the bar is not the take's
     enter_penalty: Floats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
@@ -87,7 +100,10 @@ class Layer:
         return len(self.segment)
 
     def subset(self, nodes: Ints | NDArray[np.bool_]) -> Layer:
-        """The layer with only these nodes, by index or mask; `ParameterError` for anything else."""
+        """The layer with some of its nodes.
+
+        `nodes` are indices (M,) or a mask (N,). Raises `ParameterError` for anything else.
+        """
         try:
             if not isinstance(nodes, slice) and np.ndim(nodes) != 1:
                 raise IndexError
@@ -98,9 +114,11 @@ class Layer:
         return replace(self, **arrays)
 
     def with_motif_counts(self, counts_before: Ints) -> Layer:
-        """The layer with `counts_before` (N, M) of the path to each node plus the node's own motifs.
+        """The layer with the motif counts of the path that ends at each node.
 
-        Where a new goal begins, only its own. Raises `ParameterError` for anything but such counts.
+        They are the counts of the path up to the node, `counts_before` (N, M), plus the node's own motifs.
+        Where a new goal begins, only the node's own motifs are counted. Raises `ParameterError` for another
+        shape or other values than whole numbers.
         """
         check_kind("motif counts", counts_before, np.ndarray)
         shape = self.motif_counts.shape
@@ -114,9 +132,10 @@ class Layer:
         return replace(self, motif_counts=counts)
 
     def with_recent_usage(self, recent_usage_s: Floats) -> Layer:
-        """The layer with the recent usage of each take, (takes,), looked up for its nodes.
+        """The layer with the recent usage of its nodes' takes.
 
-        Raises `ParameterError` for anything but an array of as many numbers or more.
+        `recent_usage_s` (takes,) is the usage of every take in seconds. Raises `ParameterError` unless it is
+        a float array with a value for every take of the layer.
         """
         check_kind("recent usage", recent_usage_s, np.ndarray)
         n_takes = int(self.take.max(initial=-1)) + 1
@@ -125,22 +144,17 @@ class Layer:
         return replace(self, recent_usage_s=recent_usage_s[self.take])
 
     def successors_in(self, following: Layer) -> tuple[Ints, Ints]:
-        """Pairs (node here, node of `following`) that are consecutive in one warped segment or time map.
+        """The pairs of nodes that are consecutive in one warped segment or time map.
 
-        Raises `ParameterError` for anything but a layer.
+        Returns the indices (M,) in this layer and the indices (M,) in `following`, the layer of the next
+        second. Raises `ParameterError` if `following` is no layer.
         """
         check_kind("the following layer", following, Layer)
-        here = np.where(
-            self.time_map_id >= 0, -2 - self.time_map_id, self.segment * SEGMENT_S + self.offset + 1
-        )
-        there = np.where(
-            following.time_map_id >= 0,
-            -2 - following.time_map_id,
-            following.segment * SEGMENT_S + following.offset,
-        )
-        there = np.where(
-            (following.time_map_id < 0) & (following.offset == 0), -1, there
-        )  # a segment's first
+        next_in_segment = self.segment * SEGMENT_S + self.offset + 1
+        here = np.where(self.time_map_id >= 0, -2 - self.time_map_id, next_in_segment)
+        in_segment = following.segment * SEGMENT_S + following.offset
+        in_segment = np.where(following.offset == 0, -1, in_segment)  # a segment's first node follows none
+        there = np.where(following.time_map_id >= 0, -2 - following.time_map_id, in_segment)
         order = np.argsort(here)
         row = order[np.minimum(np.searchsorted(here, there, sorter=order), self.n_nodes - 1)]
         follows = here[row] == there
@@ -291,8 +305,7 @@ class LayerSource:
 
 
 def _one_per_time_map(time_map_id: Ints) -> Ints:
-    """Indices of nodes (N,) without those that repeat a time map. The first node of each stays."""
-    _, first = np.unique(
-        np.where(time_map_id >= 0, time_map_id, -1 - np.arange(len(time_map_id))), return_index=True
-    )
+    """Indices of the first node of each time map, and of all nodes (N,) without one."""
+    own_id = -1 - np.arange(len(time_map_id))
+    _, first = np.unique(np.where(time_map_id >= 0, time_map_id, own_id), return_index=True)
     return np.sort(first)

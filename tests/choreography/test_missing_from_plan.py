@@ -17,7 +17,7 @@ import choreograph as cg
 from choreograph.core.counts import NO_COUNTS
 from choreograph.library.writing import write_repertoire
 
-ENGINES = ("graph", "mixer")
+ENGINE_NAMES = ("graph", "mixer")
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def dance(tmp_path_factory):
     return dance
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINE_NAMES)
 def test_takes_without_counts_are_left_out_beside_counted_ones(takes, dance, engine):
     notes, danced_s = dance(takes, engine=engine)
     assert "take0" not in danced_s
@@ -65,7 +65,7 @@ def test_where_they_are_danced_nothing_is_said(takes, dance):
     assert dance(takes, warping="dtw")[0] == []
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINE_NAMES)
 def test_a_genre_that_is_hardly_danced_is_said_with_the_reason(takes, dance, engine):
     notes, danced_s = dance(takes, engine=engine, genre="a")
     assert "take0" not in danced_s
