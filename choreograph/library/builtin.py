@@ -11,7 +11,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import NetArrays
 from choreograph.library.store import RepertoireFile, read_networks
 
-# Loader of the built-in repertoire and songs, with which dancing needs no data set.
+# The built-in repertoire and songs.
 
 
 STARTER_PATH = Path(__file__).parent / "shipped" / "starter.h5"
@@ -51,13 +51,13 @@ def example_songs() -> dict[str, Path]:
     return {path.stem: path for path in sorted(SONGS_PATH.glob("*.ogg"))}
 
 
-# Loader of the networks that ship with the package.
+# The networks that ship with the package.
 
 
 PRETRAINED = ("clean", "research")
 DEFAULT, NOTHING = "default", "nothing"
 CHOICES = (DEFAULT, *PRETRAINED, NOTHING)
-# The clean one where it is as good (`research/results/style.md`, `research/results/motion_counts.md`).
+# The set "clean" where it is as good (`research/results/style.md`, `research/results/motion_counts.md`).
 _BY_DEFAULT = {"style": "clean", "motion_counts": "research"}
 _DESCRIPTIONS = {
     "clean": "the networks 'clean', trained on the program's own takes",
@@ -76,12 +76,12 @@ class PretrainedNet:
 
     @property
     def description(self) -> str:
-        """What a user should know of the set, in a line."""
+        """The set and its training data, in a line."""
         return _DESCRIPTIONS[self.set_name]
 
 
 def pretrained_set(name: str) -> dict[str, PretrainedNet]:
-    """The networks of a set by their names; none of "nothing". "default" takes the better set for each.
+    """The networks of a set by name. "nothing" has none. "default" takes the better set for each network.
 
     Raises `ParameterError` for an unknown name, `RepertoireError` if the installation lacks a file.
     """

@@ -1,7 +1,7 @@
-"""What a repertoire file must satisfy to be read: it may come from a stranger.
+"""Checks of repertoire files, which may come from untrusted sources.
 
-Three tables of limits and a function for each kind: how arrays are stored, which is checked before any is
-read; their values, checked when they are; and what arrays say together. Messages are without the file's name.
+How arrays are stored is checked before any of them is read. Values are checked when they are read, and then
+the relations between arrays. Messages do not contain the name of the file, which `store` adds.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from choreograph.core.errors import RepertoireError
 from choreograph.core.timebase import CLIP_FRAMES
 from choreograph.library.schema import DELTA_ORDER, DELTA_RESTART, HALF_PRECISION, QUANTISATION_STEPS
 
-# How arrays are stored. Files of this program are 4 times their size when unpacked; what is unpacked is held
-# several times while dancing.
+# Limits of stored arrays. Files of this program are 4 times as large when they are unpacked, and a dance
+# holds several copies of some arrays.
 FILTERS = (1, 2, 3)  # HDF5's numbers of deflate, shuffle and Fletcher's checksum
 FREE_BYTES = 1 << 26  # may be unpacked from a file of any size
 UNPACKED_RATIO = 16  # of all arrays to the file, beyond that
-DEFLATE_RATIO = 1032  # the highest that deflate reaches: more is not stored, but made up
+DEFLATE_RATIO = 1032  # the highest that deflate reaches: a file that claims more is damaged
 MAX_CHUNK_BYTES = 1 << 24
 MAX_WEIGHTS = 4096  # arrays of a network
 MAX_NETS = 64
@@ -36,8 +36,8 @@ _QUANTISED = (np.dtype("i2"), np.dtype("u2"))
 _FAR_M = 1e6
 _LONG_S = 1e7
 _COUNTED = 1 << 31
-# Lowest and highest value of the numbers of an array; a letter stands for the length of that axis, or its
-# last index after "<". None is NaN or infinite.
+# Lowest and highest value in an array. A letter stands for the length of that axis, or for its last index
+# after "<". No value is NaN or infinite.
 VALUES: dict[str, tuple[float, float | str]] = {
     "skeleton/parents": (-1, "<J"),
     "skeleton/offsets_m": (-_FAR_M, _FAR_M),
@@ -90,7 +90,7 @@ ENCODING = {"order": DELTA_ORDER, "restart": DELTA_RESTART, "folded": True}
 
 @dataclass(frozen=True)
 class StoredArray:
-    """How one array is stored in a file, as its header says."""
+    """How an array is stored in a file, according to its header."""
 
     name: str
     dtype: np.dtype
@@ -104,7 +104,7 @@ class StoredArray:
 
     @property
     def n_bytes(self) -> int:
-        """Size when unpacked; text varies in length and is counted as it is read."""
+        """Size when unpacked. Text varies in length and is counted when it is read."""
         return _size(self.shape) * self.dtype.itemsize
 
 
@@ -116,9 +116,14 @@ def check_stored(array: StoredArray, kind: str) -> None:
     _expect(found, f"{array.name}: expected {expected}, got {'text' if array.is_text else array.dtype}")
     _expect(not array.is_elsewhere, f"{array.name}: expected it in this file, got a part of another place")
     unknown = set(array.filters) - set(FILTERS)
-    _expect(not unknown, f"{array.name}: expected it plain or deflated, got HDF5's filters {array.filters}")
+    _expect(
+        not unknown, f"{array.name}: expected no compression or deflate, got HDF5 filters {array.filters}"
+    )
     n_chunk_bytes = _size(array.chunk) * array.dtype.itemsize
-    _expect(n_chunk_bytes <= MAX_CHUNK_BYTES, f"{array.name}: got chunks of {n_chunk_bytes:,} bytes")
+    _expect(
+        n_chunk_bytes <= MAX_CHUNK_BYTES,
+        f"{array.name}: expected chunks of at most {MAX_CHUNK_BYTES:,} bytes, got {n_chunk_bytes:,}",
+    )
     packed = DEFLATE_RATIO if array.filters else 1
     _expect(
         array.n_bytes <= packed * array.n_stored_bytes,
@@ -127,7 +132,7 @@ def check_stored(array: StoredArray, kind: str) -> None:
 
 
 def check_text_heaps(data: bytes | mmap) -> None:
-    """`RepertoireError` for a heap of texts whose parts do not fill it: HDF5 2.0 walks some without end.
+    """`RepertoireError` for a damaged heap of texts, which makes HDF5 2.0 loop without end.
 
     A heap is "GCOL", a version, its size, and texts, each after its number and size; number 0 is free space.
     """
@@ -147,7 +152,7 @@ def check_text_heaps(data: bytes | mmap) -> None:
 
 
 def check_size(arrays: Iterable[StoredArray], n_file_bytes: int) -> None:
-    """`RepertoireError` if all arrays of a file of that size are larger than what compression explains."""
+    """`RepertoireError` if the arrays are larger than compression can explain for a file of that size."""
     n_bytes, limit = sum(array.n_bytes for array in arrays), FREE_BYTES + UNPACKED_RATIO * n_file_bytes
     _expect(n_bytes <= limit, f"expected at most {limit:,} bytes unpacked, got {n_bytes:,}")
 
@@ -164,7 +169,7 @@ def _stored_dtypes(array: StoredArray, kind: str) -> tuple[np.dtype, ...]:
 
 
 def check_text(name: str, texts: Sequence[str], n_file_bytes: int) -> None:
-    """`RepertoireError` if rows of text hold more than the file, or too much when all are as long as one."""
+    """`RepertoireError` if rows of text are longer than the file, or too long for an array of equal rows."""
     longest = max(map(len, texts), default=0)
     _expect(
         sum(map(len, texts)) <= n_file_bytes
@@ -218,7 +223,7 @@ def check_parts(name: str, start: NDArray[Any], stop: NDArray[Any], length: int,
 
 
 def check_provenance(provenance: Mapping[str, Any]) -> None:
-    """`RepertoireError` unless what is used of a file's provenance is of its kind."""
+    """`RepertoireError` unless the used entries of a file's provenance have their types."""
     songs, weight = provenance.get("trained_on", []), provenance.get("selection_beat_weight", 0.0)
     _expect(
         isinstance(songs, list) and all(isinstance(song, str) for song in songs),
@@ -248,7 +253,7 @@ def check_counts(name: str, times_s: NDArray[Any], numbers: NDArray[Any], metre:
 
 
 def _size(shape: tuple[int, ...]) -> int:
-    """Number of elements, by Python's integers: a header may claim more than 64 bits hold."""
+    """Number of elements. Python's integers do not overflow, whatever a header claims."""
     size = 1
     for length in shape:
         size *= length

@@ -20,7 +20,7 @@ from choreograph.motion.contacts import step_counts
 from choreograph.motion.motion import Credits
 from choreograph.motion.motion_beats import Liveliness, mean_joint_speed_m_s
 
-# What a repertoire file says about its takes: names, credits, ranges in the arrays, counts and figures.
+# The takes of a repertoire file: names, credits, ranges in the arrays, counts and figures.
 
 
 _TEXT = ("name", "song_name", "genre", "performer", "licence", "source", "notes")
@@ -94,7 +94,7 @@ def figures_from(read: Callable[[str], NDArray[Any]]) -> dict[int, tuple[Figure,
     return {take: tuple(own) for take, own in figures.items()}
 
 
-# How lively and how densely stepped clips are, as ranks in their genre.
+# Liveliness and numbers of steps of clips, as ranks in their genre.
 
 
 Ints = NDArray[np.integer]
@@ -132,7 +132,7 @@ def clip_steps(
     return ranks
 
 
-# How the clips of a repertoire move: poses, speeds, densities, liveliness and uncertainty of counts by frame.
+# Poses, speeds, densities, liveliness and uncertainty of counts of clips, by frame.
 
 
 class ClipMotion:

@@ -199,9 +199,9 @@ _STARTS = 2**21  # start bins: more than a day
 class SpanMotifLookup:
     """Motifs of spans of takes, for the graph.
 
-    In the graph a word is the motion between two music beats. That may be any span of a take, not only the
-    words that the vocabulary segmented on the take's own beats. Spans are quantised, to 0.05 s in time and
-    15 % in length, and embedded on first use: a song needs a small part of all spans.
+    In the graph a word is the motion between two beats of the music. That may be any span of a take, not only
+    the words that the vocabulary segmented on the beats of the take. Spans are quantised, to 0.05 s in time
+    and 15 % in length, and embedded on first use: a song needs a small part of all spans.
 
     `body_pos_m` gives positions (T, 21, 3) of a take at `fps`; `embed` gives embeddings (N, D) of words
     (N, 13, 21, 3), as `nets.words.WordNet.embed` does.

@@ -55,7 +55,7 @@ _HTML_ROWS = 50
 
 
 class Repertoire:
-    """An opened repertoire file: takes, clips, networks and motifs, all that a dance needs besides the song.
+    """An opened repertoire file: its takes, clips, networks and motifs.
 
     `Repertoire.open` opens a file. Arrays are read when they are first used.
 
@@ -178,8 +178,8 @@ class Repertoire:
     def _expect_vocabulary(self) -> None:
         if not self.has_vocabulary:
             raise RepertoireError(
-                f"{self.path}: expected motion words and motifs, got a repertoire without: built without "
-                "words or from too few of them, build it again with `choreograph build-db`"
+                f"{self.path}: expected motion words and motifs, got a repertoire without: it was built "
+                "without words or from too few of them, build it again with `choreograph build-db`"
             )
 
     @cached_property
@@ -201,7 +201,7 @@ class Repertoire:
 
     @cached_property
     def notes(self) -> tuple[Note, ...]:
-        """What was unusual in the build of the file, in detail; `RepertoireError` if a note is not valid."""
+        """Notes on what was unusual in the build of the file; `RepertoireError` if one is not valid."""
         if "notes" not in self._file.parts:
             return ()
         with self._damage_named():
@@ -256,7 +256,7 @@ class Repertoire:
 
     @property
     def selection_beat_weight(self) -> float:
-        """Weight in selection of a difference of one motion beat, relative to style distance."""
+        """Weight of a difference of one motion beat in selection, relative to the distance of styles."""
         return float(self.provenance.get("selection_beat_weight", 0.0))
 
     def take_index(self, name: str) -> int:
@@ -270,8 +270,8 @@ class Repertoire:
     def motion(self, take: int, start_s: float = 0.0, stop_s: float | None = None) -> tuple[Motion, float]:
         """A take's stored motion around [start_s, stop_s], and the time of its first frame.
 
-        Raises `ParameterError`, as all methods that take the index of a take or a clip, for one that there is
-        not, and for times that are no numbers.
+        Raises `ParameterError` for an index that does not exist, as all methods with the index of a take or a
+        clip do, and for times that are not numbers.
         """
         info = self.takes[self._take(take)]
         start_s = as_number("start_s in seconds", start_s)

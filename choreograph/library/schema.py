@@ -14,8 +14,8 @@ from choreograph.core.numerics import zigzag_decode, zigzag_encode
 
 # The layout of a repertoire file, version 1; `data_schema/repertoire.json` documents it for other programs.
 #
-# Takes are concatenated along the first axis of each array; the takes table holds their first rows and ends.
-# Clips are (take, start frame), never copies.
+# Takes are concatenated along the first axis of each array. The table of takes holds their first and last
+# rows. Clips are pairs of take and start frame, not copies.
 
 
 FORMAT = "choreograph-repertoire"
@@ -75,7 +75,7 @@ DATASETS: dict[str, tuple[str, str]] = {
 # How uncertain each count is, where a network estimated counts from motion. Without it, all are certain.
 UNCERTAINTY: dict[str, tuple[str, str]] = {"counts/doubt": ("f4", "U")}
 
-# Which joint is which, in files of a rig whose joints' names do not say it.
+# The parts of the body that joints are, for rigs whose joint names do not state them.
 ROLES: dict[str, tuple[str, str]] = {"skeleton/roles": ("i8", "J")}
 
 # Motion words and motifs, all of these or none: K motif, W word, G genre. They need the network `words`.
@@ -104,8 +104,8 @@ OPTIONAL = {"uncertainty": UNCERTAINTY, "motifs": MOTIFS, "roles": ROLES, "notes
 
 # A compressed file stores these quantised to 16-bit integers: value = integer × step. The integers are
 # delta-coded `DELTA_ORDER` times from row to row (modulo 2^16), anew every `DELTA_RESTART` rows, and stored
-# as u2 in zigzag encoding. The attributes `step`, `order`, `restart` and `folded` say so. The steps keep
-# joint rotations to 0.03 degrees and positions to half a millimetre.
+# as u2 in zigzag encoding. The attributes `step`, `order`, `restart` and `folded` state the encoding. Joint
+# rotations are exact to 0.03 degrees and positions to half a millimetre.
 QUANTISATION_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
 DELTA_ORDER, DELTA_RESTART = 2, 8192
 HALF_PRECISION = ("motifs/embeddings",)  # f2 in a compressed file, as are the networks' weights
@@ -122,7 +122,7 @@ def delta_encode(integers: NDArray[np.int16]) -> NDArray[np.uint16]:
 
 
 def delta_decode(encoded: NDArray[np.uint16]) -> NDArray[np.int16]:
-    """The integers of `delta_encode`, of rows from one where the encoding starts anew."""
+    """The inverse of `delta_encode`, for rows that begin where the encoding restarts."""
     integers = zigzag_decode(encoded)
     for row in range(0, len(integers), DELTA_RESTART):
         block = integers[row : row + DELTA_RESTART]
@@ -138,7 +138,7 @@ NETS = ("style", "motion_density", "music_density", "words", "rollout")
 ATTRIBUTES = ("format", "version", "density", "provenance")
 
 
-# What a repertoire file holds as plain data, and which arrays of what shapes.
+# The content of a repertoire file as plain data.
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ def layout_of(names: Container[str]) -> dict[str, tuple[str, str]]:
 
 
 def axis_sizes(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, int]:
-    """The lengths of the axes; `RepertoireError` for a shape that contradicts the schema or one before it."""
+    """The lengths of the axes; `RepertoireError` for a shape that contradicts the schema or another shape."""
     sizes: dict[str, int] = {}
     for name, (_, axes) in layout_of(shapes).items():
         letters, shape = axes.split(), shapes[name]

@@ -1,4 +1,4 @@
-"""Songs as a library needs them: their counts, analysed once for a build, and notes on what is wrong."""
+"""The songs of a build: their counts, a cache of analyses, and notes on damage and wrong offsets."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from choreograph.music.song import Song, load_song
 NETWORK = "network"  # `nets.music_counts`
 TRACKER_NAMES = (*TRACKERS, NETWORK)
 DEFAULT_BEATS = NETWORK
-_BEAT_DECIMALS = 4  # of seconds: what sums of other CPUs change is rounded off, and no ear would tell
+_BEAT_DECIMALS = 4  # of seconds: rounding removes differences between CPUs
 
 
 def song_counts(song: Song, log_mel: NDArray[np.floating], beats: str | Path) -> Counts:
@@ -84,7 +84,7 @@ def _tracker(name: str) -> BeatTracker:
 
 @dataclass(frozen=True, eq=False)
 class AnalysedSong:
-    """What a build needs of a song."""
+    """A song as a build uses it."""
 
     duration_s: float
     log_mel: NDArray[np.float32]  # (T, 96) at 60 fps
@@ -101,8 +101,8 @@ class AnalysedSong:
 class SongCache:
     """Decodes and analyses a song when it is first needed; several takes may dance to one song.
 
-    `beats` names the tracker. Samples are dropped after the analysis unless `keep_samples`: they take 5 MB a
-    minute.
+    `beats` names the tracker. Samples take 5 MB a minute and are dropped after the analysis
+    unless `keep_samples`.
     """
 
     def __init__(self, beats: str = DEFAULT_BEATS, *, keep_samples: bool = False) -> None:
@@ -131,7 +131,7 @@ class SongCache:
 _LONGER_S = 0.5  # than its song: a note
 _FEWEST_COUNTS = 8
 _APART_BEATS = 0.15  # that counts lie beside beats by
-_AGREEMENT = 0.9  # resultant length of the counts' phases in the beat: all lie beside the beats by the same
+_AGREEMENT = 0.9  # resultant length of the phases of the counts in the beat: all have the same offset
 
 
 def song_notes(takes: Sequence[Take], songs: SongCache) -> list[Note]:
@@ -157,9 +157,9 @@ def song_notes(takes: Sequence[Take], songs: SongCache) -> list[Note]:
 
 
 def better_offset_s(take: Take, song: AnalysedSong) -> float | None:
-    """How much later in its song a take would have to start for its counts to lie on beats, seconds.
+    """Seconds by which a take would have to start later in its song for its counts to lie on beats.
 
-    None if they do, if no one time would do, or if its counts are not annotated.
+    None if they lie on beats, if the offset varies, or if the counts are not annotated.
     """
     counts, beats = take.counts, song.counts
     if counts.source != ANNOTATED or min(len(counts), len(beats)) < _FEWEST_COUNTS:
@@ -175,11 +175,10 @@ def better_offset_s(take: Take, song: AnalysedSong) -> float | None:
     return -apart * float(np.median(np.diff(beats.times_s)))
 
 
-# The music of a take as if it had been danced in step: its beats on the take's counts, bars on bars.
+# The music of a take, warped so that its beats lie on the counts of the take and its bars on their bars.
 #
-# Music and motion of a recorded pair need not be in step. A network that learns to dance by the phase of the
-# music needs pairs that are. Here the music is brought to the motion, which stays as it was danced; in a
-# dance it is the motion that is warped.
+# Music and motion of a recorded pair need not be in step. A network that is conditioned on the phase of the
+# music needs pairs that are. So the features of the music are warped, and the motion is not changed.
 
 
 Floats = NDArray[np.float64]
@@ -187,7 +186,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class TakeMusic:
-    """What the rollout network hears with a take, from the take's first frame on, at 30 fps."""
+    """Features of the music of a take for the rollout network, from its first frame, at 30 fps."""
 
     rhythm: NDArray[np.float32]  # (T, 4) `music.frame_rhythm`
     count_phase: NDArray[np.float32]  # (T, 4) `core.counts`
@@ -197,7 +196,7 @@ class TakeMusic:
 def music_of_take(take: Take, analysed: AnalysedSong, bounds_s: Floats) -> TakeMusic:
     """The music of a take whose words begin and end at `bounds_s` (N + 1,), in step with its counts.
 
-    `analysed` has samples. As recorded, and without phase, if too few counts of take or song are known.
+    `analysed` has samples. If take or song have too few counts, the music is not warped, and phases are 0.
     """
     song, counts = analysed.song, take.counts
     assert song is not None
@@ -223,10 +222,10 @@ def music_of_take(take: Take, analysed: AnalysedSong, bounds_s: Floats) -> TakeM
 
 
 def beats_ahead(count_times_s: Floats, counts: Counts, beats: Counts, song_start_s: float) -> int:
-    """How many beats of its song lie before a take's first count, when the take is in step.
+    """Number of beats of the song before the first count of a take, when the take is in step.
 
-    The number nearest to how music and motion were recorded, of those that have count 1 on a downbeat where
-    both have bars of one metre.
+    If both have bars of one metre, only numbers that place count 1 on a downbeat are considered. Of these,
+    the number is nearest to the recorded offset.
     """
     recorded = float(
         np.median(index_at(beats.times_s, count_times_s + song_start_s) - np.arange(len(counts)))
@@ -251,7 +250,7 @@ def _rhythm_at(
     """The rhythm of a song (T, 4) at the time in it that each frame of a take has, beats on counts."""
     inside = beats_s[(beats_s >= 0) & (beats_s <= song.duration_s)]
     rows = frame_rhythm(song.samples, inside)
-    # The nearest rows, not rows between: onsets are short.
+    # The nearest rows without interpolation, since onsets are short.
     frames = np.rint(times_to_frames(song_times_s, FRAME_RHYTHM_FPS)).astype(np.int64)
     rhythm: NDArray[np.float32] = rows[frames.clip(0, len(rows) - 1)].copy()
     counted = np.rint(times_to_frames(count_times_s, FRAME_RHYTHM_FPS)).astype(np.int64)

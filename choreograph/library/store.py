@@ -44,7 +44,7 @@ H5PY_ERRORS = (
 
 @contextmanager
 def opened(path: Path, what: str) -> Iterator[h5py.File]:
-    """The open file of a kind such as "a repertoire"; `RepertoireError` for all that is wrong with it."""
+    """Open a file of a kind such as "a repertoire"; `RepertoireError` if it is damaged or not valid."""
     with file_named(path, what), h5py.File(path, "r") as file:
         yield file
 
@@ -74,7 +74,7 @@ def _with_file(error: Exception, path: Path, what: str) -> str:
 
 
 def check_link(file: h5py.File, name: str) -> None:
-    """`RepertoireError` unless an object, or its name in the group before it, is in the file itself."""
+    """`RepertoireError` if an object does not exist or is a link to another place."""
     try:
         link = file.id.links.get_info(name.encode())
     except (KeyError, RuntimeError):
@@ -109,12 +109,14 @@ def member_names(file: h5py.File, group: str, most: int) -> list[str]:
     check_link(file, group)
     members = file[group]
     if not isinstance(members, h5py.Group) or len(members) > most:
-        raise RepertoireError(f"{group}: expected a group of up to {most}, got something else")
+        raise RepertoireError(
+            f"{group}: expected a group of up to {most} members, got another object or a larger group"
+        )
     return sorted(members)
 
 
 def scalar(owner: h5py.Group | h5py.Dataset, name: str) -> Any:
-    """An attribute that is one value; None if there is none, or it is an array or a reference."""
+    """An attribute that is a single value; None if it does not exist, or is an array or a reference."""
     if name not in owner.attrs:
         return None
     header = owner.attrs.get_id(name)
@@ -125,7 +127,7 @@ def attribute(owner: h5py.Group, name: str, kind: type) -> Any:
     value = scalar(owner, name)
     if not isinstance(value, str if kind is str else np.integer):
         raise RepertoireError(
-            f"the attribute {name}: expected {kind.__name__}, got something else or nothing"
+            f"the attribute {name}: expected {kind.__name__}, got another type or no such attribute"
         )
     return kind(value)
 
@@ -162,8 +164,8 @@ class RepertoireFile:
     """An open repertoire file; arrays are read on demand.
 
     Raises `RepertoireError` if the file is missing, not HDF5, truncated, not a repertoire or of
-    another version, or an array is not stored as `checks` expects. One that is shipped with the program is
-    not searched for damaged heaps of texts, which takes longer than all else.
+    another version, or an array is not stored as `checks` expects. The shipped repertoire is not searched for
+    damaged heaps of texts, since that takes longer than all other checks.
     """
 
     def __init__(self, path: Path, *, is_shipped: bool = False) -> None:
@@ -264,7 +266,7 @@ def _read_net(file: h5py.File, name: str, path: Path) -> NetArrays:
 
 
 def _read_quantised(name: str, data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
-    """Rows of a quantised array, decoded from the last row before them where the encoding starts anew."""
+    """Rows of a quantised array. Decoding starts at the last row before them where the encoding restarts."""
     checks.check_quantisation(name, {key: scalar(data, key) for key in data.attrs})
     start, stop, _ = part.indices(len(data))
     first = start // DELTA_RESTART * DELTA_RESTART
@@ -274,7 +276,7 @@ def _read_quantised(name: str, data: h5py.Dataset, part: slice) -> NDArray[np.fl
 
 
 def _read_text(data: h5py.Dataset, part: slice, n_file_bytes: int) -> NDArray[np.str_]:
-    """Rows of text, no more of it than the file holds: many rows may refer to the same long text in it."""
+    """Rows of text, with a limit on their total size, since many rows may refer to one long text."""
     first, stop, _ = part.indices(len(data))
     n_rows = max(1, _TEXT_BYTES // n_file_bytes)  # at once: none is longer than the file
     texts: list[str] = []

@@ -18,9 +18,9 @@ from choreograph.motion.body import checked_body_pos_m, clips_to_root_frame
 
 Floats = NDArray[np.float64]
 
-MIN_WORD_S = 0.2  # beats closer than at 300 BPM count as one: nobody changes moves so fast
+MIN_WORD_S = 0.2  # beats closer than at 300 BPM are one: movements do not change so fast
 DEFAULT_WORD_S = 0.5  # length of words where there are no beats
-MAX_WORD_S = 1.5  # longer gaps are divided evenly: the tracker lost the beat, or the dancer stood still
+MAX_WORD_S = 1.5  # longer gaps, in which no beat was found, are divided evenly
 _NEAR_GAPS = 8  # gaps between beats that set the beat period before the first and after the last beat
 
 

@@ -1,4 +1,4 @@
-"""From takes and their features to the arrays of a repertoire file, and the file."""
+"""Takes and their features as the arrays of a repertoire file, and writing of files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from choreograph.library.schema import (
 from choreograph.motion.motion import Take
 from choreograph.nets.configs import STYLE_DIM
 
-# From takes and their features to the arrays of a repertoire file.
+# Takes and their features as arrays.
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,7 @@ def _clip_arrays(takes: Sequence[MeasuredTake], embed_motion: EmbedMotion | None
     }
 
 
-# Repertoire files and files of networks, written: all of one, or nothing.
+# Writing of repertoire files and of files of networks.
 
 
 _MIN_GZIP_SIZE = 4096  # values: compressing fewer saves nothing

@@ -65,7 +65,7 @@ def _is_like(value: Any, default: Any) -> bool:
 
 # Sizes and training lengths of the style networks: `paper`, `small` (two CPU cores), `tiny` (tests).
 #
-# The paper gives layer counts, input and output shapes; the widths it does not give are ours.
+# The paper states numbers of layers and shapes of inputs and outputs. The widths are ours.
 
 
 STYLE_DIM = 32  # of style vectors
@@ -76,7 +76,7 @@ N_SONGS = 32  # that the steps of the presets are meant for
 
 @dataclass(frozen=True)
 class StyleConfig:
-    """Everything that shapes and trains the style networks; stored beside their weights."""
+    """Sizes and training settings of the style networks, which are stored with their weights."""
 
     conv_channels: tuple[int, int, int, int] = (8, 16, 16, 16)  # music: four convolutional blocks over mel
     graph_channels: tuple[int, int, int, int] = (8, 16, 16, 32)  # motion: four graph blocks
@@ -84,7 +84,8 @@ class StyleConfig:
     rhythm_width: int = 32  # hidden and output width of the rhythm branch
     head_width: int = 32  # beat-count head, four linear layers
     dropout: float = 0.3
-    # "mel" is the paper's; "counts": rhythm as the song's counts divide it, beside which mel adds nothing.
+    # "mel" is the paper's. "counts" is the rhythm as the counts of the song divide it: adding mel does not
+    # help.
     music_inputs: str = "counts"
     loss: str = "contrastive"  # "paper": equation 1 alone, which constant embeddings minimise
     style_weight: float = 0.2  # equation 1's lambda of the style distance
@@ -93,12 +94,12 @@ class StyleConfig:
     genre_weight: float = 1.0  # contrast of a genre against the others, where takes name theirs
     temperature: float = 0.2  # of squared distances between unit vectors
     normalised: bool = True  # features before the last layer, and vectors to unit length; the paper's are not
-    augmented: bool = True  # music and motion of the samples; the paper says nothing of it
+    augmented: bool = True  # music and motion of the samples; not in the paper
     mirrored_share: float = 0.5  # of the augmented motion; 0 where left and right must stay distinct
     balanced_genres: bool = True  # each genre equally often; False: every second of the takes equally often
     batch_size: int = 32
     steps: int = 220  # for up to `N_SONGS` songs; see `style_config`
-    epochs: int = 0  # times that the takes are gone through, instead of `steps`; 0: steps
+    epochs: int = 0  # passes over the takes, instead of `steps`; 0: steps
     schedule: str = "cosine"  # of the learning rate: see `nets.training.train`
     learning_rate: float = 5e-3
     weight_decay: float = 1e-2
@@ -139,7 +140,7 @@ def style_config(preset: str, *, n_songs: int = 0, **changes: Any) -> StyleConfi
     """The preset's configuration with fields changed; `ParameterError` for an unknown name or field.
 
     The steps are meant for `N_SONGS` songs. With more (`n_songs`) there are proportionally more steps, so
-    that each song is seen as often: with 119 songs in 220 steps the genres did not separate.
+    that each song is used equally often. With 119 songs in 220 steps the genres were not separated.
     """
     config = config_from_preset(_STYLE_PRESETS, preset, changes)
     return replace(config, steps=round(config.steps * max(1.0, n_songs / N_SONGS)))
@@ -147,7 +148,7 @@ def style_config(preset: str, *, n_songs: int = 0, **changes: Any) -> StyleConfi
 
 # Sizes and training lengths of the tempo-density networks: `paper`, `small` (one CPU core), `tiny` (tests).
 #
-# The paper gives layer counts, the hidden vector of 4096 and the content of 1024; other widths are ours.
+# The paper states numbers of layers, a hidden vector of 4096 and a content of 1024. Other widths are ours.
 
 
 DENSITY_LOSSES = ("paper", "locatable")
@@ -156,7 +157,7 @@ HIDDEN_FRAMES = 4  # of the hidden vector
 
 @dataclass(frozen=True)
 class DensityConfig:
-    """Everything that shapes and trains both tempo-density networks; stored beside their weights."""
+    """Sizes and training settings of both tempo-density networks, which are stored with their weights."""
 
     width: int = 32  # of the transformer layers
     conv_channels: tuple[int, int, int, int, int] = (32, 32, 48, 64, 128)  # hidden vector: 4 x the last
@@ -183,7 +184,7 @@ class DensityConfig:
     music_steps: int = 1500
     music_learning_rate: float = 1e-3
     synchronise: bool = True  # targets with motion beats warped onto music beats; False: the paper's raw ones
-    epochs: int = 0  # times that the takes are gone through, by both networks, instead of steps; 0: steps
+    epochs: int = 0  # passes over the takes, of both networks, instead of steps; 0: steps
     schedule: str = "cosine"  # of the learning rate: see `nets.training.train`
 
     @property
@@ -241,7 +242,7 @@ def density_config(preset: str, **changes: Any) -> DensityConfig:
 
 # Sizes and training lengths of the motion-word network: `paper`, `small` (two CPU cores), `tiny` (tests).
 #
-# The paper gives 184 dimensions and uses a network published before it; the architecture is ours.
+# The paper states 184 dimensions and uses an earlier network. The architecture is ours.
 
 
 WORD_DIM = 184  # of embeddings
@@ -249,7 +250,7 @@ WORD_DIM = 184  # of embeddings
 
 @dataclass(frozen=True)
 class WordConfig:
-    """Everything that shapes and trains the motion-word network; stored beside its weights."""
+    """Sizes and training settings of the motion-word network, which are stored with its weights."""
 
     width: int = 64  # channels of the temporal convolutions
     n_blocks: int = 2
@@ -292,7 +293,7 @@ def word_config(preset: str, **changes: Any) -> WordConfig:
 
 @dataclass(frozen=True)
 class RolloutConfig:
-    """Everything that shapes and trains the rollout network; stored beside its weights.
+    """Sizes and training settings of the rollout network, which are stored with its weights.
 
     The paper's network takes conditions without standardisation, is conditioned on medoids only, alternates 5
     teacher-forced with 5 self-fed frames, and has no loss weight but `perceptual_weight`. The rest is ours.
@@ -356,9 +357,9 @@ _TEMPI_TAUGHT = (0.7, 0.8, 0.9, 1.0, 1.11, 1.25, 1.45)
 
 
 def taught(config: RolloutConfig) -> RolloutConfig:
-    """How a network is trained that learns from dances beside the takes: longer, and at more tempi.
+    """The configuration for training on dances as well as takes: more steps, and more tempi.
 
-    There is more to learn, and a song can be half as fast again as any take of its genre.
+    A song can be 1.5 times as fast as any take of its genre.
     """
     return replace(config, steps=2 * config.steps, tempi=_TEMPI_TAUGHT)
 

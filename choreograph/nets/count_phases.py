@@ -20,9 +20,9 @@ class MotionCountsConfig:
     """What shapes and trains the network that counts motion. It is stored with the weights."""
 
     width: int = 48  # channels
-    n_blocks: int = 6  # of dilations 1, 2, 4, …: 12.8 s are seen at 20 fps
+    n_blocks: int = 6  # of dilations 1, 2, 4, …: a context of 12.8 s at 20 fps
     dropout: float = 0.15
-    feature_dropout: float = 0.2  # of its inputs: no joint alone shall tell the count
+    feature_dropout: float = 0.2  # of its inputs, so that it does not depend on one joint
     bar_weight: float = 1.0  # of the bar's likelihood against the beat's
     window_s: float = 16.0  # length of a training sample
     tempo_range: tuple[float, float] = (0.7, 1.4)  # that samples are played at
@@ -60,7 +60,7 @@ class MusicCountsConfig:
 
     front_channels: tuple[int, int] = (8, 16)  # of the two convolutions over bands and frames
     width: int = 32  # channels of the trunk
-    n_blocks: int = 9  # of the trunk: it sees 34 s to either side
+    n_blocks: int = 9  # of the trunk: a context of 34 s on either side
     dropout: float = 0.1
     excerpt_s: float = 30.0
     batch_size: int = 8
@@ -82,13 +82,13 @@ def music_counts_config(preset: str = "small", **changes: Any) -> MusicCountsCon
     return config_from_preset(_MUSIC_PRESETS, preset, changes)
 
 
-# Phases in beat and bar: what counts say of every instant, and how likely a network's curves make it.
+# Phases in beat and bar, as the networks output them.
 #
 # A network gives for every frame a vector for the beat and one for the bar of each metre, as
 # `music.bar_pointer.PhaseCurves` has them: direction is phase, length concentration. So a vector v makes a
 # phase φ likely by the von Mises density exp(v · u(φ)) / (2π I₀(|v|)), and the network learns its confidence
-# with its phases. A metre that is not the take's has no phase to tell: there the vector should be 0, and its
-# length at work is evidence for the metre.
+# with its phases. The vector of a metre that is not that of the take should be 0. So the length of a vector
+# is evidence for its metre.
 
 
 N_OUTPUTS = 2 + 2 * len(METRES)  # of a network, per frame
@@ -104,7 +104,7 @@ def curves_from(outputs: Tensor, fps: float) -> PhaseCurves:
 #
 # As temporal convolution networks that track beats in music (Davies and Böck, *Temporal convolutional
 # networks for musical audio beat tracking*, 2019): the dilation doubles from block to block, so that a few
-# blocks see many seconds on both sides of every frame, and every length of take is taken at once.
+# blocks have a context of many seconds on both sides of every frame. A take of any length is one input.
 
 
 KERNEL = 5

@@ -8,8 +8,8 @@ otherwise:
 - `velocities` of joints as inputs beside their positions
 - `unit_variance` and zero mean of every density over its segment, so that it cannot collapse
 
-The paper is silent on widths, strides and activations, and on whether positions are encoded: they are not, so
-that the density of a movement does not depend on when it happens.
+The paper does not state widths, strides and activations, or whether positions are encoded. Here they are not,
+so that the density of a movement does not depend on its time.
 """
 
 from __future__ import annotations

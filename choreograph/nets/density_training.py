@@ -75,7 +75,7 @@ def location_loss(query: Tensor, target: Tensor, frames: Tensor, *, temperature:
 
     Every half second of the warped density should be more similar to the density at its true source frames
     than to the density a tenth of a second to one second beside them: cross-entropy over shifts, of mean
-    squared differences over the window. One frame off is no error, because the warp is known no better.
+    squared differences over the window. An error of one frame is ignored, since the warp is not more exact.
     """
     n_frames = target.shape[1]
     shifts = torch.arange(-RANGE_FRAMES, RANGE_FRAMES + 1, device=target.device)  # (S,)

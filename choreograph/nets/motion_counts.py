@@ -1,4 +1,4 @@
-"""The network that reads counts from motion, how sure they are, and its training on takes with counts."""
+"""The network that estimates counts from motion, and the confidence of its counts."""
 
 from __future__ import annotations
 
@@ -29,10 +29,9 @@ from choreograph.nets.count_phases import (
 )
 from choreograph.nets.stored import StoredNet
 
-# How sure decoded counts are: the share of them that will be right, from what the decoder saw.
+# Confidence of decoded counts: the share of them that is expected to be right.
 #
-# A logistic function of a few features of a take and its curves, fitted to takes that the network did not
-# see.
+# It is a logistic function of features of a take and its curves, fitted to takes that were not trained on.
 
 
 Floats = NDArray[np.float64]
@@ -65,8 +64,8 @@ def confidence_features(curves: PhaseCurves, decoded: DecodedCounts) -> Floats:
 def _steadiness(curves: PhaseCurves, counts: Counts) -> float:
     """In every five seconds, the size of the mean beat vector turned back by the counts, over the mean size.
 
-    The mean over the take, 0 … 1. What has no count keeps no phase for so long, though the best path of all
-    agrees with it here and there.
+    Returns the mean over the take, 0 … 1. Motion without counts does not keep a phase for five seconds,
+    although the best path agrees with it in places.
     """
     times_s = frame_times_s(len(curves.beat), curves.fps)
     if len(counts) < 2:
@@ -83,17 +82,18 @@ def confidence_of(features: Floats, weights: Floats) -> float:
     return float(1.0 / (1.0 + np.exp(-features @ weights)))
 
 
-# The network that reads counts from motion: body positions at 20 fps to curves of beat and bar phase.
+# The network that estimates counts from motion: body positions at 20 fps to curves of beat and bar phase.
 #
-# It sees each frame's pose and joint velocities in the root frame, so that it does not matter where on the
-# floor, or facing where, something is danced.
+# Its inputs are poses and joint velocities in the root frame, so that its output does not depend on the
+# position on the floor or the heading.
 
 
 _N_JOINTS = len(BODY_JOINTS)
 N_FEATURES = _N_JOINTS * 7  # position, velocity, speed
-# Songs that are danced to keep their tempo, a dancer counts through, and neighbouring moments err alike.
+# Dance songs keep their tempo, dancers do not stop counting, and errors of neighbouring frames are
+# correlated.
 POINTER = PointerConfig(bpm=(50.0, 220.0), tempo_std=0.002, break_cost=40.0, observations_per_s=1.0)
-TEMPI = (0.85, 1.0, 1.18)  # at which a take is read: what holds at one tempo only is not trusted
+TEMPI = (0.85, 1.0, 1.18)  # at which a take is read; the mean of the three is more robust
 _ACROSS = tuple(
     [BODY_JOINTS.index(f"{side}_{part}") for part in ("hip", "shoulder")] for side in ("left", "right")
 )
@@ -113,7 +113,7 @@ class MotionCountsNet(StoredNet):
         self.feature_dropout = nn.Dropout1d(config.feature_dropout)
         self.trunk = Trunk(N_FEATURES, config.width, config.n_blocks, config.dropout)
         self.head = nn.Conv1d(config.width, N_OUTPUTS, 1)
-        with torch.no_grad():  # at first it knows nothing
+        with torch.no_grad():  # without training, all vectors are 0
             for parameter in self.head.parameters():
                 parameter.zero_()
         self.register_buffer("feature_mean", torch.zeros(N_FEATURES))

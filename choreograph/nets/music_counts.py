@@ -30,19 +30,19 @@ from choreograph.nets.stored import StoredNet
 #
 # After Davies and Böck, *Temporal convolutional networks for musical audio beat tracking*, EUSIPCO 2019, and
 # Böck and Davies, *Deconstruct, analyse, reconstruct*, ISMIR 2020: small convolutions over bands and frames,
-# then dilated convolutions that see half a minute to either side. Ours: 30 fps rather than 100, an input
-# without level and equalisation, and the phases of beat and bar besides, from which the bar pointer counts.
+# then dilated convolutions with a context of half a minute on either side. Ours: 30 fps rather than 100, an
+# input without level and equalisation, and phases of beat and bar, which the bar pointer decodes.
 
 
 CURVE_FPS = MUSIC_FPS // 2
 N_ACTIVATIONS = 2  # of beat and downbeat
-_RANGE = 12.0  # nats below the loudest band of a song that are heard: 52 dB
+_RANGE = 12.0  # nats below the loudest band of a song that are kept: 52 dB
 _SCALE = 3.0  # nats: about the spread of a band
 
 
 @dataclass(frozen=True, eq=False)
 class MusicCurves:
-    """What the network hears at 30 fps; frame i is at i / 30 s."""
+    """Outputs of the network at 30 fps; frame i is at i / 30 s."""
 
     beat: NDArray[np.float32]  # (T,) probability of a beat in the frame
     downbeat: NDArray[np.float32]  # (T,)
@@ -98,9 +98,9 @@ def levelled(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
     return result
 
 
-# Weights of `MusicCounts` in a file: `.npz` in half precision, with the configuration and what it heard.
+# Weights of `MusicCounts` in a file: `.npz` in half precision, with the configuration and the training songs.
 #
-# `SHIPPED` is the program's own, which heard the synthesiser alone.
+# `SHIPPED` comes with the program and was trained on synthesised songs only.
 
 
 SHIPPED = Path(__file__).with_name("music_counts_clean.npz")
@@ -126,7 +126,7 @@ def read_music_counts(path: str | Path) -> tuple[MusicCounts, dict[str, Any]]:
         return MusicCounts.from_arrays(weights, config), about
     except (OSError, BadZipFile, KeyError, ValueError, TypeError, ParameterError) as error:
         raise FormatError(
-            f"{path}: expected weights of the network that hears counts, got: {error}: "
+            f"{path}: expected weights of the network that counts music, got: {error}: "
             "it is damaged, or another file"
         ) from error
 
@@ -137,20 +137,19 @@ def shipped_music_counts() -> MusicCounts:
     return read_music_counts(SHIPPED)[0]
 
 
-# Beats of a song by the network, and by the tempo path over what it hears where its phases are not sure.
+# Beats of a song from the phases of the network, or from its activation where the phases are uncertain.
 #
-# The bar pointer takes the level from the phases: it keeps a salsa at 180 BPM, which a prior on tempi would
-# halve. Where phases agree badly with the decoded beats, as in music unlike all it was trained on, that
-# freedom errs by thirds and halves, and the tempo path with its prior is the better reader of the activation.
-# It reads the onsets beside it: of the activation alone, a rumba was heard at 4/3 of its tempo for a third of
-# the song.
+# The bar pointer decodes the phases. It keeps a salsa at 180 BPM, which a prior on tempi would halve. If the
+# phases do not agree with the decoded beats, as in music unlike the training songs, its errors are factors of
+# a half or a third. Then the tempo path, which has a prior, decodes the activation. The onsets are added to
+# the activation. From the activation alone, a third of a rumba was tracked at 4/3 of its tempo.
 
 
 Floats = NDArray[np.float64]
 
 POINTER = PointerConfig(bpm=(45.0, 240.0), grid_fps=60.0)
-# Mean cosine between phases and beats, below which the tempo path is asked: fitted by
-# `research/fit_music_agreement.py` to songs of genres that the networks had not heard.
+# Mean cosine between phases and beats below which the tempo path is used. It was fitted by
+# `research/fit_music_agreement.py` to songs of genres that the networks were not trained on.
 LEAST_AGREEMENT = 0.75
 _MIN_DURATION_S = 1.0
 _SLIP_BEATS = 5  # fewer at another tempo are no passage
@@ -158,7 +157,7 @@ _SLIP_SHARE = 1 / 3  # of the song
 _SAME_TEMPO_OCTAVES = 0.06
 _LATE_FRAMES = 1  # onsets come 11 ms after the beat, the activation on it
 _LEAST_CONTRAST = 0.1  # nats between the loudest and the quietest frame: less is silence
-_DIED_AWAY = 7.0  # nats below the loudest frame, 30 dB: from the last louder one on, the beat just goes on
+_DIED_AWAY = 7.0  # nats below the loudest frame, 30 dB: after the last louder frame, the beat is extrapolated
 
 
 class NetworkBeats:
@@ -212,8 +211,8 @@ def activated_beats(curves: MusicCurves, log_mel: NDArray[np.floating]) -> Float
 def at_one_level(beats_s: Floats) -> Floats:
     """Beats (Q,) with passages at half of the tempo of most of the song brought to it, by beats between.
 
-    A tracker slips there where the beat is hard to hear, as in a sparse introduction. Where more than a
-    third of the song is slower, it is left: another piece of music may begin there.
+    A tracker halves the tempo where onsets are sparse, as in an introduction. If more than a third of the
+    song is slower, it is not changed, since another piece of music may begin there.
     """
     periods_s = np.diff(beats_s)
     if len(periods_s) < _SLIP_BEATS:

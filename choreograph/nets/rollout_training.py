@@ -91,7 +91,7 @@ class RolloutLosses:
 
     def _perceptual_m(self, world_m: Tensor, batch: RolloutBatch) -> Tensor:
         """Mean distance of the embeddings of predicted words from their motifs (equation 9)."""
-        # Frame 0 of a sequence is given, not predicted: a word that starts there starts one frame later.
+        # Frame 0 of a sequence is not predicted, so a word that starts there starts one frame later.
         frames = (batch.word_frames - 1.0).clamp_min(0.0)
         low = frames.long().clamp_max(world_m.shape[1] - 2)
         weight = (frames - low)[..., None, None]
@@ -112,7 +112,7 @@ def _foot_slide_m_s(world_m: Tensor, contact: Tensor) -> Tensor:
 def _border_speed_m_s(world_m: Tensor, target_m: Tensor, batch: RolloutBatch) -> Tensor:
     """Mean difference of joint speed where words begin, of positions (B, T, 21, 3) of frames 1 … T.
 
-    What is asked for is the dancer's own speed on the count, not rest: not all come to rest there.
+    The target is the speed of the dancer on the count, not rest, since not every dancer rests there.
     """
     if len(batch.word_frames) == 0:
         return world_m.new_zeros(())

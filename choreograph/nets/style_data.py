@@ -17,7 +17,7 @@ from choreograph.music.mel import N_BANDS
 from choreograph.music.rhythm import LOUDNESS, METRE, ONSETS, PATTERN, RHYTHM_FPS, TEMPO
 from choreograph.nets.style import MEL_FRAMES, centred, rotated_about_y
 
-# Augmentation of the style networks' samples: other recordings of a song, other bodies of a dance.
+# Augmentation of the training samples: other recordings of a song, other bodies of a dance.
 
 
 _NEPER_PER_DB = np.log(10.0) / 10.0  # natural logarithm of power in one decibel
@@ -57,7 +57,7 @@ def augment_mel(log_mel: NDArray[np.float32], rng: np.random.Generator) -> NDArr
 def augment_rhythm(rhythm: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
     """Rhythm (B, RHYTHM_DIM) up to 7 % faster or slower, with other instruments, and now and then in part.
 
-    Tempo and metre or the patterns are sometimes hidden, as where there are no beats: what is left has to do.
+    Tempo and metre, or the patterns, are sometimes set to zero, as in music without beats.
     """
     out = np.array(rhythm, np.float32)
     size = len(out)

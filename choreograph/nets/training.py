@@ -2,8 +2,8 @@
 
 The random numbers of a step depend only on the seed and the step's number. So a checkpoint needs no generator
 state, and an interrupted and resumed run ends with exactly the weights of an uninterrupted one. A checkpoint
-of anything else (other takes, songs or options) is not continued, and a damaged one neither: training begins
-anew and says why.
+of other takes, songs or options is not continued, nor is a damaged one. Training then begins anew, with a
+note that states the reason.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ CHECKPOINT_EVERY_S = 30.0
 LOG_LINES = 200  # of a run, about, however long it is
 _SEED_STRIDE = 0x9E3779B9  # spreads seed and step over torch's seeds
 
-# What reading a file that is no checkpoint can raise, whatever its bytes.
+# What torch and zipfile raise for a file that is not a checkpoint. Which of them depends on its bytes.
 _UNREADABLE = (
     OSError, EOFError, RuntimeError, ValueError, TypeError, KeyError, IndexError, AttributeError,
     AssertionError, OverflowError, MemoryError, struct.error, zipfile.BadZipFile, pickle.UnpicklingError,
@@ -66,8 +66,8 @@ class TrainingContext:
     resume: bool = False  # from the checkpoint, if there is one
     device: str = "auto"
     report: Callable[[TrainingProgress], None] = lambda progress: None
-    # What is learned from and how, beside the network's own configuration: name -> checksum or setting. A
-    # checkpoint of anything else is not continued.
+    # Training data and settings other than the configuration of the network: name -> checksum or setting. A
+    # checkpoint with other content is not continued.
     content: Mapping[str, Any] = field(default_factory=dict)
     note: Callable[[str], None] = lambda note: None  # called with what was unusual, in one line
 
@@ -168,7 +168,7 @@ def _cosine_factor(step: int, n_steps: int) -> float:
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
     """What a checkpoint holds; nothing in it is executed. Raises one of `_UNREADABLE` if it is damaged."""
-    with zipfile.ZipFile(path) as archive:  # torch's container: its checksums tell what was garbled
+    with zipfile.ZipFile(path) as archive:  # torch's container: its checksums show damage
         damaged = archive.testzip()
         if damaged is not None:
             raise zipfile.BadZipFile(damaged)

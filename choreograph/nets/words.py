@@ -24,8 +24,8 @@ from choreograph.nets.training import TrainingContext, load_pretrained, train
 # The motion-word network P: 13 frames between two beats to 184 dimensions (Rhythm is a Dancer, 3.3).
 #
 # Distances between embeddings approximate mean joint distances in metres. The network moves a word to its
-# root frame first, so that it does not matter where on the floor it is danced, and is differentiable from
-# world positions on: the rollout network's perceptual loss (equation 9) goes through it.
+# root frame first, so that embeddings do not depend on the position on the floor. It is differentiable in the
+# world positions, which the perceptual loss of the rollout network (equation 9) needs.
 
 
 _N_VALUES = len(BODY_JOINTS) * 3
@@ -253,11 +253,11 @@ def word_loss(net: WordNet, batch: AugmentedWords) -> Tensor:
     """Contrast between augmented copies, and embedding distances that match mean joint distances.
 
     Contrast: cross-entropy over the batch between two Gaussian kernels of distance, `same_m` wide: one of the
-    embeddings of the copies, one of the words without augmentation. Dances repeat themselves, so a word that
-    looks like another is not its negative.
+    embeddings of the copies, one of the words without augmentation. Dances repeat movements, so similar words
+    are not negatives of each other.
 
     Distance: the squared logarithm of the ratio of embedding distance to mean joint distance, so that one
-    centimetre counts more between similar words than between different ones.
+    centimetre has more weight between similar words than between different ones.
     """
     config = net.config
     true_m = mean_joint_distance_m(clips_to_root_frame(batch.words))  # (B, B)

@@ -61,7 +61,7 @@ def build_repertoire(
     ----------
     sources : folders or files of takes, of any layout that `choreograph.formats.register` knows
     output : the file to write; work in progress lies beside it in `OUTPUT.build/`
-    teacher : makes dances that the rollout network learns from beside the takes; None: from these alone
+    teacher : makes dances that the rollout network learns from in addition to the takes; None: no dances
     report : called with the stage's name, how much is done, of how much
     training_report : called with a `TrainingProgress` now and then
 
@@ -169,7 +169,7 @@ def _provenance(
 
 @dataclass(frozen=True, eq=False)
 class _ClipFeatures:
-    """What the trained networks add to the clips; None where there are none."""
+    """Features of clips by the trained networks; None without the networks."""
 
     embed_motion: EmbedMotion | None = None
     density: ClipDensity | None = None
@@ -244,9 +244,9 @@ def _rollout_net(
     teacher: Teacher | None,
     report: ProgressReport | None,
 ) -> dict[str, NetArrays]:
-    """The rollout network by its name, kept or trained; nothing if none is wanted.
+    """The rollout network by its name, kept or trained, or nothing if the options do not include it.
 
-    `contents` are those of the repertoire without it, which the `teacher` dances with.
+    The `teacher` makes dances from `contents`, the repertoire without this network.
     """
     if "rollout" in pretrained.kept:
         return {"rollout": pretrained.kept["rollout"]}

@@ -132,7 +132,7 @@ def load_motion_counter(pretrained: Mapping[str, PretrainedNet]) -> MotionCounte
 def counts_from_song(
     song: Counts, motion_pos_m: NDArray[np.floating], fps: float, *, song_start_s: float = 0.0
 ) -> Counts:
-    """A take's counts from those of its song, or none where the motion does not keep to the song's beats.
+    """The counts of a take from those of its song, or none if the motion does not follow the beats.
 
     Parameters
     ----------
@@ -156,16 +156,16 @@ def counts_from_song(
 def phase_lock(speed_m_s: Floats, fps: float, beat_times_s: Floats) -> float:
     """How steadily a motion is slow on beats and fast between them, 0 to 1.
 
-    In every four beats, the first Fourier coefficient over the beat of the log speed (T,) says where in the
-    beat it is slow. The result is the sum of their parts in phase with the beats over the sum of their sizes:
-    1 if every window is slowest on the beat, around 0 (below it: 0) if beats and motion drift against each
-    other, and for any other constant phase the cosine of it. 0 for fewer than 20 beats.
+    In every window of four beats, the phase of the first Fourier coefficient of the log speed (T,) over the
+    beat is where in the beat the motion is slow. The result is the sum of the real parts over the sum of the
+    magnitudes. It is 1 if every window is slowest on the beat, the cosine of any other constant phase, and
+    around 0 if beats and motion drift against each other. It is not below 0, and 0 for fewer than 20 beats.
     """
     n_windows = (len(beat_times_s) - 1) // _WINDOW_BEATS
     if n_windows < _FEWEST_WINDOWS:
         return 0.0
     log_speed = np.log(np.asarray(speed_m_s, np.float64) + _STILL_M_S)
-    # Without what changes more slowly than beats: a loud bar, a turn.
+    # Remove changes that are slower than beats, such as a turn.
     log_speed = log_speed - gaussian_filter1d(log_speed, fps * float(np.median(np.diff(beat_times_s))))
     times_s = frame_times_s(len(log_speed), fps)
     phase = np.interp(times_s, beat_times_s, np.arange(len(beat_times_s)), left=-1.0)  # (T,) in beats

@@ -31,10 +31,8 @@ if TYPE_CHECKING:
     from choreograph.nets.style_data import StyleTake
     from choreograph.nets.training import TrainingContext
 
-# What a build's networks learn from: checksums of its takes, and the options that matter.
-#
-# A checkpoint that was made of anything else is not continued (`nets.training`), though its takes may have
-# the same names.
+# The content of a training: checksums of takes, and the options that matter. A checkpoint of other content is
+# not continued (`nets.training`).
 
 
 _DIGITS = 16  # of a checksum: enough to tell files apart
@@ -60,8 +58,8 @@ def source_checksums(
 ) -> list[tuple[str, str, int]]:
     """Path in its source, SHA-256 and number of the take, of every file that a take was read from.
 
-    The paths say nothing of this machine, nor of how the sources were typed: those of files outside of all
-    sources, such as songs that a manifest names, are their names alone.
+    The paths do not depend on the machine or on how the sources were typed. Files outside of all sources,
+    such as songs that a manifest names, have their names only.
     """
     folders = [Path(source) for source in sources]
     known: dict[Path, tuple[str, str]] = {}
@@ -79,7 +77,7 @@ def training_content(
 ) -> dict[str, str]:
     """Name -> checksum of each take and of the networks to begin with, and settings, of a build.
 
-    What each network's own configuration says (sizes, steps, seed) is not repeated.
+    Settings in the configuration of a network (sizes, steps, seed) are not repeated.
     """
     content = {
         "choreograph": version("choreograph"),
@@ -98,7 +96,7 @@ def training_content(
 
 
 def checksum_of(examples: Iterable[Any]) -> str:
-    """One checksum of dataclasses of arrays, texts and numbers, such as the takes of a training."""
+    """A checksum of dataclasses of arrays, texts and numbers, such as the takes of a training."""
     digest = hashlib.sha256()
     for example in examples:
         for entry in fields(example):
@@ -135,7 +133,7 @@ class PretrainedWeights:
 
     @classmethod
     def of(cls, options: BuildOptions, shipped: Mapping[str, PretrainedNet]) -> PretrainedWeights:
-        """Those that the options name; the shipped style networks are of preset small.
+        """The networks that the options name. The shipped style networks have the preset "small".
 
         Raises `RepertoireError` if a repertoire cannot be read, `ParameterError` if there is nothing to keep.
         """
@@ -178,9 +176,8 @@ def train_music_networks(
 ) -> tuple[dict[str, NetArrays], list[str], list[Note]]:
     """Style networks, those of tempo-density if it is learned, the songs they were trained on, and notes.
 
-    Networks that are not kept are trained if the takes have two songs or more; with fewer, the pretrained
-    ones are taken over as they are. Where the tempo-density is analytic its networks have nothing to do, and
-    are neither trained nor taken over: at preset tiny they take 7 of 10 minutes.
+    Networks that are not kept are trained if the takes have two songs or more. With fewer songs, the
+    pretrained networks are used unchanged. The networks of tempo-density are used only if it is learned.
     """
     wanted = (STYLE_NET, *(DENSITY_NETS if options.density == "learned" else ()))
     with_music = [m for m in measured if m.take.song_path is not None]
@@ -211,7 +208,7 @@ def _trained(
     options: BuildOptions,
     context: TrainingContext,
 ) -> dict[str, NetArrays]:
-    """The networks beside those `kept`: style, then tempo-density if it is learned."""
+    """The networks of style, and of tempo-density if it is learned; those in `kept` are not trained."""
     from choreograph.nets.configs import style_config
     from choreograph.nets.style_training import train_style
 
@@ -273,7 +270,7 @@ def train_word_network(
     options: BuildOptions,
     context: TrainingContext,
 ) -> NetArrays | None:
-    """The network that embeds motion words; None if there are too few words and none to take over."""
+    """The network that embeds motion words; None if there are too few words and no pretrained network."""
     from choreograph.nets.configs import word_config
     from choreograph.nets.words import train_word_net
 

@@ -113,8 +113,7 @@ class BuildOptions:
     bones."""
 
     method: str = "ours"
-    """What the file says about how it was built: "published" is set by
-    `choreograph.settings.published_build`."""
+    """The method that the file states. `choreograph.settings.published_build` sets "published"."""
 
     __repr__ = one_line
 

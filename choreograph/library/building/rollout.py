@@ -1,8 +1,8 @@
 """The rollout network of a library: takes with their words and their music, and its training.
 
-Beside the takes it may learn from dances that an engine makes of them to their songs, which are on the count
-by construction: from them it learns to keep counts and bars more surely. Who dances is given as a `Teacher`,
-since no engine is known here.
+It may also learn from dances that an engine makes from the takes to their songs. These are on the count by
+construction, so that the network keeps counts and bars better. The engine is given as a `Teacher`, since this
+room does not import engines.
 """
 
 from __future__ import annotations

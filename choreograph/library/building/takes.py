@@ -46,7 +46,7 @@ LEFT_OUT = "left out, as asked"
 class Imported:
     """What a build finds in its sources, before it does anything to the takes."""
 
-    takes: list[Take]  # with what other sources know about them
+    takes: list[Take]  # with what other sources state about them
     left_out: list[Take]  # as the options ask
     skipped: list[tuple[Path, SkippedFile]]  # source and file
     not_found: list[str]  # names to leave out that nothing has
@@ -116,7 +116,7 @@ def import_sources(sources: Sequence[Path], options: BuildOptions, report: Progr
                 takes.append(found)
             if report is not None:
                 report("importing", len(takes), 0)
-    for source in sources:  # after all are read: any may know about takes of any other
+    for source in sources:  # after all are read, since any source may describe takes of any other
         try:
             takes = annotate_takes(takes, source)
         except ChoreographError as error:
@@ -142,7 +142,7 @@ def check_takes(imported: Imported, options: BuildOptions) -> None:
 
 
 class CheckedFile(NamedTuple):
-    """What a build would do with a file; "" where there is nothing to say."""
+    """What a build would do with a file. Texts are "" where they do not apply."""
 
     path: Path
     rig: str  # the root joint, and how many joints there are
