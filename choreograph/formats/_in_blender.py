@@ -1,7 +1,7 @@
-"""Run by Blender, not by choreograph: reads a .fbx or .glb and writes the other, with skins and animations.
+"""A script for Blender that converts a .fbx to a .glb or back, with skins and animations.
 
 blender --background --python _in_blender.py -- IN OUT
-python _in_blender.py -- IN OUT        a Python that has the module bpy
+python _in_blender.py -- IN OUT        with a Python that has the module bpy
 """
 
 import sys

@@ -1,4 +1,8 @@
-"""AIST++: SMPL poses in `motions/*.pkl`, loaded by an unpickler that runs no code."""
+"""AIST++: SMPL poses in `motions/*.pkl`, loaded by an unpickler that runs no code.
+
+The names of the files state genre, performer and music. A single file, and the same arrays as NPZ, are read
+as well.
+"""
 
 from __future__ import annotations
 
@@ -24,12 +28,12 @@ from choreograph.formats.npz import array_names
 from choreograph.formats.npz import load_arrays as npz_arrays
 from choreograph.motion.motion import Credits, Motion, Take
 
-# Pickles of arrays, loaded with a restricted unpickler that runs no code.
+# A restricted unpickler.
 
 
 _MAX_BYTES = 1 << 26
 _MAX_OPCODES = 20_000  # an array takes about thirty
-_MAX_MADE_BYTES = 1 << 31  # each call in a pickle makes at most as many bytes as the pickle has
+_MAX_MADE_BYTES = 1 << 31  # a call in a pickle makes at most as many bytes as the pickle has
 _CALLS = ("REDUCE", "NEWOBJ", "NEWOBJ_EX", "INST", "OBJ", "BUILD")
 _RECONSTRUCT = np.zeros(1).__reduce__()[0]
 _SCALAR = np.float64(0).__reduce__()[0]
@@ -37,13 +41,13 @@ _FROM_BUFFER = np.zeros(1).__reduce_ex__(5)[0]
 
 
 def _encode(text: str, encoding: str = "latin1") -> bytes:
-    """Bytes as older pickles encode them; the full codec registry has more than text codecs."""
+    """Encode text as older pickles do. The full registry of codecs has more than text codecs."""
     if encoding not in ("latin1", "latin-1", "utf-8"):
         raise pickle.UnpicklingError(f"codec {encoding}")
     return text.encode(encoding)
 
 
-# Before numpy 2 the module was numpy.core; both kinds of files exist.
+# Before NumPy 2 the module was numpy.core. Both kinds of files exist.
 _ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): np.ndarray,
     ("numpy", "dtype"): np.dtype,
@@ -68,7 +72,7 @@ class _ArraysOnly(pickle.Unpickler):
 def load_arrays(path: Path) -> dict[str, Any]:
     """The dictionary of arrays and numbers in a pickle.
 
-    Raises `FormatError` if it contains anything else, or would make more of its bytes than there are.
+    Raises `FormatError` if it contains anything else, or if its arrays would be larger than the file.
     """
     data = read_bytes(path, "a pickle of arrays", max_bytes=_MAX_BYTES)
     try:
@@ -79,7 +83,7 @@ def load_arrays(path: Path) -> dict[str, Any]:
         MemoryError, OverflowError, struct.error, SystemError,
     ) as error:  # fmt: skip
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise FormatError(f"{path}: expected a pickle of arrays; not opened: {reason}") from None
+        raise FormatError(f"{path}: expected a pickle of arrays, got another: {reason}") from None
     if not isinstance(content, dict):
         raise FormatError(f"{path}: expected a pickled dictionary of arrays, got {type(content).__name__}")
     for name, value in content.items():
@@ -88,24 +92,24 @@ def load_arrays(path: Path) -> dict[str, Any]:
                 f"{path}: expected arrays and numbers by name, got {type(value).__name__}: another pickle?"
             )
     arrays = [value for value in content.values() if isinstance(value, np.ndarray)]
-    if sum(array.nbytes for array in arrays) > 2 * len(data):  # in latin-1 text, half of it may be escaped
-        raise FormatError(f"{path}: expected the arrays' numbers in the pickle, got shapes without them")
+    if sum(array.nbytes for array in arrays) > 2 * len(data):  # half of latin-1 text may be escaped
+        raise FormatError(
+            f"{path}: expected the numbers of the arrays in the pickle, got shapes without them"
+        )
     return content
 
 
 def _check_opcodes(data: bytes) -> None:
-    """`UnpicklingError` if a pickle would take far more time or memory than its bytes."""
+    """Raise `UnpicklingError` if a pickle would need far more time or memory than its size suggests."""
     n_calls = 0
     for i, (opcode, argument, _) in enumerate(pickletools.genops(data)):
         n_calls += opcode.name in _CALLS
         is_far = "PUT" in opcode.name and (argument or 0) > _MAX_OPCODES
         if i > _MAX_OPCODES or n_calls * len(data) > _MAX_MADE_BYTES or is_far:
-            raise pickle.UnpicklingError("it is larger or more complicated than arrays are")
+            raise pickle.UnpicklingError("it is larger or more complicated than a pickle of arrays")
 
 
-# AIST++: SMPL poses in `motions/*.pkl`; file names state genre, performer and music.
-#
-# Also one of these files alone, and the same arrays as NPZ.
+# Takes.
 
 
 LAYOUT = (
@@ -122,7 +126,7 @@ _KEYS = ("smpl_poses", "smpl_trans", "smpl_scaling")
 
 
 def detect(path: Path) -> bool:
-    """Whether `path` holds pickles in `motions/`, or is one such file."""
+    """Whether `path` is a folder with pickles in `motions/`, or one such file."""
     if path.is_file():
         suffix = path.suffix.lower()
         return suffix == ".pkl" or (suffix == ".npz" and array_names(path).issuperset(_KEYS))
@@ -130,7 +134,7 @@ def detect(path: Path) -> bool:
 
 
 def read(path: Path) -> Iterator[Take | SkippedFile]:
-    """The takes by name, without those in `ignore_list.txt` (badly reconstructed according to AIST++)."""
+    """The takes by name. Those in `ignore_list.txt`, which are badly reconstructed, are skipped."""
     if path.is_file():
         yield attempted(partial(_take, _songs_in(path.parent)), path)
         return

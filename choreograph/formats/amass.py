@@ -1,4 +1,7 @@
-"""AMASS: NPZ files of SMPL-H or SMPL-X poses, and SMPL poses as motions on the canonical skeleton."""
+"""AMASS: NPZ files of SMPL-H or SMPL-X poses in folders of data set and performer, with Z up.
+
+Other data sets have the same keys with Y up, which is detected from the pose of the body.
+"""
 
 from __future__ import annotations
 
@@ -17,18 +20,15 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Credits, Motion, Take, check_length
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
 
-# Axis-angle poses in SMPL's joint order as motions on the canonical skeleton.
-
-
 _BODY = 22  # joints shared by SMPL, SMPL-H and SMPL-X; hands, jaw and eyes follow
 
 
 def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
-    """Motion of axis-angle `poses` (T, 66 or more) or (T, J, 3), and root positions `trans` (T, 3) in metres.
+    """The motion of axis-angle `poses`, (T, 66 or more) or (T, J, 3), and root positions `trans` (T, 3) in m.
 
-    The body joints come first and in canonical order. SMPL's two hand joints (72 values) are kept, fingers
-    are not. In SMPL the pelvis is a constant vector away from `trans`; estimating the floor corrects its
-    height. Raises `FormatError` if shapes or values are wrong.
+    The body joints come first and in canonical order. The two hand joints of SMPL (72 values) are kept,
+    fingers are not. In SMPL the pelvis is at a constant distance from `trans`. The estimate of the floor
+    corrects its height. Raises `FormatError` if shapes or values are wrong.
     """
     try:
         poses, trans = np.asarray(poses, np.float64), np.asarray(trans, np.float64)
@@ -56,20 +56,15 @@ def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
 
 
 def rotated_world(motion: Motion, rotation: np.ndarray) -> Motion:
-    """The motion in a world rotated by `rotation` (4,), which changes root position and root rotation."""
+    """The motion with root positions and root rotations rotated by `rotation` (4,)."""
     quat = np.array(motion.local_quat)
     quat[:, 0] = rot.multiply(rotation, quat[:, 0])
     root_pos_m = rot.rotate(rotation, motion.root_pos_m)
     return Motion(motion.skeleton, root_pos_m, rot.make_continuous(quat), motion.fps)
 
 
-# AMASS: NPZ files of SMPL-H or SMPL-X poses, Z up, in folders of data set and performer.
-#
-# Other data sets use the same keys with Y up, which shows in where the body stands.
-
-
 LAYOUT = "AMASS: NAME_poses.npz files in a folder tree, or one of them"
-_RATE_KEYS = ("mocap_framerate", "mocap_frame_rate", "fps")  # SMPL-H's, SMPL-X's, others'
+_RATE_KEYS = ("mocap_framerate", "mocap_frame_rate", "fps")  # of SMPL-H, SMPL-X and others
 
 
 def detect(path: Path) -> bool:
@@ -80,9 +75,9 @@ def detect(path: Path) -> bool:
 
 
 def read(path: Path) -> Iterator[Take | SkippedFile]:
-    """Takes without music, by path; files without poses, such as body shapes, are not read.
+    """Takes without music, by path. Files without poses, such as body shapes, are not read.
 
-    A file's folder is the performer; the folder above it is the data set, the source.
+    The folder of a file is the performer, the folder above it is the data set, which is the source.
     """
     for file in [path] if path.is_file() else _files(path):
         if _is_motion(file):
@@ -93,13 +88,13 @@ def read(path: Path) -> Iterator[Take | SkippedFile]:
 
 
 def _files(folder: Path) -> list[Path]:
-    # Hidden files come from other programs, such as macOS's "._NAME.npz".
+    # Hidden files come from other programs, such as "._NAME.npz" of macOS.
     return sorted(folder.rglob("[!.]*.npz"))
 
 
 def _is_motion(file: Path) -> bool:
     names = array_names(file)
-    is_ours = "root_pos_m" in names  # this program writes the same arrays beside its own
+    is_ours = "root_pos_m" in names  # this program writes these arrays as well
     return {"poses", "trans"} <= names and not names.isdisjoint(_RATE_KEYS) and not is_ours
 
 
@@ -127,8 +122,8 @@ def _take(source: Path, file: Path) -> Take:
 
 
 def _y_up(motion: Motion) -> tuple[Motion, str]:
-    """The motion with Y up, and what was done."""
+    """The motion with Y up, and a note."""
     x, y, z = upward(known_roles(motion.skeleton), motion.joint_pos_m())
     if y > UP_AXIS_MARGIN * max(abs(x), abs(z)):
-        return motion, "read as Y up, along which the body stands, not as Z up, as AMASS is"
-    return rotated_world(motion, Z_UP_TO_Y_UP), "rotated from Z up, as AMASS is, to Y up"
+        return motion, "read as Y up, because the body stands along Y, and not as Z up as in AMASS"
+    return rotated_world(motion, Z_UP_TO_Y_UP), "rotated from Z up, as in AMASS, to Y up"

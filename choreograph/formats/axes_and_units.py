@@ -1,4 +1,4 @@
-"""Up axis and length unit of a file, inferred from the body in it."""
+"""Infers the up axis and the length unit of a file from the body in it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
 
 _BODY_HEIGHT_M = 1.70
-# A unit is accepted if it puts the body's height in this range. Units are tried in the order below.
+# The first unit in `_UNITS_M` that gives a height in this range is chosen.
 _PLAUSIBLE_HEIGHT_M = (1.0, 2.3)
 _UNITS_M = {
     "metres": 1.0,
@@ -38,11 +38,11 @@ _TO_Y_UP = {
     "-Z": np.array([_HALF, _HALF, 0.0, 0.0]),
 }
 Z_UP_TO_Y_UP = _TO_Y_UP["+Z"]
-UP_AXIS_MARGIN = 1.5  # over Y, which another axis needs to count as up: dancers also lie down
+UP_AXIS_MARGIN = 1.5  # by which another axis must exceed Y to be up, because dancers also lie down
 
 
 def known_roles(skeleton: Skeleton) -> dict[str, int]:
-    """The joints' roles; empty if the rig's joint names are unknown."""
+    """The roles of the joints, empty if the joint names of the rig are unknown."""
     try:
         return joint_roles(skeleton)
     except ParameterError:
@@ -50,9 +50,9 @@ def known_roles(skeleton: Skeleton) -> dict[str, int]:
 
 
 def unit_m(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[float, str]:
-    """Metres per unit of the file, inferred from body height, and a note on it.
+    """Metres per unit of the file, inferred from the height of the body, and a note.
 
-    `pos` (T, J, 3) joint positions in the file's unit. Raises `FormatError` if the body has no size.
+    `pos` (T, J, 3) are joint positions in the unit of the file. Raises `FormatError` if the body has no size.
     """
     height = body_height(skeleton, pos)
     for name, metres in _UNITS_M.items():
@@ -63,7 +63,7 @@ def unit_m(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[float, str]:
 
 
 def unit_in_notes(notes: Iterable[str]) -> str:
-    """The unit that `unit_m` noted; "" if none of `notes` is its own."""
+    """The unit in the note of `unit_m`, "" if there is no such note."""
     for note in notes:
         unit = note.removeprefix(_READ_AS).partition(",")[0]
         if unit in _UNITS_M:
@@ -76,8 +76,8 @@ def unit_in_notes(notes: Iterable[str]) -> str:
 def body_height(skeleton: Skeleton, pos: NDArray[np.floating]) -> float:
     """The height of a body with joints at `pos` (T, J, 3), in the same unit.
 
-    It is estimated from leg length, so no pose needs to be upright; without known joint names it is the
-    body's largest extent. Raises `FormatError` if the body has no size.
+    It is estimated from the length of the legs, so that no pose needs to be upright. If the joint names are
+    unknown, it is the largest extent of the body. Raises `FormatError` if the body has no size.
     """
     roles = known_roles(skeleton)
     if roles:
@@ -97,9 +97,9 @@ def body_height(skeleton: Skeleton, pos: NDArray[np.floating]) -> float:
 
 
 def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDArray[np.float64], str]:
-    """The rotation (4,) that makes +Y the up axis, and a note; identity and "" if it already is.
+    """The rotation (4,) that makes +Y the up axis, and a note. Identity and "" if +Y is up already.
 
-    `pos` (T, J, 3). Up is the axis along which the shoulders are above the ankles, over all frames.
+    Up is the axis along which the shoulders are above the ankles in `pos` (T, J, 3), averaged over frames.
     """
     roles = known_roles(skeleton)
     if not roles:
@@ -111,14 +111,14 @@ def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDA
 
 
 def upward(roles: Mapping[str, int], pos: NDArray[np.floating]) -> NDArray[np.float64]:
-    """The vector (3,) from the ankles to the shoulders of `pos` (T, J, 3), the mean of all frames."""
+    """The mean vector (3,) from the ankles to the shoulders of `pos` (T, J, 3)."""
     joints = [[roles[f"{side}_{part}"] for side in ("left", "right")] for part in ("shoulder", "ankle")]
     shoulders, ankles = pos[:, joints].mean(axis=(0, 2))
     return np.asarray(shoulders - ankles, np.float64)
 
 
 def rotation_from_upward(upward: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
-    """The rotation (4,) that makes +Y the axis nearest to `upward` (3,), and that axis; "" if it is +Y."""
+    """The rotation (4,) of the axis nearest to `upward` (3,) to +Y, and that axis, "" if it is +Y."""
     axis = int(np.argmax(np.abs(upward)))
     name = f"{'+' if upward[axis] > 0 else '-'}{'XYZ'[axis]}"
     if name == "+Y" or (axis != 1 and abs(upward[axis]) < UP_AXIS_MARGIN * abs(upward[1])):
@@ -129,5 +129,5 @@ def rotation_from_upward(upward: NDArray[np.float64]) -> tuple[NDArray[np.float6
 def to_rotated_axes(
     rotation: NDArray[np.float64], vectors: NDArray[np.float64], quats: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Vectors (..., 3) and rotations (..., 4), expressed in axes rotated by `rotation` (4,)."""
+    """Vectors (..., 3) and rotations (..., 4) in axes that are rotated by `rotation` (4,)."""
     return rot.rotate(rotation, vectors), rot.multiply(rot.multiply(rotation, quats), rot.invert(rotation))

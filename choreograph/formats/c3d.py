@@ -1,4 +1,4 @@
-"""C3D: labelled markers, and a skeleton fitted to those of one dancer."""
+"""C3D: plug-in-gait markers of one dancer, and a skeleton that is measured from them and fitted to them."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from choreograph.motion.motion import Credits, Motion, Take, check_length
 from choreograph.motion.skeleton import Skeleton
 from choreograph.motion.skeleton_calibration import measure_skeleton, resized, size_ratio
 
-# Labelled markers of a C3D file: metres, Y up, gaps filled.
+# Labelled markers in metres, with Y up and without gaps.
 
 
 Floats = NDArray[np.float64]
 
-_UNITS_M = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "": 0.001}  # most files that name none are in mm
+_UNITS_M = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "": 0.001}  # most files without a unit are in mm
 # Names of the same marker in other versions of the marker set.
 _ALIASES = {
     "LASI": "LFWT", "RASI": "RFWT", "LPSI": "LBWT", "RPSI": "RBWT", "LTIB": "LSHN", "RTIB": "RSHN",
@@ -40,9 +40,9 @@ _ALIASES = {
 _MAX_BYTES = 1 << 28
 _ROOM_M = 1000.0
 _LONG_GAP_S = 0.25  # longer ones are noted
-_JUMP_FRAMES, _JUMP_M = 5, 0.02  # a sample so far from the median of so many around it is no motion
+_JUMP_FRAMES, _JUMP_M = 5, 0.02  # a sample that far from the median of that many frames is an error
 _HEAD, _FEET = ("LFHD", "RFHD", "LBHD", "RBHD", "C7"), ("LTOE", "RTOE", "LHEE", "RHEE", "LANK", "RANK")
-# What the library raises on files that are cut off, damaged or something else.
+# Exceptions of the library for files that are cut off, damaged or of another format.
 _DAMAGE = (
     AssertionError, AttributeError, EOFError, IndexError, KeyError, MemoryError, NameError, OverflowError,
     TypeError, ValueError, ZeroDivisionError, struct.error,
@@ -51,11 +51,11 @@ _DAMAGE = (
 
 @dataclass(frozen=True, eq=False)
 class Markers:
-    """Marker positions over time, by label without the subject's prefix."""
+    """Marker positions over time by label, without the prefix of the subject."""
 
     pos_m: Mapping[str, Floats]  # label -> (T, 3), Y up
     fps: float
-    notes: tuple[str, ...]  # on gaps, and on what is not read
+    notes: tuple[str, ...]  # on gaps and on markers that are not read
 
     @property
     def n_frames(self) -> int:
@@ -64,11 +64,11 @@ class Markers:
 
 
 def read_markers(path: Path) -> Markers:
-    """The markers of a C3D file with any sample at all; gaps are interpolated, long ones noted.
+    """The markers of a C3D file that have a sample. Gaps are interpolated, and long ones are noted.
 
-    Samples with a negative residual, exactly at the origin, beyond any room, or far from those before and
-    after are missing. Prefixes of labels, `subject:`, are cut off. Raises `FormatError` if the file is
-    damaged, over 256 MiB, has no labelled point, or several dancers.
+    A sample is missing if its residual is negative, or if it is exactly at the origin, outside of any room,
+    or far from its neighbours. The prefix `subject:` of labels is removed. Raises `FormatError` if the file
+    is damaged, over 256 MiB, has no labelled point, or has several dancers.
     """
     labels, points, fps, unit = _read(path)
     names, notes = _names(path, labels)
@@ -89,12 +89,12 @@ def read_markers(path: Path) -> Markers:
 
 
 def _read(path: Path) -> tuple[list[str], Floats, float, float]:
-    """Labels, points (T, P, 5) in the file's unit with residual and cameras, frame rate, metres per unit."""
+    """Labels, points (T, P, 5) in the unit of the file with residual and cameras, fps, metres per unit."""
     if check_regular(path, "a C3D file").stat().st_size > _MAX_BYTES:
         raise FormatError(f"{path}: expected at most {_MAX_BYTES >> 20} MiB, got more")
     try:
         with open(path, "rb") as file, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # on what we check below
+            warnings.simplefilter("ignore")  # about properties that are checked below
             reader = c3d.Reader(file)
             labels = [str(label).strip() for label in reader.point_labels]
             unit = reader.get("POINT:UNITS")
@@ -121,10 +121,10 @@ def _read(path: Path) -> tuple[list[str], Floats, float, float]:
 
 
 def _names(path: Path, labels: list[str]) -> tuple[dict[int, str], list[str]]:
-    """Column -> name of the dancer's labelled points, and a note on what else is recorded.
+    """The names of the labelled points of the dancer by column, and a note on other subjects.
 
-    Points that the software could not name ("*12") are left out, and those of props: of subjects without the
-    markers of a body.
+    Points that the software could not name ("*12") are left out. So are those of props, which are subjects
+    without the markers of a body.
     """
     subjects = [label.rpartition(":")[0] for label in labels]
     short = [label.rpartition(":")[2].upper() for label in labels]
@@ -136,7 +136,11 @@ def _names(path: Path, labels: list[str]) -> tuple[dict[int, str], list[str]]:
     if len(of) > 1 and len(bodies) != 1:
         raise FormatError(f"{path}: expected one dancer, got subjects {', '.join(sorted(of))}")
     others = sorted(set(of) - set(bodies)) if len(of) > 1 else []
-    notes = [f"markers of {', '.join(others)} are not read: not those of a body"] if others else []
+    notes = (
+        [f"markers of {', '.join(others)} are not read, because they are not those of a body"]
+        if others
+        else []
+    )
     kept = {
         i: name
         for i, name in enumerate(names)
@@ -146,7 +150,7 @@ def _names(path: Path, labels: list[str]) -> tuple[dict[int, str], list[str]]:
 
 
 def _filled(pos: Floats, missing: NDArray[np.bool_]) -> Floats:
-    """Positions (T, 3) with missing samples interpolated, and held before the first and after the last."""
+    """Positions (T, 3) with missing samples interpolated, constant before the first and after the last."""
     known = np.flatnonzero(~missing)
     if len(known) == len(pos):
         return pos
@@ -158,7 +162,7 @@ def _filled(pos: Floats, missing: NDArray[np.bool_]) -> Floats:
 
 
 def _jumps(pos_m: Floats) -> NDArray[np.bool_]:
-    """Samples (T,) where a marker is taken for another, or for a reflection, for a frame or two."""
+    """Samples (T,) at which a marker was confused with another, or a reflection, for one or two frames."""
     usual = median_filter(pos_m, size=(_JUMP_FRAMES, 1), mode="nearest")
     is_far: NDArray[np.bool_] = np.linalg.norm(pos_m - usual, axis=-1) > _JUMP_M
     return is_far
@@ -170,7 +174,7 @@ def _longest_run(flags: NDArray[np.bool_]) -> int:
 
 
 def _y_up(pos_m: dict[str, Floats]) -> dict[str, Floats]:
-    """The same with Y up: up is where the head is above the feet, over all frames."""
+    """The positions with Y up. Up is the axis along which the mean head is above the mean feet."""
     ends = [[pos_m[name].mean(axis=0) for name in group if name in pos_m] for group in (_HEAD, _FEET)]
     if not all(ends):
         return pos_m
@@ -178,7 +182,7 @@ def _y_up(pos_m: dict[str, Floats]) -> dict[str, Floats]:
     return {name: rot.rotate(rotation, pos) for name, pos in pos_m.items()}
 
 
-# C3D: plug-in-gait markers of one dancer, fitted with a skeleton measured from them.
+# Takes.
 
 
 LAYOUT = "a single NAME.c3d of plug-in-gait markers"
@@ -198,10 +202,10 @@ def read(path: Path) -> Iterator[Take | SkippedFile]:
 
 
 def read_c3d_files(paths: Sequence[Path]) -> list[tuple[Motion, tuple[str, ...]] | SkippedFile]:
-    """The motions of C3D files and notes on each, all on one skeleton, the mean of all frames.
+    """The motions of C3D files on one skeleton, the mean of all frames, with notes.
 
-    Recordings are scaled to its size first: of one dancer that changes little, of several it keeps their
-    feet from sliding. A file that is damaged or lacks a marker is skipped.
+    Recordings are scaled to the size of the skeleton, so that feet of different dancers do not slide. A file
+    that is damaged or lacks a marker is skipped.
     """
     recordings = [attempted(_recording, path) for path in paths]
     read = [recording for recording in recordings if not isinstance(recording, SkippedFile)]
@@ -219,7 +223,7 @@ def read_c3d_files(paths: Sequence[Path]) -> list[tuple[Motion, tuple[str, ...]]
 
 @dataclass(frozen=True, eq=False)
 class _Recording:
-    """Markers, and the joints between them."""
+    """Markers, and the joint centres computed from them."""
 
     markers: Markers
     pos_m: Floats  # (T, R, 3)
@@ -227,7 +231,7 @@ class _Recording:
 
 
 def _recording(path: Path) -> _Recording:
-    """One file; `FormatError` if it is damaged or lacks a marker."""
+    """Read one file. Raises `FormatError` if it is damaged or lacks a marker."""
     markers = read_markers(path)
     try:
         check_length(markers.n_frames, len(markers.pos_m), markers.fps)
@@ -245,8 +249,8 @@ def _recording(path: Path) -> _Recording:
 def _fitted(skeleton: Skeleton, recording: _Recording, path: Path) -> tuple[Motion, tuple[str, ...]]:
     try:
         return _on_skeleton(skeleton, recording.pos_m, recording.roles, recording.markers)
-    except (ValueError, np.linalg.LinAlgError):  # axes of a body whose joints are in one place
-        raise FormatError(f"{path}: expected markers on a body, got some in one place: damaged?") from None
+    except (ValueError, np.linalg.LinAlgError):  # the joints of the body are in one place
+        raise FormatError(f"{path}: expected the markers of a body, got all in one place: damaged?") from None
 
 
 def _on_skeleton(

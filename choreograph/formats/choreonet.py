@@ -1,4 +1,10 @@
-"""ChoreoNet: C3D recordings whose figures are named and counted, and lists of figures of whole dances."""
+"""ChoreoNet: C3D recordings with named and counted figures, and lists of the figures of whole dances.
+
+Ye et al.: ChoreoNet (ACM Multimedia 2020), by the group of dance-with-melody. The folder has `c3d/`,
+`figures.csv` (the figures in each recording) and `choreographies.json` (the figures of each dance of
+dance-with-melody). It is a source of takes, and of counts for the takes of dance-with-melody. The figures of
+a dance follow each other without a gap, at a constant tempo.
+"""
 
 from __future__ import annotations
 
@@ -19,30 +25,30 @@ from choreograph.formats.manifest import SkippedFile
 from choreograph.formats.tables import Row, as_number, read_table
 from choreograph.motion.motion import Credits, Take
 
-# ChoreoNet's lists: `choreographies.json`, the figures of whole dances, and `figures.csv`, of recordings.
+# The lists `choreographies.json` and `figures.csv`.
 
 
 GENRES = {"C": "cha-cha", "R": "rumba", "T": "tango", "W": "waltz"}
 METRES = {"cha-cha": 4, "rumba": 4, "tango": 4, "waltz": 3}
 _LIST_FPS = 25.0  # of start_pos and end_pos
-_NO_FIGURES = frozenset(("HOLD", "START", "NIL"))  # time that passes between figures
+_NO_FIGURES = frozenset(("HOLD", "START", "NIL"))  # pauses between figures
 _COLUMNS = ("c3d_file", "movement_tag", "start_frame", "end_frame", "beats")
 
 
 @dataclass(frozen=True)
 class Choreography:
-    """What is danced to a song: figures end to end, and how many counts each lasts."""
+    """The figures that are danced to a song, one after another, and their lengths in counts."""
 
     name: str  # as of the take in dance-with-melody
     genre: str
     start_s: float  # in the whole song
     end_s: float
-    movements: tuple[str, ...]  # (M,) also HOLD, START and NIL, which are no figures
+    movements: tuple[str, ...]  # (M,) figures, and HOLD, START and NIL, which are pauses
     durations: tuple[int, ...]  # (M,) counts of each
 
     @property
     def n_counts(self) -> int:
-        """Counts from the first figure's beginning to the last one's end."""
+        """Counts from the beginning of the first figure to the end of the last."""
         return sum(self.durations)
 
     @property
@@ -53,25 +59,25 @@ class Choreography:
 
 @dataclass(frozen=True)
 class RecordedFigure:
-    """A row of figures.csv: a figure in a recording, in frames from the file's first stored one."""
+    """A row of figures.csv: a figure of a recording, in frames from the first stored one."""
 
     recording: str  # name of the C3D file
     name: str  # genre's letter, figure, variant, such as C-10-2
     start_frame: float
     end_frame: float
-    n_counts: int  # 0 where the row does not say
+    n_counts: int  # 0 if the row does not state it
 
 
 def is_figure(name: str) -> bool:
-    """Whether a movement is a figure, not time that passes."""
+    """Whether a movement is a figure and not a pause."""
     return name not in _NO_FIGURES
 
 
 def read_choreographies(path: str | Path) -> list[Choreography]:
     """The dances of a choreographies.json, in its order.
 
-    Raises `FormatError` if it is no such list, or an entry lacks a name, a known genre, a span or a positive
-    whole number of counts for each figure.
+    Raises `FormatError` if it is not such a list, or an entry lacks a name, a known genre, a span or a
+    positive whole number of counts for each figure.
     """
     path = Path(path)
     entries = read_json(path, "a list of dances (JSON)")
@@ -100,7 +106,7 @@ def _choreography(where: str, entry: Any) -> Choreography:
 
 
 def read_recorded_figures(path: Path) -> list[RecordedFigure]:
-    """The rows of a figures.csv, in its order; `FormatError` names the line of a damaged one."""
+    """The rows of a figures.csv, in its order. Raises `FormatError`, with the line, for a damaged row."""
     return [_recorded_figure(row) for row in read_table(path, "a table of figures", required=_COLUMNS)]
 
 
@@ -116,21 +122,16 @@ def _recorded_figure(row: Row) -> RecordedFigure:
     return RecordedFigure(row.cells["c3d_file"], row.cells["movement_tag"], start, end, int(beats))
 
 
-# ChoreoNet: C3D recordings whose figures are named and counted, and lists of figures of whole dances.
-#
-# Ye et al.: ChoreoNet (ACM Multimedia 2020), by the group of dance-with-melody. The folder has `c3d/`,
-# `figures.csv` (the figures in each recording) and `choreographies.json` (the figures of each dance of
-# dance-with-melody). So it is a source of takes, and of counts for the takes of dance-with-melody: a dance is
-# its figures end to end at a constant tempo of counts.
+# Takes, and counts of takes.
 
 
 LAYOUT = "ChoreoNet: a folder with c3d/, figures.csv and choreographies.json"
 _LISTS, _FIGURES = "choreographies.json", "figures.csv"
 _SOURCE = "Ye et al. 2020, ChoreoNet"
 _LICENCE = "none stated"
-_GAP_COUNTS = 0.5  # figures further apart are not danced in one go: counting begins again
+_GAP_COUNTS = 0.5  # after a longer gap between figures, counting begins again
 _STEADY_RATIO = 1.25  # between the tempi of a figure and of the recording
-_FASTEST_HZ = 4.0  # no figure is counted faster: the entry is wrong
+_FASTEST_HZ = 4.0  # an entry with faster counts is wrong
 # Errata of choreographies.json: tempi of songs, as librosa tracks them, whose lists state another tempo. They
 # cannot be found without the songs: 139 and 78 counts a minute are usual tempi of a cha-cha and a rumba.
 _SONG_BPM = {"DANCE_C_4": 125.0, "DANCE_C_8": 124.0, "DANCE_R_7": 130.0}
@@ -146,7 +147,7 @@ def detect(path: Path) -> bool:
 
 
 def read(path: Path) -> Iterator[Take | SkippedFile]:
-    """The recordings by name, on one skeleton; those without figures are takes without counts.
+    """The recordings by name, on one skeleton. Recordings without figures are takes without counts.
 
     Raises `FormatError` if the list of figures is damaged.
     """
@@ -181,7 +182,7 @@ def read(path: Path) -> Iterator[Take | SkippedFile]:
 
 
 def annotate(takes: Sequence[Take], path: Path) -> list[Take]:
-    """The takes, with counts and figures where `path` lists their choreography and they have no counts yet.
+    """The takes, with counts and figures if `path` lists their choreography and they have no counts yet.
 
     Raises `FormatError` if the list is damaged.
     """
@@ -196,17 +197,17 @@ def annotate(takes: Sequence[Take], path: Path) -> list[Take]:
 
 
 def figure_counts(choreography: Choreography) -> list[tuple[str, int]]:
-    """The figures in order, (name, counts): what an expert dances to the song. "" where none is danced."""
+    """Names and counts of the figures in order, with the name "" for pauses."""
     pairs = zip(choreography.movements, choreography.durations, strict=True)
     return [(name if is_figure(name) else "", counts) for name, counts in pairs]
 
 
 def _annotated(take: Take, choreography: Choreography, lists: Path) -> Take:
-    """Count k of n is at k / n of the take's length, k = 0 … n."""
+    """The take with counts. Count k of n is at k / n of the length of the take, for k from 0 to n."""
     n_counts, duration_s = choreography.n_counts, take.motion.duration_s
     if n_counts > _FASTEST_HZ * duration_s:
         note = (
-            f"not counted: {n_counts} counts in {duration_s:.0f} s, so its skeletons do not fit its figures"
+            f"not counted: {n_counts} counts in {duration_s:.0f} s are too many for the length of the motion"
         )
         return replace(take, notes=(*take.notes, note))
     notes, confidence = take.notes, 1.0
@@ -244,7 +245,7 @@ def _counted(
 ) -> tuple[Counts, tuple[Figure, ...], list[str]]:
     """Counts and figures of a recording, and the names of rows that cannot be counted.
 
-    Counts are even inside a figure, and run on through figures that follow each other.
+    Counts are evenly spaced inside a figure, and continue through figures that follow each other.
     """
     named = [row for row in rows if row.n_counts > 0 and row.start_frame < duration_s * fps]
     counted = [row for row in named if row.n_counts / (row.end_frame - row.start_frame) * fps <= _FASTEST_HZ]
@@ -258,8 +259,8 @@ def _counted(
         start, end = row.start_frame, row.end_frame
         following = counted[i + 1].start_frame if i + 1 < len(counted) else np.inf
         runs_on = following - end <= _GAP_COUNTS * (end - start) / row.n_counts
-        stop = following if runs_on else end  # rows end up to two frames before or after the next begins
-        n_times = row.n_counts + (0 if runs_on else 1)  # the end of the last one is a count, too
+        stop = following if runs_on else end  # a row ends up to two frames before or after the next begins
+        n_times = row.n_counts + (0 if runs_on else 1)  # the end of the last figure is a count as well
         row_s = np.linspace(start, stop, row.n_counts + 1) / fps
         times_s += row_s[:n_times].tolist()
         numbers += numbers_in_bar(n_times, metre, first=next_number).tolist()
@@ -270,7 +271,7 @@ def _counted(
 
 
 def _steadiness(figures: Sequence[Figure]) -> float:
-    """The share of counts in figures at about the recording's tempo: others are probably miscounted."""
+    """The share of counts in figures at about the tempo of the recording. Others are probably miscounted."""
     n_counts = np.array([figure.n_counts for figure in figures])
     count_s = np.array([figure.end_s - figure.start_s for figure in figures]) / n_counts
     is_steady = np.abs(np.log(count_s / np.median(np.repeat(count_s, n_counts)))) < np.log(_STEADY_RATIO)

@@ -1,11 +1,11 @@
 """The dance-with-melody dataset: folders `DANCE_<G>_<n>` of audio, config and markers.
 
-Tang, Jia, Mao: Dance with Melody (ACM Multimedia 2018). Two properties are undocumented: most takes are
-spliced from several bodies (thighs change from 44 to 55 cm within a second), and the floor under the
-feet drifts by up to half a metre within a take. No dancer is named. So we cluster frames by bone lengths
-into three bodies, scale each body's frames to the size of one skeleton, the mean of all frames, fit that
-skeleton, and track the floor over time. And figures were joined by moving every marker along a straight
-line for five frames, which makes corners that no body can dance: there we bridge the fitted rotations.
+Tang, Jia, Mao: Dance with Melody (ACM Multimedia 2018). Three properties are undocumented. Most takes are
+spliced from several bodies: thighs change from 44 to 55 cm within a second. The floor under the feet drifts
+by up to half a metre within a take. Figures were joined by moving every marker along a straight line for five
+frames, which makes corners that no body can dance. No dancer is named. We therefore cluster frames by bone
+lengths into three bodies, scale the frames of each body to the size of one skeleton, the mean of all frames,
+fit that skeleton, track the floor over time, and bridge the fitted rotations at the joins.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ _POINTS = 23
 _FAR_CM = 1e5
 N_BODIES = 3
 _SPIKE_M = 0.1  # from the mean of the frames before and after
-_STRAIGHT_M = 7e-4  # off a straight line, by rounding alone
-_JOIN_FRAMES = range(3, 11)  # shorter is chance, longer is a dancer who holds still
+_STRAIGHT_M = 7e-4  # from a straight line, by rounding alone
+_JOIN_FRAMES = range(3, 11)  # shorter spans are chance, in longer ones a dancer holds still
 # The points that are joints or landmarks. Points 21 and 22 are on the wrists, next to 14 and 6.
 _ROLES = {
     "right_temple": 0, "left_temple": 1, "spine1": 2, "right_shoulder": 3, "right_elbow": 4, "right_wrist": 5,
@@ -62,12 +62,12 @@ _FEET = [ROLES.index(f"{side}_foot") for side in ("left", "right")]
 
 
 def detect(path: Path) -> bool:
-    """Whether `path` is a folder of such takes, or one take."""
+    """Whether `path` is a folder of such takes, or one of them."""
     return bool(_folders(path))
 
 
 def read(path: Path) -> Iterator[Take | SkippedFile]:
-    """All takes under `path` (or the one), on one skeleton, feet on y = 0; songs alone are no takes."""
+    """All takes in `path`, on one skeleton, with the feet at y = 0. Folders of songs alone are not takes."""
     found = {folder: attempted(_points_of, folder) for folder in _folders(path)}
     points = {folder: pos_m for folder, pos_m in found.items() if not isinstance(pos_m, SkippedFile)}
     yield from (unread for unread in found.values() if isinstance(unread, SkippedFile))
@@ -106,7 +106,7 @@ def read_points_m(path: Path) -> Floats:
         )
     if data.get("length", n_frames) != n_frames:
         raise FormatError(
-            f"{path}: expected {data['length']} frames as 'length' says, got {n_frames}: file cut short?"
+            f"{path}: expected {data['length']} frames as stated in 'length', got {n_frames}: file cut short?"
         )
     if not ((np.abs(center) < _FAR_CM).all() and (np.abs(around) < _FAR_CM).all()):
         raise FormatError(f"{path}: expected finite positions within a kilometre, got others")

@@ -1,4 +1,4 @@
-"""FBX: read and written by way of Blender, in a process of its own."""
+"""FBX: read and written with Blender, in a separate process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from choreograph.formats.glb import GlbWriter
 from choreograph.formats.writer import Writer
 from choreograph.motion.motion import Credits, Motion, Take
 
-# Blender as a converter between FBX and GLB: found, run on a file, its failure said in a line.
+# Blender converts between FBX and GLB.
 
 
 VARIABLE = "CHOREOGRAPH_BLENDER"
@@ -25,10 +25,10 @@ _MAX_BYTES = 1 << 30
 
 
 def find_blender() -> tuple[str, ...] | None:
-    """The command that runs a script in Blender; None without one.
+    """The command that runs a script in Blender, None if Blender is not found.
 
-    That is the program or the Python with the module bpy that the environment variable names, or `blender`
-    on the path. bpy cannot be installed beside choreograph: it needs an older numpy.
+    The environment variable names the program, or a Python with the module bpy. Otherwise it is `blender` on
+    the path. bpy cannot be installed beside choreograph, because it needs an older NumPy.
     """
     named = os.environ.get(VARIABLE) or shutil.which("blender")
     if not named or shutil.which(named) is None:
@@ -39,7 +39,7 @@ def find_blender() -> tuple[str, ...] | None:
 
 
 def require_blender(path: str | Path) -> tuple[str, ...]:
-    """`find_blender`'s command; `ParameterError` without one, since `path` needs it."""
+    """The command of `find_blender`. Raises `ParameterError`, which names `path`, if there is none."""
     blender = find_blender()
     if blender is None:
         raise ParameterError(
@@ -54,8 +54,8 @@ def convert(source: str | Path, target: str | Path) -> None:
 
     Raises
     ------
-    ParameterError   there is no Blender
-    FormatError      Blender could not read or write the file, or took over ten minutes
+    ParameterError   if Blender is not found
+    FormatError      if Blender cannot read or write the file, or takes over ten minutes
     """
     blender = require_blender(source if str(source).lower().endswith(".fbx") else target)
     source = Path(source)
@@ -82,7 +82,7 @@ def convert(source: str | Path, target: str | Path) -> None:
         shutil.move(made, target)
 
 
-# FBX: animations of a skeleton, by way of Blender.
+# Takes.
 
 
 LAYOUT = "a single NAME.fbx, with Blender on this machine"
@@ -91,7 +91,7 @@ READS_BONE_MAP = True
 
 
 def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take]:
-    """The file's animations as takes without music, named after the file; several also after themselves.
+    """The animations of the file as takes without music, named after the file and, if several, the animation.
 
     Raises `ParameterError` without Blender, `FormatError` if the file is damaged or has no animation.
     """
@@ -105,11 +105,8 @@ def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take
     yield from (replace(take, credits=Credits(source=path.name), source_paths=(path,)) for take in takes)
 
 
-# FBX writer: what a GLB holds, converted by Blender.
-
-
 class FbxWriter(Writer):
-    """Needs Blender on this machine (`find_blender`); the same motion need not give the same bytes."""
+    """Writes a GLB and converts it with Blender. The same motion need not give the same bytes."""
 
     format = "fbx"
     uses = ("character",)
@@ -120,7 +117,7 @@ class FbxWriter(Writer):
         require_blender(path)
 
     def write(self, motion: Motion, path: Path) -> None:
-        """Write `motion`; `ParameterError` without Blender, `FormatError` if it fails."""
+        """Write `motion`. Raises `ParameterError` without Blender, `FormatError` if Blender fails."""
         with tempfile.TemporaryDirectory() as folder:
             GlbWriter().write(motion, Path(folder) / "dance.glb")
             made = Path(folder) / "dance.fbx"

@@ -1,4 +1,4 @@
-"""GLB and VRMA writers: the mannequin, or any VRM avatar's bones, with the motion as an animation."""
+"""Writers of GLB (the mannequin with an animation) and VRMA (an animation for any VRM avatar)."""
 
 from __future__ import annotations
 
@@ -17,18 +17,15 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
 
-# GLB writer: the mannequin on the motion's skeleton, standing, and the motion as its animation.
-
-
 ANIMATION_NAME = "dance"
 _ROUGHNESS = 0.85
 
 
 class GlbWriter(Writer):
-    """glTF 2.0 in one file: metres, Y up, as everything here; opens in Blender, three.js, Godot, Unreal.
+    """Writes glTF 2.0 in one file, in metres with Y up, for Blender, three.js, Godot and Unreal.
 
-    Node 0 … J - 1 are the joints. Their rest pose stands on the floor in the mannequin's bind pose; the
-    animation has a rotation for each and a translation of the root, at the motion's rate.
+    Nodes 0 to J - 1 are the joints. Their rest pose is the bind pose of the mannequin, standing on the floor.
+    The animation has a rotation of each joint and a translation of the root, at the rate of the motion.
     """
 
     format = "glb"
@@ -55,7 +52,7 @@ def dance_document(motion: Motion) -> GltfDocument:
 
 
 def as_dance(document: GltfDocument) -> GltfDocument:
-    """The document saying, at the beginning of its file, that it is a dance."""
+    """The document with a generator, at the beginning of the file, that marks it as a dance."""
     asset = {**document.json["asset"], "generator": DANCE_GENERATOR}
     marked = document.copy()
     marked.json = {"asset": asset} | {kind: value for kind, value in marked.json.items() if kind != "asset"}
@@ -63,7 +60,7 @@ def as_dance(document: GltfDocument) -> GltfDocument:
 
 
 def add_animation(document: GltfDocument, motion: Motion, name: str = ANIMATION_NAME) -> None:
-    """Add the motion as an animation of nodes 0 … J - 1, which are its joints."""
+    """Add the motion as an animation of nodes 0 to J - 1, which are its joints."""
     quat = rot.make_continuous(motion.local_quat)  # (T, J, 4)
     tracks = [(0, "translation", motion.root_pos_m)]
     tracks += [(joint, "rotation", quat[:, joint]) for joint in range(motion.skeleton.n_joints)]
@@ -71,7 +68,7 @@ def add_animation(document: GltfDocument, motion: Motion, name: str = ANIMATION_
 
 
 def gltf_quat(quat: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Quaternions (..., 4) `wxyz` as glTF has them, `xyzw`."""
+    """Quaternions (..., 4) `wxyz` in the order of glTF, `xyzw`."""
     return np.roll(quat, -1, axis=-1)
 
 
@@ -109,7 +106,7 @@ def _add_mesh(document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.flo
     n = len(mesh.vertices_m)
     joints, weights = np.zeros((n, 4), np.uint16), np.zeros((n, 4), np.float32)
     joints[:, :2], weights[:, :2] = mesh.joints, mesh.weights
-    joints[weights == 0] = 0  # as the format wants it
+    joints[weights == 0] = 0  # required by the format
     weights[:, 1] = 1.0 - weights[:, 0]  # a sum of exactly 1
     attributes = {
         "POSITION": document.accessor(
@@ -148,9 +145,6 @@ def linear_light(srgb: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.where(low, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4).round(6)
 
 
-# VRMA writer: a VRM animation, for any VRM avatar.
-
-
 VRM_BONES = {
     "pelvis": "hips", "spine1": "spine", "spine2": "chest", "spine3": "upperChest", "neck": "neck",
     "head": "head",
@@ -165,21 +159,21 @@ VRM_BONES = {
 
 
 class VrmaWriter(Writer):
-    """glTF with the extension VRMC_vrm_animation 1.0: the canonical body's bones in a T pose, without a mesh.
+    """Writes glTF with the extension VRMC_vrm_animation 1.0: the canonical body in a T pose, without a mesh.
 
-    A motion on another skeleton is retargeted first. Avatars apply it by the names of their bones and the
-    height of their hips.
+    A motion on another skeleton is retargeted first. Avatars apply the animation by the names of their bones
+    and the height of their hips.
     """
 
     format = "vrma"
 
     def write(self, motion: Motion, path: Path) -> None:
-        """Write `motion`; `ParameterError` if its joint names are unknown."""
+        """Write `motion`. Raises `ParameterError` if its joint names are unknown."""
         body = canonical_skeleton()
         dancer = motion if motion.skeleton.same_as(body) else retarget(motion, body)
         document = GltfDocument.empty(GENERATOR)
         offsets_m = body.offsets_m.copy()
-        # Players scale by the height of the hips, so the soles must be on the floor as an avatar's are.
+        # Players scale by the height of the hips, so the soles must be on the floor like those of an avatar.
         offsets_m[0, 1] -= body.rest_pos_m()[body.index("left_foot"), 1]
         for joint, name in enumerate(CANONICAL_JOINTS):
             node = {"name": VRM_BONES.get(name, name), "translation": offsets_m[joint].tolist()}

@@ -1,4 +1,4 @@
-"""glTF: the animations of a rig, each a take, whatever pose its skin was bound in."""
+"""glTF: reads the animations of a rig as takes, for any bind pose of its skin."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ READS_BONE_MAP = True
 SUFFIXES = (".glb", ".gltf", ".vrma")
 _MAX_ANIMATIONS = 4096
 _BLOCK_POSES = 1 << 18  # frames × bones at a time
-_LARGEST = 1e12  # place or scale in any unit; never so with NaN, which compares false
+_LARGEST = 1e12  # position or scale in any unit, tested so that NaN fails
 _WIDTHS = {"rotation": 4, "translation": 3, "scale": 3}
 
 
 def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take]:
-    """The file's animations as takes without music, named after the file; several also after themselves."""
+    """The animations as takes without music, named after the file and, if several, the animation."""
     motions = read_gltf_motions(path, bone_map)
     for name, (motion, notes) in motions.items():
         own = path.stem if len(motions) == 1 else f"{path.stem}-{name}"
@@ -48,12 +48,12 @@ def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take
 def read_gltf_motions(
     path: str | Path, bone_map: Mapping[str, str] | None = None
 ) -> dict[str, tuple[Motion, tuple[str, ...]]]:
-    """The animations of a glTF file by name: the motion of the rig, from its hips down, and notes.
+    """The animations of a glTF file by name: the motion of the rig from its hips down, and notes.
 
-    Motions are at 60 fps, or at their keys' rate if lower. Rotations are measured from the bind pose, which
-    is the skeleton's rest pose; where names of bones are unknown, or `bone_map` says which is which, it has
-    those that were found as its `roles`. Raises `FormatError` if the file is damaged, or has no animation or
-    no body.
+    Motions are at 60 fps, or at the rate of their keys if that is lower. Rotations are measured from the bind
+    pose, which is the rest pose of the skeleton. If the names of the bones are unknown, or `bone_map` is
+    given, the skeleton has `roles` for the bones that were found. Raises `FormatError` if the file is
+    damaged, or has no animation or no body.
     """
     document = read_gltf(path, images=False)
     animations = document.json.get("animations", [])
@@ -68,7 +68,7 @@ def read_gltf_motions(
         body = _Body.of(_with_human_names(found), bone_map)
         for number, animation in enumerate(animations):
             tracks = reader.tracks(animation)
-            if tracks:  # others move a camera or a prop
+            if tracks:  # other animations move a camera or a prop
                 name = animation.get("name") or f"{number + 1}"
                 while name in motions:
                     name = f"{name} {number + 1}"
@@ -76,24 +76,24 @@ def read_gltf_motions(
     except (FormatError, ParameterError) as error:
         raise FormatError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
     if not motions:
-        raise FormatError(f"{path}: expected an animation of the skeleton, got one of other things")
+        raise FormatError(f"{path}: expected an animation of the skeleton, got animations of other nodes")
     return motions
 
 
 @dataclass(eq=False)
 class _Body:
-    """The bones of a rig from the hips down, which its animations move."""
+    """The bones of a rig from the hips down."""
 
     rig: Rig
     below: list[int]  # (J,) bones, the pelvis first
     skeleton: Skeleton  # in metres
     metres: float  # per unit of the file
     notes: tuple[str, ...]  # on the unit and the bones
-    poses_left: int = MAX_FRAME_JOINTS  # frames × bones that the file may still have
+    poses_left: int = MAX_FRAME_JOINTS  # frames × bones that further animations may have
 
     @classmethod
     def of(cls, rig: Rig, bone_map: Mapping[str, str] | None) -> _Body:
-        """The body of a rig; `FormatError` or `ParameterError` if there is none."""
+        """The body of a rig. Raises `FormatError` or `ParameterError` if there is none."""
         roles, found_note = take_bones(rig.posed, bone_map=bone_map)
         below, parents, offsets = rig.below(_pelvis(rig) if roles is None else roles["pelvis"])
         joint_of = {bone: joint for joint, bone in enumerate(below)}
@@ -117,7 +117,7 @@ class _Body:
         return Motion(self.skeleton, self.metres * root, quat, fps), self.notes
 
     def _posed(self, tracks: Tracks, times_s: Floats) -> tuple[Floats, Floats]:
-        """The pelvis (T, 3) and how far the bones have turned from their bind pose (T, J, 4)."""
+        """Positions of the pelvis (T, 3) and rotations of the bones from their bind pose (T, J, 4)."""
         rig, n_frames = self.rig, len(times_s)
         local = {"translation": rig.rest_translation, "rotation": rig.rest_quat, "scale": rig.rest_scale}
         sampled = {path: np.repeat(rest[:, None], n_frames, axis=1) for path, rest in local.items()}
@@ -128,20 +128,20 @@ class _Body:
                 rig.parents, sampled["translation"], sampled["rotation"], sampled["scale"]
             )[self.below]  # (J, T, 4, 4)
         if not (np.abs(world) < _LARGEST).all():
-            raise FormatError("expected bones in reach, got some that are endlessly far: damaged")
+            raise FormatError("expected bones at finite positions, got some that are too far: damaged?")
         now = np.moveaxis(rotations_of(world), 0, 1)
         return world[0, :, :3, 3], rot.multiply(now, rot.invert(rig.bind_quat[self.below]))
 
 
 def _with_human_names(found: GltfRig) -> Rig:
-    """The rig with the names that a VRM file gives its bones, and every name once."""
+    """The rig with the names of bones in VRM, if it has them. All names differ."""
     human = {bone: name for name, bone in found.human_bones.items()}
     names = [human.get(bone, name) for bone, name in enumerate(found.rig.names)]
     return replace(found.rig, names=distinct(names, form="{} #{}"))
 
 
 class _TrackReader:
-    """Reads the tracks of a document's animations; what several of them share is read once."""
+    """Reads the tracks of the animations of a document. Shared data is read once."""
 
     def __init__(self, document: GltfDocument, bone_of: dict[int, int]) -> None:
         self.document = document
@@ -150,7 +150,7 @@ class _TrackReader:
         self.arrays: dict[tuple[int, bool], Floats] = {}  # (accessor, whether of rotations) -> its values
 
     def tracks(self, animation: dict[str, Any]) -> Tracks:
-        """The tracks of an animation that move bones; of several of one bone and property the first."""
+        """The tracks of an animation that move bones, the first of each bone and property."""
         samplers = animation.get("samplers", [])
         tracks: Tracks = {}
         read: dict[tuple[int, str], tuple[Floats, Floats, str]] = {}  # by sampler and property
@@ -182,7 +182,7 @@ class _TrackReader:
         if key not in self.arrays:
             self.values_left -= self.document.n_values(index)
             if self.values_left < 0:
-                raise FormatError("expected keys of their own in each track, got data that is used too often")
+                raise FormatError("expected keys of its own in each track, got data that is used too often")
             values = self.document.array(index)
             if not (np.abs(values) < _LARGEST).all():
                 raise FormatError("expected finite keys and values: the file is damaged")
@@ -205,7 +205,7 @@ def _frame_times(tracks: Tracks) -> tuple[Floats, float]:
 
 
 def _sampled(keys_s: Floats, values: Floats, kind: str, path: str, times_s: Floats) -> Floats:
-    """Values (T, D) at times (T,), by the interpolation of the format."""
+    """Values (T, D) at times (T,), interpolated as the format defines."""
     if kind == "CUBICSPLINE":
         into, values, out = np.moveaxis(values.reshape(len(keys_s), 3, -1), 1, 0)
         if len(keys_s) > 1 and (np.diff(keys_s) > 0).all():
@@ -240,8 +240,8 @@ def _cubic(keys_s: Floats, values: Floats, into: Floats, out: Floats, path: str,
 
 
 def _pelvis(rig: Rig) -> int:
-    """The bone from which the body hangs; `ParameterError` if the bones' names are unknown."""
+    """The pelvis by the names of the bones. Raises `ParameterError` if they are unknown."""
     pelvis = roles_by_names(("", *rig.names), (-1, *(rig.parents + 1).tolist()))["pelvis"] - 1
     if pelvis < 0:
-        raise ParameterError("expected one body, got limbs that hang under different roots")
+        raise ParameterError("expected one body, got limbs below different roots")
     return pelvis

@@ -1,4 +1,4 @@
-"""A glTF 2.0 document in memory, and the shape that its JSON must have."""
+"""A glTF 2.0 document in memory, and the schema of its JSON."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError
 
-# The shape that a glTF document's JSON must have where it is read, so that readers need not ask.
+# The schema of the parts of a document that are read. It is checked once, before anything is read.
 #
-# A shape is a function that says whether a value has it, a dictionary of fields with the shape of each that
-# is there, a list of the one shape of all entries, or `{...: shape}` for objects of any keys.
+# A schema is a function that tests a value, a dictionary of the schemas of optional fields, a list with the
+# one schema of all entries, or `{...: schema}` for objects with any keys.
 
 
-MAX_ENTRIES = 100_000  # of a list: nodes, accessors, channels, … a character has some hundreds
+MAX_ENTRIES = 100_000  # of a list, such as nodes or channels. A character has some hundreds
 _LARGEST_INDEX = 1 << 53
 _LARGEST_FLOAT = 1e39  # above what 32 bits hold
 _LARGEST_NUMBER = 1e12  # of transforms, in any unit: sizes and products of a few stay finite
 
 
 def is_whole(value: Any) -> bool:
-    """A whole number, negative ones included: VRM 0 has -1 for a bone that is not there."""
+    """Whether a value is a whole number. VRM 0 has -1 for a missing bone."""
     return type(value) is int and abs(value) < _LARGEST_INDEX
 
 
 def is_index(value: Any) -> bool:
-    """A whole number from 0 on."""
+    """Whether a value is a whole number of 0 or more."""
     return is_whole(value) and value >= 0
 
 
 def is_number(value: Any) -> bool:
-    """A number that geometry can have."""
+    """Whether a value is a number in the range of geometry."""
     return type(value) in (int, float) and abs(value) < _LARGEST_NUMBER
 
 
 def is_text(value: Any) -> bool:
-    """Text that can be written again: no half of a surrogate pair."""
+    """Whether a value is text without lone surrogates, which can be written again."""
     return isinstance(value, str) and (
         value.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in value)
     )
@@ -52,7 +52,7 @@ def _numbers(count: int) -> Any:
 
 
 def _is_bound(value: Any) -> bool:
-    """Bounds of an accessor, of which some programs write the greatest float there is."""
+    """Whether a value is a bound of an accessor. Some programs write the greatest float."""
     return isinstance(value, list) and all(type(x) in (int, float) and abs(x) < _LARGEST_FLOAT for x in value)
 
 
@@ -99,12 +99,12 @@ _DOCUMENT: dict[Any, Any] = {
 
 
 def misfit(data: Any) -> str:
-    """Where a document is not shaped as the format says, such as "nodes[3].children"; "" if it is nowhere."""
+    """The first place where a document does not match the schema, such as "nodes[3].children", or ""."""
     return _misfit(data, _DOCUMENT).strip(".")
 
 
 def _misfit(value: Any, shape: Any) -> str:
-    """Where in a value its shape is not kept, beginning with "." or "["; "." for the value itself."""
+    """The first place in a value that does not match, beginning with "." or "[", or "." for the value."""
     if isinstance(shape, dict):
         return _misfit_of_fields(value, shape)
     if isinstance(shape, list):
@@ -135,26 +135,26 @@ def _misfit_of_entries(value: Any, shape: Any) -> str:
     return ""
 
 
-# A glTF 2.0 document in memory: its JSON, and one binary buffer that arrays are read from and added to.
+# The document: its JSON, and one binary buffer with its arrays.
 
 
 _TYPE_OF_COMPONENT: dict[int, np.dtype[Any]] = {
     5120: np.dtype("<i1"), 5121: np.dtype("<u1"), 5122: np.dtype("<i2"), 5123: np.dtype("<u2"),
     5125: np.dtype("<u4"), 5126: np.dtype("<f4"),
 }  # fmt: skip
-_GREATEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}  # of integers that stand for 0 to 1
+_GREATEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}  # of normalised integers
 _COMPONENT_OF_TYPE = {dtype: component for component, dtype in _TYPE_OF_COMPONENT.items()}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _VECTORS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _ALIGNMENT = 4  # bytes
 _MAX_VALUES = 1 << 26  # of an accessor
 _FREE_VALUES = 1 << 20  # that accessors may have beyond a value for each byte of the buffer
-VERTICES, INDICES = 34962, 34963  # what a view is bound to, as OpenGL numbers it
+VERTICES, INDICES = 34962, 34963  # targets of a view, as numbered by OpenGL
 GLB_MAGIC, GLB_VERSION, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
 
 
 class GltfDocument:
-    """A document that grows: `json` is edited in place, `accessor` adds an array, `array` reads one."""
+    """A document. `json` can be edited in place, `accessor` adds an array, and `array` reads one."""
 
     def __init__(
         self, data: dict[str, Any], binary: bytes | bytearray = b"", name: str = "a new document"
@@ -165,7 +165,7 @@ class GltfDocument:
 
     @classmethod
     def empty(cls, generator: str) -> GltfDocument:
-        """A document with nothing in it."""
+        """An empty document."""
         return cls({"asset": {"version": "2.0", "generator": generator}})
 
     @property
@@ -175,15 +175,15 @@ class GltfDocument:
 
     @property
     def n_plausible_values(self) -> int:
-        """How many values accessors have if each byte of the buffer is meant once; more is a hostile file."""
+        """The number of values that accessors may have in total. More would share bytes of the buffer."""
         return _FREE_VALUES + len(self._binary)
 
     def copy(self) -> GltfDocument:
-        """The same document, to be changed."""
+        """A deep copy of the document."""
         return GltfDocument(copy.deepcopy(self.json), bytearray(self._binary), self.name)
 
     def entry(self, kind: str, index: int | None) -> dict[str, Any]:
-        """Entry `index` of the document's array `kind`; `FormatError` if there is none."""
+        """Entry `index` of the list `kind`, such as "nodes". Raises `FormatError` if there is none."""
         entries = self.json.get(kind, [])
         if index is None or not 0 <= index < len(entries):
             raise FormatError(f"{self.name}: expected {kind}[{index}], got none: the file is damaged")
@@ -191,22 +191,22 @@ class GltfDocument:
         return entry
 
     def add(self, kind: str, entry: dict[str, Any]) -> int:
-        """Add an entry to the document's array `kind` ("nodes", "meshes", …); its index."""
+        """Add an entry to the list `kind`, such as "nodes". Return its index."""
         entries = self.json.setdefault(kind, [])
         entries.append(entry)
         return len(entries) - 1
 
     def view(self, data: bytes, **properties: Any) -> int:
-        """Add bytes; the buffer view's index."""
+        """Add bytes. Return the index of the buffer view."""
         self._binary += bytes(-len(self._binary) % _ALIGNMENT)
         entry = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": len(data), **properties}
         self._binary += data
         return self.add("bufferViews", entry)
 
     def accessor(self, rows: NDArray[Any], *, target: int | None = None, bounds: bool = False) -> int:
-        """Add an array (N,) or (N, D) of a type that glTF knows; the accessor's index.
+        """Add an array (N,) or (N, D) of a type in glTF. Return the index of the accessor.
 
-        `bounds` writes its least and greatest values, which positions and key times must have.
+        `bounds` adds the least and greatest values, which the format requires of positions and key times.
         """
         rows = np.ascontiguousarray(rows)
         dtype = rows.dtype.newbyteorder("<")
@@ -238,10 +238,10 @@ class GltfDocument:
         self.add("animations", {"name": name, "samplers": samplers, "channels": channels})
 
     def array(self, index: int | None, *, most: int = _MAX_VALUES) -> NDArray[np.float64]:
-        """The values of an accessor as floats, (N,) for scalars, else (N, D); normalised integers divided.
+        """The values of an accessor as floats, (N,) for scalars, else (N, D). Normalised integers are scaled.
 
-        Rows beyond the first `most` are left out. Raises `FormatError` if it does not lie within the file, or
-        has over 2²⁶ values.
+        Rows after the first `most` are left out. Raises `FormatError` if the accessor is not within the file,
+        or has over 2²⁶ values.
         """
         entry = self.entry("accessors", index)
         component, kind, count = entry.get("componentType"), entry.get("type", ""), entry.get("count", 0)
@@ -263,29 +263,31 @@ class GltfDocument:
         return values[:, 0] if width == 1 else values
 
     def n_values(self, index: int | None) -> int:
-        """How many values `array` gives of an accessor, before it is read."""
+        """The number of values in an accessor."""
         entry = self.entry("accessors", index)
         count: int = entry.get("count", 0)
         return count * _WIDTHS.get(entry.get("type", ""), 1)
 
     def bounds(self, index: int | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The least and greatest values (D,) that an accessor states, (0,) where it states none."""
+        """The least and greatest values (D,) in an accessor, (0,) if they are not stated."""
         entry = self.entry("accessors", index)
         low, high = (_divided(entry, np.array(entry.get(end, []), np.float64)) for end in ("min", "max"))
         return low, high
 
     def _rows(self, entry: dict[str, Any], component: int, count: int, width: int) -> NDArray[Any]:
-        """The numbers (N, D) that an accessor, or a part of a sparse one, has in its view."""
+        """The stored numbers (N, D) of an accessor, or of a part of a sparse one."""
         dtype = _TYPE_OF_COMPONENT[component]
         view = self.entry("bufferViews", entry.get("bufferView"))
         start = view.get("byteOffset", 0) + entry.get("byteOffset", 0)
         stride = view.get("byteStride") or dtype.itemsize * width
         if start + stride * (count - 1) + dtype.itemsize * width > len(self._binary):
-            raise FormatError(f"{self.name}: expected {count} values of an accessor, the file ends before")
+            raise FormatError(
+                f"{self.name}: expected {count} values of an accessor, got fewer: the file is cut off"
+            )
         return np.ndarray((count, width), dtype, self._binary, start, (stride, dtype.itemsize))
 
     def _with_sparse(self, rows: NDArray[Any], sparse: dict[str, Any], component: int) -> NDArray[Any]:
-        """The numbers (N, D) with those replaced that a sparse accessor lists by row."""
+        """The numbers (N, D) with the rows of a sparse accessor replaced."""
         indices, values, count = sparse.get("indices", {}), sparse.get("values", {}), sparse.get("count", 0)
         kind = indices.get("componentType")
         if not 1 <= count <= len(rows) or kind not in (5121, 5123, 5125):
@@ -309,6 +311,6 @@ class GltfDocument:
 
 
 def _divided(entry: dict[str, Any], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values of an accessor, those of normalised integers from -1 or 0 to 1."""
+    """Values of an accessor, divided if they are normalised integers."""
     greatest = _GREATEST.get(entry.get("componentType", 0))
     return np.maximum(values / greatest, -1.0) if entry.get("normalized") and greatest else values

@@ -1,9 +1,9 @@
-"""Reading glTF files: `.glb` and `.vrm` in one piece, `.gltf` with its buffers and images beside it.
+"""Reads glTF files: `.glb` and `.vrm` in one piece, `.gltf` with its buffers and images beside it.
 
-All is brought into one buffer, as a GLB has it, what is referred to several times once. Files from others may
-be damaged or hostile: sizes are checked before anything is read, references lead nowhere outside the file's
-folder, nothing is fetched. Of the extensions that a file requires only those that compress what is read here
-keep it from being read; Draco compresses meshes alone.
+All data is copied into one buffer, as in a GLB. Data that is referred to several times is copied once. Files
+may be damaged or malicious: sizes are checked before anything is read, and references to files outside of the
+folder or on the network are refused. Required extensions that compress animations or bind matrices are
+refused. Draco is not, because it compresses only meshes.
 """
 
 from __future__ import annotations
@@ -29,26 +29,18 @@ from choreograph.formats.gltf_document import (
 
 MAX_BYTES = 1 << 30
 MAX_JSON_BYTES = 64 << 20
-_MAX_OBJECTS = 2_000_000  # of all kinds in the JSON: Python takes up to 240 bytes for each
-_COMPRESSIONS = ("EXT_meshopt_compression", "KHR_meshopt_compression")  # of animations and bind matrices, too
+_MAX_OBJECTS = 2_000_000  # in the JSON. Python needs up to 240 bytes for each
+_COMPRESSIONS = ("EXT_meshopt_compression", "KHR_meshopt_compression")  # also of animations and bind matrices
 _IMAGE_TYPES = {b"\x89PNG": "image/png", b"RIFF": "image/webp", b"\xabKTX": "image/ktx2"}  # by first bytes
 _ARRAYS = (
-    "nodes",
-    "meshes",
-    "skins",
-    "animations",
-    "accessors",
-    "bufferViews",
-    "buffers",
-    "images",
-    "scenes",
-)
+    "nodes", "meshes", "skins", "animations", "accessors", "bufferViews", "buffers", "images", "scenes",
+)  # fmt: skip
 
 
 def read_gltf(path: str | Path, *, images: bool = True) -> GltfDocument:
-    """A document from a `.glb`, `.vrm` or `.gltf` file, without `images` for its motion alone.
+    """A document from a `.glb`, `.vrm` or `.gltf` file. Its motion needs no `images`.
 
-    Raises `FormatError` if it cannot be read, is damaged, compressed, larger than 1 GiB, or not glTF 2.
+    Raises `FormatError` if it cannot be read, is damaged, compressed or larger than 1 GiB, or is not glTF 2.
     """
     path = Path(path)
     text, binary = _chunks(path, memoryview(_read(path)))
@@ -60,7 +52,7 @@ def read_gltf(path: str | Path, *, images: bool = True) -> GltfDocument:
 
 
 def referenced_files(path: str | Path) -> list[Path]:
-    """The files that the buffers and images of a `.gltf` are in; none if it cannot be read."""
+    """The files of the buffers and images of a `.gltf`, none if it cannot be read."""
     path = Path(path)
     try:
         data = _parsed(path, bytes(_chunks(path, memoryview(_read(path)))[0]))
@@ -84,7 +76,7 @@ def _read(path: Path) -> bytes:
 
 
 def _chunks(path: Path, content: memoryview) -> tuple[memoryview, memoryview]:
-    """The JSON and the binary chunk of a GLB; of other files, all and nothing."""
+    """The JSON and the binary chunk of a GLB. For other files, the whole content and nothing."""
     if content[:4] != struct.pack("<I", GLB_MAGIC):
         return content, content[:0]
     found: dict[int, memoryview] = {}
@@ -94,7 +86,7 @@ def _chunks(path: Path, content: memoryview) -> tuple[memoryview, memoryview]:
     while at + 8 <= len(content):
         length, kind = struct.unpack_from("<II", content, at)
         if at + 8 + length > len(content):
-            raise FormatError(f"{path}: expected a chunk of {length} bytes, the file ends before: truncated")
+            raise FormatError(f"{path}: expected a chunk of {length} bytes, got fewer: the file is truncated")
         found.setdefault(kind, content[at + 8 : at + 8 + length])
         at += 8 + length
     if JSON_CHUNK not in found:
@@ -131,19 +123,19 @@ def _parsed(path: Path, text: bytes) -> dict[str, Any]:
             raise FormatError(f"{path}: expected at most {MAX_ENTRIES} {kind}, got more, or no list")
     wrong = misfit(data)
     if wrong:
-        raise FormatError(f"{path}: expected {wrong} as glTF has it, got something else: the file is damaged")
+        raise FormatError(f"{path}: expected valid glTF, got another value of {wrong}: the file is damaged")
     return data
 
 
 def _refused(constant: str) -> None:
-    """Called for NaN and infinities, which JSON does not have and no player reads."""
+    """Refuse NaN and infinities, which are not valid JSON."""
     raise ValueError(constant)
 
 
 def _merged_buffers(path: Path, data: dict[str, Any], binary: memoryview) -> bytearray:
-    """All buffers one after another, with the views in `data` changed to lie in them."""
+    """All buffers one after another. The views in `data` are changed to refer to them."""
     merged, starts = bytearray(), []
-    start_of: dict[str | Path, int] = {}  # what is referred to -> where it begins
+    start_of: dict[str | Path, int] = {}  # position by source
     for index, buffer in enumerate(data.pop("buffers", [])):
         is_own = index == 0 and "uri" not in buffer
         source = "" if is_own else _source(path, buffer.get("uri"))
@@ -167,9 +159,9 @@ def _merged_buffers(path: Path, data: dict[str, Any], binary: memoryview) -> byt
 
 
 def _embed_images(path: Path, document: GltfDocument) -> None:
-    """Images beside the file or in its text, brought into the buffer."""
+    """Copy images beside the file or in its text into the buffer."""
     left = MAX_BYTES
-    views: dict[str | Path, tuple[int, str]] = {}  # what is referred to -> view and type
+    views: dict[str | Path, tuple[int, str]] = {}  # view and type by source
     for image in document.json.get("images", []):
         if "uri" not in image:
             continue
@@ -185,7 +177,7 @@ def _embed_images(path: Path, document: GltfDocument) -> None:
 
 
 def _source(path: Path, uri: Any) -> str | Path:
-    """What a URI refers to: itself if it holds data, or a file in the document's folder."""
+    """The source of a URI: itself if it holds data, or a file in the folder of the document."""
     if not isinstance(uri, str):
         raise FormatError(f"{path}: expected the URI of a buffer or image, got {uri!r}: damaged")
     if uri.startswith("data:"):
@@ -193,7 +185,7 @@ def _source(path: Path, uri: Any) -> str | Path:
     name = unquote(uri)
     file = (path.parent / name.replace("\0", "")).resolve()
     if "://" in uri or "\0" in name or not file.is_relative_to(path.parent.resolve()):
-        raise FormatError(f"{path}: expected files in its own folder, got {uri[:80]!r}: it is not read")
+        raise FormatError(f"{path}: expected files in its own folder, got {uri[:80]!r}")
     return file
 
 

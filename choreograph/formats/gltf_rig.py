@@ -1,4 +1,4 @@
-"""Rigs in glTF documents: bones, bind matrices, and the points of the skin."""
+"""Rigs in glTF documents: bones, bind matrices and points of the skin."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import PosedBones
 from choreograph.motion.skeleton import MAX_JOINTS
 
-# `Rig`: the bones of a character as its file has them, and how they lie in the bind pose.
+# The bones of a character.
 
 
 Floats = NDArray[np.float64]
@@ -25,17 +25,17 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Bones, every parent before its children; there may be several roots.
+    """Bones, every parent before its children. There may be several roots.
 
-    The bind pose is the one that the skin was bound in, which is where rotations are measured from; the rest
-    transforms are what the file says of each bone against its parent, and may be of another pose.
+    Rotations are measured from the bind pose, in which the skin was bound. The rest transforms are those of
+    the nodes in the file, which may be in another pose.
     """
 
     names: tuple[str, ...]  # (B,)
     parents: NDArray[np.int64]  # (B,) -1 for a root
     bind_pos_m: Floats  # (B, 3) in the world, Y up
     bind_quat: Floats  # (B, 4) in the world, wxyz
-    rest_translation: Floats  # (B, 3) against the parent, in the parent's units
+    rest_translation: Floats  # (B, 3) from the parent, in its units
     rest_quat: Floats  # (B, 4)
     rest_scale: Floats  # (B, 3)
     floor_m: float  # height of the lowest point of the skin in the bind pose
@@ -65,7 +65,7 @@ class Rig:
 
 
 def world_matrices(parents: NDArray[np.int64], translation: Floats, quat: Floats, scale: Floats) -> Floats:
-    """World matrices (B, ..., 4, 4) of bones from their transforms (B, ..., D) against their parents."""
+    """World matrices (B, ..., 4, 4) of bones from their local transforms (B, ..., D)."""
     local = matrices(translation, quat, scale)
     world = np.empty_like(local)
     for bone, parent in enumerate(parents):
@@ -83,47 +83,47 @@ def matrices(translation: Floats, quat: Floats, scale: Floats) -> Floats:
 
 
 def rotations_of(matrix: Floats) -> Floats:
-    """The rotations (..., 4) nearest to the upper left of matrices (..., 4, 4) that may scale."""
+    """The rotations (..., 4) nearest to matrices (..., 4, 4), which may have scale."""
     left, _, right = np.linalg.svd(matrix[..., :3, :3])
     proper = left @ right
     flip = np.ones((*proper.shape[:-2], 3))
-    flip[..., 2] = np.sign(np.linalg.det(proper))  # a mirrored bone has no rotation: the nearest one
+    flip[..., 2] = np.sign(np.linalg.det(proper))  # the nearest rotation of a mirrored bone
     return rot.from_matrix((left * flip[..., None, :]) @ right)
 
 
-# Rigs in glTF documents: nodes, skins and bind matrices to a `Rig`.
+# Nodes, skins and bind matrices to a `Rig`.
 
 
 MAX_BONES = MAX_JOINTS
-_MAX_SKIN_JOINTS = 1 << 18  # of all skins: meshes that are worn on one body have a skin each
-_SAME = 0.01  # of the scale: joints agree within it on how the skin lies in the world
+_MAX_SKIN_JOINTS = 1 << 18  # of all skins. Every mesh on a body may have its own
+_SAME = 0.01  # of the scale, within which joints agree on the transform of the skin
 _SMALLEST = 1e-6  # scale of a bone
-_LARGEST = 1e15  # place of a bone in any unit; what is computed from it stays finite
+_LARGEST = 1e15  # position of a bone in any unit, from which further results are finite
 _MAX_DEPTH = 512
 
 
 @dataclass(frozen=True, eq=False)
 class GltfRig:
-    """A rig, and where it is in its document."""
+    """A rig and its nodes in the document."""
 
     rig: Rig
     nodes: tuple[int, ...]  # (B,) of the document
-    human_bones: dict[str, int]  # the file's own names of parts of the body (VRM's) -> bone
+    human_bones: dict[str, int]  # bone by its name in VRM, empty for other files
     skins: tuple[SkinInWorld, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class SkinInWorld:
-    """A skin of the document: its joints as bones, and how its own space lies in the world, bind pose."""
+    """A skin of the document: its joints as bones, and the transform of its space in the bind pose."""
 
     bones: tuple[int, ...]  # (J,)
     matrix: Floats  # (4, 4)
 
 
 def read_rig(document: GltfDocument) -> GltfRig:
-    """The rig of a document: the joints of its skins, without any those nodes that are animated.
+    """The rig of a document: the joints of its skins, or its animated nodes if it has no skin.
 
-    Raises `FormatError` if it is damaged, or has no skeleton, or over 4096 bones.
+    Raises `FormatError` if the document is damaged, or has no skeleton or over 4096 bones.
     """
     parents = _node_parents(document)
     joints = _joints(document)
@@ -149,7 +149,7 @@ def read_rig(document: GltfDocument) -> GltfRig:
         skins.append(SkinInWorld(tuple(own), in_world))
     if not (np.abs(bind) < _LARGEST).all():
         raise FormatError(
-            f"{document.name}: expected bones in reach, got some that are endlessly far: damaged"
+            f"{document.name}: expected bones at finite positions, got some that are too far: damaged?"
         )
     floor_m = min(lowest_m, default=float(bind[:, 1, 3].min()))
     rig = Rig(names, of_bones, bind[:, :3, 3], rotations_of(bind), translation, quat, scale, floor_m)
@@ -158,7 +158,7 @@ def read_rig(document: GltfDocument) -> GltfRig:
 
 
 def _joints(document: GltfDocument) -> list[list[int]]:
-    """The joints of every skin, or of none the nodes that are animated; `FormatError` if there are none."""
+    """The joints of every skin, or the animated nodes. Raises `FormatError` if there are none."""
     groups = [skin.get("joints", []) for skin in document.json.get("skins", [])]
     if not groups:
         animations = document.json.get("animations", [])
@@ -172,7 +172,7 @@ def _joints(document: GltfDocument) -> list[list[int]]:
 
 
 def _node_parents(document: GltfDocument) -> dict[int, int]:
-    """The parent of every node that has one; `FormatError` for two parents."""
+    """The parent of every node that has one. Raises `FormatError` for two parents."""
     parents: dict[int, int] = {}
     for node, entry in enumerate(document.json.get("nodes", [])):
         for child in entry.get("children", []):
@@ -184,7 +184,7 @@ def _node_parents(document: GltfDocument) -> dict[int, int]:
 
 
 def _order(document: GltfDocument, joints: list[int], parents: dict[int, int]) -> list[int]:
-    """The joints and all that is above them, parents first."""
+    """The joints and all nodes above them, parents first."""
     paths: dict[int, int] = {}  # node -> depth
     for joint in joints:
         document.entry("nodes", joint)
@@ -206,7 +206,7 @@ def _local(entry: dict[str, Any], name: str) -> tuple[Floats, Floats, Floats]:
         return matrix[:3, 3], rotations_of(matrix), np.linalg.norm(matrix[:3, :3], axis=0)
     quat = np.roll(np.array(entry.get("rotation", (0, 0, 0, 1)), np.float64), 1)
     if np.linalg.norm(quat) < _SMALLEST:
-        raise FormatError(f"{name}: expected a rotation of each node, got one of nothing: damaged")
+        raise FormatError(f"{name}: expected a rotation of each node, got a quaternion of length 0: damaged")
     translation, scale = (
         np.array(entry.get(key, default), np.float64)
         for key, default in (("translation", (0, 0, 0)), ("scale", (1, 1, 1)))
@@ -215,7 +215,7 @@ def _local(entry: dict[str, Any], name: str) -> tuple[Floats, Floats, Floats]:
 
 
 def _inverse_binds(document: GltfDocument, skin: int, n_joints: int) -> Floats:
-    """The inverse bind matrices (J, 4, 4) of a skin; identities where it has none, as the format says."""
+    """The inverse bind matrices (J, 4, 4) of a skin, identities if it has none."""
     accessor = document.entry("skins", skin).get("inverseBindMatrices")
     if accessor is None:
         return np.tile(np.eye(4), (n_joints, 1, 1))
@@ -229,10 +229,10 @@ def _inverse_binds(document: GltfDocument, skin: int, n_joints: int) -> Floats:
 
 
 def _skin_in_world(world: Floats, bones: list[int], inverse: Floats, above: int) -> Floats:
-    """How the skin's own space lies in the world, (4, 4).
+    """The transform (4, 4) from the space of a skin to the world.
 
-    In a file saved in its bind pose all joints agree on it. Of one saved posed, what is above the first joint
-    says it.
+    All joints agree on it if the file was saved in its bind pose. Otherwise it is that of the node above the
+    first joint.
     """
     found = world[bones] @ inverse  # (J, 4, 4)
     size = max(float(np.abs(found[0, :3, :3]).max()), _SMALLEST)
@@ -244,7 +244,7 @@ def _skin_in_world(world: Floats, bones: list[int], inverse: Floats, above: int)
 
 
 def _boxes_of_skins(document: GltfDocument) -> dict[int, list[Floats]]:
-    """The corners (8, 3) of what is worn on each skin, by the bounds that the file says, in its own space."""
+    """The corners (8, 3) of the meshes on each skin, from their bounds, in the space of the skin."""
     boxes: dict[int, list[Floats]] = {skin: [] for skin in range(len(document.json.get("skins", [])))}
     left = MAX_ENTRIES
     for node in document.json.get("nodes", []):
@@ -262,7 +262,7 @@ def _boxes_of_skins(document: GltfDocument) -> dict[int, list[Floats]]:
 
 
 def _human_bones(document: GltfDocument) -> dict[str, int]:
-    """The nodes of a VRM's bones by VRM's names; empty for other files."""
+    """The nodes of the bones of a VRM by their names in VRM, empty for other files."""
     extensions = document.json.get("extensions", {})
     newer = extensions.get("VRMC_vrm") or extensions.get("VRMC_vrm_animation") or {}
     bones = newer.get("humanoid", {}).get("humanBones", {})
@@ -272,12 +272,12 @@ def _human_bones(document: GltfDocument) -> dict[str, int]:
     return {bone["bone"]: bone["node"] for bone in older if {"bone", "node"} <= set(bone)}
 
 
-# The points of a character's skin in its bind pose, each with the bone that moves it most.
+# The points of the skin in the bind pose, each with the bone of the largest weight.
 
 
 _ATTRIBUTES = ("POSITION", "JOINTS_0", "WEIGHTS_0")
-_SHARED_BY = 4  # skins that the same points may hang on, by their bytes
-_MOST = 40_000  # points of a mesh that are taken: a body's shape needs no more
+_SHARED_BY = 4  # skins that may share the bytes of a point
+_MOST = 40_000  # points of a mesh that are used, enough for the shape of a body
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,9 +289,9 @@ class SkinPoints:
 
 
 def read_skin_points(document: GltfDocument, found: GltfRig) -> SkinPoints:
-    """The points of all meshes that are bound to the rig; none of meshes that are stored compressed.
+    """The points of all meshes on the rig, without those of compressed meshes.
 
-    Raises `FormatError` if a mesh is damaged, or meshes share the same bytes again and again.
+    Raises `FormatError` if a mesh is damaged, or meshes share the same bytes too often.
     """
     values_left = _SHARED_BY * document.n_plausible_values
     points, bones = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
@@ -308,7 +308,9 @@ def read_skin_points(document: GltfDocument, found: GltfRig) -> SkinPoints:
             if all(_is_plain(document, index) for index in attributes):
                 values_left -= sum(document.n_values(index) for index in attributes)
                 if values_left < 0:
-                    raise FormatError(f"{document.name}: expected meshes of their own data each, got shared")
+                    raise FormatError(
+                        f"{document.name}: expected data of its own for each mesh, got shared data"
+                    )
                 of_mesh = _points(document, attributes, found.skins[skin])
                 points.append(of_mesh.pos_m)
                 bones.append(of_mesh.bone)
@@ -324,11 +326,11 @@ def _points(document: GltfDocument, attributes: Sequence[int], skin: SkinInWorld
     pos, joints, weights = pos[::step], joints[::step].astype(int), weights[::step]
     joint = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
     if joint.min() < 0 or joint.max() >= len(skin.bones) or not np.isfinite(pos).all():
-        raise FormatError(f"{document.name}: expected points of the skin's own joints: damaged")
+        raise FormatError(f"{document.name}: expected points with joints of the skin, got others: damaged")
     return SkinPoints(pos @ skin.matrix[:3, :3].T + skin.matrix[:3, 3], np.array(skin.bones)[joint])
 
 
 def _is_plain(document: GltfDocument, index: int) -> bool:
-    """Whether an accessor has data of its own, which those of Draco's meshes do not."""
+    """Whether an accessor has data. Accessors of Draco meshes do not."""
     entry = document.entry("accessors", index)
     return "bufferView" in entry or "sparse" in entry

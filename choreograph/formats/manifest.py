@@ -1,4 +1,4 @@
-"""What lies beside takes in a folder: `manifest.csv`, and files that were not read."""
+"""`manifest.csv`, which describes the takes of a folder, and files that are skipped."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from choreograph.formats.tables import SUFFIX as COUNTS_SUFFIX
 from choreograph.formats.tables import Row, as_number, check_within, read_table, with_counts_of
 from choreograph.motion.motion import LONGEST_S, Take
 
-# Formats of motion, scenes and bodies that are not read: what they are, and what to export instead.
+# Known formats that are not read, and what to export instead.
 
 
 class ForeignFormat(NamedTuple):
-    """A format that is known, but not read."""
+    """A known format that is not read."""
 
     what: str
-    motion: str  # how its motion comes into a format that is read
+    motion: str  # how to convert its motion to a format that is read
 
 
 _BLENDER = "export BVH from Blender: File > Export > Motion Capture (.bvh)"
@@ -54,15 +54,15 @@ _FORMATS = {
 
 
 def foreign_format(path: Path) -> ForeignFormat | None:
-    """The known format of a file that is not read, by its suffix; None for any other file."""
+    """The known format of a file that is not read, by its suffix. None for other files."""
     return _FORMATS.get(path.suffix.lower())
 
 
-# Files of a source that give no take, each with the reason: damaged ones, and those that are not read.
+# Skipped files.
 
 
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a")
-VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".webm", ".avi")  # whose sound is taken where there is no song
+VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".webm", ".avi")  # their sound is used if there is no song
 _MANIFESTS = (".tsv", ".txt", ".xls", ".xlsx", ".ods", ".json")  # in which a manifest may be kept by mistake
 
 File = TypeVar("File")
@@ -71,27 +71,27 @@ Content = TypeVar("Content")
 
 @dataclass(frozen=True, eq=False)
 class SkippedFile:
-    """A file, or a folder that holds one take, that gave no take."""
+    """A file, or a folder of one take, that gave no take."""
 
     path: Path
     why: str
-    error: ChoreographError | None = None  # set where it should have given one
+    error: ChoreographError | None = None  # set if it should have given one
 
     @classmethod
     def damaged(cls, path: Path, error: ChoreographError) -> SkippedFile:
-        """Of a file that should have given a take; the reason is the error without the file's name."""
+        """A file that should have given a take. The reason is the error without the name of the file."""
         return cls(path, str(error).removeprefix(str(path)).lstrip(":, "), error)
 
 
 def named_source(source: str | Path) -> Path:
-    """The source by a path that ends in its own name, which some layouts read; "." and links do not."""
+    """The path of a source that ends in its name, as "." and links do not. Some layouts read the name."""
     path = Path(source)
     real = path.resolve()
     return real if path.is_dir() and path.name != real.name else path
 
 
 def attempted(read: Callable[[Path], Content], path: Path) -> Content | SkippedFile:
-    """What `read` makes of a file; if it raises a `ChoreographError`, the file as skipped."""
+    """The result of `read`, or a skipped file if it raises a `ChoreographError`."""
     try:
         return read(path)
     except ChoreographError as error:
@@ -99,9 +99,9 @@ def attempted(read: Callable[[Path], Content], path: Path) -> Content | SkippedF
 
 
 def skipped_files(folder: Path, used: Collection[Path]) -> Iterator[SkippedFile]:
-    """The files in a folder, and in those below it, that look like motion or music and are not in `used`."""
+    """The files in a folder and its subfolders that look like motion or music and are not in `used`."""
     for parent, folders, names in os.walk(folder):
-        # Hidden files and folders come from other programs, such as macOS's "._NAME.bvh".
+        # Hidden files and folders come from other programs, such as "._NAME.bvh" of macOS.
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(names):
             path = Path(parent) / name
@@ -113,9 +113,9 @@ def skipped_files(folder: Path, used: Collection[Path]) -> Iterator[SkippedFile]
 
 
 def raise_errors(skipped: Iterable[SkippedFile], cure: str = "") -> None:
-    """Raise the error of the only file that should have been read, or one that lists those of several.
+    """Raise the error of the only damaged file, or an error that lists several.
 
-    The list begins with a line that ends in the `cure`.
+    The summary of the list ends with `cure`.
     """
     errors = [file.error for file in skipped if file.error is not None]
     if len(errors) == 1:
@@ -126,35 +126,38 @@ def raise_errors(skipped: Iterable[SkippedFile], cure: str = "") -> None:
 
 
 def _why_skipped(path: Path, *, is_below: bool) -> str:
-    """Why a file of its kind is not read; "" if it looks like neither motion nor music."""
+    """Why a file is not read, "" if it looks like neither motion nor music."""
     suffix, foreign = path.suffix.lower(), foreign_format(path)
     if foreign is not None:
         return f"{foreign.what}: {foreign.motion}"
     if suffix == ".npz":
-        return "NPZ with neither a motion of this program nor SMPL poses and their rate"
+        return "NPZ without a motion of this program and without SMPL poses and their rate"
     if suffix in motion_suffixes():
-        return "in folders below, which are not looked into: give them by themselves"
+        return "in subfolders, which are not read: pass them by themselves"
     if suffix in SONG_SUFFIXES:
-        return "music that no take is danced to"
+        return "music of no take"
     if suffix in VIDEO_SUFFIXES:
-        return "video without sound, or beside a song or no motion of its name"
+        return "video without sound, or with a song or without a motion of its name"
     if path.name.lower().endswith(COUNTS_SUFFIX):
-        return "counts without a motion of their name"
+        return "counts without a motion of that name"
     if suffix == ".pkl" and not is_below:
-        return "pickles of AIST++ are read from its folder motions/, or given by themselves"
+        return "pickles of AIST++ are read from a folder motions/, or passed by themselves"
     if path.stem.lower() == "manifest" and suffix in _MANIFESTS and not is_below:
         return "expected manifest.csv: save the table as CSV under that name"
     return ""
 
 
-# `manifest.csv` beside takes, as spreadsheets write it: credits, songs, offsets and counts by a take's name.
+# `manifest.csv`: credits, songs, offsets and counts by the name of a take, in a table as `tables` reads it.
 #
-# The columns, all but `name` optional: genre, performer, licence (or license), source; audio_offset_s, the
-# time in the song of the motion's first frame; song, a file in the folder that takes may share; counts, a
-# file in the folder as NAME.counts.csv is (see `count_files`), or beats, the instants that are counted, in
-# seconds from the motion's first frame, separated by spaces.
+# All columns but `name` are optional:
 #
-# It is a table as `tables` reads them. A row that cannot be read is the error of the take that it names.
+# - genre, performer, licence (or license), source
+# - audio_offset_s, the time in the song at the first frame of the motion
+# - song, a file in the folder, which several takes may share
+# - counts, a file in the folder like NAME.counts.csv, or
+# - beats, times of counts in seconds from the first frame of the motion, separated by spaces
+#
+# An error in a row is the error of the take that it names.
 
 
 NAME = "manifest.csv"
@@ -165,15 +168,15 @@ _OPTIONAL = (*_CREDITS, "audio_offset_s", "song", "counts", "beats")
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a manifest says of takes, by their names, and what is wrong with it."""
+    """The rows of a manifest by the name of the take, and its errors."""
 
     path: Path
     rows: Mapping[str, Row] = field(default_factory=dict)
     errors: Mapping[str, FormatError] = field(default_factory=dict)  # of rows that name a take
-    nameless: tuple[ChoreographError, ...] = ()  # of rows that name none, or of the whole table
+    nameless: tuple[ChoreographError, ...] = ()  # of rows without a name, or of the whole table
 
     def applied(self, take: Take) -> Take:
-        """The take with what its row says; `FormatError` if the row or a file that it names is damaged."""
+        """The take with the data of its row. Raises `FormatError` if it or one of its files is damaged."""
         if take.name in self.errors:
             raise self.errors[take.name]
         if take.name not in self.rows:
@@ -190,7 +193,7 @@ class Manifest:
         return self._counted(take, row.get("counts", ""), row.get("beats", ""))
 
     def unused(self, names: Collection[str]) -> Iterator[SkippedFile]:
-        """The rows of no take in `names`, and those that cannot be read and are of none."""
+        """The rows, valid or not, that belong to no take in `names`."""
         wrong = [*self.nameless, *(error for name, error in self.errors.items() if name not in names)]
         for name in (name for name in self.rows if name not in names):
             short = name[:80]
@@ -200,14 +203,14 @@ class Manifest:
 
     def _song(self, name: str, given: str) -> Path:
         song = self.path.parent / given
-        if not os.path.isfile(song):  # False, too, for what can be no name of a file
+        if not os.path.isfile(song):  # also False for an invalid name
             raise FormatError(
                 f"{self.path}: {name!r} names the song {given[:80]!r}, which is not in the folder"
             )
         return song
 
     def _counted(self, take: Take, file: str, beats: str) -> Take:
-        """The take with the counts that its row names or lists."""
+        """The take with the counts of its row."""
         where, folder = f"{self.path}: {take.name!r}", self.path.parent
         if file and beats:
             raise FormatError(f"{where}: expected counts or beats, got both")
@@ -223,16 +226,16 @@ class Manifest:
             counts = make_counts(times_s, np.zeros(len(times_s)), 0, source=ANNOTATED)
         except (ValueError, ParameterError):
             raise FormatError(
-                f"{where}: expected increasing seconds in beats, between spaces, got {reprlib.repr(beats)}"
+                f"{where}: expected increasing seconds in beats, with spaces, got {reprlib.repr(beats)}"
             ) from None
         check_within(take, counts, where)
         return replace(take, counts=counts)
 
 
 def read_manifest(folder: Path) -> Manifest:
-    """The manifest of a folder, its name in any case; one without rows if there is none.
+    """The manifest of a folder, whose name may have capitals. It has no rows if there is no such file.
 
-    What is wrong with it is in its `errors` and `nameless`.
+    Errors are not raised. They are in its `errors` and `nameless`.
     """
     named = [name for name in sorted(os.listdir(folder)) if name.lower() == NAME] if folder.is_dir() else []
     if not named:
@@ -267,7 +270,7 @@ def _rows(path: Path) -> Manifest:
 
 
 def _error_in(row: Row, *, is_listed: bool) -> FormatError | None:
-    """What is wrong with a row; None if nothing is. `is_listed`: another names the same take."""
+    """The error in a row, or None. `is_listed` tells whether another row names the same take."""
     if not row.cells["name"]:
         return FormatError(f"{row.where}: expected the name of a take, got none")
     if is_listed:

@@ -18,15 +18,12 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.motion import FARTHEST_M, Credits, Motion, Take, check_length
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, roles_of
 
-# NPZ motions written by this program, read back exactly.
-
-
 LAYOUT = "a single NAME.npz written by this program"
 SUFFIXES = (".npz",)
 _NUMBERS = ("root_pos_m", "local_quat", "fps", "parents", "offsets_m", "tip_parents", "tips_m")
 _OPTIONAL = frozenset(("roles",))
 _MAX_BYTES = 1 << 30  # of the arrays, unpacked
-_FREE_BYTES, _UNPACKED_RATIO = 1 << 27, 16  # that compression may explain: motion is hardly compressible
+_FREE_BYTES, _UNPACKED_RATIO = 1 << 27, 16  # unpacked size by compression, which is low for motion
 _ROUNDED = 1e-6  # of a unit quaternion's length from 1
 _SHORTEST = 1e-3  # quaternion that has a direction
 
@@ -42,7 +39,7 @@ def read(path: Path) -> Iterator[Take]:
 
 
 def array_names(path: Path) -> set[str]:
-    """Names of the arrays in an NPZ file; empty if it is not one."""
+    """Names of the arrays in an NPZ file, empty if it is not one."""
     try:
         with zipfile.ZipFile(path) as archive:
             return {name.removesuffix(".npy") for name in archive.namelist()}
@@ -53,8 +50,8 @@ def array_names(path: Path) -> set[str]:
 def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     """The named arrays of an NPZ file, without unpickling.
 
-    Raises `FormatError` if it is damaged, one is missing, or they are over 1 GiB when unpacked, or
-    far larger than the file.
+    Raises `FormatError` if the file is damaged, an array is missing, or the arrays are over 1 GiB when
+    unpacked, or far larger than the file.
     """
     if not path.exists():
         raise ParameterError(f"expected an NPZ file at {path}, got nothing: there is no such file")
@@ -84,7 +81,7 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
 
 
 def read_npz(path: str | Path) -> Motion:
-    """The motion in `path`. `ParameterError` if it does not exist, `FormatError` if it is damaged."""
+    """The motion in a file. Raises `ParameterError` if it does not exist, `FormatError` if it is damaged."""
     path = Path(path)
     numbers = (*_NUMBERS, *_OPTIONAL.intersection(array_names(path)))
     arrays = load_arrays(path, ("names", *numbers))
@@ -108,32 +105,24 @@ def read_npz(path: str | Path) -> Motion:
 
 
 def _unit(quat: np.ndarray) -> np.ndarray:
-    """Quaternions (..., 4) of length 1, bit for bit as they are where that is theirs already."""
+    """Quaternions (..., 4) of length 1. They are not changed if that is their length already."""
     length = np.linalg.norm(np.asarray(quat, np.float64), axis=-1, keepdims=True)
     if (length < _SHORTEST).any():
         raise FormatError("expected rotations as quaternions of length 1, got some of length 0: damaged?")
     return quat if (np.abs(length - 1.0) <= _ROUNDED).all() else quat / length
 
 
-# NPZ writer: plain arrays without pickles, also SMPL's if the skeleton is the canonical one.
-
-
-_EPOCH = (
-    1980,
-    1,
-    1,
-    0,
-    0,
-    0,
-)  # the earliest date of a zip entry, fixed so that the same motion gives the same bytes
+# The earliest date of a zip entry, so that the same motion gives the same bytes.
+_EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 class NpzWriter(Writer):
     """Writes arrays that `formats.npz.read_npz` reads back bit for bit.
 
-    root_pos_m (T, 3), local_quat (T, J, 4) wxyz, fps, names (J,), parents (J,), offsets_m (J, 3),
-    tip_parents (E,), tips_m (E, 3). On the canonical joints also SMPL's `poses` (T, 72), axis-angle,
-    and `trans` (T, 3): the pelvis position, which in SMPL's own files is a constant vector off `trans`.
+    The arrays are root_pos_m (T, 3), local_quat (T, J, 4) wxyz, fps, names (J,), parents (J,), offsets_m (J,
+    3), tip_parents (E,) and tips_m (E, 3). Motions of the canonical joints also have `poses` (T, 72) of SMPL,
+    in axis-angle, and `trans` (T, 3), the position of the pelvis. In files of SMPL, the pelvis is at a
+    constant distance from `trans`.
     """
 
     format = "npz"

@@ -1,4 +1,4 @@
-"""Tables as spreadsheets write them, and `NAME.counts.csv`: the counts and figures of a take."""
+"""Tables as spreadsheets write them, and `NAME.counts.csv`, the counts and figures of a take."""
 
 from __future__ import annotations
 
@@ -20,17 +20,16 @@ from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import MAX_TABLE_BYTES, atomic_path, read_text
 from choreograph.motion.motion import Take
 
-# Tables of text: CSV as this program, spreadsheets and people write it.
+# Tables of text.
 #
-# Cells are separated by commas, semicolons or tabs, whichever the header has most of. Column names may be in
-# capitals. Blank rows, blank columns without a name and a first line `sep=;` are passed over. The text is
-# UTF-8 or UTF-16; what is neither is read as Windows-1252, which spreadsheets write. Numbers may have a
-# decimal comma.
+# Cells are separated by commas, semicolons or tabs, whichever is most frequent in the header. Column names
+# may be in capitals. Blank rows, blank columns without a name and a first line `sep=;` are ignored. The text
+# is in UTF-8 or UTF-16, or else in Windows-1252, which spreadsheets write. Numbers may have a decimal comma.
 
 
 _SEPARATORS = ",;\t"
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
-_SHOWN = 80  # letters of a header in an error
+_SHOWN = 80  # characters of a header in an error
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,8 @@ class Row:
     """A row of a table."""
 
     where: str  # file and line, for errors
-    cells: dict[str, str]  # column -> cell, without the spaces around it
-    error: FormatError | None = None  # on other cells than the columns'
+    cells: dict[str, str]  # by column, without spaces around them
+    error: FormatError | None = None  # if there are more or fewer cells than columns
 
 
 def read_table(
@@ -51,13 +50,13 @@ def read_table(
     other_names: Mapping[str, str] = MappingProxyType({}),
     keep_wrong: bool = False,
 ) -> list[Row]:
-    """The rows of a table that are not blank, each with a cell for every column that has a name.
+    """The rows of a table that are not blank, each with a cell for every named column.
 
-    Without `optional`, other columns may have any name. `other_names` of columns are read as theirs.
+    If `optional` is None, further columns may have any name. `other_names` are synonyms of columns. Rows with
+    more or fewer cells than the header raise an error, or have it as `error` if `keep_wrong` is true.
 
-    Raises `FormatError` as `read_text` does, and if a required column is missing, another is there twice or
-    not among `optional`, or a row has more or fewer cells than the header. Such rows have `error` instead if
-    they are kept.
+    Raises `FormatError` as `read_text` does, and if a required column is missing, or a column occurs twice or
+    is not among `optional`.
     """
     text = read_text(path, what, fallback="cp1252", max_bytes=MAX_TABLE_BYTES)
     text = text.replace("\0", "").replace("\r\n", "\n").replace("\r", "\n")  # the csv module fails on NUL
@@ -78,7 +77,7 @@ def read_table(
 
 
 def as_number(cell: str) -> float:
-    """The number in a cell, NaN if there is none."""
+    """The number in a cell, NaN if it is not a number."""
     try:
         return float(cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell)
     except ValueError:
@@ -86,11 +85,11 @@ def as_number(cell: str) -> float:
 
 
 def _lines(path: Path, what: str, text: str, separator: str) -> list[tuple[int, list[str]]]:
-    """Line numbers and cells of what is not blank."""
+    """Line numbers and cells of rows that are not blank."""
     reader = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     try:
         lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
-    except csv.Error as error:  # a cell without end, for one
+    except csv.Error as error:  # such as a cell without an end
         raise FormatError(f"{path}, line {reader.line_num}: expected {what}, got {error}") from None
     return [(line, cells) for line, cells in lines if any(cells)]
 
@@ -112,7 +111,7 @@ def _row(where: str, columns: list[str], cells: list[str]) -> Row:
     nameless = [cell for column, cell in zip(columns, cells, strict=False) if cell and not column]
     error = None
     if nameless:
-        error = FormatError(f"{where}: expected a name of the column of {nameless[0][:_SHOWN]!r}, got ''")
+        error = FormatError(f"{where}: expected a name for the column of {nameless[0][:_SHOWN]!r}, got ''")
     elif len(cells) < len(columns) or any(cells[len(columns) :]):
         error = FormatError(
             f"{where}: expected {len(columns)} cells, got {len(cells)}: a cell with a separator needs quotes"
@@ -120,9 +119,9 @@ def _row(where: str, columns: list[str], cells: list[str]) -> Row:
     return Row(where, named, error)
 
 
-# `NAME.counts.csv`: the counts and figures of a take as a table, written by hand or by `inspect --counts`.
+# `NAME.counts.csv`: the counts and figures of a take, written by hand or by `inspect --counts`.
 #
-# A row a count, in order:
+# There is a row for each count, in order:
 #
 #     time_s,number,figure
 #     0.480,1,basic
@@ -131,21 +130,21 @@ def _row(where: str, columns: list[str], cells: list[str]) -> Row:
 #     1.927,4,
 #     2.410,1,-
 #
-# `time_s` is in seconds from the take's first frame, `number` the count in the bar (1 on the downbeat; 0 in
-# every row if bars are not known). The metre is the largest number. `figure`, optional, names the figure that
-# begins there, which lasts to the next name; "-" ends it where none follows.
+# `time_s` is in seconds from the first frame of the take. `number` is the count in the bar, 1 on the
+# downbeat, or 0 in every row if bars are not known. The metre is the largest number. The optional `figure`
+# names the figure that begins there and lasts to the next name. "-" ends a figure that no other follows.
 
 
 SUFFIX = ".counts.csv"
 _COLUMNS = ("time_s", "number", "figure")
-_END = "-"  # no figure from here on
+_END = "-"
 
 
 def read_counts(path: str | Path) -> tuple[Counts, tuple[Figure, ...]]:
-    """The counts of a file, source "annotation" and confidence 1, and its figures.
+    """The counts of a file, with source "annotation" and confidence 1, and its figures.
 
-    Raises `ParameterError` if there is no such file; `FormatError`, naming the line, if a column is missing
-    or unknown, a cell is no number, times do not increase, or a number is not 0 to 12.
+    Raises `ParameterError` if the file does not exist. Raises `FormatError`, with the line, if a column is
+    missing or unknown, a cell is not a number, times do not increase, or a number is not from 0 to 12.
     """
     path = Path(path)
     if not path.exists():
@@ -160,7 +159,7 @@ def read_counts(path: str | Path) -> tuple[Counts, tuple[Figure, ...]]:
             raise FormatError(f"{row.where}: expected a number from 0 to {MAX_METRE}, got {got}")
         if time_s < 0 or (times_s and time_s <= times_s[-1]):
             raise FormatError(
-                f"{row.where}: expected seconds that increase from 0 on, got {time_s:g}: unsorted?"
+                f"{row.where}: expected increasing seconds of 0 or more, got {time_s:g}: unsorted?"
             )
         times_s.append(time_s)
         numbers.append(int(number))
@@ -173,9 +172,9 @@ def read_counts(path: str | Path) -> tuple[Counts, tuple[Figure, ...]]:
 
 
 def write_counts(path: str | Path, counts: Counts, figures: Sequence[Figure] = ()) -> None:
-    """Write counts and figures; a figure begins and ends on the counts nearest to where it does.
+    """Write counts and figures. A figure begins and ends at the nearest counts.
 
-    Raises `ParameterError` if there are no counts, or the file's folder is missing.
+    Raises `ParameterError` if there are no counts, or the folder is missing.
     """
     if not len(counts):
         raise ParameterError(f"expected counts to write to {path}, got none: the take is not counted")
@@ -214,16 +213,14 @@ def _nearest(counts: Counts, time_s: float) -> int:
     return int(np.argmin(np.abs(counts.times_s - time_s)))
 
 
-# Counts annotated beside a take: `NAME.counts.csv` next to its motion.
-
-
-_BEYOND_S = 0.1  # a last count may be noted a little after the last frame
+_BEYOND_S = 0.1  # the last count may be annotated a little after the last frame
 
 
 def with_counts_beside(take: Take) -> Take:
     """The take with the counts in NAME.counts.csv beside its motion, if there is such a file.
 
-    They replace a data set's, not what a manifest names. `FormatError` if the file is damaged.
+    They replace those of a data set, but not those of a manifest. Raises `FormatError` if the file is
+    damaged.
     """
     if take.counts.source == ANNOTATED or not take.source_paths:
         return take
@@ -232,17 +229,17 @@ def with_counts_beside(take: Take) -> Take:
 
 
 def with_counts_of(take: Take, path: Path) -> Take:
-    """The take with the counts and figures of a file; `FormatError` if it is damaged or of another take."""
+    """The take with the counts of a file. Raises `FormatError` if it is damaged or of another take."""
     counts, figures = read_counts(path)
     check_within(take, counts, str(path))
     return replace(take, counts=counts, figures=figures, source_paths=(*take.source_paths, path))
 
 
 def check_within(take: Take, counts: Counts, where: str) -> None:
-    """`FormatError` if a count lies outside the take."""
+    """Raise `FormatError` if a count is outside of the take."""
     if counts.times_s[0] < 0 or counts.times_s[-1] > take.motion.duration_s + _BEYOND_S:
         raise FormatError(
             f"{where}: expected counts within the {take.motion.duration_s:.2f} s of {take.name}, got "
-            f"{counts.times_s[0]:.2f} to {counts.times_s[-1]:.2f} s: seconds from the take's first frame, "
-            "not of the song"
+            f"{counts.times_s[0]:.2f} to {counts.times_s[-1]:.2f} s: times are from the first frame of the "
+            "take, not of the song"
         )

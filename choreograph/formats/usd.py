@@ -1,4 +1,4 @@
-"""USD writers: the mannequin as a skinned mesh of UsdSkel, its skeleton, and the motion as its animation."""
+"""Writers of USD: the mannequin as a skinned mesh of UsdSkel, with its skeleton and animation."""
 
 from __future__ import annotations
 
@@ -27,7 +27,10 @@ _REACH_M = 0.25  # of the mesh around its joints, for the bounds
 
 
 class UsdaWriter(Writer):
-    """Text; metres, Y up; opens in usdview, Blender, Houdini, Maya, Unreal. Needs `choreograph[usd]`."""
+    """Writes text, in metres with Y up, for usdview, Blender, Houdini, Maya and Unreal.
+
+    It needs the extra `choreograph[usd]`.
+    """
 
     format = "usda"
 
@@ -37,7 +40,7 @@ class UsdaWriter(Writer):
         require_usd(path)
 
     def write(self, motion: Motion, path: Path) -> None:
-        """Write `motion`; `ParameterError` without the package, `OSError` if the file cannot be written."""
+        """Write `motion`. Raises `ParameterError` without the package, `OSError` if writing fails."""
         require_usd(path)
         from pxr import Tf
 
@@ -52,7 +55,7 @@ class UsdaWriter(Writer):
 
 
 class UsdcWriter(UsdaWriter):
-    """As `UsdaWriter`, in the binary form: a sixth of the size."""
+    """Writes the binary form, which has a sixth of the size."""
 
     format = "usdc"
 
@@ -68,7 +71,7 @@ def require_usd(path: str | Path) -> None:
 
 
 def dance_stage(motion: Motion) -> Usd.Stage:
-    """The dance on a stage in memory: time codes are frames, the first one 0."""
+    """The dance on a stage in memory. Time codes are frames, from 0."""
     from pxr import Sdf, Usd, UsdGeom, UsdSkel
 
     mesh = build_mannequin(motion.skeleton, motion)
@@ -100,7 +103,7 @@ def dance_stage(motion: Motion) -> Usd.Stage:
 
 
 def _joint_paths(motion: Motion) -> list[str]:
-    """Names of joints below one another, as UsdSkel wants them: "pelvis/left_hip/left_knee"."""
+    """Paths of the joints in the form of UsdSkel, such as "pelvis/left_hip/left_knee"."""
     paths: list[str] = []
     for own, parent in zip(identifiers(motion.skeleton.names), motion.skeleton.parents, strict=True):
         paths.append(own if parent < 0 else f"{paths[parent]}/{own}")
@@ -110,7 +113,7 @@ def _joint_paths(motion: Motion) -> list[str]:
 def _add_skeleton(
     stage: Usd.Stage, motion: Motion, mesh: SkinnedMesh, floor_m: Floats, joints: list[str]
 ) -> Any:
-    """The skeleton, its rest pose the bind pose: standing on the floor."""
+    """The skeleton. Its rest pose is the bind pose, standing on the floor."""
     from pxr import UsdSkel
 
     bind_pos_m = mesh.bind_pos_m - floor_m
@@ -129,7 +132,7 @@ def _add_skeleton(
 
 
 def _add_animation(stage: Usd.Stage, motion: Motion, joints: list[str]) -> Any:
-    """Translations, rotations and scales of all joints; those that do not change at one time only."""
+    """Translations and rotations of all joints at every frame, and constant scales."""
     from pxr import Gf, Usd, UsdSkel, Vt
 
     animation = UsdSkel.Animation.Define(stage, f"{_ROOT}/Skeleton/Animation")
@@ -148,7 +151,7 @@ def _add_animation(stage: Usd.Stage, motion: Motion, joints: list[str]) -> Any:
 
 
 def _add_mesh(stage: Usd.Stage, mesh: SkinnedMesh, floor_m: Floats) -> Any:
-    """The body as a mesh, a part of it for each material."""
+    """The body as a mesh with a subset for each material."""
     from pxr import Gf, Sdf, UsdGeom, UsdShade, Vt
 
     body = UsdGeom.Mesh.Define(stage, f"{_ROOT}/Body")
@@ -179,7 +182,7 @@ def _add_mesh(stage: Usd.Stage, mesh: SkinnedMesh, floor_m: Floats) -> Any:
 
 
 def _extent(points_m: Floats) -> Any:
-    """Bounds (2, 3) of joints (N, 3) and the mesh around them."""
+    """Bounds (2, 3) of joints (N, 3) and of the mesh around them."""
     from pxr import Vt
 
     bounds = np.stack([points_m.min(axis=0) - _REACH_M, points_m.max(axis=0) + _REACH_M])
@@ -187,7 +190,7 @@ def _extent(points_m: Floats) -> Any:
 
 
 def _matrix(pos_m: Floats, quat: Floats) -> Any:
-    """A transform as USD stores it: row vectors."""
+    """A transform as USD stores it, for row vectors."""
     from pxr import Gf
 
     return Gf.Matrix4d(Gf.Rotation(Gf.Quatd(*np.asarray(quat, float).tolist())), Gf.Vec3d(*pos_m.tolist()))

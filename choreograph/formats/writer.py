@@ -1,4 +1,4 @@
-"""Base class of the writers, and what they may change: names of joints, and the rest pose."""
+"""Base class of the writers, names of joints in files, and rest poses."""
 
 from __future__ import annotations
 
@@ -22,45 +22,42 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
 
-# Base class of the writers, and what the files of dances say of themselves.
-
-
 GENERATOR = f"choreograph {__version__}"
-DANCE_GENERATOR = f"{GENERATOR}: a dance"  # by which files are known that may be replaced by a new dance
+DANCE_GENERATOR = f"{GENERATOR}: a dance"  # marks files that a new dance may replace
 
 
 class Writer(ABC):
-    """Writes motions in one format; the same motion gives the same bytes."""
+    """Writes motions in one format. The same motion gives the same bytes."""
 
-    format: ClassVar[str]  # also the file's suffix, without the dot
+    format: ClassVar[str]  # also the suffix of the file, without the dot
     uses: ClassVar[tuple[str, ...]] = ()  # options of `Dance.save`, beside `loop`
-    is_dance: bool = False  # whether the file says that it is a dance, where the format has a place for it
+    is_dance: bool = False  # whether the file is marked as a dance, if the format allows it
 
     @abstractmethod
     def write(self, motion: Motion, path: Path) -> None:
-        """Write `motion` to the new file `path`; the caller translates an `OSError`."""
+        """Write `motion` to the new file `path`. The caller handles `OSError`."""
 
     @classmethod  # noqa: B027
     def check(cls, path: str | Path) -> None:
-        """Raise `ParameterError` if this machine lacks a program or package that writes `path`."""
+        """Raise `ParameterError` if a program or package that is needed to write `path` is not installed."""
 
 
-# Names of joints in files: those of other programs, and any name so that every reader reads it back.
+# Names of joints in files.
 #
-# A motion with the names of another program is mapped there without a click. A name that a format cannot hold
-# is escaped: bytes of UTF-8 as "%20", as in URLs, so that two names never become one.
+# Joints with the names of another program are recognised there. Characters that a format cannot store are
+# escaped as their bytes in UTF-8, such as "%20", as in URLs, so that different names stay different.
 
 
-_PLAIN = frozenset("_-.:|")  # beside letters, marks and digits, what every reader of BVH takes
+_PLAIN = frozenset("_-.:|")  # beside letters, marks and digits, characters that every reader of BVH accepts
 _ESCAPED = re.compile("(?:%[0-9A-F]{2})+")
-_NO_NAME = "%"  # which no escaped name is
+_NO_NAME = "%"  # stands for the empty name
 
 _LIMBS = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist", "hand")
 _TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
 
 
 def _names(trunk: tuple[str, ...], limbs: tuple[str, ...], left: str, right: str) -> Mapping[str, str]:
-    """Names by canonical joint; `left` and `right` say how a limb's name is made, with {}."""
+    """Names by canonical joint. `left` and `right` are patterns for the names of limbs, with {}."""
     names = dict(zip(_TRUNK, trunk, strict=True))
     for side, form in (("left", left), ("right", right)):
         names |= {f"{side}_{part}": form.format(name) for part, name in zip(_LIMBS, limbs, strict=True)}
@@ -68,7 +65,7 @@ def _names(trunk: tuple[str, ...], limbs: tuple[str, ...], left: str, right: str
 
 
 NAMES: dict[str, Mapping[str, str]] = {
-    "smpl": {},  # as they are here
+    "smpl": {},  # the canonical names
     "mixamo": _names(
         ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head"),
         ("UpLeg", "Leg", "Foot", "ToeBase", "Shoulder", "Arm", "ForeArm", "Hand", "HandMiddle1"),
@@ -94,7 +91,7 @@ NAMES: dict[str, Mapping[str, str]] = {
 
 
 def renamed(motion: Motion, naming: str) -> Motion:
-    """The motion with the joints of its body named as another program names them.
+    """The motion with the joint names of another program.
 
     Raises `ParameterError` for an unknown naming, or a rig whose own names are unknown.
     """
@@ -110,24 +107,24 @@ def renamed(motion: Motion, naming: str) -> Motion:
 
 
 def word_of(name: str) -> str:
-    """A name as one word without braces, quotes or comments, as BVH needs it: readers split its lines."""
+    """A name as one word without braces, quotes or comments, which readers of BVH need."""
     return "".join(each if _is_plain(each) else _as_bytes(each) for each in name) or _NO_NAME
 
 
 def name_of_word(word: str) -> str:
-    """The name that `word_of` wrote as a word; words of other programs are as they are."""
+    """The name that `word_of` has escaped. Words of other programs are not changed."""
     if word == _NO_NAME:
         return ""
     return _ESCAPED.sub(_unescaped, word)
 
 
 def text_names(names: Sequence[str]) -> tuple[str, ...]:
-    """The names as different texts that can be stored: those with characters that cannot are escaped."""
+    """The names as different texts that can be stored. Other characters are escaped."""
     return distinct([name if _is_text(name) else word_of(name) for name in names], taken=names)
 
 
 def identifiers(names: Sequence[str]) -> tuple[str, ...]:
-    """Different identifiers of ASCII letters, digits and "_" for names, as paths in USD have them."""
+    """Different identifiers of ASCII letters, digits and "_" for names, for paths in USD."""
     own = [re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names]
     return distinct([f"_{name}" if name[0].isdigit() else name for name in own])
 
@@ -137,7 +134,7 @@ def _is_plain(character: str) -> bool:
 
 
 def _is_text(name: str) -> bool:
-    """Whether a name has no control characters, no half of a surrogate pair, and is not empty."""
+    """Whether a name is not empty, and has no control characters and no lone surrogates."""
     return bool(name) and all(unicodedata.category(each) not in ("Cc", "Cs") for each in name)
 
 
@@ -148,7 +145,7 @@ def _as_bytes(character: str) -> str:
 def _unescaped(found: re.Match[str]) -> str:
     try:
         return bytes.fromhex(found[0].replace("%", "")).decode("utf-8", "surrogatepass")
-    except UnicodeDecodeError:  # of another program, which means something else by it
+    except UnicodeDecodeError:  # from another program, with another meaning
         return found[0]
 
 
@@ -165,7 +162,7 @@ def distinct(names: Sequence[str], *, taken: Sequence[str] = (), form: str = "{}
     return tuple(found)
 
 
-# Another rest pose for the same motion: standing on the floor, with the arms in a T or an A.
+# Rest poses.
 
 
 Floats = NDArray[np.float64]
@@ -174,12 +171,12 @@ REST_POSES = {"t": 0.0, "a": np.pi / 4}  # radians that the arms hang below the 
 
 
 def with_rest_pose(motion: Motion, rest: str) -> Motion:
-    """The motion on its skeleton in another rest pose: world positions of joints stay, rotations change.
+    """The motion on its skeleton in another rest pose, with the same positions of joints in the world.
 
-    The root's offset puts the soles on the floor above the origin. A joint's world rotation becomes
-    its old one times the inverse of its turn from the old rest pose to the new.
+    The rest pose stands on the floor at the origin, with the arms in a T or an A. The new world rotation of a
+    joint is the old one times the inverse of its rotation from the old rest pose to the new.
 
-    Raises `ParameterError` for an unknown rest pose, or joint names that are not a known rig's.
+    Raises `ParameterError` for an unknown rest pose, or if the joint names are unknown.
     """
     if rest not in REST_POSES:
         raise ParameterError(f"expected a rest pose among {', '.join(REST_POSES)}, got {rest!r}")
@@ -203,7 +200,7 @@ def with_rest_pose(motion: Motion, rest: str) -> Motion:
 
 
 def _arm_turns(skeleton: Skeleton, body: Body, side: str, below_rad: float) -> dict[int, Floats]:
-    """World rotations (4,) by joint that stretch an arm of the standing body sideways, some way down."""
+    """World rotations (4,) by joint that stretch an arm of the standing body sideways and down."""
     outwards = body.place(f"{side}_shoulder") - body.place(
         f"{'right' if side == 'left' else 'left'}_shoulder"
     )

@@ -85,7 +85,7 @@ def test_props_are_not_read_and_noted(tmp_path):
     read = read_markers(write_c3d(tmp_path / "a.c3d", points, prefix=""))
     assert set(read.pos_m) == set(MARKERS)
     np.testing.assert_allclose(read.pos_m["C7"], MARKERS["C7"], atol=1e-3)
-    assert read.notes == ("markers of stick are not read: not those of a body",)
+    assert read.notes == ("markers of stick are not read, because they are not those of a body",)
     two = {f"{who}:{name}": pos_m for name, pos_m in MARKERS.items() for who in ("Ada", "Ben")}
     with pytest.raises(FormatError, match="expected one dancer, got subjects Ada, Ben"):
         read_markers(write_c3d(tmp_path / "b.c3d", two, prefix=""))

@@ -119,9 +119,9 @@ def test_counts_beside_a_single_file(tmp_path):
     [
         ("name,counts\na,none.csv\n", "", "none.csv"),
         ("name,counts,beats\na,a.counts.csv,1\n", "time_s,number\n0.2,1\n", "got both"),
-        ("name,beats\na,0.1 soon\n", "", "between spaces, got '0.1 soon'"),
+        ("name,beats\na,0.1 soon\n", "", "with spaces, got '0.1 soon'"),
         ("name,beats\na,0.5 0.4\n", "", "increasing"),
-        ("name,beats\na,0.5;0.6\n", "", "between spaces"),
+        ("name,beats\na,0.5;0.6\n", "", "with spaces"),
         ("name,beats\na,nan\n", "", "increasing"),
         ("name,beats\na,0.5 1.6\n", "", r"within the 1\.00 s of a, got 0\.50 to 1\.60 s"),
         ("name,beats\na,-0.5 0.6\n", "", "got -0.50"),
