@@ -23,16 +23,17 @@ import os
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, Field, dataclass, fields, replace
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import (
-    TYPE_CHECKING,
     Annotated,
     Any,
+    ClassVar,
     Literal,
+    Protocol,
     TypeVar,
     Union,
     dataclass_transform,
@@ -44,11 +45,15 @@ from typing import (
 from choreograph.core.arguments import as_texts, check_choice, is_number, is_whole, unexpected
 from choreograph.core.errors import ParameterError
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
+
+class DataclassInstance(Protocol):
+    """An instance of a dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
 
 Class = TypeVar("Class", bound=type)
-Instance = TypeVar("Instance", bound="DataclassInstance")
+Instance = TypeVar("Instance", bound=DataclassInstance)
 _WIDTH = 96  # of the text of a field in `help`
 _WORDS = {bool: "True or False", int: "whole number", float: "number", str: "text", Path: "path"}
 
