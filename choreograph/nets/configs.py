@@ -16,7 +16,6 @@ Config = TypeVar("Config", bound=Any)  # a frozen dataclass
 _MAX_ITEMS = 16  # of a field of several values
 _MAX_SIZE = 1e9  # of a number in a configuration
 MAX_DEPTH = 64  # layers, or blocks of layers, of a network that a file configures
-PRESET_NAMES = ("tiny", "small", "paper")  # for tests, for two CPU cores, and the papers' own sizes
 DEVICES = ("auto", "cpu", "cuda")  # to train on; auto: a GPU if there is one
 SCHEDULES = ("cosine", "constant")  # of a learning rate: warm-up and half a cosine to zero, or neither
 
@@ -37,7 +36,7 @@ def config_from_preset(presets: Mapping[str, Config], preset: str, changes: Mapp
 
 
 def check_fields(config_class: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of a configuration's fields, lists, as JSON has them, as tuples.
+    """Values of the fields of a configuration. Lists, which JSON has, become tuples.
 
     Raises `ParameterError` unless each is of the kind of its field's default, and finite.
     """

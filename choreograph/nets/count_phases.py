@@ -1,4 +1,4 @@
-"""What both counting networks share: configurations, phases in beat and bar, the convolutional trunk."""
+"""Configurations, outputs and convolutional trunk of the two networks that count."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from choreograph.nets.configs import config_from_preset
 
 @dataclass(frozen=True)
 class MotionCountsConfig:
-    """What shapes and trains the network that counts motion. It is stored with the weights."""
+    """Sizes and training settings of the network that counts motion, which are stored with its weights."""
 
     width: int = 48  # channels
     n_blocks: int = 6  # of dilations 1, 2, 4, …: a context of 12.8 s at 20 fps
@@ -56,7 +56,7 @@ def motion_counts_config(preset: str, **changes: Any) -> MotionCountsConfig:
 
 @dataclass(frozen=True)
 class MusicCountsConfig:
-    """What shapes and trains the network that counts music. It is stored with the weights."""
+    """Sizes and training settings of the network that counts music, which are stored with its weights."""
 
     front_channels: tuple[int, int] = (8, 16)  # of the two convolutions over bands and frames
     width: int = 32  # channels of the trunk
@@ -111,7 +111,7 @@ KERNEL = 5
 
 
 class Trunk(nn.Module):
-    """Features (B, F, T) to features (B, width, T); every frame sees `n_seen` frames around it."""
+    """Features (B, F, T) to features (B, width, T), with a context of `n_seen` frames."""
 
     def __init__(self, n_features: int, width: int, n_blocks: int, dropout: float) -> None:
         super().__init__()
@@ -151,7 +151,7 @@ class _Block(nn.Module):
 
 
 class _ChannelNorm(nn.Module):
-    """Each frame's channels to mean 0 and variance 1: whatever the length of the take."""
+    """Normalises the channels of each frame to mean 0 and variance 1."""
 
     def __init__(self, width: int) -> None:
         super().__init__()

@@ -28,7 +28,7 @@ RANGE_FRAMES = 20  # a second to either side: where it might be confused
 
 @dataclass(frozen=True, eq=False)
 class DensityOutputs:
-    """What the estimator makes of warped pairs."""
+    """Outputs of the estimator for warped pairs."""
 
     density: Tensor  # (B, 160)
     warped_density: Tensor  # (B, 160)
@@ -71,7 +71,7 @@ def reconstruction_loss(
 
 
 def location_loss(query: Tensor, target: Tensor, frames: Tensor, *, temperature: float) -> Tensor:
-    """How well the warped density finds its true source frames in the density, as DTW will have to (ours).
+    """Whether the source frames of a warped density can be located in the density, as DTW does (ours).
 
     Every half second of the warped density should be more similar to the density at its true source frames
     than to the density a tenth of a second to one second beside them: cross-entropy over shifts, of mean

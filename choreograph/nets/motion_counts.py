@@ -41,10 +41,10 @@ _STEADY_S = 5.0  # over which curves are to keep one phase to the counts
 
 
 def confidence_features(curves: PhaseCurves, decoded: DecodedCounts) -> Floats:
-    """What speaks for a take's counts, (N_CONFIDENCE,): 1, and means over its frames, each around 0 to 1.
+    """Features of a take from which the confidence in its counts is computed, (N_CONFIDENCE,).
 
-    How far the beat's phase agrees with the counts, how far the bar's, both weighted by concentration, how
-    concentrated the beat is, and how steadily it keeps to the counts, whatever its phase against them.
+    They are 1, the agreement of the phases of beat and of bar with the counts, both weighted by
+    concentration, the concentration of the beat, and how steadily its phase follows the counts.
     """
     if not len(decoded.beat_agreement):
         return np.append(1.0, np.zeros(N_CONFIDENCE - 1))
@@ -62,10 +62,10 @@ def confidence_features(curves: PhaseCurves, decoded: DecodedCounts) -> Floats:
 
 
 def _steadiness(curves: PhaseCurves, counts: Counts) -> float:
-    """In every five seconds, the size of the mean beat vector turned back by the counts, over the mean size.
+    """How constant the phase of the beat is relative to the counts, in windows of five seconds, 0 … 1.
 
-    Returns the mean over the take, 0 … 1. Motion without counts does not keep a phase for five seconds,
-    although the best path agrees with it in places.
+    It is the magnitude of the mean beat vector over the mean of magnitudes. Motion without counts does not
+    keep a phase for five seconds, although the best path agrees with it in places.
     """
     times_s = frame_times_s(len(curves.beat), curves.fps)
     if len(counts) < 2:

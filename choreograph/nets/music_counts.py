@@ -1,4 +1,4 @@
-"""`MusicCounts`: beats and bars of a song by a network, its weights, and the beats that it finds."""
+"""`MusicCounts`, a network of the beats and bars of songs: the model, its weights, and beats by it."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class MusicCounts(StoredNet):
 
 
 def levelled(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Log-mel (T, 96) without gain and equalisation: a band's mean is 0, what is 52 dB down is cut."""
+    """Log-mel (T, 96) without gain and equalisation: cut at 52 dB below its maximum, mean 0 in each band."""
     mel = np.asarray(log_mel, np.float32)
     mel = np.maximum(mel, mel.max() - _RANGE)
     result: NDArray[np.float32] = (mel - mel.mean(axis=0)) / _SCALE
@@ -117,7 +117,7 @@ def write_music_counts(path: str | Path, net: MusicCounts, about: Mapping[str, A
 
 
 def read_music_counts(path: str | Path) -> tuple[MusicCounts, dict[str, Any]]:
-    """The network of a file, and what it was trained on; `FormatError` for a file of anything else."""
+    """The network of a file, and what it was trained on; `FormatError` for any other file."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
@@ -133,7 +133,7 @@ def read_music_counts(path: str | Path) -> tuple[MusicCounts, dict[str, Any]]:
 
 @lru_cache(maxsize=1)
 def shipped_music_counts() -> MusicCounts:
-    """The program's own network."""
+    """The network that ships with the program."""
     return read_music_counts(SHIPPED)[0]
 
 
@@ -209,7 +209,7 @@ def activated_beats(curves: MusicCurves, log_mel: NDArray[np.floating]) -> Float
 
 
 def at_one_level(beats_s: Floats) -> Floats:
-    """Beats (Q,) with passages at half of the tempo of most of the song brought to it, by beats between.
+    """Beats (Q,) with beats inserted in passages at half the tempo of most of the song.
 
     A tracker halves the tempo where onsets are sparse, as in an introduction. If more than a third of the
     song is slower, it is not changed, since another piece of music may begin there.

@@ -96,7 +96,7 @@ def word_conditions(
 
 @dataclass(frozen=True, eq=False)
 class FrameConditions:
-    """What frames are conditioned on, save what they have of their word: see `RolloutConditions`."""
+    """Conditions of frames, except those that they have from their word: see `RolloutConditions`."""
 
     word: NDArray[np.int64]  # (T,)
     rhythm: Floats  # (T, 4)

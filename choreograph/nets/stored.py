@@ -1,4 +1,4 @@
-"""What the networks share: to arrays and back, inference in batches, differentiable kinematics."""
+"""Shared by the networks: conversion to arrays and back, inference in batches, kinematics in torch."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from choreograph.motion.body import body_indices
 from choreograph.motion.skeleton import Skeleton
 from choreograph.nets.configs import check_fields
 
-# What the networks of a repertoire share: to arrays and back, and inference in batches.
+# Conversion of networks to arrays and back, and inference in batches.
 
 
 _BATCH_SIZE = 128  # at inference
@@ -39,7 +39,7 @@ class StoredNet(nn.Module):
         """The network of `to_arrays`; `ParameterError` if weights and config disagree."""
         config = cls.config_class(**check_fields(cls.config_class, config))
         mismatch = ParameterError(
-            f"expected weights of the {cls.__name__} configured, got others: the file mixes versions"
+            f"expected weights of the {cls.__name__} configured, got other shapes: a damaged file"
         )
         try:
             # Shapes alone: a configuration may claim more than memory holds, and weights are not drawn.

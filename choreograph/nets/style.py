@@ -190,7 +190,7 @@ class StyleNets(StoredNet):
 
 
 def centred(body_pos_m: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Segments (N, T, 21, 3) moved and rotated to the origin: style does not depend on where one dances.
+    """Segments (N, T, 21, 3) moved and rotated to the origin, so that style does not depend on the place.
 
     The pelvis is on average above the origin, and the hips of the middle frame face +Z.
     """

@@ -55,7 +55,7 @@ def augment_mel(log_mel: NDArray[np.float32], rng: np.random.Generator) -> NDArr
 
 
 def augment_rhythm(rhythm: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Rhythm (B, RHYTHM_DIM) up to 7 % faster or slower, with other instruments, and now and then in part.
+    """Rhythm (B, RHYTHM_DIM) up to 7 % faster or slower, with other instruments, sometimes partly zero.
 
     Tempo and metre, or the patterns, are sometimes set to zero, as in music without beats.
     """

@@ -133,7 +133,7 @@ def train(
 
 
 def steps_of_epochs(epochs: int, n_examples: float, batch_size: int) -> int:
-    """Steps in which a training sees as many examples as there are, `epochs` times over."""
+    """Number of steps of `epochs` passes over the examples."""
     return epochs * max(1, math.ceil(n_examples / batch_size))
 
 
@@ -167,7 +167,7 @@ def _cosine_factor(step: int, n_steps: int) -> float:
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
-    """What a checkpoint holds; nothing in it is executed. Raises one of `_UNREADABLE` if it is damaged."""
+    """The content of a checkpoint, read without executing code. Raises one of `_UNREADABLE` if damaged."""
     with zipfile.ZipFile(path) as archive:  # torch's container: its checksums show damage
         damaged = archive.testzip()
         if damaged is not None:
@@ -236,7 +236,7 @@ class _Run:
             self.log.write_text("", encoding="utf-8")
 
     def _restored_unless(self) -> str:
-        """Restore the checkpoint; why it cannot be continued, and nothing changed, if it cannot."""
+        """Restore the checkpoint and return "", or change nothing and return why it cannot be continued."""
         assert self.checkpoint is not None
         initial = copy.deepcopy({key: part.state_dict() for key, part in self.parts.items()})
         try:
