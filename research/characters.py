@@ -1,13 +1,14 @@
-"""Dances on characters, measured: what research/results/characters.md shows.
+"""Measures dances on characters, for research/results/characters.md.
 
-For a dance of 60 s on each character that the tests make: bones found without a map, the slide of its feet
-over the dance's, how far the lowest point of its skin is from the floor, frames with a wrist inside the
-body, and the round trip ours, character, ours with the turn of head and chest. Then the files of all formats
-as Blender has them (with CHOREOGRAPH_BLENDER) at 20 random frames, and what writing takes.
+A dance of 60 s is put on each character that the tests make. The script measures the bones found without a
+map, the slide of its feet minus that of the dance, the distance of the lowest point of its skin from the
+floor, the frames with a wrist inside the body, and the error of the round trip to the character and back,
+with the turn of head and chest. Then it measures the files of all formats in Blender (with
+CHOREOGRAPH_BLENDER) at 20 random frames, and the time to write them.
 
     PYTHONPATH=tests python research/characters.py song.mp3 [METARIG.glb …]
 
-Further files are characters, too, such as Rigify's metarig with a skin.
+Further files are more characters, such as the metarig of Rigify with a skin.
 """
 
 from __future__ import annotations

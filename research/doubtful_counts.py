@@ -1,18 +1,19 @@
-"""Dances with takes whose counts only a network reads, and where it is not sure: does its uncertainty help?
+"""Dances with takes whose counts a network estimated. Does the uncertainty of the counts help?
 
     python research/doubtful_counts.py path/to/dance-with-melody path/to/choreonet --work FOLDER \\
         --library REPERTOIRE [--seeds 0 1 2]
 
-Real takes, their counts withheld, are read by networks that know less and less of them: they did not hear
-their songs (5 trainings a seed), their songs and figures (5), any take of their genre (3), any recorded take
-(the shipped set `clean`; one seed). A confidence is fitted as for the shipped set (4 trainings of the first
-seed), without the take it is said of. Checkpoints are in FOLDER, as those of
-`research/motion_counts.py`.
+The true counts of real takes are withheld. They are estimated by networks that were trained on less and less
+of them: without their songs (5 trainings per seed), without their songs and figures (5), without takes of
+their genre (3), and without recorded takes (the shipped set `clean`, one seed). A confidence is fitted as for
+the shipped set (4 trainings of the first seed), without the take that it belongs to. Checkpoints are in
+FOLDER, as those of `research/motion_counts.py`.
 
-REPERTOIRE has takes of dance-with-melody with counts, and left out those of
-`research/dance_with_melody_held_out.txt`, whose songs are danced with the takes that were read, and no
-others: by motion beats alone, by the counts read where they are sure, by those that a build takes over
-(`choreograph.library.building.counting`), and by these with their uncertainty. Judged are the true counts.
+REPERTOIRE has takes of dance-with-melody with counts, without those of
+`research/dance_with_melody_held_out.txt`. The songs of those are danced with the estimated takes only. Takes
+are aligned by motion beats alone, by the estimated counts where these are certain, by the counts that a build
+uses (`choreograph.library.building.counting`), and by these with their uncertainty. The dances are compared
+with the true counts.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Experts' dances to songs, BVH with counts beside them: `choreograph evaluate --experts FOLDER` reads them.
+"""Dances of experts to songs as BVH with counts, which `choreograph evaluate --experts FOLDER` reads.
 
-For dance-with-melody: every take laid on its own song's beats count by count. For songs of ChoreoNet's
-lists without a take: the listed figures, as far as they are recorded.
+For dance-with-melody, every take is placed on the beats of its own song count by count. For songs of
+ChoreoNet's lists without a take, the listed figures are placed, as far as they are recorded.
 
     python research/expert_dances.py dance-with-melody/ choreonet/ -o experts/ --only held_out.txt
 """

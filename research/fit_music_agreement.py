@@ -1,9 +1,10 @@
-"""Fits `LEAST_AGREEMENT` of `choreograph/nets/music_counts.py`: when to ask the tempo path instead.
+"""Fits `LEAST_AGREEMENT` of `choreograph/nets/music_counts.py`, below which the tempo path is used.
 
     python research/fit_music_agreement.py songs/ without0.npz without1.npz without2.npz
 
-Songs are training songs in `songs/`, each newly recorded by augmentation, heard by the network that was kept
-from their genre. Printed is the mean F of beats by threshold: below it the tempo path, above it the pointer.
+Songs are training songs in `songs/`, each augmented anew. They are tracked by the network that was trained
+without their genre. The script prints the mean F-score of beats by threshold. Below the threshold the tempo
+path is used, and above it the bar pointer.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
-"""How well gaps are filled between two kept stretches of a dance, by every engine, to the built-in songs.
+"""How well gaps between two kept passages of a dance are filled, by every engine, to the built-in songs.
 
     python research/gaps.py [--db REPERTOIRE] [--seeds 5 6]
 
-A graph dance is kept up to 11 s and from 4, 8 or 20 s later on, and danced anew between. "same" is the share
-of kept frames that are equal to the bit; "slide" of low feet in the gap stands beside the existing dance's
-in the same seconds and the engine's own; "jerk" is the highest within 0.6 s of a join over the highest of
-the engine's own dance; "read" is the share of counts that a network reads in the gap that lie on beats.
+A graph dance is kept up to 11 s and from 4, 8 or 20 s later on. The part between is danced again. "same" is
+the share of kept frames that are equal to the bit. "slide" is that of low feet in the gap, with that of the
+existing dance in the same seconds and that of a whole dance of the engine. "jerk" is the highest within 0.6 s
+of a join, divided by the highest of a whole dance of the engine. "read" is the share of the counts that a
+network estimates in the gap that lie on beats.
 """
 
 from __future__ import annotations

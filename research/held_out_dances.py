@@ -1,10 +1,10 @@
-"""The table of dances to held-out songs: beats, transitions, feet, length.
+"""The table of dances to held-out songs: beats, transitions, feet and length.
 
 Run: python research/held_out_dances.py DATA REPERTOIRE [--songs FILE] [--planner greedy]
 
-DATA is a folder in the layout of dance-with-melody; REPERTOIRE must have been built with
-`--leave-out @FILE`. Beside every dance stand the held-out take itself ("real") and chance: the same
-motion beats against the song shifted by random amounts. Feet are compared with the takes danced with.
+DATA is a folder in the layout of dance-with-melody. REPERTOIRE must have been built with `--leave-out @FILE`.
+Every dance is compared with the held-out take itself ("real") and with chance, which is the same motion beats
+against the song shifted by random amounts. Feet are compared with those of the takes in the dance.
 """
 
 from __future__ import annotations

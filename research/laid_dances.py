@@ -1,4 +1,4 @@
-"""Experts' dances to a song, laid on its beats count by count."""
+"""Dances of experts to a song, placed on its beats count by count."""
 
 from __future__ import annotations
 

@@ -1,10 +1,11 @@
-"""Is the song's genre danced where takes name none? What selection and the cost `style` are worth there.
+"""How often the genre of a song is danced if takes have no genres, by selection and the cost `style`.
 
     python research/library_without_genres.py dance-with-melody/ a.h5 b.h5 … --songs a.txt b.txt …
 
-The genres of takes are taken out of a copy of each repertoire, which then dances to the songs of its file
-(--songs, one for each repertoire; it was built without them). Shown: the share of seconds that are danced
-with takes of the song's genre, as the repertoire itself has it. Mean over songs ± spread of repertoires.
+The genres of takes are removed from a copy of each repertoire. It then dances to the songs of its file
+(--songs, one for each repertoire), which it was built without. The table shows the share of seconds that are
+danced with takes of the genre of the song, by the genres in the repertoire itself. Values are means over
+songs ± the spread of repertoires.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""How far is the fitted body from the captured markers?
+"""The distance of the fitted body from the captured markers.
 
-For every take of dance-with-melody: the mean distance in centimetres between joints and markers, after
-the mean offset of each frame is taken away (the floor is levelled, the path scaled), of a skeleton with
-the bones of the body that was captured (`own`); of the takes' one skeleton, with markers brought to its
-size (`sized`), and with markers as they are, where a body of another size is off by construction
-(`raw`). And rotations that jump: how many joints turn by more than 90 degrees between two frames.
+For every take of dance-with-melody, this is the mean distance in centimetres between joints and markers,
+without the mean offset of each frame, because the floor is levelled and the path scaled. It is given for a
+skeleton with the bones of the captured body (`own`), for the one skeleton of the takes with markers scaled to
+its size (`sized`), and with markers as they are, where a body of another size is off by construction (`raw`).
+The script also prints how many joints turn by more than 90 degrees between two frames.
 
     python research/marker_fit.py path/to/dance-with-melody
 """

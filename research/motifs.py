@@ -3,12 +3,12 @@
     python research/motifs.py path/to/dance-with-melody --seeds 0 1 [--strips folder]
     python research/motifs.py path/to/rendered/starter/takes --every 4
 
-The word network and the motifs are made from the other takes. Distances are mean joint distances in cm
-after alignment (each word in its root frame, and time-warped by up to 3 of 13 frames); `positions` is the
-nearest neighbour by positions frame by frame, `best` the one by the measured distance. An altered copy is
-warped, on other beats, at another frame rate, of another size. Beats are the music's, by the default
-tracker; takes with NAME.truth.json beside them are cut on the beats written there, and their moves compared
-with the motifs.
+The word network and the motifs are made from the other takes. Distances are mean joint distances in cm after
+alignment: each word is in its root frame, and time-warped by up to 3 of 13 frames. `positions` is the nearest
+neighbour by positions frame by frame, and `best` the one by the measured distance. An altered copy is warped,
+on other beats, at another frame rate, or of another size. Beats are those of the music, by the default
+tracker. Takes with NAME.truth.json are cut at the beats in that file, and their moves are compared with the
+motifs.
 """
 
 from __future__ import annotations

@@ -1,21 +1,21 @@
-"""Counts read from motion alone, counts withheld: the table, with chance, a baseline and the confidence.
+"""Counts estimated from motion alone: the table, with chance, a baseline and the confidence.
 
     python research/motion_counts.py path/to/dance-with-melody path/to/choreonet --work FOLDER \\
         [--seeds 0 1 2] [--library REPERTOIRE] [-o results.md]
 
-Trains, per seed, with songs left out (5 folds), with songs and all their figures left out (5), and, for as
-many seeds as `--seeds-built-in` says, with built-in genres left out (4) and on built-in takes alone (1); a
-minute each on one thread. Checkpoints are in FOLDER: the same command continues from there.
+For each seed, networks are trained without songs (5 folds), without songs and all their figures (5), and, for
+as many seeds as `--seeds-built-in` gives, without built-in genres (4) and on built-in takes alone (1). Each
+takes a minute on one thread. Checkpoints are in FOLDER, and the same command continues from there.
 
-A confidence is fitted as the recipe of the shipped networks fits it, to takes whose figures or genre the
-network did not know, and to the same takes shuffled; but that of a take without the take and its fold.
-"Decoder chosen on other folds": its stiffness, the price of a break, and at how many tempi a take is read,
-are those that count the held-out takes of all other folds best.
+A confidence is fitted as for the shipped networks, to takes whose figures or genre the network was not
+trained on, and to the same takes shuffled. The confidence of a take is fitted without the take and its fold.
+"Decoder chosen on other folds" means that its stiffness, the cost of a break, and the number of tempi at
+which a take is decoded are those that count the held-out takes of all other folds best.
 
-REPERTOIRE has takes of dance-with-melody with counts, and left out those of
-`research/dance_with_melody_held_out.txt`. Its takes are counted by networks that did not hear their
-songs, or not at all where those are not sure; the held-out songs are danced with these counts, and the dances
-judged by the true ones.
+REPERTOIRE has takes of dance-with-melody with counts, without those of
+`research/dance_with_melody_held_out.txt`. Its takes are counted by networks that were not trained on their
+songs, or not at all if those are uncertain. The held-out songs are danced with these counts, and the dances
+are compared with the true ones.
 """
 
 from __future__ import annotations

@@ -1,18 +1,20 @@
-"""Who hears beats and bars best? Trackers and networks, on synthetic songs never heard and on real songs.
+"""Beats and bars by trackers and networks, on unseen synthetic songs and on real songs.
 
     python research/music_counts.py dance-with-melody/ choreonet/ -o results.md \\
         --weights clean0.npz clean1.npz … without0.npz … research0.npz research1.npz research2.npz
 
-Weights are those of `research/train_music_counts.py`, and their files say what they heard: networks
-that heard every genre are judged on unseen songs, a network that was kept from genres on songs of those
-genres, and one that heard real songs on the real songs that it did not hear. Columns are means over networks,
-those of networks that heard every genre with the spread (standard deviation) over them.
+Weights are those of `research/train_music_counts.py`. Their files hold what they were trained on. Networks
+that were trained on every genre are evaluated on unseen songs. A network that was trained without some genres
+is evaluated on songs of those genres, and one that was trained on real songs on the real songs that it was
+not trained on. Columns are means over networks. Those of networks that were trained on every genre have the
+spread (standard deviation) over them.
 
-Synthetic songs have true beats and bars: every kind in a third of the genres, none with the drums of another
-genre; salsa at 160 to 200 BPM and waltz at 150 to 190; and the benchmark songs. "Level": the median tempo is
-within a quarter of an octave of the true one. Of real songs the metre is known by genre, and the tempo by how
-many counts of ChoreoNet's choreographies fall into a second (within 5 %). Beats in the silence before the
-first and after the last true one are not judged, as `choreograph.evaluation.metrics.counts` has it.
+Synthetic songs have true beats and bars. They are songs of every kind in a third of the genres, none with the
+drums of another genre, salsa at 160 to 200 BPM, waltz at 150 to 190 BPM, and the benchmark songs. "Level"
+means that the median tempo is within a quarter of an octave of the true one. The metre of real songs is known
+from their genre, and their tempo from the number of counts per second in the choreographies of ChoreoNet
+(within 5 %). Beats in the silence before the first and after the last true one are left out, as in
+`choreograph.evaluation.metrics.counts`.
 """
 
 from __future__ import annotations

@@ -4,13 +4,14 @@
         [--counted-by path/to/choreonet] [--experts FOLDER] [--engines graph mixer] \\
         [--weights JSON] [--dances 3]
 
-Each repertoire was built by `build-db --seed N --leave-out @research/dance_with_melody_held_out.txt`;
-its number is also the seed of its dances (of several each: --dances), and its motif signatures are judged by
-the next one's network. FOLDER holds experts' dances to the held-out songs (SONG.bvh with SONG.counts.csv
-beside it), laid on the tracked beats as their choreographies say. With a file of songs for each repertoire
-(--songs A.txt B.txt …) every one dances those that it was built without. "Real" are the takes as recorded:
-never synchronised with their songs. Built-in takes dance to the benchmark songs, whose beats and bars are
-known exactly, and to the spliced songs. No network was trained on any of these songs.
+Each repertoire was built by `build-db --seed N --leave-out @research/dance_with_melody_held_out.txt`. Its
+number is also the seed of its dances (of several each with --dances). Its motif signatures are evaluated by
+the network of the next repertoire. FOLDER holds dances of experts to the held-out songs (SONG.bvh with
+SONG.counts.csv), placed on the tracked beats by their choreographies. With a file of songs for each
+repertoire (--songs A.txt B.txt …), every repertoire dances to those that it was built without. "Real" are the
+takes as recorded, which were never synchronised with their songs. Built-in takes dance to the benchmark
+songs, whose beats and bars are known exactly, and to the spliced songs. No network was trained on any of
+these songs.
 """
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
-"""Dances that a repertoire does not hold, made again from their motifs: are those danced, and how smoothly?
+"""Dances that a repertoire does not hold, made again from their motifs.
 
     python research/recreate.py path/to/dance-with-melody rep.h5 [--planner greedy] [--pins 3]
 
-Every held-out take's motif sequence, segmented on its own song's beats, is danced to that song by the mixer.
-Printed for each: the share of words whose motif, measured on the rendered dance, is the one given; foot
-slide in cm/s and the largest distance from where the dance began in metres, beside the real take's; jerk
-(95th percentile) near transitions over elsewhere. With --pins, as many motifs are pinned at random times in
-the graph and the mixer, and the share that holds is printed.
+The motif sequence of every held-out take, segmented on the beats of its own song, is danced to that song by
+the mixer. For each take the script prints the share of words whose motif, measured on the rendered dance, is
+the given one. It also prints the foot slide in cm/s and the largest distance in metres from the start of the
+dance, with those of the real take, and the 95th percentile of the jerk near transitions divided by that
+elsewhere. With --pins, as many motifs are pinned at random times in the graph and the mixer, and the share
+that is danced is printed.
 """
 
 from __future__ import annotations

@@ -1,17 +1,18 @@
-"""What the rollout network makes of motifs: ablations, genres, re-created dances, variations, style, feet.
+"""The rollout network with motifs: ablations, genres, recreated dances, variations, style and feet.
 
     python research/rollout.py SONGS REPERTOIRE… [--only NAMES] [--beats FOLDER] [--ablations FOLDER]
 
-SONGS are dance-with-melody, with repertoires built with `--rollout` and
-`--leave-out @research/dance_with_melody_held_out.txt`: the held-out songs and those without motion. Or
-they are takes that `unseen_starter_takes.py` made, with repertoires of `python -m content.starter --seed N`,
-and then NAMES and FOLDER are as it says. Up to 80 s of each song, danced with its genre given.
+SONGS are dance-with-melody, with repertoires built with `--rollout` and `--leave-out
+@research/dance_with_melody_held_out.txt`. They are the held-out songs and those without motion. Or SONGS are
+takes that `unseen_starter_takes.py` made, with repertoires of `python -m content.starter --seed N`, and NAMES
+and FOLDER are those of its docstring. Up to 80 s of each song are danced with its genre given.
 
-Each repertoire has its own seed: numbers are mean ± spread over repertoires. A repertoire's χ² is also judged
-by the word network of the next one ("chi2 judged"), which neither asked for its motifs nor taught it.
-The ablations' FOLDER was written by `train_rollout_ablations.py`. "landed" is the finished rollout, warped so
-that its accents lie on the beats. "read" are counts that a network reads from the motion alone. "by genre"
-is Table 1 of the paper: χ² to the genre's template; its intervals are over repertoires.
+Each repertoire has its own seed. Numbers are mean ± spread over repertoires. The χ² of a repertoire is also
+measured by the word network of the next one ("chi2 judged"), which was used neither to choose its motifs nor
+to train it. The FOLDER of the ablations was written by `train_rollout_ablations.py`. "landed" is the finished
+rollout, warped so that its accents lie on the beats. "read" are counts that a network estimates from the
+motion alone. "by genre" is Table 1 of the paper: χ² to the signature of the genre, with intervals over
+repertoires.
 """
 
 from __future__ import annotations

@@ -3,13 +3,15 @@
     python research/section_energy.py [--repertoires REP...] [--weights 2 0] [--seeds 3] \\
         [--data path/to/dance-with-melody --songs NAMES.txt]
 
-Without `--data`, songs of every genre are rendered here, with their true sections: by their own form, and
-with the middle third played by the instruments of a break, 12 dB softer. With it, the songs of NAMES.txt with
-sections as found, and the real takes to them. Several repertoires stand for the seeds. A row for every weight
-of the energy cost, for the first one's dances turned round in time (chance), and for the real takes. Columns:
-correlation of loudness and motion over the sections of all songs, centred by song, for joint speed relative
-to the pelvis and for the volume of the body's convex hull; motion in the softest section over that in the
-loudest; and what else a dance should keep. ± is the spread over seeds.
+Without `--data`, songs of every genre are rendered here with their true sections, in their own form, and with
+the middle third played by the instruments of a break, 12 dB softer. With `--data`, the songs are those of
+NAMES.txt with estimated sections, and the real takes to them are measured as well. Several repertoires
+replace the seeds. There is a row for every weight of the energy cost, for the dances of the first weight
+rotated in time (chance), and for the real takes.
+
+Columns are the correlation of loudness and motion over the sections of all songs, centred by song, for joint
+speed relative to the pelvis and for the volume of the convex hull of the body, the motion in the softest
+section divided by that in the loudest, and other scores that should not change. ± is the spread over seeds.
 """
 
 from __future__ import annotations

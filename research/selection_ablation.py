@@ -1,13 +1,13 @@
-"""What ways of selection and the style cost are worth, where there are many clips to a candidate or few.
+"""Ways of selection and the style cost, with many or few clips for each candidate.
 
     python research/selection_ablation.py dance-with-melody/ r0.h5 r1.h5 … -o results.md \\
         [--songs A.txt B.txt …] [--candidates 512 64 16] [--counted-by choreonet/]
 
-A library of 31 takes has 1,664 clips: of these 512 candidates a second are a third, and any third has clips
-for every song. 64 are as many as 512 in a library of 13,000 clips. Every repertoire dances to the songs of
-its file (--songs, one for all or one for each), which it was built without. The rulers: genres of takes;
-signatures by another network, where all dance to the same songs; distances of poses; the size of motion in
-loud and soft sections. Mean over songs ± the spread of the repertoires.
+A library of 31 takes has 1,664 clips. A second has 512 candidates, a third of them, and any third has clips
+for every song. 64 candidates are as many as 512 in a library of 13,000 clips. Every repertoire dances to the
+songs of its file (--songs, one for all or one for each), which it was built without. The measures are genres
+of takes, signatures by another network if all dance to the same songs, distances of poses, and the size of
+motion in loud and soft sections. Values are means over songs ± the spread of the repertoires.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""χ² to a genre's template of motifs drawn from that very template: what a dance of N words can expect.
+"""χ² of motifs drawn from the signature of a genre to that signature, by the number of words.
 
     python research/signature_sampling.py [REPERTOIRE] [--words 80 120] [--draws 200]
 
-Mean over the genres of a repertoire (the built-in one by default), a line for each number of words.
+Values are means over the genres of a repertoire (the built-in one by default), with a line for each number of
+words.
 """
 
 from __future__ import annotations

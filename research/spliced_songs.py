@@ -2,11 +2,11 @@
 
     python research/spliced_songs.py [--repertoire REP] [--seeds 5] [--engines graph mixer]
 
-The songs are rendered here; none of them, nor their seeds, is a song of the built-in takes. Columns: mean
-over both halves of the share of seconds danced by takes of the half's own genre, and by chance (the same
-seconds in any order: 0.5 for a dance of one genre throughout), and by takes drawn from the repertoire; the
-second half alone; how often the dance switched, and after how many seconds. Beside them the counts against
-the true beats, and count 1 against the true downbeats.
+The songs are rendered here. None of them, nor their seeds, is a song of the built-in takes. Columns are the
+share of seconds danced by takes of the genre of each half, averaged over both halves, and the same by chance
+(the same seconds in any order, 0.5 for a dance of one genre throughout) and by takes drawn from the
+repertoire. Then come the share of the second half alone, how often the dance switched and after how many
+seconds, the counts against the true beats, and count 1 against the true downbeats.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""How the built-in repertoire dances: beats on songs whose beats are known, on real songs, and variety.
+"""How the built-in repertoire dances: beats on songs with known beats, on real songs, and variety.
 
 Run: python research/starter_dances.py [--repertoire REP] [--songs SONG...] [--beats librosa]
 
-The test bed's songs are rendered here; none of them is a song of the built-in takes. Beside each F-score
-(70 ms) stand what the beat tracker itself gets against the true beats, and chance: the same motion beats
-against the song turned round by random amounts. Real songs have no true beats: their F is against the
-tracker danced to and, as a second opinion, against another one.
+The benchmark songs are rendered here. None of them is a song of the built-in takes. Each F-score (70 ms) is
+printed with that of the beat tracker against the true beats, and with chance, which is the same motion beats
+against the song shifted by random amounts. Real songs have no true beats. Their F-score is against the
+tracker that was used for the dance, and against a second one.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
-"""Do dances become what they should be? Motif signatures of dances against their genre's, over time.
+"""Motif signatures of dances against those of their genre, over time.
 
     python research/steered_dances.py path/to/dance-with-melody REPERTOIRE… [--plot FIGURE.png]
 
-Each REPERTOIRE must have been built with `--leave-out @research/dance_with_melody_held_out.txt` and
-its own seed, and hold a vocabulary: numbers are mean ± spread over repertoires. The songs are the held-out
-ones and those of DATA without motion, each danced with its genre given, without, and with no weight on
-motifs; "real" is the held-out take itself. Words are segmented on the song's beats, as the takes' own are.
-The distance is χ² (Rhythm is a Dancer, equation 11) to the genre's template, after so many seconds. Dances
-of each repertoire are judged by the word network of the next one, which priced none of them; those of a
-single repertoire by their own.
+Each REPERTOIRE must have been built with `--leave-out @research/dance_with_melody_held_out.txt` and its own
+seed, and hold a vocabulary. Numbers are mean ± spread over repertoires. The songs are the held-out ones and
+those of DATA without motion. Each is danced with its genre given, without, and with no weight on motifs.
+"real" is the held-out take itself. Words are segmented on the beats of the song, as those of the takes are.
+The distance is χ² (Rhythm is a Dancer, equation 11) to the signature of the genre, after so many seconds.
+Dances of each repertoire are measured by the word network of the next one, which no cost of the dances is
+from. Those of a single repertoire are measured by their own.
 """
 
 from __future__ import annotations

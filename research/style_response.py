@@ -1,9 +1,9 @@
 """Style response: whether a dance changes genre where its song does.
 
-Conventions: one label per second of the dance (S,), the genre of the take danced then, and one per second of
-the song, the genre wanted. A part of the song is a run of seconds that want the same genre. Takes of several
-genres may go with a song, so only songs spliced from clearly different genres tell; the labels are those of
-the takes, and say nothing of how a take looks at another tempo.
+Conventions: there is one label per second of the dance (S,), the genre of the take danced then, and one per
+second of the song, the wanted genre. A part of the song is a run of seconds with one wanted genre. Takes of
+several genres may go with a song, so only songs spliced from clearly different genres can be used. The labels
+are those of the takes. They do not describe a take at another tempo.
 """
 
 from __future__ import annotations

@@ -1,15 +1,17 @@
-"""Do the clips that a song selects differ from any clips in what people would notice?
+"""Do the clips that a song selects differ from other clips in properties that people would notice?
 
     python research/style_selection.py dance-with-melody/ rep.h5 [more.h5] \\
         --only research/dance_with_melody_held_out.txt
 
-Every second of a song that the repertoire did not hear selects its nearest clips: by style alone, by style,
-energy and density of steps (as a dance does), and at random. Printed for as many clips as a dance takes (512)
-and for 50: the share of the song's genre; and over the seconds of a song, how the size and the steps of the
-selected clips, ranked in their genres, follow the music (Spearman's correlation, mean of the songs). None of
-the rulers selects: size is the volume of the convex hull times the speed relative to the pelvis, steps are
-peaks of the ankles' speed, loudness is the RMS of the samples, and onsets are librosa's. Last, how many of
-the clips of two sections of one song are the same.
+Every second of a song that the repertoire was built without selects its nearest clips: by style alone, by
+style, energy and density of steps (as a dance does), and at random. For the number of clips of a dance (512)
+and for 50, the script prints the share of the genre of the song. Over the seconds of a song, it prints how
+the size and the steps of the selected clips, ranked in their genres, follow the music (Spearman's
+correlation, mean of the songs).
+
+None of the measures is used for selection. Size is the volume of the convex hull times the speed relative to
+the pelvis, steps are peaks of the speed of the ankles, loudness is the RMS of the samples, and onsets are
+those of librosa. The last number is the share of the clips of two sections of one song that are the same.
 """
 
 from __future__ import annotations

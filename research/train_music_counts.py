@@ -5,11 +5,11 @@
     python research/train_music_counts.py songs/ -o research.npz --start clean.npz \\
         --real dance-with-melody/ --choreographies choreonet/choreographies.json [--fold 0]
 
-Songs are those of `content.songs.training_songs`; their log-mel is kept in the folder `songs/`,
-where a second training finds it. Without a genre are also left out the songs that have its drums.
+Songs are those of `content.songs.training_songs`. Their log-mel spectrograms are kept in the folder `songs/`,
+where a second training finds them. If a genre is left out, so are the songs with its drums.
 
-Of real songs are heard those whose beats two trackers agree on (F of 0.9 at 70 ms) at the tempo that their
-choreography counts, and whose metre is tracked as their genre has it. Their labels are the first tracker's.
+Real songs are used if two trackers agree on their beats (F-score of 0.9 at 70 ms) at the tempo of their
+choreography, and if their tracked metre is that of their genre. Their labels are those of the first tracker.
 `--fold N` leaves out every third real song from the N-th on, for cross-validation.
 """
 

@@ -1,15 +1,18 @@
-"""Train what the rollout network is compared with: it without one of its conditions, losses or augmentations.
+"""Trains rollout networks without one of their conditions, losses or augmentations.
 
     python research/train_rollout_ablations.py TAKES REPERTOIRE… -o FOLDER
 
-Each REPERTOIRE was built with `--rollout` from TAKES: dance-with-melody, say, or the takes of `make starter`
-(build/starter/takes). Its ablations are trained on the same takes, with its preset and seed, and written to
-FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as the network itself,
-or as `--steps` says: compare then with `as-built`, which has all of it. `as-built` and all that are named
-after what they lack learn from the takes alone (`--set rollout_teacher=false`); `graph-dances-too` from
-graph dances to their songs, too, and `synthesised-songs-too` from those to synthesised ones as well, as with
-`build-db --rollout`; `counts-at-accents` has words, and beats of the music, where the motion's accents lie
-beside the counts. After a stop, the same command continues.
+Each REPERTOIRE was built with `--rollout` from TAKES, for example dance-with-melody, or the takes of `make
+starter` (build/starter/takes). Its ablations are trained on the same takes, with its preset and seed, and
+written to FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Each takes as long as the
+network itself, or as many steps as `--steps` gives. With `--steps`, compare them with `as-built`, which lacks
+nothing.
+
+`as-built` and all that are named after what they lack are trained on the takes alone (`--set
+rollout_teacher=false`). `graph-dances-too` is trained on graph dances to their songs as well, and
+`synthesised-songs-too` also on those to synthesised songs, as with `build-db --rollout`. `counts-at-accents`
+has words, and beats of the music, at the accents of the motion instead of the counts. After a stop, the same
+command continues.
 """
 
 from __future__ import annotations

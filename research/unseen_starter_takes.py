@@ -1,10 +1,10 @@
-"""Takes and songs that the built-in repertoire has never seen, one a genre, with their true beats.
+"""Takes and songs that are not in the built-in repertoire, one for each genre, with their true beats.
 
     python research/unseen_starter_takes.py FOLDER
     python research/paper_tables.py FOLDER R R R -o results.md --only FOLDER/names.txt --beats FOLDER
 
-R is `choreograph/library/shipped/starter.h5`, as often as there shall be seeds. The dances are made by what
-makes the built-in takes, from seeds beyond theirs: "real" in the tables is what the starter imitates.
+R is `choreograph/library/shipped/starter.h5`, once for each seed. The dances are made as the built-in takes
+are, from seeds beyond theirs. "real" in the tables are dances of the generator itself.
 """
 
 from __future__ import annotations

@@ -1,23 +1,23 @@
-"""How takes whose counts only a network reads are best laid on a song: by densities, curves, or counts?
+"""Three ways to align takes with estimated counts with a song: densities, phase curves and counts.
 
     python research/warping_experiment.py path/to/dance-with-melody path/to/choreonet --work FOLDER \\
         [--seeds 0 1 2] [--densities l0.h5 l1.h5 l2.h5]
 
-Real takes, their counts withheld, are read by networks that know less and less of them, as
-`research/doubtful_counts.py` says. Clips of 8 s of such takes are laid on songs, none on its take's
-own. Of a few dozen, those with the best fit are judged by their true counts, which should lie within 0.15
-beat of a beat, and count 1 of a downbeat.
+The true counts of real takes are withheld. They are estimated by networks that were trained on less and less
+of them, as in `research/doubtful_counts.py`. Clips of 8 s of such takes are aligned with songs other than
+their own. Of a few dozen, those with the best fit are compared with their true counts, which should lie
+within 0.15 beat of a beat, and count 1 of a downbeat.
 
 - tempo-densities, analytic and learned (`--densities`: a repertoire with both networks for each seed), and
-  analytic ones with motion beats drawn onto music beats, as dances without counts are
-- the DTW of phase curves: cos and sin of the song's phase in the beat, or in beat and bar, to the motion's
-  as the network reads them, each vector as long as its mean resultant (0 where nothing is known); squared
-  differences, the bar's weighted. Steps as in `choreograph.choreography.graph.warping`; paths smoothed at
-  each stiffness
-- counts decoded from the same curves, laid count by count: any of the clips, and those that fit best
+  analytic ones with motion beats moved to music beats, as in dances without counts
+- the DTW of phase curves: cosine and sine of the phase of the song in the beat, or in beat and bar, against
+  those that the network estimates. Each vector is as long as its mean resultant (0 if nothing is known). The
+  cost is the squared difference, with a weight for the bar. Steps are those of
+  `choreograph.choreography.graph.warping`, and paths are smoothed at each stiffness
+- counts decoded from the same curves, placed count by count: any of the clips, and those that fit best
 
-A fit is the mean squared difference along the map, and is given over its chance level: that of the best clips
-for another song, whose counts are at chance, too. `constant`: curves that say the same at every frame.
+A fit is the mean squared difference along the map, divided by its chance level: that of the best clips for
+another song, whose counts are at chance, too. `constant` means curves that are equal at every frame.
 """
 
 from __future__ import annotations

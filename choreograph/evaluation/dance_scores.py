@@ -44,11 +44,11 @@ from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.song import Song
 from choreograph.pipeline.arguments import as_repertoire, as_song
 
-# The counts of a dance as a network reads them from its motion alone.
+# The counts of a dance as a network estimates them from its motion alone.
 #
-# Of a dance made of takes the counts are known (`danced_counts`); of one that a network generated they are
-# not. The reader hears no music, so that it cannot hear the beats it is held against; but where it errs in
-# the experts' own dances, it errs here, too: read a dance's share beside that of real ones.
+# The counts of a dance made of takes are known (`danced_counts`). Those of a generated dance are not. The
+# network that estimates them has no music as input, so that the estimate does not depend on the beats it is
+# compared with. It makes errors in the dances of experts, too, so compare with the share of real dances.
 
 
 _NAMES = {"counts_within": "counts_read_within", "downbeat_share": "downbeat_share_read"}
@@ -56,14 +56,14 @@ _SHORTEST_S = 4.0  # of a motion with counts to be read
 
 
 def read_counts(motion: Motion) -> Counts:
-    """Counts of a motion by the shipped network that knows most dances; none below 4 s."""
+    """Counts of a motion, estimated by the shipped network trained on most dances. None below 4 s."""
     if motion.duration_s < _SHORTEST_S:
         return NO_COUNTS
     return _reader()(body_pos_m(motion.resampled(NET_FPS)))
 
 
 def read_count_scores(motion: Motion, music: SongMusic, rng: np.random.Generator) -> Scores:
-    """The counts read from a motion against the song's beats, at the level that the motion counts at."""
+    """Counts estimated from a motion against the beats of the song, at the metrical level of the motion."""
     read = read_counts(motion)
     scores = count_scores(read, music.counted_as(read), music.duration_s, rng)
     return Scores(
@@ -90,9 +90,9 @@ def dance_scores(
     genre: str = "",
     scorer: MotifScorer | None = None,
 ) -> tuple[Scores, DancedMotifs | None]:
-    """Beats, counts, physics, energy, endings, what the plan tells; motifs and their scores with a scorer.
+    """All scores of a dance, with those of its plan if it has one, and of its motifs with a scorer.
 
-    `genre` is that of the song, where it is known.
+    `genre` is that of the song, if it is known.
     """
     motion, plan = dance.motion, dance.plan
     counts = music.counted_as(dance.counts)

@@ -1,4 +1,4 @@
-"""A dance with its counts and its plan, and the counts of the takes as they lie in it."""
+"""A dance with its counts and its plan, and the counts of its takes in the time of the dance."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from choreograph.plan import Plan
 from choreograph.render.rendering import plan_runs
 from choreograph.render.runs import Run
 
-# The counts and figures of the takes as they come to lie in a dance, by the time maps of its plan.
+# The counts and figures of the takes, placed in a dance by the time maps of its plan.
 
 
 Floats = NDArray[np.float64]
@@ -32,8 +32,8 @@ _BORDERS_WITHIN_S = 1.0  # of a transition: farther borders of figures are anoth
 def danced_counts(plan: Plan, repertoire: Repertoire) -> Counts:
     """The counts of the takes danced with, in seconds of the dance.
 
-    Takes without counts contribute none, nor do held poses (before `opening_s`, after `closing_s`); none are
-    known of motion that a network dances. At a join, where both takes may count the same instant, the
+    Takes without counts contribute none, nor do held poses (before `opening_s`, after `closing_s`). Motion
+    from a network has no counts. At a join, where both takes may count the same instant, the
     incoming take's count is kept. The metre is the longest of the takes' bars, the confidence the mean over
     the counts. Raises `RepertoireError` if the plan names a take that the repertoire does not have.
     """
@@ -69,8 +69,8 @@ def counted_share(plan: Plan, repertoire: Repertoire) -> float:
 def figure_borders_s(plan: Plan, repertoire: Repertoire) -> Floats:
     """Borders of figures near transitions, (F,) seconds of the dance, increasing.
 
-    For each transition, where the outgoing take is, or would be next, at the start or end of a figure, and
-    where the incoming one is or was.
+    They are the nearest starts and ends of figures of the outgoing and of the incoming take of each
+    transition, also those just after the end of the one and before the start of the other.
     """
     borders_s: list[float] = []
     for pair in pairwise(_runs_of(plan)):
@@ -113,7 +113,7 @@ def _map_of(run: Run, from_s: float, to_s: float) -> tuple[Floats, Floats]:
 
 
 def _without_doubles(times_s: Floats, lengths: list[int]) -> NDArray[np.bool_]:
-    """Whether to keep each of the counts (N,) of consecutive runs: not one that the next run counts too."""
+    """Whether to keep each count (N,) of consecutive runs. One that the next run has too is dropped."""
     keep = np.ones(len(times_s), bool)
     for join in np.cumsum(lengths)[:-1]:
         # Counts in the overlap of two runs: later runs take over.
@@ -134,7 +134,7 @@ def _danced(plan: Plan, times_s: Floats) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, eq=False)
 class CountedDance:
-    """A dance from the song's first second on: a variant's, a real take, or an expert's choreography."""
+    """A dance from the first second of the song: of a variant, a real take, or by an expert."""
 
     variant: str  # column of the tables
     song: str  # name of the `EvaluatedSong`, or of another song
@@ -142,7 +142,7 @@ class CountedDance:
     counts: Counts = NO_COUNTS  # its own, in seconds of the dance
     plan: Plan | None = None
     repertoire: Repertoire | None = None  # that the plan's takes are in
-    genre: str = ""  # where it is known
+    genre: str = ""  # if it is known
 
     @classmethod
     def from_plan(

@@ -27,13 +27,13 @@ from choreograph.render.rendering import plan_runs
 
 Floats = NDArray[np.float64]
 
-_SLOWEST, _FASTEST = 0.5, 2.0  # of a warp; ChoreoGraph, section 3.2
+_SLOWEST, _FASTEST = 0.5, 2.0  # of a warp, ChoreoGraph, section 3.2
 
 
 def plan_scores(plan: Plan, repertoire: Repertoire, genre: str = "") -> Scores:
-    """Structure and warping of a plan; empty unless it is made from takes.
+    """Structure and warping of a plan. Empty unless it is made from takes.
 
-    `genre` is that of the song, where it is known.
+    `genre` is that of the song, if it is known.
     """
     if not plan.from_takes:
         return Scores({})
@@ -58,7 +58,7 @@ def plan_scores(plan: Plan, repertoire: Repertoire, genre: str = "") -> Scores:
 
 
 def transition_scores(plan: Plan, repertoire: Repertoire, music: Counts) -> Scores:
-    """How often the takes change and whether at borders of bars and figures; empty unless made from takes.
+    """How often the takes change, and whether at borders of bars and figures. Empty unless made from takes.
 
     Chance is transitions at random instants of the song's beats.
     """
@@ -83,7 +83,7 @@ def time_maps(plan: Plan) -> Floats:
 
 
 def transition_times_s(plan: Plan) -> Floats:
-    """Times in seconds, (B,), at which one run of a take takes over from another; none without takes."""
+    """Times in seconds, (B,), at which one run of a take takes over from another. None without takes."""
     if not plan.from_takes:
         return np.zeros(0)
     return np.array([run.start_s for run in plan_runs(plan)[1:]])
@@ -107,17 +107,17 @@ def playback_speed_scores(time_maps: Floats) -> dict[str, float]:
 # Scores of the motifs in a dance: against its genre's signature and its song's sections.
 
 
-OWN_NETWORK = "own network"  # the one that priced the dances judges them
+OWN_NETWORK = "own network"  # the one that the costs of the dances are from
 _CHANCE_ROUNDS = 100
 _SMOOTHING = 0.01  # share of the transition probability spread over all motifs
 
 
 def scorer_for(repertoire: Repertoire, judge: Repertoire | None = None) -> MotifScorer | None:
-    """A scorer by the judge's vocabulary, or by the repertoire's own; None if that has no vocabulary.
+    """A scorer with the vocabulary of the judge, or with that of the repertoire. None if it has none.
 
-    A search that prices motifs by a word network may fit the network more than the dance, so a judge was
-    trained with another seed. Raises `RepertoireError` if the judge has no vocabulary, `ParameterError` if
-    its word network is the repertoire's.
+    A search with motif costs from a word network may fit the network more than the dance. So a judge is a
+    repertoire whose network was trained with another seed. Raises `RepertoireError` if the judge has no
+    vocabulary, `ParameterError` if its word network is the repertoire's.
     """
     if judge is None:
         return MotifScorer(repertoire) if repertoire.has_vocabulary else None
@@ -196,7 +196,7 @@ class MotifScorer:
         )
 
     def section_scores(self, danced: DancedMotifs, sections: Sections) -> Scores:
-        """Whether sections of the same music are danced with the same motifs; empty without sections."""
+        """Whether sections of the same music are danced with the same motifs. Empty without sections."""
         if len(danced) == 0 or len(sections) == 0:
             return Scores({})
         motifs = structure.motifs_by_section(danced.motifs, danced.start_s, sections.bounds_s)

@@ -76,7 +76,7 @@ def speed_figure(example: ExampleSong) -> Figure:
 
 
 def cost_figure(example: ExampleSong) -> Figure | None:
-    """Stacked weighted costs of every second, one panel per plan; None if no plan has costs."""
+    """Stacked weighted costs of every second, one panel per plan. None if no plan has costs."""
     plans = [(d.variant, d.plan) for d in example.dances if d.plan and any(s.costs for s in d.plan.seconds)]
     if not plans:
         return None
@@ -102,7 +102,7 @@ def cost_figure(example: ExampleSong) -> Figure | None:
 
 
 def slope_figure(evaluation: Evaluation) -> Figure | None:
-    """Histogram of playback speeds over all planned seconds of all dances; None without planned seconds."""
+    """Histogram of playback speeds over all planned seconds of all dances. None without planned seconds."""
     slopes = {}
     for name in evaluation.variants:
         plans = [d.plan for d in dances_of(evaluation.dances, name) if d.plan and d.plan.seconds]
@@ -123,7 +123,7 @@ def slope_figure(evaluation: Evaluation) -> Figure | None:
 
 
 def song_figure(evaluation: Evaluation, metric: str = "f_score") -> Figure | None:
-    """A metric by song, one mark per variant; None for a single song."""
+    """A metric by song, one mark per variant. None for a single song."""
     rows = song_table(evaluation, metric)
     if len(rows) < 2:
         return None
@@ -146,7 +146,7 @@ def song_figure(evaluation: Evaluation, metric: str = "f_score") -> Figure | Non
 
 
 def signature_figure(example: ExampleSong) -> Figure | None:
-    """Shares of the genre's most frequent motifs, one panel per dance; None without a vocabulary."""
+    """Shares of the genre's most frequent motifs, one panel per dance. None without a vocabulary."""
     dances = [d for d in example.dances if d.motifs is not None and len(d.motifs)]
     if example.template is None or not dances:
         return None
@@ -202,7 +202,7 @@ def strips(example: ExampleSong) -> Mapping[str, bytes]:
 
 
 def to_svg(figure: Figure) -> str:
-    """The figure as an <svg> element; text stays text."""
+    """The figure as an <svg> element with its text as text."""
     import matplotlib
 
     buffer = io.StringIO()

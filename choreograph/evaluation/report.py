@@ -8,6 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 from choreograph.core.files import atomic_path, check_target
+from choreograph.core.progress import counted
 from choreograph.evaluation import plots
 from choreograph.evaluation.metric_catalogue import Metric
 from choreograph.evaluation.results import (
@@ -65,10 +66,10 @@ def _facts(evaluation: Evaluation) -> str:
     facts = evaluation.facts
     songs = facts["songs"]
     lines = [
-        f"{len(songs)} {'song' if len(songs) == 1 else 'songs'}: {', '.join(songs)}",
-        f"{facts['seeds']} {'seed' if facts['seeds'] == 1 else 'seeds'}; music beats from {facts['beats']}, "
-        f"second opinion from {facts['second_beats']}",
-        f"Motifs and signatures judged by: {facts['motifs_judged_by']}",
+        f"{counted(len(songs), 'song')}: {', '.join(songs)}",
+        f"{counted(facts['seeds'], 'seed')}",
+        f"Music beats by {facts['beats']}, and by {facts['second_beats']} for comparison",
+        f"Word network of motifs and signatures: {facts['motifs_judged_by']}",
         f"Fréchet distances to {facts['frechet_against']}",
         f"choreograph {facts['choreograph']}",
     ]
@@ -148,7 +149,7 @@ def _figures(evaluation: Evaluation) -> list[str]:
     )
     parts = [
         ("speed", "Speed and beats", f"{song}. Orange lines are music beats. Red dots are motion beats, "
-         "where the body slows down: on beats if its genre rests there.", plots.speed_figure(example)),
+         "where the body slows down.", plots.speed_figure(example)),
         ("costs", "Costs", f"{song}: weighted costs of every second.", plots.cost_figure(example)),
         ("slopes", "Playback speed of the takes", "All songs and seeds.", plots.slope_figure(evaluation)),
         ("signatures", "Motif signatures", f"{song}: the most frequent motifs of the genre.",

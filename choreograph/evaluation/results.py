@@ -61,7 +61,7 @@ class ExampleSong:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Everything that was measured; `formats.tables.tables` summarises it."""
+    """All results of an evaluation. `tables` summarises them."""
 
     facts: Mapping[str, Any]  # what was evaluated and how, for the report and JSON
     variants: Mapping[str, str]  # name -> description, in the order of the tables
@@ -79,7 +79,7 @@ def dances_of(dances: Iterable[MeasuredDance], variant: str) -> list[MeasuredDan
     return [dance for dance in dances if dance.variant == variant]
 
 
-# Summarise an evaluation in tables: one row per metric, one column per variant; and write it as JSON.
+# An evaluation as tables, with one row per metric and one column per variant, and as JSON.
 
 
 FORMAT = "choreograph-evaluation"
@@ -91,14 +91,14 @@ class Cell:
     """A variant's values of one metric, over songs and seeds."""
 
     mean: float
-    spread: float  # standard deviation; 0 for a single value
+    spread: float  # standard deviation, 0 for a single value
     n: int
     chance: float | None = None  # mean chance level
 
 
 @dataclass(frozen=True)
 class Row:
-    """One metric over the columns of a table; None where it does not apply."""
+    """One metric over the columns of a table. A cell is None where it does not apply."""
 
     metric: Metric
     cells: tuple[Cell | None, ...]
@@ -115,7 +115,7 @@ class Table:
 
 
 def tables(evaluation: Evaluation) -> tuple[Table, ...]:
-    """One table for each family that was measured; variants first, then real dances and takes."""
+    """One table for each family that was measured. Variants come first, then real dances and takes."""
     result = []
     for family, caption in CAPTIONS.items():
         dances = evaluation.sets if family == "sets" else evaluation.dances
@@ -158,13 +158,13 @@ def _cell(metric: str, dances: Sequence[MeasuredDance]) -> Cell | None:
 
 
 def _values(metric: str, dances: Sequence[MeasuredDance]) -> list[float]:
-    """All finite values; a dance without motion beats, for example, has no beat distance."""
+    """All finite values. A dance without motion beats, for example, has no beat distance."""
     values = [d.scores.values[metric] for d in dances if metric in d.scores.values]
     return [value for value in values if math.isfinite(value)]
 
 
 def to_json(evaluation: Evaluation) -> str:
-    """The evaluation as JSON text after `data_schema/evaluation.schema.json`; nan becomes null."""
+    """The evaluation as JSON text by `data_schema/evaluation.schema.json`. nan becomes null."""
     data = {
         "format": FORMAT,
         "version": VERSION,
@@ -204,7 +204,7 @@ def _finite(value: float) -> float | None:
 
 
 def number_text(value: float, digits: int) -> str:
-    """A number as displayed in tables; the published FID explodes to fifteen digits on constant features."""
+    """A number as displayed in tables. The published FID has fifteen digits if a feature is constant."""
     return f"{value:.1e}" if abs(value) >= 1e6 else f"{value:.{digits}f}"
 
 

@@ -83,18 +83,18 @@ def evaluate_variants(
 ) -> Evaluation:
     """Dance to held-out songs in every variant with every seed, and measure all dances and the real ones.
 
-    `references` are measured beside them: experts' dances to the same songs, say. Those to other songs only
-    show where in the counts dancers of their genre come to rest. `judge` is a repertoire
-    built with another seed: motifs and signatures are then those of its vocabulary, by its word network,
-    which priced none of the dances. Dances that `kept` holds are not made again, and those that are made are
-    kept there, so that a stopped evaluation can go on.
+    `references` are measured as well, for example dances of experts to the same songs. Those to other songs
+    only serve to measure where in the counts dancers of their genre come to rest. `judge` is a repertoire
+    built with another seed. Motifs and signatures are then those of its vocabulary, by its word network,
+    which no cost of the dances is from. Dances that `kept` holds are not made again, and new ones are kept
+    there, so that a stopped evaluation can be resumed.
 
     Raises
     ------
     ParameterError    the repertoire or the judge was built from a song, the judge has the repertoire's own
                       word network, or beats or settings cannot be used
     FormatError       a song cannot be read
-    RepertoireError   the repertoire lacks something that a variant needs: known before the first dance
+    RepertoireError   the repertoire lacks something that a variant needs. It is raised before the first dance
     """
     config = config or EvaluationConfig()
     for variant in config.variants:
@@ -109,7 +109,7 @@ def evaluate_variants(
 
 
 class _Run:
-    """The state of an evaluation while it goes from song to song."""
+    """The state of a running evaluation."""
 
     def __init__(
         self,
@@ -140,7 +140,7 @@ class _Run:
         return range(first, first + (self.config.seeds if variant.seeded else 1))
 
     def _real_dances(self) -> tuple[RealDances | None, str]:
-        """The dances that poses are compared with: real takes to other songs, or the repertoire's takes."""
+        """The real dances to compare poses with: real takes to other songs, or those of the repertoire."""
         self.report("measuring real dances", 0, 0)
         takes = [(song.take.motion, song.song_name) for song in self.songs if song.take is not None]
         description = "the real takes to the other songs"
@@ -188,7 +188,7 @@ class _Run:
             self.example = ExampleSong(song.name, beats_s, tuple(examples), template)
 
     def _dance(self, song: EvaluatedSong, loaded: Song, variant: Variant, seed: int) -> Dance:
-        """A variant's dance to a song: as it was kept, or made now and kept."""
+        """The dance of a variant to a song, which was kept or is made and kept."""
         known = None if self.kept is None else self.kept.find(song, variant, seed, self.repertoire)
         if known is not None:
             return known
@@ -211,7 +211,7 @@ class _Run:
         return ExampleDance(dance.variant, motion, dance.plan, motifs)
 
     def evaluation(self) -> Evaluation:
-        """The results, with the scores that need all dances: labels, sets, and the takes danced with."""
+        """The results, with the scores that need all dances: labels, sets, and takes."""
         experts = self._expert_phases()
         rng = np.random.default_rng(0)
         dances = [
@@ -222,7 +222,7 @@ class _Run:
         takes = self._take_scores()
         variants = {v.name: v.description for v in self.config.variants}
         for reference in self.references:
-            variants.setdefault(reference.variant, "experts' choreography, laid on the beats count by count")
+            variants.setdefault(reference.variant, "choreographies of experts, placed on the beats")
         if any(d.variant == REAL for d in dances):
             variants[REAL] = "the real takes to these songs as recorded, synchronised with them or not"
         if takes:
@@ -258,7 +258,7 @@ class _Run:
         ]
 
     def _expert_phases(self) -> list[DancedPhases]:
-        """Phases of the experts' motion beats, or without experts of the real takes'."""
+        """Phases of the motion beats of the experts, or of the real takes without experts."""
         reference = EXPERT if any(r.variant == EXPERT for r in self.references) else REAL
         experts = [d.phases for d in dances_of(self.dances, reference) if d.phases is not None]
         evaluated = {song.name for song in self.songs}
@@ -282,7 +282,7 @@ class _Run:
         return [*sets, MeasuredDance(REAL, "", 0, Scores(halves))]
 
     def _take_scores(self) -> list[MeasuredDance]:
-        """Physics of the takes in the first variant's dances, by song, weighted by their duration there."""
+        """Physics of the takes in the dances of the first variant, by song, weighted by duration."""
         plans: dict[str, list[Plan]] = {}
         for dance in dances_of(self.dances, self.config.variants[0].name):
             if dance.plan is not None:

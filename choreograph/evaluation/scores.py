@@ -1,4 +1,4 @@
-"""`Scores`: metric values by name; the scores of one motion and its music."""
+"""`Scores`, which are metric values by name, and the scores of a motion and its music."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def split_chance(metrics: Mapping[str, float]) -> Scores:
 
 
 def weighted_mean(values: Mapping[str, Mapping[str, float]], weights: Mapping[str, float]) -> Scores:
-    """Means by metric over the items that have a weight; a value that is not finite is left out."""
+    """Means by metric over the items that have a weight. Values that are not finite are left out."""
     names = {name for item in weights for name in values[item]}
     means = {}
     for name in sorted(names):
@@ -76,10 +76,11 @@ _OF_KINEMATIC_BEATS = {"aligned_share": beat.aligned_share, "beat_ratio": beat.b
 
 
 def beat_scores(motion: Motion, music_beats_s: Floats, rng: np.random.Generator) -> Scores:
-    """Beat metrics of a motion against music beats (Q,); beats after the end of the motion are left out.
+    """Beat metrics of a motion against music beats (Q,). Beats after the end of the motion are left out.
 
-    Positions go to the detectors at the motion's own rate, and are resampled there by splines: rotations
-    interpolated between frames repeat each speed, and two equal speeds are no minimum to some detectors.
+    The detectors get positions at the rate of the motion, and resample them by splines. Rotations
+    interpolated between frames would repeat each speed, and two equal speeds are no minimum for some
+    detectors.
 
     Raises `ParameterError` if beats do not increase or the rig's joint names are unknown.
     """
@@ -125,7 +126,7 @@ def second_opinion_scores(motion: Motion, danced: Counts, music_beats_s: Floats)
 
 
 def count_scores(danced: Counts, music: Counts, duration_s: float, rng: np.random.Generator) -> Scores:
-    """A dance's counts against the song's beats; what is not known (counts, bars) is left out."""
+    """The counts of a dance against the beats of the song, without scores that are not known."""
     if len(danced) == 0 or len(music) < 2:
         return Scores({})
     pair = (danced.times_s, danced.numbers, music.times_s, music.numbers)
@@ -147,7 +148,7 @@ def ending_scores(motion: Motion, music: Counts) -> Scores:
 def energy_scores(
     motion: Motion, danced_s: tuple[float, float], section_bounds_s: Floats, loudness_db: Floats
 ) -> Scores:
-    """Motion size against loudness (S,) over a song's sections; empty for songs that do not tell."""
+    """Motion size against loudness (S,) over the sections. Empty for songs that cannot be measured."""
     given = (body_pos_m(motion), motion.fps, danced_s, section_bounds_s, loudness_db)
     values = energy_response.evaluate(*given)
     known = {name: value for name, value in values.items() if np.isfinite(value)}
@@ -156,7 +157,7 @@ def energy_scores(
 
 
 def physical_scores(motion: Motion, boundary_times_s: Sequence[float] | Floats = ()) -> Scores:
-    """Feet, floor, jerk, jumps, bones; speed and jerk at transitions if `boundary_times_s` are given."""
+    """Scores of feet, floor, jerk, jumps and bones, and of transitions if `boundary_times_s` are given."""
     # Jumps at the motion's own rate, since resampling it by slerp makes corners.
     jumps_per_minute = physical.jumps_per_minute(body_pos_m(motion), motion.fps)
     motion = motion.resampled(STORE_FPS)
@@ -172,7 +173,7 @@ def dance_label_values(motion: Motion) -> Floats:
 
 
 def label_scores(scale: labels.LabelScale, dance_values: Floats, music_values: Floats) -> Scores:
-    """Label distances over the windows that dance and music share; empty if there are none."""
+    """Label distances over the windows that dance and music share. Empty if there are none."""
     n = min(len(dance_values), len(music_values))
     if n == 0:
         return Scores({})
@@ -207,7 +208,7 @@ class DancedPhases:
 
 
 def danced_phases(motion: Motion, music_beats_s: Floats, genre: str, song: str) -> DancedPhases:
-    """Phases of a motion's beats; `genre` and `song` are those of the song."""
+    """Phases of the beats of a motion. `genre` and `song` are those of the song."""
     motion_beats_s = our_beats_s(body_pos_m(motion), motion.fps)
     return DancedPhases(genre, song, count_phase.phases(motion_beats_s, music_beats_s))
 
@@ -235,13 +236,13 @@ _HALVINGS = 5
 
 
 class RealDances:
-    """Real dances to compare with. Each belongs to a song; a dance is never compared with its own song's."""
+    """Real dances to compare with. A dance is never compared with those to its own song."""
 
     def __init__(self, motions: Sequence[Motion], songs: Sequence[str], *, like: Motion) -> None:
         """`like` has the rig of the dances to compare. Raises `ParameterError` if rigs do not match.
 
-        Rotations on bodies of other proportions, or of other rest poses, differ where poses do not: all
-        motions are brought to that rig first.
+        Equal poses of bodies of other proportions or rest poses have other rotations, so all motions are
+        retargeted to that rig first.
         """
         self.songs = tuple(songs)
         self._skeleton = like.skeleton
@@ -256,7 +257,7 @@ class RealDances:
         return frechet.poses_rad(motion, self._roles)
 
     def scores(self, motion: Motion, song: str, rng: np.random.Generator) -> Scores:
-        """FPD and FMD of a dance to the real dances to other songs; empty if the dance is too short.
+        """FPD and FMD of a dance to the real dances to other songs. Empty if the dance is too short.
 
         Chance is a body frozen in a random pose of the dance.
         """
@@ -294,7 +295,7 @@ class FeatureRows:
 
     @classmethod
     def from_motion(cls, motion: Motion, real: RealDances | None) -> FeatureRows:
-        """Features of each 20 s of a motion; `ParameterError` if its rig's joint names are unknown."""
+        """Features of each 20 s of a motion. `ParameterError` if the joint names of its rig are unknown."""
         return cls(
             fid.features_of([motion], variant="corrected"),
             fid.features_of([motion], variant="published"),
@@ -303,7 +304,7 @@ class FeatureRows:
 
 
 def set_scores(dances: Sequence[FeatureRows], real: Sequence[FeatureRows]) -> dict[str, float]:
-    """FID and diversity of a set of dances by name, if both sides have two pieces; pooled FPD and FMD."""
+    """Pooled FPD and FMD of a set of dances by name, and FID and diversity if both sides have two pieces."""
     scores: dict[str, float] = {}
     for variant, suffix in (("corrected", ""), ("published", "_published")):
         ours, theirs = (_pooled([getattr(rows, variant) for rows in side]) for side in (dances, real))

@@ -26,7 +26,7 @@ from choreograph.music.metrical_level import choose_level, metrical_levels, temp
 from choreograph.music.sections import Sections, song_sections
 from choreograph.music.song import Song, load_song
 
-# The songs of an evaluation: the audio files in a folder, with the real takes to them if there are any.
+# The songs of an evaluation are the audio files in a folder, with the real takes to them if there are any.
 
 
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a", ".opus", ".aac", ".aif", ".aiff")
@@ -49,11 +49,11 @@ class EvaluatedSong:
 
     @property
     def genre(self) -> str:
-        """The genre of the real dance; empty if there is none."""
+        """The genre of the real dance. Empty if there is none."""
         return self.take.credits.genre if self.take is not None else ""
 
     def load(self) -> Song:
-        """Load the samples; raises as `load_song` does."""
+        """Load the samples. Raises as `load_song` does."""
         return load_song(self.path, start_s=self.start_s, duration_s=self.duration_s)
 
 
@@ -135,7 +135,7 @@ def beats_of(song: Song, beats: str | Path) -> Counts:
     return song_counts(song, log_mel(song.samples), beats)
 
 
-# What dances to a song are measured against: its beats in bars, a second tracker's beats, its sections.
+# Dances to a song are compared with its beats in bars, the beats of a second tracker, and its sections.
 
 
 Floats = NDArray[np.float64]
@@ -147,7 +147,7 @@ SECOND_TRACKER = "librosa"
 class SongMusic:
     """The music of a song as dances are measured against it."""
 
-    levels: tuple[Counts, ...]  # its beats in bars: as tracked, then at half and double tempo where that fits
+    levels: tuple[Counts, ...]  # its beats in bars, as tracked, then at half and double tempo if that fits
     second_beats_s: Floats  # (Q',) by another tracker
     sections: Sections
     section_loudness_db: Floats  # (S,)
@@ -159,9 +159,9 @@ class SongMusic:
         return self.levels[0].times_s
 
     def counted_as(self, danced: Counts) -> Counts:
-        """The beats at the level that a dance counts at; as tracked if its counts are not known.
+        """The beats at the metrical level of the counts of a dance, or as tracked if those are not known.
 
-        Both levels are in the music, and dancing at the other one is no error.
+        Both levels are in the music, so dancing at the other one is no error.
         """
         if len(danced) < 2 or len(self.levels) == 1:
             return self.levels[0]
@@ -170,14 +170,14 @@ class SongMusic:
 
 
 def second_tracker(beats: str | Path) -> str:
-    """The tracker of the second opinion: librosa, or the default one if librosa gives the first."""
+    """The second tracker: librosa, or the default one if librosa is the first."""
     return DEFAULT_TRACKER if str(beats) == SECOND_TRACKER else SECOND_TRACKER
 
 
 def song_music(song: Song, beats: str | Path) -> SongMusic:
-    """Beats by a tracker's name or from a file, as `beats_of` takes them, and the rest. Raises as it does.
+    """The music of a song, with beats from a tracker or a file as in `beats_of`. Raises as it does.
 
-    The beats of a file are danced to at their own level.
+    The beats of a file are used at their own metrical level only.
     """
     counts = beats_of(song, beats)
     mel = log_mel(song.samples)  # (T, 96)
@@ -195,11 +195,11 @@ def song_music(song: Song, beats: str | Path) -> SongMusic:
 
 
 def read_experts(folder: str | Path, songs: Sequence[EvaluatedSong]) -> list[CountedDance]:
-    """The dances in a folder, each from the first second of its song's danced part on.
+    """The dances in a folder, each from the first danced second of its song.
 
-    `folder` is in any layout of takes: SONG.bvh with SONG.counts.csv, and genres in manifest.csv, say. Dances
-    to evaluated songs are cut to their length; those to other songs serve as references of their genre.
-    Raises `ParameterError` if none is to an evaluated song, `FormatError` if a file is damaged.
+    `folder` is in any layout of takes, for example SONG.bvh with SONG.counts.csv, and genres in manifest.csv.
+    Dances to evaluated songs are cut to their length. Those to other songs serve as references of their
+    genre. Raises `ParameterError` if none is to an evaluated song, `FormatError` if a file is damaged.
     """
     by_name = {song.name: song for song in songs}
     dances = []

@@ -38,18 +38,18 @@ from choreograph.view.page_data import (
 )
 from choreograph.view.sound import encode_mp4, song_part
 
-# What a study asks: about each dance, as in ChoreoGraph, and about pairs, as in Rhythm is a Dancer.
+# The questions of a study: about each dance, as in ChoreoGraph, and about pairs, as in Rhythm is a Dancer.
 #
 # In ChoreoGraph, section 4.4, 20 judges rated 10 dances of 6 s from each of four systems, from 0 to 5, by
 # variation, naturalness, style match and rhythm alignment. We differ in one point: variation is rated for
 # each dance, because raters who see mixed, unnamed variants cannot compare the dances of one system with each
-# other. Without sound, only the first two questions are used; the others are about the music.
+# other. Without sound, only the first two questions are used, because the others are about the music.
 #
 # In Rhythm is a Dancer, section 5.3, 45 observers saw pairs of clips and chose the one that represents the
-# genre better, and marked single clips as recorded or generated. Here both are asked about pairs: of two
-# dances to one song, which is more salsa, and which was made by a computer. A forced choice has a known
-# chance level, 0.5, whatever a rater's readiness to say "real". The paper played no music while it asked
-# about realism: for that, write the study without sound.
+# genre better, and marked single clips as recorded or generated. Here both questions are about pairs: which
+# of two dances to one song is more salsa, and which was made by a computer. A forced choice has a known
+# chance level of 0.5, however often a rater answers "real". The paper played no music with the question
+# about realism. To do the same, write the study without sound.
 
 
 ASKED = ("ratings", "pairs", "both")
@@ -72,7 +72,7 @@ class PairQuestion:
 
     id: str
     title: str
-    text: str  # with {genre}, it is asked where the genre is known
+    text: str  # a question with {genre} is used if the genre is known
 
 
 QUESTIONS = (
@@ -94,7 +94,7 @@ PAIR_QUESTIONS = (
 
 
 def pair_questions(genre: str) -> list[dict[str, str]]:
-    """The questions about a pair of dances of a genre, as the page shows them; "" is no genre."""
+    """The questions about a pair of dances of a genre, as the page shows them. "" is no genre."""
     return [
         {"id": q.id, "title": q.title, "text": q.text.format(genre=genre)}
         for q in PAIR_QUESTIONS
@@ -134,12 +134,9 @@ def mixed_order(songs: Sequence[str], rng: np.random.Generator) -> NDArray[np.in
 
 # A study: a blinded web page on which people rate dances of several variants, or compare two at a time.
 #
-# What is asked stands in `study_questions`: four questions of ChoreoGraph about each dance, and two of Rhythm
-# is a Dancer about each pair of dances to one song.
-#
 # `write_study` writes two files to a folder. `study.html` is all that a rater gets: an offline page for any
 # browser that plays the dances with the preview's player and saves the answers as a small file. It contains
-# no name of a variant, song or take, and nothing of a plan; all dances have the same body and frame rate.
+# no name of a variant, song or take, and nothing of a plan. All dances have the same body and frame rate.
 # `key.json` holds the mapping from dances to variants and stays with whoever runs the study.
 # `study_results.read_study` reads the key and the raters' files.
 
@@ -183,15 +180,15 @@ def write_study(
     ----------
     dances : by variant, at least one each. Ratings are compared pairwise where variants share a song: the
         n-th dance of one variant to the song with the n-th of the other
-    folder : for the two files; created if its parent exists
+    folder : for the two files, created if its parent exists
     seed : of the order of the dances, in which the same song is not used twice in a row if possible
     sound : whether to play the songs and to ask the questions about music
-    excerpt_s : seconds from the middle of each dance (6 in the paper); the whole dance if None
+    excerpt_s : seconds from the middle of each dance (6 in the paper), or the whole dance if None
     ask : "ratings" of each dance, "pairs" to compare, or "both". Pairs are the n-th dances of two variants to
-        a song, every two variants; the first of a pair is drawn
+        a song, for every two variants. Which one is shown first is random
 
     The same dances and seed give the same bytes. Raters cannot recognise a variant by its body, frame rate or
-    length: dances on different skeletons are retargeted to the canonical one, all play at 60 fps, and dances
+    length. Dances on different skeletons are retargeted to the canonical one, all play at 60 fps, and dances
     to the same song are cut to the shortest.
 
     Raises
@@ -279,7 +276,7 @@ def _shuffled(
 
 
 def _excerpts(dances: Sequence[StudyDance], excerpt_s: float | None) -> list[StudyDance]:
-    """The middle of every dance at one rate; dances to the same part of a song are cut to the shortest."""
+    """The middle of every dance at one rate. Dances to the same part of a song are cut to the shortest."""
     if excerpt_s is not None and not (np.isfinite(excerpt_s) and excerpt_s >= 1.0):
         raise ParameterError(f"expected an excerpt of 1 s or more, got {excerpt_s:g} s")
     motions = [dance.motion.resampled(_FPS) for dance in dances]
@@ -370,9 +367,9 @@ def make_study_dances(
     seen: bool = False,
     report: ProgressReport | None = None,
 ) -> dict[str, list[StudyDance]]:
-    """Dances to every song by variant, with seed 0; songs with a real dance add the variant `REAL`.
+    """Dances to every song by variant, with seed 0. Songs with a real dance add the variant `REAL`.
 
-    Raises as `evaluate` does: `ParameterError` if the repertoire was built from a song, unless `seen`.
+    Raises as `evaluate` does, and `ParameterError` if the repertoire was built from a song, unless `seen`.
     """
     if not seen:
         check_unseen(songs, repertoire)

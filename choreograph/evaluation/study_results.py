@@ -1,4 +1,4 @@
-"""Results of a study: the raters' files checked against its key; ratings, preferences and intervals."""
+"""Results of a study: ratings, preferences and intervals from its key and the files of the raters."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Answers = dict[str, dict[str, dict[str, int | str]]]
 
 @dataclass(frozen=True)
 class DanceEntry:
-    """What the raters were not told of a dance."""
+    """What the page does not show of a dance."""
 
     variant: str
     item: tuple[str, int]  # song, and number among the variant's dances to it
@@ -41,7 +41,7 @@ class DanceEntry:
 
 @dataclass(frozen=True)
 class PairEntry:
-    """A pair of dances, and what was asked about it."""
+    """A pair of dances and its questions."""
 
     dances: tuple[str, ...]  # two
     questions: tuple[str, ...]
@@ -63,7 +63,7 @@ class StudyKey:
 
 
 def read_key(path: Path) -> StudyKey:
-    """The key of a study; `FormatError` if it is missing or damaged."""
+    """The key of a study. `FormatError` if it is missing or damaged."""
     data = _read_json(path, "the key of a rating study")
     _check_format(path, data, KEY_FORMAT, "make the study anew with `choreograph study write`")
     questions, dances, study = data.get("questions"), data.get("dances"), data.get("study")
@@ -90,7 +90,7 @@ def read_key(path: Path) -> StudyKey:
 
 
 def _check_format(path: Path, data: Mapping[str, Any], expected: str, cure: str) -> None:
-    """`FormatError` unless a file is of a format in this version; it says how to make the file anew."""
+    """`FormatError` unless a file is of a format in this version. `cure` is how to make the file again."""
     if data.get("format") != expected:
         raise FormatError(f"{path}: expected a {expected}, got something else")
     version = data.get("version")
@@ -135,7 +135,7 @@ def read_ratings(folder: Path, key: StudyKey) -> Answers:
             last[rating["rater_id"]] = rating
     if not any(given for rating in last.values() for given in rating["answers"].values()):
         raise FormatError(
-            f"{folder}: expected answers in raters' files (rating-….json) next to {KEY_NAME}, got none"
+            f"{folder}: expected answers in files of raters (rating-*.json) next to {KEY_NAME}, got none"
         )
     return {rater: rating["answers"] for rater, rating in last.items()}
 
@@ -190,22 +190,22 @@ def _is_whole(value: Any) -> bool:
 # Results of a study: ratings, preferences, intervals and differences from its key and the raters' files.
 #
 # Intervals are percentiles of a bootstrap that draws both raters and songs with replacement and weights a
-# rating by how often its rater and its song were drawn (Owen 2007, "The pigeonhole bootstrap"). So they cover
-# other raters and other songs, not only other raters of these songs. With few raters or songs they are too
-# narrow; counts are reported with them. A preference is the share of a pair's answers that chose one of its
-# variants; by chance, half. Differences are between the ratings that one rater gave to two
-# variants' dances to the same song, so a rater's generosity cancels out. Intervals are not corrected for
-# multiple comparisons.
+# rating by how often its rater and its song were drawn (Owen 2007, "The pigeonhole bootstrap"). So they
+# cover other raters and other songs, not only other raters of these songs. With few raters or songs they
+# are too narrow, so counts are reported with them. A preference is the share of the answers about a pair
+# that chose one of its variants. It is 0.5 by chance. Differences are between the ratings that one rater
+# gave to the dances of two variants to the same song, so the generosity of a rater cancels out. Intervals
+# are not corrected for multiple comparisons.
 
 
 _RESAMPLES = 4000
 
-Points = NDArray[np.float64]  # (R, N) by rater and dance or pair to a song; nan without an answer
+Points = NDArray[np.float64]  # (R, N) by rater and dance or pair to a song, nan without an answer
 
 
 @dataclass(frozen=True)
 class Score:
-    """A variant's mean rating on a question; no interval with fewer than two raters and songs."""
+    """Mean rating of a variant on a question. There is no interval with fewer than two raters and songs."""
 
     variant: str
     question: str
@@ -240,7 +240,7 @@ class Preference:
     variant: str
     other: str
     question: str
-    share: float  # 0 to 1; 0.5 by chance
+    share: float  # 0 to 1, 0.5 by chance
     low: float | None  # end of the 95 % interval
     high: float | None
     n_answers: int
@@ -340,7 +340,7 @@ class _Bootstrap:
 
     @classmethod
     def from_rng(cls, rng: np.random.Generator, n_raters: int, songs: NDArray[np.integer]) -> _Bootstrap:
-        """Draw raters and songs with replacement; `songs` (N,) is the index of each item's song."""
+        """Draw raters and songs with replacement. `songs` (N,) is the index of the song of each item."""
         n_songs = int(songs.max()) + 1
         raters = rng.multinomial(n_raters, np.full(n_raters, 1 / n_raters), size=_RESAMPLES)
         drawn_songs = rng.multinomial(n_songs, np.full(n_songs, 1 / n_songs), size=_RESAMPLES)

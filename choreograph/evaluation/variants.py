@@ -40,7 +40,7 @@ class Variant:
     config: DanceConfig = field(default_factory=DanceConfig)
     seeded: bool = True  # whether the dance depends on the seed
     random_clips: bool = False
-    method: str = ""  # what the provenance of its repertoires begins with; "": any
+    method: str = ""  # the provenance of its repertoires begins with this, "" for any
 
 
 VARIANTS: dict[str, Variant] = {
@@ -76,7 +76,7 @@ def variants_named(
     variants: Mapping[str, Variant] = VARIANTS,
     groups: Mapping[str, tuple[str, ...]] = GROUPS,
 ) -> tuple[Variant, ...]:
-    """The variants with these names or in these groups, each once; `ParameterError` for an unknown name."""
+    """The variants with these names or in these groups, each once. `ParameterError` for an unknown name."""
     chosen: dict[str, Variant] = {}
     for name in names:
         if name not in groups and name not in variants:
@@ -105,7 +105,7 @@ def check_variant(variant: Variant, repertoire: Repertoire) -> None:
 
 
 def dance_variant(variant: Variant, song: Song, repertoire: Repertoire, *, seed: int = 0) -> Dance:
-    """The variant's dance to a song; raises as `dance` and `check_variant` do."""
+    """The dance of the variant to a song. Raises as `dance` and `check_variant` do."""
     check_variant(variant, repertoire)
     config = replace(variant.config, seed=seed)
     if not variant.random_clips:
@@ -139,12 +139,12 @@ def _random_plan(song: Song, repertoire: Repertoire, config: DanceConfig) -> Pla
     )  # fmt: skip
 
 
-# Dances of an evaluation, kept until it is complete: one that was stopped goes on where it was.
+# Dances of an evaluation are kept until it is complete, so that one that was stopped can be resumed.
 #
-# What takes long is dancing. Of each dance its motion, its plan and its notes are kept in a folder; it is
-# measured again when the evaluation goes on, so that the results are those of an evaluation without a stop. A
-# dance is found by what it was made of: the bytes of song and repertoire, the part of the song, the variant's
-# settings, the seed.
+# Dancing takes most of the time. The motion, the plan and the notes of each dance are kept in a folder. The
+# dance is measured again when the evaluation is resumed, so that the results are those of an evaluation
+# without a stop. A dance is identified by the bytes of song and repertoire, the part of the song, the
+# settings of the variant, and the seed.
 
 
 _DIGITS = 32  # of the checksum that a dance's files are named by
@@ -152,7 +152,7 @@ _NAME = "?" * _DIGITS
 
 
 class KeptDances:
-    """The dances in a folder; open it with `kept_dances`."""
+    """The dances in a folder. Open it with `kept_dances`."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -162,7 +162,7 @@ class KeptDances:
         return len(list(self._folder.glob(f"{_NAME}.json"))) if self._folder.exists() else 0
 
     def find(self, song: EvaluatedSong, variant: Variant, seed: int, repertoire: Repertoire) -> Dance | None:
-        """The dance, if it was kept; a damaged one is not found."""
+        """The dance, if it was kept. None if it is damaged."""
         path = self._path(song, variant, seed, repertoire)
         if not path.exists():
             return None
@@ -177,7 +177,7 @@ class KeptDances:
     def keep(
         self, song: EvaluatedSong, variant: Variant, seed: int, repertoire: Repertoire, dance: Dance
     ) -> None:
-        """Keep a dance; `ChoreographError` if it cannot be written."""
+        """Keep a dance. `ChoreographError` if it cannot be written."""
         path = self._path(song, variant, seed, repertoire)
         save_motion(path.with_suffix(".npz"), dance.motion)
         text = json.dumps({"plan": json.loads(dance.plan.to_json()), "notes": dance.notes})
@@ -185,7 +185,7 @@ class KeptDances:
             temporary.write_text(text, encoding="utf-8")
 
     def clear(self) -> None:
-        """Remove all dances, and what killed processes left of them."""
+        """Remove all dances, and the files that killed processes left."""
         for pattern in (f"{_NAME}.json", f"{_NAME}.npz", f".{_NAME}.*"):
             for path in self._folder.glob(pattern):
                 path.unlink(missing_ok=True)
@@ -213,7 +213,7 @@ def kept_dances(folder: Path, *, resume: bool, doing: str) -> Iterator[KeptDance
     """The dances kept in `folder` while the block runs, removed when it ends without an error.
 
     Without `resume` those of an evaluation that was stopped are removed first. Raises `ChoreographError` if
-    another process evaluates there; `doing` tells it what this one does.
+    another process evaluates there. `doing` describes this one in its message.
     """
     with locked_folder(folder, doing=doing):
         kept = KeptDances(folder)
