@@ -1,4 +1,4 @@
-"""True phases in beat and bar, and their likelihood by a network: for training the networks that count."""
+"""True phases in beat and bar, and their likelihood by a network, to train the networks that count."""
 
 from __future__ import annotations
 

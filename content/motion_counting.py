@@ -95,7 +95,7 @@ class MotionData:
         self._probability = _probabilities(self.takes, config.recorded_share)
 
     def batch(self, size: int, rng: np.random.Generator) -> MotionBatch:
-        """Random samples, augmented; built-in and recorded takes, and the genres of each, balanced."""
+        """Random samples, augmented. Built-in and recorded takes, and the genres of each, balanced."""
         rows = [self._sample(int(i), rng) for i in rng.choice(len(self.takes), size, p=self._probability)]
         bodies, present, phases = zip(*rows, strict=True)
         return MotionBatch(

@@ -24,7 +24,7 @@ from content.counted_phases import Phases, PhaseTargets, phase_loss, phases_at
 
 # Log-mel as it might have been recorded elsewhere: other pitch, equalisation, room, noise, voice, breaks.
 #
-# Every function takes log-mel (T, 96), natural logarithm of power at 60 fps, and returns a new array; beats
+# Every function takes log-mel (T, 96), natural logarithm of power at 60 fps, and returns a new array. Beats
 # stay where they are. Working on log-mel rather than on sound makes a new recording in milliseconds.
 
 
@@ -48,7 +48,7 @@ def augmented(mel: Mel, rng: Rng) -> Mel:
 
 
 def pitch_shifted(mel: Mel, rng: Rng) -> Mel:
-    """Moved by up to five bands up or down; the outermost bands are repeated."""
+    """Moved by up to five bands up or down. The outermost bands are repeated."""
     n_bands = mel.shape[1]
     position = np.clip(np.arange(n_bands) - rng.uniform(-_MOST_BANDS, _MOST_BANDS), 0, n_bands - 1)
     low = np.minimum(position.astype(np.int64), n_bands - 2)
@@ -129,7 +129,7 @@ def voiced(mel: Mel, rng: Rng) -> Mel:
     return result
 
 
-# What the network that hears counts is trained on: excerpts of songs at any tempo, and their true phases.
+# The network that counts music is trained on excerpts of songs at any tempo, and on their true phases.
 
 
 Floats = NDArray[np.float64]
@@ -167,9 +167,9 @@ class MusicCountsData:
     def batch(
         self, rng: np.random.Generator, weights: Floats | None = None
     ) -> tuple[Tensor, Tensor, PhaseTargets]:
-        """Levelled log-mel (B, T, 96) at 60 fps; true activations (B, 2, T / 2) and phases at 30 fps.
+        """Levelled log-mel (B, T, 96) at 60 fps. True activations (B, 2, T / 2) and phases at 30 fps.
 
-        `weights` (N,) say how often each song is drawn; their sum is 1.
+        `weights` (N,) say how often each song is drawn. Their sum is 1.
         """
         chosen = rng.choice(len(self.songs), self.config.batch_size, p=weights)
         mels, activations, phases = zip(*(self._excerpt(self.songs[i], rng) for i in chosen), strict=True)
@@ -193,7 +193,7 @@ class MusicCountsData:
 
 
 def resampled(log_mel: NDArray[np.floating], frames: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Log-mel (T', 96) at fractional frames (T',); silence outside."""
+    """Log-mel (T', 96) at fractional frames (T',), silence outside."""
     inside = (frames >= 0) & (frames <= len(log_mel) - 1)
     position = np.clip(frames, 0, len(log_mel) - 1)
     low = np.minimum(position.astype(np.int64), max(len(log_mel) - 2, 0))
@@ -218,7 +218,7 @@ def activations(counts: Counts, times_s: NDArray[np.floating], tempo: float) -> 
     return np.stack(rows).astype(np.float32)
 
 
-# Training of the network that hears counts.
+# Training of the network that counts music.
 
 
 def train_music_counts(
@@ -230,7 +230,7 @@ def train_music_counts(
     context: TrainingContext | None = None,
     pretrained: Mapping[str, NDArray[Any]] | None = None,
 ) -> MusicCounts:
-    """Train on excerpts of songs; `weights` (N,) says how often each is heard, evenly if not given.
+    """Train on excerpts of songs; `weights` (N,) are their relative frequencies, equal if not given.
 
     Raises `ParameterError` as `MusicCountsData` does, or for pretrained weights that do not fit.
     """

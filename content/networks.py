@@ -1,12 +1,12 @@
-"""Recipe of the shipped networks: trained on takes rendered here, and in `research` on recorded takes, too.
+"""Recipe of the shipped networks, trained on rendered takes, and in `research` on recorded takes as well.
 
     python -m content.networks clean --work FOLDER
     python -m content.networks research dance-with-melody/ choreonet/ --work FOLDER
 
-`motion_counts` reads counts from motion. Its confidence is fitted to takes that other networks, trained in
-the same way, never saw: built-in takes of genres that were left out, recorded takes whose song and figures
-were; and, for what cannot be counted, to the same takes cut into pieces and shuffled. An interrupted run
-continues from its checkpoints in the folder.
+`motion_counts` estimates counts from motion. Its confidence is fitted to takes that other networks, trained
+in the same way, were not trained on. These are built-in takes of genres that were left out, and recorded
+takes whose song and figures were left out. Takes that cannot be counted are the same ones cut into pieces
+and shuffled. An interrupted run continues from its checkpoints in the folder.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class RecordedTake:
 
 
 def recorded_takes(sources: Iterable[str | Path]) -> list[RecordedTake]:
-    """Recorded takes that have counts, as a build imports them; raises as a build does."""
+    """Recorded takes that have counts, as a build imports them. Raises as a build does."""
     measured, _ = measured_takes(sources, BuildOptions(), None)
     return [
         RecordedTake(
@@ -120,7 +120,7 @@ def without_figures(take: RecordedTake, left_out: Collection[str]) -> CountedMot
 
 
 def song_folds(recorded: Sequence[RecordedTake]) -> dict[str, int]:
-    """Fold of every take that has a song; genres are spread evenly over the folds."""
+    """Fold of every take that has a song. Genres are spread evenly over the folds."""
     folds: dict[str, int] = {}
     with_song = [r for r in recorded if r.song_name]
     for genre in sorted({r.motion.genre for r in with_song}):
@@ -181,7 +181,7 @@ class Trial:
 
 
 def trials_by_genre(built_in: Sequence[CountedMotion]) -> Iterator[Trial]:
-    """Built-in genres left out, a few at a time; a few takes of each are counted."""
+    """Built-in genres left out, a few at a time. A few takes of each are counted."""
     by_genre = {
         genre: [t for t in built_in if t.genre == genre] for genre in sorted({t.genre for t in built_in})
     }
@@ -194,7 +194,7 @@ def trials_by_genre(built_in: Sequence[CountedMotion]) -> Iterator[Trial]:
 
 
 def trials_by_song(recorded: Sequence[RecordedTake], built_in: Sequence[CountedMotion]) -> Iterator[Trial]:
-    """Songs left out, a fold at a time; takes without song (ChoreoNet's recordings) are trained on."""
+    """Songs left out, a fold at a time. Takes without song (ChoreoNet's recordings) are trained on."""
     folds = song_folds(recorded)
     for fold in range(N_FOLDS):
         test = [r.motion for r in recorded if folds.get(r.motion.name) == fold]
@@ -217,7 +217,7 @@ def trials_by_figure(recorded: Sequence[RecordedTake], built_in: Sequence[Counte
 
 
 def trained(trial: Trial, config: MotionCountsConfig, seed: int, work: Path | None) -> MotionCountsNet:
-    """The network of a trial; with `work`, it is continued from the checkpoint there."""
+    """The network of a trial. With `work`, it is continued from the checkpoint there."""
     name = f"{trial.name}-{seed}"
     context = TrainingContext(work, resume=work is not None, content={"takes": checksum_of(trial.train)})
     return train_motion_counts(trial.train, config, seed=seed, name=name, context=context)

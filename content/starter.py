@@ -34,7 +34,7 @@ def build_starter(
 
     With preset small the style networks are those of the shipped set `clean`, which were trained on these
     takes. Takes and checkpoints stay in `work`, so that an interrupted run can resume. Returns the repertoire
-    and notes; raises as `build_repertoire`, and `ChoreographError` if another process works in `work`.
+    and notes. Raises as `build_repertoire`, and `ChoreographError` if another process works in `work`.
     """
     check_apart([check_target(output)], [work / "takes"])
     with locked_folder(work, doing=f"builds {output.name}"):

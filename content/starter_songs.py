@@ -9,7 +9,7 @@ from choreograph.music.synthesis.song import SyntheticSong, render_song, write_s
 
 _DURATION_S = 39.0
 _COMPRESSION = 0.85  # about 85 kbit/s
-_SONGS = {  # file: genre, BPM, seed; the seeds differ from those of takes and benchmark songs
+_SONGS = {  # file: genre, BPM, seed. The seeds differ from those of takes and benchmark songs
     "house": ("house", 124.0, 2001),
     "cha-cha": ("cha-cha", 120.0, 2002),
     "waltz": ("waltz", 90.0, 2003),
@@ -25,7 +25,7 @@ def render_example_songs() -> dict[str, SyntheticSong]:
 
 
 def write_example_songs(folder: Path = SONGS_PATH) -> list[Path]:
-    """Render the example songs into a folder as Ogg Vorbis; returns the paths."""
+    """Render the example songs into a folder as Ogg Vorbis. Returns the paths."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, song in render_example_songs().items():

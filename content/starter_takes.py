@@ -27,7 +27,7 @@ from content.moves.sequencer import RenderedTake, render_take
 
 TAKES_PER_GENRE = 16  # many short ones, so that a dance of three minutes can stay in its genre and still vary
 DURATION_S = 20.0
-FPS = 30.0  # as stored; playback interpolates
+FPS = 30.0  # as stored, playback interpolates
 CREDITS = {"performer": "choreograph", "licence": "CC0-1.0", "source": "choreograph starter"}
 _MANIFEST = ("name", "genre", "performer", "licence", "source")
 
@@ -39,7 +39,7 @@ class TakeSpec:
     name: str
     genre: str
     bpm: float
-    seed: int  # of song and dance; below `benchmark_songs.FIRST_SEED`
+    seed: int  # of song and dance, below `benchmark_songs.FIRST_SEED`
     duration_s: float = DURATION_S
 
 

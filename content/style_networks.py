@@ -1,7 +1,7 @@
 """Recipe of the shipped style networks: built-in takes, rendered songs, and in `research` recorded takes.
 
-Songs that nobody dances to teach what a genre sounds like, in eleven genres: a rumba's tempo, bars and
-patterns are learned from them before the first recorded rumba is heard.
+Songs without dances are training data for the sound of eleven genres. The network is trained on the tempo,
+bars and patterns of a rumba with them before it is trained on the first recorded rumba.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def style_songs(per_genre: int = SONGS_PER_GENRE) -> list[StyleSong]:
 
 
 def style_takes(sources: Iterable[str | Path], *, leave_out: Iterable[str] = ()) -> list[StyleTake]:
-    """Takes with music as a build learns style from them; raises as a build does."""
+    """Takes with music, as a build trains style on them. Raises as a build does."""
     measured, _ = measured_takes(sources, BuildOptions(leave_out=tuple(leave_out)), None)
     songs = SongCache()
     return [style_take(m, songs) for m in measured if m.take.song_path is not None]
@@ -71,7 +71,7 @@ def shipped_style_config(**changes: Any) -> StyleConfig:
 
 
 def train_shipped_style(takes: Sequence[StyleTake], work: Path, *, seed: int = 0) -> StyleNets:
-    """Train on takes, built-in ones among them, and rendered songs; continued from a checkpoint in `work`."""
+    """Train on takes, with built-in ones, and rendered songs. Continues from a checkpoint in `work`."""
     songs = style_songs()
     content = {"takes": checksum_of(takes), "songs": checksum_of(songs)}
     context = TrainingContext(work, resume=True, content=content)

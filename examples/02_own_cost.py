@@ -1,4 +1,4 @@
-"""Write a cost of your own: prefer low poses, and never dance one of the takes.
+"""Write a cost of your own that prefers low poses and never dances one of the takes.
 
 Run: python examples/02_own_cost.py [SONG [REPERTOIRE]]
 """
@@ -13,7 +13,7 @@ PELVIS = 0  # of `choreograph.motion.body.BODY_JOINTS`
 
 
 class LowPoses(cg.Cost):
-    """Height of the pelvis at the start of the node, metres; infinite for a forbidden take."""
+    """Height of the pelvis at the start of the node in metres, infinite for a forbidden take."""
 
     name = "low_poses"
 

@@ -2,7 +2,7 @@
 
 Run: python examples/03_edit_a_plan.py [SONG [REPERTOIRE]]
 
-A plan is JSON (`choreograph dance SONG -o plan.json`), so any editor will do; this example does it in Python.
+A plan is JSON (`choreograph dance SONG -o plan.json`), so any editor can change it. This example uses Python.
 """
 
 import sys
@@ -20,7 +20,7 @@ def main(song: str = "", db: str = "") -> None:
     plan = cg.Plan.read("plan.json")
     seconds = list(plan.seconds)
     for second in (4, 5):
-        # The same motion; only when it is danced changes. A transition of 0.25 s leads into it.
+        # The motion is the same, only its time changes. A transition of 0.25 s leads into it.
         when = {"second": second, "segment_second": second, "start_s": float(second)}
         seconds[second] = replace(plan.seconds[second - 4], **when, transition_s=0.25)
     edited = replace(plan, seconds=tuple(seconds))

@@ -1,4 +1,4 @@
-"""Say what is danced: a genre, a pinned motif, a pinned take, a ban, and the motifs of another dance.
+"""Choose what is danced: a genre, a pinned motif, a pinned take, a ban, and the motifs of another dance.
 
 Run: python examples/05_controls.py [SONG [REPERTOIRE]]
 """

@@ -1,4 +1,4 @@
-"""Make a moving picture of a dance: this is how examples/dance.webp was made.
+"""Make a moving picture of a dance. examples/dance.webp was made with this script.
 
 Run: python examples/07_moving_picture.py [SONG [OUT.webp]]      (.gif and .png are written as well)
 """

@@ -1,8 +1,8 @@
-"""Render a body that the extension lets dance in Blender: this is how examples/blender.webp was made.
+"""Render a body that dances in Blender with the extension. examples/blender.webp was made with this script.
 
 Run, with the extension installed:
 blender --background --python examples/blender_picture.py -- BODY.glb SONG OUT.webp [SAMPLES]
-where BODY.glb is any character, such as `choreograph dance SONG -o BODY.glb` writes.
+BODY.glb is any character, for example one that `choreograph dance SONG -o BODY.glb` writes.
 """
 
 import sys
@@ -33,7 +33,7 @@ def main(body: str, song: str, out: str, samples: str = "64") -> None:
 
 
 def stand_in_a_row(scene: bpy.types.Scene, frames: list[int]) -> None:
-    """A still of the body at each frame, side by side; the body itself is hidden."""
+    """A still of the body at each frame, side by side. The body itself is hidden."""
     (body,) = [each for each in scene.objects if each.type == "MESH" and each.find_armature()]
     for place, frame in enumerate(frames):
         scene.frame_set(frame)

@@ -14,7 +14,7 @@ constant curve, and the curve of another clip.
 
 Counts: clips of takes whose counts are known, but not used, warped to held-out songs. Of those with the best
 fit, how many counts lie within 0.15 beat of a beat? One network is exchanged at a time. Learned curves have
-about zero mean and unit variance; analytic ones get them by one shift and one factor, so that bumps stay
+about zero mean and unit variance. Analytic ones get them by one shift and one factor, so that bumps stay
 equally high. A fit is the mean squared difference of the curves along the warp, over its chance level: that
 of the best clips for the curve of another song. So learned and analytic curves are weighed alike. Beats are
 those of two trackers: the analytic curve of music is made from the first's. Beside it: each pair of curves
@@ -47,7 +47,7 @@ from choreograph.nets.density_data import random_time_map
 from choreograph.nets.style import centred
 from research.warp_scores import recovery_errors_ms, summary_ms
 
-STIFFNESS = (0.0, 40.0, 400.0, 4_000.0, 40_000.0)  # frames⁴; the last is what dances use
+STIFFNESS = (0.0, 40.0, 400.0, 4_000.0, 40_000.0)  # frames⁴. The last is what dances use
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 KINDS = ("analytic", "learned")
 OWN, OTHER = "own song", "another song"
@@ -88,7 +88,7 @@ class Networks:
 
 
 def recovery(songs: Sequence[EvaluatedSong], nets: Networks, stiffness: Sequence[float]) -> Errors:
-    """Errors in ms by (curve, stiffness); the warps are the same for all networks."""
+    """Errors in ms by (curve, stiffness). The warps are the same for all networks."""
     rng, errors = np.random.default_rng(123), defaultdict(list)
     for song in songs:
         body = body_pos_m(song.take.motion.resampled(NET_FPS)).astype(np.float32)
@@ -158,7 +158,7 @@ class Music:
     beats_s: dict[str, np.ndarray]
 
 
-def heard(song: EvaluatedSong, nets: Networks, clips: Clips) -> Music:
+def analysed(song: EvaluatedSong, nets: Networks, clips: Clips) -> Music:
     loaded = song.load()
     mel, n_seconds = log_mel(loaded.samples), int(loaded.duration_s)
     trackers = (DEFAULT_TRACKER, second_tracker(DEFAULT_TRACKER))
@@ -195,7 +195,7 @@ def counts_found(
 ) -> tuple[Errors, dict[tuple[str, ...], float]]:
     """Beats that counts are off, by (curves, song, stiffness, tracker), and the chosen clips' fit."""
     clips = Clips.of(repertoire, nets)
-    music = [heard(song, nets, clips) for song in songs]
+    music = [analysed(song, nets, clips) for song in songs]
     off: Errors = defaultdict(list)
     fit_of: Errors = defaultdict(list)
     for of_motion, of_music in product(KINDS, (*KINDS, "constant")):

@@ -130,7 +130,7 @@ def with_confidence(readings: Sequence[Reading], known: Sequence[Reading]) -> li
 def trials_by_recorded_genre(
     recorded: Sequence[RecordedTake], built_in: Sequence[CountedMotion]
 ) -> Iterator[Trial]:
-    """Recorded genres left out, one at a time; takes to a song are read."""
+    """Recorded genres left out, one at a time. Takes to a song are counted."""
     for genre in sorted({r.motion.genre for r in recorded if r.song_name}):
         kept = [r.motion for r in recorded if r.motion.genre != genre]
         left = [r.motion for r in recorded if r.motion.genre == genre and r.song_name]

@@ -198,9 +198,9 @@ def leave_genres_out(
     for genre in sorted(set(genres)):
         out = torch.as_tensor(genres == genre)
         weights, metre = fit(sums[~out], repeats[~out], truth[~out])
-        told = scores(weights, metre, sums[out], repeats[out]).argmax(dim=1)
+        found = scores(weights, metre, sums[out], repeats[out]).argmax(dim=1)
         print(
-            f"without {genre}: {(told == truth[out]).double().mean():.2f} right, {out.sum()} excerpts of it"
+            f"without {genre}: {(found == truth[out]).double().mean():.2f} right, {out.sum()} excerpts of it"
         )
 
 

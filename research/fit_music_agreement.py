@@ -36,10 +36,12 @@ def main() -> None:
         for net, about in nets:
             if song.genres <= set(about["without_genres"]):
                 mel = augmented(song.mel.log_mel.astype(np.float32), rng)
-                heard = net.curves(mel)
-                beats_s, agreement = decoded_beats(heard)
+                curves = net.curves(mel)
+                beats_s, agreement = decoded_beats(curves)
                 truth = song.mel.counts.times_s
-                rows.append((agreement, f_score(beats_s, truth), f_score(activated_beats(heard, mel), truth)))
+                rows.append(
+                    (agreement, f_score(beats_s, truth), f_score(activated_beats(curves, mel), truth))
+                )
     agreement, pointed, activated = np.array(rows).T
     for threshold in THRESHOLDS:
         below = agreement < threshold

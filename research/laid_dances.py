@@ -53,7 +53,7 @@ def lay_pieces(
 ) -> Motion:
     """The dance of `pieces` to a song of `duration_s`, from its beat `first_beat` on, 60 fps unless given.
 
-    Each count lies on a beat. Before the first and after the last count, poses are held; pieces that the song
+    Each count lies on a beat. Before the first and after the last count, poses are held. Pieces that the song
     is too short for are left out. Feet are locked.
 
     Raises `ParameterError` without pieces, or if the song has too few beats or ends within a second of the
@@ -159,7 +159,7 @@ def expert_from_figures(
     """A choreography, (figure, counts) in order, danced by recorded figures on a song's tracked beats.
 
     A figure that is not recorded is replaced by a variant of it, or else by a random one, of as many counts
-    of the same genre. Figures' names begin with their genre's letter; names that are empty are time that
+    of the same genre. Figures' names begin with their genre's letter. Names that are empty are time that
     passes.
 
     Raises `ParameterError` if no figure of the genre that fits is recorded, or the song has no beats.

@@ -57,7 +57,7 @@ class Danced:
 
     take: Take
     words: Words
-    moves: list[str]  # the move each word is from, and which beat of it; empty if unknown
+    moves: list[str]  # the move each word is from, and which beat of it, empty if unknown
 
     def for_training(self) -> WordTake:
         body = body_pos_m(self.take.motion.resampled(FPS))
@@ -109,7 +109,7 @@ def embedded(net: WordNet, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def show_neighbours(net: WordNet, known: list[Danced], unknown: list[Danced], truth_m: np.ndarray) -> None:
-    """Nearest neighbours of held-out words among all others; altered copies that find their word."""
+    """Nearest neighbours of held-out words among all others, and of altered copies."""
     queries, others = (np.concatenate([d.words.body_pos_m for d in part]) for part in (unknown, known))
     genre, theirs = (
         np.repeat([d.take.credits.genre for d in part], [len(d.words) for d in part])
@@ -140,7 +140,7 @@ def show_neighbours(net: WordNet, known: list[Danced], unknown: list[Danced], tr
 def show_signatures(
     motifs: Motifs, labels: dict[str, np.ndarray], known: list[Danced], unknown: list[Danced]
 ) -> None:
-    """How near held-out dances are to their own genre's template; how near drawn ones come."""
+    """Distance of held-out dances, and of random ones, to the signature of their genre."""
     k = len(motifs)
     genres = sorted({d.take.credits.genre for d in known})
     of = {g: [labels[d.take.name] for d in known if d.take.credits.genre == g] for g in genres}
@@ -177,7 +177,7 @@ def show_signatures(
 
 
 def write_strips(folder: Path, motifs: Motifs, labels: np.ndarray, everything: list[Danced]) -> None:
-    """Every 20th motif, one PNG: its medoid and three words of other takes; begin, middle and end."""
+    """Every 20th motif, one PNG: its medoid and three words of other takes, at begin, middle and end."""
     folder.mkdir(parents=True, exist_ok=True)
     words = [d.words for d in everything]
     vocabulary = make_vocabulary(

@@ -129,7 +129,7 @@ def with_confidence(readings: Sequence[Reading], known: Sequence[Reading]) -> li
 
 
 def with_decoder_of_others(readings: Sequence[Reading]) -> list[Reading]:
-    """The readings, decoded by what counts the takes of all other folds best; without confidence."""
+    """The estimates by the decoder that counts the takes of all other folds best, without confidence."""
     found = [[decode_counts(r.curves[n], pointer).counts for n, pointer in DECODERS] for r in readings]
     right = np.array(
         [[share_right(c, r.take.counts) for c in of_take] for r, of_take in zip(readings, found, strict=True)]
@@ -336,7 +336,7 @@ def main() -> None:
         found_by_speed = [Reading(t, by_joint_speed(t)) for t in takes]
         told = [Reading(r.take, at_the_level_of(r.found, r.take.counts)) for r in found_by_speed]
         rows += lines_by_genre(f"{what} takes, by joint speed", [found_by_speed])
-        rows += lines_by_genre(f"{what} takes, by joint speed and told the level", [told])
+        rows += lines_by_genre(f"{what} takes, by joint speed with the true level", [told])
     head = (
         "| | takes | counts within 0.15 beat | count 1 right | metre right | sure of | "
         "counts right of those | takes right of those |\n"

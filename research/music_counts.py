@@ -76,7 +76,7 @@ class TrueSong:
 
 @dataclass(frozen=True, eq=False)
 class RealSong:
-    """A real song; nan where its tempo is not known."""
+    """A real song, with nan if its tempo is not known."""
 
     name: str
     samples: NDArray[np.float32]
@@ -144,7 +144,7 @@ NETWORK_METHODS: dict[str, Callable[..., Counts]] = {
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """A trained network, and what it heard."""
+    """A trained network, and what it was trained on."""
 
     net: MusicCounts
     without: frozenset[str]  # genres
@@ -271,7 +271,7 @@ def mean(rows: Sequence[Mapping[str, float]] | None, *names: str, n_networks: in
 
 
 def mean_and_spread(values: Sequence[Sequence[float]] | Floats) -> str:
-    """Of songs and networks (N, W); the spread is that between the networks, of more than one."""
+    """Means of songs and networks (N, W). The spread is between the networks, if there are several."""
     per_song = [np.mean(of_song) for of_song in values]
     spread = np.std(np.mean(values, axis=0)) if len({len(v) for v in values}) == 1 < len(values[0]) else None
     return f"{np.mean(per_song):.2f}" + (f" ± {spread:.2f}" if spread is not None else "")

@@ -94,7 +94,7 @@ class Line:
 def dances_of(
     path: Path, judge: Path, seed: int, songs_file: Path, given: argparse.Namespace
 ) -> tuple[list[MeasuredDance], list[DancedPhases]]:
-    """All dances of a repertoire to the held-out songs, the experts' and the real ones; experts' phases."""
+    """All dances to the held-out songs, those of experts and the real ones, and the phases of the experts."""
     only = songs_file.read_text(encoding="utf-8").split()
     songs = with_counts(find_songs(given.data, only=only, duration_s=given.duration), given.counted_by)
     variants = tuple(
@@ -243,7 +243,7 @@ def _mean(rows: Sequence[dict[str, float]], name: str) -> str:
 
 
 def real_metre_lines(given: argparse.Namespace) -> list[Line]:
-    """The metre of the ballroom songs, waltz against the rest; chance is the commoner one for all."""
+    """The metre of the ballroom songs, waltz against the rest. Chance is the more frequent one for all."""
     wanted, right = [], []
     for song in find_songs(given.data):
         metre = METRES.get(song.genre, DEFAULT_METRE)

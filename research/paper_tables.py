@@ -127,7 +127,7 @@ def cell(dances: Sequence[MeasuredDance], metric: str) -> tuple[float, float, fl
 
 
 def as_markdown(dances: Sequence[MeasuredDance], names: Sequence[str]) -> str:
-    """The tables: a row a variant; mean ± spread over seeds (chance)."""
+    """The tables with a row for each variant: mean ± spread over seeds (chance)."""
     lines = []
     for title, (group, metrics) in TABLES.items():
         chosen = [n for n in GROUPS.get(group, names) if n in names]

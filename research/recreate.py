@@ -72,13 +72,13 @@ def main() -> None:
         motifs = np.maximum(danced_motifs(real, bounds, rep), 0)
         made = cg.dance(song, rep, motifs=motifs.tolist(), config=config)
         shown = danced_motifs(made.motion, bounds, rep)
-        told = shown >= 0
-        shares.append(np.mean(shown[told] == motifs[told]))
-        n_words.append(told.sum())
+        known = shown >= 0
+        shares.append(np.mean(shown[known] == motifs[known]))
+        n_words.append(known.sum())
         body, theirs = (body_pos_m(m.resampled(FPS)) for m in (made.motion, real))
         transitions = [w.start_s for w in made.plan.words[1:]]
         slides = [foot_slide_cm_s(b, FPS) for b in (body, theirs)]
-        print(f"{name:11s} {told.sum():4d} words, as asked {shares[-1]:.3f}", end="; ")
+        print(f"{name:11s} {known.sum():4d} words, as requested {shares[-1]:.3f}", end="; ")
         print(f"slide {slides[0]:.1f} (real {slides[1]:.1f})", end="; ")
         print(f"away {away_m(body):.1f} m (real {away_m(theirs):.1f})", end="; ")
         print(f"jerk at transitions {jerk_ratio_at(body, FPS, transitions):.2f}", flush=True)

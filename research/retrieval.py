@@ -31,7 +31,7 @@ def validate(relevant: Bools, k: int = 1) -> Bools:
 
 
 def precision_at_k(relevant: Bools, k: int) -> Floats:
-    """Share of the first `k` items that are relevant, (Q,); the first `k` items per query are enough."""
+    """Share of the first `k` items that are relevant, (Q,). The first `k` items per query are enough."""
     return validate(relevant, k)[:, :k].mean(axis=1)
 
 

@@ -259,7 +259,7 @@ def feet(pieces: list[Piece], repertoire: WithNet) -> Table:
 
 
 def show(title: str, tables: Sequence[Table]) -> None:
-    """Mean ± spread over repertoires and half of its 95 % interval; a row may be of some of them only."""
+    """Mean ± spread over repertoires and half of its 95 % interval. A row may be of some of them only."""
     print(f"{title}, {len(tables)} repertoires")
     for name in dict.fromkeys(name for table in tables for name in table):
         own = [table[name] for table in tables if name in table]

@@ -61,7 +61,7 @@ def dances_at(folder: Path, repertoire: cg.Repertoire) -> list[cg.Dance]:
 def tempo_figure(dances: list[cg.Dance]) -> Figure:
     """Poses every 0.1 s of both dances, from the beat on that follows `FROM_S` at the first tempo.
 
-    Both rows begin with the same word; red lines are beats, numbers the motifs asked for.
+    Both rows begin with the same word. Red lines are beats, numbers the motifs asked for.
     """
     times_s = np.arange(0.0, SHOWN_S, STEP_S)
     word = int(np.searchsorted(bounds_of(dances[0]), FROM_S))
@@ -101,7 +101,7 @@ def danced_embeddings_of(repertoire: WithNet, folder: Path) -> tuple[np.ndarray,
 
 
 def loss_figure(repertoire: WithNet, folder: Path, without: RolloutNet | None) -> Figure:
-    """Words of the motif asked for most often, of its neighbours, and as danced; the distances of all."""
+    """Words of the most requested motif, of its neighbours, and as danced, and the distances of all."""
     medoids = repertoire.vocabulary.motifs.embeddings  # (K, D)
     networks = {"with the perceptual loss": (None, WITH_LOSS)}
     if without is not None:

@@ -76,7 +76,7 @@ class SectionedDance:
 
 
 def rendered_songs(first_seed: int, genres: Sequence[str]) -> Iterator[SectionedSong]:
-    """Songs by their own form and softened ones; a genre has the same seed whichever others take part."""
+    """Songs by their own form and softened ones. A genre has the same seed whichever others take part."""
     for index, genre in enumerate(STYLES):
         if genre in genres:
             seed = first_seed + 2 * index

@@ -32,7 +32,7 @@ Row = dict[str, float]
 
 
 def genre_by_second(plan: Plan, repertoire: cg.Repertoire) -> list[str]:
-    """Genre of the take danced in the middle of every whole second; empty strings without takes."""
+    """Genre of the take danced in the middle of every whole second. The strings are empty without takes."""
     genres = {take.name: take.credits.genre for take in repertoire.takes}
     middles_s = np.arange(int(plan.duration_s)) + 0.5
     blocks = plan.blocks
@@ -75,7 +75,7 @@ def text(row: Row) -> str:
 
 
 def spliced_table(repertoire: cg.Repertoire, config: cg.DanceConfig, seeds: int) -> list[Row]:
-    """A row a seed, means over the songs; every song is printed."""
+    """A row for each seed, means over the songs. Every song is printed."""
     rows = []
     for seed in range(seeds):
         of_seed = []

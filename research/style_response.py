@@ -50,7 +50,7 @@ def chance_shares(danced: Sequence[str], wanted: Sequence[str]) -> list[float]:
 def seconds_to_switch(danced: Sequence[str], wanted: Sequence[str]) -> list[float]:
     """Seconds from the start of each part but the first until the dance is in its genre.
 
-    That is the first second in the genre from which at least 3 of 4 s are, all within the part; nan if
+    That is the first second in the genre from which at least 3 of 4 s are, all within the part. It is nan if
     there is none.
     """
     made, asked = _checked(danced, wanted)

@@ -71,11 +71,11 @@ def trained(
     changes = {"loss": given.loss, "music_inputs": given.music_inputs}
     begun = None
     if given.pretrained != "nothing":
-        heard = takes if given.pretrained == "research" else []
+        recorded = takes if given.pretrained == "research" else []
         name = f"{seed}" if given.pretrained == "clean" else f"{seed}-{fold}"
         context = TrainingContext(given.work / f"{given.pretrained}-{name}", resume=True)
         config = shipped_style_config(**changes)
-        shipped = train_style([*built_in, *heard], config, seed=seed, songs=songs, context=context)
+        shipped = train_style([*built_in, *recorded], config, seed=seed, songs=songs, context=context)
         begun = shipped.to_arrays()[0]
     config = style_config(given.preset, n_songs=len({take.song_name for take in takes}), **changes)
     return train_style(takes, config, seed=seed, pretrained=begun)

@@ -42,7 +42,7 @@ from content.songs.training_songs import FIRST_SEED, drawn_song, style_of
 
 N_SONGS = 480
 FOLDS = 3
-THREES = 0.4  # share of what is heard
+THREES = 0.4  # share of the training excerpts
 REAL_SHARE = 0.3
 AGREEMENT, SAME_TEMPO = 0.9, 0.05
 # ChoreoNet's lists do not fit these songs (a tenth to two fifths off).
@@ -52,7 +52,7 @@ _PER_FILE = 40
 
 @dataclass(frozen=True, eq=False)
 class TrainingSong:
-    """A synthetic song to hear."""
+    """A synthetic song to train on."""
 
     mel: CountedMel
     genres: frozenset[str]  # of its parts and of its drums
@@ -77,8 +77,8 @@ def synthetic_songs(folder: Path, n_songs: int) -> Iterator[TrainingSong]:
             for seed in range(first, first + _PER_FILE):
                 genre, kind, metre = stored[f"{seed}.k"]
                 counts = Counts(stored[f"{seed}.t"], stored[f"{seed}.n"], int(metre))
-                heard = {name for name in STYLES if name in style_of(str(genre), str(kind), seed=seed).name}
-                yield TrainingSong(CountedMel(stored[f"{seed}.mel"], counts), frozenset(heard))
+                genres = {name for name in STYLES if name in style_of(str(genre), str(kind), seed=seed).name}
+                yield TrainingSong(CountedMel(stored[f"{seed}.mel"], counts), frozenset(genres))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ def metre_of(name: str) -> int:
 
 
 def shares(songs: list[CountedMel], n_real: int) -> NDArray[np.float64]:
-    """How often each song is heard: threes more often than they come, real songs (the last ones) so, too."""
+    """How often each song is drawn. Songs in three and real songs (the last ones) are drawn more often."""
     threes = np.array([song.counts.metre == 3 for song in songs])
     share = np.where(threes, THREES / max(1, threes.sum()), (1 - THREES) / max(1, (~threes).sum()))
     if n_real:

@@ -49,7 +49,7 @@ def clip_density(net: MotionDensity, clip: np.ndarray) -> np.ndarray:
 
 
 def errors_ms(takes: list[StyleTake], net: MotionDensity | None) -> dict[str, np.ndarray]:
-    """Absolute errors of every query frame by method; the warps are the same for every net."""
+    """Absolute errors of every query frame by method. The warps are the same for every net."""
     rng = np.random.default_rng(123)
     errors = defaultdict(list)
 

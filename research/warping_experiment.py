@@ -45,7 +45,7 @@ from choreograph.music.mel import log_mel
 from choreograph.music.song_features import motion_density, music_density
 from choreograph.nets.density import MotionDensity, MusicDensity
 
-STIFFNESS = (0.0, 400.0, 40_000.0, 400_000.0)  # frames⁴; dances without counts use the third
+STIFFNESS = (0.0, 400.0, 40_000.0, 400_000.0)  # frames⁴. Dances without counts use the third
 PLAYED = 40_000.0
 BAR_WEIGHTS = (0.0, 0.5, 1.0, 2.0)  # of the bar's squared difference against the beat's
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
@@ -159,7 +159,7 @@ def dtw_paths(query: Floats, targets: Floats) -> Floats:
 
 
 def smoothed(paths: Floats, stiffness: float, beats: Sequence[Floats] = (), music: Floats | None = None):
-    """Time maps (K, 80); motion beats are drawn onto the music's if given."""
+    """Time maps (K, 80). Motion beats are drawn onto the music's if given."""
     if stiffness == 0.0:
         return paths
     stops = np.cumsum([len(b) for b in beats] or np.zeros(len(paths), int))
@@ -289,7 +289,7 @@ def densities(paths: Sequence[Path], number: int) -> tuple[MotionDensity | None,
 
 
 def text(values: Sequence[float]) -> str:
-    """Mean ± spread over seeds; nothing where there is no such number."""
+    """Mean ± spread over seeds. Empty if there is no such number."""
     return READ["mean_text"](values) if np.isfinite(values).all() else ""
 
 

@@ -27,7 +27,7 @@ class Arm:
     palm: float = 0.0  # turned in (thumb towards the body, palm back or down), degrees
 
     def coordinates(self) -> tuple[float, ...]:
-        """(6,): rotation vector of the left shoulder relative to `_MIDDLE`; elbow, wrist, palm in radians.
+        """(6,): rotation vector of the left shoulder relative to `_MIDDLE`, elbow, wrist and palm in radians.
 
         Relative to a mean of all poses, rotation vectors stay far from their wrap at π and
         interpolate well.
@@ -92,7 +92,7 @@ ARMS: dict[str, Arm] = {
     "roll_low": Arm((0.35, -0.85, 0.35), (-0.90, -0.15, 0.65), 10, 30),
     "roll_near": Arm((0.45, -0.80, 0.10), (-0.90, 0.15, 0.62), 10, 30),
     "cross_low": Arm((0.10, -0.85, 0.50), (-0.70, -0.55, 0.60), 10, 25),
-    # ballet and ballroom: rounded arms, low, in front, to the side, overhead; reaching out
+    # ballet and ballroom: rounded arms, low, in front, to the side, overhead, and reaching out
     "en_bas": Arm((0.50, -0.92, 0.28), (-0.30, -0.80, 0.55), 8, 20),
     "first": Arm((0.62, -0.50, 0.70), (-0.72, -0.10, 0.62), 5, 25),
     "second": Arm((1.0, -0.32, 0.25), (0.90, -0.20, 0.50), -6, 15),

@@ -74,7 +74,7 @@ def _channels(
     return ch
 
 
-# Lag after the count in seconds, negative for what leads; elbow and hand lag further.
+# Lag after the count in seconds, negative for what leads. Elbow and hand lag further.
 _LAG_S = {
     "ground": -0.02,
     "hip": -0.03,
@@ -122,7 +122,7 @@ def _pelvis_pos(
     keys: MoveKeyframes, feet: dict[Side, FootPath], facing: Floats, root_quat: Floats, ch: dict[str, Floats],
     tempo: Tempo, times: Floats, fps: float,
 ) -> Floats:  # fmt: skip
-    """(T, 3): over the feet by their share of the weight; as high as bounce, pliés and leg reach allow."""
+    """(T, 3): over the feet by their share of the weight, as high as bounce, pliés and leg reach allow."""
     spot = evaluate(keys.ground, tempo.counts(times - _LAG_S["ground"]))  # (T, 2)
     spot = gaussian_filter1d(spot, _GLIDE_S * fps, axis=0, mode="nearest")
     sway = np.stack([ch["hip_side"], np.zeros_like(facing), ch["hip_fwd"]], axis=-1)
@@ -169,7 +169,7 @@ def _spine_and_head(local: Floats, ch: dict[str, Floats], fps: float) -> None:
 
 
 def _arms(local: Floats, ch: dict[str, Floats], fps: float) -> None:
-    """Shoulders, elbows and wrists from `Arm.coordinates`; elbow and hand lag, wrists drag behind."""
+    """Shoulders, elbows and wrists from `Arm.coordinates`. Elbow and hand lag, wrists drag behind."""
     for side in SIDES:
         a = ch[f"{side}_arm"]  # (T, 6)
         elbow = _delayed(a[:, 3], 0.03 * fps)

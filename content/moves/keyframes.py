@@ -107,7 +107,7 @@ def _foot_place(
 def build_keyframes(placed: Sequence[PlacedMove], rng: np.random.Generator | None) -> MoveKeyframes:
     """The keyframes of moves in order, each starting where and when the previous one ended.
 
-    With `rng`, poses vary randomly; without, they are exactly as written.
+    With `rng`, poses vary randomly. Without, they are exactly as written.
     """
     first = placed[0]
     begin = first.start - 1.0
@@ -206,7 +206,7 @@ def _arrival_keys(arrivals: Sequence[Arrival], *, to_go: float) -> list[Keyframe
 
 
 def _add_poses(p: PlacedMove, channels: dict[str, list[Keyframe]], rng: np.random.Generator | None) -> None:
-    """Add keyframes of the move's poses; channels that it never sets are neutral."""
+    """Add keyframes of the move's poses. Channels that it never sets are neutral."""
     hold = 0.4 * p.sharpness
     written = set()
 

@@ -58,10 +58,10 @@ def render_take(
 ) -> RenderedTake:
     """Dance a genre to a song.
 
-    `beat_times_s` (Q,): the song's beats in seconds from the take's first frame; the beat with index
+    `beat_times_s` (Q,): the song's beats in seconds from the take's first frame. The beat with index
     `first_downbeat` starts a bar. `energy`: from 0 (small, soft) to 1 (big, sharp), a scalar or one value
     per beat (Q,). A move is repeated for two or four bars, on alternate sides if it ends on the other
-    foot; the next move must start with the free foot. The dancer stays within `STAGE_M` of the middle
+    foot. The next move must start with the free foot. The dancer stays within `STAGE_M` of the middle
     where the moves allow it. The same arguments give the same take.
 
     Raises `ParameterError` if beats are not increasing, or the number of energies is not that of beats.
@@ -134,7 +134,7 @@ def _phrase(
     genre: Genre, move: Move, placed: list[PlacedMove], count: int, counts_s: Floats, energies: Floats,
     rng: np.random.Generator,
 ) -> list[PlacedMove]:  # fmt: skip
-    """The move repeated for two or four bars from `count`; empty if the song is too fast for it."""
+    """The move repeated for two or four bars from `count`. Empty if the song is too fast for it."""
     first = min(count, len(counts_s) - 2)
     if counts_s[first + 1] - counts_s[first] < 60.0 / move.fastest_bpm:
         return []

@@ -13,7 +13,7 @@ from choreograph.music.synthesis.song import STYLES, SyntheticSong, render_song
 from choreograph.music.synthesis.sounds import RATE_HZ
 from choreograph.music.synthesis.style import SongStyle
 
-# Songs with ground truth for tests and benchmarks; none of them is a song of the built-in takes.
+# Songs with ground truth for tests and benchmarks. None of them is a song of the built-in takes.
 #
 # Their seeds start at `FIRST_SEED` and those of the takes' songs are below, so neither the networks nor the
 # settings of the engine were trained or tuned on them. They are rendered on demand, in half a second each.
@@ -71,7 +71,7 @@ BENCHMARK_SONGS = (
 
 # Songs whose middle third is soft: does a dance get smaller there?
 #
-# The middle third is played by the instruments of a break, and `SOFT_DB` softer; the outer ones are choruses.
+# The middle third is played by the instruments of a break, and `SOFT_DB` softer. The outer ones are choruses.
 # Their seeds start at `FIRST_SEED`, so no network was trained on them.
 
 
@@ -82,7 +82,7 @@ _FADE_S = 0.05  # of the gain, around the bar lines
 
 
 def softened_song(genre: str, *, seed: int, duration_s: float = 60.0) -> SyntheticSong:
-    """A song of about this length in three equal sections, the middle one soft; the middle of its tempi.
+    """A song of about this length in three equal sections, the middle one soft, at the middle of its tempi.
 
     Raises `ParameterError` as `render_song` does.
     """

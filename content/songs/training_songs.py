@@ -1,4 +1,4 @@
-"""Songs without end whose counts are known, in styles made of other styles."""
+"""Any number of songs whose counts are known, in styles made of other styles."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ def in_six(style: SongStyle) -> SongStyle:
 
 
 def half_time_drums(style: SongStyle) -> SongStyle:
-    """The drums at half the tempo of the beats, as in a half-time groove; fills as they are."""
+    """The drums at half the tempo of the beats, as in a half-time groove. Fills are unchanged."""
     lanes = _repatterned(style.lanes, lambda pattern: "".join(f"{letter}." for letter in pattern))
     return replace(style, name=f"{style.name} at half time", lanes=lanes)
 
 
 def double_time_drums(style: SongStyle) -> SongStyle:
-    """The drums at twice the tempo of the beats; what lies between their new steps is left out."""
+    """The drums at twice the tempo of the beats. What lies between their new steps is left out."""
     lanes = _repatterned(style.lanes, lambda pattern: 2 * pattern[::2])
     return replace(style, name=f"{style.name} at double time", lanes=lanes)
 
@@ -79,7 +79,7 @@ def drums_of(drums: SongStyle, rest: SongStyle) -> SongStyle:
 
 
 def reorchestrated(style: SongStyle, voices: dict[str, Sequence[str]], rng: np.random.Generator) -> SongStyle:
-    """Other levels; at times other voices of a role, some drums or all silent, some that never rest."""
+    """Other levels, and at times other voices of a role, silent drums, or drums without rests."""
     without_drums = rng.random() < _P_WITHOUT_DRUMS
     kept = [lane for lane in style.lanes if not without_drums and rng.random() >= _P_SILENT_LANE]
     lanes = tuple(_relevelled(lane, rng) for lane in kept)
@@ -144,7 +144,7 @@ class CountedSong:
 def counted_song(
     genre: str, kind: str, *, seed: int, duration_s: float = 50.0, others: Sequence[str] = tuple(STYLES)
 ) -> CountedSong:
-    """A song of a kind of about this length; all that the kind leaves open is drawn from the seed.
+    """A song of a kind of about this length. All that the kind leaves open is drawn from the seed.
 
     It may have the drums of one of the genres `others`. A kind that needs another metre than the genre's
     changes it ("three", "six").
@@ -183,7 +183,7 @@ def counted_song(
 
 
 def style_of(genre: str, kind: str, *, seed: int, others: Sequence[str] = tuple(STYLES)) -> SongStyle:
-    """The style in which `counted_song` renders; its name has the genres of its parts and of its drums."""
+    """The style in which `counted_song` renders. Its name has the genres of its parts and of its drums."""
     return _drawn_style(genre, kind, others, np.random.default_rng([seed, 1]))
 
 

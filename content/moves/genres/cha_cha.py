@@ -1,4 +1,4 @@
-"""Cha-cha: two, three, four-and-one; legs straight on every step, hips that settle, long quiet arms.
+"""Cha-cha: two, three, four-and-one. Legs are straight on every step, hips that settle, long quiet arms.
 
 Home is the "four": a move begins on the "and" (0.5), where the free foot half closes, goes to the side
 on 1, has its two slow steps on 2 and 3, and lands the next chassé's first step on 4, home again.

@@ -1,4 +1,4 @@
-"""Contemporary: slow, long arms, breath, deep pliés, falls that are caught; each count a soft arrival."""
+"""Contemporary: slow, long arms, breath, deep pliés, falls that are caught. Each count is a soft arrival."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ CONTRACTION = Move(
     bounce=_BREATH,
 )  # fmt: skip
 
-# Two counts for each step of the turn; one arm winds up, the other down, and they change places.
+# Two counts for each step of the turn. One arm winds up, the other down, and they change places.
 SPIRAL_TURN = Move(
     "spiral turn", counts=8,
     steps=(
@@ -133,7 +133,7 @@ SPIRAL_TURN = Move(
     bounce=_BREATH,
 )  # fmt: skip
 
-# The leg floats out to the side, low; the body answers with a long line away from it.
+# The leg floats out to the side, low. The body answers with a long line away from it.
 TILT = both_sides(Move(
     "tilt", counts=4,
     steps=(
@@ -239,7 +239,7 @@ ARM_CIRCLE = Move(
     bounce=_BREATH,
 )  # fmt: skip
 
-# Off balance over the crossing foot, the body winds up; a wide step catches it and it unwinds.
+# Off balance over the crossing foot, the body winds up. A wide step catches it and it unwinds.
 FALL_AND_CATCH = Move(
     "fall and catch", counts=4,
     steps=(

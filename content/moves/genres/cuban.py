@@ -18,7 +18,7 @@ def over(
 ) -> Pose:
     """The body on a straight leg: its hip out, up and back, the ribs over it, the chest turned against.
 
-    `values` are channels as in `pose`; they replace what Cuban motion would have them be.
+    `values` are channels as in `pose`. They replace those of Cuban motion.
     """
     sign = amount if leg == "left" else -amount
     settled = {

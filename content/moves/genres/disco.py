@@ -1,4 +1,4 @@
-"""Disco: upright, side to side, arms that draw big lines; the bounce goes up on the count."""
+"""Disco: upright, side to side, arms that draw big lines. The bounce goes up on the count."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ GRAPEVINE = Move(
     bounce=_UP,
 )  # fmt: skip
 
-# The right arm draws the line from the left hip to the ceiling; the hips answer.
+# The right arm draws the line from the left hip to the ceiling. The hips answer.
 POINT = Move(
     "point to the sky", counts=4,
     steps=(

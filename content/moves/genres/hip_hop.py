@@ -1,4 +1,4 @@
-"""Hip-hop: low and heavy, knees soft, the groove drops into every count; arms with a swagger."""
+"""Hip-hop: low and heavy, knees soft, the groove drops into every count. The arms have a swagger."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from content.moves.sequencer import Genre
 
 _DEEP = Bounce(0.05, "down")
 
-# Fists side by side in front, at four quarters of a flat circle; near and far are the same for both arms.
+# Fists side by side in front, at four quarters of a flat circle. Near and far are the same for both arms.
 _NEAR = Arm((0.62, -0.75, -0.10), (-0.60, 0.15, 0.75), 5, 25)
 _FAR = Arm((0.25, -0.45, 0.75), (-0.30, 0.05, 1.0), 5, 25)
 _OWN_SIDE = Arm((0.75, -0.65, 0.20), (0.10, 0.12, 1.0), 5, 25)

@@ -1,4 +1,4 @@
-"""House: quick, light feet under a torso that jacks, down into every kick drum; arms loose and low."""
+"""House: quick, light feet under a torso that jacks, down into every kick drum. Arms are loose and low."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ LOOSE_LEGS = Move(
     bounce=Bounce(0.015, "down"),
 )  # fmt: skip
 
-# The heel digs, the spade goes in; then the knee comes up and stamps it home.
+# The heel digs, the spade goes in. Then the knee comes up and stamps it home.
 FARMER = Move(
     "farmer", counts=8,
     steps=(
@@ -209,7 +209,7 @@ SCISSORS = Move(
     bounce=Bounce(0.01, "down"),
 )  # fmt: skip
 
-# Both heels swing out and in about the balls; the chest swings against them.
+# Both heels swing out and in about the balls. The chest swings against them.
 SWIRL = Move(
     "swirl", counts=4,
     steps=(
@@ -275,7 +275,7 @@ def _paddle(count: int, degrees: float) -> tuple[Step, Step]:
 
 
 def _paddling(look: float, *, up: bool) -> Pose:
-    """Pushing off (`up` false) the hip drops to the right; between, the arms open."""
+    """Pushing off (`up` false) the hip drops to the right. Between, the arms open."""
     if up:
         return pose(bend=-2, twist=4, side=-3, hip_roll=5, look=look, left="low_guard", right="low_out")
     return pose(bend=6, twist=12, side=5, hip_roll=-6, look=look, left="low_out", right="across")

@@ -1,6 +1,6 @@
-"""Salsa on one: one, two, three, five, six, seven; on four and eight the free foot waits or taps.
+"""Salsa on one: one, two, three, five, six, seven. On four and eight the free foot waits or taps.
 
-Small steps under the body, hips that settle on each of them, elbows bent and alive; shines with long arms.
+Small steps under the body, hips that settle on each of them, elbows bent and alive. Shines have long arms.
 The counts are the music's quarter notes, even at 190 of them a minute: that is how it is danced.
 """
 
@@ -153,7 +153,7 @@ CROSS_BODY = Move(
     bounce=_KNEES,
 )  # fmt: skip
 
-# Crossed over in front, to the side, crossed over again; the hips turn into the cross.
+# Crossed over in front, to the side, crossed over again. The hips turn into the cross.
 SUZY_Q = Move(
     "Suzy Q", counts=8,
     steps=(

@@ -158,7 +158,7 @@ KICK_BALL_CHANGE = Move(
     bounce=_EVEN,
 )  # fmt: skip
 
-# The 1920s: tap behind, step, kick, step; both feet twist in and out on their balls all the while.
+# The 1920s: tap behind, step, kick, step. Both feet twist in and out on their balls all the while.
 CHARLESTON = Move(
     "charleston", counts=4,
     steps=(
@@ -210,7 +210,7 @@ KICK_STEP_KICK = Move(
 
 
 def _suzie(count: int, x: float) -> tuple[Step, ...]:
-    """The left foot crosses before the right to `x`, which steps on; both swivel on their balls."""
+    """The left foot crosses before the right to `x`, which steps on. Both swivel on their balls."""
     return (
         step("left", count, (x - 0.27, 0.34), face=-8.0, bow=(0.0, 0.08), toe_out=0.0),
         pivot("left", count + 1, face=10.0, toe_out=12.0),
@@ -235,7 +235,7 @@ SUZIE_Q = Move(
     bounce=Bounce(0.02, "down"),
 )  # fmt: skip
 
-# Sinking, knees together, hips over each step, fingers at the floor; then strutting back up.
+# Sinking, knees together, hips over each step, fingers at the floor. Then strutting back up.
 SHORTY_GEORGE = Move(
     "shorty george", counts=8,
     steps=(
@@ -262,7 +262,7 @@ SHORTY_GEORGE = Move(
     bounce=Bounce(0.02, "down"),
 )  # fmt: skip
 
-# Kick and step back, twice; then forward with the hips, a clap before each pair.
+# Kick and step back, twice. Then forward with the hips, a clap before each pair.
 BOOGIE_BACK = Move(
     "boogie back and forward", counts=8,
     steps=(

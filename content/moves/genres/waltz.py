@@ -48,7 +48,7 @@ BOX = Move(
     bounce=_LEVEL,
 )  # fmt: skip
 
-# The frame a couple would hold, opening a little on 3; a quarter to the left each bar, and the way back.
+# The frame a couple would hold, opening a little on 3. A quarter to the left each bar, and the way back.
 BOX_TURN = Move(
     "left box turn", counts=6,
     steps=(
@@ -108,7 +108,7 @@ BALANCE_FORWARD = Move(
     bounce=_LEVEL,
 )  # fmt: skip
 
-# Half a turn to the right each bar, forward and then backward; the reverse turn goes the same way back.
+# Half a turn to the right each bar, forward and then backward. The reverse turn goes the same way back.
 NATURAL_TURN = Move(
     "natural and reverse turn", counts=12,
     steps=(
@@ -226,7 +226,7 @@ GRAPEVINE = Move(
     bounce=_LEVEL,
 )  # fmt: skip
 
-# The lady's turn under her partner's arm, without the partner; then a balance back to the place.
+# The lady's turn under her partner's arm, without the partner. Then a balance back to the place.
 SPIN_TURN = Move(
     "turn under the arm", counts=6,
     steps=(
@@ -254,14 +254,14 @@ _RUN_RADIUS_M = 0.46
 
 
 def _run_step(k: int) -> Step:
-    """Step k of eleven round a circle to the left, back at home on the eleventh; a twelfth closes."""
+    """Step k of eleven round a circle to the left, back at home on the eleventh. A twelfth closes."""
     turn = 2.0 * pi * min(k, 11) / 11
     at = (_RUN_RADIUS_M * (1.0 - cos(turn)), _RUN_RADIUS_M * sin(turn))
     foot: Side = "left" if k % 2 else "right"
     return (step if k % 3 == 1 else _up)(foot, k, at, face=360.0 * min(k, 11) / 11)
 
 
-# Round a circle; the arms open, rise and fall once a bar, one a bar ahead of the other.
+# Round a circle. The arms open, rise and fall once a bar, one a bar ahead of the other.
 WALTZ_RUN = Move(
     "waltz run", counts=12,
     steps=tuple(_run_step(k) for k in range(1, 13)),
