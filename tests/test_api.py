@@ -17,11 +17,13 @@ from choreograph.evaluation.results import to_json
 
 USER_SCRIPT = """
 from pathlib import Path
+import numpy as np
+from numpy.typing import NDArray
 import choreograph as cg
 
 
 class Low(cg.Cost):
-    def node(self, layer: cg.Layer, song_features: cg.SongFeatures):
+    def node(self, layer: cg.Layer, song_features: cg.SongFeatures) -> NDArray[np.floating]:
         return layer.first_pose_m[:, 0, 1]
 
 
@@ -30,7 +32,7 @@ def main(song: Path) -> list[str]:
     made: cg.Dance = cg.dance(song, repertoire, engine="graph", seed=3, costs=[Low()])
     again = cg.dance(cg.load_song(song), "rep.h5", planner="greedy", config=cg.DanceConfig(fps=30.0))
     built: cg.BuildResult = cg.build("takes/", "rep.h5", preset="tiny", words=False)
-    dances: list[cg.Dance] = cg.vary(song, repertoire, 2)
+    dances: list[cg.Dance] = cg.vary(song, repertoire, 2, engine="mixer", genre="house")
     made.save("out.bvh")
     plan: cg.Plan = made.plan
     motion: cg.Motion = cg.render(plan, built.repertoire)
@@ -42,6 +44,9 @@ def wrong() -> None:
     cg.dance(5)
     cg.build("takes/", "rep.h5", preset=3)
     cg.not_there
+    cg.dance("a.wav", planner="best")
+    cg.dance("a.wav", planer="exact")
+    cg.vary("a.wav", seeds=3)
 """
 
 
@@ -188,11 +193,22 @@ def test_a_dance_and_a_repertoire_show_what_they_are(repertoire, made):
 
 @pytest.mark.slow
 def test_the_types_serve_a_users_script(tmp_path):
-    """mypy over a script outside the package: right calls pass, wrong ones are found."""
+    """mypy --strict over a script outside the package: right calls pass, wrong ones are found."""
     script = tmp_path / "script.py"
     script.write_text(USER_SCRIPT)
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--no-error-summary", "--cache-dir", str(tmp_path / "cache"), script],
+        [
+            sys.executable,
+            "-m",
+            "mypy",
+            "--strict",
+            "--no-error-summary",
+            "--follow-imports=silent",
+            "--ignore-missing-imports",
+            "--cache-dir",
+            str(tmp_path / "cache"),
+            script,
+        ],
         capture_output=True,
         text=True,
         check=False,
@@ -200,8 +216,10 @@ def test_the_types_serve_a_users_script(tmp_path):
         env={"MYPYPATH": str(Path(cg.__file__).parents[1]), "PATH": "/usr/bin:/bin"},
     )
     wrong_from = USER_SCRIPT.splitlines().index("def wrong() -> None:") + 1
-    lines = [int(line.split(":")[1]) for line in done.stdout.splitlines() if ": error:" in line]
-    assert lines == [wrong_from + 1, wrong_from + 2, wrong_from + 3], done.stdout + done.stderr
+    errors = [line.split(":", 3) for line in done.stdout.splitlines() if ": error:" in line]
+    assert {Path(path).name for path, *_ in errors} == {"script.py"}, done.stdout
+    lines = [int(line) for _, line, *_ in errors]
+    assert lines == [wrong_from + number for number in range(1, 7)], done.stdout + done.stderr
 
 
 @pytest.mark.parametrize(

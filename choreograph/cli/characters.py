@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -24,13 +24,14 @@ if TYPE_CHECKING:
     from choreograph.formats.bvh import BvhOptions, Naming, RestPose
     from choreograph.motion.motion import Motion
 
+AnyCommand = TypeVar("AnyCommand", bound=Callable[..., Any])
 _FILE = click.Path(path_type=Path)
 NAMINGS: tuple[Naming, ...] = ("smpl", "mixamo", "ue", "vrm", "rigify")
 RESTS: tuple[RestPose, ...] = ("t", "a")
 UNITS = {"cm": 100.0, "m": 1.0}  # units of a .bvh, of which a metre has so many
 
 
-def bvh_options(command: Callable) -> Callable:
+def bvh_options(command: AnyCommand) -> AnyCommand:
     """Adds the options of BVH files; the function gets them by the names of `bvh_of`'s arguments."""
     options = (
         click.option("--names", "naming", type=click.Choice(NAMINGS), help="Joint names of a .bvh (smpl)."),
@@ -64,7 +65,16 @@ def bvh_of(naming: Naming | None, units: str | None, rest: RestPose | None, in_p
 @click.option("--fps", type=click.FloatRange(1, 1000), help="Frames per second. Default: MOTION's.")
 @click.option("--map", "map_path", type=_FILE, help="Which bone of MOTION is which (.json).")
 @bvh_options
-def convert(motion, output, fps, map_path, naming, units, rest, in_place) -> None:
+def convert(
+    motion: Path,
+    output: Path,
+    fps: float | None,
+    map_path: Path | None,
+    naming: Naming | None,
+    units: str | None,
+    rest: RestPose | None,
+    in_place: bool,
+) -> None:
     """Write MOTION, a file of any format that build-db reads, to OUTPUT.
 
     .bvh, .npz, .glb, .vrma, .usda, .usdc or .fbx, by its suffix.
@@ -104,7 +114,9 @@ def convert(motion, output, fps, map_path, naming, units, rest, in_place) -> Non
 )
 @click.option("--map", "map_path", type=_FILE, help="Which bone is which, as --save-map writes it (.json).")
 @click.option("--save-map", type=_FILE, help="Write which bones were found (.json), to be edited.")
-def retarget(motion, character, output, map_path, save_map) -> None:
+def retarget(
+    motion: Path, character: Path, output: Path, map_path: Path | None, save_map: Path | None
+) -> None:
     """Put MOTION, a file of any format that build-db reads, onto CHARACTER (.glb, .gltf, .vrm or .fbx)."""
     from choreograph.pipeline.saving import check_outputs, save_on_character
 

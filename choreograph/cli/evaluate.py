@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,7 +28,10 @@ from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.files import folder_beside
 
 if TYPE_CHECKING:
-    from choreograph.evaluation.results import Evaluation
+    from choreograph.core.progress import ProgressReport
+    from choreograph.evaluation.results import Cell, Evaluation
+    from choreograph.evaluation.run import EvaluationConfig
+    from choreograph.evaluation.songs import EvaluatedSong
     from choreograph.evaluation.variants import KeptDances
 
 _FILE = click.Path(path_type=Path)
@@ -86,9 +89,23 @@ _FOR_SONGS = {
 )  # fmt: skip
 @optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no table.")
 def command(
-    dance, song, db, folder, experts, only, variants, seeds, duration, beats, seen, judge, report,
-    json_path, resume, quiet,
-) -> None:  # fmt: skip
+    dance: Path | None,
+    song: Path | None,
+    db: Path | None,
+    folder: Path | None,
+    experts: Path | None,
+    only: tuple[str, ...],
+    variants: tuple[str, ...],
+    seeds: int,
+    duration: float | None,
+    beats: str | None,
+    seen: bool,
+    judge: Path | None,
+    report: Path | None,
+    json_path: str | None,
+    resume: bool,
+    quiet: bool,
+) -> None:
     """Measure dances: made with --db to the songs of DIR, or DANCE (BVH, NPZ, …) against its SONG."""
     from choreograph.evaluation.results import to_json
     from choreograph.evaluation.run import EvaluationConfig
@@ -110,10 +127,11 @@ def command(
         raise ParameterError("expected --report or --json FILE with --resume: dances are kept beside it")
     beats = beats or DEFAULT_TRACKER
     with stages(quiet=quiet) as shown:
-        if dance is not None:
+        if dance is not None and song is not None:
             evaluation = _of_dance(dance, song, db, duration, beats)
             _write(evaluation, report, json_path)
         else:
+            assert folder is not None
             config = EvaluationConfig(variants_named(variants or ("ours",)), seeds, beats, seen)
             shown.report("finding songs", 0, 0)
             songs = find_songs(folder, only=names_of(only), duration_s=duration)
@@ -139,7 +157,7 @@ def _targets(report: Path | None, json_path: str | None) -> list[Path]:
     return [check_target(path) for path in given if path is not None]
 
 
-def _of_dance(dance, song, db, duration, beats):
+def _of_dance(dance: Path, song: Path, db: Path | None, duration: float | None, beats: str) -> Evaluation:
     from choreograph.evaluation.dance_scores import evaluate
     from choreograph.formats.register import load_motion
     from choreograph.music.song import load_song
@@ -181,7 +199,15 @@ def _write(evaluation: Evaluation, report: Path | None, json_path: str | None) -
             temporary.write_text(to_json(evaluation), encoding="utf-8")
 
 
-def _of_songs(songs, db, config, judge, experts, kept, report):
+def _of_songs(
+    songs: Sequence[EvaluatedSong],
+    db: Path | None,
+    config: EvaluationConfig,
+    judge: Path | None,
+    experts: Path | None,
+    kept: KeptDances | None,
+    report: ProgressReport,
+) -> Evaluation:
     from choreograph.evaluation.run import evaluate_variants
     from choreograph.evaluation.songs import read_experts
     from choreograph.library.builtin import starter_repertoire
@@ -195,7 +221,7 @@ def _of_songs(songs, db, config, judge, experts, kept, report):
     )
 
 
-def _show(evaluation) -> None:
+def _show(evaluation: Evaluation) -> None:
     """Print the tables; where stdout is no terminal, as wide as they are."""
     from rich.table import Table
 
@@ -216,7 +242,7 @@ def _show(evaluation) -> None:
         console.print()
 
 
-def _cell(cell, digits: int) -> str:
+def _cell(cell: Cell | None, digits: int) -> str:
     from choreograph.evaluation.results import number_text
 
     if cell is None:

@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import click
 
@@ -100,13 +101,14 @@ class _Commands(click.Group):
         if name not in _COMMANDS:
             return None
         module, _, command = _COMMANDS[name].partition(":")
-        return getattr(import_module(f"choreograph.cli.{module}"), command or "command")
+        found: click.Command = getattr(import_module(f"choreograph.cli.{module}"), command or "command")
+        return found
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         with _printable_usage():
             return super().parse_args(ctx, args)
 
-    def invoke(self, ctx: click.Context):
+    def invoke(self, ctx: click.Context) -> Any:
         try:
             with _printable_usage():
                 return super().invoke(ctx)

@@ -142,7 +142,7 @@ class Command(click.Command):
         return super().parse_args(ctx, args)
 
 
-class Seconds(click.ParamType):
+class Seconds(click.ParamType):  # type: ignore[type-arg]  # generic in newer click alone
     """A time, in seconds (`75.5`) or with minutes and hours (`1:15.5`)."""
 
     name = "seconds"

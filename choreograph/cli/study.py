@@ -22,7 +22,7 @@ from choreograph.cli.present import (
 from choreograph.core.progress import counted
 
 if TYPE_CHECKING:
-    from choreograph.evaluation.study_results import StudyResults
+    from choreograph.evaluation.study_results import Difference, Score, StudyResults
 
 _FILE = click.Path(path_type=Path)
 
@@ -66,8 +66,19 @@ def command() -> None:
 @click.option("--order-seed", default=0, show_default=True, help="Seed of the order of the dances.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, no summary.")
 def write(
-    folder, output, db, only, variants, seen, duration, excerpt, ask, silent, order_seed, quiet,
-) -> None:  # fmt: skip
+    folder: Path,
+    output: Path,
+    db: Path | None,
+    only: tuple[str, ...],
+    variants: tuple[str, ...],
+    seen: bool,
+    duration: float | None,
+    excerpt: float,
+    ask: str,
+    silent: bool,
+    order_seed: int,
+    quiet: bool,
+) -> None:
     """Dance in every variant to every song of DIR, and write one page that shows them in random order."""
     from choreograph.evaluation.songs import find_songs
     from choreograph.evaluation.study import (
@@ -103,7 +114,7 @@ def write(
 @click.argument("study", type=_FILE)
 @click.option("--json", "json_path", metavar="FILE", help="Write the ratings as JSON; - prints them.")
 @click.option("-q", "--quiet", is_flag=True, help="No table.")
-def show(study, json_path, quiet) -> None:
+def show(study: Path, json_path: str | None, quiet: bool) -> None:
     """Show the answers in the folder STUDY: means with 95 % intervals, and which variants differ."""
     from choreograph.core.files import atomic_path, check_target
     from choreograph.evaluation.study_results import read_study
@@ -157,7 +168,7 @@ def _show_tables(results: StudyResults) -> None:
             say(f"  {p.variant}, not {p.other}: {shares}, {p.n_answers} answers{unclear}")
 
 
-def _with_interval(estimate, sign: str = "") -> str:
+def _with_interval(estimate: Score | Difference, sign: str = "") -> str:
     return _interval(estimate.mean, estimate.low, estimate.high, sign)
 
 

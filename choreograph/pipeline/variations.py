@@ -118,7 +118,8 @@ def signature_of(name: str, repertoire: Repertoire) -> NDArray[np.float64]:
     vocabulary = repertoire.vocabulary
     as_path("a take, or the name of one or of a genre", name)
     if name in vocabulary.genres:
-        return vocabulary.signatures[vocabulary.genre_index(name)]
+        of_genre: NDArray[np.float64] = vocabulary.signatures[vocabulary.genre_index(name)]
+        return of_genre
     return signature(np.array(motifs_of(name, repertoire)), vocabulary.n_motifs)
 
 
