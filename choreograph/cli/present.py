@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
+    _Floats = click.ParamType[float]
+else:
+    _Floats = click.ParamType  # not generic in every click
+
 # What commands show: lines, tables and notes, progress bars, examples in their help.
 #
 # What is printed for people goes through `say`, or through `printable` to a `table_console`: names of files,
@@ -142,7 +146,7 @@ class Command(click.Command):
         return super().parse_args(ctx, args)
 
 
-class Seconds(click.ParamType):  # type: ignore[type-arg]  # generic in newer click alone
+class Seconds(_Floats):
     """A time, in seconds (`75.5`) or with minutes and hours (`1:15.5`)."""
 
     name = "seconds"

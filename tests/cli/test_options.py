@@ -70,7 +70,7 @@ def test_the_options_to_repeat_are_few():
     assert repeated == {
         ("build-db", "--leave-out"), ("build-db", "--set"), ("dance", "--output"), ("dance", "--pin"),
         ("dance", "--ban"), ("dance", "--keep"), ("dance", "--set"), ("dance", "--weight"),
-        ("evaluate", "--counted-by"), ("evaluate", "--only"), ("evaluate", "--variants"),
+        ("evaluate", "--only"), ("evaluate", "--variants"),
         ("study write", "--only"), ("study write", "--variants"),
     }  # fmt: skip
 
