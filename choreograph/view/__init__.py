@@ -1,1 +1,1 @@
-"""Views of a dance: page, video, pose strip and plots, drawn without a GPU."""
+"""Views of a dance: page, video, pose strip and plots. No GPU is needed."""

@@ -29,22 +29,22 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Distances of a vocabulary's takes to their genre's template, in total and over time.
+# Distances of takes to the template of their genre.
 
 
 Floats = NDArray[np.float64]
 
 
 def dances_of(vocabulary: Vocabulary, take_genres: Sequence[str], genre: str) -> list[int]:
-    """Takes with words of a genre, or of all for `ALL_GENRES`; `take_genres` has one genre per take."""
+    """The takes with words of a genre, or of any for `ALL_GENRES`. `take_genres` has one genre per take."""
     danced = np.unique(vocabulary.word_take)
     return [int(take) for take in danced if genre in (ALL_GENRES, take_genres[take])]
 
 
 def distances_to_template(vocabulary: Vocabulary, genre: str, takes: Sequence[int]) -> Floats:
-    """χ² distance of each take's signature to the genre's template, (X,).
+    """χ² distances (X,) of the signatures of takes to the template of a genre.
 
-    The template is the mean of these signatures, so that a genre's only take is at distance 0. Raises
+    The template is the mean of these signatures, so that the only take of a genre is at distance 0. Raises
     `ParameterError` for an unknown genre or a take without words.
     """
     template = vocabulary.signatures[vocabulary.genre_index(genre)]
@@ -53,9 +53,9 @@ def distances_to_template(vocabulary: Vocabulary, genre: str, takes: Sequence[in
 
 
 def distance_over_time(vocabulary: Vocabulary, genre: str, take: int) -> tuple[Floats, Floats]:
-    """Seconds danced (N,) and the χ² distance (N,) of the signature so far to the genre's template.
+    """Seconds (N,) and the χ² distance (N,) of the signature up to then to the template of the genre.
 
-    One value after each of the take's words (Rhythm is a Dancer, Figure 12).
+    There is one value after each word of the take (Rhythm is a Dancer, Figure 12).
     """
     words = vocabulary.words_of_take(take)
     counts = np.cumsum(np.eye(vocabulary.n_motifs)[vocabulary.word_motif[words]], axis=0)  # (N, K)
@@ -64,12 +64,12 @@ def distance_over_time(vocabulary: Vocabulary, genre: str, take: int) -> tuple[F
     return seconds, chi_square_distance(so_far, vocabulary.signatures[vocabulary.genre_index(genre)])
 
 
-# Pose strips of a motif: start, middle and end of its medoid and of words from other takes.
+# Pose strips of a motif.
 
 
 WORDS_SHOWN = 4
 _POSES = 3  # of a word
-_FPS = 1.0  # of the row of poses: any rate will do
+_FPS = 1.0  # of the poses of a strip, any rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +83,9 @@ class ShownWord:
 
 
 def words_to_show(vocabulary: Vocabulary, motif: int, n_words: int = WORDS_SHOWN) -> NDArray[np.int64]:
-    """The motif's medoid and random words of its cluster (fixed seed), (n,), n ≤ `n_words`.
+    """The medoid of a motif and random words of its cluster, with a fixed seed, (n,), n ≤ `n_words`.
 
-    Each is from another take; there are fewer if fewer takes contain the motif.
+    Each is from another take. There are fewer if fewer takes contain the motif.
     """
     words = np.random.default_rng(motif).permutation(vocabulary.words_of_motif(motif))
     words = np.concatenate([vocabulary.motifs.words[motif : motif + 1], words])
@@ -96,9 +96,9 @@ def words_to_show(vocabulary: Vocabulary, motif: int, n_words: int = WORDS_SHOWN
 def write_motif_strip(
     path: str | Path, words: Sequence[ShownWord], *, tile: tuple[int, int] = (160, 220)
 ) -> None:
-    """Write a PNG with one row per word: its first, middle and last pose, centred and facing the front.
+    """Write a PNG with a row for each word: its first, middle and last pose, centred and facing the front.
 
-    Raises as `view.renderer.write_strip`.
+    Raises errors as `view.renderer.write_strip` does.
     """
     poses = [_poses(word) for word in words]
     row = Motion(
@@ -121,9 +121,7 @@ def _poses(word: ShownWord) -> Motion:
     return poses.moved(yaw_rad=-float(heading_rad(body[_POSES // 2])))
 
 
-# Plots of a repertoire's motifs as PNGs: signatures, transitions, distance over time, pose strips.
-#
-# After Figures 3 and 12 of Rhythm is a Dancer. Needs the extra `plots` (matplotlib).
+# Plots, after Figures 3 and 12 of Rhythm is a Dancer. They need the extra `plots` (matplotlib).
 
 
 _LOG = logging.getLogger(__name__)
@@ -131,18 +129,18 @@ MOTIFS_SHOWN = 20  # as in Figure 3
 STRIPS = 12
 _TAKES_SHOWN = 3  # below a template: the nearest, the middle one and the farthest
 _DPI = 110
-_GOLDEN = 0.618034  # turns of hue from motif to motif: neighbours differ
+_GOLDEN = 0.618034  # turns of hue between motifs, so that neighbours differ
 _COLUMNS = 3  # of panels
-_NAME_LETTERS = 40  # of a genre, in the name of a file
+_NAME_CHARACTERS = 40  # of a genre in the name of a file
 _MEAN_POINTS = 200
 
 
 def write_motif_plots(folder: str | Path, repertoire: Repertoire) -> list[Path]:
-    """Write all plots into `folder`, made if missing; the files.
+    """Write all plots into `folder`, which is created if missing. Return the files.
 
-    `signature-GENRE.png`, `transitions-GENRE.png`, `distance-over-time.png` and, of the most frequent motifs,
-    `motif-NUMBER.png`. Where one of them is there and was not written here, all get other names, which is
-    logged. Raises `ParameterError` if matplotlib is missing or the folder cannot be made,
+    They are `signature-GENRE.png`, `transitions-GENRE.png`, `distance-over-time.png`, and `motif-NUMBER.png`
+    for the most frequent motifs. If one of them exists and is from another program, all get other names,
+    which is logged. Raises `ParameterError` if matplotlib is missing or the folder cannot be created,
     `RepertoireError` if the repertoire has no motion words.
     """
     _expect_matplotlib()
@@ -150,7 +148,7 @@ def write_motif_plots(folder: str | Path, repertoire: Repertoire) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ParameterError(f"cannot make the folder {folder}: {error.strerror}") from error
+        raise ParameterError(f"cannot create the folder {folder}: {error.strerror}") from error
     names = [take.name for take in repertoire.takes]
     genres = vocabulary.genres[:-1] or (ALL_GENRES,)
     take_genres = [take.credits.genre for take in repertoire.takes]
@@ -158,9 +156,9 @@ def write_motif_plots(folder: str | Path, repertoire: Repertoire) -> list[Path]:
     motifs = range(min(STRIPS, vocabulary.n_motifs))
     usual = [f"{kind}-{_file_name(genre)}.png" for genre in genres for kind in ("signature", "transitions")]
     usual += ["distance-over-time.png", *(f"motif-{motif:03d}.png" for motif in motifs)]
-    written = free_names((folder / name for name in usual), _is_strange)
+    written = free_names((folder / name for name in usual), _is_of_another_program)
     if written[0].name != usual[0]:
-        _LOG.warning("%s holds other files of these names: the plots are %s, …", folder, written[0].name)
+        _LOG.warning("%s has other files of these names: the first plot is %s", folder, written[0].name)
     paths = iter(written)
     for genre in genres:
         _save(signature_figure(vocabulary, genre, dances[genre], names), next(paths))
@@ -171,13 +169,13 @@ def write_motif_plots(folder: str | Path, repertoire: Repertoire) -> list[Path]:
     return written
 
 
-def _is_strange(path: Path) -> bool:
-    """Whether there is a file that is no picture written here."""
+def _is_of_another_program(path: Path) -> bool:
+    """Whether a file exists that this program did not write."""
     return os.path.lexists(path) and GENERATOR.split()[0].encode() not in ends_of(path)
 
 
 def signature_figure(vocabulary: Vocabulary, genre: str, takes: list[int], names: list[str]) -> Figure:
-    """The template over its most frequent motifs, and below it the signatures of three of its takes."""
+    """The template over its most frequent motifs, and the signatures of three of its takes below."""
     template = vocabulary.signatures[vocabulary.genre_index(genre)]
     motifs = np.argsort(-template, kind="stable")[:MOTIFS_SHOWN]
     distances = distances_to_template(vocabulary, genre, takes)
@@ -187,7 +185,7 @@ def signature_figure(vocabulary: Vocabulary, genre: str, takes: list[int], names
     axes = figure.subplots(1 + len(chosen), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     _bars(axes[0], template, motifs)
     axes[0].set_title(
-        f"{genre}: template of {_takes(len(takes))}, {template[motifs].sum():.0%} of it in these motifs",
+        f"{genre}: template of {counted(len(takes), 'take')}, {template[motifs].sum():.0%} in these motifs",
         loc="left",
     )
     for axis, index in zip(axes[1:], chosen, strict=True):
@@ -200,7 +198,7 @@ def signature_figure(vocabulary: Vocabulary, genre: str, takes: list[int], names
 
 
 def transitions_figure(vocabulary: Vocabulary, genre: str) -> Figure:
-    """Transition probabilities between the genre's most frequent motifs."""
+    """Transition probabilities between the most frequent motifs of a genre."""
     row = vocabulary.genre_index(genre)
     motifs = np.argsort(-vocabulary.signatures[row], kind="stable")[:MOTIFS_SHOWN]
     figure = _figure(7.6, 6.6)
@@ -216,7 +214,7 @@ def transitions_figure(vocabulary: Vocabulary, genre: str) -> Figure:
 
 
 def distance_figure(vocabulary: Vocabulary, dances: dict[str, list[int]]) -> Figure:
-    """χ² distance of every take to its genre's template, over the seconds so far; a panel per genre."""
+    """χ² distance of every take to the template of its genre over time, with a panel for each genre."""
     columns = min(_COLUMNS, len(dances))
     rows = -(-len(dances) // columns)
     figure = _figure(1.5 + 3.6 * columns, 0.6 + 2.8 * rows)
@@ -225,12 +223,12 @@ def distance_figure(vocabulary: Vocabulary, dances: dict[str, list[int]]) -> Fig
         curves = [distance_over_time(vocabulary, genre, take) for take in takes]
         for seconds, distance in curves:
             axis.plot(seconds, distance, color="#8a93a8", linewidth=0.8, alpha=0.7)
-        # Beyond the middle take's end the mean would jump whenever one of few takes ends.
+        # After the end of the middle take the mean would jump whenever one of the remaining takes ends.
         until_s = sorted(seconds[-1] for seconds, _ in curves)[len(curves) // 2]
         at_s = np.linspace(min(seconds[0] for seconds, _ in curves), until_s, _MEAN_POINTS)
         mean = [np.mean([np.interp(s, *c) for c in curves if c[0][-1] >= s]) for s in at_s]
         axis.plot(at_s, mean, color="#c1272d", linewidth=1.8, label="mean")
-        axis.set_title(f"{genre}: {_takes(len(takes))}", loc="left")
+        axis.set_title(f"{genre}: {counted(len(takes), 'take')}", loc="left")
         axis.tick_params(labelbottom=True)
         axis.set_ylim(0.0, 1.0)
         axis.set_xlim(left=0.0)
@@ -239,7 +237,7 @@ def distance_figure(vocabulary: Vocabulary, dances: dict[str, list[int]]) -> Fig
         axis.set_axis_off()
     panels[0, 0].legend(frameon=False)
     figure.supxlabel("seconds danced")
-    figure.supylabel("χ² distance to the genre's template")
+    figure.supylabel("χ² distance to the template of the genre")
     return figure
 
 
@@ -258,12 +256,8 @@ def _shown(repertoire: Repertoire, word: int) -> ShownWord:
     return ShownWord(repertoire.takes[take].name, motion, start_s - first_s, end_s - first_s)
 
 
-def _takes(number: int) -> str:
-    return counted(number, "take")
-
-
 def _file_name(genre: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in genre[:_NAME_LETTERS])
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in genre[:_NAME_CHARACTERS])
 
 
 def _expect_matplotlib() -> None:
@@ -271,7 +265,7 @@ def _expect_matplotlib() -> None:
         import matplotlib  # noqa: F401
     except ImportError as error:
         raise ParameterError(
-            "expected matplotlib to plot with, found none: install the extra 'plots'"
+            "expected matplotlib for plots, found none: install the extra 'plots'"
         ) from error
 
 

@@ -1,11 +1,11 @@
 """The preview page: one HTML file with the dance, its song and a player, for any browser, offline.
 
-The page has its own small WebGL renderer for the mannequin (`page/renderer.js` and its shaders, 400 lines): a
-general engine would add 0.2 MB to every preview to draw one skinned body, a floor and a shadow. A character
-of the user's, with materials of any kind, is drawn by such an engine: see `page_bodies`.
+The page has its own small WebGL renderer for the mannequin (`page/renderer.js` and its shaders, 400 lines). A
+general engine would add 0.2 MB to every page to draw one skinned body, a floor and a shadow. Characters of
+users, which have materials of any kind, are drawn by three.js (`page_data`).
 
-The parts of the page are in `page/`: ES modules, bundled in the order of `_SCRIPTS`, a style sheet and the
-template. Only data differs between dances: JSON, and compressed bytes in base64.
+The parts of the page are in `page/`: ES modules, which are bundled in the order of `_SCRIPTS`, a style sheet
+and the template. Only the data differs between dances: JSON, and compressed bytes in base64.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import base64
 import html
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ _SCRIPTS = (
 )  # fmt: skip
 _STEPS = 100  # of its progress
 _LEVELS_PER_S = 50
-_NETWORK = "rollout network"  # shown in place of a take's name
+_NETWORK = "rollout network"  # shown instead of the name of a take
 _LENGTH_SLACK_S = 0.1  # the plan has the song's length, the motion a whole number of frames
 
 
@@ -62,32 +63,35 @@ def write_page(
     character: PageCharacter | None = None,
     report: StepReport | None = None,
 ) -> None:
-    """Write the dance as one self-contained HTML file; the same dance gives the same bytes.
+    """Write the dance as one self-contained HTML file. The same dance gives the same bytes.
 
     Parameters
     ----------
     path : the file to write, atomically
-    motion, plan : of one dance; the timeline shows the plan's blocks
-    song_path : the original song file; its danced part is embedded. None: the page is silent
-    motion_beats_s : (Q,) times in the dance, increasing
-    start_s : start of the dance in the song file; None: the plan's `start_s`
-    duration_s : seconds to show, from the start; None: the whole motion
-    title : heading of the page; None: the song's name
-    character : who dances the motion; None: the mannequin
-    report : called with how much is done, of how much
+    motion, plan : of one dance. The timeline shows the blocks of the plan
+    song_path : the song file, whose danced part is embedded. None makes a silent page
+    motion_beats_s : (Q,) increasing times in the dance
+    start_s : start of the dance in the song file. None uses `start_s` of the plan
+    duration_s : seconds to show from the start. None shows the whole motion
+    title : heading of the page. None uses the name of the song
+    character : the character that dances. None uses the mannequin
+    report : called with the steps that are done and their total
 
-    The page exposes its state to scripts as `window.choreograph`, read-only: time, duration and shownFrom,
-    shownTo (of the timeline) in seconds; frame, fps, framesDrawn; playing, speed, loop {on, from, to},
-    mirrored, following; audioTime (null without sound); take, the name of the current one; count, the current
-    {bar, number} or null; pixelScale, below 1 on slow machines; joints, J positions [x, y, z] in metres, as
-    `motion.joint_pos_m()` has them, or those of the character's bones that are known, in canonical order.
+    The page has a read-only state for scripts, `window.choreograph`:
+
+    - time, duration, and shownFrom and shownTo of the timeline, in seconds, and audioTime, null without sound
+    - frame, fps, framesDrawn, and pixelScale, which is below 1 on slow machines
+    - playing, speed, loop {on, from, to}, mirrored, following
+    - take, the name of the current take, and count, the current {bar, number} or null
+    - joints, J positions [x, y, z] in metres, as in `motion.joint_pos_m()`, or those of the bones of the
+      character that are known, in canonical order
 
     Raises
     ------
-    ParameterError     the folder is missing; motion and plan differ in length; a time is out of range; the
-                       character is compressed or larger than 100 MB
-    FormatError        the song cannot be read
-    ChoreographError   the disk is full or not writable
+    ParameterError     if the folder is missing, motion and plan differ in length, a time is out of range, or
+                       the character is compressed or larger than 100 MB
+    FormatError        if the song cannot be read
+    ChoreographError   if the disk is full or read-only
     """
     path = check_target(path)
     check_apart([path], [] if song_path is None else [song_path])
@@ -132,14 +136,14 @@ def _checked_beats(motion_beats_s: Sequence[float] | NDArray[np.floating]) -> ND
 def _checked_duration(motion: Motion, plan: Plan, duration_s: float | None) -> float:
     if abs(motion.duration_s - plan.duration_s) > _LENGTH_SLACK_S:
         raise ParameterError(
-            f"expected the plan's own motion, got {motion.duration_s:.2f} s of motion and a plan of "
-            f"{plan.duration_s:.2f} s: they may belong to different dances"
+            f"expected the motion of the plan, got {motion.duration_s:.2f} s of motion and a plan of "
+            f"{plan.duration_s:.2f} s: are they of different dances?"
         )
     if duration_s is None:
         return min(motion.duration_s, plan.blocks[-1].end_s)
     if not (np.isfinite(duration_s) and 0 < duration_s <= motion.duration_s + _LENGTH_SLACK_S):
         raise ParameterError(
-            f"expected a duration in (0, {motion.duration_s:.2f}] s, the dance's length, got {duration_s:g}"
+            f"expected a duration of up to {motion.duration_s:.2f} s, its length, got {duration_s:g}"
         )
     return min(duration_s, motion.duration_s)
 
@@ -147,12 +151,12 @@ def _checked_duration(motion: Motion, plan: Plan, duration_s: float | None) -> f
 def _sound(
     song_path: str | Path | None, start_s: float, duration_s: float, report: StepReport | None
 ) -> tuple[str, str, float]:
-    """The sound in base64, the waveform's levels, and their rate in Hz."""
+    """The sound in base64, the levels of the waveform, and their rate in Hz."""
     if song_path is None:
         return "", "", float(_LEVELS_PER_S)
     levels = Levels(_LEVELS_PER_S)
     sound = encode_mp4(levels.through(song_part(song_path, start_s=start_s, duration_s=duration_s), report))
-    # A plane of peaks, then one of RMS: similar neighbours deflate better.
+    # The peaks come before the RMS values, because similar neighbours are compressed better.
     planes = np.ascontiguousarray(levels.to_bytes().T)
     return base64.b64encode(sound).decode("ascii"), deflate_base64(planes.tobytes()), levels.bins_per_s
 
@@ -162,26 +166,17 @@ def _rounded(times_s: Sequence[float] | NDArray[np.floating], duration_s: float)
 
 
 def _shown_numbers(plan: Plan, duration_s: float) -> list[int]:
-    """Numbers in the bar of the beats that are shown; none if bars are not known."""
+    """Numbers in the bar of the beats that are shown, none if bars are not known."""
     numbers = zip(plan.music_beats_s, plan.music_beat_numbers, strict=False)
     return [number for time, number in numbers if 0 <= time <= duration_s]
 
 
 def _sources(plan: Plan, duration_s: float) -> dict[str, Any]:
-    """The timeline's blocks, and the table of takes (names and credits) that they refer to by index."""
+    """The blocks of the timeline, and the table of takes that they refer to by index."""
     shown = [block for block in plan.blocks if block.start_s < duration_s]
     credits = {block.source: block.planned.credits for block in shown}
     names = sorted(credits)
-    takes = [
-        {
-            "name": name or _NETWORK,
-            "genre": credits[name].genre,
-            "performer": credits[name].performer,
-            "licence": credits[name].licence,
-            "source": credits[name].source,
-        }
-        for name in names
-    ]
+    takes = [{"name": name or _NETWORK, **asdict(credits[name])} for name in names]
     index = {name: i for i, name in enumerate(names)}
     return {"takes": takes, "blocks": [_block(block, index[block.source], duration_s) for block in shown]}
 

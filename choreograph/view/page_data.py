@@ -1,4 +1,4 @@
-"""What a self-contained page holds: compressed motion and mesh, characters, scripts."""
+"""The content of a self-contained page: compressed motion and mesh, characters, scripts."""
 
 from __future__ import annotations
 
@@ -22,16 +22,15 @@ from choreograph.motion.mannequin.skinned_mesh import SkinnedMesh, build_mannequ
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS
 
-# Compression of motion and mesh for self-contained pages; `page/decompress.js` is the decoder.
+# Compression of motion and mesh. `page/decompress.js` is the decoder.
 #
-# A motion is quantised to a table of integers, one row per channel: the root position in steps of half a
-# millimetre, then each joint's rotation vector in steps of 0.25 mrad. Its second differences in time are
-# small. They are zigzag-encoded (0, -1, 1, -2, … -> 0, 1, 2, 3, …), split into a plane of low and one of high
-# bytes, and deflated. Four minutes of 24 joints at 60 fps take about 0.9 MB in base64, with an
-# error of a millimetre at the fingertips.
+# A motion is quantised to a table of integers with one row per channel: the root position in steps of half a
+# millimetre, then the rotation vector of each joint in steps of 0.25 mrad. Its second differences in time are
+# small. They are zigzag-encoded, split into a plane of low and one of high bytes, and deflated. Four minutes
+# of 24 joints at 60 fps need about 0.9 MB in base64, with an error of a millimetre at the fingertips.
 
 
-ROTVEC_STEP_RAD = 2.5e-4  # pi is 12,566 steps: any rotation fits into two bytes
+ROTVEC_STEP_RAD = 2.5e-4  # pi is 12,566 steps, so that any rotation fits into two bytes
 _ROOT_STEP_M = 5e-4
 _LARGEST = 32_000  # steps: fits into two bytes with a margin
 _MAX_FPS = 60.0
@@ -50,7 +49,7 @@ class CompressedMotion:
 
 
 def compress_motion(motion: Motion, *, max_bytes: int = _MAX_MOTION_BYTES) -> CompressedMotion:
-    """Compress at 60 fps or the motion's rate if lower; halve the rate until the text fits `max_bytes`."""
+    """Compress at 60 fps or the rate of the motion if lower, halved until the text fits `max_bytes`."""
     motion = motion.resampled(min(motion.fps, _MAX_FPS))
     compressed = _compressed(motion)
     while len(compressed.text) > max_bytes and motion.n_frames > 2:
@@ -78,8 +77,8 @@ def _compressed(motion: Motion) -> CompressedMotion:
 def compress_mesh(mesh: SkinnedMesh) -> tuple[str, dict[str, object]]:
     """The mesh as text, and the parameters that the page needs to decode it.
 
-    In this order: positions (V, 3) int16 in steps of `step_m`, triangles (F, 3) uint32, joints (V, 2) uint16,
-    first weights (V,) uint8 of 255, normals (V, 3) int8 of 127, parts (V,) uint8.
+    The arrays are, in this order, positions (V, 3) int16 in steps of `step_m`, triangles (F, 3) uint32,
+    joints (V, 2) uint16, first weights (V,) uint8 of 255, normals (V, 3) int8 of 127, parts (V,) uint8.
     """
     step_m = max(float(np.abs(mesh.vertices_m).max()) / _LARGEST, 1e-9)
     arrays: list[NDArray[Any]] = [
@@ -107,41 +106,41 @@ def deflate_base64(data: bytes) -> str:
     return base64.b64encode(zlib.compress(data, 9)).decode("ascii")
 
 
-# Assembly of self-contained pages: parts, bundled scripts, JSON that cannot break out of its element.
+# Assembly of pages.
 
 
 _OF_MODULES = re.compile(r"^(?:import \{[^{}]*\} from [^;\n]*;\n|export )", re.MULTILINE)
 
 
 def page_part(name: str, *, package: str = "choreograph.view", folder: str = "page") -> str:
-    """Text of a page part, from this package or from another one."""
+    """The text of a part of a page, from this package or another."""
     return (resources.files(package) / folder / name).read_text(encoding="utf-8")
 
 
 def bundle_scripts(modules: Sequence[str]) -> str:
-    """ES modules (texts, each after those it imports) as one script: no imports, no exports, one scope."""
+    """ES modules as one script without imports and exports. Each module follows those that it imports."""
     return "\n".join(_OF_MODULES.sub("", text) for text in modules)
 
 
 def to_script_json(data: Any) -> str:
-    """JSON that cannot end the script element it stands in, whatever the names of takes contain."""
+    """JSON that cannot end its script element, whatever the names of takes contain."""
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
 def fill_template(template: str, **parts: str) -> str:
-    """The template with every `@@name@@` replaced; the inserted texts are not scanned again."""
+    """The template with every `@@name@@` replaced. The inserted texts are not searched again."""
     pieces = template.split("@@")
     return "".join(parts[piece] if i % 2 else piece for i, piece in enumerate(pieces))
 
 
-# Who dances in a page: the mannequin, or a character of the user's that three.js draws.
+# The mannequin, or a character that three.js draws.
 #
-# Each has its own renderer in `page/`, behind the same few methods, and its own data. three.js is in the page
-# of a character only: `page/three/` has it bundled, and what rebuilds the bundle.
+# Each has its own renderer in `page/`, with the same methods, and its own data. Only the page of a character
+# contains three.js. `page/three/` has the bundle and the files to make it.
 
 
-_MAX_CHARACTER_BYTES = 100_000_000  # browsers decode it in some seconds, and phones can hold it
+_MAX_CHARACTER_BYTES = 100_000_000  # decoded by browsers in some seconds, also on phones
 _NEED_DECODERS = (
     "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_texture_basisu",
 )  # fmt: skip
@@ -149,24 +148,24 @@ _NEED_DECODERS = (
 
 @dataclass(frozen=True, eq=False)
 class PageCharacter:
-    """A character, the dance its only animation."""
+    """A character whose only animation is the dance."""
 
     document: GltfDocument
-    nodes: Mapping[str, int]  # of its document, by canonical joint; hips and pelvis are among them
+    nodes: Mapping[str, int]  # of its document by canonical joint, with hips and pelvis
 
 
 @dataclass(frozen=True, eq=False)
 class PageBody:
-    """What a page needs beside the dance's own facts to show who dances."""
+    """The data and scripts of a page that show the dancer."""
 
     facts: dict[str, Any]  # JSON
-    data: dict[str, str]  # element -> text
+    data: dict[str, str]  # text by element
     scripts: tuple[str, ...]  # the last one opens the page
     sources: str = ""  # added to the page's security policy
 
 
 def mannequin_body(motion: Motion) -> PageBody:
-    """The mannequin: its mesh, and the motion compressed."""
+    """The mannequin: its mesh and the compressed motion."""
     compressed = compress_motion(motion)
     mesh, mesh_layout = compress_mesh(build_mannequin(motion.skeleton, motion))
     facts = {
@@ -185,7 +184,7 @@ def mannequin_body(motion: Motion) -> PageBody:
 
 
 def character_body(character: PageCharacter, fps: float) -> PageBody:
-    """A character as a GLB, and three.js with its licence; `ParameterError` if a page cannot show it."""
+    """A character as a GLB, and three.js with its licence. Raises `ParameterError` as below."""
     check_page_character(character.document)
     glb = character.document.to_glb()
     if len(glb) > _MAX_CHARACTER_BYTES:
@@ -199,7 +198,7 @@ def character_body(character: PageCharacter, fps: float) -> PageBody:
 
 
 def check_page_character(document: GltfDocument) -> None:
-    """Raise `ParameterError` if a page cannot show the character, before there is a dance for it."""
+    """Raise `ParameterError` if a page cannot show the character. It is checked before there is a dance."""
     used = document.json.get("extensionsUsed", [])
     compressed = [name for name in _NEED_DECODERS if isinstance(used, list) and name in used]
     if compressed:

@@ -22,9 +22,6 @@ from choreograph.motion.mannequin.skinned_mesh import SkinnedMesh, build_mannequ
 from choreograph.motion.motion import Motion
 from choreograph.view import render_kernels as kernels
 
-# Software renderer: a mesh in a pose, on a floor in studio light, seen by a camera.
-
-
 Floats = NDArray[np.float64]
 F32 = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
@@ -42,7 +39,7 @@ _THRESHOLDS = ((_BAYER + 0.5) / 16).astype(np.float32)
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera without roll, in metres, Y up; `fov_rad` is the vertical field of view."""
+    """A camera without roll, in metres, Y up. `fov_rad` is the vertical field of view."""
 
     eye_m: Floats  # (3,)
     target_m: Floats  # (3,)
@@ -51,7 +48,9 @@ class Camera:
     def __post_init__(self) -> None:
         sight = np.asarray(self.target_m, float) - np.asarray(self.eye_m, float)
         if not np.hypot(sight[0], sight[2]) > 1e-6:
-            raise ParameterError("a camera cannot look straight up or down: move its target off the vertical")
+            raise ParameterError(
+                "expected a camera that does not look straight up or down: move its target to the side"
+            )
         if not 0.0 < self.fov_rad < np.pi:
             raise ParameterError(
                 f"expected a field of view between 0 and 180 degrees, got {self.fov_rad} rad"
@@ -82,7 +81,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Stage:
-    """sRGB colours of floor and backdrop; `shadow` is the share of light missing in the darkest shadow."""
+    """sRGB colours of floor and backdrop. `shadow` is the share of light that the darkest shadow loses."""
 
     horizon: str = "#e6e4e0"
     overhead: str = "#9fb0c2"
@@ -101,9 +100,9 @@ def render_pose(
     light: Light = Light(),
     stage: Stage = Stage(),
 ) -> Pixels:
-    """The figure seen by the camera, (H, W, 3) sRGB bytes.
+    """A picture of the figure, (H, W, 3) sRGB bytes.
 
-    `pos_m` (J, 3) and `global_quat` (J, 4) are one frame of `kinematics.forward`; the floor is at Y = 0.
+    `pos_m` (J, 3) and `global_quat` (J, 4) are one frame of `kinematics.forward`. The floor is at Y = 0.
     Raises `ParameterError` if the size is not positive or the pose has another number of joints.
     """
     width, height = size
@@ -178,9 +177,9 @@ def _draw_mesh(
 
 
 def _key_light_map(points: F32, triangles: NDArray[np.int32], key: F32) -> tuple[F32, F32]:
-    """The vertices (V, 3) in the key light's view, and its shadow map: nearest surfaces (N, N).
+    """The vertices (V, 3) in the view of the key light, and its shadow map, the nearest surfaces (N, N).
 
-    Only surfaces that face away from the light are in the map, so that lit ones never shadow themselves.
+    The map has only surfaces that face away from the light, so that lit surfaces do not shadow themselves.
     """
     right = _unit(np.cross(key, [0.0, 1.0, 0.0]))
     axes = np.stack([right, -np.cross(right, -key), key]).astype(np.float32)
@@ -197,10 +196,10 @@ def _key_light_map(points: F32, triangles: NDArray[np.int32], key: F32) -> tuple
 
 
 def _floor_shade(points: F32, triangles: NDArray[np.int32], key: F32, darkest: float) -> tuple[F32, F32]:
-    """Light missing on the floor (N, N) around the mesh, and the (x, z) of the first texel.
+    """The light that the floor (N, N) around the mesh loses, and the (x, z) of the first texel.
 
-    Two shadows: a dark contact shadow straight below what is close to the floor, and a wide, faint one of
-    the whole body along the key light.
+    There is a dark contact shadow below parts that are close to the floor, and a wide, faint shadow of the
+    whole body along the key light.
     """
     middle = np.floor(points[:, [0, 2]].mean(axis=0) / kernels.TEXEL_M)
     origin = ((middle - _SHADE_TEXELS / 2) * kernels.TEXEL_M).astype(np.float32)
@@ -249,25 +248,25 @@ def _unit(vector: NDArray[np.floating]) -> F32:
     return (vector / np.linalg.norm(vector)).astype(np.float32)
 
 
-# A camera that follows a dancer: from the front, 28° to the side, on a smoothed path.
+# Cameras that follow a dancer.
 
 
 _FOV_RAD = float(np.radians(28.0))
 _SIDE_RAD = float(np.radians(28.0))  # of the camera, from straight ahead of the dancer
 _EYE_OF_HEIGHT = 0.78  # a little below the dancer's eyes
-_HIGH_OF_HEIGHT = 1.36  # what has to fit: the body with raised arms,
-_WIDE_OF_HEIGHT = 1.05  # and with arms to the sides, both with a margin
+_HIGH_OF_HEIGHT = 1.36  # height of the view: the body with raised arms and a margin
+_WIDE_OF_HEIGHT = 1.05  # width of the view: the body with arms to the sides and a margin
 _MIDDLE_OF_HEIGHT = 0.54
 
 
 @dataclass(frozen=True, eq=False)
 class Shots:
-    """A motion's poses with a camera for each, ready to be rendered."""
+    """Poses of a motion, with a camera for each."""
 
     mesh: SkinnedMesh
     pos_m: Floats  # (T, J, 3) of the world
     global_quat: Floats  # (T, J, 4)
-    targets_m: Floats  # (T, 3) what the cameras look at
+    targets_m: Floats  # (T, 3) of the cameras
     towards_eye_m: Floats  # (3,) from the target to the camera
 
     def render(self, frame: int, size: tuple[int, int]) -> Pixels:
@@ -281,10 +280,9 @@ def follow_camera(
 ) -> Shots:
     """The poses at `times_s` (T,) and cameras for pictures `aspect` times as wide as high.
 
-    All cameras have the same direction: 28° to the side of the dancer's mean heading between the first and
-    the last time, so that turns stay visible. They follow the dancer's ground position, smoothed over
-    about `smoothing_s`. Raises `ParameterError` if a time lies
-    outside the motion.
+    All cameras have the same direction, 28° to the side of the mean heading of the dancer between the first
+    and the last time, so that turns are visible. They follow the position of the dancer on the ground,
+    smoothed over about `smoothing_s`. Raises `ParameterError` if a time is outside of the motion.
     """
     times = np.asarray(times_s, dtype=np.float64)
     if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():
@@ -314,7 +312,7 @@ def follow_camera(
 
 
 def _whereabouts(motion: Motion) -> tuple[Floats, Floats]:
-    """Ground position (T, 3) and heading (T,); of an unknown rig, the root's position and 0."""
+    """Ground position (T, 3) and heading (T,). For an unknown rig, the position of the root and 0."""
     try:
         body = body_pos_m(motion)
     except ParameterError:
@@ -322,11 +320,11 @@ def _whereabouts(motion: Motion) -> tuple[Floats, Floats]:
     return ground_pos_m(body), heading_rad(body)
 
 
-# A contact sheet (PNG): labelled poses at chosen times, side by side.
+# Pose strips.
 
 
 _COLUMNS = 8
-_BAR = 0.085  # height of the label's bar over the tile's width
+_BAR = 0.085  # height of the bar of a label over the width of a tile
 _BAR_RGB, _TEXT_RGB = (62, 70, 92), (240, 238, 233)
 _GAP_PX = 2
 _MAX_PIXELS = 200_000_000
@@ -341,14 +339,14 @@ def write_strip(
     columns: int | None = None,
     tile: tuple[int, int] = (240, 320),
 ) -> None:
-    """Write the poses at `times_s` as one PNG with `columns` per row (8, or fewer if there are fewer poses).
+    """Write the poses at `times_s` as one PNG with `columns` in a row (8, or fewer if there are fewer poses).
 
-    All are seen from the same direction, 28° to the side of the dancer's mean heading. `labels`, one per
-    pose, default to the times. `tile` is the size of one pose in pixels.
+    The camera is 28° to the side of the mean heading of the dancer. `labels`, one for each pose, are the
+    times by default. `tile` is the size of one pose in pixels.
 
-    Raises `ParameterError` if there is no time, one lies outside the motion, labels do not match, the
-    sheet would be empty or larger than 200 megapixels, or the file's folder is missing;
-    `ChoreographError` if it cannot be written.
+    Raises `ParameterError` if there is no time, a time is outside of the motion, labels do not match, the
+    sheet would be empty or larger than 200 megapixels, or the folder is missing. Raises `ChoreographError` if
+    the file cannot be written.
     """
     sheet = draw_strip(motion, times_s, labels=labels, columns=columns, tile=tile)
     about = PngInfo()

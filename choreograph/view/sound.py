@@ -17,13 +17,15 @@ from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.progress import StepReport
 from choreograph.music.decoding import decode
 
-# The danced part of a song at its native rate, encoded for the page and the video.
+# AAC in MP4 was chosen with a click track in Chromium 156. These are the milliseconds between the time of a
+# click in the file and the media clock when it sounded, at the start and after seeking:
 #
-# AAC in MP4 was chosen with a click track in Chromium 156. Milliseconds between a click's time in the file
-# and the media clock when it sounded, at the start / after seeking: WAV 0.0 / 0.0, AAC in MP4 0.0 / 0.0 (the
-# edit list removes the encoder delay, the sample table makes seeks exact), FLAC 0.0 / 0.0 but ten times the
-# size, MP3 0.0 / 25.1 (seek positions are estimated), Opus in Ogg 4.8 / 1.7, in WebM 1.6 / 2.7 (and Opus has
-# no 44.1 kHz).
+#     WAV          0.0   0.0
+#     AAC in MP4   0.0   0.0   the edit list removes the encoder delay, the sample table makes seeks exact
+#     FLAC         0.0   0.0   ten times the size
+#     MP3          0.0  25.1   seek positions are estimated
+#     Opus in Ogg  4.8   1.7   Opus has no 44.1 kHz
+#     Opus in WebM 1.6   2.7
 
 
 Blocks = Iterator[NDArray[np.float32]]  # each (S_b, C)
@@ -36,19 +38,19 @@ _SILENT_RATE_HZ = 44100
 
 @dataclass(frozen=True, eq=False)
 class SongPart:
-    """A span of a song as blocks of samples, exactly `n_frames` long: silent after the end of the song."""
+    """A span of a song as blocks of `n_frames` samples in total. It is silent after the end of the song."""
 
     rate_hz: int
     n_channels: int  # 1 or 2
     n_frames: int
-    blocks: Blocks  # to be read once
+    blocks: Blocks  # read once
 
 
 def song_part(path: str | Path, *, start_s: float, duration_s: float) -> SongPart:
     """The `duration_s` seconds of a song file from `start_s`, at its native rate, in at most two channels.
 
-    Raises `FormatError` if the file is missing, empty, not audio or damaged (damage only while the blocks
-    are read), and `ParameterError` if the start is negative or the duration not positive.
+    Raises `FormatError` if the file is missing, empty, not audio, or damaged. Damage is found while the
+    blocks are read. Raises `ParameterError` if the start is negative or the duration not positive.
     """
     path = Path(path)
     if not (np.isfinite(start_s) and start_s >= 0):
@@ -69,7 +71,7 @@ def song_part(path: str | Path, *, start_s: float, duration_s: float) -> SongPar
 
 
 def silent_part(duration_s: float) -> SongPart:
-    """Silence as long as that, in one channel, for a dance without a song."""
+    """Silence in one channel, for a dance without a song."""
     n_frames = max(1, round(duration_s * _SILENT_RATE_HZ))
     return SongPart(
         _SILENT_RATE_HZ, 1, n_frames, _cut(np.zeros((0, 1), np.float32), iter(()), 0, n_frames, 1)
@@ -77,7 +79,7 @@ def silent_part(duration_s: float) -> SongPart:
 
 
 def _cut(first: NDArray[np.float32], rest: Blocks, start: int, n_frames: int, n_channels: int) -> Blocks:
-    """`n_frames` frames from `start` on, then silence up to that number."""
+    """`n_frames` frames from `start`, with silence after the end of the song."""
     done = position = 0
     for block in chain([first], rest):
         piece = block[max(0, start - position) :][: n_frames - done]
@@ -94,7 +96,7 @@ def _cut(first: NDArray[np.float32], rest: Blocks, start: int, n_frames: int, n_
 
 
 def _mixed(block: NDArray[np.float32], n_channels: int) -> NDArray[np.float32]:
-    """One or two channels of (S_b, C): further channels are mixed into both."""
+    """One or two channels of (S_b, C). Further channels are mixed into both."""
     if block.shape[1] <= 2:
         return block
     rest = block[:, 2:].mean(axis=1, keepdims=True)
@@ -104,14 +106,14 @@ def _mixed(block: NDArray[np.float32], n_channels: int) -> NDArray[np.float32]:
 
 @dataclass
 class Levels:
-    """Peak and RMS of the sound per bin, collected while blocks stream through: the waveform."""
+    """Peak and RMS of the sound per bin, the waveform. They are collected while blocks are read."""
 
     bins_per_s: float
     _peaks: list[float] = field(default_factory=list)
     _powers: list[float] = field(default_factory=list)
 
     def through(self, part: SongPart, report: StepReport | None = None) -> SongPart:
-        """The same part, whose levels are collected, and whose progress is reported, while it is read."""
+        """The same part. Its levels are collected, and its progress is reported, while it is read."""
         return SongPart(part.rate_hz, part.n_channels, part.n_frames, self._measured(part, report))
 
     def _measured(self, part: SongPart, report: StepReport | None) -> Blocks:
@@ -136,13 +138,13 @@ class Levels:
         self._powers.extend(np.sqrt((loud**2).mean(axis=1)))
 
     def to_bytes(self) -> NDArray[np.uint8]:
-        """(bins, 2) peak and RMS, 255 for the loudest peak of the song."""
+        """Peak and RMS (bins, 2). 255 is the loudest peak of the song."""
         levels = np.stack([self._peaks, self._powers], axis=1)  # (bins, 2)
         return np.round(255 * levels / max(float(levels.max(initial=0.0)), 1e-4)).astype(np.uint8)
 
 
 def encode_mp4(part: SongPart) -> bytes:
-    """The part as AAC in MP4; the same input gives the same bytes."""
+    """The part as AAC in MP4. The same input gives the same bytes."""
     import av
 
     buffer = io.BytesIO()
@@ -153,7 +155,7 @@ def encode_mp4(part: SongPart) -> bytes:
 
 
 def aac_stream(container: Any, part: SongPart) -> Any:
-    """A new AAC stream for the part, at its rate if AAC supports it."""
+    """A new AAC stream for the part, at its rate if AAC has it."""
     rate_hz = min(AAC_RATES_HZ, key=lambda r: (r < min(part.rate_hz, 48000), abs(r - part.rate_hz)))
     layout = "mono" if part.n_channels == 1 else "stereo"
     stream = container.add_stream("aac", rate=rate_hz, layout=layout)
@@ -162,7 +164,7 @@ def aac_stream(container: Any, part: SongPart) -> Any:
 
 
 def aac_packets(stream: Any, part: SongPart) -> Iterator[Any]:
-    """The part's encoded packets in order, including the flushed ones."""
+    """The encoded packets of the part in order, including those of the flush."""
     import av
 
     layout = stream.layout.name
@@ -180,7 +182,7 @@ def aac_packets(stream: Any, part: SongPart) -> Iterator[Any]:
     yield from stream.encode(None)
 
 
-# Clicks on the counts, mixed into a song, so that anybody can count along.
+# Clicks on the counts, mixed into a song.
 
 
 COUNT_HZ, COUNT_ONE_HZ = 1000.0, 1500.0
@@ -190,13 +192,13 @@ _CLICK_GAIN, _SONG_GAIN = 0.45, 0.5  # together below 1, so the mix does not cli
 
 @dataclass(frozen=True)
 class Clicks:
-    """When to click, and on which counts.
+    """Times of clicks, and their counts.
 
     Raises `ParameterError` if times are not finite and increasing, or numbers do not match them.
     """
 
     times_s: Sequence[float]  # in the dance
-    numbers: Sequence[int] = ()  # in the bar: 1 clicks higher; none: all click alike
+    numbers: Sequence[int] = ()  # in the bar, of which 1 sounds higher. Without numbers, all sound alike
 
     def __post_init__(self) -> None:
         times_s = np.asarray(self.times_s, np.float64)
@@ -221,8 +223,8 @@ class Clicks:
             end = position + len(block)
             for index in np.flatnonzero((starts > position - len(sounds[0])) & (starts < end)):
                 first, stop = max(starts[index], position), min(starts[index] + len(sounds[0]), end)
-                heard = sounds[int(is_one[index])][first - starts[index] : stop - starts[index]]
-                mix[first - position : stop - position] += heard[:, None]
+                sound = sounds[int(is_one[index])][first - starts[index] : stop - starts[index]]
+                mix[first - position : stop - position] += sound[:, None]
             yield mix.astype(np.float32)
             position = end
 

@@ -1,4 +1,4 @@
-"""The dance as an MP4: the shaded mannequin, filmed by a following camera, with the song."""
+"""The dance as an MP4: the mannequin, filmed by a camera that follows it, with the song."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from choreograph.motion.motion import Motion
 from choreograph.view.renderer import Pixels, Shots, follow_camera
 from choreograph.view.sound import Clicks, SongPart, aac_packets, aac_stream, silent_part, song_part
 
-# The first one that the installed PyAV has is used. H.264 plays everywhere; "mpeg4" is in every build.
+# The first encoder of the installed PyAV is used. H.264 plays everywhere, and "mpeg4" is in every build.
 _ENCODERS = {
-    # No B-frames: their delay is compensated by an edit list, which some players ignore.
-    # Always two threads: the result depends on their number, and must not depend on the machine.
+    # B-frames have a delay that an edit list compensates, which some players ignore.
+    # The result depends on the number of threads, which must not depend on the machine.
     "libx264": {"preset": "veryfast", "crf": "20", "bf": "0", "threads": "2"},
     "libopenh264": {"b": "6000000"},
     "mpeg4": {"b": "8000000", "threads": "1"},
@@ -48,29 +48,29 @@ def write_video(
     fps: float = 30.0,
     report: ProgressReport | None = None,
 ) -> str:
-    """Film a motion and write it with its song; the same input gives the same bytes on one machine.
+    """Film a motion and write it with its song. The same input gives the same bytes on one machine.
 
     Parameters
     ----------
-    path : the file to write, atomically; MP4 whatever its suffix
-    motion : on any skeleton; its floor is at Y = 0
-    song_path : the original song file, kept at its native rate; None: a silent video
-    start_s : time in the song at the motion's first frame
-    clicks : mixed into the song, or into silence; None: none
-    duration_s : seconds to film from the start; None: the whole motion
+    path : the file to write, atomically, an MP4 whatever its suffix
+    motion : on any skeleton, with the floor at Y = 0
+    song_path : the song file, used at its native rate. None makes a silent video
+    start_s : time in the song at the first frame of the motion
+    clicks : mixed into the song, or into silence
+    duration_s : seconds to film from the start. None films the whole motion
     size : width and height in pixels, both even
-    fps : pictures per second; picture i shows the motion at i / fps
-    report : called with the stage's name, the work done and its total
+    fps : pictures per second. Picture i shows the motion at i / fps
+    report : called with the name of the stage, the steps that are done and their total
 
     Returns
     -------
-    The encoder's name: "libx264", or the installed PyAV's substitute.
+    encoder : str   "libx264", or its substitute in the installed PyAV
 
     Raises
     ------
-    ParameterError     size, fps or a time cannot be used, or the folder is missing
-    FormatError        the song cannot be read
-    ChoreographError   the disk is full or not writable
+    ParameterError     if size, fps or a time cannot be used, or the folder is missing
+    FormatError        if the song cannot be read
+    ChoreographError   if the disk is full or read-only
     """
     import av
 
@@ -98,7 +98,7 @@ def _checked(motion: Motion, duration_s: float | None, size: tuple[int, int], fp
             f"expected an even width and height of 2 to {_LARGEST_PX} pixels, got {size[0]} x {size[1]}"
         )
     if not 0 < fps <= _MAX_FPS:
-        raise ParameterError(f"expected 0 to {_MAX_FPS:g} pictures per second, got {fps:g}")
+        raise ParameterError(f"expected up to {_MAX_FPS:g} pictures per second, got {fps:g}")
     if duration_s is None:
         return motion.duration_s
     if not 0 < duration_s <= motion.duration_s + 1 / fps:
@@ -140,7 +140,7 @@ def _encode(
 
 
 def _rendered(shots: Shots, size: tuple[int, int]) -> Iterator[Pixels]:
-    """The pictures in order; other threads render the next ones while one is encoded."""
+    """The pictures in order. Other threads render the next ones while one is encoded."""
     with ThreadPoolExecutor(max_workers=_RENDER_THREADS) as pool:
         drawn: deque[Future[Pixels]] = deque()
         for index in range(len(shots.pos_m)):
@@ -171,7 +171,7 @@ def _picture(pixels: Pixels, index: int, rate: Fraction) -> Any:
 
 
 def _mux_until(container: Any, packets: Iterator[Any], time_s: float) -> None:
-    """Write the sound's packets up to a time, so that sound and pictures are interleaved in the file."""
+    """Write the packets of the sound up to a time, so that sound and pictures are interleaved in the file."""
     for packet in packets:
         container.mux(packet)
         if packet.pts is not None and packet.pts * packet.time_base > time_s:
