@@ -1,4 +1,4 @@
-"""Feet of a character that stand on the floor, and hands that stay out of its body."""
+"""Keeps the feet of a character on the floor and its hands out of its body."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from choreograph.motion.kinematics import forward, move_limb, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
-# How far a character's body reaches around its bones: what its hands must stay out of.
+# The shape of the body around its bones.
 
 
 Floats = NDArray[np.float64]
 
-_FEWEST = 12  # points of a part that say its shape
+_FEWEST = 12  # points of a part that define its shape
 _ELLIPSES = 4  # of a part
-_WITHIN = (4.0, 96.0)  # percentiles of an ellipse's points that it reaches from and to
-_THIGH_FROM = 0.2  # of the thigh: above it is the hip, which the trunk covers
+_WITHIN = (4.0, 96.0)  # percentiles of points between which an ellipse extends
+_THIGH_FROM = 0.2  # of the thigh, above which the trunk covers the hip
 _UP = np.array([0.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
 class BodyPart:
-    """A stack of ellipses that moves with a joint; its measures are of the rest pose, in the world."""
+    """A stack of ellipses that moves with a joint. Its measures are those of the rest pose in the world."""
 
     joint: int
     start_m: Floats  # (3,) of its axis
@@ -42,10 +42,10 @@ class BodyPart:
     radii_m: Floats  # (S, 2)
 
     def way_out_m(self, point_m: Floats, radius_m: float) -> Floats:
-        """The shift (T, 3) that brings a ball around a point (T, 3) to the surface; 0 where it is outside.
+        """The shift (T, 3) of a ball around a point (T, 3) to the surface, 0 if it is outside.
 
-        Points are of consecutive frames, as they lie in the rest pose. While it is inside it is brought out
-        one way, which the frames near the surface say: at the axis all ways are equally far.
+        Points are of consecutive frames, in the space of the rest pose. While the ball is inside, it is moved
+        in one direction, which the frames near the surface determine. At the axis, all directions are equal.
         """
         flat, radii, inside = self._across(point_m, radius_m)
         size = np.linalg.norm(flat / radii, axis=-1)
@@ -57,28 +57,27 @@ class BodyPart:
             normals = flat[span] / radii[span] ** 2
             way = np.sum(normals * size[span, None] ** 2, axis=0)
             way = way / max(float(np.linalg.norm(way)), 1e-9)
-            # The end of the ray: |(flat + t way) / radii| = 1.
+            # The ray ends where |(flat + t way) / radii| = 1.
             a, b = np.sum((way / radii[span]) ** 2, axis=-1), np.sum(normals * way, axis=-1)
             reach = (-b + np.sqrt(np.maximum(b**2 - a * (size[span] ** 2 - 1.0), 0.0))) / np.maximum(a, 1e-9)
             shift[span] = reach[:, None] * way
         return shift @ self.across
 
     def depth_m(self, point_m: Floats) -> float:
-        """How deep the deepest of points (N, 3) of the rest pose is inside; negative if all are outside."""
+        """The depth of the deepest of points (N, 3) of the rest pose, negative if all are outside."""
         flat, radii, inside = self._across(point_m, 0.0)
         depth = (1.0 - np.linalg.norm(flat / radii, axis=-1)) * radii.min(axis=-1)
         return float(np.max(np.where(inside, depth, -1.0)))
 
     def _across(self, point_m: Floats, radius_m: float) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-        """Points (T, 2) against the middle of the ellipse beside them, its radii (T, 2), and whether it is
-        between the ends of the axis."""
+        """Points (T, 2) from the middle of their ellipse, its radii (T, 2), and whether it exists (T,)."""
         axis = self.end_m - self.start_m
         along = (point_m - self.start_m) @ axis / (axis @ axis)  # (T,)
         flat = (point_m - self.start_m) @ self.across.T - self._at(along, self.middle_m)
         return flat, self._at(along, self.radii_m) + radius_m, (along >= 0.0) & (along <= 1.0)
 
     def _at(self, along: Floats, values: Floats) -> Floats:
-        """Values (S, 2) of the ellipses at shares (T,) of the axis, (T, 2)."""
+        """Values (S, 2) of the ellipses, interpolated at shares (T,) of the axis, (T, 2)."""
         places = (np.arange(len(values)) + 0.5) / len(values)
         return np.stack([np.interp(along, places, column) for column in values.T], axis=-1)
 
@@ -86,10 +85,10 @@ class BodyPart:
 def body_parts(
     skeleton: Skeleton, bone_of_joint: Sequence[int], skin: SkinPoints, front: Floats
 ) -> tuple[BodyPart, ...]:
-    """Trunk, head and thighs of a figure by the points that its skin has around them.
+    """Trunk, head and thighs of a figure from the points of its skin.
 
-    `front` (3,) is where it looks in its rest pose. Parts with too few points are left out; all are made
-    thinner where hands would be inside of them in the rest pose, since clothes and hair reach farther.
+    `front` (3,) is the direction that it faces in its rest pose. Parts with too few points are left out. A
+    part that contains a hand in the rest pose, because of clothes or hair, is made thinner.
     """
     rest = skeleton.rest_pos_m()
     points = [skin.pos_m[skin.bone == bone] for bone in bone_of_joint]
@@ -104,7 +103,7 @@ def body_parts(
 
 
 def _with_hips(skeleton: Skeleton, points: Sequence[Floats]) -> Floats:
-    """The pelvis's points (V, 3) and those of the thighs beside it."""
+    """The points (V, 3) of the pelvis and of the thighs beside it."""
     beside = []
     for side in ("left", "right"):
         hip, knee = skeleton.index(f"{side}_hip"), skeleton.index(f"{side}_knee")
@@ -115,7 +114,7 @@ def _with_hips(skeleton: Skeleton, points: Sequence[Floats]) -> Floats:
 
 
 def _axes(skeleton: Skeleton, points: Sequence[Floats]) -> dict[int, tuple[Floats, Floats]]:
-    """Where the axis of each part begins and ends, (3,) each, by its joint."""
+    """The ends of the axis of each part, (3,) each, by its joint."""
     rest = skeleton.rest_pos_m()
     neck = skeleton.names.index("neck") if "neck" in skeleton.names else None
     top = skeleton.index("left_shoulder") if neck is None else neck
@@ -132,7 +131,7 @@ def _axes(skeleton: Skeleton, points: Sequence[Floats]) -> dict[int, tuple[Float
     for side in ("left", "right"):
         hip, knee = rest[[skeleton.index(f"{side}_hip"), skeleton.index(f"{side}_knee")]]
         axes[skeleton.index(f"{side}_hip")] = hip + _THIGH_FROM * (knee - hip), knee
-    # The trunk goes down to where the thighs begin to be parts of their own.
+    # The trunk extends down to the beginning of the parts of the thighs.
     start, end = axes[0]
     thighs = np.mean([axes[skeleton.index(f"{side}_hip")][0] for side in ("left", "right")], axis=0)
     axes[0] = start * [1, 0, 1] + thighs * [0, 1, 0], end
@@ -148,7 +147,7 @@ def _part(joint: int, start_m: Floats, end_m: Floats, points_m: Floats, left: Fl
     along = (points_m - start_m) @ axis / (axis @ axis)
     low, high = [], []
     for place in (np.arange(_ELLIPSES) + 0.5) / _ELLIPSES:
-        near = np.argsort(np.abs(along - place))  # those that are level with it, or the nearest few
+        near = np.argsort(np.abs(along - place))  # the points at this level, or the nearest few
         n_level = np.count_nonzero(np.abs(along - place) < 0.75 / _ELLIPSES)
         level = flat[near[: max(n_level, _FEWEST)]]
         low.append(np.percentile(level, _WITHIN[0], axis=0))
@@ -167,24 +166,24 @@ def _thinner(part: BodyPart, rest_m: Floats, skeleton: Skeleton) -> BodyPart:
 
 
 def place_in_rest(points_m: Floats, joint_pos_m: Floats, joint_quat: Floats, rest_pos_m: Floats) -> Floats:
-    """World points (T, 3) as they lie in the rest pose of a joint at (T, 3), turned by (T, 4)."""
+    """World points (T, 3) in the space of the rest pose of a joint at (T, 3) with rotation (T, 4)."""
     return rot.rotate(rot.invert(joint_quat), points_m - joint_pos_m) + rest_pos_m
 
 
-# Hands kept from entering the body: of other proportions, it reaches into itself where no dancer did.
+# Hands.
 
 
-_EASE_S = 0.12  # to each side, over which a hand is led out and back
-_PASSES = 3  # a hand led out of one part may be in another
-_PALM = 0.35  # of the forearm, beyond the wrist: where a hand is thickest
-_THICKNESS = 0.08  # of the forearm: half a hand's
+_EASE_S = 0.12  # on each side, over which a hand is moved out and back
+_PASSES = 3  # a hand that is moved out of one part may be in another
+_PALM = 0.35  # of the forearm, from the wrist to the thickest place of the hand
+_THICKNESS = 0.08  # of the forearm, half the thickness of a hand
 
 
 def keep_hands_out(figure: Motion, parts: Sequence[BodyPart], front: Floats) -> Motion:
-    """The figure with wrists and palms led to the surface of the body where they are inside of it.
+    """The figure with wrists and palms moved to the surface of the body while they are inside of it.
 
-    `front` (3,) is where it looks in its rest pose, to which elbows bend. Hands keep their rotation. Where
-    they are outside, nothing changes, up to the easing before and after.
+    `front` (3,) is the direction that the figure faces in its rest pose, to which elbows bend. Hands keep
+    their rotation. The motion changes only while they are inside, and during the easing before and after.
     """
     skeleton = figure.skeleton
     pos_m, quat = forward(skeleton, figure.root_pos_m, figure.local_quat)  # (T, J, 3), (T, J, 4)
@@ -235,23 +234,22 @@ def _way_out(
     return eased
 
 
-# Feet of a character where the dancer's are: on the floor, and standing still as long.
-#
-# Of other proportions, legs that only point as the dancer's do would slide, float and sink.
+# Feet. With other proportions, feet at the ends of legs that have the directions of the dancer's would slide,
+# float and sink.
 
 
-_SHIFT_S = 0.03  # feet are moved more smoothly than heel and ball take turns
-_HEADING_S = 0.5  # a stance turns that slowly: hips swing over feet that stand
+_SHIFT_S = 0.03  # over which the shift of the feet is smoothed
+_HEADING_S = 0.5  # over which the heading of a stance is smoothed, because hips swing over standing feet
 _FRONT = np.array([0.0, 0.0, 1.0])
 
 
 def placed_feet(dancer: Motion, figure: Motion) -> tuple[Motion, Floats]:
-    """The figure, its hips on the dancer's path scaled by leg length; and how far its feet are to be moved.
+    """The figure with its hips on the path of the dancer, and the shift (T, 2, 3) of its feet.
 
-    They belong where the dancer's are, scaled: the balls of the feet on the ground, the lowest points of the
-    soles in height. Feet of another length against the legs would slide, and on tiptoe float or sink. What is
-    common to all frames is not moved by: its height is the hips', its place the stance of the figure's own
-    hips. (T, 2, 3) is the rest.
+    The path is scaled by the length of the legs. The balls of the feet are moved to the scaled positions of
+    the dancer's on the ground, and the lowest points of the soles to their scaled height. Otherwise feet of
+    another length would slide, and on tiptoe float or sink. The part of the shift that is common to all
+    frames is left out: its height moves the hips, and its position is the stance of the figure.
     """
     scale = _leg_m(figure.skeleton) / _leg_m(dancer.skeleton)
     hips = [[skeleton.index(f"{side}_hip") for side in ("left", "right")]
@@ -271,7 +269,7 @@ def placed_feet(dancer: Motion, figure: Motion) -> tuple[Motion, Floats]:
 
 
 def _stance_m(figure: Motion, shift_m: Floats) -> Floats:
-    """What shifts (T, 2, 3) on the ground have in common, seen from where the hips look for some time."""
+    """The common part of shifts (T, 2, 3) on the ground, relative to the smoothed heading of the hips."""
     ahead = rot.rotate(figure.local_quat[:, 0], _FRONT)
     ahead = gaussian_filter1d(ahead, _HEADING_S * figure.fps, axis=0, mode="nearest")
     heading = rot.about_y(np.arctan2(ahead[:, 0], ahead[:, 2]))[:, None]  # (T, 1, 4)
@@ -280,7 +278,7 @@ def _stance_m(figure: Motion, shift_m: Floats) -> Floats:
 
 
 def _dancers_soles() -> Floats:
-    """From the canonical body's ankles to its soles below heel and ball, (2, 2, 3)."""
+    """Vectors (2, 2, 3) from the ankles of the canonical body to its soles below heel and ball."""
     body = canonical_skeleton()
     rest = body.rest_pos_m()
     feet = [[rest[body.index(f"{side}_{part}")] for part in ("ankle", "foot")] for side in ("left", "right")]
@@ -288,14 +286,14 @@ def _dancers_soles() -> Floats:
 
 
 def _sole_pos_m(motion: Motion, soles_m: Floats) -> Floats:
-    """Points of both soles (T, 2, P, 3); `soles_m` (2, P, 3) are their offsets from the ankles."""
+    """Points of both soles (T, 2, P, 3) from their offsets `soles_m` (2, P, 3) to the ankles."""
     pos_m, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)  # (T, J, 3), (T, J, 4)
     ankles = [motion.skeleton.index(f"{side}_ankle") for side in ("left", "right")]
     return pos_m[:, ankles, None] + rot.rotate(quat[:, ankles, None], soles_m)
 
 
 def sole_offsets_m(ankle_m: Floats, points_m: Sequence[Floats], floor_m: float) -> Floats:
-    """From an ankle (3,) to the sole below points (3,) of its foot, (P, 3)."""
+    """Vectors (P, 3) from an ankle (3,) to the sole below points (3,) of its foot."""
     return np.stack([point * [1, 0, 1] + [0, floor_m, 0] - ankle_m for point in points_m])
 
 

@@ -1,4 +1,10 @@
-"""A dance on a character: its bones turned as the dancer's joints turn, its helper bones with them."""
+"""Retargets a dance to a character: its bones, twist bones and IK bones.
+
+The bind pose of the character and the rest pose of the canonical body are compared bone by bone. An A pose,
+another roll of a bone, or a figure that faces elsewhere in its file makes no difference. Trunk, neck and head
+rotate like those of the dancer and keep the posture of the figure. Arms and legs have the directions of the
+dancer's.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +27,8 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
 
-# Bones beside the body's own: twist bones share a limb's roll, IK bones go where hands and feet are.
-#
-# All other helpers keep their place against their parents, as fingers and faces do.
+# Helper bones. Twist bones share the roll of a limb, and IK bones follow hands and feet. All others, such as
+# those of fingers and faces, keep their local transforms.
 
 
 Floats = NDArray[np.float64]
@@ -32,7 +37,7 @@ _TWIST = re.compile(r"twist|roll", re.IGNORECASE)
 _IK = re.compile(r"^ik_(foot|hand)_(l|r)$", re.IGNORECASE)  # Unreal's
 _IK_ROLES = {"foot": "ankle", "hand": "wrist"}
 _SIDES = {"l": "left", "r": "right"}
-# Limbs by their bones: in the upper one the roll comes from what is above it, in the lower from its end.
+# Bones of limbs. An upper bone has its roll from the bone above, a lower one from the bone at its end.
 _UPPER = {"shoulder": "elbow", "hip": "knee"}
 _LOWER = {"elbow": "wrist", "knee": "ankle"}
 LIMB_ENDS = {
@@ -43,7 +48,7 @@ LIMB_ENDS = {
 
 
 def twist_bones(rig: Rig, bones: Mapping[str, int]) -> dict[int, tuple[str, float]]:
-    """Twist bones that hang from a limb: the limb's canonical name, and how far along it they are, 0 to 1."""
+    """Twist bones below limbs: the canonical name of the limb, and their place along it, 0 to 1."""
     known = set(bones.values())
     found = {}
     for bone, name in enumerate(rig.names):
@@ -60,10 +65,10 @@ def twist_bones(rig: Rig, bones: Mapping[str, int]) -> dict[int, tuple[str, floa
 
 
 def twist_turn(role: str, place: float, along: Floats, above: Floats, own: Floats, below: Floats) -> Floats:
-    """World turns (T, 4) of a twist bone from those of its limb's parent, the limb, and what follows it.
+    """World rotations (T, 4) of a twist bone from those of the bone above its limb, the limb and its end.
 
-    All are turns from the bind pose; `along` (3,) is the limb's direction there. The roll of an upper limb
-    against its parent grows along it from nothing, that of a lower limb towards its end.
+    All are rotations from the bind pose. `along` (3,) is the direction of the limb there. The roll of an
+    upper limb grows along it from 0, and that of a lower limb grows towards its end.
     """
     if role.split("_")[1] in _UPPER:
         roll, share = rolled(rot.multiply(rot.invert(above), own), along), place - 1.0
@@ -73,14 +78,14 @@ def twist_turn(role: str, place: float, along: Floats, above: Floats, own: Float
 
 
 def rolled(quat: Floats, axis: Floats) -> Floats:
-    """The part of rotations (T, 4) that turns about an axis (3,)."""
+    """The part of rotations (T, 4) about an axis (3,)."""
     axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
     part = np.concatenate([quat[:, :1], (quat[:, 1:] @ axis)[:, None] * axis], axis=1)
     return rot.make_continuous(rot.normalize(part))
 
 
 def ik_bones(rig: Rig, bones: Mapping[str, int]) -> dict[int, int]:
-    """IK bones, each with the bone of the hand or foot that it goes with."""
+    """The bone of the hand or foot of each IK bone."""
     pairs = {}
     for bone, name in enumerate(rig.names):
         matched = _IK.match(name)
@@ -91,37 +96,32 @@ def ik_bones(rig: Rig, bones: Mapping[str, int]) -> dict[int, int]:
     return pairs
 
 
-# A dance on a character: its bones turned as the dancer's joints turn, its hips carried, its feet planted.
-#
-# The character's bind pose and the canonical body's rest pose are compared bone by bone, so that an A pose,
-# another roll of a bone, or a figure that looks elsewhere in its file makes no difference. Trunk, neck and
-# head turn as the dancer's do and keep the figure's own posture; arms and legs point where the dancer's
-# point.
+# The performance.
 
 
 _SPINE = ("pelvis", "spine1", "spine2", "spine3")
-_BALL_AHEAD, _TIP_AHEAD = 0.166, 0.27  # of the leg: from the ankle to the ball and the tip of a foot
+_BALL_AHEAD, _TIP_AHEAD = 0.166, 0.27  # of the leg, from the ankle to the ball and the tip of a foot
 _UP = np.array([0.0, 1.0, 0.0])
 _FRONT = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """What a character's bones do: local rotations, and translations of those that travel."""
+    """The motion of the bones of a character."""
 
     fps: float
     n_frames: int
-    local_quat: dict[int, Floats]  # bone -> (T, 4), for bones that the dance turns
-    translation: dict[int, Floats]  # bone -> (T, 3), in its parent's units
-    motion: Motion  # the dance on the figure's bones, in the world, with canonical names where they are known
+    local_quat: dict[int, Floats]  # (T, 4) by bone
+    translation: dict[int, Floats]  # (T, 3) by bone, in the units of its parent
+    motion: Motion  # on the bones of the figure, in the world, with canonical names of known bones
 
 
 def perform(
     motion: Motion, rig: Rig, bones: Mapping[str, int], skin: SkinPoints | None = None
 ) -> Performance:
-    """The motion on a rig whose bones are known by canonical name; hands stay out of its `skin`.
+    """The motion on a rig with the given `bones` by canonical joint. Hands stay out of its `skin`.
 
-    Raises `ParameterError` if hips, legs or arms are among the names that `bones` lacks.
+    Raises `ParameterError` if bones of the body are not below the pelvis.
     """
     canonical = canonical_skeleton()
     dancer = motion if motion.skeleton.same_as(canonical) else retarget(motion, canonical)
@@ -142,9 +142,9 @@ def perform(
 
 
 def figure_skeleton(rig: Rig, bones: Mapping[str, int]) -> tuple[Skeleton, list[int]]:
-    """The rig from its pelvis down as a skeleton whose rest pose is the bind pose, all rotations identity.
+    """The rig from its pelvis down as a skeleton, and the bone of each joint.
 
-    Joints that are known have their canonical names. Also the bone of each joint.
+    Its rest pose is the bind pose, with identity rotations. Known joints have their canonical names.
     """
     order, parents, offsets = rig.below(bones["pelvis"])
     outside = [name for name, bone in bones.items() if bone not in order]
@@ -160,9 +160,9 @@ def figure_skeleton(rig: Rig, bones: Mapping[str, int]) -> tuple[Skeleton, list[
 def _soles(
     rig: Rig, bones: Mapping[str, int], joint_of: Mapping[int, int]
 ) -> tuple[NDArray[np.int64], Floats]:
-    """End sites at the sole below heel and ball of both feet: their joints (E,) and offsets (E, 3).
+    """End sites at the soles: their joints (E,) and offsets (E, 3).
 
-    And below the tip of feet that cannot bend there.
+    They are below heel and ball of both feet, and below the tip of feet that cannot bend at the ball.
     """
     bends = {"left_foot", "right_foot"} <= bones.keys()
     parents, tips = [], []
@@ -186,7 +186,7 @@ def _leg_m(rig: Rig, bones: Mapping[str, int], side: str) -> float:
 
 
 def _facing(rig: Rig, bones: Mapping[str, int]) -> Floats:
-    """The turn about Y (4,) from +Z to where the figure looks in its bind pose."""
+    """The rotation about Y (4,) from +Z to the direction that the figure faces in its bind pose."""
     left = rig.bind_pos_m[bones["left_hip"]] - rig.bind_pos_m[bones["right_hip"]]
     front = np.cross(left, _UP)
     if np.linalg.norm(front) < 1e-9:
@@ -195,10 +195,10 @@ def _facing(rig: Rig, bones: Mapping[str, int]) -> Floats:
 
 
 def _alignments(skeleton: Skeleton, facing: Floats) -> Floats:
-    """The rotations (J, 4) that turn the canonical rest pose into the figure's, joint by joint.
+    """The rotations (J, 4) from the canonical rest pose to that of the figure, joint by joint.
 
-    Joints of trunk and feet are only turned to where the figure looks; those of arms and legs are also swung
-    from the canonical bone's direction to the figure's, beginning with what their parent was swung by.
+    Joints of trunk and feet rotate only to the direction that the figure faces. Those of arms and legs also
+    rotate from the direction of the canonical bone to that of the figure, after the rotation of their parent.
     """
     canonical, rest = canonical_skeleton(), skeleton.rest_pos_m()
     canonical_rest = canonical.rest_pos_m()
@@ -218,7 +218,7 @@ def _alignments(skeleton: Skeleton, facing: Floats) -> Floats:
 
 
 def _toe_out(skeleton: Skeleton, side: str, facing: Floats) -> Floats:
-    """The turn about Y (4,) from where the figure looks to where a foot of it points."""
+    """The rotation about Y (4,) from the direction that the figure faces to that of a foot."""
     rest = skeleton.rest_pos_m()
     if f"{side}_foot" not in skeleton.names:
         return rot.IDENTITY
@@ -236,7 +236,7 @@ def _known_parent(skeleton: Skeleton, joint: int) -> int:
 
 
 def _turned(world: Floats, skeleton: Skeleton, facing: Floats) -> Floats:
-    """Local rotations (T, J, 4) of the figure's joints from world rotations (T, 24, 4) of the dancer's."""
+    """Local rotations (T, J, 4) of the figure from world rotations (T, 24, 4) of the dancer."""
     back = rot.invert(_alignments(skeleton, facing))
     turned = np.empty((len(world), skeleton.n_joints, 4))
     spine = _spine_heights(skeleton)
@@ -255,7 +255,7 @@ def _turned(world: Floats, skeleton: Skeleton, facing: Floats) -> Floats:
 
 
 def _spine_heights(skeleton: Skeleton) -> dict[int, float]:
-    """The joints from above the pelvis to where the arms meet, spread over the dancer's three: 0 … 3."""
+    """The joints of the spine, from above the pelvis, at places from 0 to 3 among the dancer's three."""
     path = [skeleton.index("left_shoulder")]
     while path[-1]:
         path.append(int(skeleton.parents[path[-1]]))
@@ -269,7 +269,7 @@ def _spine_heights(skeleton: Skeleton) -> dict[int, float]:
 
 
 def _with_twist(figure: Motion, rig: Rig, bones: Mapping[str, int], joint_of: Mapping[int, int]) -> Motion:
-    """The figure with the roll of its limbs shared by their twist bones."""
+    """The figure with the roll of its limbs shared among their twist bones."""
     skeleton = figure.skeleton
     _, turned = forward(skeleton, figure.root_pos_m, figure.local_quat)  # (T, J, 4)
     for bone, (role, place) in twist_bones(rig, bones).items():
@@ -281,7 +281,7 @@ def _with_twist(figure: Motion, rig: Rig, bones: Mapping[str, int], joint_of: Ma
 
 
 def _on_bones(figure: Motion, rig: Rig, bones: Mapping[str, int], joint_of: Mapping[int, int]) -> Performance:
-    """The figure's motion as local transforms of the rig's bones."""
+    """The motion of the figure as local transforms of the bones of the rig."""
     pos_m, turned = forward(figure.skeleton, figure.root_pos_m, figure.local_quat)  # (T, J, 3), (T, J, 4)
     world = rot.multiply(turned, rig.bind_quat[list(joint_of)])  # (T, J, 4)
     rest = rig.rest_world()
@@ -304,7 +304,7 @@ def _on_bones(figure: Motion, rig: Rig, bones: Mapping[str, int], joint_of: Mapp
 
 
 def _rotation_above(rest: Floats, parent: int) -> Floats:
-    """World rotation (1, 4) of a bone that the dance does not turn; of none, the identity."""
+    """World rotation (1, 4) of a bone that the dance does not move, the identity if there is no bone."""
     return rotations_of(rest[parent])[None] if parent >= 0 else rot.IDENTITY[None]
 
 
