@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Choreograph in Blender: an armature dances to a song, by the program `choreograph` on this machine."""
+"""Choreograph in Blender: animates an armature to a song with the installed program `choreograph`."""
 
 from . import operators, panel, settings
 

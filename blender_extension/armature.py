@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Armatures: read as a skeleton for the program, and keyed with what it made.
+"""Armatures: reads them as skeletons for the program, and keys the dance.
 
-The program's world is where the armature stands: its floor is the lowest point of the body at rest, its front
-the object's own, so that a character dances where it was put.
+The origin of the program's world is the place of the armature. Its floor is the lowest point of the body at
+rest, and its front is that of the object, so that a character dances where it stands.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ _GENERATED_PREFIXES = ("DEF-", "ORG-", "MCH-")
 def skeleton_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Skeleton:
     """The bones of an armature object at rest.
 
-    `DanceError` if it is edited, empty or scaled unevenly, or a rig of controls.
+    Raises `DanceError` if it is in Edit Mode, empty, scaled unevenly, or a control rig.
     """
     bones = armature.data.bones
     if armature.mode == "EDIT" or not bones:
-        raise DanceError(f"{armature.name}: expected an armature with bones, and not in Edit Mode")
+        raise DanceError(f"{armature.name}: expected an armature with bones that is not in Edit Mode")
     if _is_generated(armature):
         raise DanceError(
-            f"{armature.name}: expected bones that are free to dance, got a rig of controls that Rigify "
-            "generated, whose constraints hold them: let its metarig dance"
+            f"{armature.name}: expected bones that can be moved, got a control rig that Rigify generated, "
+            "whose constraints hold them: use its metarig"
         )
     scale = armature.matrix_world.to_scale()
     if armature.matrix_world.determinant() <= 0 or max(scale) - min(scale) > _SAME_SCALE * max(scale):
@@ -61,7 +61,7 @@ def skeleton_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Skeleton:
 
 
 def _is_generated(armature: bpy.types.Object) -> bool:
-    """Whether Rigify generated a rig: it marks it, and names its deforming, original and helper bones."""
+    """Whether Rigify generated a rig, by its mark or the prefixes of deforming, original and helper bones."""
     names = armature.data.bones.keys()
     return "rig_id" in armature.data or all(
         any(name.startswith(prefix) for name in names) for prefix in _GENERATED_PREFIXES
@@ -69,7 +69,7 @@ def _is_generated(armature: bpy.types.Object) -> bool:
 
 
 def _points_of_body(armature: bpy.types.Object, scene: bpy.types.Scene) -> Floats:
-    """Points (P, 3) in the world of all that the armature deforms, at rest; without a mesh, of its bones."""
+    """Points (P, 3) in the world of the meshes that the armature deforms, at rest, or else of its bones."""
     points = []
     for mesh in scene.objects:
         if mesh.type == "MESH" and mesh.data.vertices and mesh.find_armature() == armature:
@@ -83,7 +83,7 @@ def _points_of_body(armature: bpy.types.Object, scene: bpy.types.Scene) -> Float
 
 
 def _to_program(armature: bpy.types.Object, scene: bpy.types.Scene, floor: float) -> Matrix:
-    """From Blender's world to the program's: metres, Y up, the armature on its floor and looking ahead."""
+    """The matrix from the world of Blender to that of the program, in metres with Y up."""
     stands = armature.matrix_world.translation
     turned = Matrix.Rotation(armature.matrix_world.to_euler("XYZ").z, 4, "Z")
     place = Matrix.Translation((stands.x, stands.y, floor)) @ turned
@@ -103,9 +103,9 @@ def _rigid(matrix: Matrix) -> Matrix:
 def key_dance(
     armature: bpy.types.Object, skeleton: Skeleton, tracks: Tracks, first_frame: int, called: str
 ) -> bpy.types.Action:
-    """A new action with a key on each frame of the dance, for the armature and not yet on it.
+    """A new action with a key at each frame of the dance. It is not yet assigned to the armature.
 
-    Raises `DanceError` if the bone that carries the body cannot be moved.
+    Raises `DanceError` if the bone of the hips cannot be moved.
     """
     poses = [armature.pose.bones[name] for name in skeleton.names]
     for bone in tracks.translations_m:
@@ -134,7 +134,7 @@ def _check_free(bone: bpy.types.Bone) -> None:
 
 
 def _without_parent(skeleton: Skeleton, tracks: Tracks, bone: int) -> Floats:
-    """Rotations (T, 4) of a bone that does not turn with its parent, as if the parent stayed at rest."""
+    """Rotations (T, 4) of a bone that does not inherit rotation, as if its parent stayed at rest."""
     parent = skeleton.parents[bone]
     if parent < 0:
         return tracks.quats[bone]
@@ -158,7 +158,7 @@ def _invert(quat: Floats) -> Floats:
 
 
 def _rotation(pose: bpy.types.PoseBone, quats: Floats) -> tuple[str, Floats]:
-    """The property that turns a pose bone in the mode that it is in, and its values (T, C)."""
+    """The property of the rotation mode of a pose bone, and its values (T, C)."""
     if pose.rotation_mode == "QUATERNION":
         return "rotation_quaternion", quats
     turns = [Quaternion(quat) for quat in quats.tolist()]
@@ -173,7 +173,7 @@ def _rotation(pose: bpy.types.PoseBone, quats: Floats) -> tuple[str, Floats]:
 def _key(
     bag: bpy.types.ActionChannelbag, pose: bpy.types.PoseBone, channel: str, values: Floats, frames: Floats
 ) -> None:
-    """Key a property of a pose bone with values (T, C), all at once."""
+    """Key a property of a pose bone with values (T, C)."""
     group = bag.groups.get(pose.name) or bag.groups.new(pose.name)
     linear = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
     for index, of_channel in enumerate(values.T):
@@ -186,7 +186,7 @@ def _key(
 
 
 def put_on(armature: bpy.types.Object, action: bpy.types.Action) -> None:
-    """Let an armature dance an action, from its rest pose."""
+    """Assign an action to an armature, from its rest pose."""
     for pose in armature.pose.bones:
         pose.matrix_basis.identity()
     armature.data.pose_position = "POSE"
@@ -196,7 +196,7 @@ def put_on(armature: bpy.types.Object, action: bpy.types.Action) -> None:
 
 
 def constrained_bones(armature: bpy.types.Object, skeleton: Skeleton, tracks: Tracks) -> list[str]:
-    """Danced bones that have a constraint at work, which may hold them back."""
+    """Animated bones with an active constraint, which may hold them."""
     poses = [armature.pose.bones[skeleton.names[bone]] for bone in tracks.quats]
     return [
         pose.name for pose in poses if any(not each.mute and each.influence > 0 for each in pose.constraints)

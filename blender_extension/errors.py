@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What stops a dance."""
+"""The error of the extension."""
 
 
 class DanceError(Exception):
-    """One line for the user: expected, got, likely cause."""
+    """No dance can be made. The message is one line for the user: expected, got, likely cause."""

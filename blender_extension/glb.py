@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Skeletons to .glb files and animations out of them; here and in the files metres, Y up, `wxyz`."""
+"""Writes skeletons as .glb files and reads their animations, in metres with Y up and quaternions `wxyz`."""
 
 from __future__ import annotations
 
@@ -25,19 +25,21 @@ class Skeleton:
 
     names: tuple[str, ...]  # (B,)
     parents: tuple[int, ...]  # (B,) -1 for a root
-    translations_m: Floats  # (B, 3) against the parent
-    quats: Floats  # (B, 4) against the parent
+    translations_m: Floats  # (B, 3) from the parent
+    quats: Floats  # (B, 4) relative to the parent
     world: Floats  # (B, 4, 4)
-    unit_m: float  # of the armature's own coordinates
-    corners_m: Floats  # (2, 3) lowest and highest of the body in the world: the program plants its soles
+    unit_m: float  # of the local coordinates of the armature
+    corners_m: (
+        Floats  # (2, 3) lowest and highest corner of the body in the world, from which the floor is taken
+    )
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """What an animation does with bones, against their parents, at frames of one rate."""
+    """The local rotations and translations of bones in an animation, at frames of one rate."""
 
-    quats: dict[int, Floats]  # bone -> (T, 4)
-    translations_m: dict[int, Floats]  # bone -> (T, 3)
+    quats: dict[int, Floats]  # (T, 4) by bone
+    translations_m: dict[int, Floats]  # (T, 3) by bone
 
     @property
     def n_frames(self) -> int:
@@ -98,7 +100,7 @@ def _nodes(skeleton: Skeleton) -> list[dict]:
 
 
 def read_tracks(path: Path) -> Tracks:
-    """The animation of a file that choreograph wrote for `write_skeleton`'s: bones are its first nodes."""
+    """The animation that choreograph added to a file of `write_skeleton`. Its first nodes are the bones."""
     data = path.read_bytes()
     (length,) = struct.unpack_from("<I", data, 12)
     document = json.loads(data[20 : 20 + length])

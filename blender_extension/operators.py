@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Dance, Again, and pins: what the buttons do."""
+"""The operators of the buttons: Dance, Again, and pins."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -13,13 +13,13 @@ from .glb import Skeleton
 from .program import Dance, Request, Run
 from .timeline import OURS, lay_out, leave, write_credits
 
-_LOOK_EVERY_S = 0.2
+_CHECK_EVERY_S = 0.2
 _TAKE, _MOTIF = "take:", "motif:"
 
 
 @dataclass(frozen=True)
 class _Job:
-    """A dance that is being made; by names, since what they name may go meanwhile."""
+    """A dance that is being made. Objects are stored by name, because they may be deleted meanwhile."""
 
     run: Run
     request: Request
@@ -38,11 +38,13 @@ class _Job:
         return cls(run, request, skeleton, scene.name, armature.name, scene.frame_start)
 
     def finish(self) -> tuple[list[str], list[str]]:
-        """Put the dance on the armature and into the scene; the program's notes, and bones held back."""
+        """Put the dance on the armature and into the scene. Return notes of the program, and held bones."""
         dance = self.run.dance()
         scene, armature = bpy.data.scenes.get(self.scene), bpy.data.objects.get(self.armature)
         if not scene or not armature or not set(self.skeleton.names) <= set(armature.pose.bones.keys()):
-            raise DanceError(f"expected {self.armature} as it was, with all its bones: it has changed")
+            raise DanceError(
+                f"expected {self.armature} with all its bones, got another armature: was it changed?"
+            )
         self._key(armature, dance)
         lay_out(scene, self.request, dance, self.first_frame)
         _remember(scene, self.request, dance)
@@ -55,7 +57,7 @@ class _Job:
         put_on(armature, action)
         if before:
             leave(before)
-        action.name = name  # free again, if the dance before had it
+        action.name = name  # free again if the last dance had it
         action[OURS] = write_credits(f"{name} credits", dance)
 
 
@@ -68,7 +70,7 @@ def _remember(scene: bpy.types.Scene, request: Request, dance: Dance) -> None:
 
 
 class _Dances:
-    """Runs the program: a script waits for it, in the interface work goes on."""
+    """Runs the program. A script waits for it, and the interface stays usable."""
 
     bl_options = {"REGISTER", "UNDO"}
     running: Run | None = None  # of all operators
@@ -91,7 +93,7 @@ class _Dances:
         if self._job is None:
             return {"CANCELLED"}
         _Dances.running = self._job.run
-        self._timer = context.window_manager.event_timer_add(_LOOK_EVERY_S, window=context.window)
+        self._timer = context.window_manager.event_timer_add(_CHECK_EVERY_S, window=context.window)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -109,7 +111,7 @@ class _Dances:
         return self._finish(self._job)
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """End the program, also when Blender itself ends the operator: another file is opened."""
+        """End the program, also if Blender ends the operator because another file is opened."""
         self._job.run.stop()
         _Dances.running = None
 
@@ -135,7 +137,7 @@ class _Dances:
             self.report({"INFO"}, note)
         if held:
             some = ", ".join(held[:3]) + (" and others" if len(held) > 3 else "")
-            self.report({"WARNING"}, f"expected bones free to dance: mute the constraints of {some}")
+            self.report({"WARNING"}, f"expected bones without active constraints: mute those of {some}")
         return {"FINISHED"}
 
 
@@ -146,14 +148,14 @@ def _redraw(context: bpy.types.Context) -> None:
 
 
 class CHOREOGRAPH_OT_dance(_Dances, bpy.types.Operator):
-    """Let the armature dance to the song"""
+    """Animate the armature to the song"""
 
     bl_idname = "choreograph.dance"
     bl_label = "Dance"
 
 
 class CHOREOGRAPH_OT_again(_Dances, bpy.types.Operator):
-    """Let the armature dance to the song in another way: with the next seed"""
+    """Animate the armature to the song with the next seed"""
 
     bl_idname = "choreograph.again"
     bl_label = "Again"
@@ -163,7 +165,7 @@ class CHOREOGRAPH_OT_again(_Dances, bpy.types.Operator):
 
 
 class CHOREOGRAPH_OT_pin(bpy.types.Operator):
-    """Pin the take to the timeline's preview range, or to its frame range if there is none"""
+    """Pin the take to the preview range of the timeline, or to its frame range if there is none"""
 
     bl_idname = "choreograph.pin"
     bl_label = "Pin to Range"
@@ -181,7 +183,7 @@ class CHOREOGRAPH_OT_pin(bpy.types.Operator):
             first, last = scene.frame_preview_start, scene.frame_preview_end
         from_s, to_s = ((frame - scene.frame_start) / fps for frame in (first, last + 1))
         if from_s < 0:
-            self.report({"ERROR"}, "expected a range that begins after the scene's first frame")
+            self.report({"ERROR"}, "expected a range that begins after the first frame of the scene")
             return {"CANCELLED"}
         what = scene.choreograph.pin
         if what.startswith(_MOTIF):
@@ -193,7 +195,7 @@ class CHOREOGRAPH_OT_pin(bpy.types.Operator):
 
 
 class CHOREOGRAPH_OT_unpin(bpy.types.Operator):
-    """Take this pin away"""
+    """Remove this pin"""
 
     bl_idname = "choreograph.unpin"
     bl_label = "Unpin"
@@ -210,7 +212,7 @@ _CLASSES = (CHOREOGRAPH_OT_dance, CHOREOGRAPH_OT_again, CHOREOGRAPH_OT_pin, CHOR
 
 
 def progress() -> tuple[str, float] | None:
-    """The stage of the dance that is being made, and how much of it is done; None if there is none."""
+    """The stage of the dance that is being made, and the part of it that is done, or None."""
     run = _Dances.running
     return (run.stage, run.fraction) if run else None
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The program `choreograph` on this machine: asked for a dance, watched, its files read."""
+"""Runs the installed program `choreograph`, follows its progress and reads its files."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from .errors import DanceError
 from .glb import Skeleton, Tracks, read_tracks, write_skeleton
 
 _PROGRESS = re.compile(r"(?P<stage>.+) (?P<done>\d+)/(?P<total>\d+)")
-_GRACE_S = 0.4  # from asking the program to end until it is killed
-_LOOK_EVERY_S = 0.02
+_GRACE_S = 0.4  # between SIGTERM and SIGKILL
+_CHECK_EVERY_S = 0.02
 
 
 @dataclass(frozen=True)
 class Request:
-    """What is to be danced."""
+    """The song and options of a dance."""
 
     song: Path
     fps: float
     start_s: float = 0.0  # in the song
-    duration_s: float = 0.0  # 0: to the end of the song
+    duration_s: float = 0.0  # 0 for all until the end of the song
     seed: int = 0
-    genre: str = ""  # empty: the one nearest to the song
-    pins: tuple[str, ...] = ()  # as `choreograph dance --pin` takes them
-    repertoire: str = ""  # empty: the built-in one
-    bone_map: str = ""  # empty: bones are found by the program
+    genre: str = ""  # empty for the genre nearest to the song
+    pins: tuple[str, ...] = ()  # values of `choreograph dance --pin`
+    repertoire: str = ""  # empty for the built-in one
+    bone_map: str = ""  # empty if the program finds the bones
 
     def arguments(self) -> list[str]:
         """The request as options of `choreograph dance`."""
@@ -55,25 +55,25 @@ class Request:
 
 @dataclass(frozen=True)
 class Dance:
-    """What the program made."""
+    """A dance that the program made."""
 
     tracks: Tracks
     plan: dict  # the file of the plan
-    facts: dict  # what the program prints about it
+    facts: dict  # the JSON that the program prints
 
 
 class Run:
-    """The program at work; whoever starts it asks `ended` now and then, and takes the dance or `stop`s it."""
+    """A running program. Poll `ended`, then call `dance`, or call `stop` before that."""
 
     def __init__(self, program: str, request: Request, skeleton: Skeleton) -> None:
         found = shutil.which(program)
         if found is None:
             raise DanceError(
-                f"expected the program choreograph, found none as {program!r}: `pip install choreograph`, or "
-                "say where it is in the add-on's preferences"
+                f"expected the program choreograph, found none at {program!r}: `pip install choreograph`, or "
+                "set its path in the preferences of the add-on"
             )
         self.stage, self.fraction = "starting", 0.0
-        self._said = ""
+        self._last_line = ""
         self._folder = tempfile.TemporaryDirectory(prefix="choreograph-")
         folder = Path(self._folder.name)
         self._character, self._made, self._plan, self._facts = (
@@ -108,31 +108,31 @@ class Run:
                 self.stage = progress["stage"]
                 self.fraction = min(int(progress["done"]) / max(int(progress["total"]), 1), 1.0)
             elif line.strip():
-                self._said = line.strip()
+                self._last_line = line.strip()
 
     def ended(self) -> bool:
-        """Whether the program has ended, well or not."""
+        """Whether the program has ended, successfully or not."""
         return self._process.poll() is not None and not self._listener.is_alive()
 
     def dance(self) -> Dance:
-        """What it made, once it ends; `DanceError` with its own words if it failed."""
+        """Wait for the end and return the dance. Raises `DanceError` with the error of a failed program."""
         try:
             status = self._process.wait()
             self._listener.join()
-        except KeyboardInterrupt:  # the terminal's, which the program's group does not get
+        except KeyboardInterrupt:  # the process group of the program does not receive it
             self.stop()
             raise
         try:
             if status != 0 or not self._made.is_file():
-                said = self._said.removeprefix("choreograph: ")
-                raise DanceError(said or f"expected a dance, got nothing: status {status} of the program")
+                error = self._last_line.removeprefix("choreograph: ")
+                raise DanceError(error or f"expected a dance, got nothing: status {status} of the program")
             plan, facts = (json.loads(path.read_text("utf-8")) for path in (self._plan, self._facts))
             return Dance(read_tracks(self._made), plan, facts)
         finally:
             self._folder.cleanup()
 
     def stop(self) -> None:
-        """End it, and all processes that it started, before it is done: within a second."""
+        """End the program and all processes that it started, within a second."""
         if sys.platform == "win32":
             _end_tree(self._process.pid)
         else:
@@ -142,28 +142,28 @@ class Run:
         self._folder.cleanup()
 
     def _end_group(self) -> None:
-        """Ask the process group to end, and kill what is left of it after `_GRACE_S`."""
+        """Terminate the process group, and kill the rest of it after `_GRACE_S`."""
         until_s = time.monotonic() + _GRACE_S
         try:
             os.killpg(self._process.pid, signal.SIGTERM)
             while time.monotonic() < until_s:
                 self._process.poll()  # a group lasts until its ended processes are waited for
                 os.killpg(self._process.pid, 0)
-                time.sleep(_LOOK_EVERY_S)
+                time.sleep(_CHECK_EVERY_S)
             os.killpg(self._process.pid, signal.SIGKILL)
         except (ProcessLookupError, PermissionError):  # macOS forbids what Linux does not find
             return
 
 
 def _own_group() -> dict[str, Any]:
-    """The arguments of `Popen` that give the program a process group of its own, without a window."""
+    """The arguments of `Popen` for a separate process group without a window."""
     if sys.platform == "win32":
         return {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP}
     return {"start_new_session": True}
 
 
 def _end_tree(pid: int) -> None:
-    """End a process of Windows and all that it started."""
+    """End a process on Windows and all processes that it started."""
     subprocess.run(
         ["taskkill", "/T", "/F", "/PID", str(pid)], capture_output=True, check=False,
         creationflags=subprocess.CREATE_NO_WINDOW,
@@ -171,6 +171,6 @@ def _end_tree(pid: int) -> None:
 
 
 def _environment() -> dict[str, str]:
-    """The environment without what is meant for Blender's own Python."""
+    """The environment without the variables for the Python of Blender."""
     kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     return kept | {"PYTHONUTF8": "1"}

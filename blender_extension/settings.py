@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user sets: of the add-on where the program is, of each scene what is danced."""
+"""Settings: the path of the program in the preferences of the add-on, and the dance in each scene."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ class ChoreographPreferences(bpy.types.AddonPreferences):
 
     program: StringProperty(
         name="Program", default="choreograph", subtype="FILE_PATH",
-        description="The program choreograph; its name, if it is on the path",
+        description="The program choreograph: its path, or its name if it is on the search path",
     )  # fmt: skip
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -32,46 +32,47 @@ class ChoreographPreferences(bpy.types.AddonPreferences):
 
 
 class ChoreographMarker(bpy.types.PropertyGroup):
-    """A marker that the last dance placed; `name` is its name."""
+    """A marker of the last dance. `name` is its name."""
 
     frame: IntProperty()
 
 
 class ChoreographPin(bpy.types.PropertyGroup):
-    """What must be danced at some time; `name` is it, as `choreograph dance --pin` takes it."""
+    """A pin. `name` is its value for `choreograph dance --pin`."""
 
 
 class ChoreographSettings(bpy.types.PropertyGroup):
     song: StringProperty(name="Song", subtype="FILE_PATH", description="Any audio file")
     armature: PointerProperty(
-        name="Armature", type=bpy.types.Object, description="Who dances",
+        name="Armature", type=bpy.types.Object, description="The armature that dances",
         poll=lambda _, candidate: candidate.type == "ARMATURE",
     )  # fmt: skip
     genre: StringProperty(
-        name="Genre", description="Genre to follow; empty: the one nearest to the song",
+        name="Genre", description="Genre to follow. Empty: the genre nearest to the song",
         search=lambda self, context, typed: BUILT_IN_GENRES, search_options={"SUGGESTION"},
     )  # fmt: skip
     seed: IntProperty(name="Seed", min=0, description="Another seed gives another dance")
     start_s: FloatProperty(name="Start", min=0.0, description="Second of the song to start at")
     duration_s: FloatProperty(
-        name="Duration", min=0.0, description="Seconds to dance; 0: to the end of the song"
+        name="Duration", min=0.0, description="Seconds to dance. 0: to the end of the song"
     )
     pin: StringProperty(
-        name="Pin", description="Take to dance in the timeline's range, or motif:NUMBER at its start",
+        name="Pin", description="Take to dance in the range of the timeline, or motif:NUMBER at its start",
         search=lambda self, context, typed: [take.name for take in self.takes], search_options={"SUGGESTION"},
     )  # fmt: skip
     pins: CollectionProperty(type=ChoreographPin)
     repertoire: StringProperty(
-        name="Repertoire", subtype="FILE_PATH", description="Takes to dance with; empty: the built-in ones"
+        name="Repertoire", subtype="FILE_PATH", description="Repertoire of takes. Empty: the built-in one"
     )
     bone_map: StringProperty(
-        name="Bone Map", subtype="FILE_PATH", description="Which bone is which, where the program cannot tell"
-    )
+        name="Bone Map", subtype="FILE_PATH",
+        description="Names of bones, if the program does not recognise them",
+    )  # fmt: skip
     takes: CollectionProperty(type=bpy.types.PropertyGroup)  # of the last dance, by name
     markers: CollectionProperty(type=ChoreographMarker)
 
     def request(self, scene: bpy.types.Scene, seed: int) -> Request:
-        """What is to be danced; the song begins on a whole frame."""
+        """The request for a dance. The song begins at a whole frame."""
         fps = scene.render.fps / scene.render.fps_base
         return Request(
             song=Path(_absolute(self.song)), fps=fps, start_s=round(self.start_s * fps) / fps,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a dance leaves in a scene beside its action: the song, markers, the frame range, credits.
+"""The song, markers, frame range and credits of a dance in a scene.
 
-Ours are replaced by the next dance: strips and actions carry the property `OURS`, markers are listed in the
-scene's settings.
+The next dance replaces them. Strips and actions of a dance have the property `OURS`, and its markers are
+listed in the settings of the scene.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def lay_out(scene: bpy.types.Scene, request: Request, dance: Dance, first_frame:
     last_frame = first_frame + dance.tracks.n_frames - 1
     scene.frame_start, scene.frame_end = first_frame, last_frame
     if scene.sync_mode == "NONE":
-        scene.sync_mode = "AUDIO_SYNC"  # a slow playback would leave the beat
+        scene.sync_mode = "AUDIO_SYNC"  # otherwise slow playback loses the beat
     _place_song(scene, request, first_frame, last_frame)
     _place_markers(scene, request, dance, first_frame)
 
@@ -58,14 +58,14 @@ def _place_markers(scene: bpy.types.Scene, request: Request, dance: Dance, first
 
 
 def _bars(dance: Dance) -> Iterator[tuple[float, str]]:
-    """When each bar begins, in the dance, and its label."""
+    """Start and label of each bar of the dance."""
     beats = zip(dance.plan["music_beats_s"], dance.plan["music_beat_numbers"], strict=False)
     for bar, at_s in enumerate((at_s for at_s, number in beats if number == 1), start=1):
         yield at_s, f"bar {bar}"
 
 
 def _takes(dance: Dance) -> Iterator[tuple[float, str]]:
-    """When another take begins, in the dance, and its name."""
+    """Start and name of each change of take in the dance."""
     dancing = ""
     for block in dance.facts["blocks"]:
         if block["source"] != dancing:
@@ -74,7 +74,7 @@ def _takes(dance: Dance) -> Iterator[tuple[float, str]]:
 
 
 def write_credits(name: str, dance: Dance) -> bpy.types.Text:
-    """A text block with whose takes are danced, and what the program notes about the dance."""
+    """A text block with the credits of the takes, and the notes of the program."""
     facts = dance.facts
     lines = [f"{facts['song']}, danced with {facts['repertoire']}", ""]
     for take in facts["takes"]:
@@ -89,7 +89,7 @@ def write_credits(name: str, dance: Dance) -> bpy.types.Text:
 
 
 def leave(action: bpy.types.Action) -> None:
-    """Keep an action of the user's in the file, but none of ours that nothing dances now, nor its credits."""
+    """Keep an action of the user in the file. Remove an unused action of a dance, and its credits."""
     if OURS not in action:
         action.use_fake_user = True
     if action.users:
