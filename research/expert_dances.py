@@ -17,7 +17,7 @@ from choreograph.formats import choreonet
 from choreograph.formats.register import import_takes, save_motion
 from choreograph.formats.tables import write_counts
 from choreograph.music.song import load_song
-from research.laid_dances import ExpertDance, expert_from_figures, expert_from_take
+from research.pieces_on_beats import ExpertDance, expert_from_figures, expert_from_take
 
 
 def main() -> None:

@@ -26,8 +26,7 @@ from pathlib import Path
 import numpy as np
 
 import choreograph as cg
-from choreograph.evaluation.metric_catalogue import METRICS
-from choreograph.evaluation.results import EXPERT, REAL, TAKES, MeasuredDance
+from choreograph.evaluation.results import EXPERT, METRICS, REAL, TAKES, MeasuredDance
 from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.scores import physical_scores, weighted_mean
 from choreograph.evaluation.songs import EvaluatedSong, find_songs, read_experts

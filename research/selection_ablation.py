@@ -18,8 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import choreograph as cg
-from choreograph.evaluation.metric_catalogue import METRICS
-from choreograph.evaluation.results import MeasuredDance
+from choreograph.evaluation.results import METRICS, MeasuredDance
 from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.songs import find_songs
 from choreograph.evaluation.variants import Variant

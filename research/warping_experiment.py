@@ -4,7 +4,7 @@
         [--seeds 0 1 2] [--densities l0.h5 l1.h5 l2.h5]
 
 The true counts of real takes are withheld. They are estimated by networks that were trained on less and less
-of them, as in `research/doubtful_counts.py`. Clips of 8 s of such takes are aligned with songs other than
+of them, as in `research/uncertain_counts.py`. Clips of 8 s of such takes are aligned with songs other than
 their own. Of a few dozen, those with the best fit are compared with their true counts, which should lie
 within 0.15 beat of a beat, and count 1 of a downbeat.
 
@@ -50,7 +50,7 @@ PLAYED = 40_000.0
 BAR_WEIGHTS = (0.0, 0.5, 1.0, 2.0)  # of the bar's squared difference against the beat's
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 OWN, OTHER = "own song", "another song"
-READ = run_path(str(Path(__file__).with_name("doubtful_counts.py")))
+READ = run_path(str(Path(__file__).with_name("uncertain_counts.py")))
 GROUPS = [READ[name] for name in ("NOT_SURE", "FIGURES", "GENRE", "CLEAN")]
 Floats = np.ndarray
 

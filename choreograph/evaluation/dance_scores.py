@@ -170,12 +170,10 @@ def evaluate(
     rng = np.random.default_rng(0)
     scorer = MotifScorer(repertoire) if repertoire is not None and repertoire.has_vocabulary else None
     scores, motifs = dance_scores(CountedDance(SINGLE, song.name, motion), music, rng, scorer=scorer)
-    notes: list[str] = list(song.notes)
+    notes = list(song.notes)
     if repertoire is not None:
-        takes = [(repertoire.motion(i)[0], take.song_name) for i, take in enumerate(repertoire.takes)]
         try:
-            real = RealDances([m for m, _ in takes], [name for _, name in takes], like=motion)
-            scores |= real.scores(motion, song.name, rng)
+            scores |= _realism_scores(motion, song, repertoire, rng)
         except ParameterError as error:
             notes.append(f"no Fréchet distances: {error}")
     facts = {
@@ -197,3 +195,10 @@ def evaluate(
     )
     measured = MeasuredDance(SINGLE, song.name, 0, scores)
     return Evaluation(facts, {SINGLE: name}, (measured,), (), tuple(notes), example)
+
+
+def _realism_scores(motion: Motion, song: Song, repertoire: Repertoire, rng: np.random.Generator) -> Scores:
+    """Fréchet distances to the takes to other songs. `ParameterError` if rigs do not match."""
+    motions = [repertoire.motion(index)[0] for index in range(len(repertoire.takes))]
+    real = RealDances(motions, [take.song_name for take in repertoire.takes], like=motion)
+    return real.scores(motion, song.name, rng)

@@ -13,9 +13,9 @@ from PIL import Image
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import chi_square_distance
 from choreograph.core.timebase import STORE_FPS, frame_times_s
-from choreograph.evaluation.metric_catalogue import METRICS
 from choreograph.evaluation.plan_scores import time_maps
 from choreograph.evaluation.results import (
+    METRICS,
     REAL,
     Evaluation,
     ExampleDance,

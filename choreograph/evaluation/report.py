@@ -10,10 +10,10 @@ from pathlib import Path
 from choreograph.core.files import atomic_path, check_target
 from choreograph.core.progress import counted
 from choreograph.evaluation import plots
-from choreograph.evaluation.metric_catalogue import Metric
 from choreograph.evaluation.results import (
     Cell,
     Evaluation,
+    Metric,
     Row,
     Table,
     column_title,
@@ -24,12 +24,6 @@ from choreograph.evaluation.results import (
 
 _ARROWS = {"higher": "↑", "lower": "↓", "real": "≈"}
 _ARROW_TITLES = {"higher": "higher is better", "lower": "lower is better", "real": "closer to real is better"}
-_TITLES = {
-    "counts": "Counts and bars", "transitions": "Transitions", "energy": "Loud and soft",
-    "endings": "First and last pose",
-    "beats": "Motion beats", "realism": "Realism", "sets": "Sets of dances", "labels": "Labels",
-    "physics": "Physics", "motifs": "Motifs", "structure": "Structure", "warping": "Warping",
-}  # fmt: skip
 
 
 def write_report(path: str | Path, evaluation: Evaluation) -> None:
@@ -91,7 +85,7 @@ def _table(table: Table) -> str:
     head = "".join(f"<th scope=col>{_text(column_title(name))}</th>" for name in table.columns)
     rows = "".join(_row(row) for row in table.rows)
     return (
-        f'<section id="{table.family}"><h2>{_TITLES[table.family]}</h2><p>{_text(table.caption)}</p>'
+        f'<section id="{table.family}"><h2>{_text(table.title)}</h2><p>{_text(table.caption)}</p>'
         f"<div class=scroll><table><thead><tr><th></th>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
         "</section>"
     )

@@ -1,22 +1,51 @@
-"""The results of an evaluation, and tables of them."""
+"""The metrics and the results of an evaluation, and tables of them."""
 
 from __future__ import annotations
 
 import json
 import math
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from importlib import resources
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.progress import one_line
-from choreograph.evaluation.metric_catalogue import CAPTIONS, METRICS, Metric
 from choreograph.evaluation.plan_scores import DancedMotifs
 from choreograph.evaluation.scores import DancedPhases, Scores
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
+
+# The metrics by family, as `metrics.toml` lists them.
+
+
+Better = Literal["higher", "lower", "real"]  # "real": the closer to real dances, the better
+
+
+@dataclass(frozen=True, kw_only=True)
+class Metric:
+    """How tables show a metric, and what it measures."""
+
+    name: str
+    family: str
+    label: str
+    unit: str = ""
+    better: Better
+    source: str = "ours"
+    digits: int = 2
+    limits: str  # what the number does not tell
+
+
+FAMILIES: Mapping[str, dict[str, Any]] = tomllib.loads(  # each with title, caption and metrics
+    resources.files(__package__).joinpath("metrics.toml").read_text(encoding="utf-8")
+)
+METRICS: Mapping[str, Metric] = {
+    row["name"]: Metric(family=name, **row) for name, family in FAMILIES.items() for row in family["metrics"]
+}
+
 
 # The results of an evaluation: the scores of every dance, and all dances to one song for the plots.
 
@@ -109,6 +138,7 @@ class Table:
     """The metrics of one family."""
 
     family: str
+    title: str
     caption: str
     columns: tuple[str, ...]
     rows: tuple[Row, ...]
@@ -117,7 +147,7 @@ class Table:
 def tables(evaluation: Evaluation) -> tuple[Table, ...]:
     """One table for each family that was measured. Variants come first, then real dances and takes."""
     result = []
-    for family, caption in CAPTIONS.items():
+    for family, about in FAMILIES.items():
         dances = evaluation.sets if family == "sets" else evaluation.dances
         metrics = [metric for metric in METRICS.values() if metric.family == family]
         columns = tuple(
@@ -127,7 +157,7 @@ def tables(evaluation: Evaluation) -> tuple[Table, ...]:
         )
         rows = tuple(row for m in metrics if any((row := _row(m, dances, columns)).cells))
         if rows:
-            result.append(Table(family, caption, columns, rows))
+            result.append(Table(family, about["title"], about["caption"], columns, rows))
     return tuple(result)
 
 

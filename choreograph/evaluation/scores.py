@@ -36,7 +36,7 @@ from choreograph.motion.retargeting import retarget
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Values by the names in `metric_catalogue.METRICS`, and chance levels where they are known."""
+    """Values by the names in `results.METRICS`, and chance levels where they are known."""
 
     values: Mapping[str, float]
     chance: Mapping[str, float] = field(default_factory=dict)

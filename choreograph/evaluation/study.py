@@ -224,6 +224,22 @@ def write_study(
     key = {
         "format": KEY_FORMAT, "version": VERSION, "note": _KEY_NOTE, "study": study, "seed": seed,
         "questions": [question.id for question in questions],
+        **_key_items(ids, ordered, excerpts, pair_data),
+    }  # fmt: skip
+    folder.mkdir(exist_ok=True)
+    for name, text in ((PAGE_NAME, page), (KEY_NAME, json.dumps(key, indent=1, ensure_ascii=False) + "\n")):
+        with atomic_path(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _key_items(
+    ids: Sequence[str],
+    ordered: Sequence[tuple[str, int, StudyDance]],
+    excerpts: Sequence[StudyDance],
+    pairs: Sequence[Mapping[str, Any]],
+) -> dict[str, Any]:
+    """The dances and pairs of the page, with their variants and songs."""
+    return {
         "dances": [
             {"dance": name, "variant": variant, "song": excerpt.song_path.name, "number": number,
              "start_s": excerpt.start_s}
@@ -231,13 +247,9 @@ def write_study(
         ],
         "pairs": [
             {"pair": pair["id"], "dances": pair["dances"], "questions": [q["id"] for q in pair["questions"]]}
-            for pair in pair_data
+            for pair in pairs
         ],
     }  # fmt: skip
-    folder.mkdir(exist_ok=True)
-    for name, text in ((PAGE_NAME, page), (KEY_NAME, json.dumps(key, indent=1, ensure_ascii=False) + "\n")):
-        with atomic_path(folder / name) as temporary:
-            temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def check_study_folder(folder: str | Path) -> None:

@@ -15,7 +15,6 @@ from choreograph.core.counts import NO_COUNTS, Counts, numbers_in_bar
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.evaluation.dance_scores import evaluate
 from choreograph.evaluation.danced_counts import CountedDance
-from choreograph.evaluation.metric_catalogue import CAPTIONS, METRICS
 from choreograph.evaluation.plan_scores import (
     DancedMotifs,
     MotifScorer,
@@ -24,7 +23,7 @@ from choreograph.evaluation.plan_scores import (
     transition_times_s,
 )
 from choreograph.evaluation.report import write_report
-from choreograph.evaluation.results import number_text, tables, to_json
+from choreograph.evaluation.results import FAMILIES, METRICS, number_text, tables, to_json
 from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.scores import energy_scores
 from choreograph.evaluation.songs import beats_of, find_songs, read_experts, song_music
@@ -86,7 +85,7 @@ def test_all_dances_are_measured_by_catalogued_metrics(evaluation):
         assert set(dance.scores.values) <= set(METRICS)
         assert set(dance.scores.chance) <= set(dance.scores.values)
     families = [table.family for table in tables(evaluation)]
-    assert set(families) == set(CAPTIONS) - {"energy"}  # songs of one loudness
+    assert set(families) == set(FAMILIES) - {"energy"}  # songs of one loudness
 
 
 def test_huge_numbers_stay_readable():
@@ -296,7 +295,7 @@ def test_sections_of_the_same_music_danced_alike(repertoire):
 def test_every_metric_says_what_it_does_not_tell():
     assert all(metric.label and metric.limits.endswith(".") for metric in METRICS.values())
     assert {metric.better for metric in METRICS.values()} == {"higher", "lower", "real"}
-    assert {metric.family for metric in METRICS.values()} == set(CAPTIONS)
+    assert {metric.family for metric in METRICS.values()} == set(FAMILIES)
 
 
 def test_counts_transitions_and_endings_are_measured(evaluation):

@@ -16,7 +16,7 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Credits, Take
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.music.song import Song, load_song
-from research.laid_dances import expert_from_figures, expert_from_take
+from research.pieces_on_beats import expert_from_figures, expert_from_take
 
 DURATION_S = 20.0
 BPM = 108.0

@@ -1,6 +1,6 @@
 """Dances with takes whose counts a network estimated. Does the uncertainty of the counts help?
 
-    python research/doubtful_counts.py path/to/dance-with-melody path/to/choreonet --work FOLDER \\
+    python research/uncertain_counts.py path/to/dance-with-melody path/to/choreonet --work FOLDER \\
         --library REPERTOIRE [--seeds 0 1 2]
 
 The true counts of real takes are withheld. They are estimated by networks that were trained on less and less

@@ -42,7 +42,7 @@ class Piece:
     n_counts: int
 
 
-def lay_pieces(
+def place_pieces(
     pieces: Sequence[Piece],
     song_counts: Counts,
     first_beat: int,
@@ -217,7 +217,7 @@ def _laid(
     counts = level_at_tempo(song.samples, mel, song_counts(song, mel, tracker), metre, bpm)
     downbeats = np.flatnonzero(counts.numbers == 1)
     first = int(downbeats[0]) if len(downbeats) else 0
-    motion = lay_pieces(
+    motion = place_pieces(
         pieces, counts, first, lambda take, start_s, stop_s: (motions[take], 0.0),
         duration_s=song.duration_s, fps=FPS,
     )  # fmt: skip

@@ -11,7 +11,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.evaluation.metrics.endings import closing_speed_m_s, opening_speed_m_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s
-from research.laid_dances import Piece, lay_pieces
+from research.pieces_on_beats import Piece, place_pieces
 
 FPS = 60.0
 PERIODS_S = {"a": 0.6, "b": 0.45}
@@ -40,7 +40,7 @@ def piece(take: str, first_count: int, n_counts: int) -> Piece:
 
 def laid(pieces, *, first_beat: int = 4, counts=None, duration_s: float = DURATION_S):
     counts = song_counts() if counts is None else counts
-    return lay_pieces(pieces, counts, first_beat, read, duration_s=duration_s, fps=FPS)
+    return place_pieces(pieces, counts, first_beat, read, duration_s=duration_s, fps=FPS)
 
 
 def rests_s(motion) -> np.ndarray:
