@@ -1,24 +1,29 @@
 """choreograph: makes dances for music from your own motion library, and explains every second of them.
 
-- `dance` — a song to a `Dance`: motion, plan, notes; `vary` makes several that differ
-- `build` — takes and their songs to a repertoire file
-- `Repertoire` — an opened repertoire file; `starter_repertoire`, `example_songs` — the built-in ones
-- `load_song` — a `Song`, decoded once for several dances
-- `RolloutStream` — a dance of the rollout network frame by frame, while its song plays
-- `render` — the motion of a (perhaps edited) `Plan`
-- `MotifPin`, `TakePin`, `Ban` — constraints: what must be danced, and what must not
-- `motifs_of`, `signature_of` — of an existing dance, to be danced again
-- `Cost`, `Layer`, `SongFeatures` — for costs of your own
-- `read_character` — a character of yours, to dance in `Dance.save("a.glb", character=…)`
-- `Motion`, `Skeleton`, `Take`, `Counts` — motion, where it comes from, and its counts
-- `load_motion`, `save_motion` — a motion from a file and to a file, in every format that is known
-- `evaluate` — all scores of one dance, of any system, to a song
-- `metrics` — beat alignment, Fréchet distances, FID, foot slide, ... of any dance
-- `ChoreographError` and its kinds — every error that a caller can cause
+- `dance` makes a `Dance` for a song: motion, plan and notes. `vary` makes several that differ
+- `build` makes a repertoire file from takes and their songs
+- `Repertoire` is an opened repertoire file. `starter_repertoire` and `example_songs` are built in
+- `load_song` decodes a `Song` once for several dances
+- `RolloutStream` makes a dance with the rollout network while the song plays
+- `render` makes the motion of a `Plan`, edited or not
+- `MotifPin`, `TakePin`, `Ban` and `Keep` are constraints on what is danced
+- `motifs_of` and `signature_of` describe an existing dance
+- `Cost`, `Layer` and `SongFeatures` are for costs of your own
+- `read_character` reads a character for `Dance.save("a.glb", character=...)`
+- `Motion`, `Skeleton`, `Take` and `Counts` hold motion, its source and its counts
+- `load_motion` and `save_motion` read and write motions in all formats
+- `evaluate` scores a dance of any system to a song
+- `metrics` has beat alignment, Fréchet distances, FID, foot slide and others
+- `ChoreographError` and its subclasses are the errors that a caller can cause
+
+Examples
+--------
+>>> cg.__version__
+'0.1.0'
 """
 
 import lazy_loader
 
 # Imported when first used, so that `choreograph --help` does not wait for numba and torch. The stub
-# `__init__.pyi` says what is where, to this line, to type checkers and to editors.
+# `__init__.pyi` lists what is where, for this line, type checkers and editors.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

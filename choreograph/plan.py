@@ -1,4 +1,4 @@
-"""`Plan`: which part of which take is danced when, what it cost, and whose it is; JSON and back."""
+"""`Plan`: which part of which take is danced when, at which cost, with its credits, as JSON."""
 
 from __future__ import annotations
 
@@ -89,6 +89,14 @@ class Plan:
     The graph engine plans seconds, and words only where motifs are pinned or banned. These words replace the
     seconds there. The mixer and the rollout engine plan words only, from start to end without a gap. What is
     kept of another dance is a word, too, of any length. Engines of other packages plan either.
+
+    Examples
+    --------
+    >>> plan = cg.dance(cg.example_songs()["house"], duration_s=8).plan
+    >>> plan
+    <Plan of a dance to 'house': 8.0 s, graph engine, 8 seconds>
+    >>> cg.Plan.from_json(plan.to_json()) == plan
+    True
     """
 
     song: str
@@ -148,7 +156,7 @@ class Plan:
 
     @property
     def planned_blocks(self) -> tuple[Block, ...]:
-        """As `blocks`, with what is planned where poses are held: it is not seen."""
+        """As `blocks`, with what is planned for the time in which poses are held."""
         blocks = [Block(w.start_s, w.end_s, w.source_start_s, w.source_end_s, w) for w in self.words]
         start_s = np.array([second.start_s for second in self.seconds])
         bounds_s = np.minimum(np.maximum.accumulate([*start_s, self.duration_s]), self.duration_s)
@@ -168,7 +176,7 @@ class Plan:
 
     @property
     def kept_spans_s(self) -> tuple[tuple[float, float], ...]:
-        """From when to when another dance is kept, in order; what meets is one span."""
+        """From when to when another dance is kept, in order. Spans that touch are one."""
         spans: list[tuple[float, float]] = []
         for word in self.words:
             if word.kept and spans and word.start_s - spans[-1][1] <= _TOUCH_S:
@@ -203,7 +211,7 @@ class Plan:
 
     @classmethod
     def from_json(cls, text: str, *, name: str = "plan") -> Plan:
-        """Read a plan; `FormatError` naming the key that is missing, unknown or of the wrong kind."""
+        """Read a plan; `FormatError` names the key that is missing, unknown or of the wrong type."""
         if not isinstance(text, str):
             raise ParameterError(f"expected a plan as text, got {reprlib.repr(text)}")
         try:

@@ -22,20 +22,11 @@ TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
         "Skeleton",
         "Take",
     ),
-    "pipeline": (
-        "Dance",
-        "RolloutFrame",
-        "RolloutStream",
-        "motifs_of",
-        "signature_of",
-    ),
-    "plan": ("Plan",),
     "music": (
         "Song",
         "SongFeatures",
         "load_song",
     ),
-    "choreograph": ("__version__",),
 }
 TO_DO = {name for names in TO_DO_BY_ROOM.values() for name in names}
 

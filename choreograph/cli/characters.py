@@ -104,7 +104,7 @@ def convert(
     epilog=examples(
         "choreograph retarget dance.bvh hero.glb -o out.glb",
         "choreograph retarget dance.bvh hero.glb -o out.glb --save-map map.json   which bones were found",
-        "choreograph retarget dance.bvh hero.glb -o out.glb --map map.json        says which they are",
+        "choreograph retarget dance.bvh hero.glb -o out.glb --map map.json        uses the edited map",
     ),
 )
 @click.argument("motion", type=_FILE)

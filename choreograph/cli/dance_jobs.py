@@ -48,7 +48,10 @@ class Result:
 
 
 def jobs_of(songs: Sequence[Path], given: Outputs, opened: bool, variations: int | None) -> tuple[Job, ...]:
-    """A job for each song; `ParameterError` if there is none, a number no one wants, or one file for two."""
+    """A job for each song.
+
+    Raises `ParameterError` for no song, a number of variations out of range, or two songs with one file.
+    """
     if not songs:
         raise ParameterError("expected a SONG, or --plan FILE; `choreograph songs` lists a few to begin with")
     if variations is not None and not 1 <= variations <= MAX_VARIATIONS:
@@ -89,8 +92,10 @@ def with_free_names(
         names = free_names(made, lambda path: file_identity(path) in used or is_kept(path))
         used.update(map(file_identity, names))
         why = "an input" if file_identity(kept) in read else "no dance that choreograph wrote"
-        cure = "" if file_identity(kept) in read else ", or --force replaces it"
-        notes.append(f"{kept} is {why} and is kept: the dance goes to {' and '.join(map(str, names))}{cure}")
+        cure = "" if file_identity(kept) in read else ". Use --force to replace it"
+        notes.append(
+            f"{kept} is {why} and is kept: the dance is written to {' and '.join(map(str, names))}{cure}"
+        )
         new = dict(zip(made, names, strict=True))
         return tuple(new.get(path, path) for path in outputs)
 
@@ -187,7 +192,9 @@ def present(
                 say(_summary(dance.plan, paths))
     failed = [result for result in results if result.error]
     if failed:
-        raise ChoreographError(f"{len(failed)} of {len(results)} songs are not danced: {failed[0].error}")
+        raise ChoreographError(
+            f"{len(failed)} of {counted(len(results), 'song')} could not be danced: {failed[0].error}"
+        )
 
 
 def _dances(result: Result) -> Iterator[tuple[Dance, Outputs]]:

@@ -1,4 +1,4 @@
-"""`choreograph`: the group of commands, and how errors are shown, those that nobody expected too."""
+"""`choreograph`: the group of commands, and how errors are shown, unexpected ones included."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ import click
 from choreograph.cli.present import examples, line_of, printable, say, show_notes
 from choreograph.core.errors import ChoreographError
 
-# What the command line does about exceptions that nobody expected: one line, and a log of the traceback.
+# Unexpected exceptions: one line is printed, and the traceback goes to a log.
 
 
 DEBUG_VARIABLE = "CHOREOGRAPH_DEBUG"
 
 
 def report_crash(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """A `sys.excepthook`: says in one line what happened and where its traceback is; status 1 follows.
+    """A `sys.excepthook`: print in one line what happened and where the traceback is. Status 1 follows.
 
     The traceback itself is shown if CHOREOGRAPH_DEBUG is set, or if no log can be written.
     """
@@ -143,9 +143,9 @@ def _printable_usage() -> Iterator[None]:
     cls=_Commands,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog=examples(
-        "choreograph dance song.mp3 --open         dances with the built-in takes, shows it in the browser",
-        "choreograph build-db TAKES -o rep.h5      makes a repertoire of your own motion library",
-        "choreograph dance song.mp3 --db rep.h5    dances with it",
+        "choreograph dance song.mp3 --open         makes a dance and opens it in the browser",
+        "choreograph build-db TAKES -o rep.h5      builds a repertoire from your motion library",
+        "choreograph dance song.mp3 --db rep.h5    makes a dance from it",
     ),
 )
 @click.version_option(package_name="choreograph")

@@ -28,7 +28,7 @@ else:
 # What commands show: lines, tables and notes, progress bars, examples in their help.
 #
 # What is printed for people goes through `say`, or through `printable` to a `table_console`: names of files,
-# takes and joints may come from strangers and hold control characters.
+# takes and joints may come from untrusted files and hold control characters.
 
 
 MAX_LINE = 300  # characters of a printed line

@@ -27,9 +27,10 @@ from choreograph.render.rendering import render
 if TYPE_CHECKING:
     from choreograph.nets.training import TrainingProgress
 
-# Synthesised songs that the graph engine dances to beside those of the takes, for rollouts to learn from.
+# Synthesised songs. The rollout network learns from graph dances to these and to the songs of the takes.
 #
-# A library may have three songs of a genre: a network that has heard no others keeps the count of these.
+# A library may have only three songs of a genre. A network that is trained on these alone does not keep the
+# counts of other songs.
 
 
 SONG_S = 60.0
@@ -40,9 +41,9 @@ _SEEDS_FROM = 70_000  # beyond those of songs that anything is measured on
 def synthesised_songs(
     genres: Iterable[str], folder: Path, report: ProgressReport | None = None
 ) -> dict[Path, str]:
-    """Songs of those `genres` that the synthesiser knows, written to `folder`, and the genre of each.
+    """Synthesised songs of those `genres` that the synthesiser has, written to `folder`, with their genres.
 
-    Those that `folder` has are not rendered again.
+    Songs that are in the folder are not rendered again.
     """
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [
@@ -58,11 +59,10 @@ def synthesised_songs(
     return {path: genre for path, genre, _, _ in wanted}
 
 
-# Dances of the graph engine for the rollout network to learn from: to songs, on the count.
+# Graph dances that the rollout network learns from, beside the takes.
 #
-# The songs are the takes' own, and synthesised ones of their genres. The network learns from takes as well.
-# But those keep to their counts as dancers do, and are brought into step with their songs as a whole; a graph
-# dance has every count on a beat, bars on downbeats.
+# The songs are those of the takes, and synthesised ones of their genres. Dancers of takes are not always on
+# the count. In a graph dance, every count is on a beat and every bar begins on a downbeat.
 
 
 LONGEST_S = 180.0  # of each song
@@ -77,9 +77,9 @@ def teach_rollout(
     seed: int,
     report: ProgressReport | None = None,
 ) -> list[Take]:
-    """Dances to the songs of `takes` and to synthesised ones of their genres, as takes with counts.
+    """Dances to the songs of `takes` and to synthesised songs of their genres, as takes with counts.
 
-    None if the repertoire has no clips. `folder` keeps the synthesised songs, and what `graph_dances` keeps.
+    The list is empty if the repertoire has no clips. `folder` keeps the synthesised songs and the plans.
     Raises `FormatError` if a song cannot be read.
     """
     if repertoire.n_clips == 0:
@@ -109,8 +109,8 @@ def graph_dances(
 ) -> list[Take]:
     """A dance of the graph engine to each song, of the genre given with it, as takes with counts.
 
-    `folder` keeps the plan of every dance, so that a call after a stop goes on where it was: it must be one
-    of this repertoire, these songs and settings alone. Raises `FormatError` if a song cannot be read.
+    `folder` keeps the plan of every dance, so that a stopped build can be resumed. It must belong to this
+    repertoire, these songs and these settings. Raises `FormatError` if a song cannot be read.
     """
     folder.mkdir(parents=True, exist_ok=True)
     dances = []

@@ -52,6 +52,15 @@ class Dance:
     """A finished dance: the motion, the plan that explains it, and notes on what was unusual.
 
     Raises `ParameterError` if a field is of another type.
+
+    Examples
+    --------
+    >>> dance = cg.dance(cg.example_songs()["house"], duration_s=8)
+    >>> dance.motion
+    <Motion: 480 frames at 60 fps (8.0 s), 24 joints>
+    >>> dance.plan.engine
+    'graph'
+    >>> dance.save("dance.bvh")
     """
 
     motion: Motion
@@ -91,13 +100,21 @@ class Dance:
         loop: bool = False,
         report: ProgressReport | None = None,
     ) -> None:
-        """Write the dance; the suffix says what: see `pipeline.saving.output_formats`.
+        """Write the dance to a file. The suffix selects the format.
 
-        bvh and npz hold the motion, glb the motion on a body, json the plan, html the page that plays it
-        with its song, mp4 a video, png a strip of poses on the beats. `click` mixes a click on every count
-        into the sound of a video, higher on count 1. `character`, a .glb, .gltf or .vrm file or what
-        `read_character` made of one, dances in a glb, fbx or html; `bvh` says how a bvh is written. With
-        `loop` a motion file holds the `loop` of the dance.
+        .bvh and .npz hold the motion, .glb, .fbx, .usda and .usdc a body that moves, .vrma the motion for a
+        VRM avatar, .json the plan, .html a page that plays the dance with its song, .mp4 a video, and .png
+        poses on the beats.
+
+        Parameters
+        ----------
+        path : the file to write
+        click : mix a click on every count into the sound of a video, higher on count 1
+        character : the character of a .glb, .fbx or .html: a .glb, .gltf or .vrm file, or the result of
+            `read_character`
+        bvh : how a .bvh is written
+        loop : write the `loop` of the dance to a motion file
+        report : called with the stage's name, how much is done, of how much
 
         Raises `ParameterError` for another suffix, an option that the format does not use, a folder that does
         not exist, a character whose bones cannot be found or that a page cannot show, or a loop without two
@@ -306,7 +323,7 @@ def _danced(
 
 
 def _part_of(song: object, start_s: float | None, duration_s: float | None, existing: Plan | None) -> Song:
-    """The part of a song to dance to: what is not given is as in the plan of an existing dance, if known."""
+    """The part of a song to dance to. Without start or length, it is that of an existing dance's plan."""
     begins_s = song.start_s if isinstance(song, Song) else 0.0
     if existing is not None and start_s is None:
         start_s = existing.start_s - begins_s

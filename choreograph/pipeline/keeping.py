@@ -1,4 +1,4 @@
-"""Other dances to the same song: stretches of one kept, or what others do avoided."""
+"""Dances to a song that was danced before: parts of a dance are kept, or repetitions are avoided."""
 
 from __future__ import annotations
 
@@ -28,14 +28,11 @@ from choreograph.plan import Plan, PlannedWord
 from choreograph.render.filled_gaps import correction_speed_m_s, fill_gaps, of_length
 from choreograph.render.rendering import render
 
-# A cost that keeps a dance from repeating what others of the same song do.
-
-
 _SAME_S = 0.5  # parts of a take nearer than this look the same
 
 
 class AvoidRepeating(Cost):
-    """1 for what an earlier dance danced in this second: the same take within half a second."""
+    """1 for a node that an earlier dance had in this second: the same take within half a second."""
 
     name = "unlike"  # in plans
 
@@ -51,11 +48,8 @@ class AvoidRepeating(Cost):
         return same.astype(np.float64)
 
 
-# Stretches of an existing dance kept in a new one to the same song: the motion filled, and the plan.
-
-
-_ATTEMPTS = 4  # at a filling that ends near where it should
-_LED_M_S = 0.08  # standing feet that are led no faster hardly slide
+_ATTEMPTS = 4  # with different seeds, to find a filling that needs little correction
+_SLOW_M_S = 0.08  # corrections of standing feet at this speed are hardly visible
 _SEEDS_APART = 1_000_003  # so that attempts of neighbouring seeds differ
 
 
@@ -124,10 +118,10 @@ def _read_existing(path: Path, repertoire: Repertoire, readers: tuple[Path, ...]
 
 
 def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
-    """A new dance with stretches of another one in it: its plan, with what it does not meet, and its motion.
+    """A new dance that keeps parts of another one: its plan, with what it does not meet, and its motion.
 
-    A filling ends wherever it does, and has to be led to where what is kept goes on: the one that is led the
-    least, of a few by different seeds.
+    The new parts rarely end where the kept parts go on, so that they are moved there. Of a few dances with
+    different seeds, the one that is moved the least is taken.
 
     Raises as the engine does, and `ParameterError` if the dances are of different skeletons.
     """
@@ -145,7 +139,7 @@ def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
         fast_m_s = correction_speed_m_s(existing, motion, kept.frames)
         if best is None or (len(result.unmet), fast_m_s) < (len(best[1].unmet), best[0]):
             best = fast_m_s, result, motion
-        if fast_m_s <= _LED_M_S and not result.unmet:
+        if fast_m_s <= _SLOW_M_S and not result.unmet:
             break
     assert best is not None
     _, result, motion = best

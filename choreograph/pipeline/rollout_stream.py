@@ -39,7 +39,15 @@ _MOST_WORDS = 10_000  # that a motif is requested for: an hour of them
 
 @dataclass(frozen=True, eq=False)
 class RolloutFrame:
-    """One frame of a streamed dance; it never changes."""
+    """One frame of a streamed dance. It is final: later sound does not change it.
+
+    Examples
+    --------
+    >>> song = cg.load_song(cg.example_songs()["house"], duration_s=2)
+    >>> frame = next(iter(cg.RolloutStream(song, genre="house")))
+    >>> frame.time_s, frame.root_pos_m.shape, frame.local_quat.shape
+    (0.0, (3,), (24, 4))
+    """
 
     time_s: float  # in the song
     root_pos_m: Floats  # (3,)
@@ -53,27 +61,36 @@ class RolloutStream:
 
     Parameters
     ----------
-    song : path, `Song` or `Counts`   a song whose sound is all there, or counts alone: its sound is fed
-    repertoire : with a rollout network; by default the built-in one
-    genre : danced; by default the one nearest to the whole song, or with counts alone all together
+    song : path, `Song` or `Counts`
+        A whole song, or only its counts. With counts, the sound is given to `feed` as it plays.
+    repertoire : the repertoire with the rollout network; by default the built-in one
+    genre : the genre to dance; by default the nearest one to the song, or all genres if only counts are given
     seed : of the choice of motifs
-    fps : of the frames
-    beats : of a song, as `dance` takes them; not with counts, which are its beats
+    fps : frames per second
+    beats : where the beats of a song come from, as in `DanceConfig`; not with counts, which are the beats
 
-    Iterating gives a `RolloutFrame` every 1 / fps of the song. Counts are known from the start: tracked in
-    the whole song, or given, as a DJ's clock gives them; so is the genre. All else is as a song plays: a
-    frame depends on no sound later than `look_ahead_s` after it, a motif is drawn when its word begins
-    (equation 5), and smoothing, stage and feet see four poses (133 ms) ahead. A song, and its counts with its
-    sound fed in any blocks, are the same dance to the bit.
+    Iterating gives a `RolloutFrame` every 1 / fps seconds of the song. The counts and the genre are fixed at
+    the start. Everything else follows the sound: a frame depends on no sound later than `look_ahead_s` after
+    it, a motif is drawn when its word begins (equation 5), and smoothing, stage and foot lock use the next
+    four poses (133 ms). A whole song gives exactly the same frames as its counts with its sound in blocks.
 
-    What `dance` does and a stream cannot: poses have no style (equation 4 takes the music of a word to its
-    end), loudness is relative to what was heard so far, no pose is held until the first count, and no try
-    is repeated that does not show a motif.
+    Unlike in `dance`, the music does not change the style of poses, since equation 4 needs the music up to
+    the end of a word. Loudness is relative to the sound so far. No pose is held until the first count, and a
+    motif that the network does not show is not tried again.
 
     Torch gains nothing from threads here: set OMP_NUM_THREADS=1 (or `torch.set_num_threads(1)`).
 
     Raises `ParameterError` for an unknown genre or invalid settings, `FormatError` for a song that cannot be
     read, `RepertoireError` without motifs or a rollout network.
+
+    Examples
+    --------
+    >>> song = cg.load_song(cg.example_songs()["house"], duration_s=3)
+    >>> stream = cg.RolloutStream(song, genre="house", fps=30)
+    >>> len(list(stream))
+    90
+    >>> stream.genre
+    'house'
     """
 
     look_ahead_s = 0.5
@@ -112,15 +129,15 @@ class RolloutStream:
         self._rhythm = RhythmStream(self.counts.times_s)
         self._conditions: deque[FrameCondition] = deque()  # of the rest of a word, rhythm left out
         self._dance: DanceStream | None = None  # from the first word on
-        self._final: deque[tuple[Floats, Floats]] = deque()  # frames that are made but not given out
-        self._n_rows = self._n_poses = self._n_frames = 0  # heard and predicted at 30 fps, given out at `fps`
+        self._final: deque[tuple[Floats, Floats]] = deque()  # frames that are made but not yet returned
+        self._n_rows = self._n_poses = self._n_frames = 0  # read and predicted at 30 fps, returned at `fps`
         if loaded is not None:
             self.feed(loaded.samples)
             self.finish()
 
     @property
     def genre(self) -> str:
-        """The genre danced. A new one is danced from the next word that begins, with a signature anew."""
+        """The genre that is danced. A new one takes effect when the next word begins."""
         return self._motifs.genre
 
     @genre.setter
@@ -129,13 +146,13 @@ class RolloutStream:
 
     @property
     def words(self) -> tuple[StreamedWord, ...]:
-        """The words that have begun, with the motifs asked of the network; the last may begin soon."""
+        """The words that have begun, with the motifs given to the network. The last one may begin soon."""
         return tuple(self._motifs.words)
 
     def request(self, motif: int, n_words: int = 1) -> None:
-        """Dance a motif in the next words that begin; a motif held for two words is more surely seen.
+        """Dance a motif in the next words that begin. Two words show it more reliably than one.
 
-        A later request replaces what is left of this one. Frames up to 0.17 s ahead are decided already.
+        A later request replaces the rest of this one. Frames up to 0.17 s ahead are already final.
         Raises `ParameterError` for an unknown motif, or for fewer words than one or more than 10,000.
         """
         if not is_whole(n_words) or not 1 <= n_words <= _MOST_WORDS:
@@ -151,11 +168,11 @@ class RolloutStream:
         self._rhythm.feed(samples)
 
     def finish(self) -> None:
-        """Say that the song ends with what was fed: the rest of its frames can be given out."""
+        """End the song after the sound that was fed, so that its last frames can be made."""
         self._rhythm.finish()
 
     def __iter__(self) -> Iterator[RolloutFrame]:
-        """Frames from the next one on, until the song ends or more sound is needed: iterate again then."""
+        """Frames from the next one on, until the song ends or more sound is needed. Then iterate again."""
         while True:
             while not self._final and self._rhythm.has_row() and not self._has_ended():
                 self._advance()
@@ -172,7 +189,7 @@ class RolloutStream:
 
     @default_numerics()
     def _advance(self) -> None:
-        """Hear one more row of the rhythm and, once the network's look-ahead is heard, predict a pose."""
+        """Read one more row of the rhythm and, from the network's look-ahead on, predict a pose."""
         from choreograph.nets.rollout_data import LOOKAHEAD_FRAMES  # torch takes a second to import
 
         rhythm = self._rhythm.next_row()

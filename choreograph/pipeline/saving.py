@@ -1,4 +1,4 @@
-"""A dance to files: the suffix says what is written."""
+"""Writes dances to files. The suffix of a name selects the format."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _STRIP_POSES = 40
 
 @dataclass(frozen=True, eq=False)
 class SavedParts:
-    """What files are made of."""
+    """A dance as its files need it."""
 
     motion: Motion
     plan: Plan
@@ -53,7 +53,7 @@ class SavedParts:
 
 
 def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | None = None) -> None:
-    """Write a dance to `path`: a motion format, the plan, or something to look at, by the suffix.
+    """Write a dance to `path` as motion, plan, page, video or picture, by its suffix.
 
     Raises `ParameterError` for an unknown suffix or a missing folder, `ChoreographError` if the file cannot
     be written, `FormatError` if the song can no longer be read.
@@ -131,13 +131,13 @@ def check_outputs(paths: Sequence[str | Path]) -> None:
 def is_saved_dance(path: str | Path) -> bool:
     """Whether a file is a dance that `save_dance` wrote, which another dance may replace.
 
-    Not so of an .fbx, in which Blender leaves no place to say it, nor of a dance that another program saved.
+    False for an .fbx, since Blender writes no such mark, and for a dance that another program saved.
     """
     return _SAVED_DANCE.search(ends_of(path)) is not None
 
 
 def check_character(character: GltfCharacter, paths: Sequence[str | Path]) -> None:
-    """Raise `ParameterError` before any work if one of the files is a page, and cannot show the character."""
+    """Raise `ParameterError` before any work if one of the files is a page that cannot show the character."""
     from choreograph.view.page_data import check_page_character
 
     if any(format_of(path) == "html" for path in paths):

@@ -90,8 +90,16 @@ def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
     `take` is the name of a take of the repertoire, or a motion file (or a folder of one take). A file is
     segmented on the beats of the song beside it, or on its motion beats if there is none.
 
-    Raises `ParameterError` if it is neither, or has no motion word; `FormatError` if the file is damaged;
+    Raises `ParameterError` if it is neither, or has no motion word, `FormatError` if the file is damaged, and
     `RepertoireError` without a vocabulary.
+
+    Examples
+    --------
+    >>> repertoire = cg.starter_repertoire()
+    >>> motifs = cg.motifs_of(repertoire.takes[0].name, repertoire)
+    >>> dance = cg.dance(cg.example_songs()["house"], motifs=motifs, duration_s=8)
+    >>> dance.plan.engine, dance.plan.words[0].motif == motifs[0]
+    ('mixer', True)
     """
     repertoire = as_repertoire(repertoire)
     vocabulary = repertoire.vocabulary
@@ -113,7 +121,14 @@ def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
 
 @default_numerics()
 def signature_of(name: str, repertoire: Repertoire) -> NDArray[np.float64]:
-    """The signature (K,) of a genre, or of a take as `motifs_of` finds it; raises as it does."""
+    """The signature (K,) of a genre, or of a take or motion file as in `motifs_of`, which raises the same.
+
+    Examples
+    --------
+    >>> shares = cg.signature_of("house", cg.starter_repertoire())
+    >>> print(f"{shares.sum():.2f}")
+    1.00
+    """
     repertoire = as_repertoire(repertoire)
     vocabulary = repertoire.vocabulary
     as_path("a take, or the name of one or of a genre", name)
