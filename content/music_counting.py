@@ -206,7 +206,7 @@ def resampled(log_mel: NDArray[np.floating], frames: NDArray[np.floating]) -> ND
 
 
 def activations(counts: Counts, times_s: NDArray[np.floating], tempo: float) -> NDArray[np.float32]:
-    """At times (T,), `tempo` thirtieths of a second apart: 1 on a beat, on a downbeat, else 0; (2, T).
+    """At times (T,), `tempo` thirtieths of a second apart: 1 on a beat, on a downbeat, else 0, as (2, T).
 
     A triangle falls to 0 in `_WIDTH_FRAMES` to either side, since a beat lies between frames.
     """
@@ -230,7 +230,7 @@ def train_music_counts(
     context: TrainingContext | None = None,
     pretrained: Mapping[str, NDArray[Any]] | None = None,
 ) -> MusicCounts:
-    """Train on excerpts of songs; `weights` (N,) are their relative frequencies, equal if not given.
+    """Train on excerpts of songs. `weights` (N,) are their relative frequencies, equal if not given.
 
     Raises `ParameterError` as `MusicCountsData` does, or for pretrained weights that do not fit.
     """

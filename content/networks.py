@@ -132,7 +132,7 @@ def song_folds(recorded: Sequence[RecordedTake]) -> dict[str, int]:
 
 
 def share_right(found: Counts, true: Counts) -> float:
-    """Share of counts within 0.15 beat of a true one; 0 at another metrical level, or of none."""
+    """Share of counts within 0.15 beat of a true one, 0 at another metrical level or without counts."""
     per_beat = counts_per_beat(found.times_s, true.times_s)
     if not 1 / _LEVEL_RATIO < per_beat < _LEVEL_RATIO:
         return 0.0

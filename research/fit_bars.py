@@ -93,7 +93,7 @@ def rendered(genre: str, style: SongStyle, seed: int, **options: float | None) -
 
 
 def position_in_bar(song: BarSong, beats_s: Floats) -> NDArray[np.int64]:
-    """0 on the downbeat, …; -1 where no true beat is within 70 ms."""
+    """Position in the bar, 0 on the downbeat. It is -1 if no true beat is within 70 ms."""
     nearest = np.abs(beats_s[:, None] - song.true_s).argmin(axis=1)
     found = np.abs(song.true_s[nearest] - beats_s) < 0.07
     return np.where(found, nearest % song.metre, -1)

@@ -200,7 +200,7 @@ def chance(found: Counts, truth: Counts, duration_s: float, rng: np.random.Gener
 
 
 def synthetic_rows(columns: Mapping[str, Sequence[tuple[Method, Weights | None]]]) -> dict[str, dict]:
-    """By group, then by column, the scores of its songs; "genre left out" is judged on those genres alone."""
+    """By group, then by column, the scores of its songs. "genre left out" is of those genres alone."""
     rng = np.random.default_rng(0)
     rows: dict[str, dict[str, list[dict[str, float]]]] = {}
     for song in true_songs():

@@ -139,7 +139,7 @@ def text(values: Sequence[float], digits: int = 2) -> str:
 
 
 def dance_lines(engine: str, dances: Sequence[MeasuredDance], *, judged: bool) -> list[Line]:
-    """The rows of one engine's dances to real songs; `judged`: signatures by a network other than its own."""
+    """The rows of one engine's dances to real songs. `judged`: signatures are by another network."""
     of = {name: [d for d in dances if d.variant == name] for name in (engine, EXPERT, REAL)}
     lines = []
     for what, (metric, digits, target) in DANCE_ROWS.items():

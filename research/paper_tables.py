@@ -113,7 +113,7 @@ def as_recorded(plans: Mapping[str, Plan], data: Path) -> list[MeasuredDance]:
 
 
 def cell(dances: Sequence[MeasuredDance], metric: str) -> tuple[float, float, float | None] | None:
-    """Mean, the spread of the seeds' means, and chance; None where nobody measured it."""
+    """Mean, the spread of the seeds' means, and chance. None if it was not measured."""
     by_seed: dict[int, list[float]] = {}
     for d in dances:
         if np.isfinite(d.scores.values.get(metric, np.nan)):

@@ -21,7 +21,7 @@ Bools = NDArray[np.bool_]
 
 
 def validate(relevant: Bools, k: int = 1) -> Bools:
-    """The table (Q, N) as bools; `ParameterError` unless it has at least one query and `k` items."""
+    """The table (Q, N) as bools. `ParameterError` unless it has at least one query and `k` items."""
     table = np.asarray(relevant)
     if table.ndim != 2 or table.dtype != np.bool_ or 0 in table.shape:
         raise ParameterError(f"expected true or false (Q, N), got {table.dtype} of shape {table.shape}")
@@ -36,14 +36,14 @@ def precision_at_k(relevant: Bools, k: int) -> Floats:
 
 
 def recall_at_k(relevant: Bools, k: int) -> Floats:
-    """Share of the relevant items that are among the first `k`, (Q,); `nan` without relevant items."""
+    """Share of the relevant items that are among the first `k`, (Q,). `nan` without relevant items."""
     table = validate(relevant, k)
     total = table.sum(axis=1)
     return np.where(total > 0, table[:, :k].sum(axis=1) / np.maximum(total, 1), np.nan)
 
 
 def reciprocal_rank(relevant: Bools) -> Floats:
-    """One over the rank of the first relevant item, (Q,); 0 without relevant items."""
+    """One over the rank of the first relevant item, (Q,). 0 without relevant items."""
     table = validate(relevant)
     return np.where(table.any(axis=1), 1.0 / (table.argmax(axis=1) + 1), 0.0)
 

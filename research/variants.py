@@ -87,7 +87,7 @@ GROUPS: dict[str, tuple[str, ...]] = shipped.GROUPS | {
 
 
 def variants_named(names: Sequence[str]) -> tuple[Variant, ...]:
-    """The variants with these names or in these `GROUPS`, each once; `ParameterError` for an unknown name."""
+    """The variants with these names or in these `GROUPS`, each once. `ParameterError` for an unknown name."""
     return shipped.variants_named(names, VARIANTS, GROUPS)
 
 

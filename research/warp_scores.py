@@ -25,7 +25,7 @@ def recovery_errors_ms(found_frames: Floats, true_frames: Floats, fps: float) ->
 
 
 def summary_ms(errors_ms: Floats) -> dict[str, float]:
-    """Median, mean and 90th percentile of errors (N,) by name; `ParameterError` without errors."""
+    """Median, mean and 90th percentile of errors (N,) by name. `ParameterError` without errors."""
     if len(errors_ms) == 0:
         raise ParameterError("expected errors to summarise, got none")
     return {

@@ -105,7 +105,7 @@ ARMS: dict[str, Arm] = {
 
 
 def arm(which: str | Arm) -> Arm:
-    """A named arm pose, or the `Arm` itself; `ParameterError` if the name is unknown."""
+    """A named arm pose, or the `Arm` itself. `ParameterError` if the name is unknown."""
     if isinstance(which, Arm):
         return which
     if which not in ARMS:

@@ -110,7 +110,7 @@ def _leaves_at(here: FootPlant, there: FootPlant, tempo: Tempo) -> float:
 
 
 def _heel_off(here: FootPlant, distance_m: float) -> float:
-    """Angle of the heel as the ball leaves, growing with the distance; 0 after a kick or a heel touch."""
+    """Angle of the heel as the ball leaves, growing with the distance. 0 after a kick or a heel touch."""
     if here.height_m > 0.0 or here.pitch_rad < 0.0:
         return 0.0
     return max(here.pitch_rad, _HEEL_OFF_RAD * min(1.0, 0.3 + distance_m / _FAR_M))

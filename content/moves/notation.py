@@ -2,11 +2,11 @@
 
 How to write a move
 -------------------
-A dancer stands at home: feet 0.2 m apart, body over them, facing forward. Counts are the teacher's:
-the first beat is 1, "3 and" is 3.5. A move of N counts begins where the last one ended (its count N is
+A dancer stands at home: feet 0.2 m apart, body over them, facing forward. Counts are the teacher's. The
+first beat is 1, and "3 and" is 3.5. A move of N counts begins where the last one ended (its count N is
 the next one's count 0), usually lands its first step on 1, and **is home again on N**: by then both
 feet stand at the same place with the same facing, which is the home of the next move. Write it for
-one side; `mirrored()` gives the other. ::
+one side. `mirrored()` gives the other. ::
 
     STEP_TOUCH = Move(
         "step touch", counts=4,
@@ -26,20 +26,20 @@ one side; `mirrored()` gives the other. ::
     )
 
 Steps. `at` is (left, forward) in metres *from that foot's own home place*, so (0.4, 0) for both feet moves
-the whole body 0.4 m to the left; `face` in degrees (left is positive) turns the home the foot stands in.
+the whole body 0.4 m to the left. `face` in degrees (left is positive) turns the home the foot stands in.
 A travelling or turning move ends with both feet `at` the same place and `face`. Every swing
 leaves the floor `swing` counts before it lands. `step` takes the weight, `touch`, `heel`, `kick` do not,
 `press` shifts weight without lifting (weight 0.5: on both feet), `pivot` turns a planted foot about its
-ball. The body faces where weighted steps `face`; in a turn, pivot the standing foot along on the same
+ball. The body faces where weighted steps `face`. In a turn, pivot the standing foot along on the same
 count. The standing foot may not lift: `Move` raises an error. Pelvis, knees and heels follow from the
 steps: the body moves over the standing foot and is lowered until both legs reach, and heels rise before
 a foot leaves.
 
 Poses define the rest of the body on a count. A channel that a pose leaves out is interpolated between its
-neighbours; one that the move never sets is neutral. A pose *arrives* on its count, at rest, so accents lie on
-counts. Give a pose on (nearly) every count for the main channels of the move; `flow=0.5`
-makes the body pass through instead (slow dances). Channels: see `CHANNELS`; arms: names in
-`arm_poses.ARMS` or an `Arm(upper, fore)`. Left is positive; degrees and metres.
+neighbours. One that the move never sets is neutral. A pose *arrives* on its count, at rest, so accents lie on
+counts. Give a pose on (nearly) every count for the main channels of the move. `flow=0.5`
+makes the body pass through instead (slow dances). The channels are listed in `CHANNELS`. Arms are names in
+`arm_poses.ARMS` or an `Arm(upper, fore)`. Left is positive. Units are degrees and metres.
 
 Turns, quick steps, kicks, rises. ::
 
@@ -50,17 +50,17 @@ Turns, quick steps, kicks, rises. ::
     ball("left", 1.5, (0.0, -0.14)), step("right", 2),             # and back, change: swings shorten
     press("right", 3, pitch=25.0, weight=1.0),       # a rise onto the ball in place (and drop=-0.02)
 
-A genre is a module in `genres/` with its moves and a `Genre`, listed in `genres/__init__.py`; a waltz has
+A genre is a module in `genres/` with its moves and a `Genre`, listed in `genres/__init__.py`. A waltz has
 counts=3 or 6 and `Genre(bar=3)`. The tests then check floor, beat, limbs and mirror of each move.
 
 Experience: bounce 0.02-0.05 m, "down" (hip-hop, house: lowest on the count)
 or "up" (disco, swing: highest on it). Hips lead, the chest turns against the legs (left foot steps:
-twist -6 … -15). Arms that travel 0.3 m and more between counts make the accents; a pose between counts
-("and") is another stop: give it `flow=1.0` unless the stop is wanted. `hip_side` against the weight just
+twist -6 … -15). Arms that travel 0.3 m and more between counts make the accents. A pose between counts
+("and") is another stop. Give it `flow=1.0` unless the stop is wanted. `hip_side` against the weight just
 taken moves the accent off the count. Home's 0.2 m between the feet does not scale with `size`: a foot that
-crosses or passes needs 0.15 m clear at 0.7 too, or a `bow`. Look at strips from the front and the side
+crosses or passes needs 0.15 m clear at 0.7 too, or a `bow`. Check strips from the front and the side
 (`choreograph.view.renderer.write_strip`). A move that ends with the other foot free alternates sides
-automatically; one that ends with the same foot free is repeated to the same side, so write both in 4 counts.
+automatically. One that ends with the same foot free is repeated to the same side, so write both in 4 counts.
 """
 
 from __future__ import annotations
@@ -76,14 +76,14 @@ Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 _HOME_M = 0.06  # largest distance from home of a foot that touches at the end
 
-# One number each, 0 is neutral; True: the sign denotes a side and flips when mirrored.
+# One number each, 0 is neutral. True: the sign denotes a side and flips when mirrored.
 CHANNELS: dict[str, bool] = {
     "hip_side": True,  # pelvis to the left of the supported position, m
     "hip_fwd": False,  # pelvis forward of that position, m
     "drop": False,  # pelvis down: a plié, m
     "hip_roll": True,  # left hip up, degrees
     "hip_turn": True,  # pelvis turned to the left, the chest stays, degrees
-    "hip_tilt": False,  # tail back (arched), degrees; negative: tail under (contracted)
+    "hip_tilt": False,  # tail back (arched), degrees, negative: tail under (contracted)
     "bend": False,  # spine bent forward, degrees in total
     "arch": False,  # chest lifted and pushed forward against the lower spine, degrees
     "side": True,  # spine bent to the left, degrees
@@ -101,13 +101,13 @@ ARM_CHANNELS = ("left_arm", "right_arm")
 
 @dataclass(frozen=True)
 class Step:
-    """What one foot does on one count; write them with `step`, `touch`, `heel`, `kick`, `press`, `pivot`."""
+    """What one foot does on one count. Write them with `step`, `touch`, `heel`, `kick`, `press`, `pivot`."""
 
     foot: Side
     count: float  # when it lands (or, a kick, is furthest out)
     at: tuple[float, float] = (0.0, 0.0)  # (left, forward) of its home place, m
-    face: float | None = 0.0  # turn of its home to the left, degrees; None: unchanged
-    weight: float | None = None  # share of the body's weight it carries afterwards; None: unchanged
+    face: float | None = 0.0  # turn of its home to the left in degrees, None: unchanged
+    weight: float | None = None  # share of the body's weight it carries afterwards, None: unchanged
     toe_out: float = 10.0  # outwards from the facing, degrees
     pitch: float = 0.0  # heel up (positive) or toes up (negative) while on the floor, degrees
     height: float = 0.0  # of a kick, m
@@ -154,23 +154,23 @@ def heel(foot: Side, count: float, at: tuple[float, float] = (0.0, 0.0), **more:
 
 
 def kick(foot: Side, count: float, at: tuple[float, float], height: float, **more: Any) -> Step:
-    """The foot is in the air on the count, `height` m up, toes pointed; it lands with its next step."""
+    """The foot is in the air on the count, `height` m up, toes pointed. It lands with its next step."""
     return Step(foot, count, at, **{"height": height, "pitch": 10.0, "lift": 0.02, **more})
 
 
 def press(foot: Side, count: float, **more: Any) -> Step:
-    """Shift the weight onto a foot that stays in place; `weight=0.5`: onto both."""
+    """Shift the weight onto a foot that stays in place. `weight=0.5` is onto both."""
     return Step(foot, count, **{"face": None, "weight": 1.0, "lift": 0.0, "swing": 0.5, **more})
 
 
 def pivot(foot: Side, count: float, **more: Any) -> Step:
-    """The planted foot turns about its ball to a new `face`; the weight stays."""
+    """The planted foot turns about its ball to a new `face`. The weight stays."""
     return Step(foot, count, **{"lift": 0.0, "swing": 0.7, **more})
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Hips and upper body on a count; only the channels it names."""
+    """Hips and upper body on a count, only the channels it names."""
 
     values: Mapping[str, float]  # of CHANNELS
     arms: Mapping[Side, Arm] = field(default_factory=dict)
@@ -195,7 +195,7 @@ def pose(
     flow: float = 0.0,
     **values: float,
 ) -> Pose:
-    """A pose from channels (`CHANNELS`) and arms (names or `Arm`); `arms` sets both.
+    """A pose from channels (`CHANNELS`) and arms (names or `Arm`). `arms` sets both.
 
     Raises `ParameterError` for a channel or an arm pose that does not exist.
     """
@@ -218,7 +218,7 @@ class Bounce:
 
 @dataclass(frozen=True)
 class Move:
-    """A dance move on counts, for one side; see the module docstring.
+    """A dance move on counts, for one side. The module's docstring explains it.
 
     Raises `ParameterError` if a count is out of range, a standing foot lifts, or it does not end at home.
     """
@@ -228,7 +228,7 @@ class Move:
     steps: tuple[Step, ...]
     poses: Mapping[float, Pose] = field(default_factory=dict)
     bounce: Bounce = Bounce(0.025)
-    fastest_bpm: float = 400.0  # counts per minute; at higher tempi its quick steps are not feasible
+    fastest_bpm: float = 400.0  # counts per minute, at higher tempi its quick steps are not feasible
 
     def __post_init__(self) -> None:
         counts = [s.count for s in self.steps] + list(self.poses)
@@ -243,7 +243,7 @@ class Move:
             )
 
     def _stands_on(self) -> Side | None:
-        """The foot that carries the weight at the end; None: both, or the same as at the start."""
+        """The foot that carries the weight at the end. None is both, or the same as at the start."""
         standing: Side | None = None
         for s in sorted(self.steps, key=lambda s: s.count):
             if s.foot == standing and not s.in_place:
@@ -270,18 +270,18 @@ class Move:
 
     @property
     def first_foot(self) -> Side | None:
-        """The foot that must be free at the start; None: either."""
+        """The foot that must be free at the start. None is either."""
         moving = [s for s in sorted(self.steps, key=lambda s: s.count) if not s.in_place]
         return moving[0].foot if moving else None
 
     @property
     def free_foot(self) -> Side | None:
-        """The foot without weight at the end; None: either, since the weight is on both or never shifted."""
+        """The foot without weight at the end. None is either, if the weight is on both or never shifted."""
         standing = self._stands_on()
         return None if standing is None else other(standing)
 
     def mirrored(self) -> Move:
-        """The move to the other side; an involution."""
+        """The move to the other side. Applied twice, it gives the move itself."""
         return replace(
             self,
             steps=tuple(s.mirrored() for s in self.steps),
@@ -290,7 +290,7 @@ class Move:
 
 
 def both_sides(move: Move) -> Move:
-    """`move`, then its mirror image, as one move of twice the counts; the move must not travel."""
+    """`move`, then its mirror image, as one move of twice the counts. The move must not travel."""
     if move.travel != (0.0, 0.0, 0.0):
         raise ParameterError(f"{move.name}: travels, so its mirror image cannot start from the same home")
     n, back = move.counts, move.mirrored()

@@ -100,7 +100,7 @@ def render(
 
 
 def sequence_moves(moves: Sequence[Move], **manner: float) -> list[PlacedMove]:
-    """Place moves one after another, from count 0 in the middle; `manner`: size, sharpness, …"""
+    """Place moves one after another, from count 0 in the middle. `manner` is size, sharpness and so on."""
     placed: list[PlacedMove] = []
     origin, yaw, count = (0.0, 0.0), 0.0, 0
     for move in moves:

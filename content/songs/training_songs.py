@@ -28,7 +28,7 @@ _P_OTHER_VOICE, _P_SILENT_LANE, _P_WITHOUT_DRUMS, _P_EVERYWHERE = 0.35, 0.2, 0.1
 
 
 def in_three(style: SongStyle, *, dropped: int) -> SongStyle:
-    """A style in four with one beat (0 to 3) of every bar left out; `ParameterError` for another metre."""
+    """A style in four with one beat (0 to 3) of every bar left out. `ParameterError` for another metre."""
     _expect_metre(style, 4)
     bar, beat = style.steps_per_bar, STEPS_PER_BEAT * dropped
 
@@ -73,7 +73,7 @@ def double_time_drums(style: SongStyle) -> SongStyle:
 
 
 def drums_of(drums: SongStyle, rest: SongStyle) -> SongStyle:
-    """The drums of one style with the parts of another; `ParameterError` unless their metre is the same."""
+    """The drums of one style with the parts of another. `ParameterError` unless their metre is the same."""
     _expect_metre(drums, rest.beats_per_bar)
     return replace(rest, name=f"{rest.name} with {drums.name}'s drums", lanes=drums.lanes, fills=drums.fills)
 
