@@ -11,7 +11,7 @@ __version__ = version("choreograph")
 
 @cache
 def installed_names(group: str) -> tuple[str, ...]:
-    """The names that other packages add to a group of entry points; nothing of them is loaded."""
+    """The names that other packages add to a group of entry points. They are not loaded."""
     return tuple(point.name for point in entry_points(group=group))
 
 

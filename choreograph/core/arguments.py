@@ -65,13 +65,6 @@ def as_number(wanted: str, value: Any, *, above: float = -math.inf) -> float:
     return float(plain)
 
 
-def as_whole(wanted: str, value: Any, *, least: int) -> int:
-    """The value as an int. Raises `ParameterError` unless it is a whole number of `least` or more."""
-    if not is_whole(value) or value < least:
-        raise unexpected(wanted, value)
-    return int(value)
-
-
 def as_index(what: str, value: Any, n: int) -> int:
     """The value as an int. Raises `ParameterError` unless it is a whole number from 0 to `n` - 1."""
     if not is_whole(value) or not 0 <= value < n:
@@ -99,7 +92,7 @@ def as_array(what: str, values: Any) -> NDArray[Any]:
     """Numbers of any type as an array, not copied if it is one. Raises `ParameterError` otherwise."""
     try:
         array = np.asarray(values)
-    except (TypeError, ValueError, RuntimeError):  # ragged lists; arrays of other libraries on other devices
+    except (TypeError, ValueError, RuntimeError):  # ragged lists, arrays on other devices
         raise unexpected(f"{what} as an array of numbers", values) from None
     if array.dtype.kind not in "biuf":
         raise unexpected(f"{what} as an array of numbers", values)

@@ -20,7 +20,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Credits, Motion, Take, check_length
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
 
-_BODY = 22  # joints shared by SMPL, SMPL-H and SMPL-X; hands, jaw and eyes follow
+_BODY = 22  # joints of SMPL, SMPL-H and SMPL-X, before hands, jaw and eyes
 
 
 def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -198,7 +197,6 @@ def _from_hips(body: _Body, notes: list[str]) -> _Body:
 
 # The format has no comments. A file is known as a dance by zeros after the ten digits of its frame time.
 DANCE_DIGITS = "000"
-_ORDERS = tuple("".join(axes) for axes in itertools.permutations("XYZ"))
 
 
 Naming = Literal["smpl", "mixamo", "ue", "vrm", "rigify"]

@@ -27,7 +27,7 @@ _CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "ro
 _COMMENT = re.compile(r"(?<![^\s{}])(?:#|//)[^\n]*")
 _MOTION = re.compile(r"^[ \t]*MOTION\b", re.MULTILINE | re.IGNORECASE)
 _SPACE = re.compile(r"\s")
-# 1.#IND, 1.#QNAN, 1.#INF and, rounded, 1.#J of MSVC; nan(ind) and nan(0x8000) of others; NaNQ of AIX.
+# 1.#IND, 1.#QNAN, 1.#INF and, rounded, 1.#J of MSVC, nan(ind) and nan(0x8000) of others, NaNQ of AIX.
 _MISSING = re.compile(r"[+-]?(?:\d+[.,]#[a-z]+\d*|nan(?:[qs]|\(\w*\))?)", re.IGNORECASE)
 _END_MARKS = "\x1a\0"  # ^Z of DOS, and padding to the size of a block
 _TIMING = re.compile(r"\s*Frames\s*:\s*(\S+)\s+Frame\s+Time\s*:\s*(\S+)", re.IGNORECASE)
@@ -35,7 +35,7 @@ _MAX_BYTES = 1 << 29
 _BLOCK_LETTERS = 1 << 20
 _MISCOUNTED_FRAMES = 2  # programs count from 0, or leave out the rest pose
 _CHANNELLESS_JOINTS = 256  # beyond one joint for each channel: props, ends, fingers
-_LARGEST = 1e7  # bound on lengths and angles in any unit; keeps later arithmetic finite
+_LARGEST = 1e7  # length or angle in any unit, so that arithmetic stays finite
 
 
 @dataclass
@@ -112,7 +112,7 @@ class _Hierarchy:
         self.bvh = BvhText()
 
     def parse(self) -> BvhText:
-        stack: list[int] = []  # open joints; an end site is stored as -2 - its joint
+        stack: list[int] = []  # open joints, and -2 - joint for an end site
         while self.position < len(self.tokens):
             word = self.next_token().upper()
             if word in ("ROOT", "JOINT"):

@@ -42,7 +42,7 @@ from choreograph.motion.motion import FARTHEST_M, Motion, Take
 
 _FLOOR_NOTE_M = 0.05
 _ACCELERATION_FPS = 30.0
-_MAX_ACCELERATION_M_S2 = 30.0  # 3 g; takes known to be correct have at most 21 m/s²
+_MAX_ACCELERATION_M_S2 = 30.0  # 3 g. Correct takes have at most 21 m/s²
 
 
 def import_takes(

@@ -6,6 +6,15 @@ users, which have materials of any kind, are drawn by three.js (`page_data`).
 
 The parts of the page are in `page/`: ES modules, which are bundled in the order of `_SCRIPTS`, a style sheet
 and the template. Only the data differs between dances: JSON, and compressed bytes in base64.
+
+The page has a read-only state for scripts, `window.choreograph`:
+
+- time, duration, and shownFrom and shownTo of the timeline, in seconds, and audioTime, null without sound
+- frame, fps, framesDrawn, and pixelScale, which is below 1 on slow machines
+- playing, speed, loop {on, from, to}, mirrored, following
+- take, the name of the current take, and count, the current {bar, number} or null
+- joints, J positions [x, y, z] in metres, as in `motion.joint_pos_m()`, or those of the bones of the
+  character that are known, in canonical order
 """
 
 from __future__ import annotations
@@ -76,15 +85,6 @@ def write_page(
     title : heading of the page. None uses the name of the song
     character : the character that dances. None uses the mannequin
     report : called with the steps that are done and their total
-
-    The page has a read-only state for scripts, `window.choreograph`:
-
-    - time, duration, and shownFrom and shownTo of the timeline, in seconds, and audioTime, null without sound
-    - frame, fps, framesDrawn, and pixelScale, which is below 1 on slow machines
-    - playing, speed, loop {on, from, to}, mirrored, following
-    - take, the name of the current take, and count, the current {bar, number} or null
-    - joints, J positions [x, y, z] in metres, as in `motion.joint_pos_m()`, or those of the bones of the
-      character that are known, in canonical order
 
     Raises
     ------
