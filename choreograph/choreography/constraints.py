@@ -1,4 +1,7 @@
-"""Constraints as the user states them: pins, bans, a genre, a signature, a motif sequence; and their text."""
+"""Constraints as the user states them: pins, bans, a genre, a signature, a motif sequence.
+
+They are made from arguments, from the text of the command line, or from files.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +24,6 @@ from choreograph.core.timebase import parse_seconds
 from choreograph.library.words import checked_signature
 from choreograph.plan import FORMAT as PLAN_FORMAT
 from choreograph.plan import Plan
-
-# Constraints as the user states them: pins, bans, a genre, a signature, a motif sequence.
 
 
 @dataclass(frozen=True)
@@ -191,7 +192,7 @@ Pin = MotifPin | TakePin
 
 @dataclass(frozen=True)
 class Constraints:
-    """Everything requested of a dance beside its song; by default nothing."""
+    """Everything that is requested of a dance, besides its song. The default is nothing."""
 
     genre: str | None = None
     signature: tuple[float, ...] | None = None  # (K,) shares of the motifs
@@ -223,7 +224,7 @@ def make_constraints(
     pins: Sequence[Pin] = (),
     bans: Sequence[Ban] = (),
 ) -> Constraints:
-    """Constraints from the arguments of a caller; motifs with times become pins.
+    """Constraints from the arguments of a caller. Motifs with times become pins.
 
     Raises `ParameterError` for an argument of another type, or a signature that does not sum to 1.
     """
@@ -248,16 +249,13 @@ def _shares(signature: object) -> tuple[float, ...] | None:
     return tuple(checked_signature(shares, max(1, shares.size)).tolist())
 
 
-# Constraints from the command line's text and from files: pins, bans, signatures, motif sequences.
-
-
 SIGNATURE_FORMAT = "choreograph-signature"
 _ROUNDED_SUM = 0.01  # from 1, of shares written with two digits or more
 _TIME = r"[\d:]*\d(?:\.\d*)?|\.\d+"  # as `parse_seconds` reads it
 
 
 def parse_pin(text: str) -> Pin:
-    """`12.0=motif:41` or `0:30-0:38=take:NAME`; `ParameterError` for anything else."""
+    """The pin in `12.0=motif:41` or `0:30-0:38=take:NAME`. Raises `ParameterError` for other text."""
     at = re.fullmatch(rf"({_TIME})=motif:(\d+)", text)
     over = re.fullmatch(rf"({_TIME})-({_TIME})=take:(.+)", text)
     if at:
@@ -268,7 +266,7 @@ def parse_pin(text: str) -> Pin:
 
 
 def parse_keep(text: str) -> Keep:
-    """`12.5-30` or `0:12.5-0:30`; `ParameterError` for anything else."""
+    """The span in `12.5-30` or `0:12.5-0:30`. Raises `ParameterError` for other text."""
     span = re.fullmatch(rf"({_TIME})-({_TIME})", text)
     if span:
         return Keep(parse_seconds(span[1]), parse_seconds(span[2]))
@@ -276,7 +274,7 @@ def parse_keep(text: str) -> Keep:
 
 
 def parse_ban(text: str) -> Ban:
-    """`take:NAME`, `genre:NAME` or `motif:NUMBER`; `ParameterError` for anything else."""
+    """The ban in `take:NAME`, `genre:NAME` or `motif:NUMBER`. Raises `ParameterError` for other text."""
     kind, _, name = text.partition(":")
     if name and kind == "take":
         return Ban(take=name)
@@ -288,9 +286,10 @@ def parse_ban(text: str) -> Ban:
 
 
 def read_signature(path: str | Path) -> tuple[float, ...]:
-    """The shares (K,) in a signature file, made to sum to 1 if rounding left up to 1 % more or less.
+    """The shares (K,) in a signature file.
 
-    Raises `FormatError` if it is none.
+    A sum that differs from 1 by up to 1 %, because of rounding, is corrected. Raises `FormatError` if the
+    file holds no signature.
     """
     data = read_json(path, "a signature")
     shares = data.get("shares") if isinstance(data, dict) and data.get("format") == SIGNATURE_FORMAT else None
@@ -307,7 +306,7 @@ def read_signature(path: str | Path) -> tuple[float, ...]:
 
 
 def write_signature(path: str | Path, shares: NDArray[np.floating], *, name: str, repertoire: str) -> None:
-    """Write a signature (K,): of a take or genre called `name`, over the motifs of `repertoire`."""
+    """Write a signature (K,) of the take or genre `name`, over the motifs of `repertoire`."""
     check_target(path)
     data = {
         "format": SIGNATURE_FORMAT, "version": 1, "name": name, "repertoire": repertoire,
@@ -318,10 +317,11 @@ def write_signature(path: str | Path, shares: NDArray[np.floating], *, name: str
 
 
 def read_motifs(path: str | Path) -> tuple[int, ...] | tuple[MotifPin, ...]:
-    """The motifs in a file: a list of numbers, one a word; a list of {"at_s": 12.0, "motif": 41}; or a plan.
+    """The motifs in a file.
 
-    A plan of words gives its words' motifs, a plan of the graph engine its pinned words with their times.
-    Raises `FormatError` if the file is none of these.
+    The file is a list of numbers, one for each word, a list of {"at_s": 12.0, "motif": 41}, or a plan. A plan
+    of words gives the motifs of its words. A plan of the graph engine gives its pinned words with their
+    times. Raises `FormatError` for any other file.
     """
     data = read_json(path, "a list of motifs, or a plan")
     if isinstance(data, dict) and data.get("format") == PLAN_FORMAT:

@@ -1,4 +1,4 @@
-"""Pinned, banned and kept motion in a dance: words replaced until the rendered motion obeys."""
+"""Pinned, banned and kept motion in a dance. Words are replaced until the rendered motion has it."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def danced_motifs(motion: Motion, bounds_s: NDArray[np.float64], repertoire: Rep
 def danced_embeddings(
     motion: Motion, bounds_s: NDArray[np.float64], repertoire: Repertoire
 ) -> NDArray[np.float32]:
-    """The embedding of each word (N, D) of a motion segmented at `bounds_s` (N + 1,); nan if too short."""
+    """The embedding of each word (N, D) of a motion segmented at `bounds_s` (N + 1,), nan if too short."""
     body = body_pos_m(motion.resampled(WORD_FPS))
     inside = np.clip(bounds_s, 0.0, (len(body) - 1) / WORD_FPS)
     words = segment_words(body, WORD_FPS, inside)
@@ -56,7 +56,7 @@ def danced_embeddings(
 
 
 def motifs_of_embeddings(embeddings: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.int64]:
-    """The motif (N,) nearest to each embedding (N, D); -1 for nan."""
+    """The motif (N,) nearest to each embedding (N, D), -1 for nan."""
     motifs = np.full(len(embeddings), -1, np.int64)
     known = ~np.isnan(embeddings[:, 0])
     if known.any():
@@ -64,7 +64,7 @@ def motifs_of_embeddings(embeddings: NDArray[np.float32], repertoire: Repertoire
     return motifs
 
 
-# Pinned and banned motifs in a dance: words of takes replace what violates them, until nothing does.
+# Pinned and banned motifs. Words of takes replace what violates them, until nothing does.
 
 
 Indices = NDArray[np.int64]
@@ -80,9 +80,9 @@ def enforce_motifs(
 ) -> tuple[Plan, Motion]:
     """The plan with words wherever pinned motifs are not danced, or banned ones are, and its motion.
 
-    Each word is the one with the best transitions from and to what is danced around it. The result is
-    rendered, by `with_words`, and checked: a word that no longer shows its motif, or makes another slot
-    wrong, is replaced by the next best.
+    Each word is the one with the best transitions from and to the dance around it. `with_words` renders the
+    result, which is checked. A word that no longer shows its motif, or makes another slot wrong, is replaced
+    by the next best.
 
     Raises `NoPathError` naming the motif and the time for which no word is left.
     """
@@ -108,7 +108,7 @@ def enforce_motifs(
 
 
 def is_danced(slot: int, plan: Plan, constraints: ResolvedConstraints) -> bool:
-    """Whether a slot is danced throughout, and not in part or all of it a pose that is held."""
+    """Whether a slot is danced throughout, without a pose that is held."""
     end_s = plan.duration_s if plan.closing_s is None else coming_to_rest_s(plan.opening_s, plan.closing_s)[0]
     start_s, stop_s = constraints.bounds_s[slot : slot + 2]
     inside: bool = start_s >= plan.opening_s and stop_s <= end_s
@@ -116,7 +116,7 @@ def is_danced(slot: int, plan: Plan, constraints: ResolvedConstraints) -> bool:
 
 
 def violated_slots(danced: Indices, constraints: ResolvedConstraints) -> list[int]:
-    """Slots whose motif (N,) is not the required one, or is banned; -1 is a word without a motif."""
+    """Slots whose motif (N,) is not the required one, or is banned. A word without a motif is -1."""
     banned = np.append(constraints.motif_banned, False)[danced]
     return [
         slot
@@ -126,7 +126,7 @@ def violated_slots(danced: Indices, constraints: ResolvedConstraints) -> list[in
 
 
 def no_word_left(slot: int, constraints: ResolvedConstraints) -> str:
-    """The message for a slot that no word is left for."""
+    """The message for a slot for which no word is left."""
     at = f"{constraints.bounds_s[slot]:.1f} s"
     if slot in constraints.motifs:
         return (
@@ -137,7 +137,7 @@ def no_word_left(slot: int, constraints: ResolvedConstraints) -> str:
 
 
 def _chosen(candidates: dict[int, Candidates]) -> dict[int, int]:
-    """The word of every slot; words of consecutive slots are chosen together."""
+    """The word of every slot. Words of consecutive slots are chosen together."""
     chosen: dict[int, int] = {}
     for slots in consecutive_slots(dict.fromkeys(candidates)):
         words = search_words([candidates[slot] for slot in slots])
@@ -146,13 +146,13 @@ def _chosen(candidates: dict[int, Candidates]) -> dict[int, int]:
 
 
 class _Surroundings:
-    """The dance that words are put into: its poses at their borders."""
+    """The dance around words, for its poses at their borders."""
 
     def __init__(self, body: NDArray[np.float64], fps: float) -> None:
         self._body, self._fps = body, fps
 
     def candidates(self, pool: CandidatePool, slot: int) -> Candidates:
-        """The words for a slot; the distance from the dance at both borders adds to their cost."""
+        """The words for a slot. The distance from the dance at both borders adds to their cost."""
         here = pool.candidates(slot, pool.constraints.motifs.get(slot))
         start_s, end_s = pool.constraints.bounds_s[slot : slot + 2]
         distance_m = self._distance_m(here.first_m, start_s) + self._distance_m(here.last_m, end_s)
@@ -166,25 +166,25 @@ class _Surroundings:
         return distance_m
 
 
-# What is kept of another dance, as engines see it: where its gaps begin and end, and in which poses.
+# The borders of the parts that are kept of another dance, and the poses there.
 
 
 Floats = NDArray[np.float64]
 
-_POSE_WEIGHT = 6.0  # a metre: twice the default of `transition`, since a gap has but two ends
+_POSE_WEIGHT = 6.0  # a metre: twice the default of `transition`, since a gap has only two ends
 _VELOCITY_WEIGHT = 0.6  # a metre a second
 
 
 @dataclass(frozen=True)
 class Border:
-    """Where a gap begins, or ends."""
+    """The time at which a gap begins or ends."""
 
     at_s: float
     begins: bool
 
 
 def gap_borders(kept: KeptDance, duration_s: float) -> list[Border]:
-    """Where gaps begin after what is kept, and end before it."""
+    """The times at which gaps begin after a kept part, or end before one."""
     ends = [Border(k.end_s, True) for k in kept.stretches if k.end_s < duration_s]
     starts = [Border(k.start_s, False) for k in kept.stretches if k.start_s > 0]
     return sorted(ends + starts, key=lambda border: border.at_s)
@@ -193,8 +193,7 @@ def gap_borders(kept: KeptDance, duration_s: float) -> list[Border]:
 class KeptBorders(Cost):
     """Distance in pose and velocity of nodes at a gap's borders from the existing dance there.
 
-    Nodes are compared on the whole second nearest to a border, where the existing dance has just been left or
-    is about to begin.
+    Nodes are compared on the whole second nearest to a border.
     """
 
     name = "kept_borders"
@@ -225,7 +224,7 @@ class KeptBorders(Cost):
 def with_border_costs(
     candidates: list[Candidates], kept: KeptDance, constraints: ResolvedConstraints
 ) -> list[Candidates]:
-    """The words for each slot (N,), the dearer the farther from the existing dance at a gap's borders."""
+    """The words for each slot (N,), with the distance from the existing dance at borders of gaps as cost."""
     body, fps, bounds_s = body_pos_m(kept.motion), kept.motion.fps, constraints.bounds_s
     dearer = list(candidates)
     for border in gap_borders(kept, float(bounds_s[-1])):

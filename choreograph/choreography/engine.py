@@ -33,14 +33,14 @@ class DanceRequest:
     constraints: ResolvedConstraints
     costs: tuple[Cost, ...] = ()  # the user's
     style_song: Song | None = None
-    kept: KeptDance | None = None  # of which stretches replace what is planned
+    kept: KeptDance | None = None  # its kept parts replace what is planned there
     report: ProgressReport | None = None
 
     @property
     def danced_span_s(self) -> tuple[float, float]:
-        """When the first pose is left, and the last one taken.
+        """When the held first pose ends, and when the held last pose begins.
 
-        The whole song where motifs ask for more, or no pose is held.
+        The span is the whole song if no pose is held. It is longer where requested motifs need it.
         """
         features, resolved = self.song_features, self.constraints
         if not self.config.hold_ends:
@@ -55,7 +55,7 @@ class DanceRequest:
         )
 
     def new_plan(self, **parts: Any) -> Plan:
-        """A plan with what every engine's plan says of the song, the repertoire and the settings."""
+        """A plan with the song, the repertoire and the settings, as every engine stores them."""
         features, config, counts = self.song_features, self.config, self.song_features.counts
         opening_s, closing_s = self.danced_span_s
         common = {
@@ -77,7 +77,7 @@ class EngineResult:
 
     plan: Plan
     notes: tuple[str, ...] = ()  # one line each
-    motion: Motion | None = None  # the plan rendered, where the engine had to; None: render it
+    motion: Motion | None = None  # the rendered plan, if the engine rendered it
     unmet: tuple[str, ...] = ()  # what was requested and is not danced, one line each
 
 
@@ -101,13 +101,13 @@ class Engine(Protocol):
         """
 
     def plan(self, request: DanceRequest) -> EngineResult:
-        """The dance; `NoPathError` if the constraints leave none."""
+        """Plan the dance. Raise `NoPathError` if the constraints leave none."""
 
 
 def check_settings(
     engine: Engine, engines: Sequence[Engine], config: DanceConfig, given: Collection[str]
 ) -> None:
-    """Raise `ParameterError` for a setting that `engine` does not use, or not beside another setting.
+    """Raise `ParameterError` for a setting that `engine` does not use, or that another setting excludes.
 
     A setting counts if its name is among those `given`, or if its value in `config` is not the default.
     """
@@ -118,7 +118,7 @@ def check_settings(
         users = " or ".join(other.name for other in engines if name in other.settings)
         raise ParameterError(
             f"expected no {name.replace('_', ' ')} with the {engine.name} engine: it is a setting of the "
-            f"{users} engine; leave it out, or choose that engine"
+            f"{users} engine. Leave it out, or choose that engine"
         )
     aligning = sorted({"density", "time_maps"} & set(given))
     if config.warping == "none" and aligning:

@@ -22,19 +22,17 @@ from choreograph.music.song_features import SongFeatures
 from choreograph.plan import Plan
 from choreograph.settings import DanceConfig
 
-# The genre of the repertoire that a song is nearest to, section by section, and the goal of its dance.
-
-
 Floats = NDArray[np.float64]
 
-_NEAREST = "no genre given: it follows {}, whose takes are nearest to the song in style"
-_FALLBACK = "no genre given: style does not decide on one, so it follows all takes together"
-_PER_DISTANCE = 0.025  # loss per squared distance, of which neighbouring seconds are much the same
-_FAR = 20.0  # squared distance beyond the nearest genre's: a few odd seconds do not decide for a section
-# Loss added to a genre none of whose takes has the metre of a second: more than any style says, since a dance
-# in another metre is off the bar. At 0.3 a rumba of the tempo of waltzes was danced as waltz.
+_NEAREST = "no genre given: the dance follows {}, whose takes are nearest to the song in style"
+_FALLBACK = "no genre given: the style decides on none, and the dance follows all takes together"
+_PER_DISTANCE = 0.025  # loss per squared distance; neighbouring seconds have similar distances
+_FAR = 20.0  # limit of squared distance beyond the nearest genre's: a few seconds do not decide for a section
+# Loss added to a genre if none of its takes has the metre of a second. It is larger than any loss of style,
+# since a dance in another metre does not fit the bars. At 0.3, a rumba at a waltz's tempo was danced as
+# waltz.
 _OTHER_METRE = 0.6
-# What another genre must gain, summed over seconds, to be followed from a second on.
+# The loss that a change of genre must save, summed over seconds.
 _CHANGE_OF_TEMPO = 0.3  # where a section begins at another tempo or metre
 _CHANGE_AT_SECTION = 3.0
 _CHANGE_INSIDE = 6.0
@@ -44,7 +42,7 @@ _SEGMENT_S = 4  # seconds that the style of a second describes
 def choose_goal(
     song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
 ) -> tuple[MotifGoal, tuple[str, ...]]:
-    """Signature and motif transitions as requested, or of the genre nearest to the whole song; and notes.
+    """Signature and motif transitions as requested, or of the genre nearest to the whole song, and notes.
 
     Raises `ParameterError` for an unknown genre or a signature of another vocabulary, `RepertoireError` for a
     repertoire without one.
@@ -62,8 +60,10 @@ def genre_note(genres: list[str]) -> str:
 
 
 def likely_genre(song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints) -> str:
-    """The genre nearest in style over the whole song, of those not banned;
-    `ALL_GENRES` without style networks, or if no take has a genre."""
+    """The genre nearest in style over the whole song, among those that are not banned.
+
+    It is `ALL_GENRES` without style networks, or if no take has a genre.
+    """
     genres, losses = _genre_losses(song_features, repertoire, constraints)
     return genres[int(np.argmin(losses.mean(axis=0)))] if genres else ALL_GENRES
 
@@ -73,8 +73,8 @@ def likely_genres(
 ) -> list[tuple[int, str]]:
     """(first second, genre) of each part of the song that is nearest to one genre, as `likely_genre`.
 
-    A change costs least where a section begins at another tempo or metre, and most inside a section: the
-    least sum of losses over all seconds, by dynamic programming.
+    Dynamic programming finds the least sum of losses over all seconds. A change adds the least loss where a
+    section begins at another tempo or metre, and the most inside a section.
     """
     genres, losses = _genre_losses(song_features, repertoire, constraints)
     if not genres:
@@ -94,7 +94,7 @@ def likely_genres(
 
 
 def _change_losses(song_features: SongFeatures) -> Floats:
-    """What a change of genre costs in each second, (S,), summed over the seconds that gain from it."""
+    """The loss that a change of genre adds in each second, (S,)."""
     change_loss = np.full(song_features.n_seconds, _CHANGE_INSIDE)
     starts = _section_starts(song_features)
     change_loss[starts] = _CHANGE_AT_SECTION
@@ -112,10 +112,10 @@ def _section_starts(song_features: SongFeatures) -> NDArray[np.int64]:
 def _genre_losses(
     song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
 ) -> tuple[list[str], Floats]:
-    """The genres that may be danced, and the loss of each second and genre (S, G); no genre if unknown.
+    """The genres that may be danced, and the loss of each second and genre (S, G).
 
-    The distance of a genre's clips in style, in the 4 s around the second as far as its section reaches, and
-    more for genres of another metre than the song has there.
+    The loss is the distance in style, over the 4 s around the second that are in its section. It is larger
+    for genres of another metre than the song has there. There is no genre without style vectors.
     """
     banned = {ban.genre for ban in constraints.bans}
     of_take = np.array([take.credits.genre for take in repertoire.takes])
@@ -161,7 +161,7 @@ def _metre_losses(
 
 
 def song_metre_at(song_features: SongFeatures) -> NDArray[np.int64]:
-    """Beats of the bar around the middle of each second (S,); 0 where there is none."""
+    """Beats in the bar around the middle of each second (S,), 0 if there is no bar."""
     counts = song_features.counts
     metre = np.zeros(song_features.n_seconds, np.int64)
     downbeats = np.flatnonzero(counts.numbers == 1)
@@ -185,10 +185,10 @@ class SectionGoal:
 
 
 def section_goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, ...]]:
-    """The goals of the dance as requested, or of the likely genre of each part of the song; and notes.
+    """The goals of the dance as requested, or of the likely genre of each part of the song, and notes.
 
-    None where style does not decide on a genre: a mixture of all genres is no goal, since a waltz of a mixed
-    library would hold a share of its tangos.
+    There is no goal if the style does not decide on a genre. The mixture of all genres is not used, because a
+    waltz would then contain tangos.
     """
     repertoire, constraints = request.repertoire, request.constraints.requested
     if constraints.genre is not None or constraints.signature is not None:
@@ -204,21 +204,21 @@ def section_goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, 
     return goals, (genre_note([genre for _, genre in parts]),)
 
 
-# What a finished plan leaves out: a requested genre whose takes it hardly dances, and takes without counts.
+# What is missing from a finished plan: takes of a requested genre, and takes without counts.
 #
-# Judged by the plan: engines prefer counted takes of the song's metre, but no cost forbids the others.
+# Engines prefer counted takes of the song's metre, but no cost forbids the others. Only the plan shows it.
 
 
 Mask = NDArray[np.bool_]
 
-_MOST = 0.5  # of a dance is of the genre that was asked for, or a note says that it is not
+_MOST = 0.5  # share of the requested genre in a dance: a note is made below it
 _NAMED = 4  # genres in a note
 
 
 def missing_from_plan(
     plan: Plan, repertoire: Repertoire, constraints: ResolvedConstraints, config: DanceConfig
 ) -> tuple[str, ...]:
-    """Notes on what a dance of takes leaves out; none on a network's motion."""
+    """Notes on what is missing from a dance of takes. There is none on the motion of a network."""
     names = [take.name for take in repertoire.takes]
     danced_s = {source: time_s for source, time_s in plan.takes_s().items() if source in names}
     if not danced_s:
@@ -235,7 +235,7 @@ def missing_from_plan(
     more = f" and {len(genres) - _NAMED} more" if len(genres) > _NAMED else ""
     of = f" ({', '.join(genres[:_NAMED])}{more})" if genres else ""
     which = "1 take without counts is" if len(without) == 1 else f"{len(without)} takes without counts are"
-    return (f"{which} left out beside counted ones{of}",)
+    return (f"{which} not danced, because other takes have counts{of}",)
 
 
 def _genre_note(
@@ -246,7 +246,7 @@ def _genre_note(
     repertoire: Repertoire,
     take_allowed: Mask,
 ) -> tuple[str, ...]:
-    """A note if less than half of what is danced is of the genre asked for, and why if its takes say so."""
+    """A note if less than half of the dance is of the requested genre, with the reason if it is known."""
     of_genre = [index for index, take in enumerate(repertoire.takes) if take.credits.genre == genre]
     total_s = sum(danced_s.values())
     genre_s = sum(danced_s.get(repertoire.takes[take].name, 0.0) for take in of_genre)
@@ -259,7 +259,7 @@ def _genre_note(
     elif plan.seconds and not np.isin(repertoire.clip_take, of_genre).any():
         why = f": they are shorter than {CLIP_S} s"
     elif counted.any() and not counted[of_genre].any():
-        why = ": they have no counts, others have"
+        why = ": they have no counts, and other takes have"
     elif plan.metre and metres and plan.metre not in metres:
         why = f": they are counted in {' or '.join(map(str, metres))}, the song in {plan.metre}"
-    return (f"{genre} was asked for, but its takes dance {genre_s:.0f} of {total_s:.0f} s{why}",)
+    return (f"{genre} was requested, but its takes are danced for {genre_s:.0f} of {total_s:.0f} s{why}",)

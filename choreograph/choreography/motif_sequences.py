@@ -1,4 +1,4 @@
-"""Sequences of motifs: the goals of a dance, and draws that reach them on the right beats of the bar."""
+"""Sequences of motifs: the goals of a dance, and random sequences that reach them on the beats of the bar."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def motif_goal(
     return MotifGoal(checked_signature(shares, vocabulary.n_motifs), vocabulary.transitions[row])
 
 
-# Where in the bar motion words begin: what a word on count 1 needs is a slot on the music's downbeat.
+# Positions of motion words in the bar. A word on count 1 needs a slot on the music's downbeat.
 
 
 Indices = NDArray[np.int64]
@@ -51,9 +51,10 @@ _MANY = 100  # more than the counts of any bar
 
 
 def bar_positions(times_s: NDArray[np.floating], counts: Counts) -> Indices:
-    """Position (N,) of the count at each time, 100 × the counts in its bar + its number; `UNKNOWN` between.
+    """Position (N,) of the count at each time, 100 × the counts in its bar + its number.
 
-    A bar that the counts do not hold in full is of the counts' metre. So a 3 of a waltz is no 3 of four.
+    Count 3 of a waltz therefore differs from count 3 of a bar of four. A bar that is not complete has the
+    metre of the counts. Between counts, the position is `UNKNOWN`.
     """
     found = np.full(len(times_s), UNKNOWN, np.int64)
     if not counts.has_bars or len(counts) < 2:
@@ -71,7 +72,7 @@ def bar_positions(times_s: NDArray[np.floating], counts: Counts) -> Indices:
 
 
 def word_positions(vocabulary: Vocabulary, counts_of: Callable[[int], Counts]) -> Indices:
-    """Position in the bar on which every word begins, (N,); `counts_of` gives a take's counts."""
+    """Position in the bar (N,) at which every word begins. `counts_of` returns the counts of a take."""
     positions = np.full(len(vocabulary.word_take), UNKNOWN, np.int64)
     for take in np.unique(vocabulary.word_take):
         words = vocabulary.words_of_take(int(take))
@@ -80,7 +81,7 @@ def word_positions(vocabulary: Vocabulary, counts_of: Callable[[int], Counts]) -
 
 
 def words_on_count(wanted: int, word_position: Indices, words: Indices) -> NDArray[np.bool_]:
-    """Which of the words (M,) begin on a position in the bar; all where it is not known, or known of no word.
+    """Which of the words (M,) begin at a position in the bar. All do if positions are unknown.
 
     `word_position` (W,) is that of all words, `wanted` that of a slot of the dance.
     """
@@ -132,14 +133,14 @@ def draw_motifs(
     pins : position -> motif           always kept; pinning all positions re-creates a given dance
     banned : motifs that must not occur
     possible : bool array (N, K)       which motifs each word may be (ours: those that have a word on its
-        count); where none is, all are
+        count); all, if there is none
     need : "missing" or "absolute": how equation 5's difference is read, see above
 
-    Each motif is drawn by equation 5 times the probability that the transitions lead from it to the next
-    pin in the remaining steps, by possible motifs (backward messages, one per position). So gaps are filled
-    with observed transitions wherever possible. Pinned motifs count as danced from the start; the gaps
-    supply the rest of the signature. If no missing motif can follow, any motif that can follow is drawn; if
-    none can follow, because pins or bans contradict the transitions, any allowed motif.
+    Each motif is drawn by equation 5 times the probability that the transitions lead from it to the next pin
+    in the remaining steps, by possible motifs (backward messages, one per position). Gaps are therefore
+    filled with observed transitions wherever possible. Pinned motifs are counted from the start, and the gaps
+    have the rest of the signature. If no missing motif can follow, any motif that can follow is drawn. If
+    none can follow, because pins or bans contradict the transitions, any allowed motif is drawn.
 
     Raises `ParameterError` if shapes disagree, the signature or a row does not sum to 1, a pin is outside
     the dance, a pin or ban is of an unknown motif, a pinned motif is banned, or all motifs are.
@@ -179,11 +180,11 @@ def draw_next_motif(
     possible: NDArray[np.bool_],
     need: str = "missing",
 ) -> int:
-    """The motif of one more word of a dance that goes on: `draw_motifs` without pins, word by word.
+    """The motif of the next word of a dance: `draw_motifs` without pins, word by word.
 
     `danced` (K,) is how often each motif was danced so far and `previous` the last one, None before the first
-    word. `possible` (2, K) is which motifs this word and the one after it may be; no word beyond is
-    considered. A row without any means all. `signature` (K,) and `transitions` (K, K) are of a checked goal.
+    word. `possible` (2, K) is which motifs this word and the next may be. A row without any means all. Later
+    words are not considered. `signature` (K,) and `transitions` (K, K) are of a checked goal.
     """
     allowed = np.where(possible.any(axis=1, keepdims=True), possible, True)
     n_motifs = len(signature)
@@ -194,7 +195,7 @@ def draw_next_motif(
 
 
 def _drawn(prior: Floats, possible: Floats, need: Floats, rng: np.random.Generator) -> int:
-    """A motif by equation 5: of those that may follow and are needed, else may follow, else are possible."""
+    """A motif by equation 5 that may follow and is needed, or else may follow, or else is possible."""
     feasible = prior * possible
     weights = feasible * need
     if weights.sum() <= _DEAD_END * feasible.sum():
@@ -214,7 +215,7 @@ def _backward_messages(
 ) -> Floats:
     """Likelihood (N, K) that the transitions lead from each motif at a position to all later pins.
 
-    Scaled so that the largest of a position is 1; all ones from position `last` on. `allowed` (N, K).
+    They are scaled so that the largest of a position is 1. From position `last` on, all are 1.
     """
     messages = np.ones(allowed.shape)
     for position in range(last - 1, -1, -1):

@@ -12,11 +12,12 @@ from choreograph.core.numerics import squared_distances
 from choreograph.core.timebase import CLIP_S
 from choreograph.library.motifs import Vocabulary
 
-# What people notice within a genre: how large and how densely stepped motion is for a part of the song.
+# The effort of motion: how large it is, and how dense its steps are, for a part of the song (ours).
 #
-# Pairs do not teach it: the dancers of dance-with-melody move in the softest part of a song as they do in the
-# loudest (0.97 of the speed). So it is said: loud asks for large, many onsets for many steps (ours). Motion
-# is ranked in its genre, 0 to 1; clips are selected by it, and nodes pay for it (`choreography.graph.costs`).
+# Effort cannot be learned from pairs of music and motion. The dancers of dance-with-melody move in the
+# softest part of a song almost as in the loudest (0.97 of the speed). It is therefore a rule: loud parts get
+# large motion, and parts with many onsets get many steps. Motion is ranked within its genre, from 0 to 1.
+# Clips are selected by their rank, and nodes have a cost for it (`choreography.graph.costs`).
 
 
 Floats = NDArray[np.floating]
@@ -25,7 +26,7 @@ Floats = NDArray[np.floating]
 def energy_mismatch(louder: float, liveliness: Floats) -> Floats:
     """How far ranks of liveliness (N,) are from a part that is `louder` than its song, -1 … 1.
 
-    A part as loud as the song on average asks for nothing.
+    A part that is as loud as the song on average has no mismatch.
     """
     return 2.0 * abs(louder) * (1.0 - liveliness if louder > 0 else liveliness)
 
@@ -36,13 +37,13 @@ def steps_mismatch(onset_density: float, steps: Floats) -> Floats:
     return mismatch
 
 
-# How far music is from the genres of a repertoire, in the space of styles.
+# The distance of music from the genres of a repertoire, in the space of style vectors.
 
 
 Float64s = NDArray[np.float64]
 
-_RIDGE = 0.3  # of the mean variance: keeps a few clips of a genre from saying too much
-_LEAST_VARIANCE = 1e-4  # of style vectors of length 1; clips of real takes have 3e-3
+_RIDGE = 0.3  # of the mean variance: limits the influence of single clips of a genre
+_LEAST_VARIANCE = 1e-4  # of style vectors of length 1, where clips of real takes have 3e-3
 
 
 def genre_distances(
@@ -51,9 +52,8 @@ def genre_distances(
     """Squared Mahalanobis distance (S, G) of each second's style (S, D) from the mean clip of each genre.
 
     `clip_style` (N, D) are the clips' styles and `clip_genre` (N,) their genres 0 … G - 1, each of at least
-    one clip. The covariance is that of clips within their genres, pooled, so that what varies among the takes
-    of every genre does not tell genres apart (linear discriminant analysis). The nearest clip, by contrast,
-    is a matter of chance where genres lie close together.
+    one clip. The covariance is that of the clips within their genres, pooled (linear discriminant analysis).
+    Directions in which the takes of every genre vary therefore have little weight.
     """
     style = np.asarray(clip_style, np.float64)
     n_genres = int(clip_genre.max()) + 1
@@ -67,7 +67,7 @@ def genre_distances(
     return distances
 
 
-# Selection towards a signature: clips with the motifs that it needs come first.
+# Selection by signature: clips with the motifs that it needs come first.
 
 
 def clip_signature_mismatch(
@@ -81,9 +81,9 @@ def clip_signature_mismatch(
     """Mismatch (N,) of each clip with a signature (K,), for a dance of `n_words` words.
 
     The mean over the clip's words of (1 - n) / (1 + n), with n the expected count of the word's motif: the
-    cost of the word as the first of a dance (`choreography.graph.motif_costs.Signature`). From -1, all
-    motifs are frequent, to 1,
-    none is expected; 0 for a clip without words. The words are those segmented on the take's own beats.
+    cost of the word as the first of a dance (`choreography.graph.motif_costs.Signature`). It is -1 if all
+    motifs are frequent, 1 if none is expected, and 0 for a clip without words. Words are those that were
+    segmented on the take's own beats.
     """
     expected = n_words * signature[vocabulary.word_motif]  # (W,)
     word_cost = (1.0 - expected) / (1.0 + expected)
@@ -183,7 +183,7 @@ def style_losses(
         )
 
 
-# Selection at random among the clips that suit the music: as varied as what suits it (ours).
+# Random selection among the clips that suit the music, for varied dances (ours).
 
 
 Mask = NDArray[np.bool_]
@@ -192,10 +192,10 @@ _SUITABLE_SHARE = 0.5  # of the candidates, at least
 
 
 class ClipPriorities:
-    """Random numbers of clips that stay the same for as long as a take is danced on.
+    """Random numbers by which clips are drawn. They stay the same while a take is continued.
 
-    The clip of a take that begins a second later, a second later, has the number that this one has: so that
-    a take that is drawn can be danced to its end, however few candidates are drawn.
+    The clip that begins one second later in a take has, one second later in the song, the same number. A take
+    that is drawn can therefore be danced to its end, however few candidates are drawn.
 
     Raises `ParameterError` if there are no clips.
     """
@@ -224,14 +224,14 @@ def draw_clips(
     may_dance: Callable[[int], Mask],
     suits: Callable[[int], Mask] | None = None,
 ) -> NDArray[np.int64]:
-    """Clips drawn at random for each second, of which at least half suit it, as far as there are so many.
+    """Clips drawn at random for each second. At least half of them suit it, if there are enough.
 
     Parameters
     ----------
-    priorities : the random numbers that clips are drawn by, least first
+    priorities : the random numbers of the clips; the least are drawn first
     candidates : int                        K; all clips if there are fewer
-    may_dance : second -> bool array (N,)   a clip that may not is drawn only where too few may
-    suits : second -> bool array (N,)       as of the genre that suits the music; None: all are alike
+    may_dance : second -> bool array (N,)   other clips are drawn only if there are too few
+    suits : second -> bool array (N,)       which clips suit the music; None: all of them
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Constraints and kept stretches held against a repertoire and a song: one slot per word of the dance."""
+"""Constraints and kept parts, checked against a repertoire and a song, with one slot for each word."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from choreograph.plan import Plan
 from choreograph.render.filled_gaps import stretch_frames
 from choreograph.render.rendering import LENGTH_SLACK_S
 
-# A dance of which stretches are kept, held against the song that it is danced to.
+# A dance with parts that are kept in another one.
 
 
 SHORTEST_GAP_S = 2.0  # two transitions of half a second, and as long between them
@@ -27,13 +27,13 @@ _TOUCH_S = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class KeptDance:
-    """Stretches of a dance that are kept; the gaps between them are danced anew."""
+    """A dance with parts that are kept. The gaps between them are planned anew."""
 
     motion: Motion  # (T frames) the whole dance, at the rate of the new one
     stretches: tuple[Keep, ...]  # in order, disjoint
     name: str  # of its file, for the plan
-    plan: Plan | None = None  # that explains it, where it is known
-    notes: tuple[str, ...] = ()  # on what is kept beyond what was asked for
+    plan: Plan | None = None  # of the whole dance, if it is known
+    notes: tuple[str, ...] = ()  # on what is kept beyond the request
 
     @property
     def frames(self) -> list[tuple[int, int]]:
@@ -49,32 +49,32 @@ class KeptDance:
 def kept_dance(
     motion: Motion, keeps: Sequence[Keep], duration_s: float, *, name: str, plan: Plan | None = None
 ) -> KeptDance:
-    """The stretches of a dance that are kept in another one of `duration_s`.
+    """A dance with the parts that are kept in another dance of `duration_s`.
 
-    What is left at the start or end is kept, too, with a note, if it is shorter than a second. Raises
-    `ParameterError` if there is no stretch, one is empty or outside the dance, two overlap, a gap is shorter
-    than 2 s, nothing is left to dance, or the motion is not as long as the dance.
+    A rest at the start or end that is shorter than a second is kept as well, with a note. Raises
+    `ParameterError` if there is no part to keep, one is empty or outside the dance, two overlap, a gap is
+    shorter than 2 s, nothing is left to dance, or the motion is not as long as the dance.
     """
     for keep in keeps:
         if not 0 <= keep.start_s < keep.end_s <= duration_s + LENGTH_SLACK_S:
             raise ParameterError(
-                f"expected a start before its end of what is kept, within the dance of {duration_s:g} s, got "
-                f"{keep}"
+                f"expected a part to keep with a start before its end, within the dance of "
+                f"{duration_s:g} s, got {keep}"
             )
     if not keeps:
-        raise ParameterError("expected a stretch to keep of the existing dance, got none")
+        raise ParameterError("expected a part to keep of the existing dance, got none")
     if abs(motion.duration_s - duration_s) > LENGTH_SLACK_S:
         raise ParameterError(
             f"expected a dance of {duration_s:.1f} s to keep parts of, got one of {motion.duration_s:.1f} s: "
-            "is it to another song, or another part of it?"
+            "is it to another song, or to another part of it?"
         )
     stretches, notes = _to_the_ends(sorted(keeps, key=lambda keep: keep.start_s), duration_s)
     borders_s = [0.0, *(at for keep in stretches for at in (keep.start_s, keep.end_s)), duration_s]
     gaps_s = [stop - start for start, stop in zip(borders_s[::2], borders_s[1::2], strict=True)]
     if min(gaps_s) < -_TOUCH_S:
-        raise ParameterError(f"expected stretches that do not overlap, got {', '.join(map(str, stretches))}")
+        raise ParameterError(f"expected parts that do not overlap, got {', '.join(map(str, stretches))}")
     if max(gaps_s) <= _TOUCH_S:
-        raise ParameterError("expected a part of the dance that is not kept, got none: it is all kept")
+        raise ParameterError("expected a part of the dance that is not kept, got none: all of it is kept")
     short = [gap for gap in gaps_s[1:-1] if _TOUCH_S < gap < SHORTEST_GAP_S]
     if short:
         raise ParameterError(
@@ -85,7 +85,7 @@ def kept_dance(
 
 
 def _to_the_ends(keeps: Sequence[Keep], duration_s: float) -> tuple[list[Keep], tuple[str, ...]]:
-    """Stretches in order, to the very start or end of the dance where too little is left there; and notes."""
+    """The parts in order, extended to the start or end of the dance if little is left there, and notes."""
     stretches = list(keeps)
     before_s, after_s = keeps[0].start_s, duration_s - keeps[-1].end_s
     if before_s < _SHORTEST_END_S:
@@ -99,11 +99,13 @@ def _to_the_ends(keeps: Sequence[Keep], duration_s: float) -> tuple[list[Keep], 
     ]
     if not too_short:
         return stretches, ()
-    return stretches, (f"{' and '.join(too_short)} of the existing dance are kept, too short to dance anew",)
+    return stretches, (
+        f"{' and '.join(too_short)} of the existing dance are kept: too short to be planned anew",
+    )
 
 
 def check_pins_in_gaps(constraints: Constraints, kept: KeptDance) -> None:
-    """Raise `ParameterError` for a pin in a stretch that is kept."""
+    """Raise `ParameterError` for a pin in a part that is kept."""
     for pin in constraints.pins:
         span_s = (pin.at_s, pin.at_s) if isinstance(pin, MotifPin) else (pin.start_s, pin.end_s)
         if kept.keeps(span_s[0] + _TOUCH_S, span_s[1] - _TOUCH_S):
@@ -112,12 +114,12 @@ def check_pins_in_gaps(constraints: Constraints, kept: KeptDance) -> None:
             )
 
 
-# Constraints held against a repertoire and a song: one slot per word of the dance, and no contradictions.
+# Constraints checked against a repertoire and a song: one slot for each word, and no contradictions.
 
 
 @dataclass(frozen=True, eq=False)
 class ResolvedConstraints:
-    """What each word of one dance may be; slots count the words from 0."""
+    """What each word of one dance may be. Slots are the indices of the words."""
 
     requested: Constraints
     bounds_s: NDArray[np.float64]  # (N + 1,) times at which words begin and end
@@ -125,7 +127,7 @@ class ResolvedConstraints:
     takes: dict[int, int]  # slot -> take that must be danced there
     pinned: frozenset[int]  # slots with a pinned motif
     take_allowed: NDArray[np.bool_]  # (takes,)
-    motif_banned: NDArray[np.bool_]  # (K,); empty without a vocabulary
+    motif_banned: NDArray[np.bool_]  # (K,), empty without a vocabulary
 
     @property
     def n_words(self) -> int:
@@ -145,9 +147,9 @@ def resolve(
 
     Raises
     ------
-    ParameterError    an unknown motif, genre or take; a pin outside the dance; pins or bans that contradict
-                      each other; a signature of another vocabulary
-    RepertoireError   motifs are requested of a repertoire without motifs
+    ParameterError    if a motif, genre or take is unknown, a pin is outside the dance, pins or bans
+                      contradict each other, or a signature is of another vocabulary
+    RepertoireError   if motifs are requested of a repertoire without motifs
     """
     n_motifs = repertoire.vocabulary.n_motifs if constraints.need_motifs or repertoire.has_vocabulary else 0
     if constraints.genre is not None:
@@ -165,7 +167,7 @@ def resolve(
             _checked_motif(pin.motif, n_motifs)
             other = pinned.setdefault(slot, pin)
             if other.motif != pin.motif:
-                raise ParameterError(f"expected one motif in one beat, got {other} and {pin}: give up one")
+                raise ParameterError(f"expected one motif in one beat, got {other} and {pin}: remove one")
             motifs[slot] = pin.motif
         else:
             index = _allowed_take(pin, repertoire, take_allowed)
@@ -173,7 +175,7 @@ def resolve(
                 _, first = takes.setdefault(slot, (index, pin))
                 if first.take != pin.take:
                     raise ParameterError(
-                        f"expected pins of takes that do not overlap, got {first} and {pin}: give up one or "
+                        f"expected pins of takes that do not overlap, got {first} and {pin}: remove one, or "
                         "shorten it"
                     )
     resolved = ResolvedConstraints(
@@ -234,7 +236,9 @@ def _take_index(name: str, repertoire: Repertoire) -> int:
 def _allowed_take(pin: TakePin, repertoire: Repertoire, take_allowed: NDArray[np.bool_]) -> int:
     index = _take_index(pin.take, repertoire)
     if not take_allowed[index]:
-        raise ParameterError(f"expected pins of takes that are not banned, got {pin}: give up one")
+        raise ParameterError(
+            f"expected pins of takes that are not banned, got {pin}: remove the pin or the ban"
+        )
     return index
 
 
@@ -267,7 +271,7 @@ def _check_words_exist(resolved: ResolvedConstraints, repertoire: Repertoire) ->
         at = f"{resolved.bounds_s[slot]:.1f} s"
         if resolved.motif_banned[motif]:
             raise ParameterError(
-                f"expected motifs that are not banned, got motif {motif} at {at}: give up one"
+                f"expected motifs that are not banned, got motif {motif} at {at}: remove the motif or the ban"
             )
         takes = vocabulary.word_take[vocabulary.words_of_motif(motif)]
         if not resolved.take_allowed[takes].any():

@@ -1,4 +1,4 @@
-"""Song analysis: beats, style and wanted tempo-density of a song, by a repertoire's networks."""
+"""Song analysis: beats, style and target tempo-density of a song, by the networks of a repertoire."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from choreograph.music.sections import Sections, dance_span_s, song_sections
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures, energy_per_second, music_density
 
-_STEPS = 100  # of its progress, of which a song's sections take most
-_NEAREST_CLIPS = 32  # whose takes say at which tempo a second of the song can be danced
+_STEPS = 100  # of the progress, most of which is for the sections
+_NEAREST_CLIPS = 32  # whose takes determine at which tempo a second of the song can be danced
 
 
 @one_thread()
@@ -45,11 +45,10 @@ def analyse_song(
 ) -> tuple[SongFeatures, tuple[str, ...]]:
     """Features of every second of a song, and notes on what is unusual about it.
 
-    `beats` is one of `library.songs.TRACKER_NAMES` or a file (see `music.beats`) whose times are
-    those of the song file. Half or double of the tracked tempo is taken where takes are danced clearly nearer
-    to their own tempo so: those of `genre`, or else those nearest in style. Without style networks all style
-    vectors are zero. Raises `ParameterError` for an unknown tracker, `FormatError` for a file that cannot be
-    read.
+    `beats` is one of `library.songs.TRACKER_NAMES` or a file (see `music.beats`) with times in the song file.
+    The song is counted at half or double the tracked tempo if this is clearly nearer to the tempo of the
+    takes of `genre`, or else of the takes nearest in style. Without style networks, all style vectors are
+    zero. Raises `ParameterError` for an unknown tracker and `FormatError` for a file that cannot be read.
     """
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)
@@ -69,7 +68,7 @@ def analyse_song(
             which = f"takes of {genre}" if genre else "takes nearest in style"
             notes.append(
                 f"{song.name}: counted at {tempo_bpm(counts):.0f} BPM rather than the tracked "
-                f"{tempo_bpm(tracked):.0f}, which is nearer to the tempo of the {which}"
+                f"{tempo_bpm(tracked):.0f} BPM, because this is nearer to the tempo of the {which}"
             )
     if len(counts) == 0:
         notes.append(f"{song.name}: no beats found: the dance keeps the rhythm of its takes")
@@ -111,9 +110,9 @@ def _danceable(
     style: NDArray[np.float32],
     genre: str | None,
 ) -> Counts:
-    """The song's counts, each part at the metrical level that suits the takes: see `music.metrical_level`.
+    """The song's counts, each part at the metrical level that suits the takes (`music.metrical_level`).
 
-    A part is as long as the tracked tempo and metre stay the same.
+    A new part begins where the tracked tempo or metre changes.
     """
     counted = ((i, repertoire.counts(i)) for i in range(len(repertoire.takes)))
     takes = [i for i, counts in counted if counts.has_bars and len(counts) > 1]  # one count has no tempo
@@ -121,7 +120,7 @@ def _danceable(
         return tracked
     of_genre = [i for i in takes if repertoire.takes[i].credits.genre == genre]
     if of_genre:
-        takes, style = of_genre, np.zeros_like(style)  # without style all of them count the same
+        takes, style = of_genre, np.zeros_like(style)  # without style, all of them have the same weight
     levels = metrical_levels(song.samples, mel, tracked)
     bounds_s = sections.bounds_s[1:-1]
     bounds_s = np.r_[-np.inf, bounds_s[at_changes(bounds_s, change_times_s(tracked))], np.inf]
@@ -142,7 +141,7 @@ def _danceable(
 def _take_tempi(
     repertoire: Repertoire, takes: Sequence[int], style: NDArray[np.float32]
 ) -> tuple[dict[int, NDArray[np.float64]], dict[int, NDArray[np.float64]]]:
-    """By metre, the tempi (X,) of the counted takes, and how near each is to a part's style (S, 32)."""
+    """The tempi (X,) of the counted takes of each metre, and their nearness to a part's style (S, 32)."""
     near = _nearness(style, repertoire)  # (takes,)
     tempi_bpm, weights = {}, {}
     for metre in {repertoire.counts(i).metre for i in takes}:
@@ -153,9 +152,9 @@ def _take_tempi(
 
 
 def _nearness(style: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.float64]:
-    """Share of each take, (takes,), of the clips nearest in style to the song's seconds (S, 32).
+    """Share of each take (takes,) in the clips nearest in style to the song's seconds (S, 32).
 
-    Without style networks all takes count the same.
+    Without style networks, all takes have the same weight.
     """
     if not style.any():
         return np.ones(len(repertoire.takes))
@@ -169,7 +168,7 @@ def _nearness(style: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.
 def _style(
     repertoire: Repertoire, mel: NDArray[np.float32], counts: Counts, n_seconds: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], list[str]]:
-    """Style vectors (S, 32) of the 4 s from each second, the motion beats (S,) expected there, and notes."""
+    """Style vectors (S, 32) of the 4 s from each second, their expected motion beats (S,), and notes."""
     without = (
         np.zeros((n_seconds, repertoire.clip_style.shape[1]), np.float32),
         np.zeros(n_seconds, np.float32),
@@ -187,7 +186,7 @@ def _style(
 def _wanted_density(
     repertoire: Repertoire, mel: NDArray[np.float32], beat_times_s: NDArray[np.float64], n_seconds: int
 ) -> NDArray[np.float32]:
-    """Tempo-density (S, 80) wanted in the 4 s from each second."""
+    """Target tempo-density (S, 80) of the 4 s from each second."""
     if repertoire.density == "learned":
         from choreograph.nets.density import MusicDensity
 

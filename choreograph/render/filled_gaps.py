@@ -1,4 +1,4 @@
-"""Gaps of a dance filled with other motion, and a dance that ends where it begins."""
+"""Gaps of a dance filled with other motion, and dances that end where they begin."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from choreograph.motion.motion import Motion
 from choreograph.render.runs import SampledRun, alignment_at
 from choreograph.render.transitions import blend_transition
 
-# Gaps of a dance filled with other motion, which meets what is kept on both sides.
+# Gaps of a dance filled with other motion that meets the kept parts on both sides.
 #
 # Not in the papers: Rhythm is a Dancer (section 5.5.2) fills gaps between motifs, not between motions.
 
@@ -27,24 +27,24 @@ from choreograph.render.transitions import blend_transition
 Floats = NDArray[np.float64]
 Frames = tuple[int, int]  # the first, and the one after the last
 
-TRANSITION_S = 0.5  # from what is kept into the filling, and back: all of it in the filling
-_SHIFT_S = 0.1  # of locked feet: those of a body that is led would slide with longer ones
-_EASE_S = 0.2  # over which feet are locked from and to what is kept
-_SMOOTH_S = 0.3  # of the speed that says where the filling may be led elsewhere
+TRANSITION_S = 0.5  # from a kept part into the filling, and back, all of it within the filling
+_SHIFT_S = 0.1  # of locked feet: with longer ones, the feet of a corrected body would slide
+_EASE_S = 0.2  # over which the locking of feet begins and ends beside kept parts
+_SMOOTH_S = 0.3  # of the speed by which the correction of the filling is distributed
 _RADIUS_M = 0.3  # a turn of a radian moves the feet about so far
-_STANDING = 0.05  # share of the mean speed that a body is led at where it stands
+_STANDING = 0.05  # share of the mean speed at which a standing body is corrected
 
 
 def fill_gaps(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> Motion:
-    """`kept` within `stretches`, to the bit; elsewhere `filling`, placed, led and blended to meet it.
+    """`kept` within `stretches`, unchanged, and elsewhere `filling`, placed and blended so that it meets it.
 
     Parameters
     ----------
     kept, filling : motions of one skeleton, rate and length
     stretches : frames of `kept` in order, disjoint, a gap of a second or more between two
 
-    The filling of a gap begins where the body stands. Where it would end elsewhere than what is kept next
-    begins, it is turned and shifted on its way, most where it travels and least where it stands. Feet are
+    The filling of a gap begins where the body stands. It is turned and shifted so that it ends where the next
+    kept part begins. The correction is largest where the body travels and least where it stands. Feet are
     locked in gaps. A joint's quaternion may change its sign, not its rotation, where a gap ends.
 
     Raises `ParameterError` if the motions do not match.
@@ -79,14 +79,14 @@ def of_length(motion: Motion, n_frames: int) -> Motion:
 
 
 def gaps_between(stretches: Sequence[Frames], n_frames: int) -> list[Frames]:
-    """What is left of `n_frames` frames beside stretches of them, in order."""
+    """The gaps between stretches of `n_frames` frames, in order."""
     borders = [0, *(border for stretch in stretches for border in stretch), n_frames]
     pairs = zip(borders[::2], borders[1::2], strict=True)
     return [(first, stop) for first, stop in pairs if first < stop]
 
 
 def correction_speed_m_s(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> float:
-    """How fast the filling of the worst gap has to be led elsewhere, turn and shift, in metres a second."""
+    """The fastest correction of a filling in any gap, turn and shift together, in metres a second."""
     fastest = 0.0
     for first, stop in gaps_between(stretches, kept.n_frames):
         if first > 0 and stop < kept.n_frames:
@@ -135,14 +135,14 @@ def _run(motion: Motion, start: int, stop: int, *, locked: bool) -> SampledRun:
 
 
 def _led(run: SampledRun, after: SampledRun, gap: Frames) -> SampledRun:
-    """The filling of a gap, led so that it ends where and as what is kept `after` it begins."""
+    """The filling of a gap, turned and shifted so that it ends where the kept part `after` it begins."""
     turned = _turned(run, after, gap)
     _, shift_m = alignment_at(after, turned, gap[1])
     return replace(turned, root=turned.root + _progress(run, gap)[:, None] * shift_m)
 
 
 def _turned(run: SampledRun, after: SampledRun, gap: Frames) -> SampledRun:
-    """The filling of a gap, turned on its way so that it ends facing as what is kept after it begins."""
+    """The filling of a gap, turned so that it ends in the direction in which the kept part begins."""
     yaw_rad, _ = alignment_at(after, run, gap[1])
     turn = rot.about_y(_progress(run, gap) * _wrapped(yaw_rad))  # (T, 4)
     steps = rot.rotate(turn[:-1], np.diff(run.root, axis=0))
@@ -159,7 +159,7 @@ def _wrapped(angle_rad: float) -> float:
 
 
 def _progress(run: SampledRun, gap: Frames) -> Floats:
-    """How far a filling has been led at each frame (T,): 0 up to the gap, 1 from its end on."""
+    """The share of the correction at each frame (T,): 0 up to the gap, 1 from its end on."""
     first, stop = gap
     fps, n_frames = run.motion.fps, len(run.root)
     heading = np.unwrap(heading_rad(run.bodies_m))
@@ -176,7 +176,7 @@ def _progress(run: SampledRun, gap: Frames) -> Floats:
 
 
 def _with_locked_feet(motion: Motion, gaps: Sequence[Frames]) -> Floats:
-    """Rotations (T, J, 4) with feet locked in gaps, more and more with the distance from what is kept."""
+    """Rotations (T, J, 4) with feet locked in gaps, less near kept parts."""
     share = np.zeros(motion.n_frames)
     for first, stop in gaps:
         inside = np.arange(first, stop)
@@ -189,10 +189,10 @@ def _with_locked_feet(motion: Motion, gaps: Sequence[Frames]) -> Floats:
     return rot.slerp(motion.local_quat, locked.local_quat, share[:, None])
 
 
-# A dance cut to whole bars, so that it ends where it begins: for games, idle loops and backgrounds.
+# A dance cut to whole bars that ends where it begins, for games, idle loops and backgrounds.
 
 
-_KEPT_S = 0.5  # after the loop's start: what its end is led to
+_KEPT_S = 0.5  # after the loop's start, which its end must meet
 _SHORTEST_SHARE = 0.75  # of the bars there are: a shorter loop repeats too soon
 _LOOK_AHEAD_S = 0.1  # velocities count as the distance that they cover in it
 
@@ -208,17 +208,17 @@ class Loop:
 
 
 def looped(motion: Motion, bar_times_s: Sequence[float] | Floats) -> Loop:
-    """The motion from one start of a bar to another, led and blended so that it ends where it begins.
+    """The motion from one start of a bar to another, corrected and blended so that it ends where it begins.
 
-    Of the spans that hold three quarters or more of the bars, it is the one whose ends are the most alike in
-    pose and velocity. Its last frame is its first. On the way there the body is turned and shifted, most
-    where it travels, and feet are locked, as where gaps are filled.
+    Of the spans with three quarters or more of the bars, it is the one whose ends are the most similar in
+    pose and velocity. Its last frame is its first. The body is turned and shifted on the way, and feet are
+    locked, as in `fill_gaps`.
 
     Raises `ParameterError` if fewer than two bars begin within the motion.
     """
     frames = np.unique([seconds_to_frames(time, motion.fps) for time in bar_times_s])
     kept = max(2, seconds_to_frames(_KEPT_S, motion.fps))
-    # What is around the first frame of a loop is what its last one is led to.
+    # The frames around the first one of a loop are those that its last one must meet.
     frames = frames[(frames > 0) & (frames < motion.n_frames - kept)].astype(int)
     if len(frames) < 2:
         raise ParameterError(

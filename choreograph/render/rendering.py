@@ -46,7 +46,8 @@ Floats = NDArray[np.float64]
 def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:
     """The motion with a pose held before the first count, and one after the last count.
 
-    How it sets off and comes to rest is said by `music.sections`; `closing_s` None: it dances to its end.
+    `music.sections` determines how the dance begins and comes to rest. With `closing_s` None it has no held
+    end.
     """
     times_s = frame_times_s(motion.n_frames, motion.fps)
     played_s = np.array(times_s)
@@ -73,7 +74,7 @@ def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Moti
 
 
 def _eased(since: Floats) -> Floats:
-    """The way gone at a speed that rises smoothly from 0 to 1 as `since` does; 0.5 at the end."""
+    """The distance at a speed that rises smoothly from 0 to 1 as `since` does. It is 0.5 at the end."""
     return since**3 - 0.5 * since**4
 
 
@@ -250,8 +251,8 @@ def _check_takes(plan: Plan, repertoire: Repertoire) -> None:
 def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repertoire) -> Motion:
     """A generated motion with words of takes, in order of time, in place of what it shows there.
 
-    What follows a word goes on from where the word ends. Feet are locked again. Raises `RepertoireError` if
-    the repertoire lacks a word's take.
+    The motion after a word continues from where the word ends. Feet are locked again. Raises
+    `RepertoireError` if the repertoire lacks a word's take.
     """
     read_take, end_s = take_motions(repertoire), motion.duration_s
 
@@ -269,7 +270,7 @@ def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repert
 def plan_runs(plan: Plan) -> list[Run]:
     """The runs of a plan: its seconds with their transitions, and its words in place of them.
 
-    Where another dance is kept there are those of the seconds, or none.
+    Where another dance is kept, there are only those of the seconds.
     """
     words = _runs_of_words([word for word in plan.words if not word.kept])
     seconds = runs_of_seconds(plan)

@@ -1,4 +1,4 @@
-"""Runs: which part of which take is played when, sampled, aligned, and kept near the middle of the stage."""
+"""Runs, the parts of takes that are played: sampled, aligned, and kept near the middle of the stage."""
 
 from __future__ import annotations
 
@@ -28,8 +28,7 @@ MAX_STEER_RAD = 0.25  # a transition or word: 14°, which moves the feet by abou
 def steer_rad(pos_m: Floats, travel_m: Floats) -> float:
     """Extra rotation that bends the path ahead (3,) from a position (3,) towards the middle of the stage.
 
-    Parts of takes that each lead forward add up to a walk out of the room. A rotation at a transition is
-    smoothed by the transition.
+    Takes that each lead forward would otherwise leave the stage. The transition smooths the rotation.
     """
     if np.linalg.norm(travel_m) < 0.1:
         return 0.0
@@ -54,7 +53,7 @@ class Run:
     stop_s: float
     source_times_s: Floats  # (n + 1,) times of the take, evenly spaced from start to stop, both included
     locked: bool = False  # transitions change its neighbours, not it
-    transition_s: float | None = None  # length of the transition into it; None: the blending's default
+    transition_s: float | None = None  # length of the transition into it, or None for the blending's default
 
     @property
     def length_s(self) -> float:
@@ -62,7 +61,7 @@ class Run:
         return self.stop_s - self.start_s
 
     def source_s(self, times_s: Floats) -> Floats:
-        """Source times at times of the dance; beyond the ends at the speed of the end."""
+        """Source times at times of the dance. Beyond the ends, the speed stays that of the end."""
         since = np.asarray(times_s, np.float64) - self.start_s
         knots = np.linspace(0.0, self.length_s, len(self.source_times_s))
         inside = CubicSpline(knots, self.source_times_s)
@@ -86,7 +85,7 @@ class TransitionTiming:
 
 
 def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> list[Run]:
-    """Seconds grouped into runs; each second gives its take and 21 source times."""
+    """Seconds grouped into runs. Each second has its take and 21 source times."""
     runs: list[Run] = []
     for second, (take, given) in enumerate(zip(takes, source_times_s, strict=True)):
         times = np.asarray(given, np.float64)
@@ -129,7 +128,7 @@ def _word_run(take: str, spans_s: Floats, sources_s: Floats, locked: bool) -> Ru
 
 
 def overlay_runs(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
-    """`runs` with those of `instead` in place of them where they overlap; both in order of time."""
+    """`runs`, replaced by those of `instead` where they overlap. Both are in order of time."""
     left: list[Run] = []
     for run in runs:
         start_s = run.start_s
@@ -145,7 +144,7 @@ def overlay_runs(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
 
 
 def without_holes(runs: Sequence[Run], duration_s: float) -> list[Run]:
-    """The runs of a dance, each going on at its speed to the middle of a hole beside it, or to an end."""
+    """The runs of a dance, each extended at its speed to the middle of a hole beside it, or to an end."""
     borders_s = [0.0, *((before.stop_s + after.start_s) / 2 for before, after in pairwise(runs)), duration_s]
     return [
         run if _covers(run, *span_s) else run.cut(*span_s)
@@ -158,9 +157,9 @@ def _covers(run: Run, start_s: float, stop_s: float) -> bool:
 
 
 def with_transitions(runs: Sequence[Run], transitions: Sequence[TransitionTiming]) -> list[Run]:
-    """The runs, each taking over from the one before as its timing (N,) says instead of at its start.
+    """The runs, each starting at the time of its timing (N,).
 
-    Where a run starts later, the one before plays on; where it starts earlier, the one before ends earlier.
+    The run before it is extended or cut accordingly.
     """
     moved = [
         replace(run, transition_s=timing.transition_s) for run, timing in zip(runs, transitions, strict=True)
@@ -195,7 +194,7 @@ class SampledRun:
     """A run at the dance's frame rate, with a margin of frames before and after it."""
 
     motion: Motion  # any part of the take: for skeleton and joint roles
-    first_frame: int  # dance frame of row 0; negative in the margin before the dance
+    first_frame: int  # dance frame of row 0, negative in the margin before the dance
     start: int  # dance frame at which the run starts,
     stop: int  # and the one after its last
     root: Floats  # (T, 3)
@@ -226,7 +225,7 @@ class SampledRun:
 
 
 def sample_run(run: Run, read_motion: MotionReader, fps: float, margin: int) -> SampledRun:
-    """Sample a run at its warped times; beyond its ends the take goes on at the speed it has there."""
+    """Sample a run at its warped times. Beyond its ends the take continues at the speed of the end."""
     start, stop = seconds_to_frames(run.start_s, fps), seconds_to_frames(run.stop_s, fps)
     source_s = run.source_s(np.arange(start - margin, stop + margin) / fps)
     motion, first_s = read_motion(run.take, float(source_s.min()), float(source_s.max()))
@@ -254,7 +253,7 @@ def align_to(
     before, after = previous.body_at(sampled.start), sampled.body_at(sampled.start)
     end = sampled.body_at(sampled.stop - 1)
     travel_m = rot.rotate(rot.about_y(yaw_rad), ground_pos_m(end) - ground_pos_m(after))
-    share = min(1.0, (sampled.stop - sampled.start) / fps)  # short runs come with many transitions
+    share = min(1.0, (sampled.stop - sampled.start) / fps)  # short runs have many transitions
     yaw_rad += share * steer_rad(ground_pos_m(before), travel_m)
     return sampled.moved(yaw_rad, _shift_m(before, after, yaw_rad))
 

@@ -21,8 +21,8 @@ Floats = NDArray[np.float64]
 
 _BLENDED_SHARE = 0.5  # of a run may be blended at either end, so that its middle stays as recorded
 _MINIMUM_JERK_PEAK = 1.875  # speed in the middle of a minimum-jerk path, by its mean speed
-_RATE_S = 0.4  # the longest that a difference of velocity is taken up in: the longer, the further it swings
-_MAX_SWING = 0.1  # m or rad, by which a difference of acceleration may swing a side out
+_RATE_S = 0.4  # longest decay of a difference of velocity: with a longer one, limbs swing further
+_MAX_SWING = 0.1  # m or rad: limit of the swing by a difference of acceleration
 _SWING_OF_ACCELERATION = 0.01728  # of a T²: the peak of t² / 2 (1 - t / T)³ a
 _FORWARDS = np.array([1.0, 1.0, 1.0])
 _BACKWARDS = np.array([-1.0, 1.0, -1.0])  # backwards in time the first derivative changes its sign
@@ -81,9 +81,9 @@ def decay_offset(offset: Floats, times_s: Floats, length_s: float) -> Floats:
 def decay_distance(distance: Floats, times_s: Floats, length_s: float, *, shared: bool) -> Floats:
     """How an offset (..., 3) between two motions of the same velocity comes to rest: values (T, ..., 3).
 
-    Where both sides share the offset, they go through their meeting at full speed, on the minimum-jerk path
-    across both (Flash and Hogan, 1985). Held at rest there, as a side alone must be, a dance comes to rest at
-    every transition: a motion beat that no dancer made.
+    If both sides share the offset, they pass the transition at full speed, on the minimum-jerk path across
+    both (Flash and Hogan, 1985). At rest there, as a single side must be, a dance would have a motion beat
+    at every transition that no dancer made.
     """
     zero = np.zeros_like(distance)
     rate = -_MINIMUM_JERK_PEAK * distance / length_s if shared else zero
@@ -95,10 +95,9 @@ def decay_rate(
 ) -> Floats:
     """How an offset of zero with a rate and an acceleration (..., 3) comes to rest: values (T, ..., 3).
 
-    Held at zero, a side swings out by 0.2 rate × time: legs are thrown beyond straight. Where both sides
-    share the offset, neither is held: they start from the same value against the rate, so that the path cuts
-    the corner between a and b. Acceleration is continuous, but for one that would swing a joint by over
-    0.1 rad.
+    A side that starts at zero swings by 0.2 rate × time, which stretches legs beyond straight. If both sides
+    share the offset, they start from the same value against the rate, so that the path cuts the corner
+    between a and b. Acceleration is continuous unless it would swing a joint by more than 0.1 rad.
     """
     swing = _SWING_OF_ACCELERATION * length_s**2 * np.linalg.norm(acceleration, axis=-1, keepdims=True)
     bend = acceleration * np.minimum(1.0, _MAX_SWING / np.maximum(swing, 1e-9))
@@ -187,12 +186,12 @@ def _with_offsets(
 # When a run takes over from the one before, and how long that takes.
 
 
-_MIN_RUN_S = 0.6  # a run is not made shorter
+_MIN_RUN_S = 0.6  # a run does not become shorter
 # Greatest acceleration by an offset x, times x / T², and by its rate v, times v / T: where two sides share
 # the offset, and where one alone brings it to rest.
 _PEAKS_SHARED = 1.45, 2.0
 _PEAKS_ALONE = 5.8, 4.0
-_EASY_M_S2 = 4.0  # a body may be accelerated so much by a transition: gentle beside what dancers do
+_EASY_M_S2 = 4.0  # limit of acceleration by a transition, small compared with that of dancers
 
 
 def time_transitions(
@@ -206,13 +205,12 @@ def time_transitions(
     fixed: Sequence[bool] = (),
     report: StepReport | None = None,
 ) -> list[TransitionTiming]:
-    """When each run takes over from the one before, and how long that takes (N,); the first at its start.
+    """When each run takes over from the one before, and how long that takes (N,).
 
     A run takes over at its instant of `joins_s` (N,), a count near its start, if both takes reach that far
-    and neither run becomes shorter than 0.6 s; else, or if it is `fixed` (N,), at its start. Where it starts
-    later, the run before plays on; where it starts earlier, the one before ends earlier. An inertial
-    transition is the shortest that accelerates no joint by more than 4 m/s². ChoreoGraph changes takes on
-    the second.
+    and neither run becomes shorter than 0.6 s. Otherwise, or if it is `fixed` (N,), it takes over at its
+    start. An inertial transition is the shortest that accelerates no joint by more than 4 m/s². ChoreoGraph
+    changes takes on the second.
     """
     starts = [runs[0].start_s] if runs else []
     for index, (before, after) in enumerate(pairwise(runs), start=1):
@@ -239,7 +237,7 @@ def time_transitions(
 def _length_s(
     before: Run, after: Run, at_s: float, read_motion: MotionReader, fps: float, blending: str
 ) -> float:
-    """The shortest length of the blending that is gentle enough, else its longest."""
+    """The shortest length of the blending within the limit of acceleration, else its longest."""
     options = sorted(TRANSITION_LENGTHS_S[blending])
     if len(options) == 1:
         return options[0]

@@ -43,7 +43,7 @@ def dance(tmp_path_factory):
         beats = folder / "clicks.beats"
         beats.write_text("".join(f"{0.5 * beat:.2f} {beat % metre + 1}\n" for beat in range(20)))
         made = cg.dance(song, made_of[key], beats=beats, **options)
-        notes = [note for note in made.notes if "left out" in note or "asked for" in note]
+        notes = [note for note in made.notes if "not danced" in note or "requested" in note]
         return notes, made.plan.takes_s()
 
     return dance
@@ -53,7 +53,7 @@ def dance(tmp_path_factory):
 def test_takes_without_counts_are_left_out_beside_counted_ones(takes, dance, engine):
     notes, danced_s = dance(takes, engine=engine)
     assert "take0" not in danced_s
-    assert notes == ["1 take without counts is left out beside counted ones (a)"]
+    assert notes == ["1 take without counts is not danced, because other takes have counts (a)"]
 
 
 def test_where_they_are_danced_nothing_is_said(takes, dance):
@@ -69,7 +69,9 @@ def test_where_they_are_danced_nothing_is_said(takes, dance):
 def test_a_genre_that_is_hardly_danced_is_said_with_the_reason(takes, dance, engine):
     notes, danced_s = dance(takes, engine=engine, genre="a")
     assert "take0" not in danced_s
-    assert notes == ["a was asked for, but its takes dance 0 of 10 s: they have no counts, others have"]
+    assert notes == [
+        "a was requested, but its takes are danced for 0 of 10 s: they have no counts, and other takes have"
+    ]
     notes, danced_s = dance(takes, engine=engine, genre="b")
     assert notes == [] and danced_s["take1"] > 5.0
 
@@ -83,4 +85,4 @@ def test_a_genre_of_another_metre_and_a_banned_one_are_said(takes, dance):
     assert len(notes) == 1 and notes[0].endswith(": they are counted in 3, the song in 4")
     assert dance([takes[0], waltz, takes[2]], metre=3, genre="b")[0] == []
     notes, _ = dance(takes, genre="b", bans=[cg.Ban(take="take1")])
-    assert notes == ["b was asked for, but its takes dance 0 of 10 s: they are banned"]
+    assert notes == ["b was requested, but its takes are danced for 0 of 10 s: they are banned"]

@@ -90,7 +90,7 @@ def test_the_plan_is_rendered_again_and_edited(old, new):
 def test_what_is_left_at_an_end_is_danced_or_kept_too(old):
     kept = cg.dance(SONG, existing=old, keep=[cg.Keep(0.4, 5.0), cg.Keep(12.0, 19.3)], candidates=16)
     assert [note for note in kept.notes if "are kept" in note] == [
-        "the first 0.40 s and the last 0.70 s of the existing dance are kept, too short to dance anew"
+        "the first 0.40 s and the last 0.70 s of the existing dance are kept: too short to be planned anew"
     ]
     assert np.array_equal(kept.motion.root_pos_m[-1], old.motion.root_pos_m[-1])
     keep = cg.Keep(1.2, 18.8)
@@ -201,7 +201,7 @@ def test_from_the_command_line(old, tmp_path):
         (("--keep", "0-6"), "expected an existing dance"),
         (("--existing", "old.txt", "--keep", "0-6"), "expected an existing dance as .bvh, .npz or .json"),
         (("--existing", "none.npz", "--keep", "0-6"), "none.npz"),
-        (("--existing", "old.npz"), "expected a stretch to keep"),
+        (("--existing", "old.npz"), "expected a part to keep"),
         (("--existing", "old.npz", "--keep", "0-6", "--fps", "30"), "leave out fps"),
         (("--existing", "old.npz", "--keep", "0-6", "--pin", "3=motif:1"), "move it into a gap"),
         (("--existing", "old.npz", "--keep", "0-6", "--duration", "10"), "is it to another song"),

@@ -151,7 +151,9 @@ def test_what_another_setting_makes_useless_is_refused_or_noted(dance):
     with pytest.raises(cg.ParameterError, match="a weight of 'style', got motion-graph"):
         dance(planner="motion-graph", weights={"style": 3.0, "transition": 2.0})
     noted = [note for note in dance(candidates=8, time_maps="raw").notes if "no effect" in note]
-    assert noted == ["no effect of time maps: takes are danced by their counts; the warping dtw uses them"]
+    assert noted == [
+        "no effect of time maps, because takes are aligned by counts: choose the warping dtw to use them"
+    ]
     assert not [
         note for note in dance(candidates=8, time_maps="raw", warping="dtw").notes if "no effect" in note
     ]

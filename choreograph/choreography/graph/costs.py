@@ -21,9 +21,9 @@ Floats = NDArray[np.floating]
 F32 = NDArray[np.float32]
 Ints = NDArray[np.integer]
 
-# Compiled loops of the planners: edge costs, and the cheapest predecessor of each node.
+# Compiled loops of edge costs.
 #
-# Each call runs on one thread: the planner evaluates parts of a block of edges in threads of its own.
+# Each call runs on one thread. The planner evaluates parts of a block of edges in threads of its own.
 
 
 # A squared distance is the difference of sums: below this share of them it is their rounding error, which
@@ -46,26 +46,6 @@ def distances_from_product(
 
 
 @njit(nogil=True)
-def cheapest_predecessor(reached: F32, edges: F32) -> NDArray[np.int32]:  # pragma: no cover - compiled
-    """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32; float32 in."""
-    n_a, n_b = edges.shape
-    parent = np.zeros(n_b, np.int32)
-    block = 512
-    for b in range((n_b + block - 1) // block):
-        best = np.full(block, np.float32(np.inf))
-        first = b * block
-        width = min(block, n_b - first)
-        for i in range(n_a):
-            r = reached[i]
-            for j in range(width):
-                c = r + edges[i, first + j]
-                if c < best[j]:
-                    best[j] = c
-                    parent[first + j] = i
-    return parent
-
-
-@njit(nogil=True)
 def revisits(
     take_a: Ints, end_a: Floats, take_b: Ints, start_b: Floats, min_frames: float, max_frames: float
 ) -> F32:  # pragma: no cover - compiled
@@ -82,44 +62,9 @@ def revisits(
     return back
 
 
-@njit(nogil=True)
-def motif_count_costs(step_cost: F32, counts: Ints, motifs: Ints) -> F32:  # pragma: no cover - compiled
-    """Sum over a node's motifs of step_cost[motif, times danced before], (P, N) float32.
-
-    step_cost (K, C) float32; counts (P, K) along the path to each predecessor; motifs (N, W) padded with -1.
-    """
-    n_a, n_b, width = len(counts), len(motifs), motifs.shape[1]
-    n_motifs, n_counts = step_cost.shape
-    repeats = np.zeros((n_b, width), np.int64)  # how often the node itself has danced the motif before
-    for j in range(n_b):
-        for w in range(width):
-            for v in range(w):
-                repeats[j, w] += motifs[j, v] == motifs[j, w]
-    next_cost = np.empty(n_motifs, np.float32)
-    total = np.zeros((n_a, n_b), np.float32)
-    for i in range(n_a):
-        for k in range(n_motifs):
-            next_cost[k] = step_cost[k, min(counts[i, k], n_counts - 1)]
-        for j in range(n_b):
-            cost = np.float32(0.0)
-            for w in range(width):
-                motif = motifs[j, w]
-                if motif < 0:
-                    break
-                if repeats[j, w] == 0:
-                    cost += next_cost[motif]
-                else:
-                    cost += step_cost[motif, min(counts[i, motif] + repeats[j, w], n_counts - 1)]
-            total[i, j] = cost
-    return total
-
-
-# Costs of nodes and edges. The built-in ones use only what a user-defined cost can use, too.
-
-
 _USAGE_SCALE_S = 12.0  # three minutes in 15 takes
 _STILL_M_S = 0.1  # bodies this slow hardly differ in velocity
-_OVERLAP_FRAMES = NODE_FRAMES // 4  # a step back of at most this is no repeat: takes change on a shared beat
+_OVERLAP_FRAMES = NODE_FRAMES // 4  # a shorter step back is no repeat: both takes may contain the beat
 
 
 class Cost:
@@ -213,12 +158,13 @@ class Style(Cost):
 
 
 class Completeness(Cost):
-    """1 for leaving a warped segment; less for staying in it, the longer an action has no beat.
+    """1 for leaving a warped segment, and less for staying in it the longer an action has no beat.
 
-    σ((20 - V) / 5) with V the frames from the last motion beat before the border to the first after
-    it (ChoreoGraph, section 3.3). In a second without a beat, the gap extends to its far end. Ours: staying
-    in a take that is danced by its counts costs nothing. Its figures say where an action is complete
-    (`Phrasing`); to leave it where it rests makes dances rest where their dancers do not.
+    The cost of staying is σ((20 - V) / 5), where V is the number of frames from the last motion beat before
+    the border to the first one after it (ChoreoGraph, section 3.3). In a second without a beat, the gap
+    extends to its far end. Ours: staying in a take that is aligned by its counts costs nothing. Its figures
+    determine where an action is complete (`Phrasing`). If such takes were left where the body rests, dances
+    would rest more than their dancers do.
     """
 
     min_jump_cost = 1.0
@@ -237,9 +183,9 @@ class Completeness(Cost):
 class Transition(Cost):
     """Root mean square joint distance in metres, with the next body aligned to the previous one.
 
-    The paper's ‖·‖₂ over all joints, divided by √21 so that it is in metres for any number of joints, and
-    measured at the border of the two seconds: consecutive nodes of a segment are at distance 0. The first
-    node costs nothing.
+    It is the paper's ‖·‖₂ over all joints, divided by √21 so that it is in metres for any number of joints.
+    It is measured at the border of the two seconds, where consecutive nodes of a segment have the distance 0.
+    The first node costs nothing.
     """
 
     min_jump_cost = 0.0
@@ -251,9 +197,9 @@ class Transition(Cost):
 class Velocity(Cost):
     """Root mean square difference of joint velocities at the border, over the two bodies' mean speed (ours).
 
-    0 where both move alike, up to 2 where one rests or they move against each other. Relative, because the
-    difference itself is least where both rest: takes would change there, and dances rest more than their
-    dancers do.
+    It is 0 if both move alike, and up to 2 if one rests or they move in opposite directions. The difference
+    itself is least where both rest. Takes would change there, and dances would rest more than their dancers
+    do.
     """
 
     min_jump_cost = 0.0
@@ -267,11 +213,11 @@ class Velocity(Cost):
 
 
 class Rhythm(Cost):
-    """Share of unmatched beats plus the mismatch of tempo-densities, of the warped node.
+    """Share of unmatched beats of the warped node, plus the mismatch of tempo-densities (ours).
 
-    Ours: the paper's costs do not measure the result of the warp, and select clips that cannot be warped
-    to the beat. A node whose take's counts lie on the beats costs only their uncertainty, where they were
-    read from the motion.
+    The paper's costs do not measure the result of the warp, and select clips that cannot be warped to the
+    beat. A node that is aligned by the counts of its take costs only the uncertainty of counts that were
+    estimated from the motion.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
@@ -280,10 +226,9 @@ class Rhythm(Cost):
 
 
 class Accents(Cost):
-    """Share of unmatched beats, motion's and music's, of a node whose take's counts lie on the beats (ours).
+    """Share of unmatched motion and music beats of a node that is aligned by the counts of its take (ours).
 
-    Bodies come to rest where their technique has them rest, rarely on the count itself: a high weight makes
-    dances that stop on every beat, as no dancer does.
+    Dancers rarely come to rest on the count itself. With a high weight, dances stop on every beat.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
@@ -291,9 +236,9 @@ class Accents(Cost):
 
 
 class Bars(Cost):
-    """Share of the second's beats whose number in the bar is not the take's (ours).
+    """Share of the second's beats whose number in the bar differs from the take's (ours).
 
-    It is 0 where bars lie on bars; a take of another metre pays for most beats.
+    It is 0 if the bars coincide. A take of another metre differs in most beats.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
@@ -301,9 +246,9 @@ class Bars(Cost):
 
 
 class Phrasing(Cost):
-    """How ill-timed a change of takes is for the choreography of both, 0 … 1 (ours).
+    """How badly a change of takes fits the figures of both, 0 … 1 (ours).
 
-    0 where one take's figure has ended and the other's begins, 1 inside figures and off count 1.
+    It is 0 where a figure of one take ends and one of the other begins, and 1 inside figures and off count 1.
     """
 
     min_jump_cost = 0.0
@@ -319,9 +264,10 @@ class Phrasing(Cost):
 
 
 class Energy(Cost):
-    """Lively motion where the song is softer than its mean, quiet motion where it is louder (ours).
+    """Mismatch of the size of motion with the loudness of the song (ours).
 
-    A song of one loudness asks for nothing.
+    Large motion has a cost where the song is softer than its mean, and small motion where it is louder. In a
+    song of constant loudness, the cost is 0.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
@@ -330,9 +276,9 @@ class Energy(Cost):
 
 
 class Steps(Cost):
-    """Steps that are rare where onsets are dense, or dense where they are rare (ours).
+    """Mismatch of the density of steps with the density of onsets (ours).
 
-    Both as ranks: of the clip in its genre, of the second in its song.
+    Both are ranks from 0 to 1: of the clip in its genre, and of the second in its song.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
@@ -342,8 +288,8 @@ class Steps(Cost):
 class Pace(Cost):
     """Change of playback speed from the recording, in octaves, averaged over quarters of the second.
 
-    Ours: in the paper every warp within the slope limits is free, and its dances look hectic. At 1.5 times
-    the speed, feet slide 1.5 times as fast and accelerations are more than doubled.
+    Ours. In the paper, every warp within the slope limits is free, and the dances are hectic. At 1.5 times
+    the speed, feet slide 1.5 times as fast, and accelerations are more than doubled.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
@@ -353,9 +299,9 @@ class Pace(Cost):
 
 
 class Variety(Cost):
-    """Recent use of the node's take by the dance so far, in seconds, over 12.
+    """Recent use of the node's take by the dance so far, in seconds, divided by 12 (ours).
 
-    Ours: the paper's cheapest path tends to play one long take on and on.
+    Without it, the cheapest path tends to stay in one long take.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
@@ -401,7 +347,7 @@ BUILTIN_COSTS: tuple[type[Cost], ...] = (
 
 
 def installed_costs(weights: Collection[str], given: Iterable[Cost] = ()) -> tuple[Cost, ...]:
-    """The costs of other packages that have a weight, but for those whose name one of the `given` has.
+    """The costs of other packages that have a weight, without those of the same name as one `given`.
 
     Another package adds a subclass of `Cost` by an entry point of the group `choreograph.costs`, under the
     cost's name. Raises `ParameterError` if one cannot be loaded or has another name.

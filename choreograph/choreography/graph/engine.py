@@ -83,7 +83,8 @@ class GraphEngine:
         cost_weights(config, costs)
         if repertoire.n_clips == 0:
             raise RepertoireError(
-                f"{repertoire.path}: expected takes of {CLIP_S} s or more, got shorter ones alone: no clip"
+                f"{repertoire.path}: expected takes of {CLIP_S} s or more, got only shorter ones: "
+                "there is no clip"
             )
         if config.density == "learned" and repertoire.density != "learned":
             raise RepertoireError(
@@ -94,7 +95,7 @@ class GraphEngine:
             _ = repertoire.vocabulary
 
     def plan(self, request: DanceRequest) -> EngineResult:
-        """The cheapest path found, with transitions; words where motifs are pinned or banned."""
+        """The cheapest path found, with transitions, and words where motifs are pinned or banned."""
         constraints, config, repertoire = request.constraints, request.config, request.repertoire
         notes: tuple[str, ...] = ()
         if repertoire.n_clips < config.candidates and config.planner != "motion-graph":
@@ -115,7 +116,7 @@ class GraphEngine:
 
 
 def _unaligned_note(request: DanceRequest) -> str:
-    """A note if settings of the DTW were changed, but takes are danced by their counts; else empty."""
+    """A note if settings of the DTW were changed although takes are aligned by counts, else empty text."""
     config, repertoire = request.config, request.repertoire
     default = DanceConfig()
     changed = [name for name in ("density", "time_maps") if getattr(config, name) != getattr(default, name)]
@@ -124,11 +125,12 @@ def _unaligned_note(request: DanceRequest) -> str:
     if not changed or not counted or not by_counts:
         return ""
     names = " and ".join(name.replace("_", " ") for name in changed)
-    return f"no effect of {names}: takes are danced by their counts; the warping dtw uses them"
+    them = "it" if changed == ["density"] else "them"
+    return f"no effect of {names}, because takes are aligned by counts: choose the warping dtw to use {them}"
 
 
 def _with_words(plan: Plan, repertoire: Repertoire, words: tuple[PlannedWord, ...]) -> tuple[Plan, Motion]:
-    """The plan with words in place of what it dances there, and its motion."""
+    """The plan with words in place of its seconds, and its motion."""
     enforced = replace(plan, words=words)
     return enforced, render(enforced, repertoire)
 
@@ -153,9 +155,9 @@ def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]
 
 
 def with_transitions_on_counts(plan: Plan, request: DanceRequest) -> Plan:
-    """The plan with every transition on the downbeat or beat near its second, as long as it needs to be.
+    """The plan with every transition on the downbeat or beat near its second, each as long as necessary.
 
-    No other take starts earlier, or plays on later, than planned where a take is pinned.
+    Transitions into and out of a pinned take are not moved.
     """
     repertoire, pins = request.repertoire, request.constraints.requested.take_pins
     runs = runs_of_seconds(plan)
@@ -196,8 +198,8 @@ def _goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, ...]]:
     given = [cost.name for cost in MOTIF_COSTS if config.weights.get(cost.name)]
     if given and not goals:
         raise ParameterError(
-            "expected a genre or signature that the repertoire knows, with the exact or greedy planner, "
-            f"beside a weight of {given[0]!r}, got no genre to follow"
+            "expected a genre or signature of the repertoire, and the planner exact or greedy, with a "
+            f"weight of {given[0]!r}, got no genre to follow"
         )
     return goals, notes
 
@@ -224,7 +226,7 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
     except NoPathError as error:
         if allowed is None:
             raise
-        raise NoPathError(f"{error}; requested: {request.constraints.requested}") from error
+        raise NoPathError(f"{error} (requested: {request.constraints.requested})") from error
 
 
 def _plan_path(source: LayerSource, costs: list[WeightedCost], request: DanceRequest) -> Path:
@@ -245,7 +247,7 @@ def _to_plan(path: Path, weights: dict[str, float], request: DanceRequest) -> Pl
 
 
 def _planned_second(node: Layer, costs: dict[str, float], request: DanceRequest) -> PlannedSecond:
-    """A second of a layer of one node; its transition is on the second until it is searched for."""
+    """The planned second of a layer with one node. Its transition is at the start of the second."""
     repertoire = request.repertoire
     clip, take = int(node.clip[0]), repertoire.takes[int(node.take[0])]
     clip_start_s = repertoire.clip_start_s(clip)

@@ -40,11 +40,9 @@ from choreograph.music.count_grids import SongGrid, TakeGrids
 from choreograph.music.sections import REACH_S, join_times_s
 from choreograph.music.song_features import SongFeatures
 
-# The cost that forbids banned takes and motifs, and every other take where one is pinned.
-
 
 class AllowedNodes(Cost):
-    """Infinite for nodes that the user's pins and bans exclude, 0 for the others."""
+    """Infinite for nodes that the pins and bans of the user exclude, 0 for the others."""
 
     name = "constraints"
 
@@ -56,7 +54,7 @@ class AllowedNodes(Cost):
     def of(
         cls, constraints: ResolvedConstraints, repertoire: Repertoire, n_seconds: int
     ) -> AllowedNodes | None:
-        """For a dance of so many seconds; None if nothing is excluded.
+        """The cost for a dance of `n_seconds`, or None if nothing is excluded.
 
         Raises `ParameterError` if two pinned takes share a second, or a pinned take has no clip.
         """
@@ -78,7 +76,7 @@ class AllowedNodes(Cost):
 
 
 def _pinned_seconds(pins: tuple[TakePin, ...], n_seconds: int) -> dict[int, TakePin]:
-    """Second -> the pin that holds there."""
+    """The pin of each pinned second."""
     owner: dict[int, TakePin] = {}
     for pin in pins:
         for second in range(int(pin.start_s), int(np.ceil(pin.end_s))):
@@ -88,7 +86,7 @@ def _pinned_seconds(pins: tuple[TakePin, ...], n_seconds: int) -> dict[int, Take
                     "expected one pinned take in a second, since the graph engine dances whole ones, but "
                     f"{other} and {pin} share second {second}: move one, or use the mixer"
                 )
-    # Transitions move to beats: another take would reach into the pin from the seconds beside it.
+    # Transitions move to beats. Another take in the seconds beside a pin would extend into it.
     for pin in pins:
         for second in (int(pin.start_s - REACH_S), int(pin.end_s + REACH_S)):
             if 0 <= second < n_seconds:
@@ -129,7 +127,7 @@ def candidate_clips(
 def _drawn(
     request: DanceRequest, goals: Sequence[SectionGoal], may_dance: Callable[[int], Mask]
 ) -> NDArray[np.int64]:
-    """Clips drawn at random; with selection by genre at least half are of the music's genre and metre."""
+    """Random clips. With selection by genre, at least half are of the music's genre and metre."""
     config, repertoire, n_seconds = request.config, request.repertoire, request.song_features.n_seconds
     rng = np.random.default_rng(config.seed)
     return draw_clips(
@@ -162,7 +160,7 @@ def _nearest_in_style(
     costs: Sequence[WeightedCost],
     may_dance: Callable[[int], Mask],
 ) -> NDArray[np.int64]:
-    """The clips of the least style loss (the paper's selection), and of what else is asked for."""
+    """The clips with the least style loss (the paper's selection) and mismatch with other requests."""
     features, config, repertoire = request.song_features, request.config, request.repertoire
     mismatch = _signature_mismatch(request, goals, costs)
     other_metre = _other_metre(request)
@@ -181,7 +179,7 @@ def _nearest_in_style(
 def _signature_mismatch(
     request: DanceRequest, goals: Sequence[SectionGoal], costs: Sequence[WeightedCost]
 ) -> list[NDArray[np.float64]]:
-    """How little of each clip (N,) the signature of each second's goal wants; 0 without a signature."""
+    """Mismatch of each clip (N,) with the signature of each second's goal, 0 without a signature."""
     repertoire, n_seconds = request.repertoire, request.song_features.n_seconds
     weight = sum(w.weight for w in costs if isinstance(w.cost, Signature))
     mismatch = [np.zeros(repertoire.n_clips)] * n_seconds
@@ -200,7 +198,7 @@ def _signature_mismatch(
 
 
 def _other_metre(request: DanceRequest) -> list[NDArray[np.float64]]:
-    """How surely each clip (N,) is of another metre than each second of the song, 0 to 1."""
+    """Confidence, 0 to 1, that each clip (N,) is of another metre than each second of the song."""
     repertoire, features = request.repertoire, request.song_features
     metre = np.array([repertoire.counts(take).metre for take in range(len(repertoire.takes))])
     of_clip = metre[repertoire.clip_take]
@@ -214,7 +212,7 @@ def _other_metre(request: DanceRequest) -> list[NDArray[np.float64]]:
 
 
 def _effort_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Callable[[int], Floats]:
-    """How far each clip (N,) is from a second in energy and in density of steps, as far as these matter."""
+    """Mismatch of each clip (N,) with a second in energy and in density of steps, if they have weights."""
     repertoire, features = request.repertoire, request.song_features
     weights = {type(w.cost): w.weight for w in costs}
     energy, steps = (_EFFORT * (weights.get(cost, 0.0) > 0) for cost in (Energy, Steps))
@@ -229,10 +227,7 @@ def _effort_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Ca
     return mismatch
 
 
-# The graph of a dance: clips selected and warped for every second of the song.
-
-
-_TIE_BREAK_S = 4.0  # takes start with up to so much usage, by the seed: another seed, another dance
+_TIE_BREAK_S = 4.0  # takes start with random usage up to this, so that another seed gives another dance
 
 
 def make_layers(
@@ -275,7 +270,7 @@ def make_layers(
 
 
 def _joins_s(request: DanceRequest) -> NDArray[np.float64]:
-    """Where takes may change around each second, (S + 5,)."""
+    """When takes may change around each second, (S + 5,)."""
     n_borders = request.song_features.n_seconds + SEGMENT_S + 1
     if request.config.transitions == "seconds":
         return np.arange(n_borders, dtype=np.float64)
@@ -283,7 +278,7 @@ def _joins_s(request: DanceRequest) -> NDArray[np.float64]:
 
 
 def _counted_clips(request: DanceRequest, joins_s: NDArray[np.float64]) -> CountedClips | None:
-    """The clips of takes with counts; None if there are none, or counts are not to be used."""
+    """The clips of takes with counts, or None if there are none or counts are not used."""
     if request.config.warping != "counts":
         return None
     repertoire = request.repertoire

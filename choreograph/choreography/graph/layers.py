@@ -179,10 +179,13 @@ class ClipTable:
 class LayerSource:
     """Builds the layer of any second from the segments inserted in it and in the three seconds before.
 
-    `tie_break_s` (takes,) is the recent usage that each take starts with, in seconds; None: usage is not
-    counted. `motifs` (S, K, 4, W) are those of each node as `node_motifs` gives them, out of `n_motifs`;
-    None: no cost uses motifs. They are counted anew from each of the `goal_starts` (seconds) on.
-    `join_times_s` (S + 5,) are the instants around the seconds at which takes may change; None: the seconds.
+    Parameters
+    ----------
+    tie_break_s : float array (takes,)     recent usage that each take starts with; None: it is not counted
+    motifs : int array (S, K, 4, W)        of each node, see `node_motifs`; None: no cost uses motifs
+    n_motifs : number of motifs in the vocabulary
+    goal_starts : seconds from which motifs are counted anew
+    join_times_s : float array (S + 5,)    when takes may change around each second; None: on the second
     """
 
     def __init__(
@@ -238,12 +241,12 @@ class LayerSource:
         return self._quarter(start, offset, slice(rank, rank + 1)).subset(np.array([0]))
 
     def _borders(self, start: int) -> tuple[Floats, Floats]:
-        """`_make_borders` of all segments; the latest are kept.
+        """`_make_borders` of all segments. The latest results are kept.
 
-        Not by an `lru_cache` of a method, which keeps the source, and with it all time maps, alive.
+        An `lru_cache` of a method would keep the source alive, and with it all time maps.
         """
         if start not in self._latest_borders:
-            # A layer looks at the last four insertions, and the planner at two layers.
+            # A layer contains the last four insertions, and the planner uses two layers.
             if len(self._latest_borders) > SEGMENT_S:
                 self._latest_borders.pop(next(iter(self._latest_borders)))
             self._latest_borders[start] = self._make_borders(start)

@@ -15,6 +15,7 @@ from choreograph.choreography.graph.segments import Segments
 from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.core.arguments import as_array
 from choreograph.core.errors import NoPathError, ParameterError
+from choreograph.core.kernel_cache import njit
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.library.words import dance_bounds_s
 from choreograph.motion.body import BODY_JOINTS
@@ -45,7 +46,7 @@ def node_motifs(
 
     Returns
     -------
-    int array (S, K, 4, W), in order, padded with -1; all nodes of a second have as many. Where a word
+    int array (S, K, 4, W), in order, padded with -1. All nodes of a second have the same number. Where a word
     extends beyond its segment, the time map is extrapolated.
     """
     n_seconds, k = segments.clip.shape
@@ -82,7 +83,7 @@ def _source_frames(maps: NDArray[np.floating], times_s: Floats) -> NDArray[np.fl
     return maps[:, low] + (frames - low) * (maps[:, low + 1] - maps[:, low]).astype(np.float64)
 
 
-# Costs that steer a dance towards a genre: its motif signature and its motif transitions.
+# Costs by which a dance follows a genre: its motif signature and its motif transitions.
 
 
 _MIN_PROBABILITY = 1e-3  # transitions never seen cost as much as one in a thousand
@@ -95,12 +96,11 @@ class Signature(Cost):
     """χ² distance of the signature of each part of the dance to its goal's (Rhythm is a Dancer, equation 11).
 
     The mean over the seconds of a part is the distance of the finished part. With counts c_k of the part so
-    far, N words in it and the goal's signature s_k, the distance is
-    Σ_k ½ (c_k - N s_k)² / (c_k + N s_k) / N: a sum over motifs, so that each word costs the change that it
-    makes. A word of a missing motif has a negative cost, down to -1; one too many costs up to 1 (times
-    seconds per word). The counts are those along the path to a node (`Layer.motif_counts`), as in equation
-    5. Unlike there, a motif counts as missing until it has occurred as often as in all of the part. The paper
-    has one goal for the whole song.
+    far, N words in it and the goal's signature s_k, the distance is Σ_k ½ (c_k - N s_k)² / (c_k + N s_k) / N.
+    It is a sum over motifs, so each word costs the change that it makes: from -1 for a missing motif to 1 for
+    a motif that is too frequent, times the seconds per word. The counts are those along the path to a node
+    (`Layer.motif_counts`), as in equation 5. There, a motif is missing compared with the dance so far, here
+    compared with the whole part. The paper has one goal for the whole song.
     """
 
     def __init__(self, goals: Goals, song_features: SongFeatures) -> None:
@@ -127,15 +127,47 @@ class Signature(Cost):
         return bounds
 
     def _costs(self, counts: NDArray[np.integer], layer: Layer) -> NDArray[np.float32]:
-        from choreograph.choreography.graph.costs import motif_count_costs
-
         step_cost = self._step_cost[self._part[layer.second]]
-        total: NDArray[np.float32] = motif_count_costs(step_cost, counts, np.ascontiguousarray(layer.motifs))
+        total: NDArray[np.float32] = _motif_count_costs(step_cost, counts, np.ascontiguousarray(layer.motifs))
         return total
 
 
+@njit(nogil=True)
+def _motif_count_costs(
+    step_cost: NDArray[np.float32], counts: NDArray[np.integer], motifs: NDArray[np.integer]
+) -> NDArray[np.float32]:  # pragma: no cover - compiled
+    """Sum over a node's motifs of step_cost[motif, times danced before], (P, N) float32.
+
+    step_cost (K, C) float32; counts (P, K) along the path to each predecessor; motifs (N, W) padded with -1.
+    """
+    n_a, n_b, width = len(counts), len(motifs), motifs.shape[1]
+    n_motifs, n_counts = step_cost.shape
+    repeats = np.zeros((n_b, width), np.int64)  # how often the node itself has danced the motif before
+    for j in range(n_b):
+        for w in range(width):
+            for v in range(w):
+                repeats[j, w] += motifs[j, v] == motifs[j, w]
+    next_cost = np.empty(n_motifs, np.float32)
+    total = np.zeros((n_a, n_b), np.float32)
+    for i in range(n_a):
+        for k in range(n_motifs):
+            next_cost[k] = step_cost[k, min(counts[i, k], n_counts - 1)]
+        for j in range(n_b):
+            cost = np.float32(0.0)
+            for w in range(width):
+                motif = motifs[j, w]
+                if motif < 0:
+                    break
+                if repeats[j, w] == 0:
+                    cost += next_cost[motif]
+                else:
+                    cost += step_cost[motif, min(counts[i, motif] + repeats[j, w], n_counts - 1)]
+            total[i, j] = cost
+    return total
+
+
 def _signature_steps(goal: MotifGoal, n_words: int, n_seconds: int) -> NDArray[np.float32]:
-    """What one more word of a motif costs after each number of them, (K, N + 1)."""
+    """The cost of one more word of each motif, by the number of its words so far (K, N + 1)."""
     n_words = max(n_words, 1)
     counts = np.arange(n_words + 2)
     expected = n_words * goal.signature[:, None]  # (K, 1)
@@ -152,9 +184,9 @@ def _counts_before(previous: Layer, next: Layer) -> NDArray[np.integer]:
 class MotifTransition(Cost):
     """-log of the probability that a motif follows the one before it, 1 for one in a thousand or less.
 
-    The sum over a song's seconds is scaled so that its mean is the mean over the song's words. Nodes pay
-    for the transitions between their own words, edges for that from the last word of the previous second.
-    The probabilities are those of the goal where the later word is danced.
+    The sum over a song's seconds is scaled so that its mean is the mean over the song's words. Nodes have the
+    costs of transitions between their own words. Edges have that from the last word of the previous second.
+    The probabilities are those of the goal at the later word.
     """
 
     name = "motif_transition"
@@ -183,7 +215,7 @@ class MotifTransition(Cost):
 
 
 def _transition_costs(goal: MotifGoal, scale: float) -> NDArray[np.float32]:
-    """Costs (K + 1, K + 1) of a goal's transitions; the extra row and column are for no motif, index -1."""
+    """Costs (K + 1, K + 1) of a goal's transitions. The extra row and column are for no motif, index -1."""
     cost = np.log(np.clip(goal.transitions, _MIN_PROBABILITY, 1.0)) / np.log(_MIN_PROBABILITY)
     padded = np.zeros((len(cost) + 1, len(cost) + 1), np.float32)
     padded[:-1, :-1] = scale * cost
@@ -212,27 +244,24 @@ def words_between(song_features: SongFeatures, first_second: int, stop_second: i
 
 
 def _first_motif(layer: Layer) -> NDArray[np.integer]:
-    """The first motif of each node, (N,); -1 for a node without words."""
+    """The first motif of each node (N,), -1 without words."""
     return layer.motifs[:, 0] if layer.motifs.shape[1] else np.full(layer.n_nodes, NO_MOTIF)
 
 
 def _last_motif(layer: Layer) -> NDArray[np.integer]:
-    """The last motif of each node, (N,); -1 for a node without words."""
+    """The last motif of each node (N,), -1 without words."""
     n_words = (layer.motifs != NO_MOTIF).sum(axis=1)
     last = layer.motifs[np.arange(layer.n_nodes), n_words - 1] if layer.motifs.shape[1] else NO_MOTIF
     return np.where(n_words > 0, last, NO_MOTIF)
-
-
-# The cost that lets a dance begin and end in poses that can be held.
 
 
 _ANKLES = tuple(BODY_JOINTS.index(f"{side}_ankle") for side in ("left", "right"))
 
 
 class Stillness(Cost):
-    """Restlessness of the poses that are held before the first count and after the last (ours).
+    """Motion in the poses that are held before the first count and after the last (ours).
 
-    Mean joint speed in m/s, plus ten times the height of one foot over the other in metres.
+    It is the mean joint speed in m/s, plus ten times the height of one foot over the other in metres.
     """
 
     def __init__(self, poses: PoseBank) -> None:
@@ -261,12 +290,12 @@ class Stillness(Cost):
         return restlessness
 
 
-# Weighted sums of costs, with what user-defined costs return checked.
+# Weighted sums of costs. The values of user-defined costs are checked.
 
 
 @dataclass(frozen=True)
 class WeightedCost:
-    """A cost and its weight; a weight of 0 leaves it out."""
+    """A cost and its weight. A cost with weight 0 is not evaluated."""
 
     cost: Cost
     weight: float
@@ -308,7 +337,7 @@ def weighted_terms(
 
 
 def _checked(value: Any, shape: tuple[int, ...], cost: Cost) -> NDArray[Any]:
-    """What a cost returned as an array; `ParameterError` unless that is of numbers and the shape."""
+    """The values of a cost as an array. Raises `ParameterError` for other values or another shape."""
     array = as_array(f"what cost {cost.name!r} returns", value)
     if array.shape != shape:
         raise ParameterError(f"expected an array {shape} of cost {cost.name!r}, got {array.shape}")

@@ -21,6 +21,7 @@ from choreograph.choreography.graph.motif_costs import (
     weighted_terms,
 )
 from choreograph.core.errors import NoPathError
+from choreograph.core.kernel_cache import njit
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
 
@@ -142,7 +143,7 @@ class _GreedyPath:
         costs: Sequence[WeightedCost],
         song_features: SongFeatures,
     ) -> bool:
-        """Append the cheapest node of `layer`; False if no edge into it is allowed."""
+        """Append the cheapest node of `layer`. Return False if no edge into it is allowed."""
         total = node_cost + edge_costs(self._last, layer, costs, song_features)[0]
         best = int(np.argmin(total))
         if not np.isfinite(total[best]):
@@ -158,7 +159,7 @@ class _GreedyPath:
 
 
 def _node_keys(layer: Layer) -> NDArray[np.int32]:
-    """What `LayerSource.node` finds each node by, (N,): 12 days of song before they overflow."""
+    """The keys (N,) of `LayerSource.node`. They overflow after 12 days of song."""
     return (layer.segment * SEGMENT_S + layer.offset).astype(np.int32)
 
 
@@ -169,6 +170,28 @@ def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[Ints], las
         last = int(parent[last])
         found.append(int(here[last]))
     return found[::-1]
+
+
+@njit(nogil=True)
+def _cheapest_predecessor(
+    reached: NDArray[np.float32], edges: NDArray[np.float32]
+) -> NDArray[np.int32]:  # pragma: no cover - compiled
+    """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32; float32 in."""
+    n_a, n_b = edges.shape
+    parent = np.zeros(n_b, np.int32)
+    block = 512
+    for b in range((n_b + block - 1) // block):
+        best = np.full(block, np.float32(np.inf))
+        first = b * block
+        width = min(block, n_b - first)
+        for i in range(n_a):
+            r = reached[i]
+            for j in range(width):
+                c = r + edges[i, first + j]
+                if c < best[j]:
+                    best[j] = c
+                    parent[first + j] = i
+    return parent
 
 
 def _viterbi_step(
@@ -186,8 +209,6 @@ def _viterbi_step(
     found into a node cannot improve it, and such rows and columns of the edges are not evaluated. The result
     is that of all edges.
     """
-    from choreograph.choreography.graph.costs import cheapest_predecessor
-
     best, parent = _continue_segments(layer, following, reached, costs, song_features)
     order = np.argsort(reached, kind="stable")
     order = order[np.isfinite(reached[order])]
@@ -214,7 +235,7 @@ def _viterbi_step(
         def improve(part: NDArray[np.int64], block: NDArray[np.int64] = block) -> None:
             there = following if len(part) == following.n_nodes else following.subset(part)
             edges = edge_costs(layer.subset(block), there, costs, song_features)
-            rows = cheapest_predecessor((reached[block] - reached[block[0]]).astype(np.float32), edges)
+            rows = _cheapest_predecessor((reached[block] - reached[block[0]]).astype(np.float32), edges)
             cost = reached[block[rows]] + edges[rows, np.arange(len(part))]
             better = cost < best[part]
             best[part[better]] = cost[better]

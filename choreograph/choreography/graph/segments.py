@@ -23,7 +23,7 @@ from choreograph.motion.motion_beats import MIN_PROMINENCE
 
 NEAR_FRAMES = 1.0  # 50 ms: beats no further apart match fully
 FAR_FRAMES = 5.0  # 250 ms: beats further apart do not match at all
-_UNKNOWN_OFF_BAR = 0.75  # of a take without counts: what chance gives in four
+_UNKNOWN_OFF_BAR = 0.75  # of a take without counts: chance in a bar of four
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class ClipBeats:
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """The warped segments inserted at each second; S seconds, K candidates."""
+    """The warped segments inserted at each second (S seconds, K candidates)."""
 
     clip: NDArray[np.int64]  # (S, K)
     time_maps: NDArray[np.float32]  # (S, K, 81) clip frames at the 80 output frames and the end
@@ -64,11 +64,10 @@ def warp_segments(
 ) -> Segments:
     """Warp the candidates `clip` (S, K) of every second onto the music's tempo-density (S, 80).
 
-    `clip_density` and `clip_speed` give tempo-densities and mean joint speeds (K, 160) of clips;
-    `music_beats_s` (Q,) are times in the song. Clips of takes whose counts are known (`counted`) are laid on
-    the beats count by count instead (`count_time_maps`). `as_recorded` skips the warp: segments are the
-    clips' middle 4 s at their own speed, with the same measures. ChoreoGraph, section 3.2; smoothing the time
-    maps (`smoothed`), and counts, are ours.
+    `clip_density` and `clip_speed` return tempo-densities and mean joint speeds (K, 160) of clips.
+    `music_beats_s` (Q,) are times in the song. Clips of takes with counts (`counted`) are aligned by their
+    counts instead (`count_time_maps`). With `as_recorded`, segments are the clips' middle 4 s at their own
+    speed. See ChoreoGraph, section 3.2. Smooth time maps (`smoothed`) and alignment by counts are ours.
     """
     from choreograph.choreography.graph.warp_kernels import segment_beats
 

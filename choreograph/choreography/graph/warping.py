@@ -66,7 +66,7 @@ def subsequence_dtw(query: ArrayLike, targets: ArrayLike) -> tuple[NDArray[np.fl
     return (source_frames[0], cost[0]) if single else (source_frames, cost)
 
 
-# From the staircase of a DTW path to a smooth time map that can be played.
+# Smooth time maps from the staircase of a DTW path.
 
 
 # In frames⁴: tempo changes over about 2π·⁴√40000 frames ≈ 4.4 s, faster only to match a beat.
@@ -89,7 +89,7 @@ def smooth_time_maps(
 
     Each map φ minimises Σ(φᵢ - pathᵢ)² + stiffness·Σ(φᵢ₋₁ - 2φᵢ + φᵢ₊₁)² + weight·Σ(φ(mₐ) - bₐ)²
     over the pairs (music beat mₐ, motion beat bₐ) that are within `snap_frames` of each other on the
-    path; then slopes are clamped to [0.5, 2]. The paper plays the path itself, whose speed alternates
+    path. Then slopes are clamped to [0.5, 2]. The paper plays the path itself, whose speed alternates
     between half, normal and double from frame to frame.
 
     Parameters
@@ -118,12 +118,12 @@ def smooth_time_maps(
     return time_maps
 
 
-# Time maps that lay a take's counts on a song's beats: count k + d of the take on beat k of the song.
+# Time maps that align a take's counts with a song's beats: count k + d of the take with beat k of the song.
 #
-# A take whose counts are known needs no search for its tempo: one whole number, the shift d, says how it is
-# danced to the song, and its bars lie on the song's bars for every shift that brings count 1 to a downbeat.
-# All seconds of a take with one shift are one continuous time map, however many clips it spans.
-# ChoreoGraph warps every clip by tempo-density instead (section 3.2; `segments`).
+# The tempo of a take with counts need not be searched for. One whole number, the shift d, determines how it
+# is danced to the song. Its bars coincide with the song's for every shift that brings count 1 to a downbeat.
+# All seconds of a take with one shift have one continuous time map, however many clips it spans. ChoreoGraph
+# warps every clip by tempo-density instead (section 3.2, `segments`).
 
 
 Floats = NDArray[np.float64]
@@ -136,7 +136,7 @@ _SHIFTS_PER_TAKE = 1 << 20  # above the number of counts of any song or take
 
 @dataclass(frozen=True, eq=False)
 class CountMaps:
-    """Time maps of one second's candidates; K' of the K have one."""
+    """Time maps of one second's candidates, of which K' of the K have one."""
 
     candidates: NDArray[np.int64]  # (K',) which of the candidates
     time_maps: Floats  # (K', 81) clip frames at the 80 output frames and the end
@@ -147,7 +147,7 @@ class CountMaps:
 
 @dataclass(frozen=True, eq=False)
 class CountedClips:
-    """The clips of a repertoire, and what is needed to lay them on a song's beats."""
+    """The clips of a repertoire, and what is needed to align them with a song's beats."""
 
     take: NDArray[np.integer]  # (N,)
     start_s: Floats  # (N,) in their takes
@@ -172,12 +172,12 @@ class CountedClips:
 
 
 def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips) -> CountMaps:
-    """Lay clips (K,) of counted takes on the beats of the 4 s from `second`.
+    """Align clips (K,) of counted takes with the beats of the 4 s from `second`.
 
-    Of the shifts that keep the 4 s inside the clip and its tempo in [0.5, 2], each clip gets the one with the
-    most numbers in the bar as in the song, and of those the nearest to its middle 4 s, which its style vector
-    describes. Clips of takes without counts, and those for which no shift remains, get no map; nor do those
-    of a part of a take that nobody counted, but for 4 counts beyond the part that is.
+    A shift must keep the 4 s inside the clip, its tempo in [0.5, 2], and its counts within 4 counts of the
+    part of the take that has counts. Of these, each clip gets the shift for which most numbers in the bar
+    agree with the song's. Ties go to the shift nearest to the clip's middle 4 s, which its style vector
+    describes. Clips without such a shift, and clips of takes without counts, get no map.
     """
     takes, song = clips.takes, clips.song
     candidates = np.flatnonzero(takes.counted[clips.take[clip]])
@@ -201,7 +201,7 @@ def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips)
         best[better], shift[better] = cost[better], tried[better]
     counts_s = takes.count_s(take, index + shift[:, None])  # (K', 81)
     maps = (counts_s + _accent_shift_s(song, takes, take, index, shift) - start_s[:, None]) * NET_FPS
-    # The limits are those of the tempo: an accent may be hurried or awaited a little beyond them.
+    # The limits apply to the tempo. A shifted accent may exceed them a little.
     slopes = np.diff(counts_s, axis=1) * NET_FPS
     fits = np.isfinite(best) & (slopes.min(axis=1) >= MIN_SLOPE) & (slopes.max(axis=1) <= MAX_SLOPE)
     fits &= (maps[:, 0] >= 0.0) & (maps[:, -1] <= CLIP_FRAMES - 1)
@@ -219,9 +219,9 @@ def _accent_shift_s(
     index: Floats,
     shift: NDArray[np.int64],
 ) -> Floats:
-    """How much later than its counts takes are danced at fractional beat indices (T,): (K', T) take seconds.
+    """Delay (K', T) in take seconds of accents behind their counts, at fractional beat indices (T,).
 
-    At beats, so much that the accent lies there, but no count is further than 0.05 s of the song from it.
+    With it, accents lie on beats. No count is moved by more than 0.05 s of the song.
     """
     first = int(np.floor(index[0]))
     beats = np.arange(first, int(np.floor(index[-1])) + 2)  # (Q,)
@@ -241,7 +241,7 @@ def _off_bar(
     beats: NDArray[np.int64],
     shift: NDArray[np.int64],
 ) -> Floats:
-    """1 where the number of a beat is not that of the take's count on it, (K', Q); 0 where one is unknown."""
+    """1 where the number of a beat differs from that of the take's count, 0 if one is unknown, (K', Q)."""
     numbers = takes.number_at(take, beats + shift[:, None])
     wanted = song.numbers[beats]
     off_bar: Floats = ((numbers != wanted) & (numbers > 0) & (wanted > 0)).astype(np.float64)
@@ -249,7 +249,7 @@ def _off_bar(
 
 
 def _per_quarter(off_bar: Floats, beats: NDArray[np.int64], index: Floats) -> Floats:
-    """Means (K', 4) over the beats of each quarter of the segment; 0 in a quarter without beats."""
+    """Means (K', 4) over the beats of each quarter of the segment, 0 in a quarter without beats."""
     borders = np.searchsorted(beats, index[:: SEGMENT_FRAMES // 4] - _ON_BEAT)  # (5,)
     means = np.zeros((len(off_bar), 4))
     for quarter, (low, high) in enumerate(pairwise(borders)):

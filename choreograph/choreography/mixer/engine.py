@@ -39,7 +39,7 @@ Indices = NDArray[np.int64]
 
 _STEPS = 10  # of the progress of a rendering
 _KEEP_M = 0.1  # cost of replacing a word that shows its motif, to help another
-_ROUNDS = 6  # renderings until every word shows its motif; pinned and banned motifs may take more
+_ROUNDS = 6  # renderings until every word shows its motif, more for pinned and banned motifs
 
 
 class MixerEngine:
@@ -63,7 +63,7 @@ class MixerEngine:
         _ = repertoire.vocabulary
 
     def plan(self, request: DanceRequest) -> EngineResult:
-        """A dance of motion words; it follows the genre nearest to the song unless one is given."""
+        """A dance of motion words. It follows the genre nearest to the song unless one is given."""
         constraints = request.constraints.requested
         goal, notes = choose_goal(request.song_features, request.repertoire, constraints)
         mixed = mix(request, goal)
@@ -100,7 +100,7 @@ def sequence_notes(constraints: Constraints, n_words: int) -> tuple[str, ...]:
     given = len(constraints.motifs)
     notes: tuple[str, ...] = ()
     if given > n_words:
-        notes = (f"{given} motifs were given for a dance of {n_words} words: the last ones are left out",)
+        notes = (f"{given} motifs were given for a dance of {n_words} words: the last ones are not danced",)
     if given >= n_words and constraints.signature is not None:
         notes += ("the signature has no effect, since all motifs were given",)
     if given >= n_words:
@@ -113,9 +113,8 @@ def sequence_notes(constraints: Constraints, n_words: int) -> tuple[str, ...]:
 def mix(request: DanceRequest, goal: MotifGoal) -> MixedDance:
     """A dance of motion words (Rhythm is a Dancer, sections 4.3 and 5.2.5).
 
-    A word that no longer shows its motif after blending is replaced, and the dance is rendered again: that
-    check, choosing all words together, and that words begin on the count of the bar that the music is at,
-    are ours.
+    Three things are ours. A word that no longer shows its motif after blending is replaced, and the dance is
+    rendered again. All words are chosen together. Words begin at the music's position in the bar.
 
     Raises `ParameterError` if constraints contradict each other, `NoPathError` naming the time at which no
     word shows a pinned motif or avoids a banned one, `RepertoireError` without a vocabulary.
@@ -159,7 +158,7 @@ def _rendered(
     motion = render(plan, request.repertoire, report=report)
     chosen = pool.vocabulary.word_motif[words]
     held = [not is_danced(slot, plan, constraints) for slot in range(constraints.n_words)]
-    # What is held shows no motif of its own.
+    # A pose that is held has no motif of its own.
     danced = np.where(held, chosen, danced_motifs(motion, constraints.bounds_s, request.repertoire))
     pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
     broken = violated_slots(danced, replace(constraints, motifs=pinned))
@@ -167,10 +166,10 @@ def _rendered(
 
 
 def _next_candidates(slot: int, here: Candidates, mixed: MixedDance, pool: CandidatePool) -> Candidates:
-    """The candidates for another try: not the word that failed, and one that did not fail again if possible.
+    """The candidates for another try: without a word that failed, and with a preference for one that did not.
 
-    A slot that shows a banned motif whatever word of its own motif is taken may show any other, unless its
-    motif was requested. Raises `NoPathError` if nothing is left where a constraint must hold.
+    A slot that has a banned motif with every word of its own motif may have any other, unless its motif was
+    requested. Raises `NoPathError` if nothing is left where a constraint must hold.
     """
     word = int(mixed.words[slot])
     if slot not in mixed.broken and slot not in mixed.wrong:

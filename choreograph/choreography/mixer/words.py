@@ -33,13 +33,13 @@ from choreograph.plan import PlannedWord
 Floats = NDArray[np.floating]
 Indices = NDArray[np.int64]
 
-AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS  # the three poses that a transition is judged by
+AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS  # the three poses by which transitions are compared
 
 
 class WordBank:
     """Reads words from the takes' positions, (T, 21, 3) at 20 fps, and embeds each when first needed.
 
-    Words are danced from and to `bounds_s` (W, 2) of their takes; by default where they were cut.
+    Words are danced between `bounds_s` (W, 2) of their takes, by default where they were cut.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class WordBank:
         return poses[:, 0], poses[:, 1]
 
     def motif_margin_m(self, words: Indices) -> Floats:
-        """How much nearer each word (M,) is to its motif than to the next; negative if it is not."""
+        """How much nearer each word (M,) is to its motif than to any other, negative if another is nearer."""
         new = np.unique(words[np.isnan(self._margin_m[words])])
         if len(new):
             self._margin_m[new] = self._measured_margin_m(new)
@@ -100,10 +100,10 @@ class WordBank:
 
 
 def accented_bounds_s(repertoire: Repertoire) -> Floats:
-    """From when to when (W, 2) of its take each word is danced, so that its accents fall on the beat (ours).
+    """The part (W, 2) of its take that each word dances, so that its accents lie on the beat (ours).
 
-    Words are cut on counts. Where a take has its accents just beside them, words begin and end there instead,
-    as far off as the graph engine's time maps put them (`music.count_grids`).
+    Words are cut on counts. If a take has its accents near the counts, words begin and end on the accents
+    instead, as in the time maps of the graph engine (`music.count_grids`).
     """
     v = repertoire.vocabulary
     bounds_s = np.stack([v.word_start_s, v.word_end_s], axis=1).astype(np.float64)
@@ -158,10 +158,8 @@ class CandidatePool:
     repertoire: Repertoire
     bank: WordBank
     rng: np.random.Generator
-    slot_position: (
-        Indices  # (N,) where in the song's bar each slot begins: see `choreography.motif_sequences`
-    )
-    word_position: Indices  # (words,) where in its take's bar each word does
+    slot_position: Indices  # (N,) of each slot in the song's bar, see `choreography.motif_sequences`
+    word_position: Indices  # (words,) of each word in its take's bar
 
     @classmethod
     def of(
@@ -171,7 +169,7 @@ class CandidatePool:
         song_counts: Counts,
         rng: np.random.Generator,
     ) -> CandidatePool:
-        """The pool of a repertoire; `RepertoireError` if it has no vocabulary."""
+        """The pool of a repertoire. Raises `RepertoireError` if it has no vocabulary."""
         vocabulary = repertoire.vocabulary
         embed = repertoire.word_net().embed
         bank = WordBank(vocabulary, repertoire.body_pos_m, embed, accented_bounds_s(repertoire))
@@ -188,7 +186,7 @@ class CandidatePool:
         return float(self.constraints.bounds_s[slot + 1] - self.constraints.bounds_s[slot])
 
     def candidates(self, slot: int, motif: int | None) -> Candidates:
-        """Words of a motif, or of every motif that is not banned if None, for a slot; perhaps none."""
+        """Words for a slot, of a motif or, if it is None, of every motif that is not banned."""
         constraints, v = self.constraints, self.vocabulary
         fits = constraints.take_allowed[v.word_take] & ~constraints.motif_banned[v.word_motif]
         if motif is not None:
@@ -215,7 +213,7 @@ class CandidatePool:
         return possible_motifs(self.slot_position, self.word_position, words, v)
 
     def _on_count(self, slot: int, words: Indices) -> NDArray[np.bool_]:
-        """Which words (M,) begin where the slot does in its bar; all where that is not known of any word."""
+        """Which words (M,) begin at the slot's position in the bar. All do if positions are unknown."""
         return words_on_count(self.slot_position[slot], self.word_position, words)
 
     def planned(self, slot: int, word: int, *, pinned: bool) -> PlannedWord:
@@ -241,13 +239,12 @@ def consecutive_slots(slots: Mapping[int, object]) -> list[list[int]]:
     return groups
 
 
-# The choreography mixer's search: for each slot the word that continues best from the word before.
+# The mixer's search for the word of each slot that best continues the word before it.
 #
 # In Rhythm is a Dancer, section 5.2.5, each word is chosen once, after the one before it (`greedy`). By
-# default (`exact`) all words are chosen together: the cheapest sequence. The paper compares the first three
-# poses of a word with the last three of the word before. Here both are compared with what their take does
-# around the same instant, so that position and velocity are compared at the transition, and a word that
-# really followed costs nothing.
+# default (`exact`), all words are chosen together as the cheapest sequence. The paper compares the first
+# three poses of a word with the last three of the word before. Here, both are taken around the instant of the
+# transition, so that position and velocity are compared there. A word that follows in its take costs nothing.
 
 
 SEARCHES = ("exact", "greedy")

@@ -69,7 +69,7 @@ class RolloutEngine:
         _ = repertoire.vocabulary
 
     def plan(self, request: DanceRequest) -> EngineResult:
-        """A dance of the network; it follows the genre nearest to the song unless one is given."""
+        """A dance of the network. It follows the genre nearest to the song unless one is given."""
         constraints = request.constraints.requested
         goal, notes = choose_goal(request.song_features, request.repertoire, constraints)
         result = roll_out_motifs(request, goal)
@@ -83,7 +83,7 @@ class _Rollout:
     motifs: Indices  # (N,) drawn or given
     asked: Floats  # (N, D) embeddings that the network was conditioned on
     motion: Motion
-    shown: Floats  # (N, D) embeddings of what the motion shows; those asked where nothing was requested
+    shown: Floats  # (N, D) embeddings of the motion, or those asked for if nothing was requested
     danced: Indices  # (N,) motifs of these
     wrong: tuple[int, ...]  # slots that do not show what was requested
 
@@ -92,10 +92,10 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
     """Motifs drawn towards a goal and danced by the network, with the plan's motion.
 
     The style of the motion (equation 4) is the song's, or another song's (`style_song`), from beat to beat.
-    The motion is looked at: where a requested motif is not danced, or a banned one is, the dance is drawn
-    anew. A requested motif is then begun earlier and held longer, and asked for as much more as was missed of
-    it. Where no try has met a pin or a ban, a word of a take is laid over the motion; what cannot be met so
-    either is in `unmet`.
+    The motion is checked. If a requested motif is missing, or a banned one occurs, another dance is sampled.
+    A requested motif then begins earlier, lasts longer, and is requested with a larger embedding. If a pin or
+    ban is never met, a word of a take replaces the motion there. Requests that are still not met are in
+    `unmet`.
 
     Raises `ParameterError` if constraints name takes, `RepertoireError` without a vocabulary or a rollout
     network.
@@ -141,9 +141,9 @@ def _asked(
     constraints: ResolvedConstraints,
     repertoire: Repertoire,
 ) -> Floats:
-    """Embeddings (N, D) to condition on: medoids, and for requests as far beyond as the best try fell short.
+    """Embeddings (N, D) to condition on: medoids, and for requests the medoid plus what the best try missed.
 
-    Later attempts go a part of that way.
+    Later attempts add a smaller share of it.
     """
     medoids = repertoire.vocabulary.motifs.embeddings
     asked = medoids[motifs].astype(np.float32)
@@ -162,7 +162,7 @@ def _checked_dance(
     constraints: ResolvedConstraints,
     repertoire: Repertoire,
 ) -> _Rollout:
-    """The try with what its motion shows; a motion is only segmented where something was requested."""
+    """The try with the motifs of its motion. The motion is segmented only if motifs were requested."""
     if not constraints.constrains_motifs:
         return _Rollout(motifs, asked, motion, asked, motifs, ())
     shown = danced_embeddings(motion, constraints.bounds_s, repertoire)
@@ -174,7 +174,7 @@ def _checked_dance(
 def _laid_over(
     dance: _Rollout, plan: Plan, constraints: ResolvedConstraints, repertoire: Repertoire
 ) -> tuple[_Rollout, Plan]:
-    """The try and its plan with words of takes where it breaks pins and bans; as they are if none help."""
+    """The try and its plan, with words of takes where it violates pins and bans if such words exist."""
     pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
 
     def with_words(words: tuple[PlannedWord, ...]) -> tuple[Plan, Motion]:
@@ -192,7 +192,7 @@ def _laid_over(
 
 
 def _held_longer(wrong: Sequence[int], slots: int, constraints: ResolvedConstraints) -> dict[int, int]:
-    """The motifs of slots before each wrong one, which begin its motif, and of the one after, where free."""
+    """The motif of each wrong slot, for the free slots before it and the one after it."""
     held: dict[int, int] = {}
     for slot in set(wrong) & set(constraints.motifs):
         near = range(max(0, slot - slots), min(constraints.n_words, slot + 2))
@@ -201,7 +201,7 @@ def _held_longer(wrong: Sequence[int], slots: int, constraints: ResolvedConstrai
 
 
 def _unmet(dance: _Rollout, constraints: ResolvedConstraints) -> tuple[str, ...]:
-    """A line on each pin and ban that no try has kept, and one on the other motifs of a given sequence."""
+    """A line on each pin and ban that was not met, and one on the other motifs of a given sequence."""
     lines, others = [], []
     for slot in dance.wrong:
         shown = int(dance.danced[slot])
@@ -230,7 +230,7 @@ def _drawn_motifs(
     attempt: int,
     held: Mapping[int, int],
 ) -> Indices:
-    """The motifs of every slot (N,) towards a goal; another attempt draws others."""
+    """The motifs of every slot (N,) towards a goal. Another attempt draws others."""
     repertoire, seed = request.repertoire, request.config.seed
     vocabulary = repertoire.vocabulary
     possible = possible_motifs(
@@ -247,7 +247,7 @@ def _drawn_motifs(
 
 
 def _kept_motifs(request: DanceRequest, constraints: ResolvedConstraints) -> dict[int, int]:
-    """What is danced in the slots of a dance that are kept: the motifs in the gaps follow from it."""
+    """The motifs of the slots that are kept. The motifs in the gaps are drawn to follow them."""
     if request.kept is None:
         return {}
     danced = danced_motifs(request.kept.motion, constraints.bounds_s, request.repertoire)
@@ -290,10 +290,10 @@ def _generated(
 
 
 def _refuse_takes(constraints: ResolvedConstraints) -> None:
-    """The network dances no take, so none can be pinned or banned."""
+    """Raise `ParameterError` for pinned or banned takes, since the network dances no take."""
     if constraints.takes or not constraints.take_allowed.all():
         raise ParameterError(
-            "expected pins and bans of motifs, got takes or genres: the rollout engine dances no take; use "
+            "expected pins and bans of motifs, got takes or genres: the rollout engine dances no take. Use "
             "--engine graph or mixer, or --genre"
         )
 
@@ -310,7 +310,7 @@ def _planned_words(
 
 
 def lead_in(motif: int, repertoire: Repertoire, fps: float) -> Motion:
-    """The recorded motion that leads up to a motif's medoid; at a take's very beginning, into it."""
+    """The recorded motion before a motif's medoid, or its beginning if the medoid begins the take."""
     from choreograph.choreography.rollout.generation import SEED_FRAMES
 
     v = repertoire.vocabulary
@@ -325,7 +325,7 @@ def lead_in(motif: int, repertoire: Repertoire, fps: float) -> Motion:
 def _repeated_spectra(song: Song, n_words: int, beats: str | Path) -> NDArray[np.float32]:
     """Spectral features (N, 87) of a song from beat to beat, repeated where it ends.
 
-    `beats` is the dance's setting; a file is of the song danced to, so that this one is tracked.
+    `beats` is the dance's setting. A file belongs to the song of the dance, so this song is tracked instead.
     """
     tracker = beats if names_a_tracker(beats) else DEFAULT_BEATS
     tracked_s = song_counts(song, log_mel(song.samples), tracker).times_s

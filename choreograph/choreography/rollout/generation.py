@@ -24,7 +24,7 @@ from choreograph.render.runs import steer_rad
 Floats = NDArray[np.float64]
 
 SEED_FRAMES = 15  # recorded poses before the first generated one, as in the paper
-# Gaussian deviations. The network jumps at a new motif; smoothing brings its jerk down to that of people.
+# Gaussian deviations. The network jumps at a new motif. Smoothing reduces its jerk to that of people.
 _SMOOTH_S = 0.02
 SMOOTH_HEADING_S = 0.08
 SHIFT_S = 0.1  # of locked feet: generated motion is so smooth that quick shifts add no motion beats to it
@@ -40,12 +40,12 @@ class MotifSequence:
     motif: NDArray[np.floating]  # (N, 184) embedding of each word's motif
     rhythm: NDArray[np.floating]  # (T', 4) of the song, `music.frame_rhythm`
     count_phase: NDArray[np.floating]  # (T', 4) of the song, `core.counts`
-    spectral: NDArray[np.floating] | None  # (N, 87) of each word's music; None: no style
+    spectral: NDArray[np.floating] | None  # (N, 87) of each word's music, or None without style
 
 
 @dataclass(frozen=True, eq=False)
 class HeldPoses:
-    """Poses that the network is given instead of its own: it goes on from them."""
+    """Poses that the network continues from, instead of its own."""
 
     poses: NDArray[np.float32]  # (T, P) at 30 fps
     held: NDArray[np.bool_]  # (T,) which of them are given
@@ -88,7 +88,7 @@ def generate_motion(
     motion, contacts = _at_rate(motion, contacts, fps, sequence.end_s[-1])
     contacts = contacts.repeat(2, axis=1) * foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4)
     locked = lock_feet(motion, np.sqrt(contacts), shift_s=SHIFT_S)
-    return lock_feet(locked)  # more feet nearly stand now
+    return lock_feet(locked)  # after the first pass, more feet nearly stand
 
 
 @torch.no_grad()
@@ -163,7 +163,7 @@ def _on_stage(poses: NDArray[np.float32], sequence: MotifSequence, skeleton: Ske
 
 
 def _at_rate(motion: Motion, contacts: Floats, fps: float, duration_s: float) -> tuple[Motion, Floats]:
-    """Motion and contacts (T, 2) at the dance's rate; the motion by cubic splines."""
+    """Motion, by cubic splines, and contacts (T, 2) at the dance's rate."""
     n_frames = max(1, seconds_to_frames(duration_s, fps))
     times = np.minimum(frame_times_s(n_frames, fps), (motion.n_frames - 1) / ROLLOUT_FPS)
     knots = frame_times_s(motion.n_frames, ROLLOUT_FPS)

@@ -31,11 +31,10 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.foot_locking import FootLockStream
 from choreograph.motion.motion import Motion
 from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutConditions, RolloutNet
-from choreograph.nets.rollout_data import LOOKAHEAD_FRAMES, ROLLOUT_FPS, to_poses
+from choreograph.nets.rollout_data import ROLLOUT_FPS, to_poses
 from choreograph.render.runs import steer_rad
 
-# Motifs drawn word by word as a song plays: `choreography.motif_sequences`, on demand (Rhythm is a Dancer,
-# 4.3).
+# Motifs drawn word by word while a song plays (Rhythm is a Dancer, section 4.3).
 
 
 Floats = NDArray[np.float64]
@@ -53,7 +52,7 @@ class StreamedWord:
 
 
 class MotifStream:
-    """Words from the start of a song on, without end; before and after its counts they go on evenly.
+    """Words from the start of a song on, without end. Before and after its counts they are evenly spaced.
 
     A motif has a word on the count where its word begins. `need` is how equation 5 is read, as of
     `choreography.motif_sequences.draw_motifs`. Setting `genre` begins its signature anew. Raises
@@ -119,7 +118,7 @@ class MotifStream:
 
 # The path of a dance on the stage, and its poses at any rate, while the network still predicts it.
 #
-# What `generation` does to a whole dance, frame by frame with two frames of future (67 ms):
+# This is what `generation` does to a whole dance, but frame by frame with two frames of future (67 ms):
 #
 # - heading: smoothed by the same Gaussian, cut off one frame ahead, so that it lags by about 35 ms
 # - stage: steered back word by word as there, but by the direction of the last two seconds, not of the next
@@ -159,14 +158,14 @@ class StagePath:
         self._contacts: list[Floats] = []
 
     def begin_word(self, n_frames: int) -> None:
-        """Say that the next frames are a word: a path that leaves the stage is bent back in it."""
+        """Begin a word of `n_frames` frames. A path that leaves the stage is bent back within it."""
         before = self._travelled[0] if self._travelled else self._pos_m
         window = np.hanning(n_frames + 2)[1:-1]
         angle = steer_rad(self._pos_m, self._pos_m - before)
         self._steer = (angle * window / max(window.sum(), 1e-9)).tolist()
 
     def add(self, row: NDArray[np.floating]) -> None:
-        """Add the next pose row; the frame before it is placed on the stage."""
+        """Add the next pose row, and place the frame before it on the stage."""
         pose = np.asarray(row, np.float64)
         self._turns.append(float(pose[3]) if self._row is not None else 0.0)
         if self._row is not None:
@@ -216,11 +215,10 @@ def _spline_weights(since: Floats) -> Floats:
     ) / 6.0  # fmt: skip
 
 
-# The rollout network's dance pose by pose, as what it depends on becomes known: `generation`, live.
+# The rollout network's dance, pose by pose.
 
 
 POSES_AHEAD = FUTURE_FRAMES + 1  # of a final frame: its feet are locked one pose later than it is sampled
-ROWS_AHEAD = POSES_AHEAD + LOOKAHEAD_FRAMES  # of the rhythm
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,11 +278,11 @@ class DanceStream:
         self._last_quat: Floats | None = None  # (1, J, 4), for continuous signs
 
     def begin_word(self, n_frames: int) -> None:
-        """Say that the next condition begins a word of so many frames at 30 fps."""
+        """Begin a word of `n_frames` frames at 30 fps with the next condition."""
         self._path.begin_word(n_frames)
 
     def advance(self, condition: FrameCondition, rhythm: NDArray[np.floating]) -> list[tuple[Floats, Floats]]:
-        """Predict one more pose; the frames final now, as root (3,) and rotations (J, 4).
+        """Predict one more pose. Return the frames that are now final, as root (3,) and rotations (J, 4).
 
         These are the frames from the pose `POSES_AHEAD` before it up to the next one.
         """
@@ -305,7 +303,7 @@ class DanceStream:
         return list(zip(done.root_pos_m, quat, strict=True))
 
     def _sampled(self, pose: int) -> Poses:
-        """Poses at the dance's frames from a pose of the network up to the next; their feet can be locked."""
+        """Poses at the dance's frames from a pose of the network up to the next."""
         stop = int(np.ceil((pose + 1) * self._fps / ROLLOUT_FPS - 1e-6))
         frames = np.arange(self._n_sampled, stop)
         self._n_sampled = stop
