@@ -121,6 +121,7 @@ def read_all(path: Path) -> None:
         repertoire.clip_style,
         repertoire.clip_beat_count,
         repr(repertoire),
+        [str(note) for note in repertoire.notes],
     )
     _ = repertoire.source_checksums, repertoire.selection_beat_weight, repertoire.clip_motion.liveliness_ranks
     for take in range(len(repertoire.takes)):
