@@ -134,7 +134,8 @@ def check_stored(array: StoredArray, kind: str) -> None:
 def check_text_heaps(data: bytes | mmap) -> None:
     """`RepertoireError` for a damaged heap of texts, which makes HDF5 2.0 loop without end.
 
-    A heap is "GCOL", a version, its size, and texts, each after its number and size; number 0 is free space.
+    A heap is "GCOL", a version, its size, and texts, each after its number and size. Number 0 is free space,
+    up to the end of the heap.
     """
     at = -1
     while (at := data.find(_HEAP, at + 1)) >= 0:
@@ -145,7 +146,7 @@ def check_text_heaps(data: bytes | mmap) -> None:
             number, length = struct.unpack_from("<H6xQ", data, at + done)
             done += length if number == 0 else 16 + length + -length % 8
             _expect(
-                done <= size and (number or length >= 16), "expected texts in their heap, got a damaged one"
+                done == size or (number and done < size), "expected texts in their heap, got a damaged one"
             )
             if number == 0:
                 break

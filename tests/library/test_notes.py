@@ -57,7 +57,8 @@ def test_a_build_of_seventy_takes_has_a_line_for_each_kind():
     )
 
 
-WORDS = st.text(st.characters(codec="utf-8", exclude_categories=("Cs",)), max_size=400)
+# No name of a take or a file has a NUL, at which NumPy's texts end.
+WORDS = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"), max_size=400)
 
 
 @given(st.lists(st.tuples(st.sampled_from(sorted(KINDS)), WORDS, WORDS), max_size=80))
