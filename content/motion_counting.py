@@ -14,7 +14,7 @@ from torch import Tensor
 
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import interpolate_frames
+from choreograph.core.numerics import Floats, interpolate_frames
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.motion.body import mirrored
 from choreograph.nets.count_phases import MotionCountsConfig
@@ -22,7 +22,6 @@ from choreograph.nets.motion_counts import N_CONFIDENCE, MotionCountsNet, motion
 from choreograph.nets.training import TrainingContext, train
 from content.counted_phases import Phases, PhaseTargets, phase_loss, phases_at
 
-Floats = NDArray[np.float64]
 _SHRINKAGE = 1.0  # of the weights, worth about a take
 
 
@@ -49,8 +48,6 @@ def fit_confidence(features: Sequence[Floats], share_right: Sequence[float]) -> 
 # Training data of the network that counts motion: takes with counts, cut, played at other tempi, varied.
 
 
-Float32s = NDArray[np.float32]
-
 _MAX_RAMP = 0.08  # change of the tempo from the middle of a sample to its end
 _JOINT_STD_M = 0.015  # offset of each joint, the same for the whole sample
 _NOISE_STD_M = 0.003  # of markers, from frame to frame
@@ -66,7 +63,7 @@ class CountedMotion:
 
     name: str
     genre: str
-    body_pos_m: Float32s  # (T, 21, 3) at 20 fps
+    body_pos_m: NDArray[np.float32]  # (T, 21, 3) at 20 fps
     counts: Counts
     is_built_in: bool = False
 
@@ -104,7 +101,9 @@ class MotionData:
             PhaseTargets.of(list(phases)),
         )
 
-    def _sample(self, index: int, rng: np.random.Generator) -> tuple[Float32s, Float32s, Phases]:
+    def _sample(
+        self, index: int, rng: np.random.Generator
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], Phases]:
         take = self.takes[index]
         n_frames = seconds_to_frames(self._config.window_s, NET_FPS)
         for _ in range(20):  # a take may be counted in parts only
@@ -130,7 +129,7 @@ class MotionData:
         return result
 
 
-def augmented(body: Float32s, rng: np.random.Generator) -> Float32s:
+def augmented(body: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
     """Body positions (T, 21, 3) of a slightly different dancer, with noise, any heading being alike."""
     n_frames, n_joints, _ = body.shape
     slow = gaussian_filter1d(rng.standard_normal((n_frames // 4 + 2, n_joints, 3)), 3.0, axis=0)

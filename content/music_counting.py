@@ -15,6 +15,7 @@ from torch.nn import functional
 
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import MUSIC_FPS, seconds_to_frames
 from choreograph.music.bar_pointer import METRES
 from choreograph.nets.count_phases import MusicCountsConfig
@@ -131,8 +132,6 @@ def voiced(mel: Mel, rng: Rng) -> Mel:
 
 # The network that counts music is trained on excerpts of songs at any tempo, and on their true phases.
 
-
-Floats = NDArray[np.float64]
 
 _TEMPO_STD, _LEAST_TEMPO, _MOST_TEMPO = 0.18, 0.7, 1.4  # of the factor of tempo: its logarithm, and bounds
 _BEFORE_S = 2.0  # how much silence an excerpt may begin or end with

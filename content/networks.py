@@ -19,10 +19,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from choreograph.core.counts import ANNOTATED, Counts, Figure, make_counts, numbers_in_bar
 from choreograph.core.files import locked_folder
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS
 from choreograph.evaluation.metrics.counts import counts_per_beat, counts_within
 from choreograph.library.building.counting import MOTION_NET
@@ -43,8 +43,6 @@ from content.motion_counting import CountedMotion, fit_confidence, train_motion_
 from content.moves.genres import GENRES
 from content.moves.sequencer import render_take
 from content.style_networks import built_in_style_takes, style_takes, train_shipped_style
-
-Floats = NDArray[np.float64]
 
 TAKES_PER_GENRE = 40
 FIRST_SEED = 50_000  # beyond the seeds of the starter's takes and of the benchmark songs

@@ -30,6 +30,7 @@ import torch
 from numpy.typing import NDArray
 from sklearn.linear_model import LogisticRegression
 
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.beat import f_score
 from choreograph.music import _bar_weights, bars
@@ -39,8 +40,6 @@ from choreograph.music.mel import log_mel
 from choreograph.music.synthesis.song import STYLES, render_song
 from choreograph.music.synthesis.style import SongStyle
 from content.songs.training_songs import in_three
-
-Floats = NDArray[np.float64]
 
 FIRST_SEED = 2000
 EXCERPT_BEATS = (8, 12, 16, 24, 32, 48)

@@ -32,6 +32,7 @@ import soxr
 from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, numbers_in_bar
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.beat import f_score
 from choreograph.music.bar_pointer import decode_counts
@@ -51,7 +52,6 @@ from choreograph.nets.music_counts import (
 from content.songs.known_songs import BENCHMARK_SONGS
 from content.songs.training_songs import FIRST_UNSEEN_SEED, KINDS, counted_song
 
-Floats = NDArray[np.float64]
 Method = Callable[[NDArray[np.float32], NDArray[np.float32]], Counts]  # of samples and log-mel
 
 LEVEL_OCTAVES, SAME_TEMPO = 0.25, 0.05

@@ -14,13 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from choreograph.core.numerics import Floats, default_numerics
 
 
-def validate(relevant: Bools, k: int = 1) -> Bools:
+def validate(relevant: NDArray[np.bool_], k: int = 1) -> NDArray[np.bool_]:
     """The table (Q, N) as bools. `ParameterError` unless it has at least one query and `k` items."""
     table = np.asarray(relevant)
     if table.ndim != 2 or table.dtype != np.bool_ or 0 in table.shape:
@@ -30,19 +27,19 @@ def validate(relevant: Bools, k: int = 1) -> Bools:
     return table
 
 
-def precision_at_k(relevant: Bools, k: int) -> Floats:
+def precision_at_k(relevant: NDArray[np.bool_], k: int) -> Floats:
     """Share of the first `k` items that are relevant, (Q,). The first `k` items per query are enough."""
     return validate(relevant, k)[:, :k].mean(axis=1)
 
 
-def recall_at_k(relevant: Bools, k: int) -> Floats:
+def recall_at_k(relevant: NDArray[np.bool_], k: int) -> Floats:
     """Share of the relevant items that are among the first `k`, (Q,). `nan` without relevant items."""
     table = validate(relevant, k)
     total = table.sum(axis=1)
     return np.where(total > 0, table[:, :k].sum(axis=1) / np.maximum(total, 1), np.nan)
 
 
-def reciprocal_rank(relevant: Bools) -> Floats:
+def reciprocal_rank(relevant: NDArray[np.bool_]) -> Floats:
     """One over the rank of the first relevant item, (Q,). 0 without relevant items."""
     table = validate(relevant)
     return np.where(table.any(axis=1), 1.0 / (table.argmax(axis=1) + 1), 0.0)
@@ -79,7 +76,7 @@ def mean_over_groups(values: Floats, groups: Sequence[str]) -> float:
 
 
 @default_numerics()
-def evaluate(relevant: Bools, k: int, *, groups: Sequence[str] | None = None) -> dict[str, float]:
+def evaluate(relevant: NDArray[np.bool_], k: int, *, groups: Sequence[str] | None = None) -> dict[str, float]:
     """All metrics of complete rankings by name, each with its chance level, averaged over groups if given.
 
     Raises `ParameterError` as `validate` does, and for a query without a relevant item.

@@ -23,10 +23,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 
 import choreograph as cg
 from choreograph.core.counts import Counts, numbers_in_bar
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import counts, energy_response
@@ -43,7 +43,6 @@ from content.songs.known_songs import softened_song
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 DURATION_S = 60.0
 CHANCE_ROUNDS = 20
-Floats = NDArray[np.float64]
 Row = dict[str, float]
 Sizes = tuple[Floats, Floats]  # speed and space of every section, (S,) each
 

@@ -32,6 +32,7 @@ from scipy.special import i0e, i1e
 import choreograph as cg
 from choreograph.choreography.constraints import Ban
 from choreograph.core.counts import FROM_MOTION, NO_COUNTS, Counts
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS
 from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics.counts import counts_within, downbeat_share
@@ -69,7 +70,6 @@ HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 SONG, FIGURES, GENRE = "song left out", "song and figures left out", "genre left out"
 NOT_SURE, CLEAN = f"{FIGURES}, not sure", "by built-in takes alone"
 GROUPS = (SONG, FIGURES, NOT_SURE, GENRE, CLEAN)
-Floats = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

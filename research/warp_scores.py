@@ -7,11 +7,9 @@ A time map (..., T) gives the source frame of every output frame. Input that doe
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-
-Floats = NDArray[np.float64]
+from choreograph.core.numerics import Floats
 
 
 def recovery_errors_ms(found_frames: Floats, true_frames: Floats, fps: float) -> Floats:

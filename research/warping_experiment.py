@@ -34,6 +34,7 @@ import numpy as np
 import choreograph as cg
 from choreograph.choreography.graph.warping import CountedClips, count_time_maps, smooth_time_maps
 from choreograph.core.counts import Counts
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.evaluation.metrics.counts import WITHIN_BEATS
 from choreograph.evaluation.songs import EvaluatedSong, find_songs
@@ -52,7 +53,6 @@ HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 OWN, OTHER = "own song", "another song"
 READ = run_path(str(Path(__file__).with_name("uncertain_counts.py")))
 GROUPS = [READ[name] for name in ("NOT_SURE", "FIGURES", "GENRE", "CLEAN")]
-Floats = np.ndarray
 
 
 class Clips:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from choreograph.core.numerics import Floats
 from choreograph.formats.gltf_rig import SkinPoints
 from choreograph.motion import rotations as rot
 from choreograph.motion.contacts import estimate_floor_m, sole_pos_m
@@ -20,8 +21,6 @@ from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 # The shape of the body around its bones.
 
-
-Floats = NDArray[np.float64]
 
 _FEWEST = 12  # points of a part that define its shape
 _ELLIPSES = 4  # of a part

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from choreograph.characters.feet_and_hands import body_parts, keep_hands_out, placed_feet, sole_offsets_m
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.formats.gltf_rig import Rig, SkinPoints, rotations_of
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
@@ -30,8 +31,6 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_sk
 # Helper bones. Twist bones share the roll of a limb, and IK bones follow hands and feet. All others, such as
 # those of fingers and faces, keep their local transforms.
 
-
-Floats = NDArray[np.float64]
 
 _TWIST = re.compile(r"twist|roll", re.IGNORECASE)
 _IK = re.compile(r"^ik_(foot|hand)_(l|r)$", re.IGNORECASE)  # Unreal's

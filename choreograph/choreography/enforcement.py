@@ -20,6 +20,7 @@ from choreograph.choreography.mixer.words import (
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core.counts import Counts
 from choreograph.core.errors import NoPathError
+from choreograph.core.numerics import Floats, Indices
 from choreograph.core.timebase import WORD_FPS
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import poses_at, segment_words
@@ -67,7 +68,6 @@ def motifs_of_embeddings(embeddings: NDArray[np.float32], repertoire: Repertoire
 # Pinned and banned motifs. Words of takes replace what violates them, until nothing does.
 
 
-Indices = NDArray[np.int64]
 WithWords = Callable[[tuple[PlannedWord, ...]], tuple[Plan, Motion]]
 
 
@@ -168,8 +168,6 @@ class _Surroundings:
 
 # The borders of the parts that are kept of another dance, and the poses there.
 
-
-Floats = NDArray[np.float64]
 
 _POSE_WEIGHT = 6.0  # a metre: twice the default of `transition`, since a gap has only two ends
 _VELOCITY_WEIGHT = 0.6  # a metre a second

@@ -13,6 +13,7 @@ from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.choreography.selection import genre_distances
 from choreograph.choreography.slots import ResolvedConstraints, target_goal
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import CLIP_S
 from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
@@ -21,8 +22,6 @@ from choreograph.music.metrical_level import at_changes, change_times_s
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan import Plan
 from choreograph.settings import DanceConfig
-
-Floats = NDArray[np.float64]
 
 _NEAREST = "no genre given: the dance follows {}, whose takes are nearest to the song in style"
 _FALLBACK = "no genre given: the style decides on none, and the dance follows all takes together"

@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, bars_of
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats, Indices
 from choreograph.library.motifs import ALL_GENRES, Vocabulary
 from choreograph.library.words import checked_signature
 
 # Goals for a whole dance: its motif signature and its motif transitions.
-
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +40,6 @@ def motif_goal(
 
 # Positions of motion words in the bar. A word on count 1 needs a slot on the music's downbeat.
 
-
-Indices = NDArray[np.int64]
 
 UNKNOWN = 0
 _WITHIN = 0.15  # of a count's length: farther from a count, a word is not on it

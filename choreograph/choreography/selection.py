@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import squared_distances
+from choreograph.core.numerics import AnyFloats, Floats, squared_distances
 from choreograph.core.timebase import CLIP_S
 from choreograph.library.motifs import Vocabulary
 
@@ -20,10 +20,7 @@ from choreograph.library.motifs import Vocabulary
 # Clips are selected by their rank, and nodes have a cost for it (`choreography.graph.costs`).
 
 
-Floats = NDArray[np.floating]
-
-
-def energy_mismatch(louder: float, liveliness: Floats) -> Floats:
+def energy_mismatch(louder: float, liveliness: AnyFloats) -> AnyFloats:
     """How far ranks of liveliness (N,) are from a part that is `louder` than its song, -1 … 1.
 
     A part that is as loud as the song on average has no mismatch.
@@ -31,16 +28,14 @@ def energy_mismatch(louder: float, liveliness: Floats) -> Floats:
     return 2.0 * abs(louder) * (1.0 - liveliness if louder > 0 else liveliness)
 
 
-def steps_mismatch(onset_density: float, steps: Floats) -> Floats:
+def steps_mismatch(onset_density: float, steps: AnyFloats) -> AnyFloats:
     """How far ranks of steps (N,) are from the density of onsets, as a rank in the song."""
-    mismatch: Floats = np.abs(steps - onset_density)
+    mismatch: AnyFloats = np.abs(steps - onset_density)
     return mismatch
 
 
 # The distance of music from the genres of a repertoire, in the space of style vectors.
 
-
-Float64s = NDArray[np.float64]
 
 _RIDGE = 0.3  # of the mean variance: limits the influence of single clips of a genre
 _LEAST_VARIANCE = 1e-4  # of style vectors of length 1, where clips of real takes have 3e-3
@@ -48,7 +43,7 @@ _LEAST_VARIANCE = 1e-4  # of style vectors of length 1, where clips of real take
 
 def genre_distances(
     music_style: NDArray[np.floating], clip_style: NDArray[np.floating], clip_genre: NDArray[np.integer]
-) -> Float64s:
+) -> Floats:
     """Squared Mahalanobis distance (S, G) of each second's style (S, D) from the mean clip of each genre.
 
     `clip_style` (N, D) are the clips' styles and `clip_genre` (N,) their genres 0 … G - 1, each of at least
@@ -63,7 +58,7 @@ def genre_distances(
     ridge = max(_RIDGE * np.trace(covariance) / len(covariance), _LEAST_VARIANCE)
     away = np.asarray(music_style, np.float64)[:, None] - means  # (S, G, D)
     precision = np.linalg.inv(covariance + ridge * np.eye(len(covariance)))
-    distances: Float64s = np.einsum("sgd,de,sge->sg", away, precision, away, optimize=True)
+    distances: Floats = np.einsum("sgd,de,sge->sg", away, precision, away, optimize=True)
     return distances
 
 
@@ -72,12 +67,12 @@ def genre_distances(
 
 def clip_signature_mismatch(
     vocabulary: Vocabulary,
-    signature: Float64s,
+    signature: Floats,
     clip_take: NDArray[np.integer],
-    clip_start_s: Float64s,
+    clip_start_s: Floats,
     *,
     n_words: int,
-) -> Float64s:
+) -> Floats:
     """Mismatch (N,) of each clip with a signature (K,), for a dance of `n_words` words.
 
     The mean over the clip's words of (1 - n) / (1 + n), with n the expected count of the word's motif: the

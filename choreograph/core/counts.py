@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from choreograph.core.arguments import as_number, unexpected
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.core.progress import one_line
-
-Floats = NDArray[np.float64]
 
 MAX_METRE = 12  # counts in a bar
 

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-Floats = NDArray[np.floating]
-Float64s = NDArray[np.float64]
+# Types of arrays that most modules have in their signatures.
+Floats = NDArray[np.float64]
+AnyFloats = NDArray[np.floating]
+AnyInts = NDArray[np.integer]
 Indices = NDArray[np.int64]
 
 # Settings of NumPy and torch.
@@ -87,7 +89,7 @@ def frame_blocks(n_frames: int, size: int = BLOCK_FRAMES) -> Iterator[slice]:
         yield slice(start, min(start + size, n_frames))
 
 
-def sums_before(blocks: Iterable[NDArray[np.floating]], frames: NDArray[np.integer]) -> NDArray[np.float64]:
+def sums_before(blocks: Iterable[AnyFloats], frames: AnyInts) -> Floats:
     """Sums (..., D) of all rows before each of `frames` (...), 0 to T, of rows (T, D) in blocks.
 
     Rows are added one after another, so that the result does not depend on the sizes of the blocks.
@@ -109,7 +111,7 @@ def sums_before(blocks: Iterable[NDArray[np.floating]], frames: NDArray[np.integ
 # Use cdist where both sides are small or equal vectors must be at a distance of exactly 0.
 
 
-def squared_distances(a: Floats, b: Floats, *, b_squares: Floats | None = None) -> Floats:
+def squared_distances(a: AnyFloats, b: AnyFloats, *, b_squares: AnyFloats | None = None) -> AnyFloats:
     """Squared Euclidean distances (N, M) of vectors (N, D) and (M, D), never below 0.
 
     They are computed as |a|² + |b|² - 2 a·b, with the rounding error of |a|² + |b|², also for equal vectors.
@@ -117,11 +119,11 @@ def squared_distances(a: Floats, b: Floats, *, b_squares: Floats | None = None) 
     """
     if b_squares is None:
         b_squares = np.sum(b**2, axis=1)
-    squared: Floats = np.sum(a**2, axis=1)[:, None] + b_squares - 2.0 * a @ b.T
+    squared: AnyFloats = np.sum(a**2, axis=1)[:, None] + b_squares - 2.0 * a @ b.T
     return np.maximum(squared, 0.0)
 
 
-def chi_square_distance(a: Float64s, b: Float64s) -> Float64s:
+def chi_square_distance(a: Floats, b: Floats) -> Floats:
     """Chi-square distance (...) of histograms (..., K) that sum to 1, from 0 (equal) to 1 (disjoint).
 
     It is ½ Σ_k (a_k - b_k)² / (a_k + b_k), our reading of Rhythm is a Dancer, equation 11. Bins that are
@@ -129,25 +131,25 @@ def chi_square_distance(a: Float64s, b: Float64s) -> Float64s:
     """
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     both = a + b
-    distance: Float64s = 0.5 * np.sum(np.square(a - b) / np.where(both > 0, both, 1.0), axis=-1)
+    distance: Floats = 0.5 * np.sum(np.square(a - b) / np.where(both > 0, both, 1.0), axis=-1)
     return distance
 
 
 # Linear interpolation at fractional frames.
 
 
-def frame_weights(frames: Floats, n_frames: int) -> tuple[Indices, Indices, NDArray[np.float64]]:
+def frame_weights(frames: AnyFloats, n_frames: int) -> tuple[Indices, Indices, Floats]:
     """Indices of the frames before and after fractional `frames` (...), and the weight of the latter.
 
     Each has the shape of `frames`, which is clamped to 0 to `n_frames` - 1.
     """
-    inside: NDArray[np.float64] = np.clip(np.asarray(frames, np.float64), 0.0, n_frames - 1)
+    inside: Floats = np.clip(np.asarray(frames, np.float64), 0.0, n_frames - 1)
     low: Indices = np.minimum(inside.astype(np.int64), max(n_frames - 2, 0))
     high: Indices = np.minimum(low + 1, n_frames - 1)
     return low, high, inside - low
 
 
-def interpolate_frames(values: Floats, frames: Floats) -> NDArray[np.float64]:
+def interpolate_frames(values: AnyFloats, frames: AnyFloats) -> Floats:
     """`values` (T, ...) at fractional `frames` (F...), clamped to the first and last: (F..., ...)."""
     low, high, weight = frame_weights(frames, len(values))
     weight = weight.reshape((*weight.shape, *[1] * (values.ndim - 1)))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import NO_COUNTS, Counts
+from choreograph.core.numerics import Floats
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
@@ -18,8 +19,6 @@ from choreograph.render.runs import Run
 
 # The counts and figures of the takes, placed in a dance by the time maps of its plan.
 
-
-Floats = NDArray[np.float64]
 
 SOURCE = "takes"  # of the counts of a dance
 _GRID_S = 1 / 240  # spacing at which time maps are inverted

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, WORD_FPS
 from choreograph.evaluation.danced_counts import figure_borders_s
 from choreograph.evaluation.metrics import structure, transitions
@@ -24,8 +25,6 @@ from choreograph.render.rendering import plan_runs
 
 # Scores of a plan: its transitions, repeats, variety and genre of its takes, and how fast it plays them.
 
-
-Floats = NDArray[np.float64]
 
 _SLOWEST, _FASTEST = 0.5, 2.0  # of a warp, ChoreoGraph, section 3.2
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import chi_square_distance
+from choreograph.core.numerics import Floats, chi_square_distance
 from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.evaluation.plan_scores import time_maps
 from choreograph.evaluation.results import (
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Floats = NDArray[np.float64]
 
 _SPEED_PLOT_S = 12.0
 _WIDTH_IN = 7.2

@@ -11,8 +11,8 @@ from importlib import resources
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from choreograph.core.numerics import Floats
 from choreograph.core.progress import one_line
 from choreograph.evaluation.plan_scores import DancedMotifs
 from choreograph.evaluation.scores import DancedPhases, Scores
@@ -49,8 +49,6 @@ METRICS: Mapping[str, Metric] = {
 
 # The results of an evaluation: the scores of every dance, and all dances to one song for the plots.
 
-
-Floats = NDArray[np.float64]
 
 EXPERT, REAL, TAKES = "expert", "real", "takes"  # table columns next to the variants
 SINGLE = "dance"  # the only column if a single dance is evaluated

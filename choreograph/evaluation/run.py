@@ -9,10 +9,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.progress import ProgressReport
 from choreograph.evaluation.dance_scores import dance_scores
 from choreograph.evaluation.danced_counts import CountedDance
@@ -49,8 +48,6 @@ from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import Dance
 from choreograph.plan import Plan
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

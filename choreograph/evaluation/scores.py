@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import STORE_FPS
 from choreograph.evaluation.metrics import (
     beat,
@@ -68,8 +68,6 @@ def weighted_mean(values: Mapping[str, Mapping[str, float]], weights: Mapping[st
 
 # Scores of one motion and its music: beats, counts, endings, physics and labels.
 
-
-Floats = NDArray[np.float64]
 
 _CHANCE_ROUNDS = 100
 _OF_KINEMATIC_BEATS = {"aligned_share": beat.aligned_share, "beat_ratio": beat.beat_ratio}

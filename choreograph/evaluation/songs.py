@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import sha256_of
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.danced_counts import CountedDance
 from choreograph.evaluation.metrics.energy_response import section_loudness_db
@@ -137,8 +137,6 @@ def beats_of(song: Song, beats: str | Path) -> Counts:
 
 # Dances to a song are compared with its beats in bars, the beats of a second tracker, and its sections.
 
-
-Floats = NDArray[np.float64]
 
 SECOND_TRACKER = "librosa"
 

@@ -17,6 +17,7 @@ from scipy.ndimage import median_filter
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import check_regular
+from choreograph.core.numerics import Floats
 from choreograph.formats.axes_and_units import rotation_from_upward
 from choreograph.formats.manifest import SkippedFile, attempted
 from choreograph.motion import rotations as rot
@@ -29,8 +30,6 @@ from choreograph.motion.skeleton_calibration import measure_skeleton, resized, s
 
 # Labelled markers in metres, with Y up and without gaps.
 
-
-Floats = NDArray[np.float64]
 
 _UNITS_M = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "": 0.001}  # most files without a unit are in mm
 # Names of the same marker in other versions of the marker set.

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError
 from choreograph.core.files import read_json
+from choreograph.core.numerics import Floats
 from choreograph.formats.manifest import SkippedFile, attempted
 from choreograph.motion.cleaning import Span, bridged, bridged_rotations
 from choreograph.motion.contacts import estimate_floor_m, sole_pos_m, track_floor_m
@@ -35,8 +35,6 @@ from choreograph.motion.skeleton_calibration import (
     resized,
     size_ratio,
 )
-
-Floats = NDArray[np.float64]
 
 LAYOUT = "dance-with-melody: a folder of DANCE_<G>_<n> with skeletons.json, or one of them"
 _FOLDER = re.compile(r"DANCE_([A-Z])_(\d+)")

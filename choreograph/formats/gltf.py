@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.formats.axes_and_units import unit_m
 from choreograph.formats.gltf_document import GltfDocument
@@ -24,7 +24,6 @@ from choreograph.motion.motion import LONGEST_S, MAX_FRAME_JOINTS, Credits, Moti
 from choreograph.motion.rigs import roles_by_names
 from choreograph.motion.skeleton import Skeleton
 
-Floats = NDArray[np.float64]
 # Key times (K,), values and interpolation by bone and property.
 Tracks = dict[tuple[int, str], tuple[Floats, Floats, str]]
 

@@ -11,16 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError
-from choreograph.core.numerics import descendants
+from choreograph.core.numerics import Floats, descendants
 from choreograph.formats.gltf_document import MAX_ENTRIES, GltfDocument
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import PosedBones
 from choreograph.motion.skeleton import MAX_JOINTS
 
 # The bones of a character.
-
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

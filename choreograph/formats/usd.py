@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.formats.glb import linear_light
 from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer, identifiers, text_names
 from choreograph.motion import rotations as rot
@@ -19,7 +19,6 @@ from choreograph.motion.motion import Motion
 if TYPE_CHECKING:
     from pxr import Usd
 
-Floats = NDArray[np.float64]
 
 _ROOT = "/Dance"
 _ROUGHNESS = 0.85

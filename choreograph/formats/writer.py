@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core import __version__
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import descendants
+from choreograph.core.numerics import Floats, descendants
 from choreograph.motion import rotations as rot
 from choreograph.motion.mannequin.bind_pose import Body, standing_body
 from choreograph.motion.motion import Motion
@@ -164,8 +163,6 @@ def distinct(names: Sequence[str], *, taken: Sequence[str] = (), form: str = "{}
 
 # Rest poses.
 
-
-Floats = NDArray[np.float64]
 
 REST_POSES = {"t": 0.0, "a": np.pi / 4}  # radians that the arms hang below the horizontal
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, Figure
+from choreograph.core.numerics import AnyInts
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGMENT_S, frame_times_s
 from choreograph.library.checks import check_counts, check_parts
 from choreograph.library.store import RepertoireFile
@@ -97,10 +98,7 @@ def figures_from(read: Callable[[str], NDArray[Any]]) -> dict[int, tuple[Figure,
 # Liveliness and numbers of steps of clips, as ranks in their genre.
 
 
-Ints = NDArray[np.integer]
-
-
-def clip_liveliness(liveliness: Liveliness, take: Ints, start_frame: Ints) -> NDArray[np.float32]:
+def clip_liveliness(liveliness: Liveliness, take: AnyInts, start_frame: AnyInts) -> NDArray[np.float32]:
     """Mean rank (N,), 0 … 1, of the seconds of each clip's middle 4 s; clips by take (N,) and first frame."""
     start = middle_starts(start_frame).astype(np.float64)  # (N,) in their takes
     seconds = (start + second * NET_FPS for second in range(SEGMENT_S))
@@ -111,7 +109,10 @@ def clip_liveliness(liveliness: Liveliness, take: Ints, start_frame: Ints) -> ND
 
 
 def clip_steps(
-    body_pos_m: Callable[[int], NDArray[np.floating]], take: Ints, start_frame: Ints, genres: NDArray[np.str_]
+    body_pos_m: Callable[[int], NDArray[np.floating]],
+    take: AnyInts,
+    start_frame: AnyInts,
+    genres: NDArray[np.str_],
 ) -> NDArray[np.float32]:
     """Rank (N,), 0 … 1, of the steps in each clip's middle 4 s among the clips of its genre.
 
@@ -147,8 +148,8 @@ class ClipMotion:
         read: Callable[[str], NDArray[Any]],
         takes: Sequence[TakeInfo],
         counts: Sequence[Counts],
-        clip_take: Ints,
-        clip_start_frame: Ints,
+        clip_take: AnyInts,
+        clip_start_frame: AnyInts,
     ) -> None:
         self._read = read
         self._counts = counts
@@ -162,18 +163,18 @@ class ClipMotion:
         start, stop = self._take_rows[take]
         return self._body_pos_m[start:stop]
 
-    def density(self, clips: Ints) -> NDArray[np.float32]:
+    def density(self, clips: AnyInts) -> NDArray[np.float32]:
         """Tempo-densities of clips (K,), (K, 160)."""
         result: NDArray[np.float32] = self._density[self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)]
         return result
 
-    def speed(self, clips: Ints) -> NDArray[np.float32]:
+    def speed(self, clips: AnyInts) -> NDArray[np.float32]:
         """Mean joint speeds of clips (K,) in m/s, (K, 160)."""
         result: NDArray[np.float32] = self._speed[self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)]
         return result
 
     def poses_m(
-        self, clip: Ints, frames: NDArray[np.floating]
+        self, clip: AnyInts, frames: NDArray[np.floating]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Poses (N, 21, 3) and joint velocities (N, 21, 3) in m/s, both in the root frame.
 
@@ -189,14 +190,14 @@ class ClipMotion:
         return pose, velocities[row] + weight * (velocities[row + 1] - velocities[row])
 
     def liveliness(
-        self, clip: Ints, start: NDArray[np.floating], stop: NDArray[np.floating]
+        self, clip: AnyInts, start: NDArray[np.floating], stop: NDArray[np.floating]
     ) -> NDArray[np.float32]:
         """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
         offset = self._clip_start_frame[clip]
         return self._liveliness.ranks(self._clip_take[clip], offset + start, offset + stop)
 
     def count_uncertainty(
-        self, clip: Ints, start: NDArray[np.floating], stop: NDArray[np.floating]
+        self, clip: AnyInts, start: NDArray[np.floating], stop: NDArray[np.floating]
     ) -> NDArray[np.float32]:
         """Uncertainty (N,), 0 … 1, of the counts half way between two frames of each clip: see `Counts`."""
         middle = np.round(0.5 * (start + stop)).astype(np.int64)

@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 
 from choreograph.core.arguments import check_choice
 from choreograph.core.errors import ParameterError, RepertoireError
-from choreograph.core.numerics import squared_distances
+from choreograph.core.numerics import AnyFloats, Floats, Indices, squared_distances
 from choreograph.core.timebase import WORD_FRAMES
 from choreograph.library.words import SUM_TOLERANCE, poses_at, template, transition_matrix
 from choreograph.motion.body import clips_to_root_frame
 
 # Motifs: clusters of embedded motion words, each represented by its medoid.
 
-
-Floats = NDArray[np.floating]
-Indices = NDArray[np.int64]
 
 MAX_MOTIFS = 500
 WORDS_PER_MOTIF = 20  # with 12, dances of one genre share fewer motifs; 60, as in the paper, is coarse
@@ -39,7 +36,7 @@ class Motifs:
     def __len__(self) -> int:
         return len(self.words)
 
-    def nearest(self, embeddings: Floats) -> Indices:
+    def nearest(self, embeddings: AnyFloats) -> Indices:
         """The motif of each word (N,) from its embedding (N, D): the closest medoid (section 3.3)."""
         vectors = _checked(embeddings, self.embeddings.shape[1])
         return _nearest(vectors, self.embeddings)
@@ -50,7 +47,9 @@ def n_motifs_for(n_words: int) -> int:
     return max(1, min(MAX_MOTIFS, n_words // WORDS_PER_MOTIF))
 
 
-def find_motifs(embeddings: Floats, *, n_motifs: int | None = None, seed: int = 0) -> tuple[Motifs, Indices]:
+def find_motifs(
+    embeddings: AnyFloats, *, n_motifs: int | None = None, seed: int = 0
+) -> tuple[Motifs, Indices]:
     """Cluster embedded words by k-means and find the medoids (Rhythm is a Dancer, section 3.3).
 
     Parameters
@@ -96,7 +95,7 @@ def _medoids(vectors: NDArray[np.float32], centroids: NDArray[np.float32]) -> In
     return np.unique(np.array(nearest, np.int64))
 
 
-def _nearest(vectors: Floats, targets: Floats) -> Indices:
+def _nearest(vectors: AnyFloats, targets: AnyFloats) -> Indices:
     """Index of the closest target (K, D) of every vector (N, D); the first of equal ones."""
     to = np.asarray(targets, np.float64)
     squares = np.sum(to**2, axis=1)  # (K,)
@@ -109,7 +108,7 @@ def _nearest(vectors: Floats, targets: Floats) -> Indices:
     return np.concatenate(parts) if parts else np.zeros(0, np.int64)
 
 
-def _checked(embeddings: Floats, dim: int | None = None) -> NDArray[np.float32]:
+def _checked(embeddings: AnyFloats, dim: int | None = None) -> NDArray[np.float32]:
     vectors = np.asarray(embeddings, np.float32)
     if vectors.ndim != 2 or (dim is not None and vectors.shape[1] != dim):
         raise ParameterError(f"expected embeddings (N, {dim or 'D'}), got {vectors.shape}")
@@ -120,8 +119,6 @@ def _checked(embeddings: Floats, dim: int | None = None) -> NDArray[np.float32]:
 
 # The vocabulary of a repertoire: its motifs, the words of its takes, and the signatures of its genres.
 
-
-Float64s = NDArray[np.float64]
 
 ALL_GENRES = "all"  # the template and transitions of all takes together
 
@@ -135,12 +132,12 @@ class Vocabulary:
 
     motifs: Motifs  # K, the most frequent first; `library.words` index the words here
     word_take: Indices  # (N,) index of the word's take
-    word_start_s: Float64s  # (N,) in its take
-    word_end_s: Float64s  # (N,)
+    word_start_s: Floats  # (N,) in its take
+    word_end_s: Floats  # (N,)
     word_motif: Indices  # (N,)
     genres: tuple[str, ...]  # G names, sorted, and last `ALL_GENRES`
-    signatures: Float64s  # (G, K) templates
-    transitions: Float64s  # (G, K, K) row i: probabilities of the motif after motif i
+    signatures: Floats  # (G, K) templates
+    transitions: Floats  # (G, K, K) row i: probabilities of the motif after motif i
 
     @property
     def n_motifs(self) -> int:
@@ -165,8 +162,8 @@ def make_vocabulary(
     motifs: Motifs,
     word_motif: Indices,
     word_take: Indices,
-    word_start_s: Float64s,
-    word_end_s: Float64s,
+    word_start_s: Floats,
+    word_end_s: Floats,
     take_genres: Sequence[str],
 ) -> Vocabulary:
     """Templates and transitions of every genre among the takes, and of all takes together.
@@ -209,9 +206,9 @@ class SpanMotifLookup:
 
     def __init__(
         self,
-        body_pos_m: Callable[[int], Floats],
+        body_pos_m: Callable[[int], AnyFloats],
         fps: float,
-        embed: Callable[[Floats], NDArray[np.float32]],
+        embed: Callable[[AnyFloats], NDArray[np.float32]],
         motifs: Motifs,
     ) -> None:
         self._body_pos_m = body_pos_m
@@ -221,7 +218,7 @@ class SpanMotifLookup:
         self._keys = np.zeros(0, np.int64)  # sorted
         self._cached = np.zeros(0, np.int16)
 
-    def motifs_of(self, take: Indices, start_s: Floats, stop_s: Floats) -> NDArray[np.int16]:
+    def motifs_of(self, take: Indices, start_s: AnyFloats, stop_s: AnyFloats) -> NDArray[np.int16]:
         """Motifs (...) of spans, all arrays (...); beyond its ends a take holds its first or last pose."""
         length_s = np.maximum(np.asarray(stop_s) - start_s, _MIN_LENGTH_S)
         length = np.round(np.log(length_s / _MIN_LENGTH_S) / np.log(_LENGTH_STEP)).astype(np.int64)
@@ -249,7 +246,7 @@ class SpanMotifLookup:
         ]
         return self._motifs.nearest(self._embed(np.concatenate(words))).astype(np.int16)
 
-    def _words(self, take: int, middle_s: Floats, length_s: Floats) -> Floats:
+    def _words(self, take: int, middle_s: AnyFloats, length_s: AnyFloats) -> AnyFloats:
         """Words (N, 13, 21, 3) around the given middles, in their root frames."""
         times_s = middle_s[:, None] + length_s[:, None] * np.linspace(-0.5, 0.5, WORD_FRAMES)  # (N, 13)
         return clips_to_root_frame(poses_at(self._body_pos_m(take), self._fps, times_s))

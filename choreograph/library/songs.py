@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import ANNOTATED, Counts, count_phase, index_at, time_at
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import frame_times_s, times_to_frames
 from choreograph.library.notes import Note
 from choreograph.motion.motion import Take
@@ -179,9 +180,6 @@ def better_offset_s(take: Take, song: AnalysedSong) -> float | None:
 #
 # Music and motion of a recorded pair need not be in step. A network that is conditioned on the phase of the
 # music needs pairs that are. So the features of the music are warped, and the motion is not changed.
-
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

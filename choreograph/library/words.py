@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import interpolate_frames
+from choreograph.core.numerics import AnyInts, Floats, interpolate_frames
 from choreograph.core.timebase import WORD_FRAMES, times_to_frames
 from choreograph.motion.body import checked_body_pos_m, clips_to_root_frame
 
 # Motion words: a dance segmented on its beats, each word resampled to 13 frames in its root frame.
 
-
-Floats = NDArray[np.float64]
 
 MIN_WORD_S = 0.2  # beats closer than at 300 BPM are one: movements do not change so fast
 DEFAULT_WORD_S = 0.5  # length of words where there are no beats
@@ -118,12 +116,10 @@ def word_distance_m(a: NDArray[np.floating], b: NDArray[np.floating]) -> Floats:
 # Signatures and motif transitions of dances (Rhythm is a Dancer, sections 3.4 and 4.3).
 
 
-Indices = NDArray[np.integer]
-
 SUM_TOLERANCE = 1e-6
 
 
-def signature(motifs: Indices, n_motifs: int) -> Floats:
+def signature(motifs: AnyInts, n_motifs: int) -> Floats:
     """Share of every motif, (K,), in a sequence of motifs (N,); sums to 1.
 
     Raises `ParameterError` if the sequence is empty or has a motif outside 0 … K - 1.
@@ -134,7 +130,7 @@ def signature(motifs: Indices, n_motifs: int) -> Floats:
     return np.bincount(sequence, minlength=n_motifs) / len(sequence)
 
 
-def template(dances: Sequence[Indices], n_motifs: int) -> Floats:
+def template(dances: Sequence[AnyInts], n_motifs: int) -> Floats:
     """A genre's signature, (K,): the mean of its dances' signatures, whatever their lengths.
 
     Skips dances without words. Raises `ParameterError` if none is left.
@@ -146,7 +142,7 @@ def template(dances: Sequence[Indices], n_motifs: int) -> Floats:
     return result
 
 
-def transition_matrix(dances: Sequence[Indices], n_motifs: int) -> Floats:
+def transition_matrix(dances: Sequence[AnyInts], n_motifs: int) -> Floats:
     """Probability that motif j follows motif i, (K, K), counted over the dances; rows sum to 1.
 
     As in the paper, pairs of consecutive motifs are counted within a dance and not smoothed; a motif may
@@ -170,7 +166,7 @@ def transition_matrix(dances: Sequence[Indices], n_motifs: int) -> Floats:
     return np.where(totals > 0, counts / np.maximum(totals, 1.0), frequency)
 
 
-def checked_sequence(motifs: Indices, n_motifs: int) -> NDArray[np.int64]:
+def checked_sequence(motifs: AnyInts, n_motifs: int) -> NDArray[np.int64]:
     """A sequence of motifs (N,) as integers; `ParameterError` unless all lie in 0 … K - 1."""
     sequence = np.asarray(motifs)
     if sequence.ndim != 1 or (len(sequence) and not np.issubdtype(sequence.dtype, np.integer)):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import frame_blocks
+from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.timebase import frame_times_s
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
@@ -106,8 +106,6 @@ def mirrored(body_pos_m: NDArray[np.floating]) -> NDArray[np.floating]:
 
 # Heading and ground position of a body, and poses relative to them (in the root frame).
 
-
-Floats = NDArray[np.float64]
 
 _PELVIS = BODY_JOINTS.index("pelvis")
 _ACROSS = tuple(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from choreograph.core.arguments import check_choice, unexpected
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import atomic_path, read_json
+from choreograph.core.numerics import Floats
 from choreograph.motion.rigs import REQUIRED, roles_by_names, trunk_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS
 
@@ -23,8 +24,6 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS
 # middle, arms those that begin above the hips and reach farthest from it. Limbs begin and bend where their
 # halves are the longest and most equal.
 
-
-Floats = NDArray[np.float64]
 
 _LOW = 0.18  # of the height: where feet are
 _BESIDE = 0.015  # of the height: a bone that far from the middle belongs to a side

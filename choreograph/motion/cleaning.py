@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import solveh_banded
 
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
@@ -19,7 +19,6 @@ from choreograph.motion.skeleton import Skeleton
 # Frames replaced by a smooth path between the frames before and after, with their velocities.
 
 
-Floats = NDArray[np.float64]
 Span = tuple[int, int]  # first frame, and the one after the last
 
 

@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter1d, percentile_filter
 from scipy.special import expit
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 from choreograph.motion.kinematics import forward
@@ -17,8 +18,6 @@ from choreograph.motion.skeleton import Skeleton
 
 # Floor height under a take, from the lowest points that its feet return to.
 
-
-Floats = NDArray[np.float64]
 
 _LOW_PERCENT = 10.0  # of frames whose lower foot may lie below the floor (noise)
 _WINDOW_S = 2.0  # longer than a jump, shorter than the drift

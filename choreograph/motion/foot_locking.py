@@ -11,7 +11,7 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import frame_blocks
+from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_indices
@@ -29,8 +29,6 @@ from choreograph.motion.skeleton import Skeleton
 
 # Foot locking: feet in contact stay where they are, by corrections of the legs alone.
 
-
-Floats = NDArray[np.float64]
 
 SIDES = ("left", "right")
 _RETURN_S = 1.0  # a shifted foot returns to its own path within it; longer contacts may drift

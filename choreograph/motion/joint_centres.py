@@ -21,8 +21,8 @@ from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 
-Floats = NDArray[np.float64]
 Markers = Mapping[str, Floats]  # name -> (T, 3) in metres, Y up
 Segment = tuple[Floats, Floats]  # origin (T, 3) and axes (T, 3, 3) in columns
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.skeleton import Skeleton
 
 # Forward kinematics: from root positions and local rotations to world positions and rotations.
-
-
-Floats = NDArray[np.float64]
 
 
 def forward(

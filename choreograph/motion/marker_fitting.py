@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.cleaning import bridge_flips, smoothed_angle
 from choreograph.motion.kinematics import forward, to_local
@@ -17,8 +17,6 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 
 # Gauss-Newton refinement of fitted rotations, which spreads the residual along each limb.
 
-
-Floats = NDArray[np.float64]
 
 _DAMPING_M2 = 0.003  # limits rotations that the targets hardly constrain, such as twists of straight limbs
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import AnyFloats
 from choreograph.core.timebase import NET_FPS, frames_to_seconds
 
 # Motion beats: local minima of mean joint speed.
@@ -72,8 +73,6 @@ def _vertex_offset(speed: NDArray[np.float64], frames: NDArray[np.integer]) -> N
 # Liveliness: how big each second of a take's motion is among the seconds of its genre.
 
 
-Floats = NDArray[np.floating]
-
 _WIDTH_SHARE = 0.5  # of a standard deviation of width against one of travel
 _LEAST_SPREAD_M = 1e-3  # takes that differ by less do not differ
 
@@ -86,13 +85,13 @@ class Liveliness:
     be played at any speed.
     """
 
-    def __init__(self, body_pos_m: Sequence[Floats], genres: Sequence[str]) -> None:
+    def __init__(self, body_pos_m: Sequence[AnyFloats], genres: Sequence[str]) -> None:
         """Of takes with positions (T, 21, 3) at 20 fps, each of a genre."""
         self._first = np.cumsum([0, *(len(pos) for pos in body_pos_m)])  # (takes + 1,) rows of the sums
         self._genres = np.array(genres)
         self._sums = np.concatenate([np.zeros((0, 2)), *map(_sums, body_pos_m)])  # (B, 2)
-        self._scale: dict[str, Floats] = {}  # (2,) by genre
-        self._sizes: dict[str, Floats] = {}  # of all its seconds as recorded, in increasing order
+        self._scale: dict[str, AnyFloats] = {}  # (2,) by genre
+        self._sizes: dict[str, AnyFloats] = {}  # of all its seconds as recorded, in increasing order
         for genre in np.unique(self._genres):
             takes = np.flatnonzero(self._genres == genre).tolist()
             start = np.concatenate([np.arange(max(0, len(body_pos_m[i]) - NET_FPS)) for i in takes])
@@ -102,7 +101,7 @@ class Liveliness:
             self._scale[genre] = np.array([1.0, _WIDTH_SHARE]) / np.maximum(spread, _LEAST_SPREAD_M)
             self._sizes[genre] = np.sort(measured @ self._scale[genre])
 
-    def ranks(self, take: NDArray[np.integer], start: Floats, stop: Floats) -> NDArray[np.float32]:
+    def ranks(self, take: NDArray[np.integer], start: AnyFloats, stop: AnyFloats) -> NDArray[np.float32]:
         """Share (N,), 0 … 1, of the genre's seconds as recorded that are smaller than each of these.
 
         `start` and `stop` (N,) are the frames of the takes (N,) at 20 fps between which a second is danced.
@@ -116,7 +115,7 @@ class Liveliness:
                 ranks[here] = np.searchsorted(sizes, measured[here] @ self._scale[genre]) / len(sizes)
         return ranks
 
-    def _travel_and_width(self, take: NDArray[np.integer], start: Floats, stop: Floats) -> Floats:
+    def _travel_and_width(self, take: NDArray[np.integer], start: AnyFloats, stop: AnyFloats) -> AnyFloats:
         """Travel in metres, as danced in one second, and mean width in metres, (N, 2)."""
         first, last = self._first[take], self._first[take + 1] - 1
         rows = np.clip(first + np.stack([start, stop]), first, last)  # (2, N)
@@ -127,7 +126,7 @@ class Liveliness:
         return np.stack([travel_m, width_m_s * NET_FPS / np.maximum(rows[1] - rows[0], 1e-6)], axis=1)
 
 
-def _sums(body_pos_m: Floats) -> Floats:
+def _sums(body_pos_m: AnyFloats) -> AnyFloats:
     """Travel and width × time of a take up to every frame, (T, 2) in m and m s."""
     pos = np.asarray(body_pos_m, np.float64)
     across = (pos - pos[:, :1])[..., [0, 2]]

@@ -7,17 +7,15 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.contacts import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles, rest_pose_is_upright
 from choreograph.motion.skeleton import Skeleton
-
-Floats = NDArray[np.float64]
 
 _SHORTEST_BONE_M = 0.01  # shorter bones have no reliable direction
 _TRUNK = ("spine1", "spine2", "spine3", "neck", "head")

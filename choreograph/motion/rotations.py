@@ -6,12 +6,9 @@ Conventions: unit, right-handed, active (`rotate(q, v)` rotates v); `multiply(a,
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from choreograph.core.numerics import frame_blocks
-
-Floats = NDArray[np.float64]
+from choreograph.core.numerics import Floats, frame_blocks
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.motion.marker_fitting import REQUIRED_ROLES
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
-
-Floats = NDArray[np.float64]
 
 _CLUSTERED_BONES = (("hip", "knee"), ("knee", "ankle"))  # the longest bones, and rigid
 _PELVIS_HEIGHT = 0.45  # of the way from the middle of the hips to the lower spine

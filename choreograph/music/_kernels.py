@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.kernel_cache import njit
+from choreograph.core.numerics import Floats, Indices
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Complexes = NDArray[np.complex128]
 
 _NONE = 0  # the first beat: no interval before it
@@ -22,7 +21,7 @@ def best_beat_sequence(
     first_period: int,
     change_penalty: float,
     new_tempo_penalty: float,
-) -> Ints:
+) -> Indices:
     """Frames of the beat sequence with the highest score over the whole song.
 
     A state is a beat at frame t whose interval back is p frames. It scores p times (strength[t] +
@@ -81,12 +80,12 @@ def best_bar_sequence(
     metre_gain: Floats,
     first_period: int,
     n_periods: int,
-    state_metre: Ints,
-    state_number: Ints,
-    metres: Ints,
+    state_metre: Indices,
+    state_number: Indices,
+    metres: Indices,
     change_cost: float,
     break_cost: float,
-) -> tuple[Ints, Ints]:
+) -> tuple[Indices, Indices]:
     """The beats, and their numbers in the bar, of the path with the highest score over all frames.
 
     A state is a beat interval that ends at frame t, p frames long, whose beat has a number in a metre. It
@@ -165,7 +164,7 @@ def best_bar_sequence(
 
 
 @njit(nogil=True)
-def _phase_steps(first_period: int, n_periods: int, metres: Ints) -> tuple[Complexes, Complexes]:
+def _phase_steps(first_period: int, n_periods: int, metres: Indices) -> tuple[Complexes, Complexes]:
     """Of the phases in beat and bars that run through each interval: their turn from frame to frame, and one
     over the phase of the interval's last frame, (P, 1 + M) unit complex numbers each."""
     turns = np.empty((n_periods, 1 + len(metres)), np.complex128)
@@ -212,7 +211,7 @@ def _slide(
 @njit(nogil=True)
 def _traced(
     t: int, i: int, s: int, from_period: NDArray[np.int16], from_state: NDArray[np.int8], first_period: int
-) -> tuple[Ints, Ints]:
+) -> tuple[Indices, Indices]:
     """The path that ends at frame t with period i in state s: bounds (Q + 1,) and states (Q,)."""
     bounds, states = [t, t - first_period - i], [s]
     while from_period[t, i, s] >= 0:

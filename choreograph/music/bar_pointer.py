@@ -23,11 +23,9 @@ from scipy.special import i0e
 
 from choreograph.core.counts import MAX_METRE, NO_COUNTS, Counts
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import interpolate_frames
+from choreograph.core.numerics import Floats, interpolate_frames
 from choreograph.core.timebase import frame_times_s, frames_to_seconds, times_to_frames
 from choreograph.music._kernels import best_bar_sequence
-
-Floats = NDArray[np.float64]
 
 METRES = (3, 4)
 _BREAK_LOG_RATIO = 0.2  # of intervals between which the tempo does not run on

@@ -12,7 +12,7 @@ from scipy.ndimage import uniform_filter1d
 
 from choreograph.core.counts import FROM_MUSIC, Counts
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import frame_blocks, sums_before
+from choreograph.core.numerics import Floats, frame_blocks, sums_before
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, times_to_frames
 from choreograph.music._bar_weights import ACCENT_WEIGHTS, CONFIDENCE, METRE_WEIGHTS
 from choreograph.music.beats import checked_beat_times_s
@@ -24,8 +24,6 @@ from choreograph.music.mel import MEL_BANDS, level_rise, mel_band_hz
 # later. So every beat gets accents in five bands (on it and half-way to the next), levels, changes of
 # harmony, bass and timbre, and how much the music is like itself some beats later.
 
-
-Floats = NDArray[np.float64]
 
 _BANDS_HZ = (0.0, 120.0, 250.0, 1000.0, 4000.0, 11025.0)  # kick, bass, chords, melody, percussion
 _FLOOR = 60.0 / (10.0 / np.log(10.0))  # 60 dB below the song's maximum, in natural log of power

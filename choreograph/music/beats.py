@@ -270,8 +270,6 @@ def _beats_before(first_s: float, period_s: float) -> NDArray[np.float64]:
 # only some beats have a number, the others count on from them.
 
 
-Floats = NDArray[np.float64]
-
 _CELL = re.compile(r'"[^"]*"|[^\s,;"]+')
 _BAR_AND_BEAT = re.compile(r"\d+\.([1-9]\d?)")
 _LAYOUT = "a time in seconds and, optionally, a number in the bar on every line"

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from choreograph.core.counts import Counts, Figure
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS, SEGMENT_FRAMES
 
 # Micro-timing: accents that dancers place just beside the count are landed on it.
 
-
-Floats = NDArray[np.float64]
 
 MAX_SHIFT_S = 0.05  # of the take, and of the song it is danced to: beyond it a dance is off the count,
 _MAX_SHIFT_COUNTS = 0.12  # as it is beyond this where counts are close together

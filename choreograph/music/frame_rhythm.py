@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_array
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import (
     MUSIC_FPS,
@@ -163,8 +164,6 @@ def word_spectra(
 # song is related to what was heard so far: the loudness that `rms` is relative to, and the loudest band that
 # onsets are within 60 dB of. After the first loud bar the two agree.
 
-
-Floats = NDArray[np.float64]
 
 _HALF = MEL_WINDOW // 2
 _WIDTH = WINDOW_FRAMES * MUSIC_FPS // FRAME_RHYTHM_FPS  # onsets in a window

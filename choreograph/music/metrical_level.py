@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts
+from choreograph.core.numerics import Floats, Indices
 from choreograph.core.timebase import MUSIC_FPS, times_to_frames
 from choreograph.music.bars import track_bars
 from choreograph.music.beats import onset_strength
@@ -19,9 +20,6 @@ from choreograph.music.beats import onset_strength
 # A ramp has none, since its tempo is hardly another a few beats later; nor has a single irregular bar. A
 # tracker that counts a break at half the tempo makes two.
 
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _OTHER_TEMPO_OCTAVES = 0.085  # 6 %; over six beats a ramp from 90 to 140 BPM in 50 s makes up to 5 %
 _PERIODS, _FEWEST_PERIODS = 6, 4  # before and after a change of tempo
@@ -47,7 +45,7 @@ def at_changes(bounds_s: NDArray[np.number], changes_s: NDArray[np.floating]) ->
     return near
 
 
-def part_metre(bar_lengths: Ints, metre: int) -> int:
+def part_metre(bar_lengths: Indices, metre: int) -> int:
     """The metre of a part of a song in `metre`, whose whole bars have these lengths (B,) in beats.
 
     That of the song, unless at least three quarters of two plausible bars or more have another.
@@ -59,7 +57,7 @@ def part_metre(bar_lengths: Ints, metre: int) -> int:
     return commonest if np.mean(bars == commonest) >= _CLEARLY_MOST else metre
 
 
-def _tempo_changes(times_s: Floats) -> Ints:
+def _tempo_changes(times_s: Floats) -> Indices:
     octaves = np.log2(np.diff(times_s))  # (Q - 1,) of each beat period
 
     def change(beat: int) -> float:
@@ -74,7 +72,7 @@ def _tempo_changes(times_s: Floats) -> Ints:
     return _peaks(change, np.arange(len(octaves)))
 
 
-def _metre_changes(counts: Counts) -> Ints:
+def _metre_changes(counts: Counts) -> Indices:
     downbeats = np.flatnonzero(counts.numbers == 1)
     lengths = np.diff(downbeats)  # (bars,)
 
@@ -91,7 +89,7 @@ def _metre_changes(counts: Counts) -> Ints:
     return downbeats[_peaks(change, np.arange(len(lengths)))]
 
 
-def _peaks(height_at: Callable[[int], float], positions: Ints) -> Ints:
+def _peaks(height_at: Callable[[int], float], positions: Indices) -> Indices:
     """The highest position of each run of those with a height."""
     height = np.array([height_at(int(position)) for position in positions])
     runs = np.split(positions, np.flatnonzero(np.diff(height > 0)) + 1)

@@ -23,11 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts
-from choreograph.core.numerics import frame_blocks, sums_before
+from choreograph.core.numerics import AnyFloats, frame_blocks, sums_before
 from choreograph.core.timebase import MUSIC_FPS, SEGMENT_S, frame_times_s
 from choreograph.music.mel import N_BANDS, onset_envelopes
-
-Floats = NDArray[np.floating]
 
 RHYTHM_FPS = 2
 CONTEXT_S = 12.0  # of music around a row, but for its loudness and onsets
@@ -47,7 +45,7 @@ RHYTHM_DIM = PATTERN.stop
 _DB_PER_NEPER = 10.0 / np.log(10.0)
 
 
-def rhythm_features(log_mel: Floats, counts: Counts, *, start_s: float = 0.0) -> NDArray[np.float32]:
+def rhythm_features(log_mel: AnyFloats, counts: Counts, *, start_s: float = 0.0) -> NDArray[np.float32]:
     """Rhythm of a song, float32 (N, RHYTHM_DIM) at 2 rows a second.
 
     Parameters
@@ -75,7 +73,7 @@ def rhythm_features(log_mel: Floats, counts: Counts, *, start_s: float = 0.0) ->
     return out
 
 
-def _near(log_mel: Floats, onsets: Floats, centres_s: Floats) -> tuple[Floats, Floats]:
+def _near(log_mel: AnyFloats, onsets: AnyFloats, centres_s: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
     """Loudness in dB and mean onset strength (N,) of the 4 s around each row."""
     level = np.empty(len(log_mel))  # (T,)
     for block in frame_blocks(len(log_mel)):
@@ -87,7 +85,7 @@ def _near(log_mel: Floats, onsets: Floats, centres_s: Floats) -> tuple[Floats, F
     return level_db - np.median(level_db), _window_means([onsets], frames).mean(axis=1)
 
 
-def _tempo_and_metre(counts: Counts, centres_s: Floats) -> tuple[Floats, Floats]:
+def _tempo_and_metre(counts: Counts, centres_s: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
     """Bumps (N, 30) at the tempo of the beats around each row, and shares of bars (N, 2)."""
     times_s = counts.times_s
     metre = _metre_of_beats(counts)  # (Q,)
@@ -114,7 +112,7 @@ def _metre_of_beats(counts: Counts) -> NDArray[np.int64]:
     return metre
 
 
-def _patterns(onsets: Floats, counts: Counts, centres_s: Floats) -> Floats:
+def _patterns(onsets: AnyFloats, counts: Counts, centres_s: AnyFloats) -> AnyFloats:
     """Onsets (N, 3 × 28) around each row by their place in bar and beat, relative to their mean."""
     frame_s = frame_times_s(len(onsets), MUSIC_FPS)
     index = np.interp(frame_s, counts.times_s, np.arange(len(counts)), left=-1.0, right=-1.0)  # (T,)
@@ -124,7 +122,7 @@ def _patterns(onsets: Floats, counts: Counts, centres_s: Floats) -> Floats:
     has_bar = (index >= 0) & (number >= 1) & (in_bar < _BAR_PARTS)
     _, in_beat = _places(index, _FINE_PARTS)
 
-    def parts(block: slice) -> Floats:
+    def parts(block: slice) -> AnyFloats:
         """1 where a frame is in a part of the bar or of the beat, (T_b, P)."""
         within = np.zeros((block.stop - block.start, _BAR_PARTS + _FINE_PARTS))
         counted = index[block] >= 0
@@ -143,14 +141,14 @@ def _patterns(onsets: Floats, counts: Counts, centres_s: Floats) -> Floats:
     return (by_part / np.maximum(mean, 1e-3)).reshape(len(frames), -1)
 
 
-def _places(index: Floats, parts: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _places(index: AnyFloats, parts: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The beat, and the nearest of its `parts`, of fractional beat indices (T,)."""
     places = np.rint(index * parts).astype(np.int64).clip(0)
     beat = np.minimum(places // parts, int(index.max()))
     return beat, places % parts
 
 
-def _window_frames(centres_s: Floats, width_s: float, n_frames: int) -> NDArray[np.int64]:
+def _window_frames(centres_s: AnyFloats, width_s: float, n_frames: int) -> NDArray[np.int64]:
     """First frame and end (N, 2) of the window around each row, at least one frame inside the song."""
     edges_s = np.stack([centres_s - width_s / 2, centres_s + width_s / 2], axis=1)
     frames = np.rint(edges_s * MUSIC_FPS).astype(np.int64)
@@ -158,7 +156,7 @@ def _window_frames(centres_s: Floats, width_s: float, n_frames: int) -> NDArray[
     return np.stack([first, np.clip(frames[:, 1], first + 1, n_frames)], axis=1)
 
 
-def _window_means(blocks: Iterable[Floats], frames: NDArray[np.int64]) -> Floats:
+def _window_means(blocks: Iterable[AnyFloats], frames: NDArray[np.int64]) -> AnyFloats:
     """Means (N, D) of the rows of values (T, D), in blocks, in each window (N, 2)."""
     sums = sums_before(blocks, frames)  # (N, 2, D)
     return (sums[:, 1] - sums[:, 0]) / (frames[:, 1] - frames[:, 0])[:, None]

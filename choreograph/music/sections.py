@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from choreograph.core.counts import Counts
+from choreograph.core.numerics import Floats
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import MUSIC_FPS
 from choreograph.music.beats import onset_strength
@@ -17,8 +18,6 @@ from choreograph.music.spectral import SPECTRAL_COLUMNS, spectral_features
 
 # Phrasing: from when to when a song is danced, and where one take may give way to another.
 
-
-Floats = NDArray[np.float64]
 
 _EASE_IN_S = 0.4  # from the first held pose to full speed, before the first count
 _EASE_OUT_S = 0.3  # from full speed to the last held pose: before the last count,

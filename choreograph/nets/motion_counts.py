@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from choreograph.core.counts import FROM_MOTION, Counts
-from choreograph.core.numerics import interpolate_frames
+from choreograph.core.numerics import Floats, interpolate_frames
 from choreograph.core.timebase import NET_FPS, frame_times_s
 from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 from choreograph.music.bar_pointer import (
@@ -33,8 +33,6 @@ from choreograph.nets.stored import StoredNet
 #
 # It is a logistic function of features of a take and its curves, fitted to takes that were not trained on.
 
-
-Floats = NDArray[np.float64]
 
 N_CONFIDENCE = 5
 _STEADY_S = 5.0  # over which curves are to keep one phase to the counts

@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import atomic_path
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import MUSIC_FPS
 from choreograph.music.bar_pointer import PhaseCurves, PointerConfig, decode_counts
 from choreograph.music.beats import level_normalized, onset_strength, path_of
@@ -144,8 +145,6 @@ def shipped_music_counts() -> MusicCounts:
 # a half or a third. Then the tempo path, which has a prior, decodes the activation. The onsets are added to
 # the activation. From the activation alone, a third of a rumba was tracked at 4/3 of its tempo.
 
-
-Floats = NDArray[np.float64]
 
 POINTER = PointerConfig(bpm=(45.0, 240.0), grid_fps=60.0)
 # Mean cosine between phases and beats below which the tempo path is used. It was fitted by

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import AnyFloats
 from choreograph.core.timebase import WORD_FRAMES, frame_times_s
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
@@ -33,8 +34,6 @@ from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutConditions
 ROLLOUT_FPS = FRAME_RHYTHM_FPS
 LOOKAHEAD_FRAMES = 9  # of the rhythm: the whole window of `music.frame_rhythm`
 
-Floats = NDArray[np.floating]
-
 
 def to_poses(motion: Motion) -> NDArray[np.float32]:
     """Pose rows (T, 4 + 4 J + 2) of a motion at 30 fps; frame 0 has the root shift and yaw of frame 1."""
@@ -52,7 +51,7 @@ def to_poses(motion: Motion) -> NDArray[np.float32]:
     return np.concatenate([root, quat.reshape(len(quat), -1), feet], axis=1).astype(np.float32)
 
 
-def to_motion(poses: Floats, skeleton: Skeleton, *, heading_rad: float = 0.0) -> Motion:
+def to_motion(poses: AnyFloats, skeleton: Skeleton, *, heading_rad: float = 0.0) -> Motion:
     """The motion (T frames) of pose rows (T, P); it begins above the origin."""
     rows: NDArray[np.float64] = np.asarray(poses, np.float64)
     yaw = rows[:, 3].copy()
@@ -69,13 +68,13 @@ def to_motion(poses: Floats, skeleton: Skeleton, *, heading_rad: float = 0.0) ->
 
 
 def word_conditions(
-    start_s: Floats,
-    end_s: Floats,
+    start_s: AnyFloats,
+    end_s: AnyFloats,
     n_frames: int,
-    rhythm: Floats,
-    count_phase: Floats,
-    motif: Floats,
-    spectral: Floats | None,
+    rhythm: AnyFloats,
+    count_phase: AnyFloats,
+    motif: AnyFloats,
+    spectral: AnyFloats | None,
 ) -> RolloutConditions:
     """Conditioning (1, T, ...) of frames 0 … T - 1 on their words; frames before the first word belong to it.
 
@@ -99,14 +98,14 @@ class FrameConditions:
     """Conditions of frames, except those that they have from their word: see `RolloutConditions`."""
 
     word: NDArray[np.int64]  # (T,)
-    rhythm: Floats  # (T, 4)
-    progress: Floats  # (T,)
-    word_s: Floats  # (T,)
-    count_phase: Floats  # (T, 4)
+    rhythm: AnyFloats  # (T, 4)
+    progress: AnyFloats  # (T,)
+    word_s: AnyFloats  # (T,)
+    count_phase: AnyFloats  # (T, 4)
 
 
 def conditions_of_frames(
-    start_s: Floats, end_s: Floats, n_frames: int, rhythm: Floats, count_phase: Floats
+    start_s: AnyFloats, end_s: AnyFloats, n_frames: int, rhythm: AnyFloats, count_phase: AnyFloats
 ) -> FrameConditions:
     """The conditions of frames 0 … T - 1; arguments as of `word_conditions`."""
     word = word_of_frames(start_s, n_frames)
@@ -121,13 +120,13 @@ def conditions_of_frames(
     )
 
 
-def word_of_frames(start_s: Floats, n_frames: int) -> NDArray[np.int64]:
+def word_of_frames(start_s: AnyFloats, n_frames: int) -> NDArray[np.int64]:
     """The word that each frame lies in, (T,)."""
     times = frame_times_s(n_frames, ROLLOUT_FPS) + 1e-6
     return (np.searchsorted(start_s, times, side="right") - 1).clip(0)
 
 
-def _batch_of_one(values: Floats) -> Tensor:
+def _batch_of_one(values: AnyFloats) -> Tensor:
     return torch.from_numpy(np.asarray(values, np.float32))[None]
 
 
@@ -143,13 +142,13 @@ class RolloutTake:
 
     name: str
     motion: Motion  # at 30 fps
-    rhythm: Floats  # (T', 4) at 30 fps, to the end of the take or of the song
-    count_phase: Floats  # (T', 4) at 30 fps
-    start_s: Floats  # (N,) of the words
-    end_s: Floats  # (N,)
-    motif: Floats  # (N, 184) embedding of each word's motif, that is of its medoid
-    embedding: Floats  # (N, 184) of each word
-    spectral: Floats  # (N, 87) of each word's music
+    rhythm: AnyFloats  # (T', 4) at 30 fps, to the end of the take or of the song
+    count_phase: AnyFloats  # (T', 4) at 30 fps
+    start_s: AnyFloats  # (N,) of the words
+    end_s: AnyFloats  # (N,)
+    motif: AnyFloats  # (N, 184) embedding of each word's motif, that is of its medoid
+    embedding: AnyFloats  # (N, 184) of each word
+    spectral: AnyFloats  # (N, 87) of each word's music
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,8 +236,8 @@ class _TakeTensors:
     motif: Tensor  # (N, 184)
     embedding: Tensor  # (N, 184)
     spectral: Tensor  # (N, 87)
-    first_frame: Floats  # (N,) fractional
-    last_frame: Floats  # (N,)
+    first_frame: AnyFloats  # (N,) fractional
+    last_frame: AnyFloats  # (N,)
     start: int  # first frame of the first word
     stop: int  # after the last frame of the last word
 
@@ -258,17 +257,17 @@ def at_tempo(take: RolloutTake, tempo: float) -> RolloutTake:
     )
 
 
-def _with_beats_of(played: Floats, rhythm: Floats, tempo: float) -> Floats:
+def _with_beats_of(played: AnyFloats, rhythm: AnyFloats, tempo: float) -> AnyFloats:
     """The rhythm at another tempo with every beat in it: frames left out, or played twice, may be beats."""
     beats = np.rint(np.flatnonzero(rhythm[:, BEAT] > 0) / tempo).astype(np.int64)
     is_beat = np.isin(np.arange(len(played)), beats)
     return np.concatenate([played[:, :BEAT], is_beat[:, None]], axis=1)
 
 
-def _played_at(rows: Floats, tempo: float) -> Floats:
+def _played_at(rows: AnyFloats, tempo: float) -> AnyFloats:
     """The rows (T, D) nearest to each frame at another tempo."""
     frames = np.rint(np.arange(int((len(rows) - 1) / tempo) + 1) * tempo).astype(np.int64)
-    result: Floats = rows[np.minimum(frames, len(rows) - 1)]
+    result: AnyFloats = rows[np.minimum(frames, len(rows) - 1)]
     return result
 
 
@@ -296,5 +295,5 @@ def _take_tensors(take: RolloutTake) -> _TakeTensors | None:
     )
 
 
-def _tensor(rows: Floats) -> Tensor:
+def _tensor(rows: AnyFloats) -> Tensor:
     return torch.from_numpy(np.asarray(rows, np.float32))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import AnyInts
 from choreograph.core.timebase import MUSIC_FPS, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.motion.body import mirrored
 from choreograph.music.mel import N_BANDS
@@ -96,9 +97,6 @@ def augment_body(
 # Training data of the style networks: takes and songs as arrays, and balanced batches of them.
 
 
-Ints = NDArray[np.integer]
-
-
 @dataclass(frozen=True, eq=False)
 class StyleSong:
     """A song as training data."""
@@ -118,7 +116,7 @@ class StyleSong:
         frame = start * (MUSIC_FPS // RHYTHM_FPS)
         return self.log_mel[frame : frame + MEL_FRAMES]
 
-    def rhythm_at(self, starts: Ints | int) -> NDArray[np.float32]:
+    def rhythm_at(self, starts: AnyInts | int) -> NDArray[np.float32]:
         """Rhythm (..., RHYTHM_DIM) in the middle of segments."""
         return self.rhythm[np.minimum(np.add(starts, SEGMENT_S // 2 * RHYTHM_FPS), len(self.rhythm) - 1)]
 
@@ -141,7 +139,7 @@ class StyleTake(StyleSong):
         frame = start * (NET_FPS // RHYTHM_FPS)
         return self.body_pos_m[frame : frame + SEGMENT_FRAMES]
 
-    def beat_counts(self, starts: Ints) -> NDArray[np.float32]:
+    def beat_counts(self, starts: AnyInts) -> NDArray[np.float32]:
         """Motion beats (N,) in the segments from each of `starts` (N,)."""
         return count_beats(self.motion_beat_times_s, starts / RHYTHM_FPS)
 

@@ -18,7 +18,7 @@ from choreograph.choreography.rollout.streaming import MotifStream, StreamedWord
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import is_whole, unexpected
 from choreograph.core.counts import Counts, count_phase
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.library.motifs import ALL_GENRES
@@ -32,7 +32,6 @@ from choreograph.settings import DanceConfig
 if TYPE_CHECKING:
     from choreograph.choreography.rollout.streaming import DanceStream, FrameCondition
 
-Floats = NDArray[np.float64]
 
 _MOST_WORDS = 10_000  # that a motif is requested for: an hour of them
 

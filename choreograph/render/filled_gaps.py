@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, clips_to_root_frame, heading_rad
@@ -24,7 +25,6 @@ from choreograph.render.transitions import blend_transition
 # Not in the papers: Rhythm is a Dancer (section 5.5.2) fills gaps between motifs, not between motions.
 
 
-Floats = NDArray[np.float64]
 Frames = tuple[int, int]  # the first, and the one after the last
 
 TRANSITION_S = 0.5  # from a kept part into the filling, and back, all of it within the filling

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.arguments import check_choice, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics, frame_blocks
+from choreograph.core.numerics import Floats, default_numerics, frame_blocks
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import NET_FPS, frame_times_s, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
@@ -38,9 +38,6 @@ from choreograph.render.transitions import blend_transition
 from choreograph.settings import TRANSITION_LENGTHS_S, Blending
 
 # The first and the last pose of a dance, held until its first count and from its last one on.
-
-
-Floats = NDArray[np.float64]
 
 
 def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:

@@ -8,9 +8,9 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
@@ -18,8 +18,6 @@ from choreograph.motion.motion import Motion
 
 # Keeping a dance near the middle of the stage, by small extra rotations at transitions.
 
-
-Floats = NDArray[np.float64]
 
 STAGE_RADIUS_M = 2.0  # steering grows from none at half this distance to its maximum here
 MAX_STEER_RAD = 0.25  # a transition or word: 14°, which moves the feet by about 3 cm

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from choreograph.core.numerics import Floats
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.motion import rotations as rot
@@ -16,8 +16,6 @@ from choreograph.settings import TRANSITION_LENGTHS_S
 
 # From one run to the next: a crossfade, or an offset that decays (inertialization).
 
-
-Floats = NDArray[np.float64]
 
 _BLENDED_SHARE = 0.5  # of a run may be blended at either end, so that its middle stays as recorded
 _MINIMUM_JERK_PEAK = 1.875  # speed in the middle of a minimum-jerk path, by its mean speed

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path, ends_of, free_names
-from choreograph.core.numerics import chi_square_distance
+from choreograph.core.numerics import Floats, chi_square_distance
 from choreograph.core.progress import counted
 from choreograph.formats.writer import GENERATOR
 from choreograph.library.motifs import ALL_GENRES, Vocabulary
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Distances of takes to the template of their genre.
-
-
-Floats = NDArray[np.float64]
 
 
 def dances_of(vocabulary: Vocabulary, take_genres: Sequence[str], genre: str) -> list[int]:

@@ -15,6 +15,7 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path
+from choreograph.core.numerics import Floats
 from choreograph.formats.writer import DANCE_GENERATOR
 from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
 from choreograph.motion.kinematics import forward
@@ -22,7 +23,6 @@ from choreograph.motion.mannequin.skinned_mesh import SkinnedMesh, build_mannequ
 from choreograph.motion.motion import Motion
 from choreograph.view import render_kernels as kernels
 
-Floats = NDArray[np.float64]
 F32 = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
 

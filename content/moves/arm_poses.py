@@ -8,12 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 
-Floats = NDArray[np.float64]
 Direction = tuple[float, float, float]
 
 

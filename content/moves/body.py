@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import frame_times_s
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import two_bone
@@ -16,8 +16,6 @@ from content.moves.curves import Tempo, evaluate, smooth_noise, spring_follow, s
 from content.moves.feet import FootPath, foot_path
 from content.moves.keyframes import MoveKeyframes
 from content.moves.notation import ARM_CHANNELS, CHANNELS, SIDES, Side
-
-Floats = NDArray[np.float64]
 
 _SKELETON = canonical_skeleton()
 _INDEX = {name: i for i, name in enumerate(_SKELETON.names)}

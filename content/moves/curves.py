@@ -10,8 +10,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.signal import lfilter, lfilter_zi
 
 from choreograph.core.errors import ParameterError
-
-Floats = NDArray[np.float64]
+from choreograph.core.numerics import Floats
 
 _OUTSIDE = 32  # counts of extrapolation at the tempo of the first and the last beat
 _SAME_COUNT = 0.04  # closer keyframes are merged: the last written wins

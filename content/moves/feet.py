@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.skeleton import canonical_skeleton
 from content.moves.curves import Tempo, ease
 from content.moves.keyframes import FootPlant
-
-Floats = NDArray[np.float64]
 
 _SKELETON = canonical_skeleton()
 BALL_FROM_ANKLE_M = _SKELETON.offsets_m[_SKELETON.index("left_foot")]  # (3,)

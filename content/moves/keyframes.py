@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from content.moves.arm_poses import ARMS
 from content.moves.curves import Keyframe
 from content.moves.notation import ARM_CHANNELS, CHANNELS, SIDES, Move, Side, Step
 
-Floats = NDArray[np.float64]
 Arrival = tuple[float, tuple[float, ...]]  # a count, and the value from then on
 
 HOME_SIDE_M = 0.10  # a foot's ball at home: to the side of the middle

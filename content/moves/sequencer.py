@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.motion.motion import Motion
 from content.moves.body import animate
 from content.moves.curves import Tempo
 from content.moves.feet import FootPath
 from content.moves.keyframes import PlacedMove, build_keyframes
 from content.moves.notation import Move, Side
-
-Floats = NDArray[np.float64]
 
 STAGE_M = 1.2  # soft limit of the distance of a home from the middle
 _EASY_S = 0.5  # duration of a count at which steps have their written size

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, numbers_in_bar
+from choreograph.core.numerics import Floats
 from choreograph.music.synthesis.composition import Section
 from choreograph.music.synthesis.song import STYLES, SyntheticSong, render_song
 from choreograph.music.synthesis.sounds import RATE_HZ
@@ -110,8 +111,6 @@ def _bars_of_third(style: SongStyle, duration_s: float) -> int:
 # first one's next bar would. Every genre of the built-in takes comes first once and second once. Their seeds
 # start at `FIRST_SEED`, so no network was trained and no setting tuned on them.
 
-
-Floats = NDArray[np.float64]
 
 FIRST_SPLICED_SEED = 6000
 HALF_S = 18.0

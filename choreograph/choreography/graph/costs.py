@@ -13,13 +13,12 @@ from choreograph.choreography.selection import energy_mismatch, steps_mismatch
 from choreograph.core import installed
 from choreograph.core.arguments import unexpected
 from choreograph.core.kernel_cache import njit
+from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import CLIP_FRAMES, NODE_FRAMES
 from choreograph.music.song_features import SongFeatures
 from choreograph.settings import COST_GROUP
 
-Floats = NDArray[np.floating]
 F32 = NDArray[np.float32]
-Ints = NDArray[np.integer]
 
 # Compiled loops of edge costs.
 #
@@ -47,7 +46,12 @@ def distances_from_product(
 
 @njit(nogil=True)
 def revisits(
-    take_a: Ints, end_a: Floats, take_b: Ints, start_b: Floats, min_frames: float, max_frames: float
+    take_a: AnyInts,
+    end_a: AnyFloats,
+    take_b: AnyInts,
+    start_b: AnyFloats,
+    min_frames: float,
+    max_frames: float,
 ) -> F32:  # pragma: no cover - compiled
     """1 where a and b share a take and b starts between `min_frames` and `max_frames` before a ends, (P, N).
 
@@ -105,7 +109,7 @@ class Cost:
         if "name" not in cls.__dict__:
             cls.name = cls.__name__.lower()
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
         """The cost of dancing each node of a layer.
 
         Parameters
@@ -120,7 +124,7 @@ class Cost:
         """
         return None
 
-    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats | None:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | None:
         """The cost of going from each node of one second to each node of the next.
 
         Parameters
@@ -136,7 +140,7 @@ class Cost:
         """
         return None
 
-    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats | float:
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | float:
         """Lower bounds of the edges between segments.
 
         The default is `min_jump_cost`. Override it if a tighter bound of each node of `next` is known.
@@ -152,8 +156,8 @@ class Cost:
 class Style(Cost):
     """‖S_x(clip) - S_m(second)‖₂: distance of a clip's style from the music's (equation 5)."""
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
-        distance: Floats = np.linalg.norm(layer.style - song_features.style[layer.second], axis=1)
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
+        distance: AnyFloats = np.linalg.norm(layer.style - song_features.style[layer.second], axis=1)
         return distance
 
 
@@ -169,7 +173,7 @@ class Completeness(Cost):
 
     min_jump_cost = 1.0
 
-    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         cost = np.ones((previous.n_nodes, next.n_nodes), np.float32)
         here, there = previous.successors_in(next)
         last = np.nan_to_num(previous.last_beat[here], nan=0.0)
@@ -190,7 +194,7 @@ class Transition(Cost):
 
     min_jump_cost = 0.0
 
-    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         return _rms_distances(previous.last_pose_m, next.first_pose_m)
 
 
@@ -204,7 +208,7 @@ class Velocity(Cost):
 
     min_jump_cost = 0.0
 
-    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         difference_m_s = _rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)
         speed_m_s = 0.5 * (
             _rms_speed_m_s(previous.last_velocity_m_s)[:, None] + _rms_speed_m_s(next.first_velocity_m_s)
@@ -220,7 +224,7 @@ class Rhythm(Cost):
     estimated from the motion.
     """
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         by_density = layer.unmatched_beat + layer.density_mismatch
         return np.where(layer.time_map_id >= 0, layer.count_uncertainty, by_density)
 
@@ -231,7 +235,7 @@ class Accents(Cost):
     Dancers rarely come to rest on the count itself. With a high weight, dances stop on every beat.
     """
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         return np.where(layer.time_map_id >= 0, layer.unmatched_beat, 0.0)
 
 
@@ -241,7 +245,7 @@ class Bars(Cost):
     It is 0 if the bars coincide. A take of another metre differs in most beats.
     """
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         return layer.off_bar
 
 
@@ -253,13 +257,13 @@ class Phrasing(Cost):
 
     min_jump_cost = 0.0
 
-    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         cost = 0.5 * (previous.leave_penalty[:, None] + next.enter_penalty).astype(np.float32)
         cost[previous.successors_in(next)] = 0.0
         return cost
 
-    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
-        least: Floats = 0.5 * (previous.leave_penalty.min() + next.enter_penalty)
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
+        least: AnyFloats = 0.5 * (previous.leave_penalty.min() + next.enter_penalty)
         return least
 
 
@@ -270,7 +274,7 @@ class Energy(Cost):
     song of constant loudness, the cost is 0.
     """
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         louder = float(song_features.energy[layer.second] - song_features.energy.mean())
         return energy_mismatch(louder, layer.liveliness)
 
@@ -281,7 +285,7 @@ class Steps(Cost):
     Both are ranks from 0 to 1: of the clip in its genre, and of the second in its song.
     """
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         return steps_mismatch(float(song_features.onset_density[layer.second]), layer.steps)
 
 
@@ -292,9 +296,9 @@ class Pace(Cost):
     the speed, feet slide 1.5 times as fast, and accelerations are more than doubled.
     """
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         slopes = np.diff(layer.source_frames[:, :: NODE_FRAMES // 4], axis=1) / (NODE_FRAMES // 4)  # (N, 4)
-        octaves: Floats = np.abs(np.log2(slopes)).mean(axis=1)
+        octaves: AnyFloats = np.abs(np.log2(slopes)).mean(axis=1)
         return octaves
 
 
@@ -304,7 +308,7 @@ class Variety(Cost):
     Without it, the cheapest path tends to stay in one long take.
     """
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         return layer.recent_usage_s / _USAGE_SCALE_S
 
 
@@ -316,9 +320,9 @@ class Repeat(Cost):
 
     min_jump_cost = 0.0
 
-    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
 
-        again: Floats = revisits(
+        again: AnyFloats = revisits(
             previous.take,
             previous.take_frames[:, 1],
             next.take,
@@ -362,7 +366,7 @@ def installed_costs(weights: Collection[str], given: Iterable[Cost] = ()) -> tup
     return tuple(kind() for name, kind in kinds.items() if name not in taken)
 
 
-def _rms_distances(a: Floats, b: Floats) -> Floats:
+def _rms_distances(a: AnyFloats, b: AnyFloats) -> AnyFloats:
     """Root mean square joint distances (P, N) of poses (P, 21, 3) and (N, 21, 3)."""
 
     n_joints = a.shape[1]
@@ -370,11 +374,11 @@ def _rms_distances(a: Floats, b: Floats) -> Floats:
     flat_b = np.ascontiguousarray(b, np.float32).reshape(len(b), -1)
     sq_a = np.einsum("pd,pd->p", flat_a, flat_a)
     sq_b = np.einsum("nd,nd->n", flat_b, flat_b)
-    distances_m: Floats = distances_from_product(flat_a @ flat_b.T, sq_a, sq_b, np.float32(1.0 / n_joints))
+    distances_m: AnyFloats = distances_from_product(flat_a @ flat_b.T, sq_a, sq_b, np.float32(1.0 / n_joints))
     return distances_m
 
 
-def _rms_speed_m_s(velocity_m_s: Floats) -> NDArray[np.float32]:
+def _rms_speed_m_s(velocity_m_s: AnyFloats) -> NDArray[np.float32]:
     """Root mean square joint speeds (N,) of velocities (N, 21, 3)."""
     speed_m_s: NDArray[np.float32] = np.sqrt(
         np.einsum("njd,njd->n", velocity_m_s, velocity_m_s) / velocity_m_s.shape[1], dtype=np.float32

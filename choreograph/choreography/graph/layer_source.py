@@ -32,6 +32,7 @@ from choreograph.choreography.selection import (
 )
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import substage
 from choreograph.core.timebase import NET_FPS, SEGMENT_S, frames_to_seconds
 from choreograph.library.motifs import SpanMotifLookup
@@ -100,7 +101,6 @@ def _pinned_seconds(pins: tuple[TakePin, ...], n_seconds: int) -> dict[int, Take
 _OTHER_METRE = 2.0  # style loss added to clips of another metre than the song's
 _EFFORT = 0.5  # style loss of the quietest clip where the song is loudest; genres are 1 or more apart
 
-Floats = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
 
@@ -166,7 +166,7 @@ def _nearest_in_style(
     other_metre = _other_metre(request)
     effort = _effort_mismatch(request, costs)
 
-    def penalty(second: int) -> Floats:
+    def penalty(second: int) -> AnyFloats:
         loss = mismatch[second] + _OTHER_METRE * other_metre[second] + effort(second)
         return np.where(may_dance(second), loss, np.inf)
 
@@ -211,13 +211,13 @@ def _other_metre(request: DanceRequest) -> list[NDArray[np.float64]]:
     return [other[of_song] for of_song in metre_at]
 
 
-def _effort_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Callable[[int], Floats]:
+def _effort_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Callable[[int], AnyFloats]:
     """Mismatch of each clip (N,) with a second in energy and in density of steps, if they have weights."""
     repertoire, features = request.repertoire, request.song_features
     weights = {type(w.cost): w.weight for w in costs}
     energy, steps = (_EFFORT * (weights.get(cost, 0.0) > 0) for cost in (Energy, Steps))
 
-    def mismatch(second: int) -> Floats:
+    def mismatch(second: int) -> AnyFloats:
         louder = float(features.energy[second : second + SEGMENT_S].mean() - features.energy.mean())
         density = float(features.onset_density[second])
         return energy * energy_mismatch(louder, repertoire.clip_motion.liveliness_ranks) + (

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.graph.segments import Segments
 from choreograph.core.arguments import check_kind, unexpected
+from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_S
-
-Floats = NDArray[np.floating]
-Ints = NDArray[np.integer]
 
 _ALL = slice(None)
 _USAGE_DECAY_S = 120.0  # time constant: recent usage falls to 1/e after this time
@@ -25,15 +23,15 @@ USAGE_MEMORY_S = 16 * 120  # usage of longer ago is below 2e-7 of that of now
 class PoseBank(Protocol):
     """What layers need from the repertoire, of clips at fractional frames."""
 
-    def poses_m(self, clip: Ints, frames: Floats) -> tuple[Floats, Floats]:
+    def poses_m(self, clip: AnyInts, frames: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
         """Poses (N, 21, 3) and velocities (N, 21, 3) in m/s, both in the root frame."""
         ...
 
-    def liveliness(self, clip: Ints, start: Floats, stop: Floats) -> Floats:
+    def liveliness(self, clip: AnyInts, start: AnyFloats, stop: AnyFloats) -> AnyFloats:
         """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
         ...
 
-    def count_uncertainty(self, clip: Ints, start: Floats, stop: Floats) -> Floats:
+    def count_uncertainty(self, clip: AnyInts, start: AnyFloats, stop: AnyFloats) -> AnyFloats:
         """Uncertainty (N,), 0 … 1, of the counts half way between two frames of each clip."""
         ...
 
@@ -63,33 +61,33 @@ class Layer:
     """
 
     second: int  # second of the song
-    segment: Ints  # (N,) second × K + rank, the same for all nodes of one warped segment
-    offset: Ints  # (N,) 0 … 3: the node's quarter of its segment
-    clip: Ints  # (N,) index in the repertoire
-    take: Ints  # (N,) index in the repertoire
+    segment: AnyInts  # (N,) second × K + rank, the same for all nodes of one warped segment
+    offset: AnyInts  # (N,) 0 … 3: the node's quarter of its segment
+    clip: AnyInts  # (N,) index in the repertoire
+    take: AnyInts  # (N,) index in the repertoire
     take_names: NDArray[np.str_]  # (N,)
     genre: NDArray[np.str_]  # (N,)
-    style: Floats  # (N, 32) of the clip
-    recent_usage_s: Floats  # (N,) recent use of the node's take by the cheapest path so far, decayed
-    take_frames: Floats  # (N, 2) take frames (20 fps) at the second's two borders
-    density_mismatch: Floats  # (N,) mean squared difference of tempo-densities in this second
-    unmatched_beat: Floats  # (N,) share of this second's music and motion beats without a partner
-    first_beat: Floats  # (N,) frame (20 fps) of the first motion beat in the second, nan if none
-    last_beat: Floats  # (N,) frame of the last one
-    time_map_id: Ints  # (N,) equal for nodes of one continuous time map of a counted take, -1 for others
-    count_uncertainty: Floats  # (N,) of the counts of the node's take here, 0 … 1: 0 if no network read them
-    off_bar: Floats  # (N,) share of this second's beats whose number in the bar is not the take's
-    enter_penalty: Floats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
-    leave_penalty: Floats  # (N,) of leaving it at the second's end
-    liveliness: Floats  # (N,) rank of its travel and width as danced among its genre's seconds, 0 … 1
-    steps: Floats  # (N,) rank of the clip's steps in its genre, 0 … 1
-    source_frames: Floats  # (N, 21) clip frames at the 20 output frames and the second's end
-    first_pose_m: Floats  # (N, 21, 3) where takes may change at the second's start,
-    last_pose_m: Floats  # (N, 21, 3) and at its end
-    first_velocity_m_s: Floats  # (N, 21, 3)
-    last_velocity_m_s: Floats  # (N, 21, 3)
-    motifs: Ints  # (N, W) of the node's words, in order, padded with -1; W = 0 if no cost uses motifs
-    motif_counts: Ints  # (N, M) of each motif along the cheapest path to the node; M = 0 likewise
+    style: AnyFloats  # (N, 32) of the clip
+    recent_usage_s: AnyFloats  # (N,) recent use of the node's take by the cheapest path so far, decayed
+    take_frames: AnyFloats  # (N, 2) take frames (20 fps) at the second's two borders
+    density_mismatch: AnyFloats  # (N,) mean squared difference of tempo-densities in this second
+    unmatched_beat: AnyFloats  # (N,) share of this second's music and motion beats without a partner
+    first_beat: AnyFloats  # (N,) frame (20 fps) of the first motion beat in the second, nan if none
+    last_beat: AnyFloats  # (N,) frame of the last one
+    time_map_id: AnyInts  # (N,) equal for nodes of one continuous time map of a counted take, -1 for others
+    count_uncertainty: AnyFloats  # (N,) of the counts of the node's take here, 0 … 1: 0 if not estimated
+    off_bar: AnyFloats  # (N,) share of this second's beats whose number in the bar is not the take's
+    enter_penalty: AnyFloats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
+    leave_penalty: AnyFloats  # (N,) of leaving it at the second's end
+    liveliness: AnyFloats  # (N,) rank of its travel and width as danced among its genre's seconds, 0 … 1
+    steps: AnyFloats  # (N,) rank of the clip's steps in its genre, 0 … 1
+    source_frames: AnyFloats  # (N, 21) clip frames at the 20 output frames and the second's end
+    first_pose_m: AnyFloats  # (N, 21, 3) where takes may change at the second's start,
+    last_pose_m: AnyFloats  # (N, 21, 3) and at its end
+    first_velocity_m_s: AnyFloats  # (N, 21, 3)
+    last_velocity_m_s: AnyFloats  # (N, 21, 3)
+    motifs: AnyInts  # (N, W) of the node's words, in order, padded with -1; W = 0 if no cost uses motifs
+    motif_counts: AnyInts  # (N, M) of each motif along the cheapest path to the node; M = 0 likewise
     new_goal: bool = False  # motifs are counted anew from this second on
 
     __repr__ = one_line
@@ -99,7 +97,7 @@ class Layer:
         """Number of nodes N."""
         return len(self.segment)
 
-    def subset(self, nodes: Ints | NDArray[np.bool_]) -> Layer:
+    def subset(self, nodes: AnyInts | NDArray[np.bool_]) -> Layer:
         """The layer with some of its nodes.
 
         `nodes` are indices (M,) or a mask (N,). Raises `ParameterError` for anything else.
@@ -113,7 +111,7 @@ class Layer:
             raise unexpected(f"indices below {n_nodes} of nodes, or a mask ({n_nodes},)", nodes) from None
         return replace(self, **arrays)
 
-    def with_motif_counts(self, counts_before: Ints) -> Layer:
+    def with_motif_counts(self, counts_before: AnyInts) -> Layer:
         """The layer with the motif counts of the path that ends at each node.
 
         They are the counts of the path up to the node, `counts_before` (N, M), plus the node's own motifs.
@@ -131,7 +129,7 @@ class Layer:
         np.add.at(counts, (node, self.motifs[node, slot]), 1)
         return replace(self, motif_counts=counts)
 
-    def with_recent_usage(self, recent_usage_s: Floats) -> Layer:
+    def with_recent_usage(self, recent_usage_s: AnyFloats) -> Layer:
         """The layer with the recent usage of its nodes' takes.
 
         `recent_usage_s` (takes,) is the usage of every take in seconds. Raises `ParameterError` unless it is
@@ -143,7 +141,7 @@ class Layer:
             raise unexpected(f"recent usage in seconds of {n_takes} takes or more (takes,)", recent_usage_s)
         return replace(self, recent_usage_s=recent_usage_s[self.take])
 
-    def successors_in(self, following: Layer) -> tuple[Ints, Ints]:
+    def successors_in(self, following: Layer) -> tuple[AnyInts, AnyInts]:
         """The pairs of nodes that are consecutive in one warped segment or time map.
 
         Returns the indices (M,) in this layer and the indices (M,) in `following`, the layer of the next
@@ -168,8 +166,8 @@ _ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in ("second", "new_g
 class ClipTable:
     """Columns of the repertoire's clips and takes that layers show."""
 
-    take: Ints  # (N,)
-    start_frame: Ints  # (N,) in its take, 20 fps
+    take: AnyInts  # (N,)
+    start_frame: AnyInts  # (N,) in its take, 20 fps
     take_names: NDArray[np.str_]  # (takes,)
     genres: NDArray[np.str_]  # (takes,)
     style: NDArray[np.float32]  # (N, 32)
@@ -194,7 +192,7 @@ class LayerSource:
         clips: ClipTable,
         poses: PoseBank,
         *,
-        tie_break_s: Floats | None = None,
+        tie_break_s: AnyFloats | None = None,
         motifs: NDArray[np.integer] | None = None,
         n_motifs: int = 0,
         goal_starts: Collection[int] = (),
@@ -209,7 +207,7 @@ class LayerSource:
         self._goal_starts = frozenset(goal_starts)
         seconds = np.arange(len(segments.clip) + SEGMENT_S + 1, dtype=np.float64)
         self._join_times_s = seconds if join_times_s is None else join_times_s
-        self._latest_borders: dict[int, tuple[Floats, Floats]] = {}
+        self._latest_borders: dict[int, tuple[AnyFloats, AnyFloats]] = {}
 
     @property
     def n_seconds(self) -> int:
@@ -240,7 +238,7 @@ class LayerSource:
         # Indexing copies: a view would keep the time maps of all candidates alive.
         return self._quarter(start, offset, slice(rank, rank + 1)).subset(np.array([0]))
 
-    def _borders(self, start: int) -> tuple[Floats, Floats]:
+    def _borders(self, start: int) -> tuple[AnyFloats, AnyFloats]:
         """`_make_borders` of all segments. The latest results are kept.
 
         An `lru_cache` of a method would keep the source alive, and with it all time maps.
@@ -252,7 +250,7 @@ class LayerSource:
             self._latest_borders[start] = self._make_borders(start)
         return self._latest_borders[start]
 
-    def _make_borders(self, start: int, part: slice = _ALL) -> tuple[Floats, Floats]:
+    def _make_borders(self, start: int, part: slice = _ALL) -> tuple[AnyFloats, AnyFloats]:
         """Poses and velocities at the five borders of the segments inserted at `start`, (5, K, 21, 3)."""
         clip = self._segments.clip[start, part]
         maps = self._segments.time_maps[start, part]
@@ -307,7 +305,7 @@ class LayerSource:
         )
 
 
-def _one_per_time_map(time_map_id: Ints) -> Ints:
+def _one_per_time_map(time_map_id: AnyInts) -> AnyInts:
     """Indices of the first node of each time map, and of all nodes (N,) without one."""
     own_id = -1 - np.arange(len(time_map_id))
     _, first = np.unique(np.where(time_map_id >= 0, time_map_id, own_id), return_index=True)

@@ -16,6 +16,7 @@ from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.core.arguments import as_array
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.kernel_cache import njit
+from choreograph.core.numerics import AnyFloats
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.library.words import dance_bounds_s
 from choreograph.motion.body import BODY_JOINTS
@@ -27,15 +28,14 @@ from choreograph.music.song_features import SongFeatures
 # Words last from music beat to music beat. A word belongs to the second of the song that its middle is in.
 
 
-Floats = NDArray[np.floating]
-MotifsOf = Callable[[NDArray[np.int64], Floats, Floats], NDArray[np.integer]]
+MotifsOf = Callable[[NDArray[np.int64], AnyFloats, AnyFloats], NDArray[np.integer]]
 
 NO_MOTIF = -1
 _BLOCK_S = 64  # seconds of the song whose spans are in memory at a time, 0.5 MB each
 
 
 def node_motifs(
-    segments: Segments, clips: ClipTable, word_bounds_s: Floats, motifs_of: MotifsOf
+    segments: Segments, clips: ClipTable, word_bounds_s: AnyFloats, motifs_of: MotifsOf
 ) -> NDArray[np.int16]:
     """Motifs of the nodes of all warped segments.
 
@@ -76,7 +76,7 @@ def node_motifs(
     return motifs
 
 
-def _source_frames(maps: NDArray[np.floating], times_s: Floats) -> NDArray[np.float64]:
+def _source_frames(maps: NDArray[np.floating], times_s: AnyFloats) -> NDArray[np.float64]:
     """Clip frames (K, ...) of times (...) in a segment by its time maps (K, 81), extrapolated outside."""
     frames = np.asarray(times_s) * NET_FPS
     low = np.clip(np.floor(frames).astype(np.int64), 0, SEGMENT_FRAMES - 1)
@@ -111,19 +111,19 @@ class Signature(Cost):
             for (first, goal), stop in zip(goals, stops, strict=True)
         ]
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
         if layer.second > 0:
             return None
-        counted: Floats = self._costs(np.zeros((1, len(self._step_cost[0])), np.int16), layer)[0]
+        counted: AnyFloats = self._costs(np.zeros((1, len(self._step_cost[0])), np.int16), layer)[0]
         return counted
 
-    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         return self._costs(_counts_before(previous, next), next)
 
-    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         step_cost = self._step_cost[self._part[next.second]]
         least = step_cost[np.arange(len(step_cost)), _counts_before(previous, next)].min(axis=0)  # (K,)
-        bounds: Floats = np.append(least, 0.0)[next.motifs].sum(axis=1)
+        bounds: AnyFloats = np.append(least, 0.0)[next.motifs].sum(axis=1)
         return bounds
 
     def _costs(self, counts: NDArray[np.integer], layer: Layer) -> NDArray[np.float32]:
@@ -197,16 +197,18 @@ class MotifTransition(Cost):
         n_words = len(song_words_s(song_features)) - 1
         self._cost = [_transition_costs(goal, song_features.n_seconds / n_words) for _, goal in goals]
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats:
-        total: Floats = self._cost_at(layer)[layer.motifs[:, :-1], layer.motifs[:, 1:]].sum(axis=1)
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
+        total: AnyFloats = self._cost_at(layer)[layer.motifs[:, :-1], layer.motifs[:, 1:]].sum(axis=1)
         return total
 
-    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
-        total: Floats = self._cost_at(next)[_last_motif(previous)[:, None], _first_motif(next)]
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
+        total: AnyFloats = self._cost_at(next)[_last_motif(previous)[:, None], _first_motif(next)]
         return total
 
-    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> Floats:
-        least: Floats = self._cost_at(next)[np.unique(_last_motif(previous))].min(axis=0)[_first_motif(next)]
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
+        least: AnyFloats = self._cost_at(next)[np.unique(_last_motif(previous))].min(axis=0)[
+            _first_motif(next)
+        ]
         return least
 
     def _cost_at(self, layer: Layer) -> NDArray[np.float32]:
@@ -267,17 +269,17 @@ class Stillness(Cost):
     def __init__(self, poses: PoseBank) -> None:
         self._poses = poses
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> Floats | None:
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
         first_s, last_s = held_times_s(song_features.opening_s, song_features.closing_s)
         held_s = [first_s] if song_features.opening_s > 0 else []
         held_s += [last_s] if song_features.closing_s < song_features.duration_s else []
         here = [at_s for at_s in held_s if layer.second <= at_s < layer.second + 1]
         if not here:
             return None
-        restless: Floats = np.sum([self._restlessness(layer, at_s) for at_s in here], axis=0)
+        restless: AnyFloats = np.sum([self._restlessness(layer, at_s) for at_s in here], axis=0)
         return restless
 
-    def _restlessness(self, layer: Layer, at_s: float) -> Floats:
+    def _restlessness(self, layer: Layer, at_s: float) -> AnyFloats:
         frame = (at_s - layer.second) * NET_FPS
         low = min(int(frame), NODE_FRAMES - 1)
         slope = layer.source_frames[:, low + 1] - layer.source_frames[:, low]
@@ -286,7 +288,7 @@ class Stillness(Cost):
         )
         speed_m_s = np.linalg.norm(velocity_m_s, axis=-1).mean(axis=1) * slope
         lifted_m = np.ptp(pose_m[:, _ANKLES, 1], axis=1)
-        restlessness: Floats = speed_m_s + 10.0 * lifted_m
+        restlessness: AnyFloats = speed_m_s + 10.0 * lifted_m
         return restlessness
 
 
@@ -318,8 +320,8 @@ def allowed_nodes(
 
 
 def weighted_terms(
-    costs: Sequence[WeightedCost], evaluate: Callable[[Cost], Floats | None], shape: tuple[int, ...]
-) -> Iterator[tuple[str, Floats]]:
+    costs: Sequence[WeightedCost], evaluate: Callable[[Cost], AnyFloats | None], shape: tuple[int, ...]
+) -> Iterator[tuple[str, AnyFloats]]:
     """Name and weighted values of every cost that `evaluate` gives values for.
 
     Raises `ParameterError` for nan or a wrong shape.

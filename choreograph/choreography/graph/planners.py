@@ -22,11 +22,10 @@ from choreograph.choreography.graph.motif_costs import (
 )
 from choreograph.core.errors import NoPathError
 from choreograph.core.kernel_cache import njit
+from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
 
-Floats = NDArray[np.floating]
-Ints = NDArray[np.integer]
 Report = Callable[[int, int], None]  # seconds planned, seconds in all
 
 _PRUNE_BELOW = 0.8  # copying a part of a layer takes about a fifth of the time of its edges
@@ -152,7 +151,7 @@ class _GreedyPath:
         self._append(layer, best, self._last.motif_counts)
         return True
 
-    def _append(self, layer: Layer, node: int, counts_before: Ints) -> None:
+    def _append(self, layer: Layer, node: int, counts_before: AnyInts) -> None:
         self._last = layer.subset(np.array([node])).with_motif_counts(counts_before)
         self.keys.append(int(self._last.segment[0] * 4 + self._last.offset[0]))
         self.takes.append(int(self._last.take[0]))
@@ -163,7 +162,7 @@ def _node_keys(layer: Layer) -> NDArray[np.int32]:
     return (layer.segment * SEGMENT_S + layer.offset).astype(np.int32)
 
 
-def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[Ints], last: int) -> list[int]:
+def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[AnyInts], last: int) -> list[int]:
     """`values` (N,) of every layer along the cheapest path to node `last` of the last layer."""
     found = [int(values[-1][last])]
     for parent, here in zip(reversed(parents), reversed(values[:-1]), strict=True):
@@ -270,7 +269,7 @@ def _continue_segments(
 def _path_with_costs(
     source: LayerSource,
     keys: list[int],
-    usage_s: Sequence[Floats],
+    usage_s: Sequence[AnyFloats],
     costs: Sequence[WeightedCost],
     song_features: SongFeatures,
 ) -> Path:

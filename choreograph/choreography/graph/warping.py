@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import CLIP_FRAMES, MAX_SLOPE, MIN_SLOPE, NET_FPS, SEGMENT_FRAMES
 from choreograph.music.count_grids import MAX_SHIFT_S, SongGrid, TakeGrids
 
@@ -125,8 +126,6 @@ def smooth_time_maps(
 # All seconds of a take with one shift have one continuous time map, however many clips it spans. ChoreoGraph
 # warps every clip by tempo-density instead (section 3.2, `segments`).
 
-
-Floats = NDArray[np.float64]
 
 NO_TIME_MAP = -1
 _MAX_SHIFTS = 9  # tried around the middle of a clip: two bars of four to each side

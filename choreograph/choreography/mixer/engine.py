@@ -6,7 +6,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.enforcement import (
@@ -28,14 +27,13 @@ from choreograph.choreography.mixer.words import (
 )
 from choreograph.choreography.motif_sequences import MotifGoal, draw_motifs
 from choreograph.core.errors import NoPathError, ParameterError
+from choreograph.core.numerics import Indices
 from choreograph.core.progress import StepReport, part, substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan, PlannedWord
 from choreograph.render.rendering import render
 from choreograph.settings import DanceConfig
-
-Indices = NDArray[np.int64]
 
 _STEPS = 10  # of the progress of a rendering
 _KEEP_M = 0.1  # cost of replacing a word that shows its motif, to help another

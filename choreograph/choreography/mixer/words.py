@@ -18,7 +18,7 @@ from choreograph.choreography.motif_sequences import (
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.counts import Counts
 from choreograph.core.errors import NoPathError, ParameterError
-from choreograph.core.numerics import squared_distances
+from choreograph.core.numerics import AnyFloats, Indices, squared_distances
 from choreograph.core.timebase import NET_FPS, WORD_FRAMES
 from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
@@ -29,9 +29,6 @@ from choreograph.plan import PlannedWord
 
 # The words of a repertoire as the mixer compares them: poses at their borders, and their motif margin.
 
-
-Floats = NDArray[np.floating]
-Indices = NDArray[np.int64]
 
 AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS  # the three poses by which transitions are compared
 
@@ -45,9 +42,9 @@ class WordBank:
     def __init__(
         self,
         vocabulary: Vocabulary,
-        body_pos_m: Callable[[int], Floats],
-        embed: Callable[[Floats], NDArray[np.float32]],
-        bounds_s: Floats | None = None,
+        body_pos_m: Callable[[int], AnyFloats],
+        embed: Callable[[AnyFloats], NDArray[np.float32]],
+        bounds_s: AnyFloats | None = None,
     ) -> None:
         self.vocabulary = vocabulary
         cut_s = np.stack([vocabulary.word_start_s, vocabulary.word_end_s], axis=1)
@@ -56,7 +53,7 @@ class WordBank:
         self._embed = embed
         self._margin_m = np.full(len(vocabulary.word_motif), np.nan)
 
-    def borders_m(self, words: Indices, lengths_s: float) -> tuple[Floats, Floats]:
+    def borders_m(self, words: Indices, lengths_s: float) -> tuple[AnyFloats, AnyFloats]:
         """The three poses around the start and the end of words (M,), each (M, 3, 21, 3), in the root frame.
 
         They are a twentieth of a second apart in the dance, where the words last `lengths_s`.
@@ -67,14 +64,14 @@ class WordBank:
         poses = clips_to_root_frame(poses)  # (M, 2, 3, 21, 3)
         return poses[:, 0], poses[:, 1]
 
-    def motif_margin_m(self, words: Indices) -> Floats:
+    def motif_margin_m(self, words: Indices) -> AnyFloats:
         """How much nearer each word (M,) is to its motif than to any other, negative if another is nearer."""
         new = np.unique(words[np.isnan(self._margin_m[words])])
         if len(new):
             self._margin_m[new] = self._measured_margin_m(new)
         return self._margin_m[words]
 
-    def _measured_margin_m(self, words: Indices) -> Floats:
+    def _measured_margin_m(self, words: Indices) -> AnyFloats:
         v = self.vocabulary
         share = np.linspace(0.0, 1.0, WORD_FRAMES)
         length_s = v.word_end_s[words] - v.word_start_s[words]
@@ -85,12 +82,12 @@ class WordBank:
         rows, own = np.arange(len(words)), v.word_motif[words]
         to_own = distance[rows, own]
         distance[rows, own] = np.inf
-        margin_m: Floats = (
+        margin_m: AnyFloats = (
             np.minimum(distance.min(axis=1), 1.0) - to_own
         )  # with one motif alone the next is a metre away
         return margin_m
 
-    def _poses_m(self, words: Indices, times_s: Floats) -> NDArray[np.float64]:
+    def _poses_m(self, words: Indices, times_s: AnyFloats) -> NDArray[np.float64]:
         """Poses (M, ..., 21, 3) of the words' takes at times (M, ...)."""
         poses = np.empty((*times_s.shape, 21, 3))
         takes = self.vocabulary.word_take[words]
@@ -99,7 +96,7 @@ class WordBank:
         return poses
 
 
-def accented_bounds_s(repertoire: Repertoire) -> Floats:
+def accented_bounds_s(repertoire: Repertoire) -> AnyFloats:
     """The part (W, 2) of its take that each word dances, so that its accents lie on the beat (ours).
 
     Words are cut on counts. If a take has its accents near the counts, words begin and end on the accents
@@ -132,9 +129,9 @@ class Candidates:
     """The words that may be danced in one slot of the dance, M of them."""
 
     words: Indices  # (M,) indices in the vocabulary
-    cost_m: Floats  # (M,) of the word on its own, in metres of joint distance; inf forbids
-    first_m: Floats  # (M, 3, 21, 3) the poses around its start, in the root frame
-    last_m: Floats  # (M, 3, 21, 3) the poses around its end
+    cost_m: AnyFloats  # (M,) of the word on its own, in metres of joint distance; inf forbids
+    first_m: AnyFloats  # (M, 3, 21, 3) the poses around its start, in the root frame
+    last_m: AnyFloats  # (M, 3, 21, 3) the poses around its end
 
     @property
     def any_left(self) -> bool:
@@ -291,10 +288,10 @@ def _cheapest(candidates: Sequence[Candidates]) -> list[int]:
     return rows[::-1]
 
 
-def _transition_costs_m(before: Candidates, here: Candidates) -> Floats:
+def _transition_costs_m(before: Candidates, here: Candidates) -> AnyFloats:
     """Cost of going from each word (M) to each of the next slot (M'), (M, M')."""
     a, b = before.last_m.reshape(len(before.words), -1), here.first_m.reshape(len(here.words), -1)
     n_points = a.shape[1] // 3
     again = before.words[:, None] == here.words
-    cost_m: Floats = np.sqrt(squared_distances(a, b) / n_points) + _REPEAT_COST_M * again
+    cost_m: AnyFloats = np.sqrt(squared_distances(a, b) / n_points) + _REPEAT_COST_M * again
     return cost_m

@@ -33,6 +33,7 @@ from choreograph.choreography.motif_sequences import (
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.counts import count_phase
 from choreograph.core.errors import NoPathError, ParameterError
+from choreograph.core.numerics import Indices
 from choreograph.core.progress import substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
@@ -44,9 +45,6 @@ from choreograph.music.song import Song
 from choreograph.plan import Plan, PlannedWord
 from choreograph.render.rendering import hold_ends, render_over
 from choreograph.settings import DanceConfig
-
-Indices = NDArray[np.int64]
-Floats = NDArray[np.float32]
 
 _ATTEMPTS = 4  # at a dance that shows what is requested
 
@@ -81,9 +79,9 @@ class _Rollout:
     """One try at a dance."""
 
     motifs: Indices  # (N,) drawn or given
-    asked: Floats  # (N, D) embeddings that the network was conditioned on
+    asked: NDArray[np.float32]  # (N, D) embeddings that the network was conditioned on
     motion: Motion
-    shown: Floats  # (N, D) embeddings of the motion, or those asked for if nothing was requested
+    shown: NDArray[np.float32]  # (N, D) embeddings of the motion, or those asked for if nothing was requested
     danced: Indices  # (N,) motifs of these
     wrong: tuple[int, ...]  # slots that do not show what was requested
 
@@ -140,7 +138,7 @@ def _asked(
     attempt: int,
     constraints: ResolvedConstraints,
     repertoire: Repertoire,
-) -> Floats:
+) -> NDArray[np.float32]:
     """Embeddings (N, D) to condition on: medoids, and for requests the medoid plus what the best try missed.
 
     Later attempts add a smaller share of it.
@@ -156,7 +154,7 @@ def _asked(
 
 def _checked_dance(
     motifs: Indices,
-    asked: Floats,
+    asked: NDArray[np.float32],
     motion: Motion,
     plan: Plan,
     constraints: ResolvedConstraints,
@@ -260,7 +258,7 @@ def _kept_motifs(request: DanceRequest, constraints: ResolvedConstraints) -> dic
 
 
 def _generated(
-    request: DanceRequest, constraints: ResolvedConstraints, motifs: Indices, asked: Floats
+    request: DanceRequest, constraints: ResolvedConstraints, motifs: Indices, asked: NDArray[np.float32]
 ) -> Motion:
     """The network's dance to the song of motifs (N,), conditioned on embeddings (N, D)."""
     from choreograph.choreography.rollout.generation import HeldPoses, MotifSequence, generate_motion

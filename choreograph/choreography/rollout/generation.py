@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import frame_times_s, seconds_to_frames, times_to_frames
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.contacts import foot_contacts
@@ -20,8 +21,6 @@ from choreograph.motion.skeleton import Skeleton
 from choreograph.nets.rollout import N_FEET, RolloutNet
 from choreograph.nets.rollout_data import ROLLOUT_FPS, to_motion, to_poses, word_conditions
 from choreograph.render.runs import steer_rad
-
-Floats = NDArray[np.float64]
 
 SEED_FRAMES = 15  # recorded poses before the first generated one, as in the paper
 # Gaussian deviations. The network jumps at a new motif. Smoothing reduces its jerk to that of people.

@@ -25,6 +25,7 @@ from choreograph.choreography.rollout.generation import (
 )
 from choreograph.core.arguments import as_index
 from choreograph.core.counts import Counts
+from choreograph.core.numerics import Floats
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import DEFAULT_WORD_S, dance_bounds_s
 from choreograph.motion import rotations as rot
@@ -36,8 +37,6 @@ from choreograph.render.runs import steer_rad
 
 # Motifs drawn word by word while a song plays (Rhythm is a Dancer, section 4.3).
 
-
-Floats = NDArray[np.float64]
 
 _LAST_WORDS = 8  # whose median duration words after the last count have
 

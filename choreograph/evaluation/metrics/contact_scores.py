@@ -37,14 +37,11 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.motion.body import BODY_JOINTS, body_pos_at, checked_body_pos_m
 from choreograph.motion.contacts import estimate_floor_m
-
-Floats = NDArray[np.float64]
 
 SCORE_FPS = 30.0
 PFC_SCALE = 10_000.0

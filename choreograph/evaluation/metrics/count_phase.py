@@ -21,14 +21,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.evaluation.metrics.counts import beat_positions
 from choreograph.evaluation.metrics.references import halves
-
-Floats = NDArray[np.float64]
 
 ROUNDS = 50  # splits of the experts
 _NAMES = ("phase_distance", "phase_distance_chance", "phase_distance_halves", "phase_nearness")

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 
-Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 WITHIN_BEATS = 0.15

@@ -9,14 +9,11 @@ these values with the speed of the dance itself.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.timebase import STORE_FPS, frame_times_s, seconds_to_frames
 from choreograph.motion.body import body_pos_at, checked_body_pos_m
-
-Floats = NDArray[np.float64]
 
 END_S = 0.3
 HELD_M_S = 0.15

@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.timebase import NET_FPS
 from choreograph.motion.body import BODY_JOINTS, body_pos_at, checked_body_pos_m
 
-Floats = NDArray[np.float64]
 Sizes = tuple[Floats, Floats]  # speed in m/s and space in litres, one each per frame
 
 LEAST_S = 3.0

@@ -43,7 +43,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.distance import pdist
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.timebase import frame_times_s, seconds_to_frames
 from choreograph.evaluation.metrics import geometric_relations
 from choreograph.evaluation.metrics.frechet import fit_gaussian, frechet_distance
@@ -51,7 +51,6 @@ from choreograph.motion.body import body_indices
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS
 
-Floats = NDArray[np.float64]
 Variant = Literal["published", "corrected"]
 
 FEATURE_FPS = 60.0

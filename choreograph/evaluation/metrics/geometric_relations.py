@@ -16,11 +16,9 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from choreograph.core.numerics import Floats
 from choreograph.motion.skeleton import CANONICAL_JOINTS
-
-Floats = NDArray[np.float64]
 
 # Points that relations may name: the joints, and the two ends of the vertical.
 _POINTS = (*CANONICAL_JOINTS, "origin", "up")

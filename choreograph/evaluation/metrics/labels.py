@@ -38,12 +38,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.timebase import MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_S, frames_to_seconds
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, body_pos_at
 from choreograph.music.mel import log_mel, mel_band_hz, onset_envelopes
-
-Floats = NDArray[np.float64]
 
 PAIRS = ("openness", "intensity", "rhythm", "asymmetry")
 LOW, HIGH = 1.0, 10.0

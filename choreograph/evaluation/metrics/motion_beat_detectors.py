@@ -22,16 +22,13 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.timebase import STORE_FPS, frames_to_seconds
 from choreograph.evaluation.metrics import beat
 from choreograph.motion.body import body_pos_at, checked_body_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s
-
-Floats = NDArray[np.float64]
 
 SAVITZKY_GOLAY_S = 0.35
 _SAVITZKY_GOLAY_ORDER = 3

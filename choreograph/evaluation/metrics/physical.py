@@ -13,15 +13,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.timebase import NET_FPS, STORE_FPS, frame_times_s
 from choreograph.evaluation.metrics import contact_scores
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, body_pos_at, checked_body_pos_m
 
-Floats = NDArray[np.float64]
 Times = Sequence[float] | Floats
 
 LOW_M = 0.05

@@ -11,13 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Indices
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
-
-Indices = NDArray[np.int64]
 
 
 def halves(groups: Sequence[str], rng: np.random.Generator) -> tuple[Indices, Indices]:

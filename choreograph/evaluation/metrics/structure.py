@@ -16,17 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import chi_square_distance, default_numerics
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.integer]
+from choreograph.core.numerics import AnyInts, Floats, chi_square_distance, default_numerics
 
 STEP_S = 0.25  # time step at which a take is compared with itself
 SAME_S = 0.5  # two warps of one clip differ by up to this much at the same moment of the take
 SOON_S = 1.0  # at half speed a take stays this long within `SAME_S` of one moment, which is no repeat
 
 
-def validate(motifs: Indices, n_motifs: int) -> None:
+def validate(motifs: AnyInts, n_motifs: int) -> None:
     """Raise `ParameterError` unless these are motif numbers (N,) from 0 to K - 1.
 
     Examples
@@ -44,7 +41,7 @@ def validate(motifs: Indices, n_motifs: int) -> None:
         raise ParameterError(f"expected motifs 0 to {n_motifs - 1}, got {sequence.min()} to {sequence.max()}")
 
 
-def signature_distance(motifs: Indices, template: Floats) -> float:
+def signature_distance(motifs: AnyInts, template: Floats) -> float:
     """χ² distance between the motif shares of a dance and a signature (K,), 0 to 1. Lower is better.
 
     Rhythm is a Dancer, equation 11. The result is nan without motifs.
@@ -62,7 +59,7 @@ def signature_distance(motifs: Indices, template: Floats) -> float:
     return float(chi_square_distance(np.bincount(motifs, minlength=len(template)) / len(motifs), template))
 
 
-def transition_bits(motifs: Indices, transitions: Floats) -> float:
+def transition_bits(motifs: AnyInts, transitions: Floats) -> float:
     """Mean surprisal of the transitions between motifs, -log₂ of their probability (K, K), in bits.
 
     Rhythm is a Dancer, section 4.3. The result is 0 if every transition was certain, `inf` if one was
@@ -79,7 +76,7 @@ def transition_bits(motifs: Indices, transitions: Floats) -> float:
     return float(bits[motifs[:-1], motifs[1:]].mean()) if len(motifs) > 1 else float("nan")
 
 
-def transition_chance_bits(motifs: Indices, transitions: Floats) -> float:
+def transition_chance_bits(motifs: AnyInts, transitions: Floats) -> float:
     """Chance level of `transition_bits`: its mean over all orders of the same motifs.
 
     Examples
@@ -101,7 +98,7 @@ def transition_chance_bits(motifs: Indices, transitions: Floats) -> float:
     return float(table[~np.eye(len(motifs), dtype=bool)].mean())
 
 
-def longest_repeat(items: Sequence[int] | Indices) -> int:
+def longest_repeat(items: Sequence[int] | AnyInts) -> int:
     """Length of the longest run of items that occurs twice without overlap. 0 if none does.
 
     Examples
@@ -149,7 +146,7 @@ def distinct_takes_per_minute(takes: Sequence[str], duration_s: float) -> float:
     return len(set(takes)) * 60.0 / duration_s
 
 
-def motifs_by_section(motifs: Indices, starts_s: Floats, section_bounds_s: Floats) -> list[Indices]:
+def motifs_by_section(motifs: AnyInts, starts_s: Floats, section_bounds_s: Floats) -> list[AnyInts]:
     """The motifs that start in each section, S sequences.
 
     Examples
@@ -170,7 +167,7 @@ def motifs_by_section(motifs: Indices, starts_s: Floats, section_bounds_s: Float
     return np.split(np.asarray(motifs), np.searchsorted(starts, bounds))[1:-1]
 
 
-def shared_motifs(sections: Sequence[Indices], n_motifs: int) -> Floats:
+def shared_motifs(sections: Sequence[AnyInts], n_motifs: int) -> Floats:
     """Similarity of the motif shares of any two sections, regardless of order: 1 - χ², (S, S) from 0 to 1.
 
     Examples
@@ -186,7 +183,7 @@ def shared_motifs(sections: Sequence[Indices], n_motifs: int) -> Floats:
     return 1.0 - chi_square_distance(shares[:, None], shares)
 
 
-def motifs_in_step(sections: Sequence[Indices]) -> Floats:
+def motifs_in_step(sections: Sequence[AnyInts]) -> Floats:
     """Share of equal motifs at the same position of any two sections, (S, S) from 0 to 1.
 
     Positions are counted from the start of each section.
@@ -205,7 +202,7 @@ def motifs_in_step(sections: Sequence[Indices]) -> Floats:
     return similarity
 
 
-def section_agreement(similarity: Floats, section_labels: Sequence[str] | Indices) -> float:
+def section_agreement(similarity: Floats, section_labels: Sequence[str] | AnyInts) -> float:
     """Similarity of sections with equal labels minus that of sections with different labels, -1 to 1.
 
     It is the mean of `similarity` (S, S) over pairs with equal labels, minus its mean over the other pairs.
@@ -231,7 +228,7 @@ def section_agreement(similarity: Floats, section_labels: Sequence[str] | Indice
 
 @default_numerics()
 def evaluate(
-    motifs: Indices,
+    motifs: AnyInts,
     starts_s: Floats,
     takes: Sequence[str],
     pieces_s: Floats,
@@ -239,7 +236,7 @@ def evaluate(
     template: Floats,
     transitions: Floats,
     section_bounds_s: Floats,
-    section_labels: Sequence[str] | Indices,
+    section_labels: Sequence[str] | AnyInts,
 ) -> dict[str, float]:
     """All metrics of this module by name.
 

@@ -16,12 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.evaluation.metrics import counts
 from choreograph.evaluation.metrics.counts import WITHIN_BEATS, beat_positions
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 
 def validate(transitions_s: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLike) -> None:
@@ -183,13 +180,15 @@ def _has_bars(beat_numbers: ArrayLike) -> bool:
     return bool((np.asarray(beat_numbers) == 1).any())
 
 
-def _at_bars(transitions_s: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLike) -> Booleans:
+def _at_bars(transitions_s: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLike) -> NDArray[np.bool_]:
     """Whether each transition is at a downbeat, (B,)."""
     downbeats_s = np.asarray(beats_s, np.float64)[np.asarray(beat_numbers) == 1]
     return _near(transitions_s, downbeats_s, beats_s)
 
 
-def _at_figures(transitions_s: ArrayLike, beats_s: ArrayLike, figure_borders_s: ArrayLike) -> Booleans:
+def _at_figures(
+    transitions_s: ArrayLike, beats_s: ArrayLike, figure_borders_s: ArrayLike
+) -> NDArray[np.bool_]:
     """Whether each transition is at a border of a figure, (B,)."""
     borders_s = np.sort(np.asarray(figure_borders_s, np.float64))
     if borders_s.ndim != 1 or not np.isfinite(borders_s).all():
@@ -197,15 +196,15 @@ def _at_figures(transitions_s: ArrayLike, beats_s: ArrayLike, figure_borders_s: 
     return _near(transitions_s, borders_s, beats_s)
 
 
-def _near(times_s: ArrayLike, borders_s: Floats, beats_s: ArrayLike) -> Booleans:
+def _near(times_s: ArrayLike, borders_s: Floats, beats_s: ArrayLike) -> NDArray[np.bool_]:
     """Whether each time (B,) is within `WITHIN_BEATS` beat of any border (F,); none is without beats."""
     times = np.asarray(times_s, np.float64)
     if np.size(beats_s) < 2:
         return np.zeros(len(times), bool)
     apart = beat_positions(borders_s, beats_s) - beat_positions(times, beats_s)[:, None]  # (B, F)
-    result: Booleans = np.any(np.abs(apart) <= WITHIN_BEATS + 1e-9, axis=1)
+    result: NDArray[np.bool_] = np.any(np.abs(apart) <= WITHIN_BEATS + 1e-9, axis=1)
     return result
 
 
-def _share(flags: Booleans) -> float:
+def _share(flags: NDArray[np.bool_]) -> float:
     return float(flags.mean()) if len(flags) else float("nan")

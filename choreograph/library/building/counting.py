@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.counts import FROM_MOTION, FROM_MUSIC, NO_COUNTS, Counts
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.library.builtin import PretrainedNet
 from choreograph.library.notes import Note
@@ -27,7 +28,6 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Take
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
 
-Floats = NDArray[np.float64]
 MotionCounter = Callable[[NDArray[np.floating]], Counts]  # body positions (T, 21, 3) at 20 fps to counts
 
 # Built-in takes and their songs' beats have 0.83 to 1, takes of dance-with-melody, of any phase, up to 0.28.

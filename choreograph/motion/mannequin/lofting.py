@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-Floats = NDArray[np.float64]
+from choreograph.core.numerics import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.numerics import Floats
 from choreograph.motion.mannequin.bind_pose import UP, Body
 from choreograph.motion.mannequin.lofting import (
-    Floats,
     Piece,
     Rings,
     ellipsoid,
