@@ -34,7 +34,7 @@ _MAPPED = ["s.wav", "--character", "MINE"], ["s.wav", "--character", "hero.glb",
 _EVALUATED = (
     ["MINE", "s.wav"], ["d.bvh", "MINE"], ["d.bvh", "s.wav", "--db", "MINE"],
     ["d.bvh", "s.wav", "--beats", "MINE"], ["--songs", "FOLDER/"],
-    ["--songs", "other", "--counted-by", "FOLDER/"], ["--songs", "other", "--experts", "FOLDER/"],
+    ["--songs", "other", "--experts", "FOLDER/"],
     ["--songs", "other", "--judge", "MINE"], ["--songs", "other", "--only", "@MINE"],
     ["--songs", "other", "--beats", "FOLDER/"],
 )  # fmt: skip
