@@ -16,17 +16,7 @@ import choreograph as cg
 EXAMPLES = re.compile(r"^Examples\n-{8}\n(.+?)(?=^\S[^\n]*\n-{3,}\n|\Z)", flags=re.S | re.M)
 # Names whose docstring has no example yet, by room. They only become fewer: a name with an example must go.
 TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
-    "motion": (
-        "Credits",
-        "Motion",
-        "Skeleton",
-        "Take",
-    ),
-    "music": (
-        "Song",
-        "SongFeatures",
-        "load_song",
-    ),
+    "music": ("SongFeatures",),
 }
 TO_DO = {name for names in TO_DO_BY_ROOM.values() for name in names}
 

@@ -60,6 +60,15 @@ class Motion:
 
     Raises `ParameterError` if a field is of another type, shapes disagree, there is no frame, or a value is
     not finite.
+
+    Examples
+    --------
+    >>> skeleton = cg.Skeleton(("hips", "head"), [-1, 0], [[0, 1, 0], [0, 0.6, 0]])
+    >>> motion = cg.Motion(skeleton, np.zeros((60, 3)), np.tile([1.0, 0, 0, 0], (60, 2, 1)), 30)
+    >>> motion.duration_s, motion.joint_pos_m().shape
+    (2.0, (60, 2, 3))
+    >>> motion.resampled(60).n_frames
+    120
     """
 
     skeleton: Skeleton
@@ -188,6 +197,11 @@ class Credits:
     """Performer, licence and source of a take; empty where the source does not state them.
 
     Raises `ParameterError` unless all are text.
+
+    Examples
+    --------
+    >>> cg.Credits(genre="waltz", performer="Ana", licence="CC BY 4.0").genre
+    'waltz'
     """
 
     genre: str = ""
@@ -206,6 +220,14 @@ class Take:
     """One performance: its motion, its song file and its credits.
 
     Raises `ParameterError` if a field is of another type.
+
+    Examples
+    --------
+    >>> skeleton = cg.Skeleton(("hips", "head"), [-1, 0], [[0, 1, 0], [0, 0.6, 0]])
+    >>> motion = cg.Motion(skeleton, np.zeros((60, 3)), np.tile([1.0, 0, 0, 0], (60, 2, 1)), 30)
+    >>> take = cg.Take("first waltz", motion, cg.Credits(genre="waltz"))
+    >>> take.credits.genre, take.song_path is None
+    ('waltz', True)
     """
 
     name: str  # unique in a repertoire

@@ -52,6 +52,14 @@ class Skeleton:
 
     Raises `ParameterError` if a field is of another type, shapes disagree, a parent does not come before its
     child, names repeat, an offset is not finite, or there are over 4096 joints.
+
+    Examples
+    --------
+    >>> skeleton = cg.Skeleton(("hips", "spine", "head"), [-1, 0, 1], [[0, 1, 0], [0, 0.3, 0], [0, 0.3, 0]])
+    >>> skeleton.index("head")
+    2
+    >>> skeleton.rest_pos_m()[2]
+    array([0. , 1.6, 0. ])
     """
 
     names: tuple[str, ...]  # (J,)

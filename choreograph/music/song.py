@@ -36,6 +36,13 @@ class Song:
 
     Raises `ParameterError` unless there is a sample or more, all are finite floats, and name, path, notes and
     start are such.
+
+    Examples
+    --------
+    >>> tone = 0.5 * np.sin(2 * np.pi * 440 * np.arange(10 * 22050) / 22050)
+    >>> song = cg.Song(tone.astype(np.float32), "tone")
+    >>> song.duration_s, song.part(2.0, 5.0).duration_s
+    (10.0, 5.0)
     """
 
     samples: NDArray[np.float32]  # (S,)
@@ -108,6 +115,12 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     ------
     FormatError      the file is missing, a folder, empty, truncated, not audio, over 3 hours, or not finite
     ParameterError   `start_s` is negative or past the end, or `duration_s` is not positive
+
+    Examples
+    --------
+    >>> song = cg.load_song(cg.example_songs()["house"], start_s=2.0, duration_s=8.0)
+    >>> song.name, song.duration_s
+    ('house', 8.0)
     """
     path = as_path("a song", path)
     check_span(start_s, duration_s)
