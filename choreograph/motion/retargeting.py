@@ -52,11 +52,14 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     pos, quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)  # (T, J, 3), (T, J, 4)
     bones = _bones(target, source_roles, target_roles)
     hinges = _hinge_axes(pos, source_roles, target, target_roles)
-    trunk, trunk_offset = _trunk(motion.skeleton, source_roles, quat, target, target_roles)
-    turning = dict.fromkeys(trunk, trunk_offset) | _feet(
-        motion.skeleton, source_roles, quat, target, target_roles
-    )
-    spine = _spread_spine(source_roles, target_roles) if trunk else {}
+    trunk = _neutral_trunk(motion.skeleton, source_roles, quat, target, target_roles)
+    turning = _feet(motion.skeleton, source_roles, quat, target, target_roles)
+    spine: dict[int, tuple[tuple[int | None, int], float]] = {}
+    trunk_turn = rot.IDENTITY
+    if trunk is not None:
+        trunk_turn = trunk.turn
+        turning = dict.fromkeys(trunk.joints, trunk_turn) | turning
+        spine = _spread_spine(source_roles, target_roles)
     world = np.empty((motion.n_frames, target.n_joints, 4))
     source_of = {target_roles[role]: source_roles[role] for role in target_roles if role in source_roles}
     for joint in range(target.n_joints):
@@ -65,11 +68,11 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
         )
         if joint in spine:
             (below, above), share = spine[joint]
-            upper = rot.multiply(quat[:, above], trunk_offset)
+            upper = rot.multiply(quat[:, above], trunk_turn)
             lower = (
                 world[:, target_roles["pelvis"]]
                 if below is None
-                else rot.multiply(quat[:, below], trunk_offset)
+                else rot.multiply(quat[:, below], trunk_turn)
             )
             world[:, joint] = rot.slerp(lower, upper, share)
             continue
@@ -121,31 +124,30 @@ def _bones(target: Skeleton, source_roles: dict[str, int], target_roles: dict[st
     return bones
 
 
-def _trunk(
-    skeleton: Skeleton, roles: dict[str, int], quat: Floats, target: Skeleton, target_roles: dict[str, int]
-) -> tuple[set[int], Floats]:
-    """Spine, neck and head of the target, with pelvis and collars if both rest poses stand.
+@dataclass(frozen=True)
+class _Trunk:
+    """Joints of the target that turn as the source's do, with the rotation between their axes."""
 
-    And the rotation (4,) from the source's world rotations to theirs. None of them if a rest pose is bent
-    there, or the source's axes differ from joint to joint: what is its neutral pose is then not known.
+    joints: set[int]
+    turn: Floats  # (4,)
+
+
+def _neutral_trunk(
+    skeleton: Skeleton, roles: dict[str, int], quat: Floats, target: Skeleton, target_roles: dict[str, int]
+) -> _Trunk | None:
+    """Spine, neck and head of the target, with pelvis and collars if both rest poses are upright.
+
+    None if a rest pose is bent there, or the source's axes differ from joint to joint. The neutral pose is
+    then unknown.
     """
-    none: tuple[set[int], Floats] = set(), rot.IDENTITY
     chain = [role for role in _TRUNK if role in roles and role in target_roles]
     if not {"spine1", "neck"} <= set(chain):
-        return none
-    axes: list[list[Floats]] = []
-    for rest, known in ((target.rest_pos_m(), target_roles), (skeleton.rest_pos_m(), roles)):
-        bones = np.diff(rest[[known[role] for role in chain]], axis=0)
-        across = "collar" if {"left_collar", "right_collar"} <= known.keys() else "shoulder"
-        up = _unit(rest[known["neck"]] - rest[known["spine1"]])
-        left = rest[known[f"left_{across}"]] - rest[known[f"right_{across}"]]
-        left = left - up * (left @ up)
-        bent = bones @ up < np.cos(_NEUTRAL_RAD) * np.linalg.norm(bones, axis=-1) - _SHORTEST_BONE_M
-        if bent.any() or np.linalg.norm(left) < _SHORTEST_BONE_M:
-            return none
-        axes.append([up, _unit(left)])
+        return None
+    target_axes, axes = (_trunk_axes(*rig, chain) for rig in ((target, target_roles), (skeleton, roles)))
+    if target_axes is None or axes is None:
+        return None
     if not all(_is_neutral(quat, roles[lower], roles[upper]) for lower, upper in pairwise(chain)):
-        return none
+        return None
     trunk = set(chain)
     if rest_pose_is_upright(skeleton) and rest_pose_is_upright(target):
         chest = [role for role in chain if role.startswith("spine")][-1]
@@ -155,8 +157,22 @@ def _trunk(
             for role, next_to in beside.items()
             if role in roles and role in target_roles and _is_neutral(quat, roles[next_to], roles[role])
         }
-    turn = _alignment(axes[0], axes[1], weights=[np.inf, 1.0])
-    return {target_roles[role] for role in trunk}, turn
+    turn = _alignment(target_axes, axes, weights=[np.inf, 1.0])
+    return _Trunk({target_roles[role] for role in trunk}, turn)
+
+
+def _trunk_axes(skeleton: Skeleton, roles: dict[str, int], chain: list[str]) -> list[Floats] | None:
+    """The directions up and left (3,) of the trunk in the rest pose. None if it is bent, or has no width."""
+    rest = skeleton.rest_pos_m()
+    bones = np.diff(rest[[roles[role] for role in chain]], axis=0)
+    across = "collar" if {"left_collar", "right_collar"} <= roles.keys() else "shoulder"
+    up = _unit(rest[roles["neck"]] - rest[roles["spine1"]])
+    left = rest[roles[f"left_{across}"]] - rest[roles[f"right_{across}"]]
+    left = left - up * (left @ up)
+    bent = bones @ up < np.cos(_NEUTRAL_RAD) * np.linalg.norm(bones, axis=-1) - _SHORTEST_BONE_M
+    if bent.any() or np.linalg.norm(left) < _SHORTEST_BONE_M:
+        return None
+    return [up, _unit(left)]
 
 
 def _is_neutral(quat: Floats, first: int, second: int) -> bool:
