@@ -10,6 +10,7 @@ knows which one a child that died or hung was at. Inputs follow from the seed an
 from __future__ import annotations
 
 import faulthandler
+import gc
 import json
 import os
 import re
@@ -171,12 +172,14 @@ def replay(target: Target, inputs: Sequence[Input]) -> Tally:
 def _in_child(target: Target, tally: Tally, make: Callable[[int], Input], last: int, slice_s: float) -> None:
     """Try inputs from `tally.tried` on: to the last, for `slice_s`, or until one ends the child."""
     from_child, to_parent = os.pipe()
+    gc.freeze()  # a child that frees FFmpeg's objects of the parent waits for their threads for ever
     child = os.fork()
     if child == 0:
         try:
             _try_inputs(target, make, range(tally.tried, last), slice_s, to_parent)
         finally:  # without what the parent does at its end, such as to remove its files
             os._exit(1)
+    gc.unfreeze()
     os.close(to_parent)
     hung = False
     with os.fdopen(from_child, "rb", buffering=0) as lines:  # `select` knows nothing of a buffer
