@@ -186,10 +186,17 @@ def render(
     plan.check()
     _check_existing(plan, existing)
     _check_takes(plan, repertoire)
+    return render_from(take_motions(repertoire), plan, existing=existing, report=report)
+
+
+def render_from(
+    read_motion: MotionReader, plan: Plan, *, existing: Motion | None = None, report: StepReport | None = None
+) -> Motion:
+    """As `render`, of a plan that needs no checks, from what reads the takes."""
     runs = plan_runs(plan)
     motion, _ = assemble(
         without_holes(runs, plan.duration_s) if plan.kept_of and not plan.seconds else runs,
-        take_motions(repertoire),
+        read_motion,
         fps=plan.fps,
         duration_s=plan.duration_s,
         blending=plan.blending,

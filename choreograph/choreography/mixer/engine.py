@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -32,7 +33,8 @@ from choreograph.core.progress import StepReport, part, substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan, PlannedWord
-from choreograph.render.rendering import render
+from choreograph.render.rendering import render_from, take_motions
+from choreograph.render.runs import MotionReader
 from choreograph.settings import DanceConfig
 
 _STEPS = 10  # of the progress of a rendering
@@ -126,13 +128,14 @@ def mix(request: DanceRequest, goal: MotifGoal) -> MixedDance:
         candidates = with_border_costs(candidates, request.kept, constraints)
     locked = set(constraints.pinned)
     report = substage(request.report, "mixing")
+    read_motion = lru_cache(maxsize=1024)(take_motions(request.repertoire))  # most words stay the same
     best: MixedDance | None = None
     rounds = 0
     while True:
         words = search_words(candidates, search=config.planner)
         steps = _STEPS * max(_ROUNDS, rounds + 1)
         of_round = part(report, _STEPS * rounds, _STEPS * (rounds + 1), steps)
-        mixed = _rendered(words, locked, pool, request, of_round)
+        mixed = _rendered(words, locked, pool, request, read_motion, of_round)
         if best is None or mixed.n_violations < best.n_violations:
             best = mixed
         rounds += 1
@@ -149,11 +152,12 @@ def _rendered(
     locked: Collection[int],
     pool: CandidatePool,
     request: DanceRequest,
+    read_motion: MotionReader,
     report: StepReport | None,
 ) -> MixedDance:
     constraints = request.constraints
     plan = _to_plan(words, locked, pool, request)
-    motion = render(plan, request.repertoire, report=report)
+    motion = render_from(read_motion, plan, report=report)
     chosen = pool.vocabulary.word_motif[words]
     held = [not is_danced(slot, plan, constraints) for slot in range(constraints.n_words)]
     # A pose that is held has no motif of its own.
