@@ -72,15 +72,16 @@ def rolling(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def few_density_steps():
-    """Trains the tempo-density networks of the preset `tiny` for a moment only."""
-    from dataclasses import replace
+def short_trainings():
+    """Trains the networks of the preset `tiny` for a moment only."""
+    from short_trainings import shorten_trainings
 
-    from choreograph.nets import configs as config
+    from choreograph.nets import configs
 
     with pytest.MonkeyPatch.context() as patch:
-        few = replace(config._DENSITY_PRESETS["tiny"], steps=20, music_steps=20)
-        patch.setitem(config._DENSITY_PRESETS, "tiny", few)
+        for name in ("_STYLE_PRESETS", "_WORD_PRESETS", "_ROLLOUT_PRESETS", "_DENSITY_PRESETS"):
+            patch.setattr(configs, name, dict(getattr(configs, name)))
+        shorten_trainings()
         yield
 
 

@@ -139,7 +139,7 @@ def test_the_papers_tables_of_a_repertoire_of_other_takes(shared_data, db, tmp_p
 
 
 @pytest.fixture(scope="module")
-def stepped(tmp_path_factory, few_density_steps):
+def stepped(tmp_path_factory, short_trainings):
     """Three counted takes of 16 s that step to clicks, and a repertoire of two with learned densities."""
     folder = tmp_path_factory.mktemp("stepped")
     takes = folder / "takes"

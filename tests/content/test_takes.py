@@ -19,7 +19,7 @@ from content import starter_takes as takes
 from content.moves.genres import GENRES
 from content.songs.known_songs import BENCHMARK_SONGS, FIRST_SEED
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_density_steps")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("short_trainings")]
 
 
 def test_there_are_enough_takes_and_none_is_a_benchmark_song():

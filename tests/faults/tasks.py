@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
+from short_trainings import shorten_trainings
 from synthetic_motions import stepping
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 from choreograph.cli.main import main
 from choreograph.formats.register import save_motion
-from choreograph.nets import configs as rollout_config
-from choreograph.nets import configs as style_config
-from choreograph.nets import configs as word_config
 from choreograph.nets import training
 
 _STEPS = 5  # of every training
@@ -82,6 +80,5 @@ def write_inputs(folder: Path) -> None:
 
 def _shorten_trainings(checkpoint_every_s: float) -> None:
     training.CHECKPOINT_EVERY_S = checkpoint_every_s
-    for presets in (style_config._STYLE_PRESETS, word_config._WORD_PRESETS, rollout_config._ROLLOUT_PRESETS):
-        presets["tiny"] = replace(presets["tiny"], steps=_STEPS)
+    shorten_trainings(_STEPS)
     sys.stdin.close()  # nothing waits for an answer

@@ -25,7 +25,7 @@ from choreograph.motion.body import body_pos_m
 from content.moves.genres import GENRES
 from content.moves.sequencer import render_take
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_density_steps")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("short_trainings")]
 
 TRUE_BPM = 120.0
 TAKES = ("DANCE_C_8", "DANCE_R_2", "DANCE_W_11")

@@ -17,13 +17,15 @@ from choreograph.formats.register import save_motion
 from choreograph.library.building.build import build_repertoire
 from choreograph.library.building.options import BuildOptions
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("short_trainings")]
 
 TINY = BuildOptions(preset="tiny", style_changes={"steps": 3})
 BUILD = """
 import sys
+from short_trainings import shorten_trainings
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.build import build_repertoire
+shorten_trainings()
 build_repertoire([sys.argv[1]], sys.argv[2], BuildOptions(preset="tiny", style_changes={"steps": 3}))
 """
 RESUMED = replace(TINY, resume=True)
@@ -126,7 +128,8 @@ def test_a_second_build_of_a_file_is_refused_and_disturbs_nothing(original, tmp_
     """Two with different seeds never mix: the file is the first one's to the bit."""
     folder = original / "takes"
     output = tmp_path / "a.h5"
-    first = subprocess.Popen([sys.executable, "-c", BUILD, str(folder), str(output)])
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    first = subprocess.Popen([sys.executable, "-c", BUILD, str(folder), str(output)], env=environment)
     while not (tmp_path / "a.h5.build" / "owner.json").exists():
         assert first.poll() is None
         time.sleep(0.01)

@@ -11,7 +11,7 @@ import choreograph as cg
 from choreograph.formats.register import save_motion
 from choreograph.pipeline import building
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("short_trainings")]
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +19,8 @@ def folder(tmp_path_factory):
     """A take to clicks, in a folder of its own."""
     folder = tmp_path_factory.mktemp("taught") / "takes"
     folder.mkdir()
-    save_motion(folder / "steps.bvh", stepping(30 * 30, period_s=0.5, seed=1))
-    write_clicks(folder / "steps.wav", duration_s=30.0)
+    save_motion(folder / "steps.bvh", stepping(24 * 30, period_s=0.5, seed=1))
+    write_clicks(folder / "steps.wav", duration_s=24.0)
     return folder
 
 

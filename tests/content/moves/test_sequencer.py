@@ -19,7 +19,7 @@ from content.moves.sequencer import STAGE_M, render, render_take, sequence_moves
 
 pytestmark = pytest.mark.slow
 
-LOW_FPS = 20.0  # enough for positions, mean speeds and sequences of moves
+LOW_FPS = 10.0  # enough for positions, mean speeds and sequences of moves
 every_genre = pytest.mark.parametrize("genre", GENRES.values(), ids=lambda genre: genre.name)
 BEATS_S = 1.0 + np.arange(96) * 0.5
 
