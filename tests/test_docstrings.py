@@ -14,11 +14,6 @@ from threadpoolctl import threadpool_limits
 import choreograph as cg
 
 EXAMPLES = re.compile(r"^Examples\n-{8}\n(.+?)(?=^\S[^\n]*\n-{3,}\n|\Z)", flags=re.S | re.M)
-# Names whose docstring has no example yet, by room. They only become fewer: a name with an example must go.
-TO_DO_BY_ROOM: dict[str, tuple[str, ...]] = {
-    "music": ("SongFeatures",),
-}
-TO_DO = {name for names in TO_DO_BY_ROOM.values() for name in names}
 
 
 def functions_of_metrics() -> dict[str, object]:
@@ -51,9 +46,6 @@ def test_the_example_of_a_public_name_runs(name, tmp_path, monkeypatch):
         f"{name} has no docstring"
     )
     text = examples(value)
-    if name in TO_DO:
-        assert text is None, f"{name} has an example now: take it out of TO_DO"
-        pytest.skip("no example yet")
     assert text is not None, f"expected a section Examples in the docstring of {name}"
 
     home = value if inspect.ismodule(value) else importlib.import_module(value.__module__)
@@ -65,10 +57,6 @@ def test_the_example_of_a_public_name_runs(name, tmp_path, monkeypatch):
         runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
         runner.run(test, out=report.append)
     assert not report, "".join(report)
-
-
-def test_names_without_an_example_are_public_names():
-    assert set(PUBLIC) >= TO_DO
 
 
 @pytest.mark.parametrize("name", CLASSES)

@@ -18,7 +18,17 @@ from choreograph.music.sections import Sections
 
 @dataclass(frozen=True, eq=False)
 class SongFeatures:
-    """Features of a song; S is its number of seconds, rounded up."""
+    """Features of a song, as costs receive them. S is its number of seconds, rounded up.
+
+    Examples
+    --------
+    >>> class AsLoud(cg.Cost):
+    ...     def node(self, layer, song_features):
+    ...         return np.abs(layer.liveliness - song_features.energy[layer.second])
+    >>> dance = cg.dance(cg.example_songs()["house"], duration_s=8, costs=[AsLoud()])
+    >>> len(dance.plan.seconds)
+    8
+    """
 
     name: str
     duration_s: float
