@@ -52,7 +52,7 @@ class PlannedWord:
 
     start_s: float  # in the dance
     end_s: float
-    motif: int  # wanted; 0 where a part of another dance is kept
+    motif: int  # wanted, or 0 where a part of another dance is kept
     take: str  # empty if a network dances it, or it is kept of another dance
     source_start_s: float  # in the take
     source_end_s: float
@@ -73,12 +73,12 @@ class Block:
 
     @property
     def kept(self) -> str:
-        """The dance that it is kept of; empty if it is danced anew."""
+        """The dance that it is kept of, or empty if it is danced anew."""
         return self.planned.kept if isinstance(self.planned, PlannedWord) else ""
 
     @property
     def source(self) -> str:
-        """The take that is danced, or the dance that it is kept of; empty if a network dances."""
+        """The take that is danced, or the dance that it is kept of, or empty if a network dances."""
         return self.kept or self.planned.take
 
 
@@ -112,10 +112,10 @@ class Plan:
     seconds: tuple[PlannedSecond, ...]
     engine: str = "graph"
     words: tuple[PlannedWord, ...] = ()
-    music_beat_numbers: tuple[int, ...] = ()  # in the bar, 1 on the downbeat; none if bars are not known
-    metre: int = 0  # beats in a bar; 0 if bars are not known
+    music_beat_numbers: tuple[int, ...] = ()  # in the bar, 1 on the downbeat, or none if bars are not known
+    metre: int = 0  # beats in a bar, or 0 if bars are not known
     opening_s: float = 0.0  # until then the dance holds its first pose
-    closing_s: float | None = None  # from then on it holds its last one; None: it dances to the end
+    closing_s: float | None = None  # from then on it holds its last one. None: it dances to the end
     lock_feet: bool = True  # when it is rendered
     keep_on_stage: bool = True  # by small rotations at transitions
 
@@ -137,7 +137,7 @@ class Plan:
 
     @property
     def danced_bars_s(self) -> tuple[float, ...]:
-        """When bars begin between the held poses; none if the song's bars are not known."""
+        """When bars begin between the held poses, or none if the song's bars are not known."""
         beats = zip(self.music_beats_s, self.music_beat_numbers, strict=False)  # no numbers without bars
         return tuple(s for s, number in beats if number == 1 and self.opening_s <= s <= self.danced_until_s)
 
@@ -166,12 +166,12 @@ class Plan:
 
     @property
     def from_takes(self) -> bool:
-        """Whether every block is a piece of a take; False if a network generates the motion."""
+        """Whether every block is a piece of a take, or False if a network generates the motion."""
         return all(block.planned.take for block in self.blocks)
 
     @property
     def kept_of(self) -> str:
-        """The dance of which parts are kept; empty if none are."""
+        """The dance of which parts are kept, or empty if none are."""
         return next((word.kept for word in self.words if word.kept), "")
 
     @property
@@ -235,7 +235,7 @@ class Plan:
 
     @classmethod
     def read(cls, path: str | Path) -> Plan:
-        """Read a plan file; `FormatError` if it is missing or not a plan."""
+        """Read a plan file. Raises `FormatError` if it is missing or not a plan."""
         return cls.from_json(read_text(as_path("a plan", path), "a plan file"), name=str(path))
 
     def _faults(self) -> Iterator[str]:
@@ -320,7 +320,7 @@ def _unreplaced_blocks(
 
 
 def _source_s(second: PlannedSecond, at_s: float) -> float:
-    """The source time at a time of the dance; beyond the second at the speed it has there."""
+    """The source time at a time of the dance. Beyond the second at the speed it has there."""
     times_s = np.array(second.source_times_s)
     frame = (at_s - second.second) * NODE_FRAMES
     inside = float(np.interp(frame, np.arange(len(times_s)), times_s))
@@ -329,7 +329,7 @@ def _source_s(second: PlannedSecond, at_s: float) -> float:
 
 
 def _of_this_version(data: Any, name: str) -> dict[str, Any]:
-    """The fields of a plan's JSON; `FormatError` if it is no plan, or one of another version."""
+    """The fields of a plan's JSON. Raises `FormatError` if it is no plan, or one of another version."""
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise FormatError(f"{name}: expected a {FORMAT}, got {reprlib.repr(data)}")
     version = data.get("version")
@@ -367,7 +367,7 @@ def _word(entry: Any, where: str) -> PlannedWord:
 
 
 def _known(kind: type, data: Any, where: str, *, except_for: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The fields of dataclass `kind` in `data`, each of its declared type; `FormatError` otherwise."""
+    """The fields of dataclass `kind` in `data`, each of its declared type. Raises `FormatError` otherwise."""
     if not isinstance(data, dict):
         raise FormatError(f"{where}: expected {kind.__name__.lower()} by key, got {reprlib.repr(data)}")
     wanted = {f.name: str(f.type) for f in fields(kind)}

@@ -25,7 +25,7 @@ from choreograph.settings import DanceConfig
 
 _NEAREST = "no genre given: the dance follows {}, whose takes are nearest to the song in style"
 _FALLBACK = "no genre given: the style decides on none, and the dance follows all takes together"
-_PER_DISTANCE = 0.025  # loss per squared distance; neighbouring seconds have similar distances
+_PER_DISTANCE = 0.025  # loss per squared distance. Neighbouring seconds have similar distances
 _FAR = 20.0  # limit of squared distance beyond the nearest genre's: a few seconds do not decide for a section
 # Loss added to a genre if none of its takes has the metre of a second. It is larger than any loss of style,
 # since a dance in another metre does not fit the bars. At 0.3, a rumba at a waltz's tempo was danced as

@@ -126,10 +126,10 @@ def draw_motifs(
     ----------
     signature : float array (K,)       target signature s_G
     transitions : float array (K, K)   row i: probabilities of the motif after motif i
-    pins : position -> motif           always kept; pinning all positions re-creates a given dance
+    pins : position -> motif           always kept. Pinning all positions re-creates a given dance
     banned : motifs that must not occur
     possible : bool array (N, K)       which motifs each word may be (ours: those that have a word on its
-        count); all, if there is none
+        count), or all if there is none
     need : "missing" or "absolute": how equation 5's difference is read, see above
 
     Each motif is drawn by equation 5 times the probability that the transitions lead from it to the next pin

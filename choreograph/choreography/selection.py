@@ -119,7 +119,7 @@ def select_clips(
     music_beat_count : float array (S,)     B_m(s_m)
     clip_style : float array (N, D)         s_x of every clip's middle 4 s
     clip_beat_count : float array (N,)      motion beats in the clip's middle 4 s
-    candidates : int                        K; all clips if there are fewer
+    candidates : int                        K. All clips if there are fewer
     beat_weight : float                     λ_b against λ_cs = 1, as in training
     penalty : second -> float array (N,)    added to the losses of the clips
 
@@ -223,10 +223,10 @@ def draw_clips(
 
     Parameters
     ----------
-    priorities : the random numbers of the clips; the least are drawn first
-    candidates : int                        K; all clips if there are fewer
+    priorities : the random numbers of the clips. The clips with the lowest are drawn first
+    candidates : int                        K. All clips if there are fewer
     may_dance : second -> bool array (N,)   other clips are drawn only if there are too few
-    suits : second -> bool array (N,)       which clips suit the music; None: all of them
+    suits : second -> bool array (N,)       which clips suit the music, by default all of them
 
     Returns
     -------

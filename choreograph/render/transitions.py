@@ -67,7 +67,7 @@ def decay_offset(offset: Floats, times_s: Floats, length_s: float) -> Floats:
     d = length_s
     x, v, a = offset
     a = np.zeros_like(a) if d == 0 else a
-    # p(0) = x, p'(0) = v, p''(0) = a; p(d) = p'(d) = p''(d) = 0.
+    # p(0) = x, p'(0) = v and p''(0) = a, and p(d) = p'(d) = p''(d) = 0.
     c3 = -(10 * x + 6 * v * d + 1.5 * a * d**2) / d**3
     c4 = (15 * x + 8 * v * d + 1.5 * a * d**2) / d**4
     c5 = -(6 * x + 3 * v * d + 0.5 * a * d**2) / d**5

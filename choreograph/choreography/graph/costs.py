@@ -34,7 +34,7 @@ _ROUNDING = np.float32(2e-6)
 def distances_from_product(
     product: F32, sq_a: F32, sq_b: F32, scale: np.float32
 ) -> F32:  # pragma: no cover - compiled
-    """√(scale · (|a|² + |b|² - 2 a·b)) in place of the products a·b, (P, N) float32; 0 within rounding."""
+    """√(scale · (|a|² + |b|² - 2 a·b)), replacing the products a·b, (P, N) float32. 0 within rounding."""
     n_a, n_b = product.shape
     for i in range(n_a):
         for j in range(n_b):
@@ -80,7 +80,7 @@ class Cost:
 
     Attributes
     ----------
-    name : name in plans, weights and errors; by default the class name in lower case
+    name : name in plans, weights and errors. The default is the class name in lower case
     min_jump_cost : lower bound of every edge between two warped segments. With it, the exact planner skips
         edges that cannot be on the cheapest path. Set it to 0 if no edge is negative.
 

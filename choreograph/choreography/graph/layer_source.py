@@ -99,7 +99,7 @@ def _pinned_seconds(pins: tuple[TakePin, ...], n_seconds: int) -> dict[int, Take
 
 
 _OTHER_METRE = 2.0  # style loss added to clips of another metre than the song's
-_EFFORT = 0.5  # style loss of the quietest clip where the song is loudest; genres are 1 or more apart
+_EFFORT = 0.5  # style loss of the quietest clip where the song is loudest. Genres are 1 or more apart
 
 Mask = NDArray[np.bool_]
 

@@ -41,8 +41,8 @@ def node_motifs(
 
     Parameters
     ----------
-    word_bounds_s : float array (Q + 1,)   times where the song's words begin and end; `song_words_s`
-    motifs_of : (take, start_s, stop_s) -> motifs, arrays (M,); see `library.motifs.SpanMotifLookup`
+    word_bounds_s : float array (Q + 1,)   times where the song's words begin and end, of `song_words_s`
+    motifs_of : (take, start_s, stop_s) -> motifs, arrays (M,), as of `library.motifs.SpanMotifLookup`
 
     Returns
     -------
@@ -138,7 +138,8 @@ def _motif_count_costs(
 ) -> NDArray[np.float32]:  # pragma: no cover - compiled
     """Sum over a node's motifs of step_cost[motif, times danced before], (P, N) float32.
 
-    step_cost (K, C) float32; counts (P, K) along the path to each predecessor; motifs (N, W) padded with -1.
+    step_cost is (K, C) float32. counts (P, K) are those along the path to each predecessor. motifs (N, W)
+    are padded with -1.
     """
     n_a, n_b, width = len(counts), len(motifs), motifs.shape[1]
     n_motifs, n_counts = step_cost.shape

@@ -175,7 +175,7 @@ def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[AnyInts], 
 def _cheapest_predecessor(
     reached: NDArray[np.float32], edges: NDArray[np.float32]
 ) -> NDArray[np.int32]:  # pragma: no cover - compiled
-    """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32; float32 in."""
+    """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32, of float32 arrays."""
     n_a, n_b = edges.shape
     parent = np.zeros(n_b, np.int32)
     block = 512

@@ -44,7 +44,7 @@ class Segments:
     unmatched_beat: NDArray[np.float32]  # (S, K, 4) share of music and motion beats without a partner
     first_beat: NDArray[np.float32]  # (S, K, 4) frame of the quarter's first motion beat, nan if none
     last_beat: NDArray[np.float32]  # (S, K, 4)
-    time_map_id: NDArray[np.int64]  # (S, K) equal in segments of one time map; `NO_TIME_MAP` if none
+    time_map_id: NDArray[np.int64]  # (S, K) equal in segments of one time map. `NO_TIME_MAP` if none
     off_bar: NDArray[np.float32]  # (S, K, 4) share of beats whose number in the bar is not the take's
     phrase_penalty: NDArray[np.float32]  # (S, K, 5) of changing takes at the quarters' borders, 0 … 1
 

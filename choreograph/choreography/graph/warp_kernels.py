@@ -112,7 +112,7 @@ def _solve_banded(main: F64, first: F64, second: F64, rhs: F64) -> None:  # prag
 def _match_beats(
     path: F64, source_beats: F64, music_beats: F64, window: float, anchor_frame: F64, anchor_source: F64
 ) -> int:  # pragma: no cover - compiled
-    """Match music beats to motion beats along the path; returns the number of pairs.
+    """Match music beats to motion beats along the path and return the number of pairs.
 
     Pairs go to `anchor_frame` (output frames) and `anchor_source` (source frames). Beats match if each is the
     other's nearest and they are at most `window` output frames apart.
@@ -127,7 +127,7 @@ def _match_beats(
         low = min(int(frame), n - 2)
         slope = path[low + 1] - path[low]
         source_here = path[low] + (frame - low) * slope
-        # The nearest motion beat in the source; the gap is in output frames, by the local slope.
+        # The nearest motion beat in the source. The gap is in output frames, by the local slope.
         while b + 1 < len(source_beats) and abs(source_beats[b + 1] - source_here) <= abs(
             source_beats[b] - source_here
         ):
@@ -198,9 +198,9 @@ def smooth_batch(
     max_slope: float,
     last_source: float,
 ) -> F64:  # pragma: no cover - compiled
-    """Smooth time maps (K, Tq) of DTW paths; see `time_maps.smooth_time_maps` for the objective.
+    """Smooth time maps (K, Tq) of DTW paths. See `time_maps.smooth_time_maps` for the objective.
 
-    Candidate k has the motion beats beats[beat_ranges[k, 0] : beat_ranges[k, 1]], in clip frames; all have
+    Candidate k has the motion beats beats[beat_ranges[k, 0] : beat_ranges[k, 1]], in clip frames. All have
     the same music beats, in output frames.
     """
     n, n_frames = paths.shape
@@ -217,7 +217,7 @@ def smooth_batch(
         path = maps[k]
         for i in range(n_frames):
             path[i] = paths[k, i]
-        # The first pass only smooths the staircase; the second matches beats along the smooth path.
+        # The first pass only smooths the staircase. The second matches beats along the smooth path.
         for iteration in range(2):
             _normal_equations(path, stiffness, main, first, second, rhs)
             if iteration == 1:
@@ -300,7 +300,7 @@ def segment_beats(
 def _played_beats(
     time_map: F64, speed: F32, prominence: float
 ) -> tuple[F64, int]:  # pragma: no cover - compiled
-    """Minima of the speed at which a clip is played through `time_map`, in output frames; their number."""
+    """Minima of the speed of a clip played through `time_map`, in output frames, and their number."""
     n = len(time_map)
     played = np.empty(n)
     for i in range(n):
@@ -333,7 +333,7 @@ def _played_beats(
 
 @njit()
 def _median(values: F64) -> float:  # pragma: no cover - compiled
-    """The median, by sorting a copy; quick for a segment's 80 frames."""
+    """The median, by sorting a copy, which is fast for the 80 frames of a segment."""
     n = len(values)
     ordered = np.empty(n)
     for i in range(n):

@@ -42,7 +42,8 @@ def subsequence_dtw(query: ArrayLike, targets: ArrayLike) -> tuple[NDArray[np.fl
 
     References
     ----------
-    ChoreoGraph, section 3.2; Müller, Fundamentals of Music Processing (2015), section 7.2.
+    ChoreoGraph, section 3.2
+    Müller, Fundamentals of Music Processing (2015), section 7.2
     """
     from choreograph.choreography.graph.warp_kernels import dtw_batch
 
@@ -96,7 +97,7 @@ def smooth_time_maps(
     Parameters
     ----------
     source_frames : float array (K, Tq)   DTW paths, clip frames
-    clip_frames : int                     frames of a clip; maps stay in [0, clip_frames - 1]
+    clip_frames : int                     frames of a clip. Maps stay in [0, clip_frames - 1]
     motion_beats : float array (Q,)       beats of all clips, increasing within each, clip frames
     beat_ranges : int array (K, 2)        candidate k has motion_beats[range[0]:range[1]]
     music_beats : float array (M,)        beats of the music segment, increasing, output frames

@@ -81,7 +81,7 @@ class MixedDance:
     motion: Motion
     words: Indices  # (N,) of the vocabulary
     wanted: Indices  # (N,) motif of each word
-    danced: Indices  # (N,) motif that the rendered motion shows there; -1 for a word too short to have one
+    danced: Indices  # (N,) motif that the rendered motion shows there, or -1 for a word too short to have one
     broken: tuple[int, ...]  # slots where a pinned motif is not danced, or a banned one is
 
     @property

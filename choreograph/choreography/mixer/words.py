@@ -129,7 +129,7 @@ class Candidates:
     """The words that may be danced in one slot of the dance, M of them."""
 
     words: Indices  # (M,) indices in the vocabulary
-    cost_m: AnyFloats  # (M,) of the word on its own, in metres of joint distance; inf forbids
+    cost_m: AnyFloats  # (M,) of the word on its own, in metres of joint distance. inf excludes the word
     first_m: AnyFloats  # (M, 3, 21, 3) the poses around its start, in the root frame
     last_m: AnyFloats  # (M, 3, 21, 3) the poses around its end
 

@@ -53,7 +53,7 @@ class AlignmentVariant:
     mean_over: Literal["music", "motion"]  # the beats that the mean is taken over
     fps: float
     sigma_frames: float
-    smoothing_frames: float  # Gaussian over the joint speed; 0 for none
+    smoothing_frames: float  # Gaussian over the joint speed, or 0 for none
     order: int  # a motion beat is slower than this many frames on either side
     starts_at_rest: bool = False  # speed 0 at the first frame, and each step counted at its last frame
 

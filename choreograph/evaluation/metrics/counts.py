@@ -286,7 +286,7 @@ def uniform_chance(metre: int) -> dict[str, float]:
 def _numbers_under_ones(
     danced_s: ArrayLike, danced_numbers: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLike
 ) -> tuple[Numbers, Floats]:
-    """Number of the beat nearest to each judged count 1, and its error in beats; none without bars."""
+    """Number of the beat nearest to each judged count 1, and its error in beats, or none without bars."""
     validate(danced_s, danced_numbers, beats_s, beat_numbers)
     numbers = np.asarray(beat_numbers, np.int64)
     position = beat_positions(danced_s, beats_s)
@@ -298,7 +298,7 @@ def _numbers_under_ones(
 
 
 def _judged(position: Floats, n_beats: int) -> NDArray[np.bool_]:
-    """Whether positions are at most half a beat outside the beats; nan is not."""
+    """Whether positions are at most half a beat outside the beats. False for nan."""
     return (position >= -0.5) & (position <= n_beats - 0.5)
 
 
@@ -310,6 +310,6 @@ def _checked_times(times_s: ArrayLike, name: str) -> Floats:
 
 
 def _mean(values: NDArray[np.floating] | NDArray[np.bool_]) -> float:
-    """Mean of the values that are not nan; nan if there are none."""
+    """Mean of the values that are not nan, or nan if there are none."""
     known = values[~np.isnan(values)] if values.dtype.kind == "f" else values
     return float(known.mean()) if len(known) else float("nan")

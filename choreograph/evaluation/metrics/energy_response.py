@@ -28,7 +28,7 @@ Sizes = tuple[Floats, Floats]  # speed in m/s and space in litres, one each per 
 LEAST_S = 3.0
 LEAST_SECTIONS = 3
 LEAST_RANGE_DB = 2.0
-SILENCE_DB = -60.0  # below full scale; silence is no louder or softer than other silence
+SILENCE_DB = -60.0  # below full scale. Sections below it count as equally silent
 _PELVIS = BODY_JOINTS.index("pelvis")
 _EVEN = 1e-9  # a spread below this is rounding
 
@@ -100,7 +100,7 @@ def motion_size(body_pos_m: Floats, fps: float) -> Sizes:
 
 
 def _hull_m3(points_m: Floats) -> float:
-    """Volume of the convex hull of points (N, 3); 0 if they lie in a plane."""
+    """Volume of the convex hull of points (N, 3), or 0 if they lie in a plane."""
     try:
         return float(ConvexHull(points_m).volume)
     except QhullError:
@@ -268,7 +268,7 @@ def _mean_of_known(values: Sequence[float]) -> float:
 def _measurable(
     loudness_db: Sequence[float] | Floats, size: Sequence[float] | Floats
 ) -> tuple[Floats, Floats]:
-    """Loudness and size of the sections that count; none if they are too few or too alike."""
+    """Loudness and size of the sections that count, or none if they are too few or too alike."""
     loudness, sizes = np.asarray(loudness_db, np.float64), np.asarray(size, np.float64)
     if loudness.shape != sizes.shape or loudness.ndim != 1:
         raise ParameterError(

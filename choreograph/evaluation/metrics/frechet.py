@@ -5,9 +5,9 @@ Conventions: a pose is the local rotations of the joints that all motions share 
 of one motion. All poses of a set form one Gaussian, so long dances weigh more. The distance is
 ‖m - m'‖² + tr(C + C' - 2 (C C')^½), in rad². Lower is closer.
 
-Root: its position and heading (the rotation about the vertical) are left out; its lean stays in as the
+Root: its position and heading (the rotation about the vertical) are left out. Its lean stays in as the
 rotation of the pelvis. So FPD does not depend on where the dancer is, and FMD depends neither on travelling
-nor on turning. The paper does not say what it did with the root; Transflower's code, which it follows, keeps
+nor on turning. The paper does not say what it did with the root. Transflower's code, which it follows, keeps
 height and steps.
 
 Skeletons: a joint's rotation is relative to its nearest shared ancestor, so extra joints in between do no
@@ -60,7 +60,7 @@ class Gaussian:
 
     @cached_property
     def factor(self) -> Floats:
-        """F (D, D) with FFᵀ = C; eigenvalues that are negative through rounding count as 0."""
+        """F (D, D) with FFᵀ = C. Eigenvalues that are negative through rounding count as 0."""
         values, vectors = np.linalg.eigh(self.covariance)
         result: Floats = vectors * np.sqrt(np.maximum(values, 0.0))
         return result

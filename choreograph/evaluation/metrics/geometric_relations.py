@@ -38,7 +38,7 @@ class Relation:
 
     measure: str  # a key of MEASURES
     joints: tuple[str, ...]
-    above: float = -np.inf  # in `unit`s; for speeds, in `unit`s per second
+    above: float = -np.inf  # in `unit`s. For speeds, in `unit`s per second
     below: float = np.inf
     unit: Literal["humerus", "shoulders", "hips", "degree"] = "humerus"
 
@@ -189,7 +189,7 @@ _CORRECTIONS: dict[int, Relation] = {
     **dict(
         enumerate(_pair(_row("speed_along", "right_wrist pelvis right_wrist pelvis", above=1.4)), start=10)
     ),
-    # A foot behind the other leg, on both sides; with that leg's toes, a standing foot would count as behind.
+    # A foot behind the other leg, on both sides. With that leg's toes, a standing foot would count as behind.
     14: _row("off_plane", "pelvis left_ankle left_hip right_ankle", above=0.38),
     15: _row("off_plane", "pelvis right_hip right_ankle left_ankle", above=0.38),
     # The pelvis behind the plane of neck and feet: the body bends or sits.

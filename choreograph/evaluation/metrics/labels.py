@@ -9,8 +9,8 @@ one line and gives neither formula nor scale. Our choice, per window of 4 s (the
 | openness | total distance of head and limbs to the centre: wrists, ankles and head to the pelvis, m | \
 distance between fundamental frequencies and repetitiveness: mean interval between successive notes in \
 semitones, times the share of distinct steps in the window |
-| intensity | mean of the joints' variations: mean joint speed, m/s (the length of the velocity; the paper's \
-coordinates would depend on the heading) | onsets per second |
+| intensity | mean of the joints' variations: mean joint speed, m/s (of the velocity as a vector, since \
+coordinates depend on the heading) | onsets per second |
 | rhythm | accumulated angular acceleration: of the bone directions, mean over the window, rad/s² | time \
 between onsets and density: geometric mean of onsets per second and 1 / (median inter-onset interval) |
 | asymmetry | independent use of upper or lower half: Σ abs(u - l) / Σ (u + l), u and l mean speeds of the \
@@ -21,8 +21,8 @@ The labels of a pair rise together: open with wide, intense with dense, jerky wi
 rough. The text of the paper has left-right asymmetry in one place, but its table has upper or lower.
 
 Scale: the rank of a value among the windows of the reference, from 1 for the lowest to 10 for the highest
-(`fit_scale`; the reference is real data, the training split). Ranks do not depend on a label's unit or on a
-monotone change of its formula, which is what the paper leaves open. Unrelated labels are then 3 apart, and
+(`fit_scale`). The reference is the training split of real data. Ranks do not depend on a label's unit or on
+a monotone change of its formula, which is what the paper leaves open. Unrelated labels are then 3 apart, and
 `chance_distances` gives the exact value. The numbers of the paper (1.05 to 2.07) are on another scale, so
 compare only rows of one table.
 
@@ -64,7 +64,7 @@ _NOTE_FRAMES = 6  # 0.14 s: later the note may have ended, and the pitch of a pa
 
 @dataclass(frozen=True, eq=False)
 class LabelScale:
-    """The values of the reference, each column sorted; labels are ranks among them."""
+    """The values of the reference, each column sorted. Labels are ranks among these values."""
 
     dance: Floats  # (R, 4)
     music: Floats  # (R', 4)
@@ -283,7 +283,7 @@ def _roughness(mel: NDArray[np.floating]) -> float:
 
 
 def _windows(starts_s: Floats, duration_s: float, fps: int) -> list[slice]:
-    """Frame ranges of windows of 4 s; a curve of differences is one or two frames shorter at the end."""
+    """Frame ranges of windows of 4 s. A curve of differences is one or two frames shorter at the end."""
     starts = np.asarray(starts_s, np.float64)
     if starts.ndim != 1 or not np.isfinite(starts).all():
         raise ParameterError(f"expected finite window starts (N,) in seconds, got an array {starts.shape}")

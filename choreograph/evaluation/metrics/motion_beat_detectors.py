@@ -195,6 +195,6 @@ def _speed(body_pos_m: Floats, fps: float) -> Floats:
 
 
 def _minima_s(speed: Floats) -> Floats:
-    """Times of all local minima (Q,); the speed between frames i and i + 1 is at i + ½."""
+    """Times of all local minima (Q,). The speed between frames i and i + 1 is at i + ½."""
     frames = np.flatnonzero((speed[1:-1] < speed[:-2]) & (speed[1:-1] <= speed[2:])) + 1
     return frames_to_seconds(frames + 0.5, STORE_FPS)

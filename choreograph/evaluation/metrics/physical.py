@@ -24,7 +24,7 @@ Times = Sequence[float] | Floats
 
 LOW_M = 0.05
 JERK_FPS = NET_FPS
-ANKLE_OVER_SOLE_M = 0.07  # of the canonical body; 7 to 10 cm on real ones
+ANKLE_OVER_SOLE_M = 0.07  # of the canonical body. On real bodies it is 7 to 10 cm
 NEAR_M = 0.08  # a standing ball joint is 2 cm above its sole, and captures are off by several cm either way
 JUMP_S = 0.7  # flight time of a jump of 60 cm, which few dancers reach
 BOUNDARY_HALF_WIDTH_S = 0.12
@@ -32,7 +32,7 @@ JUMP_M_PER_FRAME2 = 0.05  # at 60 fps: 18 times gravity, which no joint of a dan
 SAME_JUMP_S = 0.1
 _FEET = [BODY_JOINTS.index("left_foot"), BODY_JOINTS.index("right_foot")]
 _ANKLES = [BODY_JOINTS.index("left_ankle"), BODY_JOINTS.index("right_ankle")]
-# Bones that are a single rigid bone on every rig; the number of trunk joints differs between rigs.
+# Bones that are a single rigid bone on every rig. The number of trunk joints differs between rigs.
 _LIMB_BONES = [
     BODY_JOINTS.index(f"{side}_{end}")
     for side in ("left", "right")

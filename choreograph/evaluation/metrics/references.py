@@ -2,7 +2,7 @@
 
 A distance between sets of dances means little alone. The floor is the distance between two halves of the real
 dances, split by song. The ceiling is the distance of a body that stands still, or whose joints or frames are
-shuffled, from the real dances. Functions take and return motions; `rng` decides all random choices.
+shuffled, from the real dances. Functions take and return motions. `rng` decides all random choices.
 """
 
 from __future__ import annotations
