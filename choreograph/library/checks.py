@@ -159,7 +159,7 @@ def check_size(arrays: Iterable[StoredArray], n_file_bytes: int) -> None:
 
 
 def _stored_dtypes(array: StoredArray, kind: str) -> tuple[np.dtype, ...]:
-    """The dtypes that an array may be stored in; none for text."""
+    """The dtypes that an array may be stored in, or none for text."""
     if kind == WEIGHTS:
         return _WEIGHT_DTYPES
     if kind == "s":

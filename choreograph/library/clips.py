@@ -31,7 +31,7 @@ _RANGES = tuple(f"{part}_{end}" for part in _PARTS for end in ("start", "stop"))
 
 @dataclass(frozen=True)
 class TakeInfo:
-    """A take of a repertoire; ranges are into the file's flat arrays."""
+    """A take of a repertoire. Ranges are indices of the file's flat arrays."""
 
     name: str
     song_name: str
@@ -49,7 +49,7 @@ class TakeInfo:
 
 
 def takes_from(file: RepertoireFile) -> tuple[TakeInfo, ...]:
-    """All takes, in the order of the file; `RepertoireError` if there is none or their rows overlap."""
+    """All takes in the order of the file. Raises `RepertoireError` if there is none or their rows overlap."""
     columns = {name: file.read(f"takes/{name}") for name in (*_TEXT, "fps", *_RANGES)}
     for part, (array, shortest) in _PARTS.items():
         start, stop = columns[f"{part}_start"], columns[f"{part}_stop"]
@@ -70,7 +70,7 @@ def takes_from(file: RepertoireFile) -> tuple[TakeInfo, ...]:
 
 
 def counts_from(file: RepertoireFile, takes: Sequence[TakeInfo]) -> tuple[Counts, ...]:
-    """Each take's counts; `RepertoireError` if they are not in order."""
+    """Each take's counts. Raises `RepertoireError` if they are not in order."""
     columns = ("count_start", "count_stop", "metre", "counts_source", "counts_confidence")
     times_s, numbers = file.read("counts/time_s"), file.read("counts/number")
     uncertainty = file.read("counts/doubt").astype(np.float64) if "uncertainty" in file.parts else np.zeros(0)
@@ -86,7 +86,7 @@ def counts_from(file: RepertoireFile, takes: Sequence[TakeInfo]) -> tuple[Counts
 
 
 def figures_from(read: Callable[[str], NDArray[Any]]) -> dict[int, tuple[Figure, ...]]:
-    """The figures in order by take; takes without figures are left out."""
+    """The figures of each take, in order. Takes without figures are left out."""
     names = ("take", "name", "start_s", "end_s", "n_counts")
     figures: dict[int, list[Figure]] = {}
     for take, name, start_s, end_s, n_counts in zip(*(read(f"figures/{c}") for c in names), strict=True):
@@ -99,7 +99,10 @@ def figures_from(read: Callable[[str], NDArray[Any]]) -> dict[int, tuple[Figure,
 
 
 def clip_liveliness(liveliness: Liveliness, take: AnyInts, start_frame: AnyInts) -> NDArray[np.float32]:
-    """Mean rank (N,), 0 … 1, of the seconds of each clip's middle 4 s; clips by take (N,) and first frame."""
+    """Mean rank (N,), 0 … 1, of the seconds of each clip's middle 4 s.
+
+    A clip is given by its take (N,) and its first frame (N,).
+    """
     start = middle_starts(start_frame).astype(np.float64)  # (N,) in their takes
     seconds = (start + second * NET_FPS for second in range(SEGMENT_S))
     result: NDArray[np.float32] = np.mean(
@@ -116,8 +119,8 @@ def clip_steps(
 ) -> NDArray[np.float32]:
     """Rank (N,), 0 … 1, of the steps in each clip's middle 4 s among the clips of its genre.
 
-    `body_pos_m` gives a take's positions (T, 21, 3) at 20 fps; `genres` (takes,). Equal clips have their mean
-    rank.
+    `body_pos_m` returns the positions (T, 21, 3) of a take at 20 fps. `genres` (takes,) are the genres of the
+    takes. Equal clips have their mean rank.
     """
     from scipy.stats import rankdata  # a third of a second to import
 
@@ -139,8 +142,8 @@ def clip_steps(
 class ClipMotion:
     """Frames of clips at 20 fps, read on demand from the flat arrays (B, …) of all takes' frames.
 
-    `read` gives an array of the file by name; `counts` are those of each take; `clip_take` and
-    `clip_start_frame` (N,) place the clips.
+    `read` returns an array of the file by name. `counts` are the counts of each take. `clip_take` and
+    `clip_start_frame` (N,) say where the clips are.
     """
 
     def __init__(
@@ -178,7 +181,7 @@ class ClipMotion:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Poses (N, 21, 3) and joint velocities (N, 21, 3) in m/s, both in the root frame.
 
-        `clip` (N,) and fractional clip frames (N,); beyond the clip the take goes on, and beyond the take
+        `clip` (N,) and fractional clip frames (N,). Beyond the clip the take goes on, and beyond the take
         its first or last pose holds.
         """
         poses, velocities = self._root_frame_poses
@@ -238,7 +241,7 @@ class ClipMotion:
 
     @cached_property
     def _uncertainty(self) -> NDArray[np.float32]:
-        """Uncertainty of the counts, (B,); 0 where a take has none."""
+        """Uncertainty of the counts, (B,), or 0 where a take has none."""
         uncertainty = np.zeros(len(self._body_pos_m), np.float32)
         for (start, stop), counts in zip(self._take_rows, self._counts, strict=True):
             if len(counts.uncertainty):

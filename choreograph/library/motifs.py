@@ -20,7 +20,7 @@ from choreograph.motion.body import clips_to_root_frame
 
 
 MAX_MOTIFS = 500
-WORDS_PER_MOTIF = 20  # with 12, dances of one genre share fewer motifs; 60, as in the paper, is coarse
+WORDS_PER_MOTIF = 20  # with 12, dances of one genre share fewer motifs. 60, as in the paper, is coarse
 _RESTARTS = 3
 _CHUNK = 4096  # words per block of distances
 
@@ -55,7 +55,7 @@ def find_motifs(
     Parameters
     ----------
     embeddings : float array (N, D)   of all words of all takes
-    n_motifs : number of clusters; default `n_motifs_for(N)`
+    n_motifs : number of clusters, by default `n_motifs_for(N)`
 
     Returns the motifs, the most frequent first, and the motif of every word (N,): that of its closest
     medoid. There are fewer than `n_motifs` if fewer words are distinct. The same seed gives the same
@@ -90,13 +90,13 @@ def _centroids(vectors: NDArray[np.float32], n_motifs: int, seed: int) -> NDArra
 
 
 def _medoids(vectors: NDArray[np.float32], centroids: NDArray[np.float32]) -> Indices:
-    """The word nearest to each centroid; each word at most once."""
+    """The word nearest to each centroid. No word is used twice."""
     nearest = [_nearest(centroids[i : i + 1], vectors)[0] for i in range(len(centroids))]
     return np.unique(np.array(nearest, np.int64))
 
 
 def _nearest(vectors: AnyFloats, targets: AnyFloats) -> Indices:
-    """Index of the closest target (K, D) of every vector (N, D); the first of equal ones."""
+    """Index of the closest target (K, D) of every vector (N, D). The first of equal ones."""
     to = np.asarray(targets, np.float64)
     squares = np.sum(to**2, axis=1)  # (K,)
     parts = [
@@ -130,7 +130,7 @@ class Vocabulary:
     Words are ordered by take, then by time. Within a take, each begins where the one before it ends.
     """
 
-    motifs: Motifs  # K, the most frequent first; `library.words` index the words here
+    motifs: Motifs  # K, the most frequent first. Their `words` are indices into the words below
     word_take: Indices  # (N,) index of the word's take
     word_start_s: Floats  # (N,) in its take
     word_end_s: Floats  # (N,)
@@ -145,7 +145,7 @@ class Vocabulary:
         return len(self.motifs)
 
     def genre_index(self, genre: str) -> int:
-        """Row of a genre; `ParameterError` for an unknown one, with the known genres."""
+        """Row of a genre. Raises `ParameterError` for an unknown one, with the known genres."""
         check_choice("a genre", genre, self.genres)
         return self.genres.index(genre)
 
@@ -219,7 +219,7 @@ class SpanMotifLookup:
         self._cached = np.zeros(0, np.int16)
 
     def motifs_of(self, take: Indices, start_s: AnyFloats, stop_s: AnyFloats) -> NDArray[np.int16]:
-        """Motifs (...) of spans, all arrays (...); beyond its ends a take holds its first or last pose."""
+        """Motifs (...) of spans, all arrays (...). Beyond its ends a take holds its first or last pose."""
         length_s = np.maximum(np.asarray(stop_s) - start_s, _MIN_LENGTH_S)
         length = np.round(np.log(length_s / _MIN_LENGTH_S) / np.log(_LENGTH_STEP)).astype(np.int64)
         # Bins are of the middle, not the start: it does not move when the length is quantised.
@@ -275,7 +275,7 @@ def motif_arrays(vocabulary: Vocabulary) -> dict[str, NDArray[Any]]:
 
 
 def vocabulary_from(read: Callable[[str], NDArray[Any]], n_takes: int) -> Vocabulary:
-    """The vocabulary of a file; `read(path)` returns an array of `schema.MOTIFS`.
+    """The vocabulary of a file. `read(path)` returns an array of `schema.MOTIFS`.
 
     Raises `RepertoireError`, without the file name, if the arrays are inconsistent.
     """

@@ -22,7 +22,7 @@ from choreograph.core.progress import counted
 Value = float | str
 
 MAX_LINES = 25  # of a summary
-_NAMED = 3  # subjects and texts in a line of the summary; the others are counted
+_NAMED = 3  # subjects and texts in a line of the summary. The others are counted
 _NAME_CHARACTERS = 40
 _LINE_CHARACTERS = 280
 _LARGEST = 1e12  # number in a note
@@ -33,8 +33,8 @@ _PUNCTUATION = ".,;:()%"
 class NoteKind:
     """The sentence of a kind of notes, true of one subject and of several."""
 
-    sentence: str  # with the values as format fields; `text` is a sentence by another part of the program
-    subject: str = "take"  # what its notes are about: a take, a file, a song; "" for the whole build
+    sentence: str  # with the values as format fields. `text` is a sentence of another part of the program
+    subject: str = "take"  # what its notes are about: a take, a file or a song, or "" for the whole build
     is_stored: bool = True  # False if it is about the run: a resumed build makes the same file
 
 
@@ -97,7 +97,7 @@ class Note:
     Parameters
     ----------
     kind : a key of `choreograph.library.notes.KINDS`
-    subject : name of the take, song or file that the note is about; "" for the whole build
+    subject : name of the take, song or file that the note is about, or "" for the whole build
     values : numbers and texts of its sentence, by name
 
     Raises
@@ -241,7 +241,7 @@ def _cut(text: str, length: int) -> str:
 
 
 def note_arrays(notes: Sequence[Note]) -> dict[str, NDArray[np.str_]]:
-    """The arrays of notes in a file, by path; none if there are no notes to store."""
+    """The arrays of notes in a file, by path, or none if there are no notes to store."""
     notes = [note for note in notes if KINDS[note.kind].is_stored]
     if not notes:
         return {}
@@ -253,7 +253,7 @@ def note_arrays(notes: Sequence[Note]) -> dict[str, NDArray[np.str_]]:
 
 
 def notes_from(read: Callable[[str], NDArray[np.str_]]) -> tuple[Note, ...]:
-    """The notes of a file, of which `read` gives an array by path; `RepertoireError` if one is not valid."""
+    """The notes of a file. `read` returns an array by path. Raises `RepertoireError` if one is not valid."""
     columns = (read(f"notes/{column}") for column in ("kind", "subject", "values"))
     notes = []
     for index, (kind, subject, values) in enumerate(zip(*columns, strict=True)):

@@ -137,7 +137,7 @@ class Repertoire:
         return self._file.net_names
 
     def net(self, name: str) -> NetArrays:
-        """A network's config and weights; `RepertoireError` if there is none with that name."""
+        """A network's config and weights. Raises `RepertoireError` if there is none with that name."""
         check_text("the name of a network", name)
         return self._file.read_net(name)
 
@@ -148,13 +148,13 @@ class Repertoire:
 
     @cached_property
     def vocabulary(self) -> Vocabulary:
-        """Motion words, motifs and the genres' signatures; `RepertoireError` if there are none."""
+        """Motion words, motifs and the genres' signatures. Raises `RepertoireError` if there are none."""
         self._expect_vocabulary()
         with self._damage_named():
             return vocabulary_from(self._file.read, len(self.takes))
 
     def word_net(self) -> WordNet:
-        """The network that embedded the vocabulary's motion words; `RepertoireError` if there is none."""
+        """The network that embedded the motion words. Raises `RepertoireError` if there is none."""
         from choreograph.nets.words import WordNet
 
         self._expect_vocabulary()
@@ -163,7 +163,7 @@ class Repertoire:
             return WordNet.from_arrays(net.weights, net.config)
 
     def rollout_net(self) -> RolloutNet:
-        """The network that generates motion from motifs; `RepertoireError` if there is none."""
+        """The network that generates motion from motifs. Raises `RepertoireError` if there is none."""
         from choreograph.nets.rollout import RolloutNet
 
         if "rollout" not in self.net_names:
@@ -195,13 +195,13 @@ class Repertoire:
 
     @cached_property
     def takes(self) -> tuple[TakeInfo, ...]:
-        """All takes, in the order of the file; `RepertoireError` if there is none or their rows are wrong."""
+        """All takes in the order of the file. Raises `RepertoireError` if there is none or rows overlap."""
         with self._damage_named():
             return takes_from(self._file)
 
     @cached_property
     def notes(self) -> tuple[Note, ...]:
-        """Notes on what was unusual in the build of the file; `RepertoireError` if one is not valid."""
+        """What was unusual in the build of the file. Raises `RepertoireError` if a note is not valid."""
         if "notes" not in self._file.parts:
             return ()
         with self._damage_named():
@@ -260,7 +260,7 @@ class Repertoire:
         return float(self.provenance.get("selection_beat_weight", 0.0))
 
     def take_index(self, name: str) -> int:
-        """Index of a take by name; `RepertoireError` if there is none."""
+        """Index of a take by name. Raises `RepertoireError` if there is none."""
         check_text("the name of a take", name)
         names = [take.name for take in self.takes]
         if name not in names:
@@ -308,7 +308,7 @@ class Repertoire:
             return counts_from(self._file, self.takes)
 
     def counts(self, take: int) -> Counts:
-        """A take's counts, in seconds from its first frame; `NO_COUNTS` if they are not known."""
+        """A take's counts, in seconds from its first frame, or `NO_COUNTS` if they are not known."""
         return self._counts[self._take(take)]
 
     @cached_property
@@ -316,7 +316,7 @@ class Repertoire:
         return figures_from(self._file.read)
 
     def figures(self, take: int) -> tuple[Figure, ...]:
-        """A take's figures in order; none if they are not known."""
+        """A take's figures in order, or none if they are not known."""
         return self._figures.get(self._take(take), ())
 
     def clip_start_s(self, clip: int) -> float:

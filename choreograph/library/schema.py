@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from choreograph.core.errors import RepertoireError
 from choreograph.core.numerics import zigzag_decode, zigzag_encode
 
-# The layout of a repertoire file, version 1; `data_schema/repertoire.json` documents it for other programs.
+# The layout of a repertoire file, version 1. `data_schema/repertoire.json` documents it for other programs.
 #
 # Takes are concatenated along the first axis of each array. The table of takes holds their first and last
 # rows. Clips are pairs of take and start frame, not copies.
@@ -22,7 +22,7 @@ FORMAT = "choreograph-repertoire"
 NETWORKS_FORMAT = "choreograph-networks"  # a file of networks alone, as `NETS`, and `provenance`
 VERSION = 1
 
-# path -> (kind, shape): kinds are h5py's s (UTF-8 string), f4, f8, i4, i8; letters are axes.
+# path -> (kind, shape). The kinds are s (UTF-8 string), f4, f8, i4 and i8, as in h5py. Letters are axes:
 # J joint, E end site, X take, M stored motion frame, B 20 fps frame, Q motion beat, N clip, C checksum,
 # U count, F figure.
 DATASETS: dict[str, tuple[str, str]] = {
@@ -169,7 +169,7 @@ def layout_of(names: Container[str]) -> dict[str, tuple[str, str]]:
 
 
 def axis_sizes(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, int]:
-    """The lengths of the axes; `RepertoireError` for a shape that contradicts the schema or another shape."""
+    """The lengths of the axes. Raises `RepertoireError` if a shape contradicts the schema or another one."""
     sizes: dict[str, int] = {}
     for name, (_, axes) in layout_of(shapes).items():
         letters, shape = axes.split(), shapes[name]

@@ -39,7 +39,7 @@ _BEAT_DECIMALS = 4  # of seconds: rounding removes differences between CPUs
 
 
 def song_counts(song: Song, log_mel: NDArray[np.floating], beats: str | Path) -> Counts:
-    """A song's beats and bars; bars are tracked where the file has none.
+    """A song's beats and bars. Bars are tracked if the file has none.
 
     `beats` is one of `TRACKER_NAMES` or a file (see `music.beats`) of times in the song file.
     `log_mel` (T, 96) is that of the song. The source of the counts is "annotation" where the file has bars.
@@ -64,7 +64,7 @@ def check_beats(beats: object) -> None:
 
 
 def song_beats(song: Song, log_mel: NDArray[np.floating], beats: str | Path) -> Counts:
-    """A song's beats, with bars only if a file gives them; arguments and errors as of `song_counts`."""
+    """A song's beats, with bars only if a file has them. Arguments and errors are those of `song_counts`."""
     check_beats(beats)
     if names_a_tracker(beats):
         times_s = np.round(_tracker(str(beats)).beats(song, log_mel), _BEAT_DECIMALS)
@@ -100,7 +100,7 @@ class AnalysedSong:
 
 
 class SongCache:
-    """Decodes and analyses a song when it is first needed; several takes may dance to one song.
+    """Decodes and analyses a song when it is first needed. Several takes may share one song.
 
     `beats` names the tracker. Samples take 5 MB a minute and are dropped after the analysis
     unless `keep_samples`.
@@ -116,7 +116,7 @@ class SongCache:
         return self._analysed.get(path)
 
     def analysed(self, path: Path) -> AnalysedSong:
-        """The song of a file; raises as `load_song`."""
+        """The song of a file. Raises as `load_song`."""
         if path not in self._analysed:
             song = load_song(path)
             mel = log_mel(song.samples)

@@ -44,7 +44,7 @@ H5PY_ERRORS = (
 
 @contextmanager
 def opened(path: Path, what: str) -> Iterator[h5py.File]:
-    """Open a file of a kind such as "a repertoire"; `RepertoireError` if it is damaged or not valid."""
+    """Open a file of a kind, such as "a repertoire". Raises `RepertoireError` if it is not valid."""
     with file_named(path, what), h5py.File(path, "r") as file:
         yield file
 
@@ -116,7 +116,7 @@ def member_names(file: h5py.File, group: str, most: int) -> list[str]:
 
 
 def scalar(owner: h5py.Group | h5py.Dataset, name: str) -> Any:
-    """An attribute that is a single value; None if it does not exist, or is an array or a reference."""
+    """An attribute that is a single value, or None if it does not exist, or is an array or a reference."""
     if name not in owner.attrs:
         return None
     header = owner.attrs.get_id(name)
@@ -142,14 +142,17 @@ def from_json(text: str, what: str) -> dict[str, Any]:
     return data
 
 
-# Repertoire files and files of networks, read on demand; `writing` writes them.
+# Repertoire files and files of networks, read on demand. The module `writing` writes them.
 
 
 _TEXT_BYTES = 1 << 30  # read at once, at most
 
 
 def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:
-    """Networks by name and their provenance, of `write_networks`; `RepertoireError` if it is no such file."""
+    """Networks by name and their provenance, as written by `write_networks`.
+
+    Raises `RepertoireError` for any other file.
+    """
     with opened(path, "networks") as file:
         if attribute(file, "format", str) != NETWORKS_FORMAT:
             raise RepertoireError(f"{path}: expected networks, got another kind of file")
@@ -161,7 +164,7 @@ def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:
 
 
 class RepertoireFile:
-    """An open repertoire file; arrays are read on demand.
+    """An open repertoire file. Arrays are read on demand.
 
     Raises `RepertoireError` if the file is missing, not HDF5, truncated, not a repertoire or of
     another version, or an array is not stored as `checks` expects. The shipped repertoire is not searched for
@@ -229,7 +232,7 @@ class RepertoireFile:
         return tuple(name for name in NETS if name in file["nets"])
 
     def read(self, name: str, part: slice = slice(None)) -> NDArray[Any]:
-        """An array of the schema, or a slice of its first axis; strings as numpy str.
+        """An array of the schema, or a slice of its first axis. Strings become numpy str.
 
         Raises `RepertoireError` if it cannot be read or a value is not one that `checks` expects.
         """
@@ -242,7 +245,7 @@ class RepertoireFile:
             return array
 
     def read_net(self, name: str) -> NetArrays:
-        """A network's config and weights; `RepertoireError` if the file has none of that name."""
+        """A network's config and weights. Raises `RepertoireError` if the file has none of that name."""
         if name not in self.net_names:
             known = ", ".join(self.net_names) or "none"
             raise RepertoireError(f"{self.path}: expected a network {name!r}, got a repertoire with {known}")

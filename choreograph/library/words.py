@@ -24,7 +24,7 @@ _NEAR_GAPS = 8  # gaps between beats that set the beat period before the first a
 
 @dataclass(frozen=True, eq=False)
 class Words:
-    """The words of one dance in order; each begins where the one before it ends."""
+    """The words of one dance in order. Each begins where the one before it ends."""
 
     body_pos_m: Floats  # (N, 13, 21, 3) each in its root frame
     start_s: Floats  # (N,)
@@ -43,9 +43,9 @@ def segment_words(body_pos_m: NDArray[np.floating], fps: float, beat_times_s: ND
     beat_times_s : float array (Q,)       of the music, or of the motion where there is no music
 
     A word lasts from beat to beat, both included, and is resampled evenly to 13 frames, linear between
-    frames. Beats outside the motion are ignored; see `word_bounds_s` for beats too close or too far apart.
+    frames. Beats outside the motion are ignored. See `word_bounds_s` for beats too close or too far apart.
     As in the paper, the duration of a word is discarded. Ours: a word is also transformed to its root frame
-    (`clips_to_root_frame`); the paper leaves that to its network.
+    (`clips_to_root_frame`). The paper leaves that to its network.
 
     Returns the words, which may be none. Raises `ParameterError` if a shape is wrong or a value is not
     finite.
@@ -59,7 +59,7 @@ def segment_words(body_pos_m: NDArray[np.floating], fps: float, beat_times_s: ND
 
 
 def word_bounds_s(beat_times_s: NDArray[np.floating], duration_s: float) -> Floats:
-    """Times (N + 1,) where words begin and end, from beats (Q,) in any order; no words for fewer than two.
+    """Times (N + 1,) where words begin and end, from beats (Q,) in any order. No words for fewer than two.
 
     Drops a beat less than `MIN_WORD_S` after the one before it, and divides gaps of over `MAX_WORD_S`
     evenly. Raises `ParameterError` if a beat is not finite.
@@ -98,7 +98,7 @@ def dance_bounds_s(beat_times_s: NDArray[np.floating], duration_s: float) -> Flo
 
 
 def _pieces(gap_s: float, beat_s: float) -> int:
-    """Number of words in a gap; none if it is less than half a beat."""
+    """Number of words in a gap, or none if it is less than half a beat."""
     return int(np.clip(round(gap_s / beat_s), gap_s // MAX_WORD_S, gap_s // MIN_WORD_S))
 
 
@@ -143,11 +143,11 @@ def template(dances: Sequence[AnyInts], n_motifs: int) -> Floats:
 
 
 def transition_matrix(dances: Sequence[AnyInts], n_motifs: int) -> Floats:
-    """Probability that motif j follows motif i, (K, K), counted over the dances; rows sum to 1.
+    """Probability that motif j follows motif i, (K, K), counted over the dances. Rows sum to 1.
 
-    As in the paper, pairs of consecutive motifs are counted within a dance and not smoothed; a motif may
+    As in the paper, pairs of consecutive motifs are counted within a dance and not smoothed. A motif may
     follow itself. Ours: the end of a dance counts as one more transition, to all motifs in proportion to
-    their frequency. Otherwise a motif that only ends a dance would be an absorbing state; with it, every
+    their frequency. Otherwise a motif that only ends a dance would be an absorbing state. With it, every
     motif of the genre can be reached from every other. A motif that occurs in no dance gets the same
     proportions.
 
@@ -167,7 +167,7 @@ def transition_matrix(dances: Sequence[AnyInts], n_motifs: int) -> Floats:
 
 
 def checked_sequence(motifs: AnyInts, n_motifs: int) -> NDArray[np.int64]:
-    """A sequence of motifs (N,) as integers; `ParameterError` unless all lie in 0 … K - 1."""
+    """A sequence of motifs (N,) as integers. Raises `ParameterError` unless all lie in 0 … K - 1."""
     sequence = np.asarray(motifs)
     if sequence.ndim != 1 or (len(sequence) and not np.issubdtype(sequence.dtype, np.integer)):
         raise ParameterError(f"expected motif numbers (N,), got {sequence.dtype} of shape {sequence.shape}")
@@ -178,7 +178,7 @@ def checked_sequence(motifs: AnyInts, n_motifs: int) -> NDArray[np.int64]:
 
 
 def checked_signature(values: Floats, n_motifs: int) -> Floats:
-    """A signature (K,); `ParameterError` unless its shares are 0 or more and sum to 1."""
+    """A signature (K,). Raises `ParameterError` unless its shares are 0 or more and sum to 1."""
     shares = np.asarray(values, np.float64)
     if shares.shape != (n_motifs,):
         raise ParameterError(f"expected a signature of {n_motifs} motifs, got an array {shares.shape}")

@@ -38,7 +38,7 @@ from choreograph.nets.configs import STYLE_DIM
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTake:
-    """A take with its features; all of its arrays begin at the first frame."""
+    """A take with its features. All arrays begin at the first frame."""
 
     take: Take  # on the repertoire's skeleton
     body_pos_m: NDArray[np.float32]  # (T, 21, 3) at 20 fps

@@ -1,1 +1,1 @@
-"""Songs: decoding, features, beats, bars and sections; `synthesis` composes songs whose counts are known."""
+"""Songs: decoding, features, beats, bars, sections, and synthesis of songs with known counts."""

@@ -27,7 +27,7 @@ ACCENT_WEIGHTS = np.array(
         [0.027, 0.006, -0.036, -0.022, 0.009, -0.002, 0.019],  # bass in harmony
     ]
 )  # (20, 7)
-# Log evidence of a repeat for three rather than four; the last is added at every beat.
+# Log evidence of a repeat for three rather than four. The last is added at every beat.
 METRE_WEIGHTS = np.array(
     [
         -0.0196,  # low accents, 2 beats

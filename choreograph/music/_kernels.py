@@ -27,7 +27,8 @@ def best_beat_sequence(
     A state is a beat at frame t whose interval back is p frames. It scores p times (strength[t] +
     tempo_gain there), so the total is a time average and a fast tempo gains nothing by having more
     beats. Changing p costs `change_penalty` · p · (relative change)², the first half frame free
-    because the frame grid forces it; `new_tempo_penalty` buys any p, where another piece of music begins.
+    because the frame grid forces it. For `new_tempo_penalty`, p may change to any value, as at the start of
+    another piece of music.
 
     strength (T,), tempo_gain (G, P): column i is the period first_period + i, row j the frames from
     j · gain_hop on. Returns int64 (Q,), at least one.
@@ -92,11 +93,11 @@ def best_bar_sequence(
     scores its frames' agreement with phases that run evenly through it: Σ beat · u(φ) + bar · u((number - 1 +
     φ) / metre) + metre_gain, with u the unit vector of a phase in turns. The next interval may differ in
     length at `change_cost` times its squared relative change, the first half frame free because the frame
-    grid forces it, and has the next number; `break_cost` buys any length and any number.
+    grid forces it, and has the next number. For `break_cost`, it may have any length and any number.
 
-    beat (T, 2), bar (T, M, 2), metre_gain (T, M); state_metre (S,) is the column of each state's metre,
-    state_number (S,) its number, metres (M,). Returns the bounds of the intervals (Q + 1,), from the first
-    frame or before it to the last or after it, and the states of the intervals (Q,).
+    Shapes are beat (T, 2), bar (T, M, 2), metre_gain (T, M) and metres (M,). state_metre (S,) is the column
+    of each state's metre, and state_number (S,) its number. Returns the bounds of the intervals (Q + 1,),
+    from the first frame or before it to the last or after it, and the states of the intervals (Q,).
     """
     n_frames, n_metres, n_states = len(beat), bar.shape[1], len(state_metre)
     last_period = first_period + n_periods - 1

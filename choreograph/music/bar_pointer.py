@@ -1,9 +1,9 @@
 """From curves of beat and bar phase to counts: the bar pointer.
 
-A pointer runs through the bar at a tempo that changes slowly; curves that a network reads from motion or from
-music say, frame by frame, where in the beat and where in the bar it seems to be. The best path of the pointer
-through all frames is the counts. It bridges stretches where the curves say nothing, and decides between tempi
-and metres by the whole.
+A pointer runs through the bar at a tempo that changes slowly. A network estimates from motion or music, for
+each frame, where in the beat and where in the bar the frame is. The counts are the best path of the pointer
+through all frames. The path bridges stretches without evidence, and it decides between tempi and metres by
+all frames together.
 
 After Whiteley, Cemgil and Godsill, *Bayesian modelling of temporal structure in musical audio* (2006), with
 the tempo constant within a beat as in Krebs, Böck and Widmer, *An efficient state-space model for joint tempo
@@ -38,7 +38,7 @@ class PhaseCurves:
     """What is known of the phase at every frame, by vectors.
 
     The direction of a vector is a phase (0 on the beat, or on count 1), its length the concentration of a von
-    Mises distribution around it: 0 where nothing is known; of 3, half of the errors are below 1/15 turn.
+    Mises distribution around it: 0 where nothing is known. Of 3, half of the errors are below 1/15 turn.
     """
 
     beat: Floats  # (T, 2) cos and sin of the phase in the beat, times concentration
@@ -68,8 +68,8 @@ class PointerConfig:
     bpm: tuple[float, float] = (50.0, 220.0)  # slowest and fastest tempo
     tempo_std: float = 0.02  # of the relative change of the beat interval from beat to beat
     break_cost: float = 12.0  # nats, for which any tempo, metre and number may follow
-    observations_per_s: float = 4.0  # frames near each other err alike: so many of a second count as one each
-    grid_fps: float = 120.0  # the path's beats lie on this grid; time grows with its square
+    observations_per_s: float = 4.0  # neighbouring frames have similar errors: so many count in a second
+    grid_fps: float = 120.0  # of the grid of the path's beats. Time grows with its square
 
     def __post_init__(self) -> None:
         low, high = self.bpm
@@ -99,10 +99,10 @@ def decode_counts(
     """The counts that agree best with phase curves.
 
     The score of a path is the sum over frames of the log likelihood of both phases, the bar's for the metre
-    in which it counts, against what no knowledge of the phase would give; less the costs of changes. The
-    best path's counts are then moved off the grid of its frames, to where curves and an even tempo want them.
+    in which it counts, relative to a uniform phase, minus the costs of changes. The counts of the best path
+    are then moved off the grid of its frames, to where they agree best with the curves and an even tempo.
 
-    Returns counts in seconds from the first frame, all of them within the frames, with the metre of most; the
+    Returns counts in seconds from the first frame, all of them within the frames, with the metre of most. The
     numbers may run on in another after a break. Their confidence is left at 0. None where no frame is given.
     """
     config = config or PointerConfig()
@@ -170,7 +170,7 @@ def _counts_within(
 def _agreements(
     curves: PhaseCurves, bounds_s: Floats, numbers: NDArray[np.int64], columns: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
-    """Cosines between the curves' and the counts' phases, of beat and bar, (T,) each; 0 where unknown."""
+    """Cosines between the curves' and the counts' phases, of beat and bar, (T,) each, or 0 where unknown."""
     interval, in_beat = _place(bounds_s, len(curves.beat), curves.fps)
     metre = np.array(curves.metres)[columns[interval]]
     in_bar = (numbers[interval] - 1 + in_beat) / metre
@@ -192,7 +192,7 @@ def _evened(
     """Bounds (Q + 1,) shifted to maximise the likelihood of the beat's phases under a smooth tempo.
 
     The von Mises likelihood of a shift is nearly a Gaussian, and so is the change of the interval from beat
-    to beat, so this is one linear system; a bound without evidence is carried by its neighbours. Nothing is
+    to beat, so this is one linear system. A bound without evidence is carried by its neighbours. Nothing is
     smoothed across a break.
     """
     interval, in_beat = _place(bounds_s, len(curves.beat), curves.fps)

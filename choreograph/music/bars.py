@@ -56,9 +56,9 @@ REPEAT_NAMES = tuple(f"{name}, {lag} beats" for name in (*_GROUPS, "harmony", "t
 def beat_evidence(
     samples: NDArray[np.floating], log_mel: NDArray[np.floating], beat_times_s: Floats
 ) -> tuple[Floats, Floats]:
-    """Accents (Q, 20) and repeats (Q, 30) of two beats or more, as named above; independent of gain.
+    """Accents (Q, 20) and repeats (Q, 30) of two beats or more, as named above. They do not depend on gain.
 
-    Accents are normal over the 24 beats around; a repeat is the product of two beats' accents, or of what
+    Accents are normal over the 24 beats around. A repeat is the product of two beats' accents, or of what
     is not common to all beats in their harmony or timbre.
     """
     floor = log_mel.max() - _FLOOR
@@ -193,7 +193,7 @@ def _repeat(rows: Floats, lag: int) -> Floats:
 # A linear model says how well each beat's evidence (`music.bars`) suits each of seven states: beat
 # 1, 2, 3 of a bar of three, and 1, 2, 3, 4 of a bar of four. The best path through the states is the song's
 # bars: number follows number, save where the tracker has dropped or added a beat, where music begins with a
-# pick-up, or where the metre changes; each costs. Two in a bar is counted as four (two bars as one), six as
+# pick-up, or where the metre changes. Each costs. Two in a bar is counted as four (two bars as one), six as
 # three (one bar as two): dancers do so, too.
 #
 # The model was fitted to synthetic songs alone (`research/fit_bars.py`), so every real song is unseen.
@@ -219,9 +219,9 @@ def track_bars(
 
     Returns
     -------
-    Counts   the beats with their numbers; metre 3 or 4, that of most beats (it may change on the way);
-    confidence: probability that the bars are right, given that the beats are. Without bars (metre 0) if
-    there are fewer than four beats or the song is silent
+    Counts   the beats with their numbers. The metre, 3 or 4, is that of most beats, since it may change
+    within a song. The confidence is the probability that the bars are right, given that the beats are. There
+    are no bars (metre 0) if there are fewer than four beats or the song is silent
 
     Raises
     ------

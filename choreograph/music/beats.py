@@ -36,17 +36,17 @@ _CONTEXT_S = 8.0  # length of music that the local tempo is estimated from
 _TEMPO_HOP = 30  # frames between two tempo estimates
 _TEMPO_WEIGHT = 1.5  # of the autocorrelation, relative to the onset strength at the beats
 _CHANGE_PENALTY = 1000.0
-# Of any other tempo. Up to 75, breaks look like new music; from 600 on, new music is missed.
+# Of any other tempo. Up to 75, breaks look like new music. From 600 on, new music is missed.
 _NEW_TEMPO_PENALTY = 250.0
 # The tempo prior decides between octaves.
 _PRIOR_BPM, _PRIOR_OCTAVES = 112.0, 0.7
 # Delay of the peak of the amplitude rise: 11 ms in the median (spread 6) over mixed songs of eleven genres
-# whose beats are known to the sample; for a single kick or click it is between 1 ms and -7 ms.
+# whose beats are known to the sample. For a single kick or click it is between 1 ms and -7 ms.
 _LAG_S = 0.011
 
 
 def tempo_path_beats(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Beats in seconds, (Q,), throughout a song; empty if it is silent.
+    """Beats in seconds, (Q,), throughout a song, or empty if it is silent.
 
     `log_mel` (T, 96) as `music.mel.log_mel` returns it. Settings were tuned on synthetic drum
     loops and on real songs of known dance tempo, none of them from a benchmark. Raises
@@ -59,7 +59,7 @@ def tempo_path_beats(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def path_of(strength: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Beats in seconds, (Q,), at which a strength (T,) at 60 fps peaks; empty if it is 0 throughout."""
+    """Beats in seconds, (Q,), at which a strength (T,) at 60 fps peaks, or empty if it is 0 throughout."""
     level = np.asarray(strength, np.float64)
     if not level.any():
         return np.zeros(0)
@@ -125,7 +125,7 @@ class BeatTracker(Protocol):
     """Anything that finds the beats of a song."""
 
     def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Increasing beat times in seconds, (Q,); empty if the song is silent.
+        """Increasing beat times in seconds, (Q,), or empty if the song is silent.
 
         `log_mel` (T, 96) of the song, as `music.mel.log_mel` returns it.
         """
@@ -136,7 +136,7 @@ class TempoPathBeats:
     """Beats and a varying tempo, tracked together: see `music.beats`."""
 
     def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
-        """The song's beats, (Q,) seconds; none in a song shorter than a second."""
+        """The song's beats, (Q,) seconds, or none in a song shorter than a second."""
         if song.duration_s < _MIN_DURATION_S:
             return np.zeros(0)
         beats = tempo_path_beats(log_mel)
@@ -151,14 +151,14 @@ class LibrosaBeats:
     """
 
     def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
-        """The song's beats, (Q,) seconds; none in a song shorter than a second."""
+        """The song's beats, (Q,) seconds, or none in a song shorter than a second."""
         if song.duration_s < _MIN_DURATION_S:
             return np.zeros(0)
         return librosa_beats(log_mel, song.duration_s)
 
 
 def librosa_beats(log_mel: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
-    """Beats in seconds, (Q,), of log-mel (T, 96) at 60 fps; empty if silent. See `LibrosaBeats`."""
+    """Beats in seconds, (Q,), of log-mel (T, 96) at 60 fps, or empty if silent. See `LibrosaBeats`."""
     strength = level_normalized(onset_envelopes(log_mel).mean(axis=1)).astype(np.float32)  # (T,)
     if not strength.any():
         return np.zeros(0)
@@ -179,7 +179,7 @@ def librosa_beats(log_mel: NDArray[np.floating], duration_s: float) -> NDArray[n
 
 
 class BeatThisBeats:
-    """The beat-this network (optional extra; fetches its weights on first use)."""
+    """The beat-this network, an optional extra. It downloads its weights on first use."""
 
     def __init__(self) -> None:
         try:
@@ -199,7 +199,7 @@ class BeatThisBeats:
             ) from error
 
     def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
-        """The song's beats, (Q,) seconds; the network takes the samples, not the log-mel."""
+        """The song's beats, (Q,) seconds. The network takes the samples, not the log-mel."""
         beats, _ = self._audio_to_beats(song.samples, SAMPLE_RATE_HZ)
         return np.asarray(beats, np.float64)
 
@@ -211,14 +211,14 @@ TRACKERS: dict[str, Callable[[], BeatTracker]] = {
 
 
 def get_beat_tracker(name: str = DEFAULT_TRACKER) -> BeatTracker:
-    """The tracker of that name among `TRACKERS`; `ParameterError` if unknown or unavailable."""
+    """The tracker of that name among `TRACKERS`. Raises `ParameterError` if unknown or unavailable."""
     if name not in TRACKERS:
         raise ParameterError(f"expected a beat tracker among {', '.join(TRACKERS)}, got {name!r}")
     return TRACKERS[name]()
 
 
 def checked_beat_times_s(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
-    """Beats (Q,) of a song as float64; `ParameterError` unless they are increasing, finite and inside it.
+    """Beats (Q,) of a song as float64. Raises `ParameterError` unless increasing, finite and inside it.
 
     A tenth of a second past the end is tolerated: decoders differ on a song's length by a packet.
     """
@@ -265,7 +265,7 @@ def _beats_before(first_s: float, period_s: float) -> NDArray[np.float64]:
 #
 # `12.34` or `12.34 1` (a time in seconds and a number, as beat trackers write them), or `12.34 12.34 1`
 # (start, end and label, as label tracks of audio editors are saved), separated by spaces, tabs, commas or
-# semicolons; what follows a `#` is a comment. A first line of names is passed over, and so are labels that
+# semicolons. What follows a `#` is a comment. A first line of names is passed over, and so are labels that
 # are words, such as `beat`, where no beat has a number. Labels may count bars and beats, as in `3.1`. Where
 # only some beats have a number, the others count on from them.
 
@@ -276,9 +276,9 @@ _LAYOUT = "a time in seconds and, optionally, a number in the bar on every line"
 
 
 def read_beats(path: str | Path, *, start_s: float = 0.0, duration_s: float = np.inf) -> Counts:
-    """Beats from a file; the metre is the highest number, 0 if there are none.
+    """Beats from a file. The metre is the highest number, 0 if there are none.
 
-    Times in the file are those of the song file; those returned begin at `start_s`, and beats outside
+    Times in the file are those of the song file. Those returned begin at `start_s`, and beats outside
     [start_s, start_s + duration_s] are left out. Raises `FormatError` if the file cannot be read, times do
     not increase, or numbers are not those of bars.
     """
@@ -307,7 +307,7 @@ def _rows(path: Path) -> list[tuple[int, float, str]]:
 
 
 def _fields(line: str) -> list[str]:
-    """The cells of a line; in cells between tabs or semicolons, a comma is a decimal one."""
+    """The cells of a line. In cells between tabs or semicolons, a comma is a decimal one."""
     separator = next((mark for mark in "\t;" if mark in line), None)
     cells = _CELL.findall(line) if separator is None else line.split(separator)
     fields = [cell.strip(' "') for cell in cells]
@@ -353,7 +353,7 @@ def _number(path: Path, line_number: int, label: str) -> int:
 
 
 def _numbered(path: Path, given: list[int | None]) -> tuple[NDArray[np.int64], int]:
-    """Numbers (Q,) and metre; beats without a number count on from those with one, or back to the first."""
+    """Numbers (Q,) and metre. Beats without a number count on from those with one, or back to the first."""
     first = next((i for i, number in enumerate(given) if number is not None), None)
     numbers = np.zeros(len(given), np.int64)
     if first is None:

@@ -68,8 +68,8 @@ _INSIDE_FIGURE = 0.6
 def steady_times_s(times_s: Floats) -> Floats:
     """Beats or counts (Q,) without the jitter of a tracker: their tempo changes smoothly.
 
-    The least sum of squared shifts and of the squared third differences of the times, with more weight on
-    beats that would be shifted by over 0.03 s; none is shifted further.
+    The sum of the squared shifts and of the squared third differences of the times is minimised, with more
+    weight on beats that would be shifted by over 0.03 s. None is shifted further.
     """
     n = len(times_s)
     if n < 5:
@@ -97,11 +97,11 @@ class SongGrid:
     """A song's beats as a clock: every instant has a beat index, fractional between beats."""
 
     times_s: Floats  # (Q,) steady, padded far beyond both ends of the song
-    numbers: NDArray[np.int64]  # (Q,) in the bar; 0 where bars are not known
+    numbers: NDArray[np.int64]  # (Q,) in the bar, or 0 where bars are not known
 
     @classmethod
     def of(cls, counts: Counts, duration_s: float) -> SongGrid | None:
-        """The grid of a song's beats; None if it has too few."""
+        """The grid of a song's beats, or None if it has too few."""
         if len(counts) < FEWEST_COUNTS:
             return None
         times_s = steady_times_s(counts.times_s)
@@ -176,7 +176,7 @@ class TakeGrids:
             [_phrase_penalty(*part, named) for part, named in zip(parts, figures, strict=True)]
         )
         self.period_s = np.concatenate([_periods_s(times) for times, _ in parts])
-        # How much later than each count its accent is; none is known without motion beats.
+        # How much later than each count its accent is, or 0 without motion beats.
         self.accent_shift_s = np.zeros(len(self.times_s))
         if motion_beats_s is not None:
             for take in np.flatnonzero(self.counted).tolist():
@@ -229,8 +229,8 @@ class TakeGrids:
 def _phrase_penalty(times_s: Floats, numbers: NDArray[np.int64], figures: Sequence[Figure]) -> Floats:
     """How ill-timed it is to leave or enter a take at each of its counts (Q,).
 
-    0 at the border of a figure, or of a bar where no figures are known; 0.6 on count 1 inside a figure; 1
-    elsewhere, and on all counts if neither is known.
+    It is 0 at the border of a figure, or of a bar where no figures are known. It is 0.6 on count 1 inside a
+    figure. It is 1 elsewhere, and on all counts if neither is known.
     """
     on_bar = numbers == 1
     if not figures:

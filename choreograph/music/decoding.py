@@ -54,7 +54,7 @@ class Decoding:
     rate_hz: int
     n_channels: int
     blocks: Blocks
-    notes: list[str]  # what was lost, a line each; complete when all blocks are read
+    notes: list[str]  # what was lost, one line each, complete when all blocks are read
 
 
 def damaged(path: Path, reason: str) -> FormatError:
@@ -72,7 +72,7 @@ def cut_off(path: Path, got_s: float, stated_s: float) -> FormatError:
 
 
 def has_sound(path: Path) -> bool:
-    """Whether a video has sound; False also for a file that is none."""
+    """Whether a video has sound. False also for a file that is not a video."""
     try:
         with _opened(path) as container:
             return bool(container.streams.audio)
@@ -92,11 +92,11 @@ def ffmpeg_decoding(path: Path, notes: list[str]) -> Decoding:
 
 
 def _opened(path: Path) -> av.container.InputContainer:
-    """The container of a file; playlists, which open other files, are not among the formats."""
+    """The container of a file. Playlists, which open other files, are not among the formats."""
     import av
 
     check_regular(path, "a song")
-    # Tags in unknown encodings are no reason to refuse a song; PyAV 19 does not decode them here.
+    # Tags in unknown encodings are no reason to refuse a song. PyAV 19 does not decode them here.
     tags: dict[str, Any] = {"metadata_errors": "ignore"} if int(av.__version__.split(".")[0]) < 19 else {}
     # Options of streams, too, would crash PyAV 14 in containers that have none before their first packet.
     limits = {"format_whitelist": _FORMATS, "protocol_whitelist": "file"}
@@ -300,7 +300,7 @@ def _decoding(path: Path) -> Decoding:
         if magic in _CHUNKED:
             _check_sound_chunk(path, notes)
         try:
-            # Bytes, since a name need not be text; where names are text, soundfile wants it.
+            # Bytes, since a name need not be text. Where names are text, soundfile expects text.
             sound = soundfile.SoundFile(os.fsencode(path) if os.name == "posix" else path)
         except soundfile.LibsndfileError:
             pass  # an unusual codec in a known container: FFmpeg reads more of them

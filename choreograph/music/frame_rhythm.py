@@ -39,7 +39,7 @@ from choreograph.music.spectral import spectral_features
 # | --- | --- |
 # | a1 tempogram (autocorrelation of onset strength) | that of the window at a lag of one beat, 0 to 1 |
 # | a2 spectral flux onset strength | rise of log power into the window's last frame, 0 to about 4 |
-# | a3 root mean square value | of the window's samples; 1 is the song's own loudness |
+# | a3 root mean square value | of the window's samples, relative to the song's own loudness |
 # | a4 beat rate (binary form) | 1 if a beat is nearest to the window's last frame, else 0 |
 #
 # The window is the 10 frames (1/3 s) that end with the frame itself, so a row depends on nothing later
@@ -64,11 +64,11 @@ def frame_rhythm(samples: NDArray[np.floating], beat_times_s: NDArray[np.floatin
     Parameters
     ----------
     samples : float array (S,)        mono at 22.05 kHz, at any gain
-    beat_times_s : float array (Q,)   increasing times inside the song; may be empty
+    beat_times_s : float array (Q,)   increasing times inside the song, may be empty
 
     Returns
     -------
-    float32 array (T, 4)   T = round(S / 22050 * 30), at least 1; frame i is at i / 30 s and its window is
+    float32 array (T, 4)   T = round(S / 22050 * 30), at least 1. Frame i is at i / 30 s and its window is
     the 10 frames that end with it. Outside the song there is silence. In a silent song only the beat
     column is not 0. With fewer than two beats there is no lag, and the tempogram is 0.
 
@@ -129,7 +129,7 @@ def _window_rms(samples: NDArray[np.float32], n_frames: int) -> NDArray[np.float
 
 
 def rhythm_from(song: Song, beat_times_s: NDArray[np.float64], start_s: float) -> NDArray[np.float32]:
-    """The four rhythmic features (T, 4) at 30 fps from a time in the song on; at least one row.
+    """The four rhythmic features (T, 4) at 30 fps from a time in the song on. At least one row.
 
     Before the song's start the first row is repeated.
     """
@@ -161,7 +161,7 @@ def word_spectra(
 # Rhythmic features of music that is still playing: `music.frame_rhythm`, row by row as samples come in.
 #
 # Every row is a function of the samples up to 46 ms after its frame. What `frame_rhythm` relates to the whole
-# song is related to what was heard so far: the loudness that `rms` is relative to, and the loudest band that
+# song is related to the music fed so far: the loudness that `rms` is relative to, and the loudest band that
 # onsets are within 60 dB of. After the first loud bar the two agree.
 
 
@@ -176,7 +176,7 @@ class RhythmStream:
     def __init__(self, beat_times_s: Floats) -> None:
         self._beats = beat_times_s
         self._beat_frames = frozenset(np.rint(times_to_frames(beat_times_s, FRAME_RHYTHM_FPS)).tolist())
-        self._samples = np.zeros(_HALF, np.float32)  # silence before the song; the oldest are dropped
+        self._samples = np.zeros(_HALF, np.float32)  # silence before the song. The oldest are dropped
         self._first = -_HALF  # index in the song of the first of them
         self._n_fed, self.has_ended = 0, False
         self._mel = np.full((2, MEL_BANDS), -np.inf, np.float32)  # of the last two frames at 60 fps
@@ -185,15 +185,15 @@ class RhythmStream:
         self._energy = deque([0.0] * WINDOW_FRAMES, maxlen=WINDOW_FRAMES)  # of the frames of a window
         self._loudest_energy = _FRAME_SAMPLES * SILENCE_PEAK**2 / PAUSE_GATE
         self._sound = [0.0, 0]  # energy and samples of what is no pause
-        self._row, self._n_rows = np.zeros(4, np.float32), 0  # the last one; how many
+        self._row, self._n_rows = np.zeros(4, np.float32), 0  # the last one and their number
 
     @property
-    def heard_s(self) -> float:
+    def fed_s(self) -> float:
         """Seconds of music fed so far."""
         return self._n_fed / SAMPLE_RATE_HZ
 
     def feed(self, samples: NDArray[np.floating]) -> None:
-        """Add samples (S,), mono at 22.05 kHz; `ParameterError` unless they are finite, or after the end."""
+        """Add samples (S,), mono at 22.05 kHz. Raises `ParameterError` after the end, or if not finite."""
         block = as_array("samples (S,)", samples).astype(np.float32, copy=False)
         if self.has_ended:
             raise ParameterError("expected no more samples after the end of the music")
@@ -203,7 +203,7 @@ class RhythmStream:
         self._n_fed += len(block)
 
     def finish(self) -> None:
-        """Say that no more music follows: silence is heard then, and the last row is repeated."""
+        """End the music: silence is added, and from the end on the last row is repeated."""
         if not self.has_ended:
             self._samples = np.concatenate([self._samples, np.zeros(MEL_WINDOW, np.float32)])
             self.has_ended = True
@@ -215,12 +215,12 @@ class RhythmStream:
     def next_row(self) -> NDArray[np.float32]:
         """Tempogram, onset strength, RMS and beat of the next frame, (4,)."""
         frame = self._n_rows
-        if self.has_ended and frame >= max(1, seconds_to_frames(self.heard_s, FRAME_RHYTHM_FPS)):
+        if self.has_ended and frame >= max(1, seconds_to_frames(self.fed_s, FRAME_RHYTHM_FPS)):
             return self._row
         self._n_rows += 1
         begin = max(0, 2 * frame - 1)  # each row adds the frame at 60 fps before it, and its own
         for onset_frame in range(begin, 2 * frame + 1):
-            self._hear(round(onset_frame * SAMPLE_RATE_HZ / MUSIC_FPS))
+            self._add_onset(round(onset_frame * SAMPLE_RATE_HZ / MUSIC_FPS))
         features = (self._tempogram(frame), self._onsets[-1], self._rms(frame), frame in self._beat_frames)
         self._row = np.array(features, np.float32)
         keep = (frame - 1) * _FRAME_SAMPLES - _HALF - self._first
@@ -228,7 +228,7 @@ class RhythmStream:
             self._samples, self._first = self._samples[keep:], self._first + keep
         return self._row
 
-    def _hear(self, centre: int) -> None:
+    def _add_onset(self, centre: int) -> None:
         """Add the onset strength of the frame at 60 fps around a sample."""
         start = centre - _HALF - self._first
         mel = log_mel_of_windows(self._samples[None, start : start + MEL_WINDOW])[0]  # (96,)
@@ -252,7 +252,7 @@ class RhythmStream:
         return float(now @ earlier / max(np.sqrt((now @ now) * (earlier @ earlier)), 1e-9))
 
     def _rms(self, frame: int) -> float:
-        """Root mean square of the frame's window, relative to that of all sound heard so far."""
+        """Root mean square of the frame's window, relative to that of all sound fed so far."""
         start = max(0, frame * _FRAME_SAMPLES - _FRAME_SAMPLES // 2) - self._first
         stop = frame * _FRAME_SAMPLES + _FRAME_SAMPLES // 2 + 1 - self._first
         energy = float(np.square(self._samples[start:stop], dtype=np.float64).sum())

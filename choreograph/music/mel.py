@@ -37,7 +37,7 @@ def log_mel(samples: NDArray[np.floating], *, report: StepReport | None = None) 
 
     Returns
     -------
-    float32 array (T, 96)   T = round(S / 22050 * 60), at least 1; frame i is centred at i / 60 s
+    float32 array (T, 96)   T = round(S / 22050 * 60), at least 1. Frame i is centred at i / 60 s
 
     Raises
     ------
@@ -109,7 +109,7 @@ def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
 
     Silence before or after a song changes nothing. A silent song (peak below
     -80 dB) becomes zeros. Raises `ParameterError` if `samples` is empty, not one-dimensional or not
-    finite. (Rhythm is a Dancer, section 5: RMS normalisation; there pauses count too.)
+    finite. (Rhythm is a Dancer, section 5: RMS normalisation. There, pauses count too.)
     """
     samples = np.asarray(samples, np.float32)
     if samples.ndim != 1 or len(samples) == 0:
@@ -182,7 +182,8 @@ def _bands() -> tuple[NDArray[np.bool_], ...]:
 def onset_density(log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:
     """How densely the music sounds in the 4 s from each second, (S,), as a rank among its seconds, 0 to 1.
 
-    The mean of the three envelopes; equal seconds have the mean rank. Raises as `onset_envelopes`.
+    The mean of the three envelopes is ranked, and equal seconds have the mean rank. Raises as
+    `onset_envelopes`.
     """
     from scipy.stats import rankdata
 
@@ -201,7 +202,7 @@ def autocorrelations(
     """Autocorrelation of onsets (T, C) at 60 fps around each frame of `centres` (N,): (N, C, W).
 
     W lags of a frame, as many as `context_s` holds. Normalised to 1 at lag 0, corrected for the window's
-    taper; 0 where a channel is silent. Outside the song there is silence.
+    taper, or 0 where a channel is silent. Outside the song there is silence.
     """
     window = seconds_to_frames(context_s, MUSIC_FPS)
     taper = np.hanning(window + 2)[1:-1].astype(np.float32)

@@ -17,7 +17,7 @@ from choreograph.music.beats import onset_strength
 
 # Where other music begins: the instants at which the tempo or the metre of a song changes.
 #
-# A ramp has none, since its tempo is hardly another a few beats later; nor has a single irregular bar. A
+# A ramp has none, since its tempo hardly differs a few beats later. A single irregular bar has none either. A
 # tracker that counts a break at half the tempo makes two.
 
 
@@ -61,7 +61,7 @@ def _tempo_changes(times_s: Floats) -> Indices:
     octaves = np.log2(np.diff(times_s))  # (Q - 1,) of each beat period
 
     def change(beat: int) -> float:
-        """How much the periods differ before and after a beat, in octaves; 0 where that is no other tempo."""
+        """How much the periods differ before and after a beat, in octaves, or 0 if the tempo is the same."""
         before, after = octaves[max(0, beat - _PERIODS) : beat], octaves[beat : beat + _PERIODS]
         if min(len(before), len(after)) < _FEWEST_PERIODS:
             return 0.0
@@ -77,7 +77,7 @@ def _metre_changes(counts: Counts) -> Indices:
     lengths = np.diff(downbeats)  # (bars,)
 
     def change(bar: int) -> float:
-        """How clear the two metres before and after a bar are, up to 2; 0 where they are one."""
+        """How clear the two metres before and after a bar are, up to 2, or 0 where they are one."""
         before, after = lengths[max(0, bar - _BARS) : bar], lengths[bar : bar + _BARS]
         if min(len(before), len(after)) < _FEWEST_BARS:
             return 0.0
@@ -142,12 +142,12 @@ def _main_beats(log_mel: NDArray[np.floating], tracked: Counts) -> int:
 def choose_level(
     levels: Sequence[Counts], take_tempi_bpm: Mapping[int, Floats], take_weights: Mapping[int, Floats]
 ) -> Counts:
-    """The level at which takes are danced nearest to their own tempo: the first, unless another is clearly
-    nearer, by 0.4 octaves.
+    """The level at which takes are danced nearest to their own tempo.
 
-    `take_tempi_bpm` has by metre the tempi (X,) of the takes in that metre, `take_weights` how much each
-    matters. A level in whose metre there is no take is not chosen, save the first: its bars may be heard
-    wrongly, so that it still is if takes of other metres would be hurried much at another level.
+    It is the first level, unless another one is nearer by 0.4 octaves. `take_tempi_bpm` has by metre the
+    tempi (X,) of the takes in that metre, and `take_weights` their weights. A level in whose metre there is
+    no take is not chosen, except the first one. Its bars may be wrong, so it is chosen even without takes in
+    its metre if takes of other metres would be danced much too fast at another level.
     """
     distances = [
         _distance_octaves(tempo_bpm(song), take_tempi_bpm[song.metre], take_weights[song.metre])
@@ -167,13 +167,13 @@ def choose_level(
 def level_at_tempo(
     samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts, metre: int, bpm: float
 ) -> Counts:
-    """A song's counts at the level nearest to one tempo in one metre; see `metrical_levels`."""
+    """A song's counts at the level nearest to one tempo in one metre. See `metrical_levels`."""
     levels = metrical_levels(samples, log_mel, tracked)
     return choose_level(levels, {metre: np.array([bpm])}, {metre: np.ones(1)})
 
 
 def between(counts: Counts, start_s: float, stop_s: float) -> Counts:
-    """The counts of a part of a song, at their times in the song; its metre is that of its bars.
+    """The counts of a part of a song, at their times in the song. Its metre is that of its bars.
 
     See `music.metrical_level.part_metre`.
     """
@@ -184,7 +184,7 @@ def between(counts: Counts, start_s: float, stop_s: float) -> Counts:
 
 
 def joined(parts: Sequence[Counts]) -> Counts:
-    """Consecutive parts of a song as one; a beat too close to the part before it is left out."""
+    """Consecutive parts of a song as one. A beat too close to the part before it is left out."""
     times_s, numbers = [parts[0].times_s], [parts[0].numbers]
     for before, part in pairwise(parts):
         period_s = np.median(np.diff(part.times_s)) if len(part) > 1 else 0.0

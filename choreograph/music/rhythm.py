@@ -1,12 +1,13 @@
 """A song's rhythm as its counts divide it, twice a second: tempo, metre, and where in beat and bar it sounds.
 
-A tempogram tells instruments and arrangements apart before it tells a rumba from a cha-cha: of songs that it
-never heard, a linear model took nearly all rumbas for waltzes or cha-chas, and with these features, few.
+A tempogram differs more between instruments and arrangements than between a rumba and a cha-cha. A linear
+model of tempograms classified nearly all rumbas outside its training set as waltzes or cha-chas. With these
+features, it misclassified few.
 
 Columns, `RHYTHM_DIM` in all (ours: ChoreoGraph's music input is the log-mel alone):
 
 - `LOUDNESS` and `ONSETS`: level in dB relative to the song's median, and mean rise of log power, of the 4 s
-  around the row; the only columns that say anything of less than 12 s
+  around the row. The only columns that say anything of less than 12 s
 - `TEMPO`: a bump over a logarithmic axis at the tempo of the beats
 - `METRE`: shares of beats in bars of three and of four
 - `PATTERN`: onsets of bass, melody and percussion in each quarter of a beat of the bar, then in each twelfth
@@ -32,7 +33,7 @@ CONTEXT_S = 12.0  # of music around a row, but for its loudness and onsets
 TEMPI_BPM = np.geomspace(45.0, 240.0, 30)
 _BUMP_OCTAVES = 0.08  # standard deviation: one step of the axis
 _METRES = (3, 4)
-_BAR_BEATS, _BEAT_PARTS = 4, 4  # a bar's pattern; counts beyond four are left out
+_BAR_BEATS, _BEAT_PARTS = 4, 4  # of a bar's pattern. Counts beyond four are left out
 _FINE_PARTS = 12  # of a beat: triplets and sixteenths
 _BAR_PARTS = _BAR_BEATS * _BEAT_PARTS
 
@@ -51,7 +52,7 @@ def rhythm_features(log_mel: AnyFloats, counts: Counts, *, start_s: float = 0.0)
     Parameters
     ----------
     log_mel : float array (T, 96)   of the whole song, at 60 fps
-    counts : of the song, in seconds from its beginning; none if it has no beats
+    counts : of the song, in seconds from its beginning, or none if it has no beats
     start_s : time of the first row, for a take whose motion begins there
 
     Returns
@@ -104,7 +105,7 @@ def _tempo_and_metre(counts: Counts, centres_s: AnyFloats) -> tuple[AnyFloats, A
 
 
 def _metre_of_beats(counts: Counts) -> NDArray[np.int64]:
-    """Length of the bar that each beat is in, (Q,); 0 outside bars that are complete."""
+    """Length of the bar that each beat is in, (Q,), or 0 outside bars that are complete."""
     downbeats = np.flatnonzero(counts.numbers == 1)
     metre = np.zeros(len(counts), np.int64)
     if len(downbeats) >= 2:

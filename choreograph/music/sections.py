@@ -44,7 +44,7 @@ def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: floa
     strength = _strength_at(counts.times_s[beats], log_mel)
     usual = float(np.median(strength[strength >= _SOUNDING * np.percentile(strength, 95)]))
     enough = _STRONG * usual
-    # Mean of a beat and the three before it; one bang does not make up for three silent beats.
+    # Mean of a beat and the three before it. One loud beat does not make up for three silent ones.
     ahead = np.convolve(np.minimum(strength, usual), np.ones(_BAR_OF) / _BAR_OF)
     starts = np.flatnonzero((ahead[_BAR_OF - 1 : len(beats)] >= enough) & (strength[: 1 - _BAR_OF] >= enough))
     ends = np.flatnonzero(strength >= enough)
@@ -108,7 +108,7 @@ SECTION_S = 12.0  # average length of a section
 _MIN_SECTION_S = 6.0  # anything shorter is a fill or a break, not a section
 _MIN_BEATS = 8
 _SAME_SECTION_DISTANCE = 0.35  # of the features' deviation: closer sections, on average, are repeats
-# Weights of standardised groups. Timbre separates sections better than harmony; both together do best.
+# Weights of standardised groups. Timbre separates sections better than harmony. Both together do best.
 _GROUP_WEIGHTS = {"chroma_cens": 0.5, "mel_db": 1.0, "mfcc": 1.0}
 _CHANGE_REACH_S = 4.0  # drums may change a bar before the cut, and a tracker follows a beat or two late
 _NONE = np.zeros(0)
@@ -116,7 +116,7 @@ _NONE = np.zeros(0)
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Consecutive sections of a song; none if the song has too few beats."""
+    """Consecutive sections of a song, or none if the song has too few beats."""
 
     bounds_s: Floats  # (S + 1,), or (0,)
     labels: NDArray[np.int64]  # (S,): equal labels are the same music repeated

@@ -1,6 +1,6 @@
 """`Song`: a piece of music as mono samples at the program's rate, from any audio file.
 
-RIFF, RF64, FLAC, Ogg and AIFF are decoded by soundfile; all else (mp3, m4a, opus, video with sound, and
+RIFF, RF64, FLAC, Ogg and AIFF are decoded by soundfile. All else (mp3, m4a, opus, video with sound, and
 what soundfile refuses) by PyAV, whose FFmpeg prints no warnings about cut bit reservoirs in mp3. Both
 decode in blocks that are mixed down and resampled immediately, so a song takes 4 bytes a sample.
 """
@@ -75,7 +75,7 @@ class Song:
         return len(self.samples) / SAMPLE_RATE_HZ
 
     def part(self, start_s: float = 0.0, duration_s: float | None = None) -> Song:
-        """From `start_s` of it on, for `duration_s` or as long as it lasts; raises as `load_song`."""
+        """From `start_s` of it on, for `duration_s` or as long as it lasts. Raises as `load_song`."""
         check_span(start_s, duration_s)
         first = round(start_s * SAMPLE_RATE_HZ)
         stop = None if duration_s is None else first + max(1, round(duration_s * SAMPLE_RATE_HZ))
@@ -105,7 +105,7 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     ----------
     path : any container, rate and channel count that soundfile or FFmpeg reads
     start_s : seconds to skip at the beginning
-    duration_s : seconds to keep from there, or as many as there are; None for all
+    duration_s : seconds to keep from there, or as many as there are, or None for all
 
     Returns
     -------
@@ -199,7 +199,7 @@ def _mono_span(
     duration_s: float | None,
     weights: NDArray[np.float32] | None,
 ) -> Iterator[NDArray[np.float32]]:
-    """Mono blocks of the requested span; decoding stops at its end."""
+    """Mono blocks of the requested span. Decoding stops at its end."""
     start = round(start_s * rate_hz)
     stop = None if duration_s is None else start + max(1, round(duration_s * rate_hz))
     position = 0
@@ -217,7 +217,7 @@ def _mono_span(
 def _of_bearable_length(
     blocks: Iterator[NDArray[np.float32]], path: Path, rate_hz: int
 ) -> Iterator[NDArray[np.float32]]:
-    """The blocks; `FormatError` if they are more than `_LONGEST_S`: hours of silence take a few kilobytes."""
+    """The blocks. Raises `FormatError` beyond `_LONGEST_S`: a small file can hold hours of silence."""
     n_frames = 0
     for block in blocks:
         n_frames += len(block)

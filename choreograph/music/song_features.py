@@ -38,7 +38,7 @@ class SongFeatures:
     density: NDArray[np.float32]  # (S, 80) target tempo-density of those 4 s, 20 fps
     sections: Sections
     energy: NDArray[np.float32]  # (S,) loudness, 0 … 1 from 6 dB below its loud level
-    opening_s: float  # the first count that is danced; before it the first pose is held
+    opening_s: float  # the first count that is danced. Before it the first pose is held
     closing_s: float  # the last one
     onset_density: NDArray[np.float32]  # (S,) of the 4 s from each second, as a rank in the song, 0 … 1
 
@@ -51,7 +51,7 @@ class SongFeatures:
 
     @property
     def n_seconds(self) -> int:
-        """Number of seconds S; the last may be shorter."""
+        """Number of seconds S. The last may be shorter."""
         return len(self.style)
 
 

@@ -18,9 +18,9 @@ The paper's Table 2, row by row (a1 to a4 are the rhythmic features, `music.fram
 | 91 | zero-crossing rate, of a sample | 1 | zero_crossing_rate |
 
 12 + 12 + 12 + 26 + 13 + 5 + 6 + 1 = 87. Where the table leaves details open: contrast has one number
-there and seven in librosa, so we take their mean; the mel spectrogram is in decibels, since power spans
-six orders of magnitude; an interval's row is the mean of the frames centred in it. Windows and bands are
-librosa's defaults (2,048 samples, hop 512; 128 mel bands under the MFCC). Loudness is normalised first.
+there and seven in librosa, so we take their mean. The mel spectrogram is in decibels, since power spans
+six orders of magnitude. An interval's row is the mean of the frames centred in it. Windows and bands are
+librosa's defaults (2,048 samples, hop 512, 128 mel bands for the MFCC). Loudness is normalised first.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ SPECTRAL_DIM = sum(_COLUMNS.values())
 _STEPS = 100  # of its progress
 _WINDOW, _HOP = 2048, 512  # samples
 _CQT_BINS_PER_OCTAVE, _CQT_BINS = 36, 252  # seven octaves from C1
-_CQT_MIN_SAMPLES = 1 << 16  # samples; the lowest octave's filters are this long
+_CQT_MIN_SAMPLES = 1 << 16  # samples. The lowest octave's filters are this long
 _CQT_BLOCK_FRAMES = 1 << 15  # 13 minutes: 0.3 GB on the way, and few songs have a border, of the last bit
 _TUNING_HOP = 8 * _HOP
 _TUNING_BLOCK_FRAMES = 512
@@ -78,7 +78,7 @@ def spectral_features(
 
     Returns
     -------
-    float32 array (Q - 1, 87)   columns as in `SPECTRAL_COLUMNS`; no row if there are fewer than two beats.
+    float32 array (Q - 1, 87)   columns as in `SPECTRAL_COLUMNS`. No row if there are fewer than two beats.
     An interval too short to hold a frame (23 ms) gets those of the next frame. In silence the mel bands
     are at their floor of -50 dB, flatness is 1 (a spectrum without a peak), and all else but mfcc is 0.
 
@@ -102,8 +102,8 @@ def spectral_features(
     timbre_report = part(report, 50, _STEPS, _STEPS)
     for block in frame_blocks(len(frames)):
         first = block.start * _HOP - _WINDOW // 2
-        heard = _span(samples, first, (block.stop - 1) * _HOP + _WINDOW // 2)
-        for name, rows in _timbre_frames(heard, tuning).items():
+        span = _span(samples, first, (block.stop - 1) * _HOP + _WINDOW // 2)
+        for name, rows in _timbre_frames(span, tuning).items():
             frames[block, SPECTRAL_COLUMNS[name]] = rows
         if timbre_report is not None:
             timbre_report(block.stop, len(frames))
@@ -134,13 +134,13 @@ def _tonal_frames(
 def _tones(samples: NDArray[np.float32], block: slice, tuning: float) -> NDArray[np.float32]:
     """Magnitudes of the constant-Q transform of a block of frames, (252, T_b), as in the whole song's.
 
-    What the filters of the lowest octave hear around the block is transformed with it.
+    The samples around the block that the filters of the lowest octave reach are transformed with it.
     """
     from choreograph.music.cached_librosa import librosa
 
     first = max(0, block.start * _HOP - _CQT_MIN_SAMPLES)
-    heard = samples[first : block.stop * _HOP + _CQT_MIN_SAMPLES]
-    long_enough = np.pad(heard, (0, max(0, _CQT_MIN_SAMPLES - len(heard))))
+    span = samples[first : block.stop * _HOP + _CQT_MIN_SAMPLES]
+    long_enough = np.pad(span, (0, max(0, _CQT_MIN_SAMPLES - len(span))))
     tones = librosa.cqt(
         long_enough, sr=SAMPLE_RATE_HZ, hop_length=_HOP, n_bins=_CQT_BINS,
         bins_per_octave=_CQT_BINS_PER_OCTAVE, tuning=tuning * _CQT_BINS_PER_OCTAVE / 12,
@@ -191,15 +191,15 @@ def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArr
 
 
 def _tuning(samples: NDArray[np.float32]) -> float:
-    """Deviation of the song's A from 440 Hz in semitones, -0.5 to 0.5; 0 where no pitch is found."""
+    """Deviation of the song's A from 440 Hz in semitones, -0.5 to 0.5, or 0 where no pitch is found."""
     from choreograph.music.cached_librosa import librosa
 
     n_frames = 1 + max(0, len(samples) - _WINDOW) // _TUNING_HOP
     pitches, strengths = [], []  # of all frames, where there is a pitch
     for block in frame_blocks(n_frames, _TUNING_BLOCK_FRAMES):
-        heard = _span(samples, block.start * _TUNING_HOP, (block.stop - 1) * _TUNING_HOP + _WINDOW)
+        span = _span(samples, block.start * _TUNING_HOP, (block.stop - 1) * _TUNING_HOP + _WINDOW)
         pitch, strength = librosa.piptrack(
-            y=heard, sr=SAMPLE_RATE_HZ, n_fft=_WINDOW, hop_length=_TUNING_HOP, center=False
+            y=span, sr=SAMPLE_RATE_HZ, n_fft=_WINDOW, hop_length=_TUNING_HOP, center=False
         )  # (F, T_b)
         pitches.append(pitch[pitch > 0])
         strengths.append(strength[pitch > 0])

@@ -62,8 +62,8 @@ class RolloutStream:
     ----------
     song : path, `Song` or `Counts`
         A whole song, or only its counts. With counts, the sound is given to `feed` as it plays.
-    repertoire : the repertoire with the rollout network; by default the built-in one
-    genre : the genre to dance; by default the nearest one to the song, or all genres if only counts are given
+    repertoire : the repertoire with the rollout network, by default the built-in one
+    genre : the genre to dance, by default the nearest one to the song, or all genres if only counts are given
     seed : of the choice of motifs
     fps : frames per second
     beats : where the beats of a song come from, as in `DanceConfig`; not with counts, which are the beats
@@ -183,7 +183,7 @@ class RolloutStream:
             yield frame
 
     def _has_ended(self) -> bool:
-        n_frames = max(1, seconds_to_frames(self._rhythm.heard_s, self.fps))
+        n_frames = max(1, seconds_to_frames(self._rhythm.fed_s, self.fps))
         return self._rhythm.has_ended and self._n_frames >= n_frames
 
     @default_numerics()

@@ -17,7 +17,7 @@ from choreograph.music.synthesis.style import STEPS_PER_BEAT, Lane, Part, SongSt
 
 # Styles made of other styles: in other metres, with other instruments, with drums at half or double time.
 #
-# What a network is trained on must be wider than the genres as written, or it learns them by heart.
+# The training songs of a network must vary more than the genres as written, or the network overfits them.
 
 
 Source = TypeVar("Source", Lane, Part)

@@ -39,8 +39,8 @@ REPEATED_CPU_S = 30.0  # one in which a part is repeated: it may hold thousands 
 WALL_S = 120.0  # and is ended after that, on a machine that may be busy
 SLICE_S = 5.0  # of one target before it is the next one's turn
 REPEATED_SHARE = 0.1  # of the inputs: with one part many times
-# CPU time grows as this power of how often a part is there, at most. A reader that is linear on an idle machine was
-# measured at 1.3 on a busy one, and a quadratic one is at 2. `test_reading_time` holds readers to 1.2.
+# CPU time grows at most as this power of the number of repeats. A reader that is linear on an idle machine
+# was measured at 1.3 on a busy one, and a quadratic one is at 2. `test_reading_time` expects at most 1.2.
 MAX_SLOPE = 1.5
 SLOPE_CPU_S = (
     0.3,

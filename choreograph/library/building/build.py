@@ -60,8 +60,8 @@ def build_repertoire(
     Parameters
     ----------
     sources : folders or files of takes, of any layout that `choreograph.formats.register` knows
-    output : the file to write; work in progress lies beside it in `OUTPUT.build/`
-    teacher : makes dances that the rollout network learns from in addition to the takes; None: no dances
+    output : the file to write. Work in progress lies beside it in `OUTPUT.build/`
+    teacher : makes dances that the rollout network learns from in addition to the takes, by default none
     report : called with the stage's name, how much is done, of how much
     training_report : called with a `TrainingProgress` now and then
 
@@ -169,7 +169,7 @@ def _provenance(
 
 @dataclass(frozen=True, eq=False)
 class _ClipFeatures:
-    """Features of clips by the trained networks; None without the networks."""
+    """Features of clips by the trained networks, or None without the networks."""
 
     embed_motion: EmbedMotion | None = None
     density: ClipDensity | None = None
@@ -177,7 +177,7 @@ class _ClipFeatures:
 
 
 def _clip_features(nets: Mapping[str, NetArrays], options: BuildOptions, notes: list[Note]) -> _ClipFeatures:
-    """Style vectors and tempo-densities by the networks; notes are appended."""
+    """Style vectors and tempo-densities, computed by the networks. Appends to `notes`."""
     if "style" not in nets:
         return _ClipFeatures()
     from choreograph.nets.style import StyleNets
@@ -198,7 +198,7 @@ def _clip_features(nets: Mapping[str, NetArrays], options: BuildOptions, notes: 
 
 @dataclass(frozen=True, eq=False)
 class _WordParts:
-    """Networks of motion words, and the arrays of the vocabulary; none where there are too few words."""
+    """Networks of motion words, and the arrays of the vocabulary, or none where there are too few words."""
 
     nets: dict[str, NetArrays] = field(default_factory=dict)
     arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
@@ -215,7 +215,7 @@ def _words(
     report: ProgressReport | None,
     notes: list[Note],
 ) -> _WordParts:
-    """The takes' motion words, their networks and their motifs; notes are appended."""
+    """The takes' motion words, their networks and their motifs. Appends to `notes`."""
     if not options.words:
         return _WordParts()
     segmented, segment_notes = segment_takes(measured, songs, report=report)

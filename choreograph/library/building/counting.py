@@ -116,7 +116,7 @@ def count_notes(measured: Sequence[MeasuredTake], decisions: Sequence[CountDecis
 
 
 def load_motion_counter(pretrained: Mapping[str, PretrainedNet]) -> MotionCounter | None:
-    """The network that estimates counts from motion; None if the set has none."""
+    """The network that estimates counts from motion, or None if the set has none."""
     if MOTION_NET not in pretrained:
         return None
     stored = pretrained[MOTION_NET].arrays
@@ -143,8 +143,8 @@ def counts_from_song(
 
     Returns
     -------
-    Counts   those within the take; confidence: the phase lock, times the song's where bars are known.
-    `NO_COUNTS` if the phase lock is below `MIN_PHASE_LOCK`
+    Counts   those within the take, or `NO_COUNTS` if the phase lock is below `MIN_PHASE_LOCK`. Their
+    confidence is the phase lock, times the confidence of the song where bars are known
     """
     here = song.within(song_start_s, song_start_s + len(motion_pos_m) / fps)
     lock = phase_lock(mean_joint_speed_m_s(motion_pos_m, fps), fps, here.times_s)

@@ -160,7 +160,7 @@ class PretrainedWeights:
         return self.nets if self.keep else {}
 
     def weights(self, name: str) -> Mapping[str, Any] | None:
-        """Weights that training starts from; None for random ones."""
+        """Weights that training starts from, or None for random ones."""
         net = self.nets.get(name)
         return None if net is None else net.weights
 
@@ -208,7 +208,7 @@ def _trained(
     options: BuildOptions,
     context: TrainingContext,
 ) -> dict[str, NetArrays]:
-    """The networks of style, and of tempo-density if it is learned; those in `kept` are not trained."""
+    """The networks of style, and of tempo-density if it is learned. Those in `kept` are not trained."""
     from choreograph.nets.configs import style_config
     from choreograph.nets.style_training import train_style
 
@@ -235,7 +235,7 @@ def _trained_densities(
     options: BuildOptions,
     context: TrainingContext,
 ) -> dict[str, NetArrays]:
-    """The tempo-density of motion, then that of music, which needs motion's; those `kept` as they are.
+    """The networks of tempo-density: first motion's, then music's, which needs it. Those in `kept` stay.
 
     None without a take of 8 s of music and motion.
     """
@@ -270,7 +270,7 @@ def train_word_network(
     options: BuildOptions,
     context: TrainingContext,
 ) -> NetArrays | None:
-    """The network that embeds motion words; None if there are too few words and no pretrained network."""
+    """The network that embeds motion words, or None if there are too few words and no pretrained network."""
     from choreograph.nets.configs import word_config
     from choreograph.nets.words import train_word_net
 
@@ -294,7 +294,7 @@ def _stored(net: StoredNet) -> NetArrays:
 
 
 def style_take(measured: MeasuredTake, songs: SongCache) -> StyleTake:
-    """A take as style is learned from it, with its part of the song; `FormatError` if that has none."""
+    """A take for the training of style, with its part of the song. Raises `FormatError` if there is none."""
     from choreograph.nets.style_data import StyleTake
 
     take = measured.take

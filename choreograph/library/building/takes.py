@@ -74,8 +74,8 @@ def measured_takes(
 ) -> tuple[list[MeasuredTake], list[Note]]:
     """All takes of the sources with their features, on one skeleton, and notes on what was unusual.
 
-    Raises `ParameterError` if no take is left or two share a name, `FormatError` if a source is damaged; not
-    for files and names that the options skip.
+    Raises `ParameterError` if no take is left or two share a name, and `FormatError` if a source is damaged.
+    It raises neither for files and names that the options skip.
     """
     imported = import_sources([Path(source) for source in sources], options, report)
     check_takes(imported, options)
@@ -90,7 +90,7 @@ def measured_takes(
 
 
 def import_sources(sources: Sequence[Path], options: BuildOptions, report: ProgressReport | None) -> Imported:
-    """The takes of the sources and the files that gave none; of two takes of one name the second is skipped.
+    """The takes of the sources and the files that gave none. Of two takes of one name the second is skipped.
 
     Raises `ParameterError` if a source does not exist or has no known layout.
     """
@@ -125,7 +125,7 @@ def import_sources(sources: Sequence[Path], options: BuildOptions, report: Progr
 
 
 def check_takes(imported: Imported, options: BuildOptions) -> None:
-    """Raise the error of a file that cannot be read, or one that lists several; not with `skip_bad`.
+    """Raise the error of a file that cannot be read, or one that lists several, unless `skip_bad` is set.
 
     Raises `ParameterError` if there is no take, or none on a rig that a map of bones fits.
     """
@@ -202,7 +202,7 @@ def measure_take(take: Take) -> MeasuredTake:
 
 
 def _without_jumps(take: Take, notes: list[Note]) -> Take:
-    """The take without one-frame jumps of its markers; a note on how many there were is appended."""
+    """The take without one-frame jumps of its markers. Appends a note that says how many there were."""
     motion, count, limbs = without_jumps(take.motion)
     if count == 0:
         return take
@@ -221,7 +221,7 @@ def check_map_fits(takes: Sequence[Take], bone_map: Mapping[str, str]) -> None:
 
 
 def _on_one_skeleton(takes: list[Take], notes: list[Note]) -> list[Take]:
-    """The takes, retargeted to the canonical body unless they share a skeleton; a note is appended if so."""
+    """The takes, retargeted to the canonical body, with a note, unless they share a skeleton."""
     first = takes[0].motion.skeleton
     if all(take.motion.skeleton.same_as(first) for take in takes):
         return takes
@@ -261,7 +261,7 @@ def segment_takes(
     """Every take segmented on its counts, and notes.
 
     A take without counts is segmented on the beats of its music, by the default tracker, as the paper does
-    (section 3.3); without music, or with fewer than two beats in its part of the song, on its motion beats.
+    (section 3.3). Without music, or with fewer than two beats in its part of the song, on its motion beats.
     Counts are better: music and motion of a recorded pair need not be in step. Raises `FormatError` if a
     song cannot be read.
     """

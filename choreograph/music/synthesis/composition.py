@@ -58,7 +58,7 @@ class Section:
 def form(n_bars: int, phrase_bars: int) -> tuple[Section, ...]:
     """Sections that fill `n_bars`: whole phrases, except for one that takes the remainder.
 
-    Extra bars go to the first verse; missing bars are taken from the break or the intro. Consecutive
+    Extra bars go to the first verse. Missing bars are taken from the break or the intro. Consecutive
     phrases with the same name are one section. The first chorus has less energy than later ones.
     """
     names = _names(max(1, round(n_bars / phrase_bars)))
@@ -95,7 +95,7 @@ _END_BARS = 1.0  # length of the last chord
 
 @dataclass(frozen=True)
 class Note:
-    """A note or drum hit; steps are quarters of a beat from the song's start, before swing."""
+    """A note or drum hit. Steps are quarters of a beat from the song's start, before swing."""
 
     step: int
     steps: int  # 0 for drums
@@ -121,7 +121,7 @@ class Harmony:
     steps_per_bar: int
 
     def at(self, step: int) -> Chord:
-        """The chord at a step; the last one is sustained."""
+        """The chord at a step. The last one is sustained."""
         bar, inside = divmod(step, self.steps_per_bar)
         chords = self.bars[min(bar, len(self.bars) - 1)]
         return chords[inside * len(chords) // self.steps_per_bar]
@@ -325,7 +325,7 @@ def _melody(
     harmony: Harmony,
     rng: np.random.Generator,
 ) -> list[Note]:
-    """Motifs in the order A A' B A'' in each section; verse and chorus have different ones."""
+    """Motifs in the order A A' B A'' in each section. Verse and chorus have different ones."""
     material = {
         name: (Motif.drawn(part.patterns, rng), Motif.drawn(part.patterns, rng)) for name in harmony.scales
     }

@@ -56,7 +56,7 @@ def reverberate(send: Wave, room_s: float) -> Wave:
 
 
 def pan_stereo(track: Wave, pan: float, width: float) -> tuple[Wave, Wave]:
-    """Left and right of a mono track, constant-power; width is a delayed copy with opposite signs.
+    """Left and right of a mono track, panned with constant power. Width is a delayed copy of opposite signs.
 
     The width cancels in the mono sum.
     """
@@ -82,7 +82,7 @@ def ducking_gain(n: int, kicks: NDArray[np.int64], depth: float) -> Wave:
 
 
 def loudness_lufs(stereo: NDArray[np.floating]) -> float:
-    """Integrated loudness of (S, 2) at 44.1 kHz, gated as in BS.1770; -70 for silence."""
+    """Integrated loudness of (S, 2) at 44.1 kHz, gated as in BS.1770, or -70 for silence."""
     weighted = sosfilt(_k_weighting(), stereo, axis=0)
     hop = RATE_HZ // 10
     tenths = (weighted[: len(weighted) // hop * hop] ** 2).sum(axis=1).reshape(-1, hop).mean(axis=1)
@@ -120,7 +120,7 @@ _TOUCHES = 4  # levels of brightness by velocity
 
 
 def mix_tracks(style: SongStyle, tracks: Sequence[Track], step_s: NDArray[np.float64]) -> Wave:
-    """The song, float32 (S, 2) at 44.1 kHz; `step_s` (steps,) are the times of the steps."""
+    """The song, float32 (S, 2) at 44.1 kHz. `step_s` (steps,) are the times of the steps."""
     n = round((step_s[-1] + _TAIL_S) * RATE_HZ)
     left, right, send = (np.zeros(n, np.float32) for _ in range(3))
     kicks = [note.step for track in tracks if track.sound.endswith("kick") for note in track.notes]

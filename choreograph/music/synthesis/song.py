@@ -1,4 +1,4 @@
-"""`render_song`: a song whose beats, bars and sections are known exactly; `write_song` writes it."""
+"""`render_song` makes a song with known beats, bars and sections, and `write_song` writes it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _SLOWEST_BPM, _FASTEST_BPM = 20.0, 400.0
 
 @dataclass(frozen=True)
 class TempoMap:
-    """Tempo at given beats; between two of them it changes linearly in time.
+    """Tempo at given beats. Between two of them it changes linearly in time.
 
     Beat 0 is at 0 s. Before the first and after the last point the tempo is constant.
     """
@@ -59,7 +59,7 @@ class TempoMap:
         return cls(((0.0, from_bpm), (float(n_beats), to_bpm)))
 
     def seconds(self, beats: ArrayLike) -> NDArray[np.float64]:
-        """Times of (fractional) beats in seconds; negative for beats before 0."""
+        """Times of (fractional) beats in seconds, negative for beats before 0."""
         beats = np.asarray(beats, np.float64)
         times_s: NDArray[np.float64] = self._from_first_point(beats) - self._from_first_point(np.zeros(1))[0]
         return times_s
@@ -107,7 +107,7 @@ def beats_within(tempo: TempoMap, duration_s: float) -> float:
 
 
 def checked_swing(swing: float) -> float:
-    """The swing, if it is from 0 to 1; `ParameterError` otherwise."""
+    """The swing, if it is from 0 to 1. Raises `ParameterError` otherwise."""
     if not 0.0 <= swing <= 1.0:
         raise ParameterError(f"expected a swing from 0 (straight) to 1 (triplets), got {swing:g}")
     return float(swing)
@@ -116,7 +116,7 @@ def checked_swing(swing: float) -> float:
 def tempo_map_from(
     bpm: float, ramp_to_bpm: float | None, tempo_map: Sequence[tuple[float, float]] | None, n_beats: float
 ) -> TempoMap:
-    """The tempo map of a song's arguments; `tempo_map` takes precedence over `bpm`."""
+    """The tempo map of a song's arguments. `tempo_map` takes precedence over `bpm`."""
     if tempo_map is not None:
         return TempoMap(tuple((float(beat), float(value)) for beat, value in tempo_map))
     return TempoMap.steady(bpm) if ramp_to_bpm is None else TempoMap.ramp(bpm, ramp_to_bpm, n_beats)
@@ -129,7 +129,7 @@ _ALL = (HOUSE, HIP_HOP, DISCO, FUNK, CONTEMPORARY, CHA_CHA, SALSA, RUMBA, TANGO,
 STYLES: dict[str, SongStyle] = {style.name: style for style in _ALL}
 
 
-# `render_song`: a song whose beats, bars and sections are known exactly; `write_song` writes it.
+# `render_song` makes a song whose beats, bars and sections are known exactly. `write_song` writes it.
 
 
 _FASTEST_LONG_BAR_S = 1.7  # shorter bars are grouped in phrases of 8, longer ones of 4
@@ -213,15 +213,15 @@ def render_song(
     Parameters
     ----------
     style : a `SongStyle`, or a genre's name in `STYLES`
-    bpm : beats per minute; None: the middle of the genre's range
-    n_bars, duration_s : length; give one of them. A duration is rounded to an even number of bars. The
+    bpm : beats per minute, by default the middle of the genre's range
+    n_bars, duration_s : length. Give one of them. A duration is rounded to an even number of bars. The
         closing chord rings for another bar and 1.5 s
-    seed : determines key, chords, motifs, sounds and velocities; the same seed gives the same samples
-    swing : 0 (straight) to 1 (triplets); None: the genre's swing
+    seed : determines key, chords, motifs, sounds and velocities. The same seed gives the same samples
+    swing : 0 (straight) to 1 (triplets), by default the genre's swing
     ramp_to_bpm : tempo at the end of a ramp that is linear in time
-    tempo_map : (beat, BPM) points instead of `bpm` and `ramp_to_bpm`; see `TempoMap`
+    tempo_map : (beat, BPM) points instead of `bpm` and `ramp_to_bpm`. See `TempoMap`
     lead_in_s : silence before the first beat
-    sections : the form, from bar 0 to `n_bars` without a gap; None: by the number of bars
+    sections : the form, from bar 0 to `n_bars` without a gap. By default, it follows from the number of bars
 
     Returns
     -------
@@ -306,9 +306,10 @@ def write_song(
 ) -> None:
     """Write the samples as .flac, .wav (16 bit) or .ogg (Vorbis), and optionally the ground truth as JSON.
 
-    `compression_level`, 0 (large) to 1 (small), is the codec's scale; None: its default. The bytes of an .ogg
-    differ from write to write by the stream's random serial number; its sound does not. Raises
-    `ParameterError` for another suffix or a missing folder; `ChoreographError` if it cannot be written.
+    `compression_level` is the codec's, 0 (large) to 1 (small), by default the codec's own. The bytes of an
+    .ogg differ from write to write by the stream's random serial number. Its sound does not. Raises
+    `ParameterError` for another suffix or a missing folder, and `ChoreographError` if the file cannot be
+    written.
     """
     import soundfile
 

@@ -96,7 +96,7 @@ VOICES: dict[str, Patch | FmPatch] = {
 
 
 def render_note(name: str, midi: int, duration_s: float, velocity: float, *, seed: int = 0) -> Wave:
-    """One note, float32 (S,) at 44.1 kHz, including its release; about unit peak at velocity 1.
+    """One note, float32 (S,) at 44.1 kHz, including its release, with about unit peak at velocity 1.
 
     `velocity` (0 … 1) changes only the timbre: the mixer sets the loudness. `seed` sets the phases.
     """
@@ -135,7 +135,7 @@ def _patch_note(
 
 
 def _bank(patch: Patch, hz: float, velocity: float) -> Wave:
-    """Single cycles by age, (ages, _CYCLE); the first one has unit peak."""
+    """Single cycles by age, (ages, _CYCLE). The first one has unit peak."""
     count = int(np.clip(_HIGHEST_HZ / hz, 1, _MOST_HARMONICS))
     n = np.arange(1, count + 1)
     follow = (hz / 261.6) ** 0.5 * (0.55 + 0.45 * velocity)  # key and velocity tracking of the filter
@@ -172,7 +172,7 @@ def _oscillator(wave: str, n: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def _vibrato(patch: Patch, t: Wave) -> Wave | float:
-    """Phase offset in samples; the vibrato starts after 0.15 s."""
+    """Phase offset in samples. The vibrato starts after 0.15 s."""
     if not patch.vibrato_cents or len(t) < 0.15 * RATE_HZ:
         return 0.0
     depth = (2.0 ** (patch.vibrato_cents / 1200.0) - 1.0) * RATE_HZ / (2.0 * np.pi * patch.vibrato_hz)
@@ -228,7 +228,7 @@ Rng = np.random.Generator
 
 @lru_cache(maxsize=256)
 def drum_hit(name: str, variant: int = 0) -> Wave:
-    """One drum sound, float32 (S,) at 44.1 kHz with unit peak; `name` from `DRUMS`. Read-only."""
+    """One drum sound of `DRUMS`, a read-only float32 array (S,) at 44.1 kHz with unit peak."""
     rng = np.random.default_rng([variant, *name.encode()])
     sound = DRUMS[name](rng)
     fade = min(len(sound), round(_FADE_S * RATE_HZ))

@@ -1,4 +1,4 @@
-"""What a genre's songs are made of: drum lanes, parts and patterns; keys and chords; melodies."""
+"""What a genre's songs are made of: drum lanes, parts, patterns, keys, chords and melodies."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from choreograph.core.errors import ParameterError
 # What a genre is made of: drum lanes, pitched parts, progressions, and their step patterns.
 #
 # A pattern is a string with four steps per beat, one or more bars long: `.` is a rest, `-` sustains the
-# previous note. Drums and chords: `X` accented, `x` plain, `o` soft; chords also `1` ... `5`, one voice of
+# previous note. Drums and chords: `X` accented, `x` plain, `o` soft. Chords also `1` to `5`, one voice of
 # the voicing (5 is the lowest an octave up). Bass: `1 3 5 7 8` tones of the chord, `n` the next chord's
-# root, `a` a semitone from it, `w` a step of a walking bass. Melody: `X x o` start notes; the pitch is
+# root, `a` a semitone from it, `w` a step of a walking bass. Melody: `X x o` start notes. The pitch is
 # composed.
 
 
@@ -43,7 +43,7 @@ class Part:
 
     role: str  # bass, chords, melody
     voices: tuple[str, ...]  # one is drawn per song
-    patterns: tuple[str, ...]  # one is drawn per song; a melody draws two
+    patterns: tuple[str, ...]  # one is drawn per song. A melody draws two
     enters: float = 0.0
     leaves: float = 2.0
     db: float = -14.0
@@ -63,8 +63,8 @@ class SongStyle:
     bpm: tuple[float, float]  # usual range
     lanes: tuple[Lane, ...]
     parts: tuple[Part, ...]
-    progressions: tuple[str, ...]  # one bar per word, in C; verse and chorus take one each
-    scales: tuple[str, ...]  # for melodies; the best match to the chords is used
+    progressions: tuple[str, ...]  # one bar per word, in C. Verse and chorus take one each
+    scales: tuple[str, ...]  # for melodies. The best match to the chords is used
     fills: tuple[tuple[str, str], ...]  # (drum, one bar) of which one is drawn per song
     ending: tuple[str, ...] = ("kick", "crash")  # drums on the last downbeat
     crash: str | None = "crash"  # at the start of sections with high energy
@@ -150,7 +150,7 @@ def voice_chords(
 ) -> list[tuple[int, ...]]:
     """Voice leading: ascending MIDI notes of each chord, with the voicing nearest to the previous one.
 
-    Every pitch class sounds once (if there are too many, the fifth is dropped); the first chord lies
+    Every pitch class sounds once (if there are too many, the fifth is dropped). The first chord lies
     around the middle of `low` ... `high`.
     """
     out: list[tuple[int, ...]] = []
@@ -191,7 +191,7 @@ def scale_notes(scale: str, tonic: int, low: int, high: int) -> list[int]:
 def best_scale(chords: Sequence[Chord], names: Sequence[str]) -> tuple[str, int]:
     """The scale, by name and tonic, that fits the chords best.
 
-    Its notes should sound in the chords (others clash) and it should contain the chords' notes; a tonic on
+    Its notes should sound in the chords (others clash) and it should contain the chords' notes. A tonic on
     the first chord's root gets a bonus.
     """
     sounding = {c for chord in chords for c in chord.pitch_classes}
@@ -227,7 +227,7 @@ class Motif:
 
     @classmethod
     def drawn(cls, rhythms: Sequence[str], rng: np.random.Generator) -> Motif:
-        """A random motif on one of the rhythms; its contour is a random walk that stays near its centre."""
+        """A random motif on one of the rhythms. Its contour is a random walk that stays near its centre."""
         rhythm = str(rng.choice(list(rhythms)))
         count = sum(letter not in ".-" for letter in rhythm)
         contour = [int(rng.integers(-2, 3))]
@@ -252,7 +252,7 @@ def realise_motif(
 ) -> list[int]:
     """MIDI notes of a motif's rows (step, steps, letter) over their chords.
 
-    A varied motif keeps its head and gets another ending; a cadence ends on the chord's root or third. A
+    A varied motif keeps its head and gets another ending. A cadence ends on the chord's root or third. A
     motif truncated by its section keeps the notes that fit.
     """
     contour = list(motif.contour[: len(rows)])
@@ -278,5 +278,5 @@ def _clashes(note: int, chord: Chord) -> bool:
 
 
 def _nearest(note: int, pitch_classes: Sequence[int]) -> int:
-    """The nearest note with one of the pitch classes; the lower one in a tie."""
+    """The nearest note with one of the pitch classes. The lower one in a tie."""
     return min(range(note - 6, note + 7), key=lambda n: (n % 12 not in pitch_classes, abs(n - note), n))
