@@ -58,7 +58,7 @@ class PlannedWord:
     source_end_s: float
     credits: Credits
     pinned: bool = False  # must keep its motif: transitions change its neighbours, not it
-    kept: str = ""  # the dance that this is a part of, if it is kept; source times are then of that dance
+    kept: str = ""  # the dance that this is a part of, if it is kept. Source times are then of that dance
 
 
 @dataclass(frozen=True)
@@ -73,12 +73,12 @@ class Block:
 
     @property
     def kept(self) -> str:
-        """The dance that it is kept of, or empty if it is danced anew."""
+        """The dance from which it is kept, or empty if it is danced anew."""
         return self.planned.kept if isinstance(self.planned, PlannedWord) else ""
 
     @property
     def source(self) -> str:
-        """The take that is danced, or the dance that it is kept of, or empty if a network dances."""
+        """The take that is danced, or the dance from which it is kept, or empty if a network dances."""
         return self.kept or self.planned.take
 
 
@@ -115,7 +115,7 @@ class Plan:
     music_beat_numbers: tuple[int, ...] = ()  # in the bar, 1 on the downbeat, or none if bars are not known
     metre: int = 0  # beats in a bar, or 0 if bars are not known
     opening_s: float = 0.0  # until then the dance holds its first pose
-    closing_s: float | None = None  # from then on it holds its last one. None: it dances to the end
+    closing_s: float | None = None  # from then on it holds its last one. Without it, it dances to the end
     lock_feet: bool = True  # when it is rendered
     keep_on_stage: bool = True  # by small rotations at transitions
 
@@ -166,7 +166,7 @@ class Plan:
 
     @property
     def from_takes(self) -> bool:
-        """Whether every block is a piece of a take, or False if a network generates the motion."""
+        """Whether every block is a piece of a take. False if a network generates the motion."""
         return all(block.planned.take for block in self.blocks)
 
     @property
@@ -194,7 +194,7 @@ class Plan:
 
     @property
     def total_cost(self) -> float:
-        """Sum of all weighted costs of the seconds; words have no costs."""
+        """Sum of all weighted costs of the seconds. Words have no costs."""
         return sum(sum(second.costs.values()) for second in self.seconds)
 
     def to_json(self) -> str:
@@ -211,7 +211,7 @@ class Plan:
 
     @classmethod
     def from_json(cls, text: str, *, name: str = "plan") -> Plan:
-        """Read a plan; `FormatError` names the key that is missing, unknown or of the wrong type."""
+        """Read a plan. `FormatError` names the key that is missing, unknown or of the wrong type."""
         if not isinstance(text, str):
             raise ParameterError(f"expected a plan as text, got {reprlib.repr(text)}")
         try:
@@ -320,7 +320,7 @@ def _unreplaced_blocks(
 
 
 def _source_s(second: PlannedSecond, at_s: float) -> float:
-    """The source time at a time of the dance. Beyond the second at the speed it has there."""
+    """The source time at a time of the dance. Beyond the second, the speed at its end continues."""
     times_s = np.array(second.source_times_s)
     frame = (at_s - second.second) * NODE_FRAMES
     inside = float(np.interp(frame, np.arange(len(times_s)), times_s))

@@ -34,11 +34,11 @@ TimeMaps = Literal["smooth", "raw"]
 MotifDraw = Literal["missing", "absolute"]
 StyleWindow = Literal["smooth", "hamming"]
 MAX_VARIATIONS = 1000  # of one song
-# Lengths a transition may have: inertial to each side, linear in all; the first where none is chosen.
+# Lengths a transition may have: inertial to each side, linear in all. The first one is the default.
 TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
-# The first ten but completeness and velocity were weighed on dances to training songs, left out in five
-# folds; the paper gives no numbers. Those two and `accents` were chosen by the phase of motion beats within
-# the count.
+# The weights of the first ten, except completeness and velocity, were chosen on dances to training songs, in
+# five folds. The paper gives no numbers. Those two and `accents` were chosen by the phase of motion beats
+# within the count.
 DEFAULT_WEIGHTS = {
     "style": 1.0, "completeness": 2.0, "transition": 3.0, "velocity": 3.0, "rhythm": 14.0, "pace": 0.3,
     "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,
@@ -233,36 +233,36 @@ def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, f
 
 # ChoreoGraph's method as published: the settings of a build and of a dance that together are it.
 #
-# Each is an ordinary setting, of `BuildOptions`, `StyleConfig`, `DensityConfig` or `DanceConfig`; this module
+# Each is an ordinary setting, of `BuildOptions`, `StyleConfig`, `DensityConfig` or `DanceConfig`. This module
 # only lists them. By section of the paper:
 #
-# - 3.1: style vectors learned by equation 1 alone, from mel spectrogram and joint positions alone; the 512
+# - 3.1: style vectors learned by equation 1 alone, from mel spectrogram and joint positions alone. The 512
 #   clips of least style loss are candidates, whatever their metre or genre
-# - 3.2: tempo-densities learned by equations 2 and 3, from raw pairs of music and motion; segments are played
-#   along the path of subsequence DTW as it is, whatever is known of counts and beats
-# - 3.3: the cheapest next node by style, completeness and transition, unweighted; linear blending on the
+# - 3.2: tempo-densities learned by equations 2 and 3, from raw pairs of music and motion. Segments are played
+#   along the path of subsequence DTW, without smoothing and without regard to counts and beats
+# - 3.3: the cheapest next node by style, completeness and transition, unweighted, with linear blending on the
 #   second
 # - 4.1: Adam, batches of 16, a rate of 1e-4, 10,000 epochs
 #
-# Nothing of ours is done besides: no contrast, rhythm features, augmentation or pretrained networks; no
-# smoothed time maps, beats on beats or locked feet, neither in the takes nor in the dance; no held poses at
-# the ends, no steering to the stage, and no other costs.
+# Nothing is added to the paper. There are no contrast, rhythm features, augmentation or pretrained networks.
+# There are no smoothed time maps, matched beats or locked feet, neither in the takes nor in the dance. There
+# are no held poses at the ends, no steering to the stage, and no other costs.
 #
 # Where the paper is silent, we chose:
 #
-# - the widths of layers, and equations 1 and 2's λ: those of `StyleConfig` and `DensityConfig`; every λ of
-#   equation 4 is 1
+# - the widths of layers, and the λ of equations 1 and 2: those of `StyleConfig` and `DensityConfig`. Every λ
+#   of equation 4 is 1
 # - batch, rate and epochs of the style networks: those of the tempo-densities, the only ones it names
 # - what an epoch is: as many segments (4 s for style, 8 s for densities) as fit the takes without overlap
 # - equations 2 and 3 with means of squares for norms
 # - how far a random warp moves a motion beat: up to 0.5 s, where the slope stays in [0.5, 2]
 # - the DTW's weights: a step of two query frames pays for both (`choreography.graph.warping`)
 # - nodes are joined where the last pose stands and faces, as in motion graphs, and the transition cost is
-#   measured so; consecutive nodes of a segment are at distance 0, where the paper's are a frame apart
+#   measured so. Consecutive nodes of a segment are at distance 0, where the paper's are a frame apart
 # - a clip's tempo-density is the mean of the estimates of the clips that overlap with it, since it is stored
 #   once for each take
 # - a second without a motion beat extends the gap of completeness to its far end
-# - a crossfade lasts 0.25 s; the dance is sampled at 60 fps by a spline through the path's 20 frames a second
+# - a crossfade lasts 0.25 s. The dance is sampled at 60 fps by a spline through the path's 20 frames a second
 # - one-frame jumps of markers are smoothed and takes retargeted to one skeleton, as for every repertoire
 
 

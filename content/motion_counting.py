@@ -82,7 +82,7 @@ class MotionBatch:
 
 
 class MotionData:
-    """The takes of a training run; `ParameterError` if none has counts in bars of a known metre."""
+    """The takes of a training run. Raises `ParameterError` if none has counts in bars of a known metre."""
 
     def __init__(self, takes: Sequence[CountedMotion], config: MotionCountsConfig) -> None:
         self.takes = [t for t in takes if phases_at(t.counts, _seconds(t)).known.any()]
@@ -178,7 +178,7 @@ def train_motion_counts(
     name: str = "motion_counts",
     context: TrainingContext | None = None,
 ) -> MotionCountsNet:
-    """Train the network; `ParameterError` if no take has counts in bars of 3 or 4."""
+    """Train the network. Raises `ParameterError` if no take has counts in bars of 3 or 4."""
     data = MotionData(takes, config)
     with torch.random.fork_rng():
         torch.manual_seed(seed)

@@ -242,7 +242,7 @@ def make_motion_counts(
 def write_set(
     motion_counts: MotionCountsNet, style: StyleNets, trained_on: Iterable[str], output: Path
 ) -> None:
-    """Write a set's networks; `trained_on` are the songs and takes that they were trained on."""
+    """Write a set's networks. `trained_on` are the songs and takes that they were trained on."""
     nets = {}
     for name, net in ((MOTION_NET, motion_counts), (STYLE_NET, style)):
         weights, config = net.to_arrays()

@@ -31,7 +31,7 @@ def main(song: str = "", repertoire: str | None = None) -> None:
     low = cg.dance(song, repertoire, duration_s=6.0, costs=[cost], weights={"low_poses": 20.0})
     low.save("low.bvh")
     for name, made in (("usual", usual), ("low", low)):
-        print(f"{name}: pelvis {made.motion.root_pos_m[:, 1].mean():.2f} m high; takes", *made.plan.takes_s())
+        print(f"{name}: pelvis {made.motion.root_pos_m[:, 1].mean():.2f} m high, takes", *made.plan.takes_s())
     print("costs of second 3:", low.plan.seconds[3].costs)
 
 

@@ -32,7 +32,7 @@ def main(song: str = "", db: str = "", out: str = "stream.bvh") -> None:
     root_pos_m, local_quat = (np.stack([getattr(f, n) for f in frames]) for n in ("root_pos_m", "local_quat"))
     save_motion(out, cg.Motion(stream.skeleton, root_pos_m, local_quat, stream.fps))
     shown = ", ".join(f"{p} %: {np.percentile(took_ms, p):.2f}" for p in (50, 99, 100))
-    print(f"{out}: {len(frames)} frames; ms each: mean {np.mean(took_ms):.2f}, {shown}")
+    print(f"{out}: {len(frames)} frames, ms each: mean {np.mean(took_ms):.2f}, {shown}")
 
 
 if __name__ == "__main__":

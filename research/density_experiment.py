@@ -252,7 +252,7 @@ def main() -> None:
     songs = find_songs(options.data, only=options.only.read_text(encoding="utf-8").split())
     found = [rows_of(path, songs, options) for path in options.repertoires]
     print(f"{len(songs)} songs, {len(found)} repertoires: mean ± spread over repertoires")
-    print("recovery: median, mean, 90th percentile. Others: fit over chance; counts within 0.15 beat")
+    print("recovery: median, mean, 90th percentile. Others: fit over chance, and counts within 0.15 beat")
     print(f"of {DEFAULT_TRACKER}'s beats, and of {second_tracker(DEFAULT_TRACKER)}'s.")
     for label in found[0]:
         values = np.array([rows[label] for rows in found])

@@ -220,7 +220,7 @@ def source(weights: Floats, metre: Floats, confidence: tuple[float, float]) -> s
             "",
             "# Log evidence of an accent for beats 1, 2, 3 of three and 1, 2, 3, 4 of four.",
             "ACCENT_WEIGHTS = np.array(\n    [", *rows, "    ]\n)  # (20, 7)",
-            "# Log evidence of a repeat for three rather than four; the last is added at every beat.",
+            "# Log evidence of a repeat for three rather than four. The last is added at every beat.",
             "METRE_WEIGHTS = np.array(\n    [", *repeats, "    ]\n)  # (31,)",
             "# Log odds that bars are right: offset, and slope in margin (nats) over root of beats.",
             f"CONFIDENCE = ({confidence[0]:.2f}, {confidence[1]:.2f})",

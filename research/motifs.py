@@ -152,7 +152,7 @@ def show_signatures(
         rows.append((own, np.mean(list(far.values())), own < min(far.values())))
     own, others, right = np.mean(rows, axis=0)
     print(
-        f"  {k} motifs; held-out dances to their own template {own:.3f}, to others {others:.3f}, "
+        f"  {k} motifs, held-out dances to their own template {own:.3f}, to others {others:.3f}, "
         f"own nearest {right:.2f}"
     )
     halves = {

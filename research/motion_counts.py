@@ -149,7 +149,7 @@ def is_shuffled(reading: Reading) -> bool:
 def by_joint_speed(take: CountedMotion) -> Counts:
     """The baseline: beats at the period of the joint speed's autocorrelation, where the body is slow.
 
-    The beat tracker's dynamic programming, with slowness in place of onsets. It knows no bars: every fourth.
+    The beat tracker's dynamic programming, with slowness in place of onsets. It has no bars: every fourth.
     """
     speed = mean_joint_speed_m_s(take.body_pos_m, NET_FPS)
     fine = np.interp(np.arange(3 * len(speed)) / 3, np.arange(len(speed)), np.log(speed + 0.02))
@@ -291,8 +291,8 @@ def main() -> None:
     parser.add_argument("sources", nargs="+", type=Path)
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
-    parser.add_argument("--seeds-built-in", type=int, help="so many seeds for built-in takes; default: all")
-    parser.add_argument("--steps", type=int, help="of every training; default: the preset's")
+    parser.add_argument("--seeds-built-in", type=int, help="so many seeds for built-in takes, by default all")
+    parser.add_argument("--steps", type=int, help="of every training, by default the preset's")
     parser.add_argument("--library", type=Path, help="repertoire of dance-with-melody's takes with counts")
     parser.add_argument("-o", "--output", type=Path)
     given = parser.parse_args()

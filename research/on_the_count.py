@@ -180,7 +180,7 @@ def phase_lines(engine: str, dances: Sequence[MeasuredDance], experts: Sequence[
     found = phases_by_genre(danced, experts, np.random.default_rng(0))
     return [
         Line(
-            f"phase in the count, {genre}: distance to experts, beats; way from chance to their halves",
+            f"phase in the count, {genre}: distance to experts, beats, and way from chance to their halves",
             "way > 0.5",
             f"{row['phase_distance']:.3f}; {row['phase_nearness']:.2f}",
             f"{row['phase_distance_chance']:.3f}",
@@ -285,7 +285,7 @@ def main() -> None:
     parser.add_argument("--counted-by", type=Path, nargs="*", default=[])
     parser.add_argument("--experts", type=Path, help="folder of SONG.bvh with SONG.counts.csv")
     parser.add_argument("--songs", type=Path, nargs="+", default=[HELD_OUT], help="one file, or one for each")
-    parser.add_argument("--duration", type=float, help="seconds of each real song; default: all")
+    parser.add_argument("--duration", type=float, help="seconds of each real song, by default all")
     parser.add_argument("--engines", nargs="+", default=["graph"])
     parser.add_argument("--weights", type=json.loads, default={}, help='of the graph\'s, as {"accents": 1}')
     parser.add_argument("--beats", default=DEFAULT_TRACKER, help="to measure by")

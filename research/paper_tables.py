@@ -4,8 +4,8 @@
         [--counted-by path/to/choreonet] [--experts FOLDER] [--also learned-density l0.h5 l1.h5 …]
 
 Each repertoire was built by `build-db --seed N --leave-out @research/dance_with_melody_held_out.txt`.
-Its number is also the seed of its dances, so that a spread is one of training, dancing and songs together;
-their motifs are judged by the next one's network. Repertoires of --also dance as "ours" does, under that
+Its number is also the seed of its dances, so that a spread is one of training, dancing and songs together.
+Their motifs are judged by the next one's network. Repertoires of --also dance as "ours" does, under that
 name. FOLDER holds experts' dances to the songs, laid on their beats (`expert_dances.py`).
 
 Tables 1, 2 and 4 of the method as published, with repertoires of `build-db --published`:

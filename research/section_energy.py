@@ -173,7 +173,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--repertoires", type=Path, nargs="+", help="default: the built-in one")
     parser.add_argument("--weights", type=float, nargs="+", default=[2.0, 0.0], help="of the energy cost")
-    parser.add_argument("--seeds", type=int, default=3, help="of one repertoire; of several, one each")
+    parser.add_argument("--seeds", type=int, default=3, help="of one repertoire. Several have one each")
     parser.add_argument("--first-seed", type=int, default=FIRST_SEED, help="of the rendered songs")
     parser.add_argument("--genres", nargs="+", default=list(STYLES), help="of the rendered songs")
     parser.add_argument("--data", type=Path, help="dance-with-melody")

@@ -68,7 +68,7 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=60.0, help="seconds of each real song")
     parser.add_argument("--beats", default="tempo-path")
     parser.add_argument(
-        "--variety-song-s", type=float, default=180.0, help="seconds of a song of every genre; 0: none"
+        "--variety-song-s", type=float, default=180.0, help="seconds of a song of every genre, or 0 for none"
     )
     given = parser.parse_args()
     repertoire = cg.Repertoire.open(given.repertoire) if given.repertoire else cg.starter_repertoire()

@@ -99,7 +99,7 @@ def main() -> None:
     parser.add_argument("--planner", default="exact")
     parser.add_argument("--weights", type=json.loads, default={}, help='of the graph\'s, as {"signature": 2}')
     parser.add_argument("--duration", type=float, default=80.0)
-    parser.add_argument("--plot", type=Path, help="PNG of the distance over time; needs matplotlib")
+    parser.add_argument("--plot", type=Path, help="PNG of the distance over time. Needs matplotlib")
     given = parser.parse_args()
     held_out = given.songs.read_text(encoding="utf-8").split()
     takes = {take.name: take for take in read(given.data) if take.name in held_out}

@@ -141,7 +141,7 @@ def main() -> None:
     parser.add_argument("takes", type=Path)
     parser.add_argument("repertoires", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--steps", type=int, help="of every training; default: the preset's")
+    parser.add_argument("--steps", type=int, help="of every training, by default the preset's")
     parser.add_argument("--networks", nargs="+", choices=list(ABLATIONS), default=list(ABLATIONS))
     given = parser.parse_args()
     torch.set_num_threads(1)

@@ -140,7 +140,7 @@ def trials_by_recorded_genre(
 def readings_of(
     sources: Sequence[Path], work: Path, seeds: Sequence[int], groups: Sequence[str] = GROUPS
 ) -> dict[str, list[list[Reading]]]:
-    """Readings by what the networks knew, seed by seed."""
+    """Readings by the training data of the networks, seed by seed."""
     config, built_in, recorded = motion_counts_config("small"), built_in_takes(), recorded_takes(sources)
     by_genre = []
     for trial in trials_by_genre(built_in):

@@ -59,7 +59,7 @@ VARIANTS: dict[str, Variant] = shipped.VARIANTS | {
         ),
         _variant(
             "greedy-published", "ChoreoGraph's graph as published: greedy planner, unweighted style, "
-            "completeness and transition costs, linear blending, transitions on seconds; with our warping "
+            "completeness and transition costs, linear blending, transitions on seconds, but our warping "
             "and foot lock",
             seeded=False, planner="greedy", selection="style", blending="linear", transitions="seconds",
             weights=published.WEIGHTS,

@@ -4,7 +4,7 @@
 
 Clips of 8 s every 4 s of each held-out take are warped at random: every motion beat moves by up to 0.5 s,
 slopes stay in [0.5, 2]. Query: the middle 4 s of the warped clip's density. Target: the density of the
-clip as it was. Error: the source time that subsequence DTW gives each query frame, against the true map;
+clip as it was. Error: the source time that subsequence DTW gives each query frame, against the true map.
 `smooth` is the path after a Gaussian of 0.1 s, which takes the staircase of 50 ms frames out.
 """
 
@@ -104,7 +104,7 @@ def main() -> None:
     known = [take for take in takes if take.name not in names]
     unknown = [take for take in takes if take.name in names]
     print(
-        f"{len(known)} takes trained on, {len(unknown)} held out; errors in ms: median, mean, 90th percentile"
+        f"{len(known)} takes trained on, {len(unknown)} held out. Errors in ms: median, mean, 90th percentile"
     )
     show("", errors_ms(unknown, None))
     config = density_config(options.preset, loss=options.loss)

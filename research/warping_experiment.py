@@ -304,7 +304,7 @@ def print_table(what: str, seeds: Sequence[Sequence], songs: Sequence[Heard], op
     right = text([np.mean([r.right for r in readings]) for readings in seeds])
     counted = text([np.mean([r.is_counted for r in readings]) for readings in seeds])
     n_takes = ", ".join(str(len(readings)) for readings in seeds)
-    print(f"\n{what}: {n_takes} takes; counts right {right}; counted by a build {counted}\n")
+    print(f"\n{what}: {n_takes} takes, counts right {right}, counted by a build {counted}\n")
     print("| laid by | stiffness | song | fit over chance | counts within 0.15 beat | count 1 |")
     print("| --- | --- | --- | --- | --- | --- |")
     for (how, value, whose), values in sorted(rows.items(), key=lambda row: row[0][2] != OWN):

@@ -125,7 +125,7 @@ def select_clips(
 
     Returns
     -------
-    int array (S, min(K, N)); ties go to the earlier clip.
+    int array (S, min(K, N))   of two equal clips, the earlier one is taken
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The command line: one file per command; parse, call, present."""
+"""The command line. Each file is a command that parses, calls the library and presents the result."""
 
 from choreograph.cli.main import main, run
 

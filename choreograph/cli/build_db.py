@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _FILE = click.Path(path_type=Path)
 _PUBLISHED = ("augment_mirror", "init_from", "keep_networks")  # settings that --published needs as they are
-_WIDEST = 80  # letters of a column of --check; longer cells push the next ones
+_WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
 
 
 @click.command(
@@ -126,10 +126,10 @@ def command(
 ) -> None:
     """Build a repertoire from SOURCES: folders or files of recorded dances with their music.
 
-    Known layouts, of which a folder may have several: NAME.bvh, .c3d, .glb, .npz or (with Blender) .fbx with
-    NAME.wav|mp3|flac|ogg|m4a and an optional manifest.csv; dance-with-melody; ChoreoNet, whose lists also
-    count dance-with-melody's takes; AIST++; AMASS. NAME.counts.csv beside NAME.bvh says where a take is
-    counted: time_s,number,figure.
+    A take is NAME.bvh, .c3d, .glb, .npz or (with Blender) .fbx, with its music as NAME.wav|mp3|flac|ogg|m4a
+    and an optional manifest.csv. The layouts of dance-with-melody, ChoreoNet (whose lists also count the
+    takes of dance-with-melody), AIST++ and AMASS are read as well. A folder may hold several layouts.
+    NAME.counts.csv beside NAME.bvh states the counts of a take: time_s,number,figure.
     """
     import choreograph as cg
     from choreograph.library.building.options import BuildOptions
@@ -169,7 +169,7 @@ def command(
 
 
 def _check(sources: Sequence[Path], settings: BuildOptions, *, quiet: bool) -> None:
-    """Print a row for each file of the sources; an error if a build would be refused."""
+    """Print a row for each file of the sources. Raises if a build would fail."""
     from choreograph.library.building.takes import check_takes, checked_files, import_sources
 
     with stages(quiet=quiet) as shown:

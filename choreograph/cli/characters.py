@@ -32,7 +32,7 @@ UNITS = {"cm": 100.0, "m": 1.0}  # units of a .bvh, of which a metre has so many
 
 
 def bvh_options(command: AnyCommand) -> AnyCommand:
-    """Adds the options of BVH files; the function gets them by the names of `bvh_of`'s arguments."""
+    """Add the options of BVH files. The function gets them by the names of `bvh_of`'s arguments."""
     options = (
         click.option("--names", "naming", type=click.Choice(NAMINGS), help="Joint names of a .bvh (smpl)."),
         click.option("--units", type=click.Choice(tuple(UNITS)), help="Units of a .bvh (cm)."),
@@ -141,7 +141,7 @@ def character_of(path: Path, map_path: Path | None) -> GltfCharacter:
 
 
 def check_map_target(path: Path | None) -> None:
-    """Raise `ParameterError` if no map of bones can be written to the path; None: none is wanted."""
+    """Raise `ParameterError` if no map of bones can be written to the path, which may be None."""
     if path is None:
         return
     if path.suffix.lower() != ".json":
@@ -158,7 +158,7 @@ def write_map(path: Path | None, character: GltfCharacter | None) -> None:
 
 
 def motion_of(path: Path, bone_map: Mapping[str, str] | None = None) -> Motion:
-    """The motion of a file that holds one take, its notes printed; `ParameterError` for several takes."""
+    """The motion of a file with one take. Prints its notes. Raises `ParameterError` for several takes."""
     from choreograph.formats.register import read_take
     from choreograph.library.building.takes import check_map_fits
 

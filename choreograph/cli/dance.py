@@ -140,7 +140,7 @@ def _renderer(
 
 
 def _character(files: FileOptions, outputs: tuple[Path, ...]) -> GltfCharacter | None:
-    """The character that dances, or None; `ParameterError` for a map alone, or a page that cannot show it."""
+    """The character that dances, if any. Raises `ParameterError` for a map alone or an unfit page."""
     from choreograph.pipeline.saving import check_character
 
     if files.character is None:

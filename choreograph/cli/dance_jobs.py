@@ -53,7 +53,7 @@ def jobs_of(songs: Sequence[Path], given: Outputs, opened: bool, variations: int
     Raises `ParameterError` for no song, a number of variations out of range, or two songs with one file.
     """
     if not songs:
-        raise ParameterError("expected a SONG, or --plan FILE; `choreograph songs` lists a few to begin with")
+        raise ParameterError("expected a SONG, or --plan FILE. `choreograph songs` lists a few to begin with")
     if variations is not None and not 1 <= variations <= MAX_VARIATIONS:
         raise ParameterError(f"expected 1 to {MAX_VARIATIONS} variations, got {variations}")
     jobs = tuple(
@@ -69,7 +69,7 @@ def jobs_of(songs: Sequence[Path], given: Outputs, opened: bool, variations: int
 def with_free_names(
     jobs: Sequence[Job], given: Outputs, inputs: Sequence[Path], *, force: bool
 ) -> tuple[tuple[Job, ...], tuple[str, ...]]:
-    """The jobs, with other names where files are that no dance made here may replace; and notes on these.
+    """The jobs, renamed where files exist that no dance made here may replace, and notes on these.
 
     Names that the user `given` stay. The others, made of a song's name, are changed where an input is, or a
     file that is no dance written here, unless `force`.
@@ -104,7 +104,7 @@ def with_free_names(
 
 
 def check_jobs(jobs: Sequence[Job], save_map: Path | None, inputs: Sequence[Path]) -> None:
-    """Raise before any work if a file is an input or cannot be written; make the folders of several songs."""
+    """Raise before any work if a file is an input or cannot be written. Makes the folders."""
     from choreograph.pipeline.saving import check_outputs
 
     paths = _paths(jobs)
@@ -146,7 +146,7 @@ def _name_of(song: Path) -> str:
 
 
 def _outputs_for(given: Outputs, stem: str, opened: bool) -> Outputs:
-    """The files to write: those given, else a motion and a page; a page in any case if it is to be opened."""
+    """The files to write: those given, else a motion and a page. If a page is to be opened, one is added."""
     named = tuple(Path(str(path).replace(SONG, stem)) for path in given)
     outputs = named or (Path(f"{stem}.bvh"), Path(f"{stem}.html"))
     if opened and not any(path.suffix.lower() == ".html" for path in outputs):
@@ -155,7 +155,7 @@ def _outputs_for(given: Outputs, stem: str, opened: bool) -> Outputs:
 
 
 def _numbered(outputs: Outputs, variations: int | None) -> tuple[Outputs, ...]:
-    """The files of every variation, NAME-1.bvh for NAME.bvh; without variations, `outputs` once."""
+    """The files of every variation, NAME-1.bvh for NAME.bvh. Without variations, `outputs` once."""
     if variations is None:
         return (outputs,)
     return tuple(
@@ -198,12 +198,12 @@ def present(
 
 
 def _dances(result: Result) -> Iterator[tuple[Dance, Outputs]]:
-    """The dances and their files; none if the job failed."""
+    """The dances and their files, or none if the job failed."""
     return zip(result.dances, result.job.outputs, strict=not result.error)
 
 
 def _notes(result: Result, *, named: bool) -> Iterator[str]:
-    """The notes on a song's dances, or why there are none; with the song's name if `named`."""
+    """The notes on a song's dances, or why there are none, with the song's name if `named`."""
     notes = [note for dance in result.dances for note in dance.notes]
     notes += [f"not danced: {result.error}"] if result.error else []
     yield from (f"{result.job.song.name}: {note}" if named else note for note in notes)

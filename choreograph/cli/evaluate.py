@@ -82,7 +82,7 @@ _FOR_SONGS = {
 )  # fmt: skip
 @optgroup.group("Output")
 @optgroup.option("--report", type=_FILE, help="Write tables and plots as one HTML page.")
-@optgroup.option("--json", "json_path", metavar="FILE", help="Write every number as JSON; - prints it.")
+@optgroup.option("--json", "json_path", metavar="FILE", help="Write every number as JSON. - prints it.")
 @optgroup.option(
     "--resume", is_flag=True,
     help="Go on with an evaluation that was stopped: its dances lie in OUTPUT.dances/ until it is complete.",
@@ -147,7 +147,7 @@ def command(
 
 
 def _targets(report: Path | None, json_path: str | None) -> list[Path]:
-    """The files to write; raises before any work if one cannot be written."""
+    """The files to write. Raises before any work if one cannot be written."""
     from choreograph.core.files import check_target
     from choreograph.evaluation.plots import expect_matplotlib
 
@@ -168,7 +168,7 @@ def _of_dance(dance: Path, song: Path, db: Path | None, duration: float | None, 
 
 @contextmanager
 def _kept(output: Path | None, resume: bool) -> Iterator[KeptDances | None]:
-    """The dances that are kept beside the output; where they are kept and not all are made, says so."""
+    """The dances that are kept beside the output. Prints the folder if a run ends before all are made."""
     from choreograph.evaluation.variants import kept_dances
 
     if output is None:
@@ -222,7 +222,7 @@ def _of_songs(
 
 
 def _show(evaluation: Evaluation) -> None:
-    """Print the tables; where stdout is no terminal, as wide as they are."""
+    """Print the tables. If stdout is not a terminal, they are as wide as they need to be."""
     from rich.table import Table
 
     from choreograph.evaluation.results import column_title, tables

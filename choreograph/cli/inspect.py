@@ -216,8 +216,8 @@ def _vocabulary_text(vocabulary: dict[str, Any]) -> list[str]:
     genres = vocabulary["genres"]
     width = max(len(genre) for genre in genres)
     lines = [
-        f"{vocabulary['n_words']} motion words of {vocabulary['n_motifs']} motifs; "
-        "genre, takes, their χ² distance to its template, its most common motifs:"
+        f"{vocabulary['n_words']} motion words of {vocabulary['n_motifs']} motifs. "
+        "Genre, takes, their χ² distance to its template, its most common motifs:"
     ]
     for genre, about in genres.items():
         common = ", ".join(f"{motif} ({share:.1%})" for motif, share in about["common_motifs"].items())
@@ -249,7 +249,7 @@ def _vocabulary_text(vocabulary: dict[str, Any]) -> list[str]:
 @click.option("--path", "name", metavar="NAME", help="Print the path of this song.")
 @click.option("--json", "as_json", is_flag=True, help="Print names and paths as JSON.")
 def songs(folder: Path | None, name: str | None, as_json: bool) -> None:
-    """List the built-in songs. The project made them; use them as you like."""
+    """List the built-in songs. The project made them, and they are free for any use."""
     from choreograph.library.builtin import example_songs
 
     paths = example_songs()

@@ -58,7 +58,7 @@ def _printable_lines(text: str) -> str:
 
 
 def _write_log(text: str) -> Path | None:
-    """The new file in the user's folder of logs, else in the temporary one; None if neither can be had."""
+    """The new file in the user's folder of logs, else in the temporary one, or None if both fail."""
     name = f"choreograph-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.log"
     for folder in _log_folders():
         try:

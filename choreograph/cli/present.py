@@ -33,8 +33,8 @@ else:
 
 MAX_LINE = 300  # characters of a printed line
 _CUT = 130, 130  # characters at both ends of a line that is longer
-# What moves a terminal's cursor or changes its colours, also as single bytes of names that are no text; what
-# ends lines; what changes the direction of writing.
+# Characters that move a terminal's cursor or change its colours, also as single bytes of names that are not
+# text, and characters that end lines or change the direction of writing.
 _CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\udc80-\udc9f]")
 
 
@@ -44,7 +44,7 @@ def printable(text: str) -> str:
 
 
 def line_of(text: str) -> str:
-    """The text as a printable line of up to `MAX_LINE` characters; the middle of a longer one is left out."""
+    """The text as a printable line of up to `MAX_LINE` characters. The middle of a longer one is left out."""
     text = printable(text)
     if len(text) <= MAX_LINE:
         return text
@@ -64,7 +64,7 @@ def show_notes(notes: Iterable[str]) -> None:
 
 
 def table_console(width: int = MAX_LINE) -> Console:
-    """A console that takes names as they are; `width` characters wide where stdout is no terminal."""
+    """A console that prints names unchanged, `width` characters wide if stdout is not a terminal."""
     from rich.console import Console
 
     console = Console(highlight=False, markup=False, emoji=False)
@@ -107,7 +107,7 @@ class StageLines:
 
 @contextmanager
 def stages(*, quiet: bool) -> Iterator[Stages]:
-    """Show progress on stderr while the block runs; nothing if `quiet`, or if stderr is no terminal."""
+    """Show progress on stderr while the block runs, or nothing if `quiet`, or if stderr is no terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -213,7 +213,7 @@ def check_outputs_apart(
 ) -> None:
     """Raise `ParameterError` before any work if an output is an input or another output of the command.
 
-    `outputs` are those that are wanted, by the options `named_by`; `with_songs` as for `input_files`.
+    `outputs` are the requested files, given by the options `named_by`. `with_songs` is as for `input_files`.
     """
     check_apart(
         [path for path in outputs if path is not None],
@@ -226,7 +226,7 @@ def _flag(option: click.Parameter) -> str:
 
 
 def names_of(given: tuple[str, ...]) -> tuple[str, ...]:
-    """The names given, each @FILE replaced by the names in it; `FormatError` if one cannot be read."""
+    """The names given, each @FILE replaced by the names in it. Raises `FormatError` if one cannot be read."""
     names: list[str] = []
     for name in given:
         if not name.startswith("@"):
@@ -238,7 +238,7 @@ def names_of(given: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def check_output_options(outputs: Sequence[Path]) -> tuple[str, ...]:
-    """A note on the options given for files that cannot use them; none if all files use all of them.
+    """A note on the options given for files that cannot use them, or none if all files use all of them.
 
     Raises `ParameterError` for an option that no file uses, and for a character beside USD files, which would
     hold the mannequin.

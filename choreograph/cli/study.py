@@ -59,7 +59,7 @@ def command() -> None:
 )
 @click.option(
     "--ask", type=click.Choice(("ratings", "pairs", "both")), default="ratings", show_default=True,
-    help="Rate each dance by four questions; or compare two to a song: which is more of the genre, "
+    help="Rate each dance by four questions, or compare two to a song: which is more of the genre, "
     "and which was made by a computer.",
 )  # fmt: skip
 @click.option("--silent", is_flag=True, help="No sound, and no question about music.")
@@ -112,7 +112,7 @@ def write(
 
 @command.command("show", cls=Command, short_help="Show the ratings.")
 @click.argument("study", type=_FILE)
-@click.option("--json", "json_path", metavar="FILE", help="Write the ratings as JSON; - prints them.")
+@click.option("--json", "json_path", metavar="FILE", help="Write the ratings as JSON. - prints them.")
 @click.option("-q", "--quiet", is_flag=True, help="No table.")
 def show(study: Path, json_path: str | None, quiet: bool) -> None:
     """Show the answers in the folder STUDY: means with 95 % intervals, and which variants differ."""

@@ -93,7 +93,7 @@ def kernel_cache() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def _why_not_replaced() -> str | None:
-    """What is not as expected in numba's private names; None if all is."""
+    """What is not as expected in numba's private names, or None if all is."""
     version = f"numba {numba.__version__} is not one of those that are known"
     for path, parameters in _PRIVATE.items():
         found = _private(path)
@@ -106,7 +106,7 @@ def _why_not_replaced() -> str | None:
 
 
 def _private(path: str) -> Any:
-    """What has this name within `numba.core`; None if there is nothing."""
+    """What has this name within `numba.core`, or None if there is nothing."""
     import numba.core.caching
     import numba.core.serialize
     import numba.core.sigutils
@@ -127,7 +127,7 @@ def _uncached(decorator: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class _Locator:
-    """Tells numba where the entries of a function are; whether they can be written is not asked.
+    """Tells numba where the entries of a function are. It does not check whether they can be written.
 
     Has the methods of numba's own locators.
     """
@@ -161,7 +161,7 @@ def _sha256_of(source: Path) -> str:
 
 
 class _Entries:
-    """The entries of one function, one for each signature; in place of numba's `IndexDataCacheFile`.
+    """The entries of one function, one for each signature. It replaces numba's `IndexDataCacheFile`.
 
     numba loads, and after a miss compiles and saves. From the miss to the saving this process has the lock.
     """
@@ -190,7 +190,7 @@ class _Entries:
         return pickle.loads(payload)
 
     def save(self, key: _Key, data: Any) -> None:
-        """Write an entry; a note if that fails."""
+        """Write an entry. Logs a note if that fails."""
         path = self._path(key)
         if path is None:
             return
@@ -209,7 +209,7 @@ class _Entries:
         self._loaded[self._subfolder, self._name, _arguments(key)] = hashlib.sha256(payload).hexdigest()
 
     def _path(self, key: _Key) -> Path | None:
-        """The file of a key's entry; a wrapper's is named by the very function that it calls, too."""
+        """The file of a key's entry. Of a wrapper, the name also contains the function that it calls."""
         folder = _folder()
         if folder is None:
             return None
@@ -225,7 +225,7 @@ def _arguments(key: _Key) -> str:
 
 
 def _read(path: Path) -> bytes | None:
-    """An entry without its checksum; None if it is not there or does not hold."""
+    """An entry without its checksum, or None if it does not exist or the checksum is wrong."""
     try:
         content = path.read_bytes()
     except OSError:
@@ -237,7 +237,7 @@ def _read(path: Path) -> bytes | None:
 
 
 class _Lock:
-    """Lets one process compile at a time; without a lock after the first that could not be had."""
+    """Lets one process compile at a time. After the first lock that fails, no lock is used."""
 
     def __init__(self, folder: Path) -> None:
         from filelock import FileLock
@@ -271,7 +271,7 @@ def _lock() -> _Lock:
 
 @lru_cache(maxsize=1)
 def _folder() -> Path | None:
-    """This version's folder, in the user's cache or else the temporary folder; None if neither can be had."""
+    """This version's folder in the user's cache, else in the temporary folder, or None if both fail."""
     name = f"kernels-{__version__}-numba-{numba.__version__}"
     refused: list[str] = []
     for base in _bases():

@@ -168,7 +168,7 @@ class _Hierarchy:
         bvh = self.bvh
         if (word == "ROOT") != (not bvh.names) or (word == "JOINT" and (not stack or stack[-1] < 0)):
             raise FormatError(
-                "expected one ROOT with every JOINT inside it; several bodies in a file are not read"
+                "expected one ROOT with every JOINT inside it, since several bodies in a file are not read"
             )
         joint = len(bvh.names)
         if joint == MAX_JOINTS:

@@ -44,7 +44,7 @@ def require_blender(path: str | Path) -> tuple[str, ...]:
     if blender is None:
         raise ParameterError(
             f"{path}: expected Blender for FBX, found none: install it (blender.org) so that `blender` is on "
-            f"the path, or set {VARIABLE} to it or to a Python 3.11 with bpy (`pip install bpy`); or use .glb"
+            f"the path, or set {VARIABLE} to it or to a Python 3.11 with bpy (`pip install bpy`), or use .glb"
         )
     return blender
 

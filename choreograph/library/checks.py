@@ -185,7 +185,7 @@ def check_finite(name: str, array: NDArray[Any]) -> None:
 
 
 def check_values(name: str, array: NDArray[Any], sizes: Mapping[str, int]) -> None:
-    """`RepertoireError` if a number of an array is outside `VALUES`; `sizes` are those of the axes."""
+    """Raise `RepertoireError` if a number of an array is outside `VALUES`. `sizes` are those of the axes."""
     if name not in VALUES or array.size == 0:
         return
     low, high = VALUES[name]

@@ -200,7 +200,7 @@ class SpanMotifLookup:
     the words that the vocabulary segmented on the beats of the take. Spans are quantised, to 0.05 s in time
     and 15 % in length, and embedded on first use: a song needs a small part of all spans.
 
-    `body_pos_m` gives positions (T, 21, 3) of a take at `fps`; `embed` gives embeddings (N, D) of words
+    `body_pos_m` returns positions (T, 21, 3) of a take at `fps`. `embed` returns embeddings (N, D) of words
     (N, 13, 21, 3), as `nets.words.WordNet.embed` does.
     """
 

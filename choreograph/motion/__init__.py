@@ -1,1 +1,1 @@
-"""Skeletons and motions: kinematics, contacts, cleaning, retargeting; the mannequin."""
+"""Skeletons and motions: kinematics, contacts, cleaning, retargeting, and the mannequin."""

@@ -68,7 +68,7 @@ def body_pos_m(motion: Motion) -> NDArray[np.float64]:
 
 
 def checked_body_pos_m(body_pos_m: NDArray[np.floating], fps: float = 1.0) -> NDArray[np.float64]:
-    """The positions as float64; `ParameterError` unless they are finite, (T, 21, 3), and `fps` positive."""
+    """The positions as float64. Raises `ParameterError` unless finite, (T, 21, 3), and `fps` positive."""
     pos = np.asarray(body_pos_m, np.float64)
     if pos.ndim != 3 or pos.shape[1:] != (len(BODY_JOINTS), 3) or len(pos) == 0:
         raise ParameterError(f"expected body positions (T, {len(BODY_JOINTS)}, 3), got {pos.shape}")
@@ -131,7 +131,7 @@ def ground_pos_m(body_pos_m: Floats) -> Floats:
 
 
 def to_root_frame(body_pos_m: Floats, vectors: Floats | None = None) -> Floats:
-    """Poses (..., 21, 3) at heading 0 above the origin; or `vectors` (velocities), if given, only rotated."""
+    """Poses (..., 21, 3) at heading 0 above the origin, or `vectors` (velocities), which are only rotated."""
     rotation = rot.about_y(-heading_rad(body_pos_m))[..., None, :]  # (..., 1, 4)
     if vectors is not None:
         return rot.rotate(rotation, vectors)

@@ -37,10 +37,10 @@ _UPRIGHT = 0.5  # the least height of a standing body against its greatest exten
 
 @dataclass(frozen=True, eq=False)
 class PosedBones:
-    """The bones of a rig and where they are in one pose, Y up, in any unit; there may be several roots."""
+    """The bones of a rig and their positions in one pose, Y up, in any unit. There may be several roots."""
 
     names: tuple[str, ...]  # (B,)
-    parents: NDArray[np.int64]  # (B,) -1 for a root; every parent before its children
+    parents: NDArray[np.int64]  # (B,) -1 for a root. Every parent comes before its children
     pos: Floats  # (B, 3) in the world
     # Ends of bones that are no bones themselves: their bone (E,) and place (E, 3).
     tip_parents: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -68,7 +68,7 @@ class PosedBones:
 
 
 def bones_by_structure(rig: PosedBones) -> dict[str, int]:
-    """The bones of a rig by canonical name; `ParameterError` if it has no two legs and two arms."""
+    """The bones of a rig by canonical name. Raises `ParameterError` if it has no two legs and two arms."""
     pos = rig.pos - np.median(rig.pos, axis=0)  # the middle is on the spine, whatever one arm does
     extents = np.ptp(rig.pos, axis=0)
     height = float(extents[1])
@@ -166,7 +166,7 @@ def _arm_parts(rig: PosedBones, chain: list[int], height: float) -> dict[str, in
 
 
 def _turn_rad(rig: PosedBones, chain: list[int], at: int) -> float:
-    """The angle between the bones that meet at a place of a chain; 0 at its end."""
+    """The angle between the bones that meet at a place of a chain, or 0 at its end."""
     if at + 1 >= len(chain):
         return 0.0
     before, after = np.diff(rig.pos[chain[at - 1 : at + 2]], axis=0)
@@ -218,7 +218,7 @@ def _not_a_body() -> ParameterError:
 # Which bone of a rig is which part of the body: by the user's map, a VRM's own word, names, or structure.
 
 
-_MOST_BONES = 1024  # that are looked at in many poses; bodies with faces and hands have some hundreds
+_MOST_BONES = 1024  # that are compared in many poses. Bodies with faces and hands have some hundreds
 _NOTED = ("pelvis", "left_knee", "right_elbow")
 # Matrices for row vectors that take Y, Z, -Z, X, -X and -Y to Y, the usual ones first.
 _TO_Y_UP = tuple(
@@ -334,7 +334,7 @@ def _named(rig: PosedBones, name: str) -> int:
 
 
 def _by_names(rig: PosedBones) -> dict[str, int]:
-    """By the names of known rigs, else by structure; neck and head by structure where they have no name."""
+    """By the names of known rigs, else by structure. Unnamed necks and heads are found by structure."""
     bones = _roles_or_none(rig)
     if bones is None:
         return bones_by_structure(rig)
@@ -343,7 +343,7 @@ def _by_names(rig: PosedBones) -> dict[str, int]:
 
 
 def _roles_or_none(rig: PosedBones) -> dict[str, int] | None:
-    """The bones by the names of known rigs; None if the names are unknown."""
+    """The bones by the names of known rigs, or None if the names are unknown."""
     try:
         # A root above all, since rigs may have several.
         roles = roles_by_names(("", *rig.names), (-1, *(rig.parents + 1).tolist()))

@@ -41,7 +41,7 @@ def bridged(values: Floats, spans: Iterable[Span]) -> Floats:
 
 
 def bridged_rotations(quat: Floats, spans: Iterable[Span]) -> Floats:
-    """Rotations (T, ..., 4) bridged as `bridged` does, by the shorter arc; sign-continuous if `quat` was."""
+    """Rotations (T, ..., 4) bridged as by `bridged`, by the shorter arc. Sign-continuous if `quat` is."""
     turns = np.array(quat, np.float64)
     for start, stop in spans:
         if start < 2 or stop > len(turns) - 2:

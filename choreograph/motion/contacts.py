@@ -25,7 +25,7 @@ _SMOOTH_S = 0.5
 
 
 def sole_pos_m(motion: Motion) -> Floats:
-    """Sole points of both feet (T, F, 3) in metres; see `foot_sole_pos_m`."""
+    """Sole points of both feet (T, F, 3) in metres. See `foot_sole_pos_m`."""
     pos_m, global_quat = forward(motion.skeleton, motion.root_pos_m, motion.local_quat)
     feet = [foot_sole_pos_m(motion.skeleton, pos_m, global_quat, side) for side in ("left", "right")]
     return np.concatenate(feet, axis=1)
@@ -34,9 +34,9 @@ def sole_pos_m(motion: Motion) -> Floats:
 def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, global_quat: Floats, side: str) -> Floats:
     """Sole points of one foot (T, F, 3) in metres: they touch the floor when the foot stands flat.
 
-    These are the ball of the foot, and heel and toe tip where the skeleton has them as end sites; the
-    ankle for a rig without any. Each is lowered by its height above the sole. Heights are taken in the
-    rest pose or, if that is not upright (some rigs lay all bones along one axis), in the motion's lowest
+    These are the ball of the foot, and heel and toe tip where the skeleton has them as end sites. On a rig
+    without any of them, it is the ankle. Each is lowered by its height above the sole. Heights are taken in
+    the rest pose or, if that is not upright (some rigs lay all bones along one axis), in the motion's lowest
     frames. `pos_m` (T, J, 3) and `global_quat` (T, J, 4) are world positions and rotations.
 
     Raises `ParameterError` if the rig's joint names are unknown.
@@ -112,7 +112,7 @@ _CONTACT_SMOOTH_S = 0.04  # against noise in the speed and flickering contacts
 
 
 def foot_contacts(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
-    """Contact confidence of each of `CONTACT_JOINTS`, (T, 4) from 0 to 1; above 0.5 is a contact.
+    """Contact confidence of each of `CONTACT_JOINTS`, (T, 4) from 0 to 1. Values above 0.5 are contacts.
 
     The columns are left ankle (heel), left foot (ball), right ankle, right foot of body positions
     (T, 21, 3) in metres at any rate `fps`. Height and speed enter smoothly: with a hard threshold,

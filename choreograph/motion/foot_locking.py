@@ -31,8 +31,8 @@ from choreograph.motion.skeleton import Skeleton
 
 
 SIDES = ("left", "right")
-_RETURN_S = 1.0  # a shifted foot returns to its own path within it; longer contacts may drift
-TAKE_SHIFT_S = 0.2  # a shift comes and goes within it: shorter adds motion beats that nobody danced
+_RETURN_S = 1.0  # a shifted foot returns to its own path within it. Longer contacts may drift
+TAKE_SHIFT_S = 0.2  # a shift comes and goes within it. Shorter ones add motion beats that were not danced
 DANCE_SHIFT_S = 0.3  # for a dance of takes whose feet are locked already, where less is left to do
 _ORDER = 3  # the derivative of the shift that is kept small: jerk
 _STRAIGHT_RAD, _WRONG_RAD = 0.12, 0.25  # bent the wrong way: as recorded legs are, and as none is
@@ -53,7 +53,7 @@ def lock_feet(
     ----------
     motion : on any rig whose joints are known by name
     contacts : float or bool array (T, 4)   contact confidence, 0 to 1, of left ankle, left foot (ball),
-                                            right ankle and right foot; by default from `foot_contacts`
+                                            right ankle and right foot, by default from `foot_contacts`
     floor_m : float                         height of the floor
     shift_s : float                         time over which a foot's shift comes and goes
     feet_shift_m : float array (T, 2, 3)    how far left and right foot are moved before, smooth in time
@@ -184,7 +184,7 @@ def move_leg(
 # Foot locking of a motion that still goes on: `foot_locking`, with a few frames of future.
 #
 # The same least squares are solved again and again, over the frames that are known and 0.3 s beyond them, in
-# which no contact is expected, so that a shift has time to go. Shifts of earlier frames are given; only the
+# which no contact is expected, so that a shift has time to go. Shifts of earlier frames are given. Only the
 # first frames of a solution are used. The less future there is, the shorter `shift_s` has to be: with 0.1 s,
 # a shift within 0.2 s comes too late for most steps.
 
@@ -195,7 +195,7 @@ _FLOOR_S = 10.0  # of the past that says how high a foot in contact is
 
 
 class FootLockStream:
-    """Locks the feet of frames that come in at `fps`, on a floor at height 0; `shift_s`: see `lock_feet`."""
+    """Locks the feet of frames at `fps`, on a floor at height 0. `shift_s` is as in `lock_feet`."""
 
     def __init__(self, skeleton: Skeleton, fps: float, shift_s: float) -> None:
         self._skeleton, self._fps, self._shift_s = skeleton, fps, shift_s
@@ -223,7 +223,7 @@ class FootLockStream:
         self._heights.extend(pos_m[:, self._joints, 1])
 
     def pop(self, n_frames: int) -> Floats:
-        """Rotations (T, J, 4) of the next frames, locked; all frames pushed after them are their future."""
+        """Rotations (T, J, 4) of the next frames, locked. All frames pushed after them are their future."""
         first, stop = self._locked, self._locked + n_frames
         floor_m = np.percentile(np.array(self._heights), FLOOR_PERCENT, axis=0)  # (4,)
         stands = contacts_above(self._pos_m[:, self._joints], floor_m, self._fps)
@@ -241,7 +241,7 @@ class FootLockStream:
         return locked
 
     def _target_m(self, side: str, confidence: Floats, n_frames: int) -> Floats:
-        """Where the ankle shall be next, (T, 3); `confidence` (1 + W, 2) is from the frame before on."""
+        """The next targets of the ankle, (T, 3). `confidence` (1 + W, 2) begins with the frame before."""
         ankle, first, ease = self._roles[f"{side}_ankle"], self._locked, lift_frames(self._fps)
         points_m = self._pos_m[:, [ankle, self._roles.get(f"{side}_foot", ankle)]]  # (W, 2, 3)
         beyond = seconds_to_frames(_BEYOND_S, self._fps)

@@ -2,7 +2,7 @@
 
 Markers sit on the skin, by hand, centimetres away from where the manual says. So a centre is a first guess
 from anatomy, corrected by the motion: the hip is the centre of the sphere on which the thigh's markers move
-about the pelvis; knee, ankle and elbow are the points that stay in place in both segments beside them.
+about the pelvis. Knee, ankle and elbow are the points that stay in place in both segments beside them.
 
 References
 ----------
@@ -149,7 +149,7 @@ def _hinge(
     """The centre (T, 3) of a joint `reach_m` beside its marker, along the axis about which it bends.
 
     `ends` are the joints before and after, `segments` those that it joins. The axis is the mean normal of the
-    limb, where it is bent most; the first centre, on the skin, tilts it, so it is found again from the next.
+    limb, where it is bent most. The first centre, on the skin, tilts it, so it is found again from the next.
     """
     centre = marker
     for _ in range(_HINGE_PASSES):
@@ -182,7 +182,10 @@ def _unstretched(centre: Floats, ends: tuple[Floats, Floats], segment: Segment) 
 
 
 def _centre(segments: tuple[Segment, Segment], guess: Floats, axes: Sequence[Floats]) -> Floats:
-    """The point (T, 3) that moves least in both segments; along the axis, which no motion tells, `guess`."""
+    """The point (T, 3) that moves least in both segments.
+
+    Its place along the axis does not follow from motion, so it is that of `guess`.
+    """
     kept = _sample(len(guess))
     guesses = np.concatenate([_into(segment, guess)[kept].mean(axis=0) for segment in segments])  # (6,)
     (origin, basis), (other_origin, other_basis) = segments

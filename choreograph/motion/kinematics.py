@@ -18,8 +18,8 @@ def forward(
 ) -> tuple[Floats, Floats]:
     """World positions (..., J, 3) in metres and world rotations (..., J, 4) of all joints.
 
-    `root_pos_m` (..., 3), `local_quat` (..., J, 4); any leading dimensions. With `joints`, increasing
-    and after their parents, only these are computed beside the root, and the others are 0.
+    `root_pos_m` is (..., 3) and `local_quat` (..., J, 4), with any leading dimensions. If `joints` are given,
+    increasing and after their parents, only these and the root are computed, and the others are 0.
     """
     global_quat = np.zeros_like(local_quat, dtype=np.float64)  # (..., J, 4)
     pos_m = np.zeros((*local_quat.shape[:-1], 3))  # (..., J, 3)
@@ -55,9 +55,9 @@ def two_bone(
     """World rotations (..., 4) to apply to upper and lower bone so that the end reaches the target.
 
     `start_m`, `middle_m`, `end_m`, `target_m` (..., 3): hip, knee, ankle and where the ankle should
-    be. The limb keeps its bending direction; the straighter it is, the more `hinge_axis` (..., 3), the
+    be. The limb keeps its bending direction. The straighter it is, the more `hinge_axis` (..., 3), the
     world axis of a positive bend, decides. A target out of reach is approached softly. A target where the
-    end already is leaves the limb unchanged, even one bent the wrong way; as its target comes nearer, such
+    end already is leaves the limb unchanged, even one bent the wrong way. As its target comes nearer, such
     a limb passes through straight to the right side, and misses the target meanwhile (by 3 mm, if a leg
     was bent by 0.1 rad). Small changes of the arguments are small changes of the result.
     """
@@ -85,7 +85,7 @@ def move_limb(
 ) -> None:
     """Rotate both bones of a limb in `global_quat` (T, J, 4) so that its end comes to `target_m` (T, 3).
 
-    `limb` are its joints, such as hip, knee and ankle; what hangs on the end keeps its world rotation.
+    `limb` are its joints, such as hip, knee and ankle. What hangs on the end keeps its world rotation.
     """
     start, middle, end = limb
     upper, lower = two_bone(pos_m[:, start], pos_m[:, middle], pos_m[:, end], target_m, hinge_axis)
@@ -105,7 +105,7 @@ def ancestors(skeleton: Skeleton, joint: int) -> list[int]:
 
 
 def flexion_rad(start_m: Floats, middle_m: Floats, end_m: Floats, hinge_axis: Floats) -> Floats:
-    """Bend (...) of a limb about its hinge, as in `two_bone`; negative if it is bent the wrong way."""
+    """Bend (...) of a limb about its hinge, as in `two_bone`, negative if it is bent the wrong way."""
     upper, lower = middle_m - start_m, end_m - middle_m
     bone = upper / np.maximum(_length(upper), 1e-9)[..., None]
     hinge = _perpendicular(np.broadcast_to(hinge_axis, bone.shape), bone)

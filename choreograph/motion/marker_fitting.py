@@ -32,7 +32,7 @@ def refine(
 ) -> tuple[Floats, Floats]:
     """Root positions (T, 3) and local rotations (T, J, 4) with a smaller sum of squared distances.
 
-    `targets_m` maps joints to target positions (T, 3) in metres; `refined` are the joints whose rotation
+    `targets_m` maps joints to target positions (T, 3) in metres. `refined` are the joints whose rotation
     may change. Each sweep moves the root by the mean residual, then rotates one joint after the other,
     with all its descendants, by a damped Gauss-Newton step.
     """
@@ -114,9 +114,9 @@ def fit_positions(
 
     Parameters
     ----------
-    skeleton : any rest pose; joint names that `joint_roles` knows
+    skeleton : in any rest pose, with joint names that `joint_roles` supports
     pos_m : float array (T, R, 3)   metres, Y up
-    roles : R names                 canonical joints and `LANDMARKS`; at least `REQUIRED_ROLES`
+    roles : R names                 canonical joints and `LANDMARKS`. At least `REQUIRED_ROLES`
     fps : float                     rate of `pos_m`
 
     Heels are used if the skeleton has them, as end sites of the ankles.
@@ -207,7 +207,7 @@ class _Fit:
         return 0.5 * (self.targets[f"left_{part}"] + self.targets[f"right_{part}"])  # (T, 3)
 
     def _rotation(self, joint: int) -> Floats:
-        """World rotation (T, 4); an unsolved joint has that of its parent."""
+        """World rotation (T, 4). An unsolved joint has that of its parent."""
         while joint not in self.global_quat:
             joint = int(self.skeleton.parents[joint])
         return self.global_quat[joint]
@@ -230,7 +230,7 @@ class _Fit:
         return vector_m
 
     def _pelvis(self) -> None:
-        """Pelvis rotation from the hips and the joint above; root position where they fit best."""
+        """Pelvis rotation from the hips and the joint above, and the root position where they fit best."""
         pelvis = self.joints["pelvis"]
         above = next(
             (role for role in ("spine1", "pelvis") if role in self.targets and role in self.joints), None
@@ -336,7 +336,7 @@ class _Fit:
         rest_axis: Floats,
         axis_hint: Floats | None,
     ) -> None:
-        """Swing both bones of a limb to their targets; twist the upper so that its hinge is the bend axis."""
+        """Swing both bones of a limb to their targets, and twist the upper so that its hinge bends there."""
         swing = self._swing(upper, middle, self.targets[middle_role])
         bone = _unit(self.targets[middle_role] - self._pos(upper))
         lower = _unit(self.targets[end_role] - self.targets[middle_role])

@@ -1,4 +1,4 @@
-"""`Motion`: root positions and local rotations of a skeleton; `Take`: one recorded performance."""
+"""`Motion`, the root positions and local rotations of a skeleton, and `Take`, a recorded performance."""
 
 from __future__ import annotations
 
@@ -56,7 +56,10 @@ def check_length(n_frames: int, n_joints: int, fps: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Metres, Y up, right-handed, facing +Z at heading 0; quaternions `wxyz`, sign-continuous.
+    """Root positions and local rotations of a skeleton at one frame rate.
+
+    Positions are in metres, Y up, right-handed, facing +Z at heading 0. Rotations are quaternions `wxyz`,
+    sign-continuous.
 
     Raises `ParameterError` if a field is of another type, shapes disagree, there is no frame, or a value is
     not finite.
@@ -114,7 +117,7 @@ class Motion:
         return forward(self.skeleton, self.root_pos_m, self.local_quat)[0]
 
     def sliced(self, start: int, stop: int) -> Motion:
-        """Frames start … stop - 1 as a motion, as Python slices; `ParameterError` if that is none."""
+        """Frames start … stop - 1 as a motion, as Python slices. Raises `ParameterError` if that is none."""
         if not (is_whole(start) and is_whole(stop)):
             raise unexpected("the first frame and the one after the last as whole numbers", (start, stop))
         if not range(self.n_frames)[start:stop]:
@@ -122,7 +125,7 @@ class Motion:
         return replace(self, root_pos_m=self.root_pos_m[start:stop], local_quat=self.local_quat[start:stop])
 
     def sampled(self, frames: NDArray[np.float64], *, fps: float | None = None) -> Motion:
-        """The poses at fractional `frames` (T',), rotations by slerp; clamped to the first and last frame.
+        """The poses at fractional `frames` (T',), rotations by slerp, clamped to the first and last frame.
 
         Raises `ParameterError` unless there is a frame or more, all are finite, and the rate is above 0.
         """
@@ -133,7 +136,7 @@ class Motion:
         return Motion(self.skeleton, root, rot.make_continuous(quat), fps)
 
     def sampled_smooth(self, frames: NDArray[np.float64], *, fps: float | None = None) -> Motion:
-        """The poses at fractional `frames` (T',) by cubic splines; clamped to the first and last frame.
+        """The poses at fractional `frames` (T',) by cubic splines, clamped to the first and last frame.
 
         Slerp (`sampled`) has corners at the source frames, visible as jerk when 25 fps is played at 60.
         Raises as `sampled` does.
@@ -182,7 +185,7 @@ class Motion:
 
 
 def _as_frames(frames: object) -> NDArray[np.float64]:
-    """Fractional frames (T',) to sample; `ParameterError` unless there are some, and all are finite."""
+    """Fractional frames (T',) to sample. Raises `ParameterError` if there is none or one is not finite."""
     array = as_floats("frames", frames)
     if array.ndim != 1 or not array.size or not np.isfinite(array).all():
         raise unexpected("one finite frame or more (T',)", frames)
@@ -194,7 +197,7 @@ def _as_frames(frames: object) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Credits:
-    """Performer, licence and source of a take; empty where the source does not state them.
+    """Performer, licence and source of a take, or empty where the source does not state them.
 
     Raises `ParameterError` unless all are text.
 

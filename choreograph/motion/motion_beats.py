@@ -22,7 +22,7 @@ MIN_PROMINENCE = 0.03  # of the median speed: shallower dips are tremor and samp
 
 
 def mean_joint_speed_m_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
-    """Mean world speed of the joints in m/s, (T,), of positions (T, J, 3); includes root motion."""
+    """Mean world speed of the joints in m/s, (T,), of positions (T, J, 3), with root motion."""
     pos = np.asarray(body_pos_m, np.float64)
     if pos.ndim != 3 or pos.shape[2] != 3:
         raise ParameterError(f"expected joint positions (T, J, 3), got {pos.shape}")
@@ -80,7 +80,7 @@ _LEAST_SPREAD_M = 1e-3  # takes that differ by less do not differ
 class Liveliness:
     """Ranks of any seconds of takes, by how far their joints travel and by how wide the body is.
 
-    Travel is the mean of the joints' path lengths in the world; width the mean of their distances from the
+    Travel is the mean of the joints' path lengths in the world. Width is the mean of their distances from the
     vertical through the pelvis. Both are read from sums up to each frame, so a second may begin anywhere and
     be played at any speed.
     """

@@ -34,14 +34,14 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
 
     Each joint's world rotation is the source joint's times a constant offset, estimated from the motion:
     it aligns the target's rest-pose bones with the source's mean bone directions in the joint's frame. For
-    a joint with a single bone this leaves the twist open; the bend axes of knees and elbows determine it,
+    a joint with a single bone this leaves the twist open. The bend axes of knees and elbows determine it,
     elsewhere the mean twist against the parent is set to zero. Single bones are then pointed exactly in
     the source's direction. Spine, neck and head turn as the source's do where its rest pose is straight
     there: bones say little about a gaze, since necks lean forward in one rig and are upright in another. So
     do feet where both rest poses stand, since ankles are at different heights over a sole. The hip path is
-    scaled by leg length. If the target's rest pose is upright, so that its soles are known, the soles are put
-    on Y = 0; if both are, where the source's are over its floor most of the time. Onto a skeleton that only
-    differs in the order of its joints, nothing changes.
+    scaled by leg length. If the target's rest pose is upright, its soles are known and are put on Y = 0. If
+    the source's rest pose is upright too, the soles get the height that the source's soles have over its
+    floor most of the time. Onto a skeleton that only differs in the order of its joints, nothing changes.
 
     Raises `ParameterError` if the joint names of either skeleton are unknown.
     """
@@ -225,7 +225,7 @@ def _feet(
 
 
 def _heading_of_foot(skeleton: Skeleton, roles: dict[str, int], side: str) -> float:
-    """Where a foot points in the rest pose, radians from +Z about Y; without toes, where the hips look.
+    """Direction of a foot in the rest pose, radians from +Z about Y. Without toes, it is that of the hips.
 
     Not a number for a foot that does not stand there.
     """

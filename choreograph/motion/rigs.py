@@ -44,7 +44,7 @@ _NOT_BODY_PARTS = frozenset(
 )  # "ik_foot_l" is an IK control
 
 _MIN_UPRIGHT_COS = 0.9  # cosine of the largest lean of an upright body
-_NAMED = 100  # letters of a name that are looked at
+_NAMED = 100  # letters of a name that are compared
 _FEW, _SHORT = 4, 12  # joints in an error, and letters of their names
 
 # Words of MMD's models, in Japanese and in Roman letters.
@@ -85,7 +85,7 @@ def roles_by_names(names: tuple[str, ...], parents: tuple[int, ...]) -> dict[str
 
 
 def rest_pose_is_upright(skeleton: Skeleton) -> bool:
-    """Whether the rest pose is upright along +Y, as in most rigs; some lay all bones along one axis.
+    """Whether the rest pose is upright along +Y, as in most rigs. In some, all bones lie along one axis.
 
     Raises `ParameterError` as `joint_roles` does.
     """
@@ -136,7 +136,7 @@ def trunk_roles(
 
 
 def _unnamed_head(names: Sequence[str], parents: tuple[int, ...], roles: Mapping[str, int]) -> dict[str, int]:
-    """Neck and head of a rig that calls them spine, as Rigify does; else the longest chain above the arms.
+    """Neck and head of a rig that calls them spine, as Rigify does, else the longest chain above the arms.
 
     Faces hang from the head, which is where the bones that are called as the chest is end.
     """
@@ -167,14 +167,14 @@ def _letters(name: str) -> str:
 
 
 def _words(name: str) -> list[str]:
-    """The words of a joint's name without its prefix, in lower case; Japanese ones in English."""
+    """The words of a joint's name without its prefix, in lower case. Japanese ones become English."""
     own = unicodedata.normalize("NFKC", name.rsplit(":", 1)[-1][-_NAMED:])
     own = _JAPANESE_WORDS.sub(lambda found: f" {_JAPANESE[found[0]]} ", own)
     return [_ROMAJI.get(word.lower(), word.lower()) for word in _WORDS.findall(own)]
 
 
 def _side_and_part(name: str) -> tuple[str, str]:
-    """Side ("left", "right" or "") and body part of a joint name; part "" if unknown."""
+    """Side ("left", "right" or "") and body part ("" if unknown) of a joint name."""
     words = _words(name)
     side = next((_SIDES[word] for word in words if word in _SIDES), "")
     words = [word for word in words if word not in _SIDES and not word.isdigit()]
@@ -213,7 +213,7 @@ def _path_from_root(parents: tuple[int, ...], joint: int) -> list[int]:
 
 
 def _common_ancestor(parents: tuple[int, ...], joints: list[int]) -> int:
-    """The lowest common ancestor of `joints`, possibly one of them; `ParameterError` if there is none."""
+    """The lowest common ancestor of `joints`, possibly one of them. Raises `ParameterError` without one."""
     first, *others = (_path_from_root(parents, joint) for joint in joints)
     shared = set(first).intersection(*others)
     if not shared:
@@ -222,13 +222,13 @@ def _common_ancestor(parents: tuple[int, ...], joints: list[int]) -> int:
 
 
 def _some(names: Sequence[str]) -> str:
-    """The names of a rig, for an error; of many the first."""
+    """The names of a rig for an error, or the first ones if there are many."""
     more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
     return ", ".join(name[:_SHORT] for name in names[:_FEW]) + more
 
 
 def _spine_roles(spine: list[int]) -> dict[str, int]:
-    """Spine joints, from the pelvis up, mapped to the canonical three; of fewer, lowest and highest."""
+    """Spine joints, from the pelvis up, mapped to the canonical three. Of fewer, lowest and highest."""
     if not spine:
         return {}
     if len(spine) == 1:

@@ -1,6 +1,6 @@
 """Quaternions `wxyz` over any leading dimensions, by scipy where conventions are intricate.
 
-Conventions: unit, right-handed, active (`rotate(q, v)` rotates v); `multiply(a, b)` applies b first.
+Conventions: unit, right-handed, active (`rotate(q, v)` rotates v). `multiply(a, b)` applies b first.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def rotate(quat: Floats, vector: Floats) -> Floats:
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
-    """Cross product of (..., 3); for a few joints numpy's version is mostly call overhead."""
+    """Cross product of (..., 3). For a few joints numpy's version is mostly call overhead."""
     ax, ay, az = _components(a)
     bx, by, bz = _components(b)
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
@@ -52,7 +52,7 @@ def _components(values: Floats) -> list[Floats]:
 
 
 def normalize(quat: Floats) -> Floats:
-    """Scale quaternions (..., 4) to unit length; a zero quaternion becomes the identity."""
+    """Scale quaternions (..., 4) to unit length. A zero quaternion becomes the identity."""
     norm = np.linalg.norm(quat, axis=-1, keepdims=True)
     return np.where(norm > 1e-12, quat / np.maximum(norm, 1e-12), IDENTITY)
 
@@ -113,14 +113,14 @@ def to_matrix(quat: Floats) -> Floats:
 
 
 def from_euler(order: str, angles: Floats) -> Floats:
-    """Quaternions (..., 4) of intrinsic Euler angles (..., 3) in radians; order such as "ZXY"."""
+    """Quaternions (..., 4) of intrinsic Euler angles (..., 3) in radians, in an order such as "ZXY"."""
     flat = Rotation.from_euler(order.upper(), np.reshape(angles, (-1, len(order))))
     quat: Floats = flat.as_quat(scalar_first=True).reshape(*angles.shape[:-1], 4)
     return quat
 
 
 def to_euler(order: str, quat: Floats) -> Floats:
-    """Intrinsic Euler angles (..., 3) in radians; in gimbal lock the third angle is zero."""
+    """Intrinsic Euler angles (..., 3) in radians. In gimbal lock the third angle is zero."""
     flat = Rotation.from_quat(np.reshape(quat, (-1, 4)), scalar_first=True)
     angles: Floats = flat.as_euler(order.upper(), suppress_warnings=True).reshape(*quat.shape[:-1], 3)
     return angles
@@ -138,7 +138,7 @@ def between(source: Floats, target: Floats) -> Floats:
 
 
 def about_y(angle: Floats | float) -> Floats:
-    """Rotation (..., 4) by `angle` (...) radians about the vertical; positive takes +Z towards +X."""
+    """Rotation (..., 4) by `angle` (...) radians about the vertical. Positive takes +Z towards +X."""
     half = 0.5 * np.asarray(angle, dtype=np.float64)
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, np.sin(half), zero], axis=-1)

@@ -1,4 +1,4 @@
-"""Skeletons: joint names, parents, rest offsets and end sites; the canonical 24-joint body."""
+"""Skeletons: joint names, parents, rest offsets and end sites, and the canonical 24-joint body."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Skeleton:
 
     names: tuple[str, ...]  # (J,)
     parents: NDArray[np.int64]  # (J,) parent's index, -1 for the root, which is joint 0
-    offsets_m: NDArray[np.float64]  # (J, 3) from the parent, rest pose; of the root: its rest position
+    offsets_m: NDArray[np.float64]  # (J, 3) from the parent, rest pose. Of the root: its rest position
     # End sites (bone ends without channels, as in BVH): parent joint and offset.
     tip_parents: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # (E,)
     tips_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))  # (E, 3)
@@ -126,7 +126,7 @@ class Skeleton:
         return len(self.names)
 
     def index(self, name: str) -> int:
-        """Index of a joint; `ParameterError` if the name is unknown."""
+        """Index of a joint. Raises `ParameterError` if the name is unknown."""
         if not isinstance(name, str) or name not in self.names:
             raise unexpected(f"a joint among {', '.join(self.names)}", name)
         return self.names.index(name)
@@ -176,7 +176,7 @@ class Skeleton:
 
 
 def roles_of(numbers: NDArray[np.int64]) -> dict[str, int]:
-    """The roles that `Skeleton.role_numbers` gave as numbers (J,); `ParameterError` for other numbers."""
+    """The roles of the numbers (J,) of `Skeleton.role_numbers`. Raises `ParameterError` for other numbers."""
     numbers = as_whole_numbers("roles of joints", numbers)
     given = numbers[numbers >= 0]
     if (numbers >= len(CANONICAL_JOINTS)).any() or len(set(given.tolist())) != len(given):
@@ -186,7 +186,7 @@ def roles_of(numbers: NDArray[np.int64]) -> dict[str, int]:
 
 @lru_cache(maxsize=1)
 def canonical_skeleton() -> Skeleton:
-    """The 24-joint body that takes on different rigs are retargeted to; toes and fingertips are end sites."""
+    """The 24-joint body to which takes on other rigs are retargeted. Toes and fingertips are end sites."""
     index = {name: i for i, name in enumerate(CANONICAL_JOINTS)}
     tips = {
         "left_foot": (0.0, 0.0, 0.07), "right_foot": (0.0, 0.0, 0.07), "head": (0.0, 0.18, 0.0),

@@ -91,8 +91,8 @@ def measure_skeleton(pos_m: Floats, roles: Sequence[str]) -> Skeleton:
 
     Parameters
     ----------
-    pos_m : float array (T, R, 3)   metres, Y up; frames of one dancer, in any order
-    roles : R names                 as in `fit_positions`; also "spine1", "head", feet and heels
+    pos_m : float array (T, R, 3)   metres, Y up, frames of one dancer in any order
+    roles : R names                 as in `fit_positions`, and "spine1", "head", feet and heels
 
     Left and right are measured separately, since markers are placed by hand. Heels become end sites of
     the ankles. Joints without markers (pelvis, middle spine, neck, collars) are interpolated.
@@ -144,7 +144,7 @@ def _leg(
     down = np.array([0.0, -1.0, 0.0])
     rest[knee] = rest[hip] + down * _length(measured, hip, knee)
     rest[ankle] = rest[knee] + down * _length(measured, knee, ankle)
-    # Heel and ball are level in a standing foot; the ankle is the apex of the triangle of the three lengths.
+    # Heel and ball are level in a standing foot. The ankle is the apex of the triangle of the three lengths.
     to_heel, to_foot, sole = (
         _length(measured, ankle, heel),
         _length(measured, ankle, foot),

@@ -16,7 +16,7 @@ Config = TypeVar("Config", bound=Any)  # a frozen dataclass
 _MAX_ITEMS = 16  # of a field of several values
 _MAX_SIZE = 1e9  # of a number in a configuration
 MAX_DEPTH = 64  # layers, or blocks of layers, of a network that a file configures
-DEVICES = ("auto", "cpu", "cuda")  # to train on; auto: a GPU if there is one
+DEVICES = ("auto", "cpu", "cuda")  # to train on. auto is a GPU if there is one
 SCHEDULES = ("cosine", "constant")  # of a learning rate: warm-up and half a cosine to zero, or neither
 
 
@@ -29,7 +29,7 @@ def check_training(epochs: int, schedule: str) -> None:
 
 
 def config_from_preset(presets: Mapping[str, Config], preset: str, changes: Mapping[str, Any]) -> Config:
-    """One of `presets` with fields changed; `ParameterError` if a name, a field or a value cannot be."""
+    """One of `presets` with fields changed. Raises `ParameterError` if a name or value is not valid."""
     check_choice("a preset", preset, presets)
     config = presets[preset]
     return replace(config, **check_fields(type(config), changes))
@@ -92,13 +92,13 @@ class StyleConfig:
     contrast_weight: float = 0.3  # contrast of a pair against pairs of other songs
     genre_weight: float = 1.0  # contrast of a genre against the others, where takes name theirs
     temperature: float = 0.2  # of squared distances between unit vectors
-    normalised: bool = True  # features before the last layer, and vectors to unit length; the paper's are not
-    augmented: bool = True  # music and motion of the samples; not in the paper
-    mirrored_share: float = 0.5  # of the augmented motion; 0 where left and right must stay distinct
-    balanced_genres: bool = True  # each genre equally often; False: every second of the takes equally often
+    normalised: bool = True  # features before the last layer, and vectors to unit length. The paper's are not
+    augmented: bool = True  # music and motion of the samples, not in the paper
+    mirrored_share: float = 0.5  # of the augmented motion, or 0 where left and right must stay distinct
+    balanced_genres: bool = True  # draw each genre equally often, or else every second of the takes
     batch_size: int = 32
-    steps: int = 220  # for up to `N_SONGS` songs; see `style_config`
-    epochs: int = 0  # passes over the takes, instead of `steps`; 0: steps
+    steps: int = 220  # for up to `N_SONGS` songs. See `style_config`
+    epochs: int = 0  # passes over the takes, which replace `steps` unless 0
     schedule: str = "cosine"  # of the learning rate: see `nets.training.train`
     learning_rate: float = 5e-3
     weight_decay: float = 1e-2
@@ -136,7 +136,7 @@ _STYLE_PRESETS = {
 
 
 def style_config(preset: str, *, n_songs: int = 0, **changes: Any) -> StyleConfig:
-    """The preset's configuration with fields changed; `ParameterError` for an unknown name or field.
+    """The preset with fields changed. Raises `ParameterError` for an unknown name or field.
 
     The steps are meant for `N_SONGS` songs. With more (`n_songs`) there are proportionally more steps, so
     that each song is used equally often. With 119 songs in 220 steps the genres were not separated.
@@ -167,13 +167,13 @@ class DensityConfig:
     equivariance_weight: float = 1.0
     location_weight: float = 1.0
     temperature: float = 0.1  # of the location term: of squared differences of unit-variance curves
-    velocities: bool = True  # of joints are inputs beside positions; the paper's are positions alone
+    velocities: bool = True  # of joints are inputs beside positions. The paper's are positions alone
     skips: bool = (
-        True  # from each convolution block to the deconvolution block of its rate; the paper has none
+        True  # from each convolution block to the deconvolution block of its rate. The paper has none
     )
-    unit_variance: bool = True  # of every density over its segment; the paper leaves its scale open
-    augmented: bool = True  # clips and music of the samples; the paper warps clips in time alone
-    mirrored_share: float = 0.5  # of the augmented motion; 0 where left and right must stay distinct
+    unit_variance: bool = True  # of every density over its segment. The paper leaves its scale open
+    augmented: bool = True  # clips and music of the samples. The paper warps clips in time alone
+    mirrored_share: float = 0.5  # of the augmented motion, or 0 where left and right must stay distinct
     batch_size: int = 16
     steps: int = 1500
     learning_rate: float = 2e-3
@@ -182,8 +182,8 @@ class DensityConfig:
     music_batch_size: int = 16
     music_steps: int = 1500
     music_learning_rate: float = 1e-3
-    synchronise: bool = True  # targets with motion beats warped onto music beats; False: the paper's raw ones
-    epochs: int = 0  # passes over the takes, of both networks, instead of steps; 0: steps
+    synchronise: bool = True  # warp motion beats of targets onto music beats. The paper's targets are raw
+    epochs: int = 0  # passes of both networks over the takes, which replace `steps` unless 0
     schedule: str = "cosine"  # of the learning rate: see `nets.training.train`
 
     @property
@@ -235,7 +235,7 @@ _DENSITY_PRESETS = {
 
 
 def density_config(preset: str, **changes: Any) -> DensityConfig:
-    """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
+    """The preset with fields changed. Raises `ParameterError` for an unknown name or field."""
     return config_from_preset(_DENSITY_PRESETS, preset, changes)
 
 
@@ -256,7 +256,7 @@ class WordConfig:
     same_m: float = 0.04  # kernel width: words much nearer than that count as the same
     contrast_weight: float = 0.1
     distance_weight: float = 1.0  # embedding distances against mean joint distances
-    mirrored_share: float = 0.5  # of the motion samples; 0 where left and right must stay distinct
+    mirrored_share: float = 0.5  # of the motion samples, or 0 where left and right must stay distinct
     batch_size: int = 128
     steps: int = 800
     learning_rate: float = 5e-4
@@ -283,7 +283,7 @@ _WORD_PRESETS = {
 
 
 def word_config(preset: str, **changes: Any) -> WordConfig:
-    """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
+    """The preset with fields changed. Raises `ParameterError` for an unknown name or field."""
     return config_from_preset(_WORD_PRESETS, preset, changes)
 
 
@@ -302,13 +302,13 @@ class RolloutConfig:
     width: int = 256
     n_layers: int = 2
     condition_width: int = 192
-    use_audio: bool = True  # rhythm and phases; False is the ablation without audio
+    use_audio: bool = True  # rhythm and phases. False is the ablation without audio
     motifs: bool = True  # False is the acLSTM baseline
-    phase: bool = True  # condition on the phase in the word and its duration; ours
+    phase: bool = True  # condition on the phase in the word and its duration, not in the paper
     count_phase: bool = True  # and on the phase in the beat and in the bar
     own_embedding_share: float = 0.5  # of sequences conditioned on their own words, not on medoids
     style_strength: float = 1.5  # β of equation 4
-    style_fade_s: float = 1.0  # of the transition between styles of words; 0: the paper's window
+    style_fade_s: float = 1.0  # of the transition between styles of words, or 0 for the paper's window
     style_dropout: float = 0.5  # share of sequences without style
     perceptual_weight: float = 0.5  # λ of equation 10
     position_weight: float = 2.0
@@ -317,10 +317,10 @@ class RolloutConfig:
     contact_weight: float = 0.05
     slide_weight: float = 0.2
     border_speed_weight: float = 0.3  # of the speed of joints where words meet
-    tempi: tuple[float, ...] = (0.8, 0.9, 1.0, 1.11, 1.25)  # that takes are played at; 1 alone: their own
+    tempi: tuple[float, ...] = (0.8, 0.9, 1.0, 1.11, 1.25)  # at which takes are played, relative to their own
     frames: int = 75  # of a training sequence
     teacher_frames: int = 5  # with teacher forcing, before each run of self-fed frames
-    self_fed_frames: tuple[int, ...] = (5, 15, 60)  # with the network's own poses as input; drawn per batch
+    self_fed_frames: tuple[int, ...] = (5, 15, 60)  # with the network's own poses as input, drawn per batch
     batch_size: int = 32
     steps: int = 1500
     learning_rate: float = 1e-3
@@ -364,5 +364,5 @@ def taught(config: RolloutConfig) -> RolloutConfig:
 
 
 def rollout_config(preset: str, **changes: Any) -> RolloutConfig:
-    """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
+    """The preset with fields changed. Raises `ParameterError` for an unknown name or field."""
     return config_from_preset(_ROLLOUT_PRESETS, preset, changes)

@@ -26,7 +26,7 @@ class MotionCountsConfig:
     bar_weight: float = 1.0  # of the bar's likelihood against the beat's
     window_s: float = 16.0  # length of a training sample
     tempo_range: tuple[float, float] = (0.7, 1.4)  # that samples are played at
-    mirrored_share: float = 0.5  # of the samples; 0 where left and right must stay distinct
+    mirrored_share: float = 0.5  # of the samples, or 0 where left and right must stay distinct
     recorded_share: float = 0.65  # of the samples, from recorded takes if there are built-in ones as well
     batch_size: int = 16
     steps: int = 400
@@ -50,7 +50,7 @@ _MOTION_PRESETS = {
 
 
 def motion_counts_config(preset: str, **changes: Any) -> MotionCountsConfig:
-    """The preset's configuration with fields changed; `ParameterError` for an unknown name or field."""
+    """The preset with fields changed. Raises `ParameterError` for an unknown name or field."""
     return config_from_preset(_MOTION_PRESETS, preset, changes)
 
 
@@ -78,7 +78,7 @@ _MUSIC_PRESETS = {
 
 
 def music_counts_config(preset: str = "small", **changes: Any) -> MusicCountsConfig:
-    """A preset with fields changed; `ParameterError` for an unknown name or field."""
+    """A preset with fields changed. Raises `ParameterError` for an unknown name or field."""
     return config_from_preset(_MUSIC_PRESETS, preset, changes)
 
 

@@ -77,7 +77,7 @@ class MotionDensity(StoredNet):
     def take_density(self, body_pos_m: NDArray[np.floating]) -> NDArray[np.float32]:
         """Tempo-density (T,) of a whole take, body positions (T, 21, 3) in metres at 20 fps.
 
-        The mean of windows of 8 s, one starting every second; the last pose of a shorter take is repeated.
+        The mean of windows of 8 s, one starting every second. The last pose of a shorter take is repeated.
         The paper estimates the density of each clip from the clip alone: there, a clip's is the mean of those
         of the clips that overlap with it.
         """
@@ -147,7 +147,7 @@ class MusicDensity(StoredNet):
         self.register_buffer("mel_std", torch.ones(MEL_BANDS))
         self.embed = nn.Linear(MEL_BANDS, config.width)
         self.transformers = nn.Sequential(_transformer(config.width), _transformer(config.width))
-        # The first block takes 240 frames at 60 fps to 80 at 20 fps; then 40, 20, 10, 5.
+        # The first block takes 240 frames at 60 fps to 80 at 20 fps. The others make 40, 20, 10 and 5.
         strides = (3, 2, 2, 2, 2)
         self.convs = nn.ModuleList(
             nn.Sequential(
@@ -200,7 +200,7 @@ class MusicDensity(StoredNet):
 
 
 def standardised(curves: Tensor) -> Tensor:
-    """Curves (B, T) with zero mean and unit variance each; a flat one becomes zero."""
+    """Curves (B, T) with zero mean and unit variance each. A flat one becomes zero."""
     centre = curves - curves.mean(dim=1, keepdim=True)
     return centre / torch.sqrt(centre.square().mean(dim=1, keepdim=True) + 1e-5)
 
@@ -210,7 +210,7 @@ def _transformer(width: int) -> nn.Module:
 
 
 def _conv(n_in: int, n_out: int, deepest: bool) -> nn.Sequential:
-    """Half the frames; the deepest block takes 10 frames to the 4 of the hidden vector."""
+    """Half the frames. The deepest block takes 10 frames to the 4 of the hidden vector."""
     conv = nn.Conv1d(n_in, n_out, 4, stride=2, padding=0 if deepest else 1)
     return nn.Sequential(conv, nn.BatchNorm1d(n_out), nn.ReLU())
 

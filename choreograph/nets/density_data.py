@@ -48,7 +48,7 @@ class WarpedPairs:
 
 
 def clip_takes(takes: Sequence[StyleTake]) -> list[StyleTake]:
-    """The takes with 8 s of motion or more; `ParameterError` if there are none."""
+    """The takes with 8 s of motion or more. Raises `ParameterError` if there are none."""
     usable = [take for take in takes if len(take.body_pos_m) >= CLIP_FRAMES]
     if not usable:
         raise ParameterError(f"expected a take of {CLIP_S} s or more to learn tempo-density from, got none")
@@ -117,7 +117,7 @@ def random_time_map(
     source = np.concatenate([[0.0], source, [end]])  # (Q,)
     warped = source.copy()
     shifts = rng.uniform(-max_shift_s * fps, max_shift_s * fps, len(source))
-    for i in range(1, len(source) - 1):  # from left to right; each leaves room for those after it
+    for i in range(1, len(source) - 1):  # from left to right. Each leaves room for those after it
         gap, rest = source[i] - source[i - 1], end - source[i]
         low = max(warped[i - 1] + gap / MAX_SLOPE, end - rest / MIN_SLOPE)
         high = min(warped[i - 1] + gap / MIN_SLOPE, end - rest / MAX_SLOPE)
@@ -127,7 +127,7 @@ def random_time_map(
 
 
 class MusicDensityData:
-    """Takes as pairs of music and target density; `ParameterError` if none has 8 s of both."""
+    """Takes as pairs of music and target density. Raises `ParameterError` if none has 8 s of both."""
 
     def __init__(
         self, takes: Sequence[StyleTake], motion_density: MotionDensity, *, synchronise: bool

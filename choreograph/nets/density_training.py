@@ -91,7 +91,7 @@ def location_loss(query: Tensor, target: Tensor, frames: Tensor, *, temperature:
 
 
 def interpolate_curves(curves: Tensor, frames: Tensor) -> Tensor:
-    """Curves (B, T) at fractional frames (B, N), linear between neighbours; differentiable.
+    """Curves (B, T) at fractional frames (B, N), linear between neighbours and differentiable.
 
     Outside, the end values are repeated: `core.numerics.interpolate_frames` of tensors.
     """

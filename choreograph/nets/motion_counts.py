@@ -91,7 +91,7 @@ N_FEATURES = _N_JOINTS * 7  # position, velocity, speed
 # Dance songs keep their tempo, dancers do not stop counting, and errors of neighbouring frames are
 # correlated.
 POINTER = PointerConfig(bpm=(50.0, 220.0), tempo_std=0.002, break_cost=40.0, observations_per_s=1.0)
-TEMPI = (0.85, 1.0, 1.18)  # at which a take is read; the mean of the three is more robust
+TEMPI = (0.85, 1.0, 1.18)  # at which a take is read. The mean of the three is more robust
 _ACROSS = tuple(
     [BODY_JOINTS.index(f"{side}_{part}") for part in ("hip", "shoulder")] for side in ("left", "right")
 )
@@ -103,7 +103,7 @@ class MotionCountsNet(StoredNet):
     config_class = MotionCountsConfig
     feature_mean: Tensor
     feature_std: Tensor
-    confidence_weights: Tensor  # of `confidence.confidence_features`; confidence is ½ until they are fitted
+    confidence_weights: Tensor  # of `confidence.confidence_features`. Confidence is ½ until they are fitted
 
     def __init__(self, config: MotionCountsConfig) -> None:
         super().__init__()
@@ -126,7 +126,7 @@ class MotionCountsNet(StoredNet):
         return result
 
     def curves(self, body_pos_m: NDArray[np.floating], tempi: Sequence[float] = TEMPI) -> PhaseCurves:
-        """Phase curves of a take's body positions (T, 21, 3) at 20 fps; `ParameterError` if not so.
+        """Phase curves of a take's body positions (T, 21, 3) at 20 fps. Raises `ParameterError` for others.
 
         The mean of the curves of the take as it is, slower and faster.
         """
@@ -147,7 +147,7 @@ class MotionCountsNet(StoredNet):
         )
 
     def counts(self, body_pos_m: NDArray[np.floating]) -> Counts:
-        """A take's counts, of body positions (T, 21, 3) at 20 fps; `ParameterError` if not so.
+        """A take's counts, of body positions (T, 21, 3) at 20 fps. Raises `ParameterError` for others.
 
         Their confidence is the share that is expected within 0.15 beat of the true counts.
         """

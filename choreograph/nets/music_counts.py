@@ -43,7 +43,7 @@ _SCALE = 3.0  # nats: about the spread of a band
 
 @dataclass(frozen=True, eq=False)
 class MusicCurves:
-    """Outputs of the network at 30 fps; frame i is at i / 30 s."""
+    """Outputs of the network at 30 fps. Frame i is at i / 30 s."""
 
     beat: NDArray[np.float32]  # (T,) probability of a beat in the frame
     downbeat: NDArray[np.float32]  # (T,)
@@ -79,7 +79,7 @@ class MusicCounts(StoredNet):
         return curves[:, :N_ACTIVATIONS], curves[:, N_ACTIVATIONS:]
 
     def curves(self, log_mel: NDArray[np.floating]) -> MusicCurves:
-        """The curves of a whole song from its log-mel (T, 96); `ParameterError` for another shape."""
+        """The curves of a whole song from its log-mel (T, 96). Raises `ParameterError` for another shape."""
         mel = np.asarray(log_mel, np.float32)
         if mel.ndim != 2 or mel.shape[1] != MEL_BANDS or len(mel) == 0:
             raise ParameterError(f"expected log-mel (T, {MEL_BANDS}), got an array of shape {mel.shape}")
@@ -109,7 +109,7 @@ _ABOUT, _CONFIG = "about", "config"
 
 
 def write_music_counts(path: str | Path, net: MusicCounts, about: Mapping[str, Any]) -> None:
-    """Write a network; `about` is JSON: what it was trained on."""
+    """Write a network. `about` is JSON that describes what it was trained on."""
     arrays, config = net.to_arrays()
     stored: dict[str, Any] = {name: np.asarray(values, np.float16) for name, values in arrays.items()}
     stored |= {_ABOUT: np.array(json.dumps(dict(about))), _CONFIG: np.array(json.dumps(config))}
@@ -118,7 +118,7 @@ def write_music_counts(path: str | Path, net: MusicCounts, about: Mapping[str, A
 
 
 def read_music_counts(path: str | Path) -> tuple[MusicCounts, dict[str, Any]]:
-    """The network of a file, and what it was trained on; `FormatError` for any other file."""
+    """The network of a file, and what it was trained on. Raises `FormatError` for any other file."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
@@ -166,13 +166,13 @@ class NetworkBeats:
         self.net = net or shipped_music_counts()
 
     def beats(self, song: Song, log_mel: NDArray[np.floating]) -> Floats:
-        """The song's beats, (Q,) seconds; none in a song shorter than a second or silent."""
+        """The song's beats, (Q,) seconds, or none in a song shorter than a second or silent."""
         beats_s = network_beats(log_mel, self.net)
         return beats_s[beats_s < song.duration_s]
 
 
 def network_beats(log_mel: NDArray[np.floating], net: MusicCounts) -> Floats:
-    """Beats in seconds, (Q,), of log-mel (T, 96); `ParameterError` for another shape."""
+    """Beats in seconds, (Q,), of log-mel (T, 96). Raises `ParameterError` for another shape."""
     curves = net.curves(log_mel)
     level = np.asarray(log_mel).max(axis=1)  # (T,)
     if len(level) < _MIN_DURATION_S * MUSIC_FPS or np.ptp(level) < _LEAST_CONTRAST:

@@ -29,14 +29,14 @@ State = list[tuple[Tensor, Tensor]]
 
 @dataclass(frozen=True, eq=False)
 class RolloutConditions:
-    """Conditioning of each frame; all tensors (B, T, ...)."""
+    """Conditioning of each frame. All tensors (B, T, ...)."""
 
     motif: Tensor  # (B, T, 184) embedding of the frame's motif
     rhythm: Tensor  # (B, T, 4) `music.frame_rhythm`, some frames ahead
     progress: Tensor  # (B, T) phase in the frame's word, 0 to 1
     word_s: Tensor  # (B, T) duration of the word
     count_phase: Tensor  # (B, T, 4) `core.counts`
-    spectral: Tensor | None  # (B, T, 87) of the music of the word; None: no style
+    spectral: Tensor | None  # (B, T, 87) of the music of the word, or None without style
 
 
 class RolloutNet(StoredNet):
@@ -121,7 +121,7 @@ class RolloutNet(StoredNet):
         return _unit_quaternions(pose[..., ROOT_DIM:-N_FEET])
 
     def apply_style(self, pose: Tensor, conditions: RolloutConditions) -> Tensor:
-        """Poses (B, T, P) with the style of their songs (equation 4); unchanged without one.
+        """Poses (B, T, P) with the style of their songs (equation 4), unchanged without one.
 
         The MLP's vector has length 1 in each pose. The paper's is "normalized", over all poses of a word, and
         faded in and out in every word with a Hamming window γ, so that words meet (here without the window's
@@ -175,7 +175,7 @@ def _unit_quaternions(values: Tensor) -> Tensor:
 
 
 def _smoothed(vectors: Tensor, n_frames: int) -> Tensor:
-    """Vectors (B, T, D) after two moving averages over about `n_frames`; the end values are repeated."""
+    """Vectors (B, T, D) after two moving averages over about `n_frames`. The end values are repeated."""
     side = n_frames // 2
     rows = vectors.transpose(1, 2)  # (B, D, T)
     for _ in range(2):

@@ -36,7 +36,7 @@ LOOKAHEAD_FRAMES = 9  # of the rhythm: the whole window of `music.frame_rhythm`
 
 
 def to_poses(motion: Motion) -> NDArray[np.float32]:
-    """Pose rows (T, 4 + 4 J + 2) of a motion at 30 fps; frame 0 has the root shift and yaw of frame 1."""
+    """Pose rows (T, 4 + 4 J + 2) of a motion at 30 fps. Frame 0 has the root shift and yaw of frame 1."""
     quat = np.array(motion.local_quat)
     heading = np.unwrap(rot.yaw(quat[:, 0]))  # (T,)
     quat[:, 0] = rot.multiply(rot.about_y(-heading), quat[:, 0])
@@ -52,7 +52,7 @@ def to_poses(motion: Motion) -> NDArray[np.float32]:
 
 
 def to_motion(poses: AnyFloats, skeleton: Skeleton, *, heading_rad: float = 0.0) -> Motion:
-    """The motion (T frames) of pose rows (T, P); it begins above the origin."""
+    """The motion (T frames) of pose rows (T, P). It begins above the origin."""
     rows: NDArray[np.float64] = np.asarray(poses, np.float64)
     yaw = rows[:, 3].copy()
     yaw[0] = heading_rad
@@ -76,7 +76,7 @@ def word_conditions(
     motif: AnyFloats,
     spectral: AnyFloats | None,
 ) -> RolloutConditions:
-    """Conditioning (1, T, ...) of frames 0 … T - 1 on their words; frames before the first word belong to it.
+    """Conditioning (1, T, ...) of frames 0 … T - 1 on their words. Frames before the first word belong to it.
 
     `start_s`, `end_s` (N,), `motif` (N, 184) and `spectral` (N, 87) are of the words, `rhythm` and
     `count_phase` (T', 4) of the song from the dance's first frame on. Their last rows are repeated after
@@ -107,7 +107,7 @@ class FrameConditions:
 def conditions_of_frames(
     start_s: AnyFloats, end_s: AnyFloats, n_frames: int, rhythm: AnyFloats, count_phase: AnyFloats
 ) -> FrameConditions:
-    """The conditions of frames 0 … T - 1; arguments as of `word_conditions`."""
+    """The conditions of frames 0 … T - 1. The arguments are those of `word_conditions`."""
     word = word_of_frames(start_s, n_frames)
     word_s = np.asarray(end_s - start_s)[word]
     frame = np.arange(n_frames)
@@ -138,7 +138,7 @@ BEAT = FRAME_RHYTHM_NAMES.index("beat")
 
 @dataclass(frozen=True, eq=False)
 class RolloutTake:
-    """One take as training data; all arrays begin at the motion's first frame."""
+    """One take as training data. All arrays begin at the motion's first frame."""
 
     name: str
     motion: Motion  # at 30 fps
@@ -272,7 +272,7 @@ def _played_at(rows: AnyFloats, tempo: float) -> AnyFloats:
 
 
 def _take_tensors(take: RolloutTake) -> _TakeTensors | None:
-    """The take as tensors; None for a take without words."""
+    """The take as tensors, or None for a take without words."""
     if len(take.start_s) == 0 or take.motion.n_frames < 2:
         return None
     n_frames = take.motion.n_frames

@@ -143,7 +143,7 @@ def train_rollout(
     context: TrainingContext | None = None,
     pretrained: Mapping[str, NDArray[Any]] | None = None,
 ) -> RolloutNet:
-    """Train the network on takes of one skeleton; `words` is the frozen P of the perceptual loss.
+    """Train the network on takes of one skeleton. `words` is the frozen P of the perceptual loss.
 
     Raises `ParameterError` if no take has motion words for longer than a training sequence.
     """

@@ -36,7 +36,7 @@ class StoredNet(nn.Module):
     @classmethod
     @default_numerics()
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], config: Mapping[str, Any]) -> Self:
-        """The network of `to_arrays`; `ParameterError` if weights and config disagree."""
+        """The network of `to_arrays`. Raises `ParameterError` if weights and config disagree."""
         config = cls.config_class(**check_fields(cls.config_class, config))
         mismatch = ParameterError(
             f"expected weights of the {cls.__name__} configured, got other shapes: a damaged file"
@@ -58,7 +58,7 @@ class StoredNet(nn.Module):
         return net.eval()
 
     def _in_batches(self, n: int, infer: Callable[[slice], Tensor], *row_shape: int) -> NDArray[np.float32]:
-        """Rows (n, ...) inferred batch by batch; `row_shape` is needed for n = 0."""
+        """Rows (n, ...) inferred batch by batch. `row_shape` is needed for n = 0."""
         self.eval()
         with torch.no_grad():
             parts = [infer(slice(i, i + _BATCH_SIZE)).numpy() for i in range(0, n, _BATCH_SIZE)]
@@ -119,6 +119,6 @@ def rotation_matrices(quat: Tensor) -> Tensor:
 def geodesic_rad(a: Tensor, b: Tensor) -> Tensor:
     """Angles (...) between unit quaternions (..., 4): ‖log(a⁻¹ b)‖, smooth where they agree."""
     dot = (a * b).sum(dim=-1).abs()
-    # |a b*| has real part |dot|; the length of its imaginary part follows without the product.
+    # |a b*| has real part |dot|. The length of its imaginary part follows without the product.
     imaginary = (1.0 - dot.square()).clamp_min(1e-7).sqrt()
     return 2.0 * torch.atan2(imaginary, dot)

@@ -5,7 +5,7 @@ layers, one linear layer to 32 dimensions, and a head of four linear layers that
 beats from the music's style vector.
 
 Ours: style vectors have unit length, so that distances always lie in [0, 2]. Features are batch-normalised
-before the linear layer; without that all vectors start out alike and the contrastive loss has no gradient.
+before the linear layer. Without that all vectors start out alike and the contrastive loss has no gradient.
 Neither is done where the configuration says `normalised=False`, as the paper describes the networks.
 The music network may also take the rhythm of the 12 s around the segment, as the song's counts divide it, or
 this alone (`music_inputs`, `music.rhythm`).
@@ -145,7 +145,7 @@ class StyleNets(StoredNet):
     ) -> NDArray[np.float32]:
         """Style vectors (N, 32) of the 4 s segments of a song from whole seconds `starts_s` (N,).
 
-        `log_mel` (T, 96) at 60 fps and `rhythm` (M, RHYTHM_DIM) at 2 fps from the same time on; the song
+        `log_mel` (T, 96) at 60 fps and `rhythm` (M, RHYTHM_DIM) at 2 fps from the same time on. The song
         is padded with silence.
         """
         log_mel, rhythm = np.asarray(log_mel, np.float32), np.asarray(rhythm, np.float32)
@@ -172,7 +172,7 @@ class StyleNets(StoredNet):
     ) -> NDArray[np.float32]:
         """Style vectors (N, 32) of the 4 s of motion from each of `start_frames` (N,).
 
-        `body_pos_m` (T, 21, 3) at 20 fps; the end poses are repeated outside.
+        `body_pos_m` (T, 21, 3) at 20 fps. The end poses are repeated outside.
         """
         body = checked_body_pos_m(body_pos_m).astype(np.float32)
         starts = np.asarray(start_frames, np.int64)

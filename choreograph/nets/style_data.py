@@ -26,10 +26,11 @@ _P_HIDDEN = 0.15  # of tempo and metre, and of patterns
 
 
 def augment_mel(log_mel: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Segments (B, 240, 96) in another key, room and mix; onset times do not change.
+    """Segments (B, 240, 96) in another key, room and mix. Onset times do not change.
 
-    Gain of ±10 dB and a smooth filter of ±8 dB, pitch shift of up to 6 bands, a noise floor; half of them
-    mixed with another segment of the batch at -6 to -20 dB; one span of time or bands masked.
+    Each gets a gain of ±10 dB, a smooth filter of ±8 dB, a pitch shift of up to 6 bands and a noise floor.
+    Half of them are mixed with another segment of the batch at -6 to -20 dB. One span of time or bands is
+    masked.
     """
     size, frames, bands = log_mel.shape
     out = np.empty_like(log_mel)
@@ -77,7 +78,7 @@ def augment_rhythm(rhythm: NDArray[np.float32], rng: np.random.Generator) -> NDA
 
 
 def _shifted(rows: NDArray[np.float32], by: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Rows (B, N) moved by fractional columns (B,); the ends are repeated."""
+    """Rows (B, N) moved by fractional columns (B,). The ends are repeated."""
     position = np.clip(np.arange(rows.shape[1]) + by[:, None], 0, rows.shape[1] - 1.001)
     low = position.astype(np.int64)
     weight = position - low
@@ -123,7 +124,7 @@ class StyleSong:
 
 @dataclass(frozen=True, eq=False)
 class StyleTake(StyleSong):
-    """One take as training data; all arrays begin at the motion's first frame."""
+    """One take as training data. All arrays begin at the motion's first frame."""
 
     song_name: str  # takes of one song are never each other's negatives
     body_pos_m: NDArray[np.float32]  # (T20, 21, 3) at 20 fps
@@ -207,7 +208,7 @@ class StyleData:
     def batch(
         self, size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5, augmented: bool = True
     ) -> StyleBatch:
-        """Random segments of `size` pairs, and as many of songs if there are any; augmented or not."""
+        """Random segments of `size` pairs, and as many of songs if there are any, augmented or not."""
         pairs = rng.choice(len(self.takes), size, p=self._of_take)
         alone = rng.choice(len(self.songs), size, p=self._of_song) if self.songs else np.zeros(0, np.int64)
         examples = [self.takes[i] for i in pairs] + [self.songs[i] for i in alone]

@@ -31,8 +31,8 @@ def style_loss(
 ) -> Tensor:
     """Equation 1 of ChoreoGraph (section 3.1), mean over a batch of pairs.
 
-    `music`, `motion` (B, 32) style vectors; `beat_count` (B,) predicted from the music, `n_beats` (B,)
-    counted in the motion. Constant embeddings minimise it: add `contrastive_loss`.
+    `music` and `motion` (B, 32) are style vectors. `beat_count` (B,) is predicted from the music, `n_beats`
+    (B,) is counted in the motion. Constant embeddings minimise this loss, so add `contrastive_loss`.
     """
     distance = (music - motion).square().sum(dim=1).clamp_min(1e-12).sqrt()  # (B,)
     return (style_weight * distance + beat_weight * (beat_count - n_beats).abs()).mean()
@@ -43,8 +43,8 @@ def contrastive_loss(
 ) -> Tensor:
     """How much nearer anchors are to their positives than to their negatives (ours).
 
-    `anchors` (A, 32) and `others` (B, 32) are unit vectors; `positive` and `negative` are boolean (A, B), and
-    pairs in neither are ignored. Each positive is compared with all negatives of its anchor; anchors without
+    `anchors` (A, 32) and `others` (B, 32) are unit vectors. `positive` and `negative` are boolean (A, B), and
+    pairs in neither are ignored. Each positive is compared with all negatives of its anchor. Anchors without
     a negative are ignored.
     """
     logits = 2.0 * (anchors @ others.T - 1.0) / temperature  # minus the squared distance, (A, B)

@@ -62,7 +62,7 @@ class TrainingProgress:
 class TrainingContext:
     """Where and how a training runs, whatever the network."""
 
-    folder: Path | None = None  # of the checkpoint NAME.pt and the log NAME.jsonl; None: neither
+    folder: Path | None = None  # of the checkpoint NAME.pt and the log NAME.jsonl, or None for neither
     resume: bool = False  # from the checkpoint, if there is one
     device: str = "auto"
     report: Callable[[TrainingProgress], None] = lambda progress: None
@@ -93,7 +93,7 @@ def train(
     ----------
     loss : a scalar, given the step's random generator and the module's device
     schedule : of the learning rate: "cosine", after a warm-up, or "constant"
-    configuration : JSON values; a checkpoint is continued if they and the context's `content` are its own
+    configuration : JSON values. A checkpoint is continued if they and the context's `content` are its own
 
     Returns the mean loss since the last report, or nan if the checkpoint was already complete.
 
@@ -148,7 +148,7 @@ def select_device(device: str) -> torch.device:
 
 
 def load_pretrained(module: nn.Module, name: str, weights: Mapping[str, NDArray[Any]]) -> None:
-    """Load the weights of another repertoire's network; `ParameterError` if they do not fit."""
+    """Load the weights of another repertoire's network. Raises `ParameterError` if they do not fit."""
     try:
         module.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in weights.items()})
     except RuntimeError as error:
@@ -222,7 +222,7 @@ class _Run:
         self._start_time = self._saved_time = time.monotonic()
 
     def restore_or_start(self) -> None:
-        """Restore the checkpoint if there is one and it is wanted; otherwise start an empty log."""
+        """Restore the checkpoint if there is one and it is wanted. Otherwise start an empty log."""
         if self.checkpoint is None or self.log is None:
             return
         with writing(self.checkpoint):
@@ -257,7 +257,7 @@ class _Run:
         return ""
 
     def _change_since(self, stored: Mapping[str, Any]) -> str:
-        """What differs from a checkpoint's configuration; empty if nothing does."""
+        """What differs from a checkpoint's configuration, or empty if nothing does."""
         expected = self.configuration
         changed = sorted(key for key in {*stored, *expected} if stored.get(key) != expected.get(key))
         if not changed:
@@ -267,7 +267,7 @@ class _Run:
         return f"the checkpoint was of {key} = {before}, now it is {now}{more}"
 
     def advance(self, loss: float) -> None:
-        """Count a completed step; log, report and save when due."""
+        """Count a completed step, and log, report and save when due."""
         self.step += 1
         if not np.isfinite(loss):
             raise ChoreographError(

@@ -1,4 +1,4 @@
-"""The motion-word network P: 13 frames between two beats to 184 dimensions; its data and its training."""
+"""The motion-word network P, which maps 13 frames between two beats to 184 dimensions, and its training."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class WordNet(StoredNet):
         return result
 
     def embed(self, words_m: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Embeddings (N, 184) of words (N, 13, 21, 3); `ParameterError` for another shape or nan."""
+        """Embeddings (N, 184) of words (N, 13, 21, 3). Raises `ParameterError` for another shape or nan."""
         words = np.asarray(words_m, np.float32)
         if words.shape[1:] != (WORD_FRAMES, len(BODY_JOINTS), 3):
             raise ParameterError(
@@ -90,7 +90,7 @@ class WordNet(StoredNet):
 
 
 def clips_to_root_frame(body: Tensor) -> Tensor:
-    """`motion.body.clips_to_root_frame` of tensors (B, T, 21, 3); differentiable."""
+    """`motion.body.clips_to_root_frame` of tensors (B, T, 21, 3), differentiable."""
     middle = body[:, body.shape[1] // 2]
     across = (middle[:, _LEFT] - middle[:, _RIGHT]).sum(dim=1)[:, [0, 2]]  # (B, 2)
     cos, sin = functional.normalize(across, dim=1).T[..., None, None]  # (B, 1, 1) each
@@ -219,7 +219,7 @@ def train_word_net(
     context: TrainingContext | None = None,
     pretrained: Mapping[str, NDArray[Any]] | None = None,
 ) -> WordNet:
-    """Train the network; `ParameterError` if the takes have fewer than two words."""
+    """Train the network. Raises `ParameterError` if the takes have fewer than two words."""
     usable = [take for take in takes if len(take.start_s) > 0]
     if sum(len(take.start_s) for take in usable) < 2:
         raise ParameterError("expected takes of two motion words or more to learn from, got fewer")

@@ -35,7 +35,7 @@ def as_song(what: str, song: object, *, start_s: float = 0.0, duration_s: float 
 
 
 def as_repertoire(repertoire: object) -> Repertoire:
-    """An opened repertoire, the built-in one for None; `ParameterError` for anything but a path or one."""
+    """An opened repertoire, for None the built-in one. Raises `ParameterError` unless given one or a path."""
     if repertoire is None:
         return starter_repertoire()
     if isinstance(repertoire, Repertoire):
@@ -46,19 +46,19 @@ def as_repertoire(repertoire: object) -> Repertoire:
 
 
 def as_config(config: object) -> DanceConfig:
-    """A `DanceConfig`; `ParameterError` for anything else."""
+    """A `DanceConfig`. Raises `ParameterError` for anything else."""
     if not isinstance(config, DanceConfig):
         raise unexpected("a DanceConfig as config", config)
     return config
 
 
 def as_costs(costs: object) -> tuple[Cost, ...]:
-    """Costs as a tuple; `ParameterError` unless they are instances of `Cost`."""
+    """Costs as a tuple. Raises `ParameterError` unless they are instances of `Cost`."""
     return as_list("costs", costs, "Cost", Cost)
 
 
 def as_weights(weights: object) -> dict[str, Any]:
-    """Weights as a dictionary; `ParameterError` for anything but a mapping. Values: see `DanceConfig`."""
+    """Weights as a dictionary, as in `DanceConfig`. Raises `ParameterError` for anything but a mapping."""
     if not isinstance(weights, Mapping):
         raise unexpected("weights as a mapping of cost name to number", weights)
     return dict(weights)

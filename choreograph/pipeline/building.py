@@ -165,7 +165,7 @@ def build(
     Parameters
     ----------
     sources : a folder or file of takes, or several
-    output : the file to write; work in progress lies beside it in `OUTPUT.build/`
+    output : the file to write. Work in progress lies beside it in `OUTPUT.build/`
     options : all settings in one object
     report : called with the stage's name, how much is done, of how much
     training_report : called with a `TrainingProgress` now and then
@@ -177,7 +177,7 @@ def build(
     ------
     ChoreographError  another process builds the same file, or it cannot be written
     ParameterError    no take is left, two takes share a name, an unknown choice, an argument of another type
-    FormatError       a source is damaged; an `UnreadFilesError` names several damaged files
+    FormatError       a source is damaged. If several are, it is an `UnreadFilesError` that names them
     RepertoireError   a repertoire to start from cannot be read
 
     Examples

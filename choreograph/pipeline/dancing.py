@@ -66,8 +66,8 @@ class Dance:
     motion: Motion
     plan: Plan
     notes: tuple[str, ...] = ()  # one line each
-    song_path: Path | None = None  # for the sound of pages and videos; None: they are silent
-    unmet: tuple[str, ...] = ()  # what was asked for and is not danced, one line each; also in notes
+    song_path: Path | None = None  # for the sound of pages and videos, which are silent without it
+    unmet: tuple[str, ...] = ()  # what was requested and is not danced, one line each, also in notes
 
     def __post_init__(self) -> None:
         check_kind("the motion of a dance", self.motion, Motion)
@@ -86,7 +86,7 @@ class Dance:
     @cached_property
     @default_numerics()
     def loop(self) -> Loop:
-        """The dance cut to whole bars, ending where it begins; `ParameterError` if it has not two bars."""
+        """The dance cut to whole bars, ending where it begins. Raises `ParameterError` below two bars."""
         return looped(self.motion, self.plan.danced_bars_s)
 
     @default_numerics()
@@ -197,18 +197,18 @@ def dance(
     Parameters
     ----------
     song : path of any audio file, or a loaded `Song`
-    repertoire : the takes to dance with, opened or as a path; by default the built-in ones
-    genre : whose signature and motif transitions the dance follows; by default the genre whose takes are
-        nearest to the song in style
+    repertoire : the takes to dance with, opened or as a path, by default the built-in ones
+    genre : the genre whose signature and motif transitions the dance follows, by default the one whose takes
+        are nearest to the song in style
     signature : (K,) shares of the motifs that the dance should have
     motifs : of the dance's words from the first on, or with their times. A whole sequence is danced by the
         mixer, unless another engine is given
     pins : each a `MotifPin` or a `TakePin`, in seconds of the dance
     bans : takes, genres and motifs that must not be danced
-    keep : stretches of the `existing` dance that are kept exactly; the gaps of 2 s or more are danced anew
+    keep : stretches of the `existing` dance that are kept exactly. Gaps of 2 s or more are danced anew
     existing : a dance to the same part of the song, as made by `dance` or as a .bvh, .npz or plan file
-    costs : custom costs beside the built-in ones, with the weight 1 unless given; graph engine only
-    start_s, duration_s : the part of the song to dance to; by default that of the plan of the `existing`
+    costs : custom costs beside the built-in ones, with the weight 1 unless given. Graph engine only
+    start_s, duration_s : the part of the song to dance to, by default that of the plan of the `existing`
         dance, or the whole song
     config : all settings in one object, such as one of `choreograph.settings.published_dance`
     report : called with the stage's name, how much is done, of how much
@@ -356,7 +356,7 @@ def _kept(
     duration_s: float,
     config: DanceConfig,
 ) -> KeptDance:
-    """What is kept of an existing dance; `ParameterError` if that does not fit the new one."""
+    """What is kept of an existing dance. Raises `ParameterError` if that does not fit the new one."""
     if existing.motion.fps != config.fps:
         raise ParameterError(
             f"expected the {existing.motion.fps:g} fps of the existing dance, which is kept as it is, got "

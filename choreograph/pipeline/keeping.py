@@ -85,7 +85,7 @@ def render_file(
 def _render_file(
     path: Path, repertoire: Repertoire, existing: Path | None, readers: tuple[Path, ...]
 ) -> tuple[Plan, Motion]:
-    """As `render_file`; `readers` are the plans that keep parts of this one, directly or not."""
+    """As `render_file`. `readers` are the plans that keep parts of this one, directly or not."""
     plan = Plan.read(path)
     if existing is None and plan.kept_of:
         existing = path.with_name(Path(plan.kept_of).name)
@@ -101,7 +101,7 @@ def _render_file(
 
 
 def _read_existing(path: Path, repertoire: Repertoire, readers: tuple[Path, ...]) -> ExistingDance:
-    """As `read_existing`; `readers` are the plans that keep parts of this dance, directly or not."""
+    """As `read_existing`. `readers` are the plans that keep parts of this dance, directly or not."""
     suffix = path.suffix.lower()
     if suffix == ".json":
         if path.resolve() in readers:

@@ -50,7 +50,7 @@ class RolloutFrame:
 
     time_s: float  # in the song
     root_pos_m: Floats  # (3,)
-    local_quat: Floats  # (J, 4) on `RolloutStream.skeleton`; signs are continuous in time
+    local_quat: Floats  # (J, 4) on `RolloutStream.skeleton`, with signs continuous in time
 
     __repr__ = one_line
 
@@ -66,7 +66,7 @@ class RolloutStream:
     genre : the genre to dance, by default the nearest one to the song, or all genres if only counts are given
     seed : of the choice of motifs
     fps : frames per second
-    beats : where the beats of a song come from, as in `DanceConfig`; not with counts, which are the beats
+    beats : where the beats of a song come from, as in `DanceConfig`. Not allowed with counts
 
     Iterating gives a `RolloutFrame` every 1 / fps seconds of the song. The counts and the genre are fixed at
     the start. Everything else follows the sound: a frame depends on no sound later than `look_ahead_s` after

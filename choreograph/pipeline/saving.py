@@ -74,7 +74,7 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
 
 
 def save_on_character(path: str | Path, motion: Motion, character: GltfCharacter) -> None:
-    """Write the character again, as GLB or FBX, with the motion as its animation; raises as `save_dance`."""
+    """Write the character again, as GLB or FBX, with the motion as its animation. Raises as `save_dance`."""
     check_apart([path], [Path(character.document.name)])
     _save_document(path, character.dancing(motion))
 
@@ -199,7 +199,7 @@ def _save_strip(parts: SavedParts, path: Path, report: ProgressReport | None) ->
 
 
 def _shown_beats(plan: Plan, duration_s: float) -> NDArray[np.int64]:
-    """Indices of at most `_STRIP_POSES` beats; where some must be left out, count 1 is among the others."""
+    """Indices of at most `_STRIP_POSES` beats. Where some must be left out, count 1 is among the others."""
     beats = np.flatnonzero(np.array(plan.music_beats_s) <= duration_s)
     every = max(1, -(-len(beats) // _STRIP_POSES))
     ones = np.flatnonzero(np.array(plan.music_beat_numbers) == 1)

@@ -52,7 +52,7 @@ class Keyframe:
 
     count: float
     value: tuple[float, ...]  # (D,)
-    flow: float = 0.0  # 0: at rest on the count; 1: passes through it
+    flow: float = 0.0  # 0 rests on the count, 1 passes through it
     hold: float = 0.0  # share of the time since the last keyframe in which it does not move yet
 
 

@@ -264,9 +264,10 @@ def segment_beats(
     """Beats of each quarter of each warped segment, for time maps (K, Tq + 1).
 
     `speeds` (K, Tt) are the clips' mean joint speeds. Motion beats are found in the warped motion: a tempo
-    change moves a minimum of speed, or flattens it. Returns (K, 4) each: the share of music and motion beats
-    without a partner, a beat counting 0 with a partner within `near` frames and 1 beyond `far`; and the
-    first and last motion beat in frames of their quarter, nan where there is none.
+    change moves a minimum of speed, or flattens it. Returns three arrays (K, 4). The first is the share of
+    music and motion beats without a partner. A beat counts 0 with a partner within `near` frames, and 1
+    beyond `far`. The others are the first and last motion beat in frames of their quarter, nan where there is
+    none.
     """
     n = len(maps)
     n_frames = maps.shape[1] - 1

@@ -127,7 +127,7 @@ MEASURES: dict[str, Callable[..., Floats]] = {
 
 
 def _unit(vector: Floats) -> Floats:
-    """Unit vectors (..., 3); nan, which lies in no range, where the direction is undefined."""
+    """Unit vectors (..., 3), or nan, which lies in no range, where the direction is undefined."""
     norm = np.linalg.norm(vector, axis=-1, keepdims=True)
     result: Floats = np.divide(vector, norm, out=np.full_like(vector, np.nan), where=norm > 1e-9)
     return result

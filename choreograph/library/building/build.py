@@ -59,7 +59,7 @@ def build_repertoire(
 
     Parameters
     ----------
-    sources : folders or files of takes, of any layout that `choreograph.formats.register` knows
+    sources : folders or files of takes, of any layout in `choreograph.formats.register`
     output : the file to write. Work in progress lies beside it in `OUTPUT.build/`
     teacher : makes dances that the rollout network learns from in addition to the takes, by default none
     report : called with the stage's name, how much is done, of how much
@@ -94,7 +94,7 @@ def _write_built(
     report: ProgressReport | None,
     training_report: Callable[[Any], None] | None,
 ) -> list[Note]:
-    """Build what `output` holds and write it, with work in progress in `work`; returns notes."""
+    """Build and write the file `output`, with work in progress in `work`. Returns notes."""
     shipped = pretrained_set(options.pretrained)
     pretrained = PretrainedWeights.of(options, shipped)
     measured, notes = measured_takes(sources, options, report)

@@ -45,7 +45,7 @@ def training_context(
     report: Callable[[Any], None] | None,
     note: Callable[[str], None],
 ) -> TrainingContext:
-    """Checkpoints NAME.pt and logs NAME.jsonl in `work`; `options.resume` continues those of `content`."""
+    """Checkpoints NAME.pt and logs NAME.jsonl in `work`. `options.resume` continues those of `content`."""
     from choreograph.nets.training import TrainingContext
 
     return TrainingContext(

@@ -91,7 +91,7 @@ def rollout_takes(
 
     The music is in step with a take's counts, whether it was recorded so or not (`music_in_step`).
 
-    `segmented` are the words of `measured`; `songs` must keep samples.
+    `segmented` are the words of `measured`. `songs` must keep samples.
     """
     takes = []
     for index, (m, of_take) in enumerate(zip(measured, segmented, strict=True)):

@@ -154,7 +154,7 @@ class Body:
 
 
 def standing_body(skeleton: Skeleton, motion: Motion | None) -> Body:
-    """The body of a known rig in its bind pose; `motion` is used for rigs whose rest pose does not stand.
+    """The body of a known rig in its bind pose. `motion` is used for rigs whose rest pose does not stand.
 
     Raises `ParameterError` if the joint names are not a known rig's.
     """

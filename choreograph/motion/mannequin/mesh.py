@@ -22,10 +22,10 @@ from choreograph.motion.mannequin.lofting import (
 
 # Mesh of the mannequin's trunk, neck and head: profiles lofted along the spine.
 #
-# The tables are in metres on a 1.70 m body; `Body.scale` scales them to the actual one.
+# The tables are in metres on a 1.70 m body. `Body.scale` scales them to the actual one.
 
 
-# Half width, depth to the front and to the back; first column: 0 at the hips' height, 1 at the shoulders'.
+# Half width, depth to the front and to the back. First column: 0 at the hips' height, 1 at the shoulders'.
 _TRUNK = np.array([
     (-0.13, 0.070, 0.060, 0.066), (-0.07, 0.122, 0.078, 0.096), (0.02, 0.152, 0.090, 0.112),
     (0.10, 0.159, 0.092, 0.112), (0.22, 0.150, 0.088, 0.096), (0.36, 0.124, 0.083, 0.078),
@@ -60,7 +60,7 @@ def trunk(body: Body, torso: int, pelvis: int, skin: int) -> Piece:
     radii = smooth_rows(_TRUNK, at) * body.scale
     hips = np.clip(body.half_span("hip") / (0.085 * body.scale), 0.75, 1.2)
     shoulders = np.clip(body.half_span("shoulder") / (0.17 * body.scale), 0.7, 1.3)
-    # The whole trunk gets wider with the joints, but less than they do; the neck does not.
+    # The whole trunk gets wider with the joints, but less than they do. The neck does not.
     wider = np.interp(at, [0.2, 0.8, 1.0, 1.15], [hips, shoulders, shoulders, 1.0]) - 1
     radii[:, 0] *= 1 + np.interp(at, [0.2, 0.8, 0.95], [0.6, 0.6, 1.0]) * wider
     across, ahead = frames_along(np.tile(high - low, (len(at), 1)), body.front)
@@ -159,7 +159,7 @@ def bending(
 ) -> tuple[NDArray[np.int64], Floats]:
     """Joints (R, 2) and weights (R, 2) of points (R, 3) along a chain of joints at `places_m` (C, 3).
 
-    The middle of a bone follows its own joint alone; from there to the middle of the next bone the weights
+    The middle of a bone follows its own joint alone. From there to the middle of the next bone the weights
     blend smoothly. From `limit_m` (3,) on, the last joint has all the weight.
     """
     chain = np.asarray(joints)
@@ -179,7 +179,7 @@ def bending(
 
 # Mesh of the mannequin's limbs: profiles lofted along arms and legs, hands, shoes, and plain bones.
 #
-# The tables are in metres on a 1.70 m body; `Body.scale` scales them to the actual one.
+# The tables are in metres on a 1.70 m body. `Body.scale` scales them to the actual one.
 
 
 # First column: 0 hip, 1 knee, 2 ankle.
@@ -190,7 +190,7 @@ _LEG = np.array([
     (1.34, 0.052, 0.038, 0.066), (1.55, 0.043, 0.036, 0.050), (1.75, 0.032, 0.031, 0.037),
     (1.90, 0.028, 0.028, 0.034), (2.00, 0.029, 0.029, 0.036),
 ])  # fmt: skip
-# First column: 0 shoulder, 1 elbow, 2 wrist; the width of the hand extends to the front and back.
+# First column: 0 shoulder, 1 elbow, 2 wrist. The width of the hand extends to the front and back.
 _ARM = np.array([
     (0.00, 0.047, 0.049, 0.050), (0.14, 0.050, 0.051, 0.052), (0.32, 0.046, 0.048, 0.047),
     (0.50, 0.043, 0.046, 0.045), (0.70, 0.039, 0.042, 0.040), (0.90, 0.035, 0.036, 0.036),
@@ -199,7 +199,7 @@ _ARM = np.array([
     (2.00, 0.019, 0.026, 0.026),
 ])  # fmt: skip
 _SHORTS, _SLEEVE = 0.30, 0.24  # lower ends of the clothes, on the scale of the first column
-# First column: 0 wrist, 1 knuckles; half thickness, width to the thumb's side and to the other.
+# First column: 0 wrist, 1 knuckles. Others: half thickness, width to the thumb's side and to the other.
 _PALM = np.array([
     (0.0, 0.018, 0.025, 0.025), (0.25, 0.0165, 0.032, 0.030), (0.6, 0.0155, 0.039, 0.037),
     (0.9, 0.0130, 0.040, 0.037), (1.0, 0.0110, 0.038, 0.035),
@@ -242,7 +242,7 @@ def _limb(
     cloth: tuple[int, float],
     part: int,
 ) -> list[Piece]:
-    """A tube across the middle joint, and a ball that fills the bend; `cloth`: its part and its lower end."""
+    """A tube across the middle joint, and a ball that fills the bend. `cloth` is its part and lower end."""
     start, middle, end = (body.place(role) for role in roles)
     joints = [body.roles[role] for role in roles]
     bend = 1 + np.array([-0.12, -0.045, -0.015, 0.015, 0.045, 0.12])

@@ -50,7 +50,7 @@ class SkinnedMesh:
     triangles: NDArray[np.int32]  # (F, 3) vertex indices, counter-clockwise seen from outside
     joints: NDArray[np.int32]  # (V, 2) joint indices of the skeleton
     weights: NDArray[np.float32]  # (V, 2) rows sum to 1
-    parts: NDArray[np.int32]  # (V,) index into `PARTS`; all vertices of a triangle share it
+    parts: NDArray[np.int32]  # (V,) index into `PARTS`. All vertices of a triangle share it
     palette: NDArray[np.float32]  # (len(PARTS), 3) sRGB colour of each part, 0 to 1
     bind_pos_m: Floats  # (J, 3) joints' positions in the bind pose
     bind_quat: Floats  # (J, 4) joints' world rotations in the bind pose, wxyz
@@ -59,7 +59,7 @@ class SkinnedMesh:
 def build_mannequin(skeleton: Skeleton, motion: Motion | None = None) -> SkinnedMesh:
     """A mannequin of 1.5 to 6 thousand triangles around the joints of any skeleton.
 
-    Joints without a role in the body (`rigs.joint_roles`) get a tapered bone each; an unknown skeleton
+    Joints without a role in the body (`rigs.joint_roles`) get a tapered bone each. An unknown skeleton
     is made of tapered bones alone. `motion`, on the same skeleton, is used only if the rest pose does not
     stand: the bind rotations are estimated from it.
     """
@@ -129,7 +129,7 @@ def _bone_mannequin(skeleton: Skeleton) -> SkinnedMesh:
 
 
 def _merged_mesh(pieces: list[Piece], pos_m: Floats, quat: Floats) -> SkinnedMesh:
-    """One mesh of all pieces; a vertex on the border of two parts is duplicated."""
+    """One mesh of all pieces. A vertex on the border of two parts is duplicated."""
     starts = np.cumsum([0] + [len(piece.vertices_m) for piece in pieces])
     triangles = np.concatenate(
         [piece.triangles + start for piece, start in zip(pieces, starts[:-1], strict=True)]
