@@ -70,7 +70,7 @@ def _is_like(value: Any, default: Any) -> bool:
 STYLE_DIM = 32  # of style vectors
 MUSIC_INPUTS = ("mel", "counts", "mel+counts")
 STYLE_LOSSES = ("paper", "contrastive")
-N_SONGS = 32  # that the steps of the presets are meant for
+N_SONGS = 32  # for which the steps of the presets are meant
 
 
 @dataclass(frozen=True)
@@ -79,25 +79,25 @@ class StyleConfig:
 
     conv_channels: tuple[int, int, int, int] = (8, 16, 16, 16)  # music: four convolutional blocks over mel
     graph_channels: tuple[int, int, int, int] = (8, 16, 16, 32)  # motion: four graph blocks
-    gru_width: int = 32  # two layers each
+    gru_width: int = 32  # of both layers of each network
     rhythm_width: int = 32  # hidden and output width of the rhythm branch
-    head_width: int = 32  # beat-count head, four linear layers
+    head_width: int = 32  # of the four linear layers of the beat-count head
     dropout: float = 0.3
-    # "mel" is the paper's. "counts" is the rhythm as the counts of the song divide it: adding mel does not
-    # help.
+    # "mel" is the input of the paper. "counts" is the rhythm relative to the counts of the song. Adding mel
+    # to it does not help.
     music_inputs: str = "counts"
-    loss: str = "contrastive"  # "paper": equation 1 alone, which constant embeddings minimise
-    style_weight: float = 0.2  # equation 1's lambda of the style distance
-    beat_weight: float = 0.05  # equation 1's lambda of the beat count, per beat
+    loss: str = "contrastive"  # "paper" is equation 1 alone, which constant embeddings minimise
+    style_weight: float = 0.2  # λ of the style distance in equation 1
+    beat_weight: float = 0.05  # λ of the beat count in equation 1, per beat
     contrast_weight: float = 0.3  # contrast of a pair against pairs of other songs
-    genre_weight: float = 1.0  # contrast of a genre against the others, where takes name theirs
+    genre_weight: float = 1.0  # contrast of a genre against the others, if takes state their genre
     temperature: float = 0.2  # of squared distances between unit vectors
-    normalised: bool = True  # features before the last layer, and vectors to unit length. The paper's are not
-    augmented: bool = True  # music and motion of the samples, not in the paper
+    normalised: bool = True  # normalise the last features and the vectors. The paper's are not normalised
+    augmented: bool = True  # augment the music and motion of the samples, which the paper does not
     mirrored_share: float = 0.5  # of the augmented motion, or 0 where left and right must stay distinct
     balanced_genres: bool = True  # draw each genre equally often, or else every second of the takes
     batch_size: int = 32
-    steps: int = 220  # for up to `N_SONGS` songs. See `style_config`
+    steps: int = 220  # for up to `N_SONGS` songs: see `style_config`
     epochs: int = 0  # passes over the takes, which replace `steps` unless 0
     schedule: str = "cosine"  # of the learning rate: see `nets.training.train`
     learning_rate: float = 5e-3
@@ -138,8 +138,8 @@ _STYLE_PRESETS = {
 def style_config(preset: str, *, n_songs: int = 0, **changes: Any) -> StyleConfig:
     """The preset with fields changed. Raises `ParameterError` for an unknown name or field.
 
-    The steps are meant for `N_SONGS` songs. With more (`n_songs`) there are proportionally more steps, so
-    that each song is used equally often. With 119 songs in 220 steps the genres were not separated.
+    The steps are meant for `N_SONGS` songs. With more songs (`n_songs`), there are proportionally more steps,
+    so that each song is used equally often. With 119 songs in 220 steps, the genres were not separated.
     """
     config = config_from_preset(_STYLE_PRESETS, preset, changes)
     return replace(config, steps=round(config.steps * max(1.0, n_songs / N_SONGS)))
@@ -161,18 +161,18 @@ class DensityConfig:
     width: int = 32  # of the transformer layers
     conv_channels: tuple[int, int, int, int, int] = (32, 32, 48, 64, 128)  # hidden vector: 4 x the last
     content_dim: int = 128
-    loss: str = "locatable"  # "paper": equation 2 alone, which does not determine the density
+    loss: str = "locatable"  # "paper" is equation 2 alone, which does not determine the density
     reconstruction_weight: float = 1.0  # of equation 2
-    content_weight: float = 0.1  # equation 2's lambda
+    content_weight: float = 0.1  # λ of equation 2
     equivariance_weight: float = 1.0
     location_weight: float = 1.0
-    temperature: float = 0.1  # of the location term: of squared differences of unit-variance curves
-    velocities: bool = True  # of joints are inputs beside positions. The paper's are positions alone
+    temperature: float = 0.1  # of the location term, for squared differences of curves of unit variance
+    velocities: bool = True  # use velocities of joints beside positions. The paper uses positions alone
     skips: bool = (
         True  # from each convolution block to the deconvolution block of its rate. The paper has none
     )
-    unit_variance: bool = True  # of every density over its segment. The paper leaves its scale open
-    augmented: bool = True  # clips and music of the samples. The paper warps clips in time alone
+    unit_variance: bool = True  # scale every density to unit variance. The paper does not state a scale
+    augmented: bool = True  # augment clips and music of the samples. The paper only warps clips in time
     mirrored_share: float = 0.5  # of the augmented motion, or 0 where left and right must stay distinct
     batch_size: int = 16
     steps: int = 1500
@@ -253,9 +253,9 @@ class WordConfig:
 
     width: int = 64  # channels of the temporal convolutions
     n_blocks: int = 2
-    same_m: float = 0.04  # kernel width: words much nearer than that count as the same
+    same_m: float = 0.04  # width of the kernel: words that are much nearer count as the same
     contrast_weight: float = 0.1
-    distance_weight: float = 1.0  # embedding distances against mean joint distances
+    distance_weight: float = 1.0  # of the difference between embedding distances and mean joint distances
     mirrored_share: float = 0.5  # of the motion samples, or 0 where left and right must stay distinct
     batch_size: int = 128
     steps: int = 800
@@ -294,8 +294,9 @@ def word_config(preset: str, **changes: Any) -> WordConfig:
 class RolloutConfig:
     """Sizes and training settings of the rollout network, which are stored with its weights.
 
-    The paper's network takes conditions without standardisation, is conditioned on medoids only, alternates 5
-    teacher-forced with 5 self-fed frames, and has no loss weight but `perceptual_weight`. The rest is ours.
+    In the paper, conditions are not standardised, the network is conditioned on medoids only, 5
+    teacher-forced frames alternate with 5 self-fed frames, and the only loss weight is `perceptual_weight`.
+    The other settings are ours.
     """
 
     n_joints: int = 24  # of the takes' skeleton, set by the training
@@ -304,9 +305,9 @@ class RolloutConfig:
     condition_width: int = 192
     use_audio: bool = True  # rhythm and phases. False is the ablation without audio
     motifs: bool = True  # False is the acLSTM baseline
-    phase: bool = True  # condition on the phase in the word and its duration, not in the paper
-    count_phase: bool = True  # and on the phase in the beat and in the bar
-    own_embedding_share: float = 0.5  # of sequences conditioned on their own words, not on medoids
+    phase: bool = True  # condition on the phase in the word and its duration, which the paper does not
+    count_phase: bool = True  # condition on the phase in the beat and in the bar
+    own_embedding_share: float = 0.5  # of sequences that are conditioned on their own words, not on medoids
     style_strength: float = 1.5  # β of equation 4
     style_fade_s: float = 1.0  # of the transition between styles of words, or 0 for the paper's window
     style_dropout: float = 0.5  # share of sequences without style
@@ -358,7 +359,7 @@ _TEMPI_TAUGHT = (0.7, 0.8, 0.9, 1.0, 1.11, 1.25, 1.45)
 def taught(config: RolloutConfig) -> RolloutConfig:
     """The configuration for training on dances as well as takes: more steps, and more tempi.
 
-    A song can be 1.5 times as fast as any take of its genre.
+    More tempi are needed because a song can be 1.5 times as fast as any take of its genre.
     """
     return replace(config, steps=2 * config.steps, tempi=_TEMPI_TAUGHT)
 

@@ -1,4 +1,4 @@
-"""Configurations, outputs and convolutional trunk of the two networks that count."""
+"""Configurations, outputs and convolutional trunk of the two networks that estimate counts."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from choreograph.nets.configs import config_from_preset
 
 @dataclass(frozen=True)
 class MotionCountsConfig:
-    """Sizes and training settings of the network that counts motion, which are stored with its weights."""
+    """Sizes and training settings of the network for counts of motion, stored with its weights."""
 
     width: int = 48  # channels
-    n_blocks: int = 6  # of dilations 1, 2, 4, …: a context of 12.8 s at 20 fps
+    n_blocks: int = 6  # of dilations 1, 2, 4 and so on, with a context of 12.8 s at 20 fps
     dropout: float = 0.15
-    feature_dropout: float = 0.2  # of its inputs, so that it does not depend on one joint
-    bar_weight: float = 1.0  # of the bar's likelihood against the beat's
+    feature_dropout: float = 0.2  # of the inputs, so that the network does not depend on one joint
+    bar_weight: float = 1.0  # of the bar's likelihood, relative to the beat's
     window_s: float = 16.0  # length of a training sample
-    tempo_range: tuple[float, float] = (0.7, 1.4)  # that samples are played at
+    tempo_range: tuple[float, float] = (0.7, 1.4)  # of samples, relative to the take
     mirrored_share: float = 0.5  # of the samples, or 0 where left and right must stay distinct
-    recorded_share: float = 0.65  # of the samples, from recorded takes if there are built-in ones as well
+    recorded_share: float = 0.65  # of the samples that are recorded takes, if there are built-in ones as well
     batch_size: int = 16
     steps: int = 400
     learning_rate: float = 3e-3
@@ -56,7 +56,7 @@ def motion_counts_config(preset: str, **changes: Any) -> MotionCountsConfig:
 
 @dataclass(frozen=True)
 class MusicCountsConfig:
-    """Sizes and training settings of the network that counts music, which are stored with its weights."""
+    """Sizes and training settings of the network for counts of music, stored with its weights."""
 
     front_channels: tuple[int, int] = (8, 16)  # of the two convolutions over bands and frames
     width: int = 32  # channels of the trunk
@@ -67,8 +67,8 @@ class MusicCountsConfig:
     steps: int = 900
     learning_rate: float = 3e-3
     weight_decay: float = 1e-3
-    bar_weight: float = 1.0  # of the bar's phase beside the beat's
-    activation_weight: float = 1.0  # of the activations beside the phases
+    bar_weight: float = 1.0  # of the bar's phase, relative to the beat's
+    activation_weight: float = 1.0  # of the activations, relative to the phases
 
 
 _MUSIC_PRESETS = {
@@ -84,10 +84,10 @@ def music_counts_config(preset: str = "small", **changes: Any) -> MusicCountsCon
 
 # Phases in beat and bar, as the networks output them.
 #
-# A network gives for every frame a vector for the beat and one for the bar of each metre, as
-# `music.bar_pointer.PhaseCurves` has them: direction is phase, length concentration. So a vector v makes a
-# phase φ likely by the von Mises density exp(v · u(φ)) / (2π I₀(|v|)), and the network learns its confidence
-# with its phases. The vector of a metre that is not that of the take should be 0. So the length of a vector
+# For every frame, a network outputs a vector for the beat and one for the bar of each metre, in the form of
+# `music.bar_pointer.PhaseCurves`. The direction is the phase, and the length is the concentration. A vector v
+# gives a phase φ the von Mises density exp(v · u(φ)) / (2π I₀(|v|)), so the network learns its confidence
+# with its phases. The vector of a metre that the take does not have should be 0, so the length of a vector
 # is evidence for its metre.
 
 
@@ -100,10 +100,10 @@ def curves_from(outputs: Tensor, fps: float) -> PhaseCurves:
     return PhaseCurves(vectors[0].T, vectors[1:].transpose(2, 0, 1), fps)
 
 
-# The trunk of the networks that count: residual blocks of dilated convolutions over time.
+# The trunk of the two networks: residual blocks of dilated convolutions over time.
 #
-# As temporal convolution networks that track beats in music (Davies and Böck, *Temporal convolutional
-# networks for musical audio beat tracking*, 2019): the dilation doubles from block to block, so that a few
+# It is that of temporal convolutional networks for beat tracking (Davies and Böck, *Temporal convolutional
+# networks for musical audio beat tracking*, 2019). The dilation doubles from block to block, so that a few
 # blocks have a context of many seconds on both sides of every frame. A take of any length is one input.
 
 
@@ -111,7 +111,7 @@ KERNEL = 5
 
 
 class Trunk(nn.Module):
-    """Features (B, F, T) to features (B, width, T), with a context of `n_seen` frames."""
+    """Maps features (B, F, T) to features (B, width, T), with a context of `n_seen` frames."""
 
     def __init__(self, n_features: int, width: int, n_blocks: int, dropout: float) -> None:
         super().__init__()
@@ -120,7 +120,7 @@ class Trunk(nn.Module):
         self.norm = _ChannelNorm(width)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Features (B, F, T), 0 where there is no frame, to (B, width, T)."""
+        """Maps features (B, F, T), which are 0 outside the frames, to (B, width, T)."""
         x = self.into(x)
         for block in self.blocks:
             x = block(x)

@@ -1,7 +1,6 @@
 """Learned tempo-densities of motion and music (ChoreoGraph, section 3.2).
 
-Layer counts, the hidden vector, inputs and outputs are the paper's. Ours, unless the configuration says
-otherwise:
+Layer counts, the hidden vector, inputs and outputs are those of the paper. By default, these are added:
 
 - `skips`, skip connections from each convolution block to the deconvolution block of its rate, because timing
   does not survive a hidden vector of a few frames
@@ -32,7 +31,7 @@ _HOP_FRAMES = NET_FPS  # of the windows of a whole take
 
 
 class MotionDensity(StoredNet):
-    """The estimator: centred clips (B, 160, 21, 3) to densities (B, 160) and contents (B, C)."""
+    """The estimator, which maps centred clips (B, 160, 21, 3) to densities (B, 160) and contents (B, C)."""
 
     config_class = DensityConfig
 
@@ -77,9 +76,9 @@ class MotionDensity(StoredNet):
     def take_density(self, body_pos_m: NDArray[np.floating]) -> NDArray[np.float32]:
         """Tempo-density (T,) of a whole take, body positions (T, 21, 3) in metres at 20 fps.
 
-        The mean of windows of 8 s, one starting every second. The last pose of a shorter take is repeated.
-        The paper estimates the density of each clip from the clip alone: there, a clip's is the mean of those
-        of the clips that overlap with it.
+        It is the mean over windows of 8 s, one starting every second. The last pose of a shorter take is
+        repeated. The paper estimates the density of each clip from the clip alone. Here, the density of a
+        clip is the mean of the estimates of all clips that overlap with it.
         """
         body = checked_body_pos_m(body_pos_m).astype(np.float32)
         n_frames = len(body)
@@ -88,14 +87,14 @@ class MotionDensity(StoredNet):
         frames = starts[:, None] + np.arange(CLIP_FRAMES)  # (N, 160)
         clips = np.minimum(frames, n_frames - 1)
         curves = self._in_batches(len(starts), lambda p: self(torch.from_numpy(centred(body[clips[p]])))[0])
-        # The ends of a window have least context, so they weigh least.
+        # The ends of a window have the least context, so they have the least weight.
         weights = np.broadcast_to(np.hanning(CLIP_FRAMES + 2)[1:-1] + 1e-3, frames.shape)
         total = np.bincount(frames.ravel(), (weights * curves).ravel())
         return (total / np.bincount(frames.ravel(), weights.ravel()))[:n_frames].astype(np.float32)
 
 
 class MotionDecoder(nn.Module):
-    """The estimator in reverse: densities (B, 160) and contents (B, C) to clips (B, 160, 21, 3)."""
+    """The decoder, which maps densities (B, 160) and contents (B, C) to clips (B, 160, 21, 3)."""
 
     def __init__(self, config: DensityConfig) -> None:
         super().__init__()
@@ -133,7 +132,7 @@ class MotionDecoder(nn.Module):
 
 
 class MusicDensity(StoredNet):
-    """Log-mel (B, 240, 96) of 4 s to the tempo-density wanted of the motion, (B, 80) at 20 fps."""
+    """Maps log-mel (B, 240, 96) of 4 s to the tempo-density of suitable motion, (B, 80) at 20 fps."""
 
     config_class = DensityConfig
 
@@ -180,10 +179,10 @@ class MusicDensity(StoredNet):
         return result
 
     def song_density(self, log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:
-        """Densities (S, 80) wanted in the 4 s from each second, from a song's log-mel (T, 96) at 60 fps.
+        """Densities (S, 80) for the 4 s from each second, from a song's log-mel (T, 96) at 60 fps.
 
-        Each is scaled to unit variance (`unit_variance`): a mean-square fit underestimates variance, and a
-        flat query matches everywhere.
+        Each is scaled to unit variance (`unit_variance`), because a mean-square fit underestimates variance,
+        and a flat query matches everywhere.
         """
         mel = np.asarray(log_mel, np.float32)
         if mel.ndim != 2 or mel.shape[1] != MEL_BANDS or len(mel) == 0 or n_seconds < 1:

@@ -1,4 +1,4 @@
-"""Training data of the tempo-density networks: clips with known warps, music with its target density."""
+"""Training data of the tempo-density networks: clips with known warps, and music with its target density."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from choreograph.nets.style_data import StyleTake, augment_mel
 
 MAX_SHIFT_S = 0.5  # of a motion beat by a random warp
 MAX_BEAT_DISTANCE_S = 0.35  # a motion beat farther from every music beat is not synchronised
-MIN_GAP_S = 0.1  # between knots of the synchronising map: closer ones would play too fast or too slowly
+MIN_GAP_S = 0.1  # between knots of the synchronising map. Closer ones would play too fast or too slowly
 _MUSIC_PER_MOTION = MUSIC_FPS // NET_FPS
 
 
@@ -98,11 +98,11 @@ def random_time_map(
     max_shift_s: float = MAX_SHIFT_S,
     share: float = 0.5,
 ) -> NDArray[np.float64]:
-    """Source frame of every warped frame, (T,), from 0 to T - 1: the paper's Random Time-Warper (3.2).
+    """Source frame of every warped frame, (T,), from 0 to T - 1: the Random Time-Warper of section 3.2.
 
-    About `share` of the motion beats move by up to `max_shift_s`, the ends stay, and the map is linear in
-    between. Ours: a shift is limited where the slope would leave [0.5, 2], the range of the warper's paths.
-    Without motion beats inside, knots one second apart move instead.
+    About `share` of the motion beats move by up to `max_shift_s`. The ends stay, and the map is linear in
+    between. Unlike in the paper, a shift is limited so that the slope stays in [0.5, 2], the range of the
+    warper's paths. Without motion beats inside, knots one second apart move instead.
     """
     if n_frames < 2 or not 0.0 <= share <= 1.0 or max_shift_s < 0:
         raise ParameterError(
@@ -166,11 +166,10 @@ def target_density(
 ) -> NDArray[np.float32]:
     """The density that the music of a take is trained to predict, (T,) at 20 fps.
 
-    It has unit variance if the densities of `motion_density` have.
-
-    It is the motion's density in windows of 8 s whose middles count (equation 3's Middle). With `synchronise`
-    it is warped so that the motion beats fall on the music beats: takes are danced in tempo but hardly in
-    phase, and an estimator trained on raw pairs predicts their mean.
+    It is the density of the motion in windows of 8 s, of which the middles are used (Middle in equation 3).
+    It has unit variance if the densities of `motion_density` have. With `synchronise`, it is warped so that
+    the motion beats fall on the music beats. Takes are danced in tempo but often not in phase, and an
+    estimator trained on raw pairs predicts the mean over all phases.
     """
     density = motion_density.take_density(take.body_pos_m[: _n_frames(take)])
     if synchronise:

@@ -22,8 +22,8 @@ from choreograph.nets.training import TrainingContext, load_pretrained, steps_of
 # Losses of motion's tempo-density: equation 2 of ChoreoGraph (section 3.2), equivariance and location.
 
 
-WINDOW_FRAMES = 11  # half a second: what the location term compares
-RANGE_FRAMES = 20  # a second to either side: where it might be confused
+WINDOW_FRAMES = 11  # half a second, which the location term compares
+RANGE_FRAMES = 20  # a second to either side, with which it is compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ def density_loss(
     if config.loss == "paper":
         return reconstruction
     loss = config.reconstruction_weight * reconstruction
-    # The density of the warped motion should be the density, warped alike.
+    # The density of the warped motion should be the density, warped in the same way.
     expected = standardised(interpolate_curves(outputs.density, pairs.frames))
     loss = loss + config.equivariance_weight * (outputs.warped_density - expected).square().mean()
     return loss + config.location_weight * location_loss(
@@ -58,7 +58,7 @@ def density_loss(
 def reconstruction_loss(
     decoder: nn.Module, pairs: WarpedPairs, outputs: DensityOutputs, *, content_weight: float
 ) -> Tensor:
-    """Equation 2, with means for sums: each density with each content, and the contents' distance."""
+    """Equation 2, with means instead of sums: each density with each content, and their distance."""
     o = outputs
     decoded = decoder(
         torch.cat([o.density, o.warped_density, o.density, o.warped_density]),
@@ -74,8 +74,8 @@ def location_loss(query: Tensor, target: Tensor, frames: Tensor, *, temperature:
     """Whether the source frames of a warped density can be located in the density, as DTW does (ours).
 
     Every half second of the warped density should be more similar to the density at its true source frames
-    than to the density a tenth of a second to one second beside them: cross-entropy over shifts, of mean
-    squared differences over the window. An error of one frame is ignored, since the warp is not more exact.
+    than to the density 0.1 s to 1 s beside them. The loss is a cross-entropy over shifts, of the mean squared
+    differences over the window. An error of one frame is ignored, since the warp is not more exact.
     """
     n_frames = target.shape[1]
     shifts = torch.arange(-RANGE_FRAMES, RANGE_FRAMES + 1, device=target.device)  # (S,)
@@ -93,7 +93,7 @@ def location_loss(query: Tensor, target: Tensor, frames: Tensor, *, temperature:
 def interpolate_curves(curves: Tensor, frames: Tensor) -> Tensor:
     """Curves (B, T) at fractional frames (B, N), linear between neighbours and differentiable.
 
-    Outside, the end values are repeated: `core.numerics.interpolate_frames` of tensors.
+    Outside, the end values are repeated, as in `core.numerics.interpolate_frames`.
     """
     at = frames.clamp(0, curves.shape[1] - 1)
     low = at.long().clamp(max=curves.shape[1] - 2)

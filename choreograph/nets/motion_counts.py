@@ -31,18 +31,18 @@ from choreograph.nets.stored import StoredNet
 
 # Confidence of decoded counts: the share of them that is expected to be right.
 #
-# It is a logistic function of features of a take and its curves, fitted to takes that were not trained on.
+# It is a logistic function of features of a take and its curves, fitted to takes outside the training data.
 
 
 N_CONFIDENCE = 5
-_STEADY_S = 5.0  # over which curves are to keep one phase to the counts
+_STEADY_S = 5.0  # over which the curves should keep a constant phase to the counts
 
 
 def confidence_features(curves: PhaseCurves, decoded: DecodedCounts) -> Floats:
     """Features of a take from which the confidence in its counts is computed, (N_CONFIDENCE,).
 
     They are 1, the agreement of the phases of beat and of bar with the counts, both weighted by
-    concentration, the concentration of the beat, and how steadily its phase follows the counts.
+    concentration, the concentration of the beat, and the steadiness of its phase relative to the counts.
     """
     if not len(decoded.beat_agreement):
         return np.append(1.0, np.zeros(N_CONFIDENCE - 1))
@@ -62,8 +62,8 @@ def confidence_features(curves: PhaseCurves, decoded: DecodedCounts) -> Floats:
 def _steadiness(curves: PhaseCurves, counts: Counts) -> float:
     """How constant the phase of the beat is relative to the counts, in windows of five seconds, 0 … 1.
 
-    It is the magnitude of the mean beat vector over the mean of magnitudes. Motion without counts does not
-    keep a phase for five seconds, although the best path agrees with it in places.
+    It is the magnitude of the mean beat vector, divided by the mean of the magnitudes. Motion without counts
+    does not keep a phase for five seconds, although the best path agrees with it in places.
     """
     times_s = frame_times_s(len(curves.beat), curves.fps)
     if len(counts) < 2:
@@ -76,7 +76,7 @@ def _steadiness(curves: PhaseCurves, counts: Counts) -> float:
 
 
 def confidence_of(features: Floats, weights: Floats) -> float:
-    """The expected share of right counts, 0 to 1, of features (N_CONFIDENCE,)."""
+    """The expected share of right counts, 0 to 1, from features (N_CONFIDENCE,)."""
     return float(1.0 / (1.0 + np.exp(-features @ weights)))
 
 
@@ -91,7 +91,7 @@ N_FEATURES = _N_JOINTS * 7  # position, velocity, speed
 # Dance songs keep their tempo, dancers do not stop counting, and errors of neighbouring frames are
 # correlated.
 POINTER = PointerConfig(bpm=(50.0, 220.0), tempo_std=0.002, break_cost=40.0, observations_per_s=1.0)
-TEMPI = (0.85, 1.0, 1.18)  # at which a take is read. The mean of the three is more robust
+TEMPI = (0.85, 1.0, 1.18)  # at which the network reads a take. The mean of the three is more robust
 _ACROSS = tuple(
     [BODY_JOINTS.index(f"{side}_{part}") for part in ("hip", "shoulder")] for side in ("left", "right")
 )
@@ -103,7 +103,7 @@ class MotionCountsNet(StoredNet):
     config_class = MotionCountsConfig
     feature_mean: Tensor
     feature_std: Tensor
-    confidence_weights: Tensor  # of `confidence.confidence_features`. Confidence is ½ until they are fitted
+    confidence_weights: Tensor  # of `confidence_features`. Confidence is ½ until they are fitted
 
     def __init__(self, config: MotionCountsConfig) -> None:
         super().__init__()
@@ -119,7 +119,7 @@ class MotionCountsNet(StoredNet):
         self.register_buffer("confidence_weights", torch.zeros(N_CONFIDENCE))
 
     def forward(self, body: Tensor, present: Tensor) -> Tensor:
-        """Body positions (B, T, 21, 3) at 20 fps, and which frames there are (B, T), to (B, N_OUTPUTS, T)."""
+        """Body positions (B, T, 21, 3) at 20 fps, and which frames exist (B, T), to (B, N_OUTPUTS, T)."""
         standard = (motion_features(body) - self.feature_mean) / self.feature_std
         features = self.feature_dropout((standard * present[..., None]).transpose(1, 2))
         result: Tensor = self.head(self.trunk(features))
@@ -128,7 +128,7 @@ class MotionCountsNet(StoredNet):
     def curves(self, body_pos_m: NDArray[np.floating], tempi: Sequence[float] = TEMPI) -> PhaseCurves:
         """Phase curves of a take's body positions (T, 21, 3) at 20 fps. Raises `ParameterError` for others.
 
-        The mean of the curves of the take as it is, slower and faster.
+        They are the mean of the curves of the take at its own tempo, slower and faster.
         """
         pos_m = checked_body_pos_m(body_pos_m)
         read = [self._curves_at(pos_m, tempo) for tempo in tempi]
@@ -149,7 +149,7 @@ class MotionCountsNet(StoredNet):
     def counts(self, body_pos_m: NDArray[np.floating]) -> Counts:
         """A take's counts, of body positions (T, 21, 3) at 20 fps. Raises `ParameterError` for others.
 
-        Their confidence is the share that is expected within 0.15 beat of the true counts.
+        Their confidence is the expected share of counts within 0.15 beat of the true counts.
         """
         curves = self.curves(body_pos_m)
         decoded = decode_counts(curves, POINTER, source=FROM_MOTION)

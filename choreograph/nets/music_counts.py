@@ -1,4 +1,4 @@
-"""`MusicCounts`, a network of the beats and bars of songs: the model, its weights, and beats by it."""
+"""`MusicCounts`, a network for the beats and bars of songs: the model, its weights, and beat tracking."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class MusicCounts(StoredNet):
         self.head = nn.Conv1d(config.width, N_ACTIVATIONS + N_OUTPUTS, 1)
 
     def forward(self, mel: Tensor) -> tuple[Tensor, Tensor]:
-        """Levelled log-mel (B, T, 96), T even, to logits of activations (B, 2, T / 2) and phase vectors
+        """Normalised log-mel (B, T, 96), T even, to logits of activations (B, 2, T / 2) and phase vectors
         (B, N_OUTPUTS, T / 2), as `nets.count_phases` has them."""
         bands = self.front(mel[:, None]).transpose(2, 3).flatten(1, 2)  # (B, C * 8, T / 2)
         curves = self.head(self.trunk(bands))
@@ -92,7 +92,7 @@ class MusicCounts(StoredNet):
 
 
 def levelled(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Log-mel (T, 96) without gain and equalisation: cut at 52 dB below its maximum, mean 0 in each band."""
+    """Log-mel (T, 96), normalised for gain and equalisation: 52 dB below its maximum, mean 0 in each band."""
     mel = np.asarray(log_mel, np.float32)
     mel = np.maximum(mel, mel.max() - _RANGE)
     result: NDArray[np.float32] = (mel - mel.mean(axis=0)) / _SCALE
@@ -127,7 +127,7 @@ def read_music_counts(path: str | Path) -> tuple[MusicCounts, dict[str, Any]]:
         return MusicCounts.from_arrays(weights, config), about
     except (OSError, BadZipFile, KeyError, ValueError, TypeError, ParameterError) as error:
         raise FormatError(
-            f"{path}: expected weights of the network that counts music, got: {error}: "
+            f"{path}: expected weights of the beat-tracking network, got: {error}: "
             "it is damaged, or another file"
         ) from error
 
@@ -151,8 +151,8 @@ POINTER = PointerConfig(bpm=(45.0, 240.0), grid_fps=60.0)
 # `research/fit_music_agreement.py` to songs of genres that the networks were not trained on.
 LEAST_AGREEMENT = 0.75
 _MIN_DURATION_S = 1.0
-_SLIP_BEATS = 5  # fewer at another tempo are no passage
-_SLIP_SHARE = 1 / 3  # of the song
+_SLIP_BEATS = 5  # fewer beats at another tempo are not a passage
+_SLIP_SHARE = 1 / 3  # of the song that may be at half the tempo
 _SAME_TEMPO_OCTAVES = 0.06
 _LATE_FRAMES = 1  # onsets come 11 ms after the beat, the activation on it
 _LEAST_CONTRAST = 0.1  # nats between the loudest and the quietest frame: less is silence
@@ -160,7 +160,7 @@ _DIED_AWAY = 7.0  # nats below the loudest frame, 30 dB: after the last louder f
 
 
 class NetworkBeats:
-    """A `music.beats.BeatTracker`."""
+    """A `music.beats.BeatTracker` that uses the network."""
 
     def __init__(self, net: MusicCounts | None = None) -> None:
         self.net = net or shipped_music_counts()
@@ -183,7 +183,7 @@ def network_beats(log_mel: NDArray[np.floating], net: MusicCounts) -> Floats:
 
 
 def _without_phases_after(curves: MusicCurves, frame: int) -> MusicCurves:
-    """The curves, with phases of no concentration after a frame."""
+    """The curves, with phases of concentration 0 after a frame."""
     phases = curves.phases
     known = np.arange(len(phases.beat)) <= frame
     beat, bar = phases.beat * known[:, None], phases.bar * known[:, None, None]

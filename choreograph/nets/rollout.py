@@ -1,8 +1,8 @@
-"""The rollout network: poses one after another, conditioned on motif and rhythm (Rhythm is a Dancer, 4).
+"""The rollout network predicts pose after pose from motif and rhythm (Rhythm is a Dancer, section 4).
 
-A pose is a row of 4 + 4 J + 2 numbers: root motion, rotations, contacts of both feet (`nets.rollout_data`).
-Each frame is conditioned on the embedding of its motif, the four rhythmic features and (ours) the phase in
-its word, in the beat and in the bar.
+A pose is a row of 4 + 4 J + 2 numbers: root motion, rotations, and contacts of both feet
+(`nets.rollout_data`). Each frame is conditioned on the embedding of its motif and the four rhythmic features.
+Unlike in the paper, it is also conditioned on the phase in its word, in the beat and in the bar.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ class RolloutConditions:
     """Conditioning of each frame. All tensors (B, T, ...)."""
 
     motif: Tensor  # (B, T, 184) embedding of the frame's motif
-    rhythm: Tensor  # (B, T, 4) `music.frame_rhythm`, some frames ahead
+    rhythm: Tensor  # (B, T, 4) of `music.frame_rhythm`, some frames ahead
     progress: Tensor  # (B, T) phase in the frame's word, 0 to 1
     word_s: Tensor  # (B, T) duration of the word
-    count_phase: Tensor  # (B, T, 4) `core.counts`
+    count_phase: Tensor  # (B, T, 4) of `core.counts`
     spectral: Tensor | None  # (B, T, 87) of the music of the word, or None without style
 
 
@@ -123,11 +123,11 @@ class RolloutNet(StoredNet):
     def apply_style(self, pose: Tensor, conditions: RolloutConditions) -> Tensor:
         """Poses (B, T, P) with the style of their songs (equation 4), unchanged without one.
 
-        The MLP's vector has length 1 in each pose. The paper's is "normalized", over all poses of a word, and
-        faded in and out in every word with a Hamming window γ, so that words meet (here without the window's
-        pedestal: the first and the last pose of a word do not change): so it is here with a `style_fade_s` of
-        0. The fades move the body and shift its motion beats. Ours smooths the vectors from word to word over
-        `style_fade_s` instead.
+        The vector of the MLP has length 1 in each pose, and is smoothed from word to word over
+        `style_fade_s`. In the paper, it is "normalized" over all poses of a word, and faded in and out in
+        every word with a Hamming window γ, so that words meet. With a `style_fade_s` of 0, this is done here
+        as well, without the pedestal of the window, so that the first and the last pose of a word do not
+        change. The fades move the body and shift its motion beats.
         """
         if conditions.spectral is None:
             return pose
@@ -147,7 +147,7 @@ class RolloutNet(StoredNet):
     def with_style(self, strength: float | None, window: str | None) -> RolloutNet:
         """The same network with another β of equation 4, or another window: "smooth" or "hamming".
 
-        None leaves its own. The paper's are 40 and hamming.
+        None keeps the value of the network. The values of the paper are 40 and hamming.
         """
         config, smooth_s = self.config, RolloutConfig().style_fade_s
         if strength is not None:

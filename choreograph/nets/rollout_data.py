@@ -22,13 +22,13 @@ from choreograph.motion.skeleton import Skeleton
 from choreograph.music.frame_rhythm import FRAME_RHYTHM_FPS, FRAME_RHYTHM_NAMES
 from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutConditions
 
-# Motion as pose rows and back, and what the frames of a dance are conditioned on, for the rollout network.
+# Conversion of motion to pose rows and back, and the conditions of the frames of a dance.
 #
-# Root motion is relative to the dancer: the shift on the ground since the last frame, seen from the heading
-# of the last frame, the height, and the change of heading. (The paper has shifts in the world and leaves the
-# heading in the root's rotation. What is learned in one heading is then unknown in another.) Rotations are
-# local, the root's without its heading. The sign of each joint's quaternions is such that w is mostly not
-# negative.
+# Root motion is relative to the dancer. It consists of the shift on the ground since the last frame, relative
+# to the heading of the last frame, the height, and the change of heading. (In the paper, shifts are in the
+# world, and the heading stays in the rotation of the root. A movement learned in one heading is then not
+# known in another.) Rotations are local, that of the root without its heading. The sign of the quaternions of
+# each joint is such that w is mostly not negative.
 
 
 ROLLOUT_FPS = FRAME_RHYTHM_FPS
@@ -121,7 +121,7 @@ def conditions_of_frames(
 
 
 def word_of_frames(start_s: AnyFloats, n_frames: int) -> NDArray[np.int64]:
-    """The word that each frame lies in, (T,)."""
+    """The word that contains each frame, (T,)."""
     times = frame_times_s(n_frames, ROLLOUT_FPS) + 1e-6
     return (np.searchsorted(start_s, times, side="right") - 1).clip(0)
 
@@ -153,7 +153,7 @@ class RolloutTake:
 
 @dataclass(frozen=True, eq=False)
 class RolloutBatch:
-    """Sequences of T frames: the poses danced, their conditioning, and the words that lie within."""
+    """Sequences of T frames: recorded poses, their conditions, and the words that lie within."""
 
     pose: Tensor  # (B, T, P)
     conditions: RolloutConditions
@@ -243,7 +243,7 @@ class _TakeTensors:
 
 
 def at_tempo(take: RolloutTake, tempo: float) -> RolloutTake:
-    """The take as if it had been danced, and its music played, at a multiple of its tempo."""
+    """The take and its music, played at a multiple of their tempo."""
     if tempo == 1.0:
         return take
     n_frames = int((take.motion.n_frames - 1) / tempo) + 1
@@ -258,7 +258,7 @@ def at_tempo(take: RolloutTake, tempo: float) -> RolloutTake:
 
 
 def _with_beats_of(played: AnyFloats, rhythm: AnyFloats, tempo: float) -> AnyFloats:
-    """The rhythm at another tempo with every beat in it: frames left out, or played twice, may be beats."""
+    """The rhythm at another tempo, with every beat once, even if its frame is dropped or repeated."""
     beats = np.rint(np.flatnonzero(rhythm[:, BEAT] > 0) / tempo).astype(np.int64)
     is_beat = np.isin(np.arange(len(played)), beats)
     return np.concatenate([played[:, :BEAT], is_beat[:, None]], axis=1)

@@ -28,7 +28,7 @@ _FEET = [[BODY_JOINTS.index(f"{side}_{part}") for part in ("ankle", "foot")] for
 
 
 class RolloutLosses:
-    """Distances of predicted poses from the ones danced, and of predicted words from their motifs."""
+    """Distances of predicted poses from the recorded ones, and of predicted words from their motifs."""
 
     def __init__(self, skeleton: Skeleton, words: WordNet, config: RolloutConfig) -> None:
         self._kinematics = BodyKinematics(skeleton)
@@ -36,7 +36,7 @@ class RolloutLosses:
         self._config = config
 
     def total(self, net: RolloutNet, predicted: Tensor, batch: RolloutBatch) -> Tensor:
-        """The weighted sum for poses (B, T - 1, P) of `train.unroll`."""
+        """The weighted sum for poses (B, T - 1, P) of `unroll`."""
         config, target = self._config, batch.pose[:, 1:]
         conditions = replace(
             batch.conditions,
@@ -201,7 +201,7 @@ def unroll(net: RolloutNet, batch: RolloutBatch, *, self_fed_frames: int) -> Ten
 
 @torch.no_grad()
 def _init_statistics(net: RolloutNet, data: RolloutData) -> None:
-    """Set the standardisation to the data's statistics, and the output's bias to its mean pose."""
+    """Set the standardisation to the statistics of the data, and the bias of the output to the mean pose."""
     roots = data.all_poses()[:, :ROOT_DIM]
     for name, values in (
         ("root", roots),

@@ -1,4 +1,4 @@
-"""Shared by the networks: conversion to arrays and back, inference in batches, kinematics in torch."""
+"""Functions shared by the networks: conversion to arrays, inference in batches, and kinematics in torch."""
 
 from __future__ import annotations
 
@@ -81,7 +81,8 @@ class BodyKinematics:
         depth = [0] * skeleton.n_joints
         for joint in range(1, skeleton.n_joints):
             depth[joint] = depth[skeleton.parents[joint]] + 1
-        # Joints of one depth are computed together: a handful of matrix products instead of one a joint.
+        # Joints of one depth are computed together, which takes a few matrix products instead of one per
+        # joint.
         self._levels = [
             ([int(skeleton.parents[j]) for j in level], level)
             for d in range(1, max(depth) + 1)

@@ -1,14 +1,14 @@
 """Music and motion style embeddings and the beat-count head (ChoreoGraph, section 3.1).
 
-As in the paper: four convolutional (music) or spatio-temporal graph convolution (motion) blocks, two GRU
-layers, one linear layer to 32 dimensions, and a head of four linear layers that predicts the number of motion
-beats from the music's style vector.
+As in the paper, each network has four convolutional (music) or spatio-temporal graph convolutional (motion)
+blocks, two GRU layers and one linear layer to 32 dimensions. A head of four linear layers predicts the number
+of motion beats from the style vector of the music.
 
-Ours: style vectors have unit length, so that distances always lie in [0, 2]. Features are batch-normalised
-before the linear layer. Without that all vectors start out alike and the contrastive loss has no gradient.
-Neither is done where the configuration says `normalised=False`, as the paper describes the networks.
-The music network may also take the rhythm of the 12 s around the segment, as the song's counts divide it, or
-this alone (`music_inputs`, `music.rhythm`).
+Unlike in the paper, style vectors have unit length, so that distances always lie in [0, 2]. Features are
+batch-normalised before the linear layer. Without this, all vectors are almost equal at first and the
+contrastive loss has no gradient. `normalised=False` switches both off. The music network can also take the
+rhythm of the 12 s around the segment, relative to the counts of the song, or this alone (`music_inputs`,
+`music.rhythm`).
 """
 
 from __future__ import annotations
@@ -145,8 +145,8 @@ class StyleNets(StoredNet):
     ) -> NDArray[np.float32]:
         """Style vectors (N, 32) of the 4 s segments of a song from whole seconds `starts_s` (N,).
 
-        `log_mel` (T, 96) at 60 fps and `rhythm` (M, RHYTHM_DIM) at 2 fps from the same time on. The song
-        is padded with silence.
+        `log_mel` (T, 96) at 60 fps and `rhythm` (M, RHYTHM_DIM) at 2 fps begin at the same time. The song is
+        padded with silence.
         """
         log_mel, rhythm = np.asarray(log_mel, np.float32), np.asarray(rhythm, np.float32)
         if log_mel.ndim != 2 or log_mel.shape[1] != MEL_BANDS or rhythm.shape[1:] != (RHYTHM_DIM,):
@@ -172,7 +172,7 @@ class StyleNets(StoredNet):
     ) -> NDArray[np.float32]:
         """Style vectors (N, 32) of the 4 s of motion from each of `start_frames` (N,).
 
-        `body_pos_m` (T, 21, 3) at 20 fps. The end poses are repeated outside.
+        `body_pos_m` (T, 21, 3) is at 20 fps. The end poses are repeated outside.
         """
         body = checked_body_pos_m(body_pos_m).astype(np.float32)
         starts = np.asarray(start_frames, np.int64)
@@ -190,7 +190,7 @@ class StyleNets(StoredNet):
 
 
 def centred(body_pos_m: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Segments (N, T, 21, 3) moved and rotated to the origin, so that style does not depend on the place.
+    """Segments (N, T, 21, 3) moved and rotated to the origin, so that style does not depend on position.
 
     The pelvis is on average above the origin, and the hips of the middle frame face +Z.
     """
@@ -219,7 +219,7 @@ def _conv_block(n_in: int, n_out: int) -> nn.Sequential:
 
 
 class _GraphBlock(nn.Module):
-    """Spatio-temporal graph convolution: over a joint, its parent and its children, then over time."""
+    """Spatio-temporal graph convolution, over a joint, its parent and its children, and then over time."""
 
     gather: Tensor
 

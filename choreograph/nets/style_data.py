@@ -18,11 +18,11 @@ from choreograph.music.mel import N_BANDS
 from choreograph.music.rhythm import LOUDNESS, METRE, ONSETS, PATTERN, RHYTHM_FPS, TEMPO
 from choreograph.nets.style import MEL_FRAMES, centred, rotated_about_y
 
-# Augmentation of the training samples: other recordings of a song, other bodies of a dance.
+# Augmentation of the training samples: other recordings of a song, and other bodies for a dance.
 
 
 _NEPER_PER_DB = np.log(10.0) / 10.0  # natural logarithm of power in one decibel
-_P_HIDDEN = 0.15  # of tempo and metre, and of patterns
+_P_HIDDEN = 0.15  # probability that tempo and metre, or the patterns, are set to zero
 
 
 def augment_mel(log_mel: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
@@ -113,7 +113,7 @@ class StyleSong:
         return _n_starts(len(self.log_mel) / MUSIC_FPS)
 
     def mel_at(self, start: int) -> NDArray[np.float32]:
-        """Log-mel (240, 96) of the segment that starts after so many half seconds."""
+        """Log-mel (240, 96) of the segment that starts after `start` half seconds."""
         frame = start * (MUSIC_FPS // RHYTHM_FPS)
         return self.log_mel[frame : frame + MEL_FRAMES]
 
@@ -136,7 +136,7 @@ class StyleTake(StyleSong):
         return _n_starts(min(len(self.log_mel) / MUSIC_FPS, len(self.body_pos_m) / NET_FPS))
 
     def body_at(self, start: int) -> NDArray[np.float32]:
-        """Body positions (80, 21, 3) of the segment that starts after so many half seconds."""
+        """Body positions (80, 21, 3) of the segment that starts after `start` half seconds."""
         frame = start * (NET_FPS // RHYTHM_FPS)
         return self.body_pos_m[frame : frame + SEGMENT_FRAMES]
 
@@ -147,7 +147,7 @@ class StyleTake(StyleSong):
 
 @dataclass(frozen=True, eq=False)
 class StyleBatch:
-    """B segments of music with the motion danced to them, then S segments of songs without."""
+    """B segments of music with the motion danced to them, then S segments of songs without motion."""
 
     mel: Tensor  # (B + S, 240, 96)
     rhythm: Tensor  # (B + S, RHYTHM_DIM)
@@ -162,7 +162,7 @@ class StyleBatch:
 
 
 class StyleData:
-    """The takes, and songs without any, of a training run.
+    """The takes of a training run, and its songs without takes.
 
     Raises `ParameterError` if fewer than two songs have 4 s of pairs.
     """
@@ -245,7 +245,7 @@ def _n_starts(duration_s: float) -> int:
 
 
 def _probability(songs: Sequence[StyleSong], balanced_genres: bool) -> NDArray[np.float64]:
-    """Of each song or take to be drawn: genres equally likely, or all segments equally likely."""
+    """Probabilities of drawing each song or take: all genres, or all segments, are equally likely."""
     if balanced_genres:
         genres = np.array([song.genre for song in songs])
         weight = np.array([1.0 / np.sum(genres == genre) for genre in genres])

@@ -41,7 +41,7 @@ def style_loss(
 def contrastive_loss(
     anchors: Tensor, others: Tensor, *, positive: Tensor, negative: Tensor, temperature: float
 ) -> Tensor:
-    """How much nearer anchors are to their positives than to their negatives (ours).
+    """How much nearer anchors are to their positives than to their negatives (not in the paper).
 
     `anchors` (A, 32) and `others` (B, 32) are unit vectors. `positive` and `negative` are boolean (A, B), and
     pairs in neither are ignored. Each positive is compared with all negatives of its anchor. Anchors without
@@ -68,9 +68,9 @@ def train_style(
 ) -> StyleNets:
     """Train both embeddings and the beat-count head together (ChoreoGraph, section 3.1).
 
-    All songs are used for training, without early stopping. On five held-out songs, early stopping by
-    validation loss retrieved the same share of the genre (0.565 against 0.558), and by validation retrieval
-    a smaller one (0.497).
+    All songs are used for training, without early stopping. On five held-out songs, the share of clips of the
+    right genre was 0.558. With early stopping by validation loss it was 0.565, and by validation retrieval
+    0.497.
 
     Parameters
     ----------

@@ -35,10 +35,11 @@ from choreograph.core.files import atomic_path, writing
 from choreograph.nets.configs import DEVICES
 
 CHECKPOINT_EVERY_S = 30.0
-LOG_LINES = 200  # of a run, about, however long it is
+LOG_LINES = 200  # of a run of any length, about
 _SEED_STRIDE = 0x9E3779B9  # spreads seed and step over torch's seeds
 
-# What torch and zipfile raise for a file that is not a checkpoint. Which of them depends on its bytes.
+# The errors of torch and zipfile for a file that is not a checkpoint. It depends on the bytes which is
+# raised.
 _UNREADABLE = (
     OSError, EOFError, RuntimeError, ValueError, TypeError, KeyError, IndexError, AttributeError,
     AssertionError, OverflowError, MemoryError, struct.error, zipfile.BadZipFile, pickle.UnpicklingError,
@@ -49,7 +50,7 @@ Loss = Callable[[np.random.Generator, torch.device], Tensor]
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """How far the training of one network has come."""
+    """The progress of the training of one network."""
 
     name: str
     step: int  # steps done
@@ -60,7 +61,7 @@ class TrainingProgress:
 
 @dataclass(frozen=True)
 class TrainingContext:
-    """Where and how a training runs, whatever the network."""
+    """Where and how a training runs, independent of the network."""
 
     folder: Path | None = None  # of the checkpoint NAME.pt and the log NAME.jsonl, or None for neither
     resume: bool = False  # from the checkpoint, if there is one
@@ -92,8 +93,8 @@ def train(
     Parameters
     ----------
     loss : a scalar, given the step's random generator and the module's device
-    schedule : of the learning rate: "cosine", after a warm-up, or "constant"
-    configuration : JSON values. A checkpoint is continued if they and the context's `content` are its own
+    schedule : of the learning rate, "cosine" after a warm-up, or "constant"
+    configuration : JSON values. A checkpoint is continued if it has these and the context's `content`
 
     Returns the mean loss since the last report, or nan if the checkpoint was already complete.
 
@@ -109,7 +110,7 @@ def train(
     optimizer = torch.optim.AdamW(module.parameters(), lr=learning_rate, weight_decay=weight_decay)
     factor = (lambda step: 1.0) if schedule == "constant" else lambda step: _cosine_factor(step, n_steps)
     rate = torch.optim.lr_scheduler.LambdaLR(optimizer, factor)
-    # The round trip through JSON turns tuples into lists, as the checkpoint has them.
+    # The round trip through JSON turns tuples into lists, as in the checkpoint.
     expected = json.loads(json.dumps({**context.content, **configuration, "seed": seed, "steps": n_steps}))
     run = _Run(name, n_steps, module, optimizer, rate, expected, context)
     run.restore_or_start()
@@ -257,7 +258,7 @@ class _Run:
         return ""
 
     def _change_since(self, stored: Mapping[str, Any]) -> str:
-        """What differs from a checkpoint's configuration, or empty if nothing does."""
+        """The difference to the configuration of a checkpoint, or empty if there is none."""
         expected = self.configuration
         changed = sorted(key for key in {*stored, *expected} if stored.get(key) != expected.get(key))
         if not changed:

@@ -187,7 +187,7 @@ def _augmented_copy(
     if end_s - start_s < 0.5 * duration:  # the beat errors left too little of the word
         start_s, end_s = start_s - 0.25 * duration, end_s + 0.25 * duration
     even = np.linspace(0.0, 1.0, int(rng.integers(_MIN_FRAMES, _MAX_FRAMES + 1)))
-    # Two bends, small enough for time to go forward: |slope - 1| < π (a + 2 b) < 1.
+    # Two bends that are small enough for time to increase: |slope - 1| < π (a + 2 b) < 1.
     bends = rng.uniform(-_MAX_WARP, _MAX_WARP) * np.sin(np.pi * even)
     bends += rng.uniform(-_MAX_WARP, _MAX_WARP) / 2 * np.sin(2 * np.pi * even)
     coarse = _sampled(take, start_s, end_s, even + bends)
@@ -252,12 +252,12 @@ def train_word_net(
 def word_loss(net: WordNet, batch: AugmentedWords) -> Tensor:
     """Contrast between augmented copies, and embedding distances that match mean joint distances.
 
-    Contrast: cross-entropy over the batch between two Gaussian kernels of distance, `same_m` wide: one of the
-    embeddings of the copies, one of the words without augmentation. Dances repeat movements, so similar words
-    are not negatives of each other.
+    The contrast is the cross-entropy over the batch between two Gaussian kernels of distance of width
+    `same_m`. One is for the embeddings of the copies, the other for the words without augmentation. Dances
+    repeat movements, so similar words are not negatives of each other.
 
-    Distance: the squared logarithm of the ratio of embedding distance to mean joint distance, so that one
-    centimetre has more weight between similar words than between different ones.
+    The distance term is the squared logarithm of the ratio of embedding distance to mean joint distance, so
+    that one centimetre has more weight between similar words than between different ones.
     """
     config = net.config
     true_m = mean_joint_distance_m(clips_to_root_frame(batch.words))  # (B, B)

@@ -198,7 +198,7 @@ def smooth_batch(
     max_slope: float,
     last_source: float,
 ) -> F64:  # pragma: no cover - compiled
-    """Smooth time maps (K, Tq) of DTW paths. See `time_maps.smooth_time_maps` for the objective.
+    """Smooth time maps (K, Tq) of DTW paths. See `warping.smooth_time_maps` for the objective.
 
     Candidate k has the motion beats beats[beat_ranges[k, 0] : beat_ranges[k, 1]], in clip frames. All have
     the same music beats, in output frames.

@@ -87,11 +87,10 @@ def rollout_takes(
     songs: SongCache,
     report: ProgressReport | None = None,
 ) -> list[RolloutTake]:
-    """The takes with music, as the network is trained on them.
+    """The takes with music, as training data of the network.
 
-    The music is in step with a take's counts, whether it was recorded so or not (`music_in_step`).
-
-    `segmented` are the words of `measured`. `songs` must keep samples.
+    The rhythm of the music is aligned with the counts of the take, even if the recording is not. `segmented`
+    are the words of `measured`. `songs` must keep samples.
     """
     takes = []
     for index, (m, of_take) in enumerate(zip(measured, segmented, strict=True)):

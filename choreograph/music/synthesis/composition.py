@@ -107,7 +107,7 @@ class Note:
 class Track:
     """All notes of one drum or instrument."""
 
-    sound: str  # of `drums.DRUMS` or `voices.VOICES`
+    sound: str  # of `sounds.DRUMS` or `voices.VOICES`
     source: Lane | Part
     notes: tuple[Note, ...]
 
