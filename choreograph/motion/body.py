@@ -80,7 +80,7 @@ def checked_body_pos_m(body_pos_m: NDArray[np.floating], fps: float = 1.0) -> ND
 
 
 def body_pos_at(body_pos_m: NDArray[np.floating], fps: float, target_fps: float) -> NDArray[np.float64]:
-    """Body positions (T, 21, 3) resampled by cubic splines, (T', 21, 3), no frame after the last.
+    """Body positions (T, 21, 3) resampled by cubic splines, (T', 21, 3), without frames after the last one.
 
     Raises `ParameterError` as `checked_body_pos_m` does.
     """
@@ -96,7 +96,7 @@ def body_pos_at(body_pos_m: NDArray[np.floating], fps: float, target_fps: float)
 
 
 def mirrored(body_pos_m: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Body positions (..., 21, 3) mirrored: X negated, left and right joints swapped."""
+    """Body positions (..., 21, 3) mirrored: X is negated, and left and right joints are swapped."""
     order = np.arange(len(BODY_JOINTS))
     for left, right in LEFT_RIGHT:
         order[[left, right]] = right, left
@@ -139,7 +139,7 @@ def to_root_frame(body_pos_m: Floats, vectors: Floats | None = None) -> Floats:
 
 
 def clips_to_root_frame(body_pos_m: Floats) -> Floats:
-    """Clips (..., T, 21, 3), each rigidly moved: heading 0 in the middle frame, mean ground position 0.
+    """Clips (..., T, 21, 3), each moved rigidly to heading 0 in the middle frame and mean ground position 0.
 
     Travel and turning within a clip are kept.
     """

@@ -1,4 +1,4 @@
-"""Which bone of a rig is which part of the body: by the user's map, a VRM's own word, names, or structure."""
+"""Maps bones of a rig to parts of the body by the user's map, the map of a VRM file, names, or structure."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from choreograph.core.numerics import Floats
 from choreograph.motion.rigs import REQUIRED, roles_by_names, trunk_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS
 
-# The bones of a rig whose names say nothing, by how they hang together and where they lie in one pose.
+# Bones with unknown names, found by the hierarchy and the positions in one pose.
 #
-# A body stands upright and is nearly the same on both sides: legs are the chains that end lowest beside its
-# middle, arms those that begin above the hips and reach farthest from it. Limbs begin and bend where their
-# halves are the longest and most equal.
+# A body stands upright and is nearly symmetric. The legs are the chains that end lowest beside its middle.
+# The arms are the chains that begin above the hips and reach farthest from the middle. Of all ways to divide
+# a limb at its first joint and its bend, the one with the longest and most equal halves is chosen.
 
 
 _LOW = 0.18  # of the height: where feet are
-_BESIDE = 0.015  # of the height: a bone that far from the middle belongs to a side
+_BESIDE = 0.015  # of the height: a bone at this distance from the middle belongs to a side
 _FEWEST = 3  # bones of a leg or an arm
-_FINGERS = 3  # children from which on a bone is a hand
+_FINGERS = 3  # children: a bone with so many or more is a hand
 _ARM = 0.2  # of the height: the least length of an arm
-_UNEQUAL = 2.0  # weight of a difference of the halves of an arm against its length
-_TURN_RAD = 0.5  # of a foot against its leg, at least
-_UPRIGHT = 0.5  # the least height of a standing body against its greatest extent
+_UNEQUAL = 2.0  # weight of the difference between the halves of an arm, relative to its length
+_TURN_RAD = 0.5  # least angle between a foot and its leg
+_UPRIGHT = 0.5  # least height of a standing body, relative to its greatest extent
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +42,12 @@ class PosedBones:
     names: tuple[str, ...]  # (B,)
     parents: NDArray[np.int64]  # (B,) -1 for a root. Every parent comes before its children
     pos: Floats  # (B, 3) in the world
-    # Ends of bones that are no bones themselves: their bone (E,) and place (E, 3).
+    # Ends of bones that are not bones themselves: their bone (E,) and position (E, 3).
     tip_parents: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     tip_pos: Floats = field(default_factory=lambda: np.zeros((0, 3)))
 
     def turned(self, matrix: Floats) -> PosedBones:
-        """The bones in other axes: places times a matrix (3, 3)."""
+        """The bones in other axes: their positions times a matrix (3, 3)."""
         return replace(self, pos=self.pos @ matrix, tip_pos=self.tip_pos @ matrix)
 
     @property
@@ -68,8 +68,8 @@ class PosedBones:
 
 
 def bones_by_structure(rig: PosedBones) -> dict[str, int]:
-    """The bones of a rig by canonical name. Raises `ParameterError` if it has no two legs and two arms."""
-    pos = rig.pos - np.median(rig.pos, axis=0)  # the middle is on the spine, whatever one arm does
+    """The bones of a rig by canonical name. Raises `ParameterError` unless it has two legs and two arms."""
+    pos = rig.pos - np.median(rig.pos, axis=0)  # the median is on the spine, even if one arm is raised
     extents = np.ptp(rig.pos, axis=0)
     height = float(extents[1])
     if height <= 0 or height < _UPRIGHT * extents.max():
@@ -88,7 +88,7 @@ def bones_by_structure(rig: PosedBones) -> dict[str, int]:
 
 
 def head_by_structure(rig: PosedBones, bones: dict[str, int]) -> dict[str, int]:
-    """Neck and head: the chain from where the arms meet to the bone highest above it."""
+    """Neck and head, on the chain from the bone where the arms meet to the highest bone above it."""
     chest = max(
         set(rig.path_from_root(bones["left_shoulder"])) & set(rig.path_from_root(bones["right_shoulder"]))
     )
@@ -110,7 +110,7 @@ def head_by_structure(rig: PosedBones, bones: dict[str, int]) -> dict[str, int]:
 
 
 def _limbs(rig: PosedBones, beside: Floats, height: float) -> dict[str, int]:
-    """Legs and arms with sides "+" and "-" of the axis that `beside` (B,) is measured along."""
+    """Legs and arms with sides "+" and "-" of the axis along which `beside` (B,) is measured."""
     limbs: dict[str, int] = {}
     ends = sorted(set(range(rig.n_bones)) - set(rig.parents.tolist()))
     floor = rig.pos[:, 1].min()
@@ -132,7 +132,7 @@ def _limbs(rig: PosedBones, beside: Floats, height: float) -> dict[str, int]:
 
 
 def _side_chain(rig: PosedBones, end: int, beside: Floats) -> list[int]:
-    """The bones from the last one in the middle, not included, to an end on one side."""
+    """The bones from the last one in the middle, which is not included, to an end on one side."""
     chain, bone = [], end
     while bone >= 0 and beside[bone] >= _BESIDE:
         chain.append(bone)
@@ -166,7 +166,7 @@ def _arm_parts(rig: PosedBones, chain: list[int], height: float) -> dict[str, in
 
 
 def _turn_rad(rig: PosedBones, chain: list[int], at: int) -> float:
-    """The angle between the bones that meet at a place of a chain, or 0 at its end."""
+    """The angle between the bones that meet at bone `at` of a chain, or 0 at its end."""
     if at + 1 >= len(chain):
         return 0.0
     before, after = np.diff(rig.pos[chain[at - 1 : at + 2]], axis=0)
@@ -175,9 +175,9 @@ def _turn_rad(rig: PosedBones, chain: list[int], at: int) -> float:
 
 
 def _halved(rig: PosedBones, chain: list[int], end: int, *, least: float) -> tuple[int, int] | None:
-    """Where a limb that ends at a place of a chain begins and bends: long, and with equal halves.
+    """The first joint and the bend of a limb that ends at a given bone of a chain.
 
-    None if no way is longer than `least`.
+    The limb should be long and have equal halves. None if every choice is shorter than `least`.
     """
     best, found = -np.inf, None
     for first, second in combinations(range(end), 2):
@@ -191,7 +191,7 @@ def _halved(rig: PosedBones, chain: list[int], end: int, *, least: float) -> tup
 
 
 def _sided(rig: PosedBones, limbs: dict[str, int]) -> dict[str, int]:
-    """The limbs with sides "left" and "right": feet point to the front."""
+    """The limbs with sides "left" and "right", which follow from feet that point to the front."""
     pos = rig.pos
     ahead = np.zeros(3)
     for side in "+-":
@@ -211,11 +211,11 @@ def _sided(rig: PosedBones, limbs: dict[str, int]) -> dict[str, int]:
 def _not_a_body() -> ParameterError:
     return ParameterError(
         "expected a body with two legs and two arms, found none by the names of its bones or by its "
-        "structure: say which bone is which with --map"
+        "structure: name the bones with --map"
     )
 
 
-# Which bone of a rig is which part of the body: by the user's map, a VRM's own word, names, or structure.
+# The bones of a rig by part of the body: by the user's map, the map of a VRM file, names, or structure.
 
 
 _MOST_BONES = 1024  # that are compared in many poses. Bodies with faces and hands have some hundreds
@@ -244,10 +244,11 @@ def find_bones(
     human_bones: Mapping[str, int] | None = None,
     bone_map: Mapping[str, str] | None = None,
 ) -> dict[str, int]:
-    """The bones of a rig by canonical name: hips, knees, ankles, shoulders, elbows and wrists at least.
+    """The bones of a rig by canonical name, at least hips, knees, ankles, shoulders, elbows and wrists.
 
-    `human_bones` are those that a VRM file names itself, `bone_map` the names that the user gives to some.
-    Raises `ParameterError` if they cannot be found, or a name of the map is not canonical or not a bone.
+    `human_bones` is the map in a VRM file. `bone_map` is the user's map, which may contain only some bones.
+    Raises `ParameterError` if a part is not found, or if the map has a name that is not canonical or not a
+    bone.
     """
     check_bone_map(bone_map)
     given = {role: _named(rig, name) for role, name in (bone_map or {}).items()}
@@ -260,11 +261,11 @@ def find_bones(
 def take_bones(
     rig: PosedBones, more_poses: Iterable[PosedBones] = (), bone_map: Mapping[str, str] | None = None
 ) -> tuple[dict[str, int] | None, str]:
-    """The bones of a take's rig by canonical name where their names do not say it, and a note on how.
+    """The bones of a take's rig by canonical name if their own names are unknown, and a note on how.
 
-    A map counts for rigs that have all bones that it names. Names that are unknown are replaced by structure:
-    of the rest pose in `rig`, or of another one of `more_poses`, with any axis up. None, and no note, where
-    names say it, or nothing does.
+    The map is used for rigs that have all bones in it. Otherwise, bones with unknown names are found by
+    structure, in the rest pose of `rig` or in one of `more_poses`, with any axis up. Returns None and no note
+    if the names are known, or if the bones are not found.
     """
     if bone_map and has_bones(rig.names, bone_map):
         found: dict[str, int] = {}
@@ -274,11 +275,11 @@ def take_bones(
         roles = {role: bone for role, bone in found.items() if bone not in given.values()} | given
         missing = [role for role in REQUIRED if role not in roles]
         if missing:
-            raise ParameterError(f"expected a map that says which bones are {', '.join(missing)}, got others")
+            raise ParameterError(f"expected a map that names the bones {', '.join(missing)}, got others")
         trunk = trunk_roles(tuple(rig.parents.tolist()), roles)
         taken = set(roles.values())
         roles = {role: bone for role, bone in trunk.items() if bone not in taken} | roles
-        return roles, "its bones are those that the map says"
+        return roles, "its bones are those of the map"
     if _roles_or_none(rig) is not None:
         return None, ""
     for posed in chain((rig,), more_poses) if rig.n_bones <= _MOST_BONES else ():
@@ -292,12 +293,12 @@ def take_bones(
 
 
 def has_bones(names: Iterable[str], bone_map: Mapping[str, str]) -> bool:
-    """Whether all bones that a map names are among the names of a rig."""
+    """Whether a rig has all bones of a map."""
     return set(bone_map.values()) <= set(names)
 
 
 def check_bone_map(bone_map: object) -> None:
-    """Raise `ParameterError` unless it is a map of canonical names to names of bones, or None."""
+    """Raise `ParameterError` unless given a map of canonical names to names of bones, or None."""
     if not isinstance(bone_map, Mapping | None):
         raise unexpected("a map of bones as canonical name to the rig's name", bone_map)
     for role, name in (bone_map or {}).items():
@@ -307,7 +308,7 @@ def check_bone_map(bone_map: object) -> None:
 
 
 def read_bone_map(path: str | Path) -> dict[str, str]:
-    """A map of bones from a JSON file: canonical name to the rig's name.
+    """A map of bones from a JSON file, from canonical name to the rig's name.
 
     Raises `FormatError` if it cannot be read, or has another form or unknown canonical names.
     """
@@ -345,7 +346,7 @@ def _by_names(rig: PosedBones) -> dict[str, int]:
 def _roles_or_none(rig: PosedBones) -> dict[str, int] | None:
     """The bones by the names of known rigs, or None if the names are unknown."""
     try:
-        # A root above all, since rigs may have several.
+        # A common root is added, since rigs may have several.
         roles = roles_by_names(("", *rig.names), (-1, *(rig.parents + 1).tolist()))
     except ParameterError:
         return None
@@ -361,7 +362,7 @@ def _structure_note(rig: PosedBones, roles: Mapping[str, int]) -> str:
 
 
 def _check_one_body(rig: PosedBones, bones: Mapping[str, int]) -> None:
-    """Raise `ParameterError` if limbs hang under different roots, as those of two characters do."""
+    """Raise `ParameterError` if limbs have different roots, as those of two characters do."""
     roots = {rig.path_from_root(bones[role])[0] for role in REQUIRED}
     repeated = [name for name in {rig.names[bones[role]] for role in REQUIRED} if rig.names.count(name) > 1]
     if len(roots) > 1 or repeated:

@@ -1,4 +1,4 @@
-"""Cleaning of recorded motion: jumps removed, gaps bridged, fitted rotations smoothed."""
+"""Cleaning of recorded motion: removal of jumps, bridging of gaps, smoothing of fitted rotations."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
 
-# Frames replaced by a smooth path between the frames before and after, with their velocities.
+# Frames are replaced by a smooth path between the frames before and after, with their velocities.
 
 
 Span = tuple[int, int]  # first frame, and the one after the last
 
 
 def bridged(values: Floats, spans: Iterable[Span]) -> Floats:
-    """`values` (T, ...) with the frames of each span on the cubic from the frame before it to the one after.
+    """`values` (T, ...) with the frames of each span replaced by a cubic between the frames around it.
 
-    The cubic starts and ends with the velocities there, from the two frames nearest to the span on either
-    side. All other frames stay exactly as they are, and so does a span that has less than two frames before
-    or after it. Spans must not touch one another.
+    The cubic starts and ends with the velocities given by the two frames nearest to the span on either side.
+    All other frames stay exactly as they are. A span with less than two frames before or after it is not
+    changed. Spans must not touch one another.
     """
     path = np.array(values, np.float64)
     for start, stop in spans:
@@ -53,25 +53,25 @@ def bridged_rotations(quat: Floats, spans: Iterable[Span]) -> Floats:
     return rot.make_continuous(turns)
 
 
-# Jumps that markers brought: a limb that leaves its path for a frame or so is put back on it.
+# Jumps caused by markers: a limb that leaves its path for a few frames is put back on it.
 
 
-_OUT_AND_BACK_M_S2 = 180.0  # more than twice what the fastest kicks and arms of real takes need
+_OUT_AND_BACK_M_S2 = 180.0  # more than twice the acceleration of the fastest kicks and arms of real takes
 _LONGEST_S = 0.05  # three frames at 60 fps, one at 25
-_SHORTER = 0.8  # a jump of fewer frames is assumed unless one more explains that much more
-# Where a joint below one of these leaves its path, the rotations from there on are replaced.
+_SHORTER = 0.8  # a jump of fewer frames is preferred unless one more frame lowers the rest to this share
+# If a joint below one of these leaves its path, the rotations from that one on are replaced.
 _LIMBS = {"left_hip": "legs", "right_hip": "legs", "left_shoulder": "arms", "right_shoulder": "arms",
           "neck": "head"}  # fmt: skip
 
 
 def without_jumps(motion: Motion) -> tuple[Motion, int, tuple[str, ...]]:
-    """The motion without jumps of a frame or so, how many they were, and of what: "arms", "legs", "body", …
+    """The motion without jumps of a few frames, their number, and their parts, such as "arms" or "body".
 
-    A jump is a joint that, for at most 0.05 s or one frame, is farther off the straight as well as the
-    smooth path (see `bridged`) between the frames before and after than a limb gets out and back in that
-    time: 2.5 cm in one frame at 60 fps, 10 cm in three, 14 cm in one at 25 fps. There the rotations of its
-    limb are replaced, or those of the whole body and the root if it is not a limb alone. All other frames
-    and joints stay exactly as they are.
+    In a jump, a joint leaves its path for at most 0.05 s or one frame. It is then farther from both the
+    straight and the smooth path (see `bridged`) between the frames before and after than a limb can move out
+    and back in that time. This is 2.5 cm in one frame at 60 fps, 10 cm in three frames, and 14 cm in one
+    frame at 25 fps. The rotations of the limb are replaced there, or those of the whole body and the root if
+    it is not a limb alone. All other frames and joints stay exactly as they are.
 
     Raises `ParameterError` if the rig's joint names are unknown.
     """
@@ -96,7 +96,7 @@ def without_jumps(motion: Motion) -> tuple[Motion, int, tuple[str, ...]]:
 
 
 def _limb_of_joints(skeleton: Skeleton) -> list[str]:
-    """For each joint the limb whose rotations alone place it, a key of `_LIMBS`, or ""."""
+    """For each joint the limb whose rotations alone determine it, a key of `_LIMBS`, or ""."""
     names = {index: role for role, index in joint_roles(skeleton).items() if role in _LIMBS}
     limbs = [""]
     for joint in range(1, skeleton.n_joints):
@@ -111,7 +111,7 @@ def _turned_with(limb: str, limb_of: list[str], skeleton: Skeleton) -> list[int]
 
 
 def _jumps(pos_m: Floats, fps: float) -> list[tuple[Span, list[int]]]:
-    """Spans of frames in which joints are off their path, and those joints, in order of time."""
+    """Spans of frames in which joints have left their path, and those joints, in order of time."""
     found = []  # score, span, joints
     for length in range(1, max(1, round(_LONGEST_S * fps)) + 1):
         off_m = _off_path_m(pos_m, length)  # (N, J), the first for a span that starts at frame 2
@@ -122,7 +122,7 @@ def _jumps(pos_m: Floats, fps: float) -> list[tuple[Span, list[int]]]:
     taken = np.zeros(len(pos_m) + 1, bool)
     jumps = []
     for _, (start, stop), joints in sorted(found, key=lambda jump: -jump[0]):
-        # Not where a jump is among the frames that give the path: the path is wrong there.
+        # Not if a jump is among the frames that determine the path, since the path is wrong there.
         if not taken[start - 2 : stop + 2].any():
             taken[start:stop] = True
             jumps.append(((int(start), int(stop)), joints))
@@ -130,7 +130,7 @@ def _jumps(pos_m: Floats, fps: float) -> list[tuple[Span, list[int]]]:
 
 
 def _off_path_m(pos_m: Floats, length: int) -> Floats:
-    """How far each joint gets off the nearer of the paths that bridge `length` frames, (N, J)."""
+    """Largest distance of each joint to the nearer of the paths that bridge `length` frames, (N, J)."""
     if len(pos_m) < length + 4:
         return np.zeros((0, pos_m.shape[1]))
     windows = np.moveaxis(sliding_window_view(pos_m, length + 4, axis=0), -1, 0)  # (length + 4, N, J, 3)
@@ -142,7 +142,7 @@ def _off_path_m(pos_m: Floats, length: int) -> Floats:
     return nearest_m
 
 
-# Smoothing of fitted rotations: flips bridged, weighted angles smoothed over time.
+# Smoothing of fitted rotations: flips are bridged, and weighted angles are smoothed over time.
 
 
 _FLIP_RAD = 1.4  # between two frames

@@ -1,4 +1,4 @@
-"""The floor under a take, and contacts of the feet with it."""
+"""The height of the floor under a take, and the contacts of the feet with it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def sole_pos_m(motion: Motion) -> Floats:
 
 
 def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, global_quat: Floats, side: str) -> Floats:
-    """Sole points of one foot (T, F, 3) in metres: they touch the floor when the foot stands flat.
+    """Sole points of one foot (T, F, 3) in metres, which touch the floor when the foot stands flat.
 
     These are the ball of the foot, and heel and toe tip where the skeleton has them as end sites. On a rig
     without any of them, it is the ankle. Each is lowered by its height above the sole. Heights are taken in
@@ -65,11 +65,11 @@ def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, global_quat: Floats, side
 
 
 def estimate_floor_m(foot_pos_m: Floats) -> float:
-    """Height of the floor in metres, one for the take.
+    """Height of the floor in metres, one value for the take.
 
-    `foot_pos_m` (T, F, 3) are foot points that all have the same height above the floor when the foot is
-    down. The lowest point of a frame is on the floor most of the time, so its low percentile is robust
-    to jumps (frames much higher) and noise (a few frames much lower).
+    `foot_pos_m` (T, F, 3) are points of the feet that all have the same height when a foot stands on the
+    floor. The lowest point of a frame is on the floor most of the time. Its low percentile is robust to jumps
+    (frames that are much higher) and noise (a few frames that are much lower).
 
     Raises `ParameterError` if there is no point or a value is not finite.
     """
@@ -79,7 +79,7 @@ def estimate_floor_m(foot_pos_m: Floats) -> float:
 def track_floor_m(foot_pos_m: Floats, fps: float) -> Floats:
     """Height of the floor at each frame, (T,) metres, for captures with vertical drift.
 
-    Points as for `estimate_floor_m`. The result is smooth, so subtracting it adds no jerk.
+    The points are as for `estimate_floor_m`. The result is smooth, so subtracting it adds no jerk.
 
     Raises `ParameterError` if there is no point or a value is not finite.
     """
@@ -106,7 +106,7 @@ def _lowest(foot_pos_m: Floats) -> Floats:
 CONTACT_JOINTS = ("left_ankle", "left_foot", "right_ankle", "right_foot")
 
 FLOOR_PERCENT = 10.0  # of frames: a joint's height while its foot is on the floor
-_LOW_M, _LOW_WIDTH_M = 0.045, 0.007  # above that height: contact and no contact are equally likely
+_LOW_M, _LOW_WIDTH_M = 0.045, 0.007  # above that height, where contact and no contact are equally likely
 _SLOW_M_S = 0.4  # at that speed the confidence is halved
 _CONTACT_SMOOTH_S = 0.04  # against noise in the speed and flickering contacts
 
@@ -115,8 +115,8 @@ def foot_contacts(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.fl
     """Contact confidence of each of `CONTACT_JOINTS`, (T, 4) from 0 to 1. Values above 0.5 are contacts.
 
     The columns are left ankle (heel), left foot (ball), right ankle, right foot of body positions
-    (T, 21, 3) in metres at any rate `fps`. Height and speed enter smoothly: with a hard threshold,
-    foot locking would switch on and off within a frame.
+    (T, 21, 3) in metres at any rate `fps`. The confidence is a smooth function of height and speed. With a
+    hard threshold, foot locking would switch on and off within a frame.
 
     Raises `ParameterError` if the shape is wrong or a value is not finite.
     """
@@ -128,7 +128,7 @@ def foot_contacts(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.fl
 def contacts_above(
     feet: NDArray[np.float64], floor_m: NDArray[np.float64], fps: float
 ) -> NDArray[np.float64]:
-    """`foot_contacts` (T, 4) of the joints alone (T, 4, 3), with the height of each, (4,), in contact."""
+    """`foot_contacts` (T, 4) from these joints alone (T, 4, 3), with the height of each in contact, (4,)."""
     height = feet[..., 1] - floor_m  # (T, 4)
     smooth = gaussian_filter1d(feet, _CONTACT_SMOOTH_S * fps, axis=0, mode="nearest")
     step = np.gradient(smooth, axis=0) if len(feet) > 1 else np.zeros_like(feet)
@@ -143,9 +143,10 @@ def contacts_above(
 def step_counts(
     body_pos_m: NDArray[np.floating], fps: float, start_frames: NDArray[np.integer], n_frames: int
 ) -> NDArray[np.int64]:
-    """Steps (N,) within `n_frames` from each of `start_frames` (N,): a foot comes to stand, heel or ball.
+    """Number of steps (N,) within `n_frames` from each of `start_frames` (N,).
 
-    Arguments and errors as of `foot_contacts`.
+    A step is the beginning of a contact of a foot, by heel or ball. The other arguments and the errors are
+    those of `foot_contacts`.
     """
     contacts = foot_contacts(body_pos_m, fps)
     stands = np.maximum(contacts[:, ::2], contacts[:, 1::2]) > 0.5  # (T, foot)

@@ -1,4 +1,4 @@
-"""Foot locking: feet in contact stay in place, in a whole motion or in one that goes on."""
+"""Foot locking, which keeps feet in contact in place, for a whole motion or for a stream of frames."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
 
-# Foot locking: feet in contact stay where they are, by corrections of the legs alone.
+# Foot locking: corrections of the legs alone keep feet in contact in place.
 
 
 SIDES = ("left", "right")
@@ -35,7 +35,7 @@ _RETURN_S = 1.0  # a shifted foot returns to its own path within it. Longer cont
 TAKE_SHIFT_S = 0.2  # a shift comes and goes within it. Shorter ones add motion beats that were not danced
 DANCE_SHIFT_S = 0.3  # for a dance of takes whose feet are locked already, where less is left to do
 _ORDER = 3  # the derivative of the shift that is kept small: jerk
-_STRAIGHT_RAD, _WRONG_RAD = 0.12, 0.25  # bent the wrong way: as recorded legs are, and as none is
+_STRAIGHT_RAD, _WRONG_RAD = 0.12, 0.25  # bent the wrong way: the most of recorded legs, and more than any
 _LIFT_S = 0.15  # to each side, for a foot that would go through the floor
 
 
@@ -56,10 +56,10 @@ def lock_feet(
                                             right ankle and right foot, by default from `foot_contacts`
     floor_m : float                         height of the floor
     shift_s : float                         time over which a foot's shift comes and goes
-    feet_shift_m : float array (T, 2, 3)    how far left and right foot are moved before, smooth in time
+    feet_shift_m : float array (T, 2, 3)    shifts of left and right foot to apply before, smooth in time
 
     Feet keep their world rotation, so a flat foot stays flat, and no point of a sole goes through the
-    floor. The root stays where it is, since moving the whole body adds motion beats: a leg that is too
+    floor. The root stays where it is, since moving the whole body adds motion beats. A leg that is too
     short reaches as far as it can. ChoreoGraph does not lock feet.
 
     Raises `ParameterError` if shapes disagree, a contact is outside 0 to 1, or the rig's names are unknown.
@@ -93,19 +93,19 @@ def lock_feet(
 
 
 def lift_frames(fps: float) -> int:
-    """Frames over which a foot is lifted, or let go, to each side."""
+    """Number of frames, to each side, over which a foot is lifted or released."""
     return max(2, round(_LIFT_S * fps))
 
 
 def locking_shift(
     points_m: Floats, contacts: Floats, fps: float, shift_s: float, given_m: Floats | None = None
 ) -> Floats:
-    """How far a foot is shifted each frame, (T, 3): the smoothest small shift that stops it in contacts.
+    """The shift of a foot in each frame, (T, 3): the smoothest small shift that stops it in contacts.
 
-    `points_m` (T, P, 3) are points of the foot, `contacts` (T, P) their contact confidence. Of all
-    shifts d, with v the points' velocities, it has the least sum of contact * |v + d'|^2 + a * |d|^2
-    + b * |third derivative of d|^2: one banded system, so that no correction starts or stops at a frame.
-    `given_m` (N, 3) are shifts of the first N frames that are decided already.
+    `points_m` (T, P, 3) are points of the foot, and `contacts` (T, P) their contact confidence. With the
+    velocities v of the points, the shift d minimises the sum of contact * |v + d'|^2 + a * |d|^2
+    + b * |third derivative of d|^2. This is one banded system, so that no correction starts or stops at a
+    frame. `given_m` (N, 3) are the shifts of the first N frames if they are already fixed.
     """
     n_frames = len(points_m)
     if n_frames <= _ORDER:
@@ -123,7 +123,7 @@ def locking_shift(
         shift_m: Floats = solveh_banded(bands, wanted, lower=True)
         return shift_m
     n_given = len(given_m)
-    for below in range(1, _ORDER + 1):  # what given shifts want of the frames after them
+    for below in range(1, _ORDER + 1):  # the terms of given shifts in the equations of later frames
         for given in range(max(0, n_given - below), n_given):
             wanted[given + below] -= bands[below, given] * given_m[given]
     rest = solveh_banded(bands[:, n_given:], wanted[n_given:], lower=True)
@@ -139,17 +139,17 @@ def _add_differences(bands: Floats, weights: Floats, order: int) -> None:
 
 
 def lift(sole_m: Floats, floor_m: float, ease: int) -> Floats:
-    """How far a foot is lifted, (T,), so that no point of its sole (T, F, 3) is under the floor."""
+    """The lift of a foot, (T,), with which no point of its sole (T, F, 3) is under the floor."""
     return smooth_cover(np.maximum(floor_m - sole_m[..., 1].min(axis=1), 0.0), ease)
 
 
 def wrong_knee(
     skeleton: Skeleton, roles: dict[str, int], side: str, pos_m: Floats, global_quat: Floats
 ) -> Floats:
-    """How wrong the knee is bent, (T,) from 0 to 1: there the foot stays on its path, whatever it touches.
+    """How much the knee is bent the wrong way, (T,) from 0 to 1. At 1, the foot is not shifted.
 
-    A leg that swings through straight far to the wrong side, as quick ones do in transitions, would have
-    to be thrown to the right side and back for a shifted foot.
+    A leg may swing through straight far to the wrong side, as fast ones do in transitions. For a shifted
+    foot, it would have to jump to the right side and back.
     """
     hip, knee, ankle = (roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
     hinge = _hinge_axis(skeleton, roles, global_quat[:, knee])
@@ -165,7 +165,7 @@ def _hinge_axis(skeleton: Skeleton, roles: dict[str, int], knee_quat: Floats) ->
 
 
 def smooth_cover(amount: Floats, ease: int) -> Floats:
-    """A smooth curve (T,) that is nowhere below `amount`, up to the tails of its smoothing."""
+    """A smooth curve (T,) that is not below `amount` anywhere, up to the tails of its smoothing."""
     if not amount.any():
         return amount
     cover: Floats = gaussian_filter1d(maximum_filter1d(amount, 2 * ease + 1), ease / 2.0, mode="nearest")
@@ -175,23 +175,23 @@ def smooth_cover(amount: Floats, ease: int) -> Floats:
 def move_leg(
     skeleton: Skeleton, roles: dict[str, int], side: str, pos_m: Floats, global_quat: Floats, target: Floats
 ) -> None:
-    """Rotate thigh and shin in `global_quat` (T, J, 4) to bring the ankle to `target`, but not the foot."""
+    """Rotate thigh and shin in `global_quat` (T, J, 4), but not the foot, to bring the ankle to `target`."""
     hip, knee, ankle = (roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
     hinge = _hinge_axis(skeleton, roles, global_quat[:, knee])
     move_limb(skeleton, (hip, knee, ankle), pos_m, global_quat, target, hinge)
 
 
-# Foot locking of a motion that still goes on: `foot_locking`, with a few frames of future.
+# Foot locking of a stream of frames, with a few frames of future.
 #
-# The same least squares are solved again and again, over the frames that are known and 0.3 s beyond them, in
-# which no contact is expected, so that a shift has time to go. Shifts of earlier frames are given. Only the
-# first frames of a solution are used. The less future there is, the shorter `shift_s` has to be: with 0.1 s,
-# a shift within 0.2 s comes too late for most steps.
+# The same least-squares problem is solved repeatedly, over the known frames and 0.3 s beyond them. No contact
+# is assumed in these 0.3 s, so that a shift has time to end. Shifts of earlier frames are given, and only the
+# first frames of a solution are used. The less future is known, the shorter `shift_s` has to be. With 0.1 s
+# of future, a shift within 0.2 s comes too late for most steps.
 
 
-_GIVEN = 3  # shifts before the first free one: as many as the third derivative reaches back
+_GIVEN = 3  # fixed shifts before the first free one, on which the third derivative depends
 _BEYOND_S = 0.3
-_FLOOR_S = 10.0  # of the past that says how high a foot in contact is
+_FLOOR_S = 10.0  # of the past from which the height of a foot in contact is estimated
 
 
 class FootLockStream:

@@ -1,8 +1,9 @@
-"""Joint centres from plug-in-gait markers: where a body turns, from where its skin is marked.
+"""Joint centres from plug-in-gait markers on the skin.
 
-Markers sit on the skin, by hand, centimetres away from where the manual says. So a centre is a first guess
-from anatomy, corrected by the motion: the hip is the centre of the sphere on which the thigh's markers move
-about the pelvis. Knee, ankle and elbow are the points that stay in place in both segments beside them.
+Markers are placed by hand, often centimetres away from the place that the manual states. So each centre is
+first estimated from anatomy and then corrected by the motion. The hip is the centre of the sphere on which
+the markers of the thigh move about the pelvis. Knee, ankle and elbow are the points that stay in place in
+both adjacent segments.
 
 References
 ----------
@@ -53,19 +54,19 @@ _HEAD_DROP_M = 0.09  # from the head band to the joint at the base of the skull
 _HAND_M = 0.085  # from wrist to hand, where fingers have no marker
 _TOE_MARKER_M = 0.03  # above the sole
 _BALL = 0.8  # of the way from heel to toe marker
-_HIP_PRIOR = 0.3  # weight of anatomy against one sample's distance to the sphere
+_HIP_PRIOR = 0.3  # weight of anatomy, relative to the distance of one sample to the sphere
 _CENTRE_PRIOR, _AXIS_PRIOR = 0.1, 2.0  # the same across a hinge's axis, and more along it
 _HINGE_PASSES = 4
-_STRETCHED_PERCENT = 5.0  # of the frames: those in which a knee is straight, if ever
+_STRETCHED_PERCENT = 5.0  # of the frames: in these a knee is straight, if ever
 _CALIBRATION_FRAMES = 600
-_FLAT_SHARE = 0.1  # of the frames: those where the heel is lowest, the foot flat
+_FLAT_SHARE = 0.1  # of the frames, with the lowest heel: there the foot is flat
 
 
 def joint_centres(markers: Markers) -> tuple[Floats, tuple[str, ...]]:
     """Positions (T, R, 3) in metres of joints and landmarks, and their R names, for `fit_positions`.
 
-    `markers` are of one take, since they are placed anew for each: `REQUIRED_MARKERS`, and "LMT5", "LFIN",
-    "RMT5", "RFIN" where there are any. Raises `ParameterError` if a required marker is missing.
+    `markers` are those of one take, since they are placed anew for each. They are `REQUIRED_MARKERS`, and
+    optionally "LMT5", "LFIN", "RMT5" and "RFIN". Raises `ParameterError` if a required marker is missing.
     """
     missing = [name for name in REQUIRED_MARKERS if name not in markers]
     if missing:
@@ -115,14 +116,14 @@ def _arm(markers: Markers, side: str, shoulder: Floats) -> dict[str, Floats]:
 
 
 def _hip(markers: Markers, side: str) -> Floats:
-    """The hip's centre (T, 3): by the pelvis's width and depth, then the centre of the thigh's spheres."""
+    """The centre of the hip (T, 3), from the size of the pelvis and the spheres of the thigh's markers."""
     front = 0.5 * (markers["LFWT"] + markers["RFWT"])
     back = 0.5 * (markers["LBWT"] + markers["RBWT"])
     pelvis = _segment(front, markers["LFWT"], back)
     width = float(np.mean(np.linalg.norm(markers["LFWT"] - markers["RFWT"], axis=-1)))
     depth = float(np.mean(np.linalg.norm(front - back, axis=-1)))
     axes = pelvis[1]  # (T, 3, 3), columns: left, backwards
-    # Waist markers may be higher in front than at the back. Up is where up was on average.
+    # Waist markers may be higher in front than at the back. The mean vertical is used as up.
     up = _unit(np.einsum("tij,i->tj", axes, [0.0, 1.0, 0.0]).mean(axis=0) * [0.0, 1.0, 1.0])
     left = np.array([1.0, 0.0, 0.0])
     forward = np.cross(left, up)
@@ -148,12 +149,13 @@ def _hinge(
 ) -> Floats:
     """The centre (T, 3) of a joint `reach_m` beside its marker, along the axis about which it bends.
 
-    `ends` are the joints before and after, `segments` those that it joins. The axis is the mean normal of the
-    limb, where it is bent most. The first centre, on the skin, tilts it, so it is found again from the next.
+    `ends` are the joints before and after it, and `segments` the two segments that it joins. The axis is the
+    mean normal of the limb in the frames where it is bent most. The first centre, on the skin, tilts the
+    axis, so the axis is computed again from the next centre.
     """
     centre = marker
     for _ in range(_HINGE_PASSES):
-        normal = np.cross(centre - ends[0], ends[1] - centre)  # (T, 3), longer where the bend is clearer
+        normal = np.cross(centre - ends[0], ends[1] - centre)  # (T, 3), longer where the limb is bent more
         normal = normal * np.linalg.norm(normal, axis=-1, keepdims=True)
         axes = [_unit(np.einsum("tij,ti->j", axes, normal)) for _, axes in segments]
         beside = marker + reach_m * np.einsum("tij,j->ti", segments[0][1], axes[0])
@@ -162,9 +164,10 @@ def _hinge(
 
 
 def _unstretched(centre: Floats, ends: tuple[Floats, Floats], segment: Segment) -> Floats:
-    """A knee or elbow (T, 3) moved forwards until it is straight, not bent backwards, where it is stretched.
+    """A knee or elbow (T, 3), moved forwards so that a stretched limb is straight and not bent backwards.
 
-    Skin that slides over a bending joint leaves its centre behind, so that straight legs seem bent back.
+    Skin slides over a bending joint, so that its estimated centre lies too far back and straight legs seem to
+    be bent backwards.
     """
     normal = np.cross(centre - ends[0], ends[1] - centre)
     normal = normal * np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -199,7 +202,7 @@ def _centre(segments: tuple[Segment, Segment], guess: Floats, axes: Sequence[Flo
 
 
 def _sole(heel: Floats, toe: Floats, foot: Segment) -> tuple[Floats, Floats]:
-    """Heel and toe (T, 3) on the sole, below their markers: down is down where the foot stands flat."""
+    """Heel and toe (T, 3) on the sole, below their markers in the frames where the foot stands flat."""
     rise = heel[:, 1] - toe[:, 1]  # (T,)
     flat = np.argsort(rise)[: max(1, round(_FLAT_SHARE * len(rise)))]
     down = _unit(-foot[1][flat, 1].mean(axis=0))  # world's down in the foot's axes
@@ -209,7 +212,7 @@ def _sole(heel: Floats, toe: Floats, foot: Segment) -> tuple[Floats, Floats]:
 
 
 def _segment(origin: Floats, along: Floats, towards: Floats) -> Segment:
-    """A rigid segment: its origin (T, 3), and axes (T, 3, 3) in columns, from three points (T, 3)."""
+    """A rigid segment from three points (T, 3): its origin (T, 3), and axes (T, 3, 3) in columns."""
     first = _unit(along - origin)
     second = towards - origin
     second = _unit(second - first * np.sum(first * second, axis=-1, keepdims=True))

@@ -10,7 +10,7 @@ from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.skeleton import Skeleton
 
-# Forward kinematics: from root positions and local rotations to world positions and rotations.
+# Forward kinematics: world positions and rotations from root positions and local rotations.
 
 
 def forward(
@@ -44,9 +44,9 @@ def to_local(skeleton: Skeleton, global_quat: Floats) -> Floats:
 # Two-bone IK: analytic inverse kinematics of a leg or an arm, all frames at once.
 
 
-_SOFT_FROM = 0.98  # of the full length: beyond, the limb extends more and more slowly (soft IK)
-_FULL = 0.9995  # of the full length is never exceeded, so the limb never locks straight
-_HINGE_RAD = 0.15  # a limb bent much less than that bends about its hinge, one bent more as it is bent
+_SOFT_FROM = 0.98  # of the full length. Beyond it, the limb extends more and more slowly (soft IK)
+_FULL = 0.9995  # of the full length, which is never exceeded, so that the limb never locks straight
+_HINGE_RAD = 0.15  # a limb that is bent less bends about its hinge, one that is bent more about its own axis
 
 
 def two_bone(
@@ -54,12 +54,13 @@ def two_bone(
 ) -> tuple[Floats, Floats]:
     """World rotations (..., 4) to apply to upper and lower bone so that the end reaches the target.
 
-    `start_m`, `middle_m`, `end_m`, `target_m` (..., 3): hip, knee, ankle and where the ankle should
-    be. The limb keeps its bending direction. The straighter it is, the more `hinge_axis` (..., 3), the
-    world axis of a positive bend, decides. A target out of reach is approached softly. A target where the
-    end already is leaves the limb unchanged, even one bent the wrong way. As its target comes nearer, such
-    a limb passes through straight to the right side, and misses the target meanwhile (by 3 mm, if a leg
-    was bent by 0.1 rad). Small changes of the arguments are small changes of the result.
+    `start_m`, `middle_m`, `end_m` and `target_m` (..., 3) are, for a leg, the hip, the knee, the ankle and
+    the target of the ankle. The limb keeps its bending direction. The straighter it is, the more the
+    direction follows `hinge_axis` (..., 3), the world axis of a positive bend. A target out of reach is
+    approached softly. If the end is at the target, the limb does not change, even if it is bent the wrong
+    way. As the target comes nearer, such a limb passes through straight to the right side, and misses the
+    target meanwhile (by 3 mm for a leg bent by 0.1 rad). The result is a continuous function of the
+    arguments.
     """
     upper, lower = middle_m - start_m, end_m - middle_m
     a, b = _length(upper), _length(lower)
@@ -85,7 +86,7 @@ def move_limb(
 ) -> None:
     """Rotate both bones of a limb in `global_quat` (T, J, 4) so that its end comes to `target_m` (T, 3).
 
-    `limb` are its joints, such as hip, knee and ankle. What hangs on the end keeps its world rotation.
+    `limb` are its joints, such as hip, knee and ankle. The children of the end keep their world rotation.
     """
     start, middle, end = limb
     upper, lower = two_bone(pos_m[:, start], pos_m[:, middle], pos_m[:, end], target_m, hinge_axis)
@@ -124,11 +125,11 @@ def _bend(bone: Floats, lower: Floats) -> Floats:
 
 
 def _resized_bend(bend: Floats, angle: Floats, hinge: Floats) -> Floats:
-    """The bend (..., 3) made as large as `angle` (...).
+    """The bend (..., 3), changed to the magnitude `angle` (...).
 
-    A bend grows along a straight line: from nearly straight about `hinge`, otherwise about its own axis.
-    A limb that is bent the wrong way meets the circle of that angle twice along the line, at once
-    where it is and on the right side, and goes from the one to the other as the angle grows to twice its own.
+    A bend changes along a straight line, about `hinge` if it is nearly straight, and otherwise about its own
+    axis. For a limb that is bent the wrong way, the line meets the circle of that angle twice, at the present
+    bend and on the right side. The limb goes from the one to the other as the angle grows to twice its own.
     """
     size = _length(bend)
     smaller = bend * np.minimum(angle / np.maximum(size, 1e-12), 1.0)[..., None]

@@ -1,4 +1,4 @@
-"""Fitting a skeleton to markers or joint positions: positions over time to joint rotations."""
+"""Fits a skeleton to positions of markers or joints over time, which gives joint rotations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 # Gauss-Newton refinement of fitted rotations, which spreads the residual along each limb.
 
 
-_DAMPING_M2 = 0.003  # limits rotations that the targets hardly constrain, such as twists of straight limbs
+_DAMPING_M2 = 0.003  # limits rotations with little influence on the targets, such as twists of straight limbs
 
 
 def refine(
@@ -72,11 +72,12 @@ def _descendants(skeleton: Skeleton) -> list[list[int]]:
     return descendants
 
 
-# Fitting a skeleton to markers or joint positions: positions over time -> joint rotations.
+# Fitting of a skeleton to positions of markers or joints over time.
 #
-# Top-down and in closed form: the pelvis as a rigid body, the bend of the trunk distributed over the
-# spine, each limb by swing and twist. The swing points a bone in its direction. The twist about it comes
-# from the bend axis of knee or elbow and is interpolated smoothly while the limb is straight.
+# The fit is top-down and in closed form. The pelvis is a rigid body, the bend of the trunk is distributed
+# over the spine, and each limb is fitted by swing and twist. The swing points a bone in its direction. The
+# twist about it follows from the bend axis of knee or elbow, and is interpolated smoothly while the limb is
+# straight.
 
 
 # Points beside the canonical joints: they determine the rotations of foot and head.

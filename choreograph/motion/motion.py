@@ -32,17 +32,17 @@ from choreograph.motion.skeleton import Skeleton
 # `Motion`: root positions and local rotations at one rate, on a skeleton.
 
 
-LONGEST_S = 3600.0  # of a recording
-FARTHEST_M = 1e6  # from the origin, of a body that is read: beyond, the precision of files is lost
+LONGEST_S = 3600.0  # duration of a recording
+FARTHEST_M = 1e6  # from the origin, of a body in a file. Beyond, the precision of files is too low
 _SPLINE_FRAME_JOINTS = 1 << 17  # frames × joints interpolated at once: 90 s of a body at 60 fps
 MAX_FRAME_JOINTS = 1 << 24  # frames × joints of a recording: an hour at 60 fps of a body with fingers
 MAX_SAMPLED_FRAME_JOINTS = 1 << 26  # of a motion at another rate: 2 GB
 
 
 def check_length(n_frames: int, n_joints: int, fps: float) -> None:
-    """Raise `ParameterError` if a recording is too long to be read: before anything is made of it.
+    """Raise `ParameterError` if a recording is too long to be read.
 
-    Few frames at a low rate count as many as they become at the rate of the program.
+    Frames at a low rate count as many as after resampling to the rate of the program.
     """
     duration_s = n_frames / fps
     if duration_s > LONGEST_S:
@@ -117,7 +117,7 @@ class Motion:
         return forward(self.skeleton, self.root_pos_m, self.local_quat)[0]
 
     def sliced(self, start: int, stop: int) -> Motion:
-        """Frames start … stop - 1 as a motion, as Python slices. Raises `ParameterError` if that is none."""
+        """Frames start … stop - 1 as a motion, as in a Python slice. Raises `ParameterError` if empty."""
         if not (is_whole(start) and is_whole(stop)):
             raise unexpected("the first frame and the one after the last as whole numbers", (start, stop))
         if not range(self.n_frames)[start:stop]:
@@ -138,8 +138,8 @@ class Motion:
     def sampled_smooth(self, frames: NDArray[np.float64], *, fps: float | None = None) -> Motion:
         """The poses at fractional `frames` (T',) by cubic splines, clamped to the first and last frame.
 
-        Slerp (`sampled`) has corners at the source frames, visible as jerk when 25 fps is played at 60.
-        Raises as `sampled` does.
+        Slerp (`sampled`) has corners at the source frames, which are visible as jerk when motion at 25 fps is
+        resampled to 60 fps. Raises as `sampled` does.
         """
         frames, fps = _as_frames(frames), self.fps if fps is None else fps
         if self.n_frames < 4:
@@ -192,7 +192,7 @@ def _as_frames(frames: object) -> NDArray[np.float64]:
     return array
 
 
-# `Take`: one recorded performance with its music, the unit of import and of train/test splits.
+# `Take` is a recorded performance with its music. It is the unit of import and of train/test splits.
 
 
 @dataclass(frozen=True)
@@ -236,13 +236,13 @@ class Take:
     name: str  # unique in a repertoire
     motion: Motion
     credits: Credits
-    song_path: Path | None = None  # None: motion only
+    song_path: Path | None = None  # None without music
     song_start_s: float = 0.0  # time in the song file of the motion's first frame
     song_name: str = ""  # the same for all takes of a song: splits keep them together
     source_paths: tuple[Path, ...] = ()  # all files the take was read from, for checksums
     notes: tuple[str, ...] = ()  # anything unusual in the files and how it was handled, one line each
     counts: Counts = NO_COUNTS
-    figures: tuple[Figure, ...] = ()  # in order, where the data names them
+    figures: tuple[Figure, ...] = ()  # in order, if the data names them
 
     __repr__ = one_line
 

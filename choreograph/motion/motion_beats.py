@@ -1,4 +1,4 @@
-"""Motion beats, and liveliness: how fast a body moves, and how large its motion is."""
+"""Motion beats, the minima of joint speed, and liveliness, the size of the motion."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from choreograph.core.timebase import NET_FPS, frames_to_seconds
 # Motion beats: local minima of mean joint speed.
 
 
-SMOOTHING_S = 0.03  # standard deviation: removes marker noise, keeps every visible stop
-MIN_GAP_S = 0.1  # shorter than any dancer's step
-MIN_PROMINENCE_M_S = 1e-3  # however slow the motion
-MIN_PROMINENCE = 0.03  # of the median speed: shallower dips are tremor and sampling noise
+SMOOTHING_S = 0.03  # standard deviation that removes marker noise and keeps every visible stop
+MIN_GAP_S = 0.1  # between beats, shorter than any dancer's step
+MIN_PROMINENCE_M_S = 1e-3  # at any speed of the motion
+MIN_PROMINENCE = 0.03  # of the median speed. Shallower minima are tremor and sampling noise
 
 
 def mean_joint_speed_m_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
@@ -36,7 +36,7 @@ def mean_joint_speed_m_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArra
 def motion_beat_times_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
     """Times of the motion beats in seconds, increasing (Q,), of positions (T, J, 3).
 
-    Best computed at 60 fps: at 20 fps about one shallow beat in eight is missed.
+    They are best computed at 60 fps. At 20 fps, about one shallow beat in eight is missed.
     """
     speed = mean_joint_speed_m_s(body_pos_m, fps)
     return frames_to_seconds(speed_minima(speed, fps), fps)
@@ -45,9 +45,9 @@ def motion_beat_times_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray
 def speed_minima(speed_m_s: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
     """Fractional frames of the motion beats of a speed curve (T,), increasing (Q,).
 
-    Local minima by scipy's find_peaks, as in the paper (ChoreoGraph, section 3.1). A dip shallower than
-    3 % of the median speed is tremor, not a beat (the paper gives no threshold). The warper's kernel
-    finds the beats of warped motion by the same definition (`choreography.graph.warp_kernels`).
+    They are local minima, found by scipy's find_peaks as in the paper (ChoreoGraph, section 3.1). Minima
+    shallower than 3 % of the median speed are tremor and not beats (the paper states no threshold). The
+    warper's kernel uses the same definition for warped motion (`choreography.graph.warp_kernels`).
     """
     from scipy.signal import find_peaks  # half a second to import, and planning does not need it
 
@@ -70,15 +70,15 @@ def _vertex_offset(speed: NDArray[np.float64], frames: NDArray[np.integer]) -> N
     return np.where(bend > 1e-12, 0.5 * (before - after) / np.maximum(bend, 1e-12), 0.0).clip(-0.5, 0.5)
 
 
-# Liveliness: how big each second of a take's motion is among the seconds of its genre.
+# Liveliness: the size of the motion in each second of a take, as a rank among the seconds of its genre.
 
 
-_WIDTH_SHARE = 0.5  # of a standard deviation of width against one of travel
-_LEAST_SPREAD_M = 1e-3  # takes that differ by less do not differ
+_WIDTH_SHARE = 0.5  # weight of a standard deviation of width, relative to one of travel
+_LEAST_SPREAD_M = 1e-3  # smaller differences between takes are ignored
 
 
 class Liveliness:
-    """Ranks of any seconds of takes, by how far their joints travel and by how wide the body is.
+    """Ranks of any seconds of takes by the travel of the joints and the width of the body.
 
     Travel is the mean of the joints' path lengths in the world. Width is the mean of their distances from the
     vertical through the pelvis. Both are read from sums up to each frame, so a second may begin anywhere and
@@ -86,7 +86,7 @@ class Liveliness:
     """
 
     def __init__(self, body_pos_m: Sequence[AnyFloats], genres: Sequence[str]) -> None:
-        """Of takes with positions (T, 21, 3) at 20 fps, each of a genre."""
+        """Prepare takes with positions (T, 21, 3) at 20 fps, each of a genre."""
         self._first = np.cumsum([0, *(len(pos) for pos in body_pos_m)])  # (takes + 1,) rows of the sums
         self._genres = np.array(genres)
         self._sums = np.concatenate([np.zeros((0, 2)), *map(_sums, body_pos_m)])  # (B, 2)
@@ -102,9 +102,10 @@ class Liveliness:
             self._sizes[genre] = np.sort(measured @ self._scale[genre])
 
     def ranks(self, take: NDArray[np.integer], start: AnyFloats, stop: AnyFloats) -> NDArray[np.float32]:
-        """Share (N,), 0 … 1, of the genre's seconds as recorded that are smaller than each of these.
+        """Share (N,), 0 … 1, of the recorded seconds of the genre that are smaller than each of these.
 
-        `start` and `stop` (N,) are the frames of the takes (N,) at 20 fps between which a second is danced.
+        `start` and `stop` (N,) are the frames at 20 fps of the takes (N,) that bound each second of the
+        dance.
         """
         measured = self._travel_and_width(take, start, stop)
         ranks = np.full(len(take), 0.5, np.float32)

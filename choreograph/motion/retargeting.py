@@ -1,4 +1,4 @@
-"""Retargeting: a motion on another skeleton, bone directions kept, for any rest poses and proportions."""
+"""Retargeting of a motion to another skeleton by bone directions, for any rest poses and proportions."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from choreograph.motion.skeleton import Skeleton
 
 _SHORTEST_BONE_M = 0.01  # shorter bones have no reliable direction
 _TRUNK = ("spine1", "spine2", "spine3", "neck", "head")
-_NEUTRAL_RAD = 0.8  # that it may be bent at a joint in the rest pose, and turned on average in a motion
-_LEVEL = 0.5  # share of a foot's length, ankle to ball, that lies level where it stands flat
+_NEUTRAL_RAD = 0.8  # largest bend of a joint in a rest pose, and largest mean turn in a motion
+_LEVEL = 0.5  # least share of a foot's length, ankle to ball, that is level when it stands flat
 _BENT = 0.1  # mean sine of the bend of knee or elbow above which its axis is reliable
 
 
@@ -32,16 +32,21 @@ def share_skeleton(motions: Sequence[Motion]) -> bool:
 def retarget(motion: Motion, target: Skeleton) -> Motion:
     """The motion on `target`, for rigs whose rest poses and proportions differ.
 
-    Each joint's world rotation is the source joint's times a constant offset, estimated from the motion:
-    it aligns the target's rest-pose bones with the source's mean bone directions in the joint's frame. For
-    a joint with a single bone this leaves the twist open. The bend axes of knees and elbows determine it,
-    elsewhere the mean twist against the parent is set to zero. Single bones are then pointed exactly in
-    the source's direction. Spine, neck and head turn as the source's do where its rest pose is straight
-    there: bones say little about a gaze, since necks lean forward in one rig and are upright in another. So
-    do feet where both rest poses stand, since ankles are at different heights over a sole. The hip path is
-    scaled by leg length. If the target's rest pose is upright, its soles are known and are put on Y = 0. If
-    the source's rest pose is upright too, the soles get the height that the source's soles have over its
-    floor most of the time. Onto a skeleton that only differs in the order of its joints, nothing changes.
+    The world rotation of each joint is that of the source joint times a constant offset, which is estimated
+    from the motion. The offset aligns the rest-pose bones of the target with the mean bone directions of the
+    source in the frame of the joint. For a joint with a single bone, this leaves the twist open. It is
+    determined by the bend axes of knees and elbows. Elsewhere the mean twist relative to the parent is set to
+    zero. Single bones are then pointed exactly in the direction of the source.
+
+    Spine, neck and head rotate with those of the source where its rest pose is straight, because necks lean
+    forward in one rig and are upright in another, so that the direction of the gaze does not follow from
+    bones. Feet rotate with those of the source if both rest poses stand, because the height of the ankle over
+    the sole differs between rigs.
+
+    The path of the hips is scaled by leg length. If the target's rest pose is upright, its soles are known
+    and are put on Y = 0. If the source's rest pose is upright too, the soles get the height that the source's
+    soles have over its floor most of the time. On a skeleton that only differs in the order of its joints,
+    the motion does not change.
 
     Raises `ParameterError` if the joint names of either skeleton are unknown.
     """
@@ -94,7 +99,7 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
     if not rest_pose_is_upright(target):
         return retargeted
     floor_m = estimate_floor_m(sole_pos_m(retargeted))
-    if rest_pose_is_upright(motion.skeleton):  # feet of another length against the legs sink on tiptoe
+    if rest_pose_is_upright(motion.skeleton):  # longer feet would sink on tiptoe
         scale = _leg_m(target.rest_pos_m()[None], target_roles) / _leg_m(pos, source_roles)
         sole_m, own_m = (sole_pos_m(each)[..., 1].min(axis=1) for each in (motion, retargeted))  # (T,)
         floor_m = float(np.median(own_m - scale * (sole_m - estimate_floor_m(sole_pos_m(motion)))))
@@ -103,7 +108,7 @@ def retarget(motion: Motion, target: Skeleton) -> Motion:
 
 @dataclass(frozen=True)
 class _Bone:
-    """From a joint of the target to its next descendant that both rigs have."""
+    """A bone from a joint of the target to its next descendant that both rigs have."""
 
     joint: int  # of the target
     source_end: int  # joint of the source
@@ -126,7 +131,7 @@ def _bones(target: Skeleton, source_roles: dict[str, int], target_roles: dict[st
 
 @dataclass(frozen=True)
 class _Trunk:
-    """Joints of the target that turn as the source's do, with the rotation between their axes."""
+    """Joints of the target that rotate with those of the source, and the rotation between their axes."""
 
     joints: set[int]
     turn: Floats  # (4,)
@@ -137,8 +142,8 @@ def _neutral_trunk(
 ) -> _Trunk | None:
     """Spine, neck and head of the target, with pelvis and collars if both rest poses are upright.
 
-    None if a rest pose is bent there, or the source's axes differ from joint to joint. The neutral pose is
-    then unknown.
+    None if a rest pose is bent there, or if the axes of the source differ from joint to joint. The neutral
+    pose is then unknown.
     """
     chain = [role for role in _TRUNK if role in roles and role in target_roles]
     if not {"spine1", "neck"} <= set(chain):
@@ -162,7 +167,7 @@ def _neutral_trunk(
 
 
 def _trunk_axes(skeleton: Skeleton, roles: dict[str, int], chain: list[str]) -> list[Floats] | None:
-    """The directions up and left (3,) of the trunk in the rest pose. None if it is bent, or has no width."""
+    """Up and left (3,) of the trunk in the rest pose, or None if it is bent or has no width."""
     rest = skeleton.rest_pos_m()
     bones = np.diff(rest[[roles[role] for role in chain]], axis=0)
     across = "collar" if {"left_collar", "right_collar"} <= roles.keys() else "shoulder"
@@ -176,7 +181,7 @@ def _trunk_axes(skeleton: Skeleton, roles: dict[str, int], chain: list[str]) -> 
 
 
 def _is_neutral(quat: Floats, first: int, second: int) -> bool:
-    """Whether two joints are on average turned alike, as they are in the rest pose."""
+    """Whether two joints have on average the same rotation, as in the rest pose."""
     relative = rot.multiply(rot.invert(quat[:, first]), quat[:, second])
     return bool(np.linalg.norm(rot.to_rotvec(_mean_rotation(relative))) < _NEUTRAL_RAD)
 
@@ -184,9 +189,9 @@ def _is_neutral(quat: Floats, first: int, second: int) -> bool:
 def _spread_spine(
     source_roles: dict[str, int], target_roles: dict[str, int]
 ) -> dict[int, tuple[tuple[int | None, int], float]]:
-    """Where one spine has one bone: the source's two that each of the target's is between, and where.
+    """For each spine joint of the target, the two source joints that it lies between, and its place there.
 
-    None is the pelvis. Both spines reach from it to where the arms meet.
+    None is the pelvis. Both spines reach from it to the joint where the arms meet.
     """
     own, others = (
         [roles[role] for role in _TRUNK[:3] if role in roles] for roles in (target_roles, source_roles)
@@ -205,8 +210,8 @@ def _feet(
 ) -> dict[int, Floats]:
     """Ankles and balls of the target's feet, each with the rotation (4,) from the source's world rotations.
 
-    None of a foot that does not stand in both rest poses, or whose joints are turned in them as they are not
-    in the motion.
+    A foot is left out if it does not stand in both rest poses, or if its joints have rotations there that
+    they do not have in the motion.
     """
     turning: dict[int, Floats] = {}
     if not (rest_pose_is_upright(skeleton) and rest_pose_is_upright(target)):
@@ -227,7 +232,7 @@ def _feet(
 def _heading_of_foot(skeleton: Skeleton, roles: dict[str, int], side: str) -> float:
     """Direction of a foot in the rest pose, radians from +Z about Y. Without toes, it is that of the hips.
 
-    Not a number for a foot that does not stand there.
+    It is nan for a foot that does not stand there.
     """
     rest = skeleton.rest_pos_m()
     if f"{side}_foot" in roles:
@@ -242,8 +247,11 @@ def _heading_of_foot(skeleton: Skeleton, roles: dict[str, int], side: str) -> fl
 def _hinge_axes(
     pos: Floats, source_roles: dict[str, int], target: Skeleton, target_roles: dict[str, int]
 ) -> dict[int, tuple[Floats, Floats]]:
-    """Per target joint, the bend axis of its knee or elbow: in the source's world (T, 3), with the sine of
-    the bend as its length, and in the target's rest pose (3,), taken as standing."""
+    """For each target joint, the bend axis of its knee or elbow.
+
+    The axis is given in the world of the source (T, 3), with the sine of the bend as its length, and in the
+    rest pose of the target (3,), as if it stood.
+    """
     rest = target.rest_pos_m()
     left = rest[target_roles["left_hip"]] - rest[target_roles["right_hip"]]
     shoulders = (rest[target_roles["left_shoulder"]] + rest[target_roles["right_shoulder"]]) / 2
@@ -270,9 +278,9 @@ def _target_rotation(
 ) -> Floats:
     """World rotations (T, 4) of a target joint from the source joint's `quat` (T, 4) and its bones.
 
-    `pairs`: for each bone, the source's in the world (T, 3) and the target's in its rest pose (3,).
+    `pairs` holds for each bone the source's in the world (T, 3) and the target's in its rest pose (3,).
     """
-    if not pairs:  # the end of a limb: only the mean rotation against its parent is known
+    if not pairs:  # the end of a limb, of which only the mean rotation relative to its parent is known
         return rot.multiply(quat, _mean_rotation(rot.multiply(rot.invert(quat), parent)))
     to_joint = rot.invert(quat)
     mean = [
@@ -296,7 +304,7 @@ def _target_rotation(
 def _root_pos_m(
     pos: Floats, source_roles: dict[str, int], target: Skeleton, target_roles: dict[str, int], local: Floats
 ) -> Floats:
-    """Root positions (T, 3) that put the middle of the hips at the source's, scaled by leg length."""
+    """Root positions (T, 3) that put the middle of the hips at that of the source, scaled by leg length."""
     rest = target.rest_pos_m()[None]
     scale = _leg_m(rest, target_roles) / _leg_m(pos, source_roles)
     at_origin = forward(target, np.zeros((len(pos), 3)), local)[0]

@@ -12,9 +12,9 @@ import numpy as np
 from choreograph.core.errors import ParameterError
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 
-# Names of a limb's joints, best first. The order of the rows matters where rigs use a word differently:
-# "LeftShoulder" is the collar beside a "LeftArm" (Mixamo) but the shoulder beside a "LeftElbow"
-# (Biovision). A joint taken by one row is not taken by a later one.
+# Names of a limb's joints, best first. The order of the rows matters if rigs use a word differently.
+# "LeftShoulder" is the collar beside a "LeftArm" (Mixamo) but the shoulder beside a "LeftElbow" (Biovision).
+# A joint that one row uses is not used by a later one.
 _LIMB_NAMES = {
     "knee": ("knee", "lowerleg", "lowleg", "loleg", "shin", "calf", "tibia", "leg"),
     "hip": ("upleg", "upperleg", "thigh", "femur", "hip", "leg"),
@@ -58,7 +58,7 @@ _ROMAJI = {
     "hiza": "knee", "hiji": "elbow", "kata": "shoulder", "ude": "arm", "ashi": "leg", "kubi": "neck",
     "atama": "head",
 }  # fmt: skip
-# The longest first: "足首" is an ankle, and no leg.
+# The longest come first, since "足首" is an ankle and not a leg.
 _JAPANESE_WORDS = re.compile("|".join(sorted(_JAPANESE, key=len, reverse=True)))
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\W\d_a-zA-Z]+")
 
@@ -66,11 +66,12 @@ _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\W\d_a-zA-Z
 def joint_roles(skeleton: Skeleton) -> dict[str, int]:
     """The joints of `skeleton` that correspond to the canonical ones, as canonical name -> index.
 
-    A skeleton whose names do not say it has them as its `roles`. Prefix, case, separators and digits of names
-    are ignored: Mixamo, CMU, MotionBuilder, Bandai-Namco, SMPL, Xsens, Rokoko, Biovision, Unreal, DAZ, MMD
-    and similar rigs. Pelvis and spine are found by hierarchy, not
-    by name: the pelvis is where legs and trunk meet, the spine leads from there to where the arms meet.
-    Joints that the rig lacks (a middle spine joint, hands) are left out.
+    They are the `roles` of the skeleton, if it has any, and are otherwise found by name. Prefix, case,
+    separators and digits of names are ignored. The rigs of Mixamo, CMU, MotionBuilder, Bandai-Namco, SMPL,
+    Xsens, Rokoko, Biovision, Unreal, DAZ, MMD and similar ones are known. Pelvis and spine are found by
+    hierarchy instead of by name. The pelvis is the joint where legs and trunk meet, and the spine leads from
+    there to the joint where the arms meet. Joints that the rig lacks (a middle spine joint, hands) are left
+    out.
 
     Raises `ParameterError` if hips, knees, ankles, shoulders, elbows or wrists cannot be found.
     """
@@ -80,7 +81,7 @@ def joint_roles(skeleton: Skeleton) -> dict[str, int]:
 
 
 def roles_by_names(names: tuple[str, ...], parents: tuple[int, ...]) -> dict[str, int]:
-    """As `joint_roles`, of joints that need not be a skeleton."""
+    """As `joint_roles`, for names and parents of joints without a skeleton."""
     return dict(_roles(names, parents))
 
 
@@ -105,7 +106,7 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
     if missing:
         raise ParameterError(
             f"expected the joint names of a known rig or a standing body, found no "
-            f"{', '.join(missing)} among {_some(names)}: say which bone is which with --map"
+            f"{', '.join(missing)} among {_some(names)}: name the bones with --map"
         )
     for role in ("neck", "head"):
         found = [parts[("", name)] for name in _MIDDLE_NAMES[role] if ("", name) in parts]
@@ -123,9 +124,9 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
 def trunk_roles(
     parents: tuple[int, ...], limbs: Mapping[str, int], named_pelvis: Sequence[int] = ()
 ) -> dict[str, int]:
-    """Pelvis and spine by hierarchy: from where legs and trunk meet to where the arms of `limbs` meet.
+    """Pelvis and spine by hierarchy, from the joint where legs and trunk meet to that where the arms meet.
 
-    Of joints that are named as a pelvis, the one nearest to there is taken.
+    If several joints are named as a pelvis, the one nearest to the first joint is used.
     """
     chest = _common_ancestor(parents, [limbs["left_shoulder"], limbs["right_shoulder"]])
     waist = _common_ancestor(parents, [limbs["left_hip"], limbs["right_hip"], chest])
@@ -138,7 +139,7 @@ def trunk_roles(
 def _unnamed_head(names: Sequence[str], parents: tuple[int, ...], roles: Mapping[str, int]) -> dict[str, int]:
     """Neck and head of a rig that calls them spine, as Rigify does, else the longest chain above the arms.
 
-    Faces hang from the head, which is where the bones that are called as the chest is end.
+    The head is the last of the bones that have the name of the chest. Bones of the face are its children.
     """
     arms = [_path_from_root(parents, roles[f"{side}_shoulder"]) for side in ("left", "right")]
     chest = max(set(arms[0]) & set(arms[1]))
@@ -154,7 +155,7 @@ def _unnamed_head(names: Sequence[str], parents: tuple[int, ...], roles: Mapping
 
 
 def _unnamed_neck(parents: tuple[int, ...], roles: dict[str, int]) -> dict[str, int]:
-    """The neck of a rig that calls it otherwise: the first joint from where the arms meet to the head."""
+    """The neck of a rig with another name for it: the first joint from the chest towards the head."""
     arms = set(_path_from_root(parents, roles["left_shoulder"]))
     arms |= set(_path_from_root(parents, roles["right_shoulder"]))
     between = [joint for joint in _path_from_root(parents, roles["head"])[:-1] if joint not in arms]
@@ -217,7 +218,7 @@ def _common_ancestor(parents: tuple[int, ...], joints: list[int]) -> int:
     first, *others = (_path_from_root(parents, joint) for joint in joints)
     shared = set(first).intersection(*others)
     if not shared:
-        raise ParameterError("expected one body, got limbs that hang under different roots")
+        raise ParameterError("expected one body, got limbs with different roots")
     return max(shared)
 
 
@@ -228,7 +229,7 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _spine_roles(spine: list[int]) -> dict[str, int]:
-    """Spine joints, from the pelvis up, mapped to the canonical three. Of fewer, lowest and highest."""
+    """Spine joints, from the pelvis up, mapped to the canonical three, or to the lowest and the highest."""
     if not spine:
         return {}
     if len(spine) == 1:

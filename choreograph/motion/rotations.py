@@ -1,4 +1,4 @@
-"""Quaternions `wxyz` over any leading dimensions, by scipy where conventions are intricate.
+"""Quaternions `wxyz` with any leading dimensions. Scipy is used where conventions are intricate.
 
 Conventions: unit, right-handed, active (`rotate(q, v)` rotates v). `multiply(a, b)` applies b first.
 """
@@ -71,7 +71,7 @@ def make_continuous(quat: Floats) -> Floats:
 
 
 def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:
-    """Spherical interpolation on the shorter arc from a to b (..., 4) by weight (...); 0 gives a."""
+    """Spherical interpolation on the shorter arc from a to b (..., 4) by weight (...). 0 gives a."""
     weight = np.asarray(weight, dtype=np.float64)[..., None]
     dot = np.sum(a * b, axis=-1, keepdims=True)
     b = np.where(dot < 0, -b, b)
@@ -92,7 +92,7 @@ def from_rotvec(rotvec: Floats) -> Floats:
 
 
 def to_rotvec(quat: Floats) -> Floats:
-    """Rotation vectors (..., 3) in radians, angle at most π, of quaternions (..., 4)."""
+    """Rotation vectors (..., 3) in radians, with angles of at most π, of quaternions (..., 4)."""
     flat = Rotation.from_quat(np.reshape(quat, (-1, 4)), scalar_first=True).as_rotvec()
     rotvec: Floats = flat.reshape(*quat.shape[:-1], 3)
     return rotvec

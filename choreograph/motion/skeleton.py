@@ -31,8 +31,8 @@ CANONICAL_PARENTS = (
     -1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21,
 )  # fmt: skip
 
-# Average adult offsets from the parent joint, metres, T-pose facing +Z, left is +X. From anthropometric
-# proportions of a 1.70 m body, not from a licensed body model.
+# Average adult offsets from the parent joint in metres, in a T-pose that faces +Z, with left at +X. They
+# follow anthropometric proportions of a 1.70 m body, and no licensed body model.
 _CANONICAL_OFFSETS_M = (
     (0.0, 0.93, 0.0), (0.085, -0.075, 0.0), (-0.085, -0.075, 0.0), (0.0, 0.11, -0.02),
     (0.0, -0.39, 0.0), (0.0, -0.39, 0.0), (0.0, 0.13, 0.0), (0.0, -0.395, -0.02),
@@ -42,8 +42,8 @@ _CANONICAL_OFFSETS_M = (
     (0.25, 0.0, 0.0), (-0.25, 0.0, 0.0), (0.085, 0.0, 0.0), (-0.085, 0.0, 0.0),
 )  # fmt: skip
 
-_SAME_M = 1e-3  # bone offsets agree within it
-MAX_JOINTS = 4096  # a face and hands in detail have some hundreds
+_SAME_M = 1e-3  # largest difference of equal bone offsets
+MAX_JOINTS = 4096  # bodies with detailed faces and hands have some hundreds
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +64,11 @@ class Skeleton:
 
     names: tuple[str, ...]  # (J,)
     parents: NDArray[np.int64]  # (J,) parent's index, -1 for the root, which is joint 0
-    offsets_m: NDArray[np.float64]  # (J, 3) from the parent, rest pose. Of the root: its rest position
+    offsets_m: NDArray[np.float64]  # (J, 3) from the parent in the rest pose. The root's is its rest position
     # End sites (bone ends without channels, as in BVH): parent joint and offset.
     tip_parents: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # (E,)
     tips_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))  # (E, 3)
-    # Canonical name -> joint, of a rig whose joints' names do not say it: see `rigs.joint_roles`.
+    # Canonical name -> joint, for a rig with unknown names of joints: see `rigs.joint_roles`.
     roles: Mapping[str, int] | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -122,7 +122,7 @@ class Skeleton:
 
     @property
     def n_joints(self) -> int:
-        """Number of joints J, end sites not counted."""
+        """Number of joints J, without end sites."""
         return len(self.names)
 
     def index(self, name: str) -> int:
@@ -132,9 +132,9 @@ class Skeleton:
         return self.names.index(name)
 
     def same_as(self, other: Skeleton, *, tolerance_m: float = _SAME_M) -> bool:
-        """Whether joints, hierarchy and bone offsets agree (the root's rest position may differ).
+        """Whether joints, hierarchy and bone offsets agree. The rest position of the root may differ.
 
-        Raises `ParameterError` for anything but a skeleton, and a tolerance that is no number.
+        Raises `ParameterError` for anything but a skeleton, and for a tolerance that is not a number.
         """
         check_kind("the other skeleton", other, Skeleton)
         as_number("tolerance_m as a number", tolerance_m)
@@ -145,10 +145,10 @@ class Skeleton:
         )
 
     def order_of(self, other: Skeleton) -> NDArray[np.int64] | None:
-        """For each joint of `other`, this skeleton's joint of its name, (J,), if they differ in order alone.
+        """For each joint of `other`, the joint of this skeleton with its name, (J,).
 
-        None if joints, hierarchy or bone offsets disagree (the root's rest position may differ). Raises
-        `ParameterError` for anything but a skeleton.
+        None if the two differ in more than the order of joints. The rest position of the root may differ.
+        Raises `ParameterError` for anything but a skeleton.
         """
         check_kind("the other skeleton", other, Skeleton)
         if set(self.names) != set(other.names):
@@ -161,7 +161,7 @@ class Skeleton:
         return order if same else None
 
     def role_numbers(self) -> NDArray[np.int64]:
-        """The roles of the joints as places among the canonical ones, (J,), -1 of joints without one."""
+        """The roles of the joints as indices of the canonical ones, (J,), or -1 for joints without one."""
         numbers = np.full(self.n_joints, -1)
         for role, joint in (self.roles or {}).items():
             numbers[joint] = CANONICAL_JOINTS.index(role)

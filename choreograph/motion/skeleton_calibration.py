@@ -17,7 +17,7 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_sk
 
 _CLUSTERED_BONES = (("hip", "knee"), ("knee", "ankle"))  # the longest bones, and rigid
 _PELVIS_HEIGHT = 0.45  # of the way from the middle of the hips to the lower spine
-_COLLAR_REACH = 0.3  # of half the shoulder width: where the collar bone starts
+_COLLAR_REACH = 0.3  # of half the shoulder width, at which the collar bone starts
 _NECK_RISE_M = 0.02  # height of the neck's base above the line between the shoulders
 _TOES_M = 0.06  # from the ball of the foot to the tip of the toes
 
@@ -40,7 +40,7 @@ class BodyClusters:
 
 
 def cluster_bodies(pos_m: Floats, roles: Sequence[str], n_bodies: int) -> BodyClusters:
-    """Frames (T, R, 3) of several dancers clustered by bone lengths (k-means), a skeleton for each cluster.
+    """Clusters frames (T, R, 3) of several dancers by bone lengths (k-means), with a skeleton for each.
 
     Raises `ParameterError` as `measure_skeleton`, or if there are fewer frames than bodies.
     """
@@ -58,7 +58,7 @@ def cluster_bodies(pos_m: Floats, roles: Sequence[str], n_bodies: int) -> BodyCl
 def size_ratio(skeleton: Skeleton, other: Skeleton) -> float:
     """The factor that scales `skeleton` to the size of `other`, of the same hierarchy.
 
-    Least squares over the joints of both rest poses, each centred.
+    It is the least-squares factor over the joints of both rest poses, each centred.
     """
     source, target = (pos - pos.mean(axis=0) for pos in (skeleton.rest_pos_m(), other.rest_pos_m()))  # (J, 3)
     return float(np.sum(source * target) / np.sum(source**2))
@@ -67,8 +67,8 @@ def size_ratio(skeleton: Skeleton, other: Skeleton) -> float:
 def resized(pos_m: Floats, size: Floats, floor_m: float) -> Floats:
     """Positions (T, R, 3) scaled by `size` (T,) about the floor, which stays at `floor_m`.
 
-    The path on the ground is scaled step by step: feet at rest stay at rest at any size, and a change of
-    size causes no jump.
+    The path on the ground is scaled step by step, so that feet at rest stay at rest at any size, and a change
+    of size causes no jump.
     """
     middle = pos_m.mean(axis=1)  # (T, 3)
     steps = np.diff(middle, axis=0) * (0.5 * (size[1:] + size[:-1]))[:, None]

@@ -1,1 +1,1 @@
-"""The body that is shown where there is no character: a skinned mesh around the joints of any skeleton."""
+"""The mannequin, a skinned mesh around the joints of any skeleton, which is shown without a character."""

@@ -1,4 +1,4 @@
-"""The bind pose of the mannequin: a skeleton standing upright, whatever its rest pose, and its measures."""
+"""The bind pose of the mannequin: a skeleton that stands upright in any rest pose, and its measures."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ UP = np.array([0.0, 1.0, 0.0])
 
 _SHORTEST_BONE_M = 0.01
 _NO_LENGTH_M = 1e-3
-# Of the 1.70 m body that the tables measure: hip to ankle, and hips' to shoulders' height.
+# Of the 1.70 m body of the tables: hip to ankle, and height of the hips to height of the shoulders.
 _LEG_M, _TRUNK_M = 0.785, 0.525
-_SPREAD = 0.2  # from this sine between two bones of a joint on, they determine its rotation
+_SPREAD = 0.2  # least sine between two bones of a joint that determine its rotation
 _STANDING_PERCENT, _MOST_PITCH_RAD = 90.0, 0.7
 _SAMPLES = 200  # frames of a motion from which the rotations of its rig's joints are estimated
 
@@ -30,9 +30,9 @@ def bind_pose(skeleton: Skeleton, motion: Motion | None) -> tuple[Floats, Floats
     """World positions (J, 3) and rotations (J, 4) of the joints, standing upright.
 
     This is the rest pose if that stands. If not (all bones along one axis), each joint gets the rotation
-    that the canonical body has in its rest pose. How the two rigs compare is estimated from `motion`, or,
-    without one, from the bones' directions alone, which leaves their twist undetermined. Joint names must
-    be those of a known rig.
+    that the canonical body has in its rest pose. The rotations between the two rigs are estimated from
+    `motion`. Without a motion, they are estimated from the directions of the bones, which leaves the twist
+    open. Joint names must be those of a known rig.
     """
     if rest_pose_is_upright(skeleton):
         return skeleton.rest_pos_m(), np.tile(rot.IDENTITY, (skeleton.n_joints, 1))
@@ -68,8 +68,9 @@ def _turns_from_motion(motion: Motion) -> Floats:
 def _flat_foot(turn: Floats, quat: Floats) -> Floats:
     """The pitch (4,) that a foot needs in the bind pose for its sole to be level when it stands.
 
-    Rigs differ in the height of the ankle over the ball of the foot, so the bone between them does not
-    show the pitch. The toes of a standing foot are at their highest, except in a few steps onto the heel.
+    Rigs differ in the height of the ankle over the ball of the foot, so the pitch does not follow from the
+    bone between them. The toes of a standing foot have their greatest pitch, except in a few steps onto the
+    heel.
     """
     ahead = rot.rotate(rot.multiply(quat, rot.invert(turn)), np.array([0.0, 0.0, 1.0]))  # (T, 3)
     pitch_rad = np.arcsin(np.clip(np.percentile(ahead[:, 1], _STANDING_PERCENT), -1.0, 1.0))
@@ -116,7 +117,7 @@ class Body:
 
     bind_pos_m: Floats  # (J, 3)
     bind_quat: Floats  # (J, 4) rotations relative to the rest pose
-    pos_m: Floats  # (J, 3) the same, but zero-length bones get a little length: the pieces need directions
+    pos_m: Floats  # (J, 3) with a small length for zero-length bones, so that all have directions
     roles: dict[str, int]  # canonical role -> joint
     spine: tuple[int, ...]  # joints from the pelvis up to where the arms meet
     front: Floats  # (3,) unit, level

@@ -46,7 +46,7 @@ def smooth_rows(table: Floats, at: Floats) -> Floats:
 def frames_along(axis: Floats, front: Floats) -> tuple[Floats, Floats]:
     """Unit `across` and `ahead` (R, 3), orthogonal to `axis` (R, 3), with `ahead` closest to `front` (3,).
 
-    Where the axis itself points to the front, `ahead` points up.
+    If the axis itself points to the front, `ahead` points up.
     """
     axis = axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-12)
     parallel = np.abs(axis @ front)[:, None] > 0.97
@@ -99,7 +99,7 @@ def loft(
 
 
 def ellipsoid(centre_m: Floats, axes_m: Floats, joint: int, part: int, *, sides: int = 14) -> Piece:
-    """An ellipsoid about `centre_m` (3,), half-axes the rows of `axes_m` (3, 3), bound to one joint."""
+    """An ellipsoid about `centre_m` (3,), with the rows of `axes_m` (3, 3) as half-axes, bound to a joint."""
     lengths = np.maximum(np.linalg.norm(axes_m, axis=1), 1e-9)
     unit = axes_m / lengths[:, None]
     angles = np.linspace(-np.pi / 2, np.pi / 2, sides // 2 + 2)[1:-1]
@@ -119,7 +119,7 @@ def ellipsoid(centre_m: Floats, axes_m: Floats, joint: int, part: int, *, sides:
 
 
 def outside_out(piece: Piece) -> Piece:
-    """The piece with its triangles counter-clockwise seen from outside: its signed volume is positive."""
+    """The piece with triangles counter-clockwise seen from outside, so that its signed volume is positive."""
     a, b, c = (piece.vertices_m[piece.triangles[:, k]] for k in range(3))
     if np.einsum("ij,ij->", a - piece.vertices_m[0], np.cross(b - a, c - a)) < 0:
         return replace(piece, triangles=piece.triangles[:, ::-1].copy())

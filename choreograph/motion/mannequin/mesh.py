@@ -48,7 +48,7 @@ _SKULL_BEHIND_HEAD_M = 0.004
 
 
 def trunk(body: Body, torso: int, pelvis: int, skin: int) -> Piece:
-    """From the crotch over the shoulders to the base of the neck, bending with spine and collar bones."""
+    """The trunk, from the crotch to the base of the neck, which bends with the spine and the collar bones."""
     at = np.unique(
         np.concatenate(
             [np.linspace(_TRUNK[0, 0], 0.88, 13), np.linspace(0.93, 1.03, 4), np.linspace(1.05, 1.15, 5)]
@@ -92,7 +92,7 @@ def _hang_on_collars(piece: Piece, body: Body, low: Floats, up: Floats) -> None:
 
 
 def neck(body: Body, part: int) -> Piece:
-    """From inside the chest to inside the skull."""
+    """The neck, from inside the chest to inside the skull."""
     base, skull = body.neck_base(), body.head_place()
     chain = [body.spine[-1], body.roles.get("neck", body.spine[-1]), body.head_joint()]
     at = np.linspace(-0.5, 1.4, 8)
@@ -107,7 +107,7 @@ def neck(body: Body, part: int) -> Piece:
 
 
 def head(body: Body, skin: int, hair: int) -> list[Piece]:
-    """Skull with chin, nose and brow, ears, and hair that leaves the face free."""
+    """The skull with chin, nose and brow, the ears, and hair that does not cover the face."""
     k, joint = body.scale, body.head_joint()
     chin = body.head_place() - k * (_CHIN_BELOW_HEAD_M * UP + _SKULL_BEHIND_HEAD_M * body.front)
     at = np.linspace(0.0, 0.97, 14)
@@ -223,13 +223,13 @@ _ANKLE_M = 0.07  # over the sole, in the table above
 
 
 def leg(body: Body, side: str, part: int, shorts: int) -> list[Piece]:
-    """From inside the pelvis to inside the shoe."""
+    """The leg, from inside the pelvis to inside the shoe."""
     names, caps = ("hip", "knee", "ankle"), (0.060, 0.03)
     return _limb(body, [f"{side}_{name}" for name in names], _LEG, caps, (shorts, _SHORTS), part)
 
 
 def arm(body: Body, side: str, part: int, sleeve: int) -> list[Piece]:
-    """From inside the shoulder to the wrist."""
+    """The arm, from inside the shoulder to the wrist."""
     names, caps = ("shoulder", "elbow", "wrist"), (0.038, 0.018)
     return _limb(body, [f"{side}_{name}" for name in names], _ARM, caps, (sleeve, _SLEEVE), part)
 
@@ -258,7 +258,7 @@ def _limb(
     axes = upper / np.linalg.norm(upper) * (1 - turn[:, None]) + lower / np.linalg.norm(lower) * turn[:, None]
     across, ahead = frames_along(axes, body.front)
     radii = smooth_rows(table, at) * body.scale
-    # The bend is sharp: a wide one would collapse on the outside, where the ball fills it now.
+    # The bend is sharp. A wide one would collapse on the outside, where a sharp one is filled by the ball.
     rings = Rings(centres, across, ahead, radii, np.tile(joints[:2], (len(at), 1)), shares(turn))
     parts = np.where(at[:-1] < cloth[1] - 1e-9, cloth[0], part)
     tube = loft(rings, parts, sides=12, start_cap_m=caps_m[0] * body.scale, end_cap_m=caps_m[1] * body.scale)

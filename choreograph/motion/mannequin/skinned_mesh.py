@@ -16,7 +16,7 @@ from choreograph.motion.mannequin.mesh import arm, hand, head, knob, leg, neck, 
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 
-# What a vertex belongs to: `SkinnedMesh.parts` are indices into this, rows of its `palette`.
+# Parts of the mannequin: `SkinnedMesh.parts` are indices into this and into the rows of its `palette`.
 PARTS = (
     "torso", "pelvis", "head", "hair", "left_arm", "right_arm", "left_hand", "right_hand", "left_leg",
     "right_leg", "left_shoe", "right_shoe", "extra",
@@ -40,9 +40,10 @@ class SkinnedMesh:
 
         sum over its two joints of  w · (R_j · inverse(bind_quat_j) · (v − bind_pos_j) + p_j)
 
-    and a normal is transformed alike, without positions, and normalised. The bind pose stands upright
-    facing +Z. If the skeleton's rest pose does so, it is the bind pose: `bind_quat` are identities and
-    `bind_pos_m` the joints' rest positions. All pieces are closed surfaces: back faces can be culled.
+    A normal is transformed in the same way, without positions, and normalised. The bind pose stands upright
+    and faces +Z. If the rest pose of the skeleton does so, it is the bind pose. Then `bind_quat` are
+    identities and `bind_pos_m` the rest positions of the joints. All pieces are closed surfaces, so back
+    faces can be culled.
     """
 
     vertices_m: NDArray[np.float32]  # (V, 3) metres, bind pose
@@ -61,7 +62,7 @@ def build_mannequin(skeleton: Skeleton, motion: Motion | None = None) -> Skinned
 
     Joints without a role in the body (`rigs.joint_roles`) get a tapered bone each. An unknown skeleton
     is made of tapered bones alone. `motion`, on the same skeleton, is used only if the rest pose does not
-    stand: the bind rotations are estimated from it.
+    stand, to estimate the bind rotations.
     """
     try:
         body = standing_body(skeleton, motion)
