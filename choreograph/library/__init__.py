@@ -1,1 +1,1 @@
-"""The repertoire: its file, motion words and motifs, building one, and the built-in one."""
+"""Repertoires: their file, motion words and motifs, the build, and the built-in repertoire."""

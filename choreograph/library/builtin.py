@@ -57,7 +57,7 @@ def example_songs() -> dict[str, Path]:
 PRETRAINED = ("clean", "research")
 DEFAULT, NOTHING = "default", "nothing"
 CHOICES = (DEFAULT, *PRETRAINED, NOTHING)
-# The set "clean" where it is as good (`research/results/style.md`, `research/results/motion_counts.md`).
+# The set "clean" is used if it is as good (`research/results/style.md`, `research/results/motion_counts.md`).
 _BY_DEFAULT = {"style": "clean", "motion_counts": "research"}
 _DESCRIPTIONS = {
     "clean": "the networks 'clean', trained on the program's own takes",
@@ -76,12 +76,12 @@ class PretrainedNet:
 
     @property
     def description(self) -> str:
-        """The set and its training data, in a line."""
+        """The set and its training data, in one line."""
         return _DESCRIPTIONS[self.set_name]
 
 
 def pretrained_set(name: str) -> dict[str, PretrainedNet]:
-    """The networks of a set by name. "nothing" has none. "default" takes the better set for each network.
+    """The networks of a set by name. "nothing" has none. "default" has the better set for each network.
 
     Raises `ParameterError` for an unknown name, `RepertoireError` if the installation lacks a file.
     """

@@ -22,9 +22,9 @@ from choreograph.library.schema import DELTA_ORDER, DELTA_RESTART, HALF_PRECISIO
 # Limits of stored arrays. Files of this program are 4 times as large when they are unpacked, and a dance
 # holds several copies of some arrays.
 FILTERS = (1, 2, 3)  # HDF5's numbers of deflate, shuffle and Fletcher's checksum
-FREE_BYTES = 1 << 26  # may be unpacked from a file of any size
-UNPACKED_RATIO = 16  # of all arrays to the file, beyond that
-DEFLATE_RATIO = 1032  # the highest that deflate reaches: a file that claims more is damaged
+FREE_BYTES = 1 << 26  # that may be unpacked from a file of any size
+UNPACKED_RATIO = 16  # largest ratio of all arrays to the file beyond that
+DEFLATE_RATIO = 1032  # the highest that deflate reaches. A file that claims more is damaged
 MAX_CHUNK_BYTES = 1 << 24
 MAX_WEIGHTS = 4096  # arrays of a network
 MAX_NETS = 64
@@ -100,7 +100,7 @@ class StoredArray:
     chunk: tuple[int, ...]  # () if it is stored in one piece
     filters: tuple[int, ...]
     n_stored_bytes: int
-    is_elsewhere: bool  # in another file, or put together from other arrays
+    is_elsewhere: bool  # in another file, or composed of other arrays
 
     @property
     def n_bytes(self) -> int:
@@ -109,7 +109,7 @@ class StoredArray:
 
 
 def check_stored(array: StoredArray, kind: str) -> None:
-    """`RepertoireError` unless an array is of a kind of the schema, or `WEIGHTS`, and all of it is there."""
+    """Raise `RepertoireError` unless an array is complete and of a kind of the schema, or `WEIGHTS`."""
     dtypes = _stored_dtypes(array, kind)
     found = array.is_text if kind == "s" else (not array.is_text and array.dtype in dtypes)
     expected = " or ".join(str(dtype) for dtype in dtypes) or "text"
@@ -132,7 +132,7 @@ def check_stored(array: StoredArray, kind: str) -> None:
 
 
 def check_text_heaps(data: bytes | mmap) -> None:
-    """`RepertoireError` for a damaged heap of texts, which makes HDF5 2.0 loop without end.
+    """Raise `RepertoireError` for a damaged heap of texts, on which HDF5 2.0 loops endlessly.
 
     A heap is "GCOL", a version, its size, and texts, each after its number and size. Number 0 is free space,
     up to the end of the heap.
@@ -153,7 +153,7 @@ def check_text_heaps(data: bytes | mmap) -> None:
 
 
 def check_size(arrays: Iterable[StoredArray], n_file_bytes: int) -> None:
-    """`RepertoireError` if the arrays are larger than compression can explain for a file of that size."""
+    """Raise `RepertoireError` if the arrays are larger than compression can explain for the file size."""
     n_bytes, limit = sum(array.n_bytes for array in arrays), FREE_BYTES + UNPACKED_RATIO * n_file_bytes
     _expect(n_bytes <= limit, f"expected at most {limit:,} bytes unpacked, got {n_bytes:,}")
 
@@ -170,7 +170,7 @@ def _stored_dtypes(array: StoredArray, kind: str) -> tuple[np.dtype, ...]:
 
 
 def check_text(name: str, texts: Sequence[str], n_file_bytes: int) -> None:
-    """`RepertoireError` if rows of text are longer than the file, or too long for an array of equal rows."""
+    """Raise `RepertoireError` if rows of text are longer than the file, or too long for an array."""
     longest = max(map(len, texts), default=0)
     _expect(
         sum(map(len, texts)) <= n_file_bytes
@@ -180,7 +180,7 @@ def check_text(name: str, texts: Sequence[str], n_file_bytes: int) -> None:
 
 
 def check_finite(name: str, array: NDArray[Any]) -> None:
-    """`RepertoireError` if an array has NaN or infinity."""
+    """Raise `RepertoireError` if an array has NaN or infinity."""
     _expect(bool(np.isfinite(array).all()), f"{name}: expected finite numbers, got NaN or infinity")
 
 
@@ -198,7 +198,7 @@ def check_values(name: str, array: NDArray[Any], sizes: Mapping[str, int]) -> No
 
 
 def check_quantisation(name: str, attributes: Mapping[str, Any]) -> None:
-    """`RepertoireError` if an array's step is not one, or its encoding is not `ENCODING`."""
+    """Raise `RepertoireError` if the step of an array is not valid, or its encoding is not `ENCODING`."""
     (low, high), step = _STEPS, attributes.get("step")
     _expect(
         isinstance(step, np.floating) and bool(low <= step <= high),
@@ -213,7 +213,7 @@ def check_quantisation(name: str, attributes: Mapping[str, Any]) -> None:
 
 
 def check_parts(name: str, start: NDArray[Any], stop: NDArray[Any], length: int, *, shortest: int) -> None:
-    """`RepertoireError` unless takes' parts [start, stop) of an array follow each other over all of it."""
+    """Raise `RepertoireError` unless the parts [start, stop) of takes cover an array in order."""
     ends = np.concatenate([[0], stop])
     _expect(
         len(stop) > 0
@@ -224,7 +224,7 @@ def check_parts(name: str, start: NDArray[Any], stop: NDArray[Any], length: int,
 
 
 def check_provenance(provenance: Mapping[str, Any]) -> None:
-    """`RepertoireError` unless the used entries of a file's provenance have their types."""
+    """Raise `RepertoireError` unless the entries of a file's provenance that are used have their types."""
     songs, weight = provenance.get("trained_on", []), provenance.get("selection_beat_weight", 0.0)
     _expect(
         isinstance(songs, list) and all(isinstance(song, str) for song in songs),
@@ -237,7 +237,7 @@ def check_provenance(provenance: Mapping[str, Any]) -> None:
 
 
 def check_clips(take: NDArray[Any], start_frame: NDArray[Any], n_frames: NDArray[Any]) -> None:
-    """`RepertoireError` unless clips (N,) lie inside their takes, of `n_frames` (X,) at 20 fps."""
+    """Raise `RepertoireError` unless clips (N,) lie inside their takes, of `n_frames` (X,) at 20 fps."""
     _expect(
         bool((start_frame + CLIP_FRAMES <= n_frames[take]).all()),
         f"clips: expected {CLIP_FRAMES} frames of a take each, got clips beyond the ends of takes",
@@ -245,7 +245,7 @@ def check_clips(take: NDArray[Any], start_frame: NDArray[Any], n_frames: NDArray
 
 
 def check_counts(name: str, times_s: NDArray[Any], numbers: NDArray[Any], metre: int) -> None:
-    """`RepertoireError` unless a take's counts (Q,) increase and are numbered in bars of the metre."""
+    """Raise `RepertoireError` unless counts (Q,) of a take increase and are numbered in bars of the metre."""
     lowest = 1 if metre else 0
     _expect(
         bool((np.diff(times_s) > 0).all() and ((numbers >= lowest) & (numbers <= metre)).all()),
@@ -254,7 +254,7 @@ def check_counts(name: str, times_s: NDArray[Any], numbers: NDArray[Any], metre:
 
 
 def _size(shape: tuple[int, ...]) -> int:
-    """Number of elements. Python's integers do not overflow, whatever a header claims."""
+    """Number of elements. Python's integers do not overflow for any shape in a header."""
     size = 1
     for length in shape:
         size *= length

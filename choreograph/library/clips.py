@@ -1,4 +1,4 @@
-"""Takes and clips of a repertoire: names and counts, and how they move, frame by frame."""
+"""Takes and clips of a repertoire: names, counts, and features by frame."""
 
 from __future__ import annotations
 
@@ -181,8 +181,8 @@ class ClipMotion:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Poses (N, 21, 3) and joint velocities (N, 21, 3) in m/s, both in the root frame.
 
-        `clip` (N,) and fractional clip frames (N,). Beyond the clip the take goes on, and beyond the take
-        its first or last pose holds.
+        The arguments are clips (N,) and fractional clip frames (N,). Beyond the clip, the take continues.
+        Beyond the take, its first or last pose is held.
         """
         poses, velocities = self._root_frame_poses
         first, stop = self._take_rows[self._clip_take[clip]].T
@@ -195,26 +195,26 @@ class ClipMotion:
     def liveliness(
         self, clip: AnyInts, start: NDArray[np.floating], stop: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
+        """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` in one second."""
         offset = self._clip_start_frame[clip]
         return self._liveliness.ranks(self._clip_take[clip], offset + start, offset + stop)
 
     def count_uncertainty(
         self, clip: AnyInts, start: NDArray[np.floating], stop: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """Uncertainty (N,), 0 … 1, of the counts half way between two frames of each clip: see `Counts`."""
+        """Uncertainty (N,), 0 … 1, of the counts (see `Counts`) halfway between two frames of each clip."""
         middle = np.round(0.5 * (start + stop)).astype(np.int64)
         result: NDArray[np.float32] = self._uncertainty[self._clip_rows[clip] + middle]
         return result
 
     @cached_property
     def liveliness_ranks(self) -> NDArray[np.float32]:
-        """Rank (N,), 0 … 1, in its genre of how lively the middle 4 s of each clip are."""
+        """Rank (N,), 0 … 1, of the liveliness of the middle 4 s of each clip in its genre."""
         return clip_liveliness(self._liveliness, self._clip_take, self._clip_start_frame)
 
     @cached_property
     def step_ranks(self) -> NDArray[np.float32]:
-        """Rank (N,), 0 … 1, in its genre of how many steps the middle 4 s of each clip have."""
+        """Rank (N,), 0 … 1, of the number of steps in the middle 4 s of each clip in its genre."""
         return clip_steps(self.body_pos_m, self._clip_take, self._clip_start_frame, np.array(self._genres))
 
     @cached_property

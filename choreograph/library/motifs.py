@@ -43,7 +43,7 @@ class Motifs:
 
 
 def n_motifs_for(n_words: int) -> int:
-    """Number of motifs to look for: one per 20 words, at most 500 (as in the paper, with 30,000 words)."""
+    """Number of motifs to search for: one per 20 words, at most 500 (as in the paper, with 30,000 words)."""
     return max(1, min(MAX_MOTIFS, n_words // WORDS_PER_MOTIF))
 
 
@@ -57,8 +57,8 @@ def find_motifs(
     embeddings : float array (N, D)   of all words of all takes
     n_motifs : number of clusters, by default `n_motifs_for(N)`
 
-    Returns the motifs, the most frequent first, and the motif of every word (N,): that of its closest
-    medoid. There are fewer than `n_motifs` if fewer words are distinct. The same seed gives the same
+    Returns the motifs, the most frequent first, and the motif of every word (N,), which is that of its
+    closest medoid. There are fewer than `n_motifs` if fewer words are distinct. The same seed gives the same
     motifs, on any number of threads.
 
     Raises `ParameterError` if there is no word, a value is not finite, or `n_motifs` is not in 1 … N.
@@ -96,7 +96,7 @@ def _medoids(vectors: NDArray[np.float32], centroids: NDArray[np.float32]) -> In
 
 
 def _nearest(vectors: AnyFloats, targets: AnyFloats) -> Indices:
-    """Index of the closest target (K, D) of every vector (N, D). The first of equal ones."""
+    """Index of the closest target (K, D) of every vector (N, D), or the first of several closest ones."""
     to = np.asarray(targets, np.float64)
     squares = np.sum(to**2, axis=1)  # (K,)
     parts = [
@@ -154,7 +154,7 @@ class Vocabulary:
         return np.flatnonzero(self.word_motif == motif)
 
     def words_of_take(self, take: int) -> Indices:
-        """All words of a take in order, (M,); there may be none."""
+        """All words of a take in order, (M,), perhaps none."""
         return np.flatnonzero(self.word_take == take)
 
 
@@ -222,7 +222,8 @@ class SpanMotifLookup:
         """Motifs (...) of spans, all arrays (...). Beyond its ends a take holds its first or last pose."""
         length_s = np.maximum(np.asarray(stop_s) - start_s, _MIN_LENGTH_S)
         length = np.round(np.log(length_s / _MIN_LENGTH_S) / np.log(_LENGTH_STEP)).astype(np.int64)
-        # Bins are of the middle, not the start: it does not move when the length is quantised.
+        # Bins are those of the middle, not of the start, since the middle does not move when the length is
+        # quantised.
         middle = np.maximum((np.asarray(start_s) + stop_s) / 2, 0.0)
         key = np.round(middle / _START_STEP_S).astype(np.int64) * _LENGTHS + np.minimum(length, _LENGTHS - 1)
         key += np.asarray(take, np.int64) * (_STARTS * _LENGTHS)

@@ -31,7 +31,7 @@ _PUNCTUATION = ".,;:()%"
 
 @dataclass(frozen=True)
 class NoteKind:
-    """The sentence of a kind of notes, true of one subject and of several."""
+    """The sentence of a kind of notes, which is valid for one subject and for several."""
 
     sentence: str  # with the values as format fields. `text` is a sentence of another part of the program
     subject: str = "take"  # what its notes are about: a take, a file or a song, or "" for the whole build
@@ -201,7 +201,7 @@ class _Spread:
 
 
 def _template(text: str) -> tuple[str, tuple[str, ...]]:
-    """A text with a format field for each run of numbers and names in it, and what stands there.
+    """A text with a format field for each run of numbers and names in it, and these runs.
 
     A name is a word with a capital letter or a digit.
     """

@@ -1,4 +1,4 @@
-"""`Repertoire`: an opened repertoire file as takes, clips, motions and poses."""
+"""`Repertoire`, an opened repertoire file with its takes, clips, motions and poses."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def html_table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]
     return f"<table>{top}<tbody>{body}</tbody></table>"
 
 
-# `Repertoire`: an opened repertoire file as takes, clips, motions and poses.
+# `Repertoire`, an opened repertoire file with its takes, clips, motions and poses.
 
 
 _HTML_ROWS = 50
@@ -123,12 +123,12 @@ class Repertoire:
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """How the file was made: program version, preset, seed, songs trained on."""
+        """How the file was made: program version, preset, seed, and training songs."""
         return self._file.provenance
 
     @property
     def source_checksums(self) -> frozenset[str]:
-        """SHA-256, hexadecimal, of every motion and music file that it was made from."""
+        """Hexadecimal SHA-256 of every motion and music file from which the repertoire was made."""
         return frozenset(str(digest) for digest in self._file.read("sources/sha256"))
 
     @property
@@ -178,7 +178,7 @@ class Repertoire:
     def _expect_vocabulary(self) -> None:
         if not self.has_vocabulary:
             raise RepertoireError(
-                f"{self.path}: expected motion words and motifs, got a repertoire without: it was built "
+                f"{self.path}: expected motion words and motifs, got a repertoire without them: it was built "
                 "without words or from too few of them, build it again with `choreograph build-db`"
             )
 
@@ -246,7 +246,7 @@ class Repertoire:
 
     @contextmanager
     def _damage_named(self) -> Iterator[None]:
-        """Raise errors of what the arrays hold as a `RepertoireError` that names the file."""
+        """Raise errors in the content of arrays as a `RepertoireError` that names the file."""
         try:
             yield
         except (RepertoireError, ParameterError) as error:
@@ -332,5 +332,5 @@ class Repertoire:
 
     @cached_property
     def clip_motion(self) -> ClipMotion:
-        """How the clips move, frame by frame."""
+        """Features of the clips by frame."""
         return ClipMotion(self._file.read, self.takes, self._counts, self.clip_take, self.clip_start_frame)

@@ -1,4 +1,4 @@
-"""The layout of a repertoire file, which `data_schema/repertoire.json` documents, and its plain data."""
+"""The layout of a repertoire file, documented in `data_schema/repertoire.json`, and its plain data."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from choreograph.core.numerics import zigzag_decode, zigzag_encode
 
 
 FORMAT = "choreograph-repertoire"
-NETWORKS_FORMAT = "choreograph-networks"  # a file of networks alone, as `NETS`, and `provenance`
+NETWORKS_FORMAT = "choreograph-networks"  # a file with networks of `NETS` and `provenance` alone
 VERSION = 1
 
 # path -> (kind, shape). The kinds are s (UTF-8 string), f4, f8, i4 and i8, as in h5py. Letters are axes:
@@ -57,7 +57,7 @@ DATASETS: dict[str, tuple[str, str]] = {
     "sources/path": ("s", "C"),
     "sources/sha256": ("s", "C"),
     "sources/take": ("i4", "C"),
-    # Where the dancers count, and what they dance. A take without counts has `count_start` = `count_stop`.
+    # The counts of the dancers and their figures. A take without counts has `count_start` = `count_stop`.
     "takes/count_start": ("i8", "X"),
     "takes/count_stop": ("i8", "X"),
     "takes/metre": ("i8", "X"),
@@ -72,13 +72,14 @@ DATASETS: dict[str, tuple[str, str]] = {
     "figures/n_counts": ("i8", "F"),
 }
 
-# How uncertain each count is, where a network estimated counts from motion. Without it, all are certain.
+# The uncertainty of each count, if a network estimated counts from motion. Without it, all are certain.
 UNCERTAINTY: dict[str, tuple[str, str]] = {"counts/doubt": ("f4", "U")}
 
-# The parts of the body that joints are, for rigs whose joint names do not state them.
+# The part of the body of each joint, for rigs with unknown joint names.
 ROLES: dict[str, tuple[str, str]] = {"skeleton/roles": ("i8", "J")}
 
-# Motion words and motifs, all of these or none: K motif, W word, G genre. They need the network `words`.
+# Motion words and motifs. A file has all of these or none. K motif, W word, G genre. They need the network
+# `words`.
 MOTIFS: dict[str, tuple[str, str]] = {
     "motifs/embeddings": ("f4", "K 184"),
     "motifs/words": ("i8", "K"),
@@ -92,7 +93,7 @@ MOTIFS: dict[str, tuple[str, str]] = {
     "motifs/transitions": ("f8", "G K K"),
 }
 
-# Notes of the build, where there are any. O note.
+# Notes of the build, if there are any. O note.
 NOTES: dict[str, tuple[str, str]] = {
     "notes/kind": ("s", "O"),
     "notes/subject": ("s", "O"),

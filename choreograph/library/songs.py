@@ -42,8 +42,8 @@ def song_counts(song: Song, log_mel: NDArray[np.floating], beats: str | Path) ->
     """A song's beats and bars. Bars are tracked if the file has none.
 
     `beats` is one of `TRACKER_NAMES` or a file (see `music.beats`) of times in the song file.
-    `log_mel` (T, 96) is that of the song. The source of the counts is "annotation" where the file has bars.
-    Raises `ParameterError` for an unknown name, `FormatError` for a file that cannot be read.
+    `log_mel` (T, 96) is that of the song. The source of the counts is "annotation" if the file has bars.
+    Raises `ParameterError` for an unknown name, and `FormatError` for a file that cannot be read.
     """
     given = song_beats(song, log_mel, beats)
     return given if given.has_bars else track_bars(song.samples, log_mel, given.times_s)
@@ -129,10 +129,10 @@ class SongCache:
 # Notes on songs: damage, motion without music, offsets that counts contradict.
 
 
-_LONGER_S = 0.5  # than its song: a note
+_LONGER_S = 0.5  # by which a take is longer than its song if it gets a note
 _FEWEST_COUNTS = 8
-_APART_BEATS = 0.15  # that counts lie beside beats by
-_AGREEMENT = 0.9  # resultant length of the phases of the counts in the beat: all have the same offset
+_APART_BEATS = 0.15  # least distance of counts from beats for a note
+_AGREEMENT = 0.9  # least resultant length of the phases of the counts in the beat, for one offset
 
 
 def song_notes(takes: Sequence[Take], songs: SongCache) -> list[Note]:
@@ -178,21 +178,21 @@ def better_offset_s(take: Take, song: AnalysedSong) -> float | None:
 
 # The music of a take, warped so that its beats lie on the counts of the take and its bars on their bars.
 #
-# Music and motion of a recorded pair need not be in step. A network that is conditioned on the phase of the
-# music needs pairs that are. So the features of the music are warped, and the motion is not changed.
+# Music and motion of a recorded pair may not be aligned. A network that is conditioned on the phase of the
+# music needs aligned pairs. So the features of the music are warped, and the motion is not changed.
 
 
 @dataclass(frozen=True, eq=False)
 class TakeMusic:
     """Features of the music of a take for the rollout network, from its first frame, at 30 fps."""
 
-    rhythm: NDArray[np.float32]  # (T, 4) `music.frame_rhythm`
-    count_phase: NDArray[np.float32]  # (T, 4) `core.counts`
+    rhythm: NDArray[np.float32]  # (T, 4) of `music.frame_rhythm`
+    count_phase: NDArray[np.float32]  # (T, 4) of `core.counts`
     spectral: NDArray[np.float32]  # (N, 87) of each word
 
 
 def music_of_take(take: Take, analysed: AnalysedSong, bounds_s: Floats) -> TakeMusic:
-    """The music of a take whose words begin and end at `bounds_s` (N + 1,), in step with its counts.
+    """The music of a take whose words begin and end at `bounds_s` (N + 1,), aligned with its counts.
 
     `analysed` has samples. If take or song have too few counts, the music is not warped, and phases are 0.
     """
@@ -220,7 +220,7 @@ def music_of_take(take: Take, analysed: AnalysedSong, bounds_s: Floats) -> TakeM
 
 
 def beats_ahead(count_times_s: Floats, counts: Counts, beats: Counts, song_start_s: float) -> int:
-    """Number of beats of the song before the first count of a take, when the take is in step.
+    """Number of beats of the song before the first count of a take, if the two are aligned.
 
     If both have bars of one metre, only numbers that place count 1 on a downbeat are considered. Of these,
     the number is nearest to the recorded offset.
@@ -237,7 +237,7 @@ def beats_ahead(count_times_s: Floats, counts: Counts, beats: Counts, song_start
 
 
 def _number_at(beats: Counts, index: int) -> int:
-    """The number in the bar of a beat, also before the first and after the last."""
+    """The number of a beat in the bar, also before the first and after the last beat."""
     nearest = min(max(index, 0), len(beats) - 1)
     return (int(beats.numbers[nearest]) - 1 + index - nearest) % beats.metre + 1
 
@@ -245,7 +245,7 @@ def _number_at(beats: Counts, index: int) -> int:
 def _rhythm_at(
     song: Song, beats_s: Floats, song_times_s: Floats, count_times_s: Floats
 ) -> NDArray[np.float32]:
-    """The rhythm of a song (T, 4) at the time in it that each frame of a take has, beats on counts."""
+    """The rhythm of a song (T, 4) at the time of each frame of a take, with beats on counts."""
     inside = beats_s[(beats_s >= 0) & (beats_s <= song.duration_s)]
     rows = frame_rhythm(song.samples, inside)
     # The nearest rows without interpolation, since onsets are short.

@@ -30,12 +30,12 @@ from choreograph.library.schema import (
     layout_of,
 )
 
-# HDF5 files from untrusted sources: opened, and validated before any data is read.
+# HDF5 files from untrusted sources are opened and validated before any data is read.
 #
 # Links to other files are refused. Every error of HDF5 and of `checks` becomes one that names the file.
 
 
-# What h5py raises for a file that it cannot read. Which of them depends on the bytes that are damaged.
+# The errors of h5py for a file that it cannot read. It depends on the damaged bytes which is raised.
 H5PY_ERRORS = (
     OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError,
     NotImplementedError,
@@ -74,7 +74,7 @@ def _with_file(error: Exception, path: Path, what: str) -> str:
 
 
 def check_link(file: h5py.File, name: str) -> None:
-    """`RepertoireError` if an object does not exist or is a link to another place."""
+    """Raise `RepertoireError` if an object does not exist or is a link to another place."""
     try:
         link = file.id.links.get_info(name.encode())
     except (KeyError, RuntimeError):
@@ -145,7 +145,7 @@ def from_json(text: str, what: str) -> dict[str, Any]:
 # Repertoire files and files of networks, read on demand. The module `writing` writes them.
 
 
-_TEXT_BYTES = 1 << 30  # read at once, at most
+_TEXT_BYTES = 1 << 30  # that are read at once at most
 
 
 def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:

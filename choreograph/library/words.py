@@ -16,10 +16,10 @@ from choreograph.motion.body import checked_body_pos_m, clips_to_root_frame
 # Motion words: a dance segmented on its beats, each word resampled to 13 frames in its root frame.
 
 
-MIN_WORD_S = 0.2  # beats closer than at 300 BPM are one: movements do not change so fast
+MIN_WORD_S = 0.2  # beats that are closer count as one, since movements do not change so fast
 DEFAULT_WORD_S = 0.5  # length of words where there are no beats
 MAX_WORD_S = 1.5  # longer gaps, in which no beat was found, are divided evenly
-_NEAR_GAPS = 8  # gaps between beats that set the beat period before the first and after the last beat
+_NEAR_GAPS = 8  # gaps between beats that determine the beat period before the first and after the last beat
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +44,8 @@ def segment_words(body_pos_m: NDArray[np.floating], fps: float, beat_times_s: ND
 
     A word lasts from beat to beat, both included, and is resampled evenly to 13 frames, linear between
     frames. Beats outside the motion are ignored. See `word_bounds_s` for beats too close or too far apart.
-    As in the paper, the duration of a word is discarded. Ours: a word is also transformed to its root frame
-    (`clips_to_root_frame`). The paper leaves that to its network.
+    As in the paper, the duration of a word is discarded. Unlike in the paper, a word is also transformed to
+    its root frame (`clips_to_root_frame`). The paper leaves that to its network.
 
     Returns the words, which may be none. Raises `ParameterError` if a shape is wrong or a value is not
     finite.
@@ -59,7 +59,7 @@ def segment_words(body_pos_m: NDArray[np.floating], fps: float, beat_times_s: ND
 
 
 def word_bounds_s(beat_times_s: NDArray[np.floating], duration_s: float) -> Floats:
-    """Times (N + 1,) where words begin and end, from beats (Q,) in any order. No words for fewer than two.
+    """Times (N + 1,) where words begin and end, from beats (Q,) in any order. N is 0 below two beats.
 
     Drops a beat less than `MIN_WORD_S` after the one before it, and divides gaps of over `MAX_WORD_S`
     evenly. Raises `ParameterError` if a beat is not finite.
@@ -120,7 +120,7 @@ SUM_TOLERANCE = 1e-6
 
 
 def signature(motifs: AnyInts, n_motifs: int) -> Floats:
-    """Share of every motif, (K,), in a sequence of motifs (N,); sums to 1.
+    """Share of every motif, (K,), in a sequence of motifs (N,). The shares sum to 1.
 
     Raises `ParameterError` if the sequence is empty or has a motif outside 0 … K - 1.
     """
@@ -131,7 +131,7 @@ def signature(motifs: AnyInts, n_motifs: int) -> Floats:
 
 
 def template(dances: Sequence[AnyInts], n_motifs: int) -> Floats:
-    """A genre's signature, (K,): the mean of its dances' signatures, whatever their lengths.
+    """A genre's signature, (K,): the mean of the signatures of its dances, independent of their lengths.
 
     Skips dances without words. Raises `ParameterError` if none is left.
     """
@@ -146,9 +146,9 @@ def transition_matrix(dances: Sequence[AnyInts], n_motifs: int) -> Floats:
     """Probability that motif j follows motif i, (K, K), counted over the dances. Rows sum to 1.
 
     As in the paper, pairs of consecutive motifs are counted within a dance and not smoothed. A motif may
-    follow itself. Ours: the end of a dance counts as one more transition, to all motifs in proportion to
-    their frequency. Otherwise a motif that only ends a dance would be an absorbing state. With it, every
-    motif of the genre can be reached from every other. A motif that occurs in no dance gets the same
+    follow itself. Unlike in the paper, the end of a dance counts as one more transition, to all motifs in
+    proportion to their frequency, so that every motif of the genre can be reached from every other. Otherwise
+    a motif that only ends a dance would be an absorbing state. A motif that occurs in no dance gets the same
     proportions.
 
     Raises `ParameterError` if no dance has a motif, or one is outside 0 … K - 1.

@@ -1,4 +1,4 @@
-"""Takes and their features as the arrays of a repertoire file, and writing of files."""
+"""Converts takes and their features to the arrays of a repertoire file, and writes files."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ class MeasuredTake:
     motion_beats_s: NDArray[np.float64]  # (Q,)
 
 
-# Body positions (T, 21, 3) and first frames (N,) of segments to style vectors (N, 32).
+# Maps body positions (T, 21, 3) and first frames (N,) of segments to style vectors (N, 32).
 EmbedMotion = Callable[[NDArray[np.float32], NDArray[np.int64]], NDArray[np.float32]]
-# A take to its tempo-density (T,) at 20 fps.
+# Maps a take to its tempo-density (T,) at 20 fps.
 ClipDensity = Callable[[MeasuredTake], NDArray[np.float32]]
 
 
 def clip_starts(n_frames: int) -> NDArray[np.int64]:
-    """First frames of a take's clips, at 20 fps: one every second, as long as 8 s remain."""
+    """First frames of a take's clips at 20 fps, one every second, as long as 8 s remain."""
     return np.arange(0, max(0, n_frames - CLIP_FRAMES + 1), NET_FPS, dtype=np.int64)
 
 
@@ -112,7 +112,7 @@ def _count_arrays(takes: Sequence[Take]) -> dict[str, NDArray[Any]]:
     stops = np.cumsum([len(take.counts) for take in takes])
     figures = [(index, figure) for index, take in enumerate(takes) for figure in take.figures]
     uncertainty = [take.counts.uncertainty for take in takes]
-    if any(len(of_take) for of_take in uncertainty):  # counts that no network read are certain
+    if any(len(of_take) for of_take in uncertainty):  # counts that no network estimated are certain
         known = [d if len(d) else np.zeros(len(t.counts)) for d, t in zip(uncertainty, takes, strict=True)]
         uncertainties = {"counts/doubt": np.concatenate(known)}
     else:
@@ -155,15 +155,15 @@ def _clip_arrays(takes: Sequence[MeasuredTake], embed_motion: EmbedMotion | None
 # Writing of repertoire files and of files of networks.
 
 
-_MIN_GZIP_SIZE = 4096  # values: compressing fewer saves nothing
+_MIN_GZIP_SIZE = 4096  # values. Compressing fewer saves nothing
 
 
 def write_repertoire(path: Path, contents: Contents, *, compress: bool = False) -> None:
     """Write all of `contents` to `path`, or nothing.
 
-    `compress` quantises motion and networks to 16 bits (`schema.QUANTISATION_STEPS`): a quarter of the
-    size. The bytes depend on the arguments alone. Raises `RepertoireError` if an array is missing or does
-    not match the schema, `ParameterError` if the folder does not exist.
+    `compress` quantises motion and networks to 16 bits (`schema.QUANTISATION_STEPS`), which reduces the file
+    to a quarter of the size. The bytes depend on the arguments alone. Raises `RepertoireError` if an array is
+    missing or does not match the schema, and `ParameterError` if the folder does not exist.
     """
     _check(contents)
     with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
@@ -184,7 +184,7 @@ def write_repertoire(path: Path, contents: Contents, *, compress: bool = False) 
 
 
 def write_networks(path: Path, nets: Mapping[str, NetArrays], provenance: Mapping[str, Any]) -> None:
-    """Write networks alone to `path`, in half precision: what the package ships as pretrained.
+    """Write networks alone to `path`, in half precision, as in the package's pretrained sets.
 
     The bytes depend on the arguments alone. Raises `ParameterError` if the folder does not exist.
     """

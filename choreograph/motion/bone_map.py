@@ -356,8 +356,8 @@ def _roles_or_none(rig: PosedBones) -> dict[str, int] | None:
 def _structure_note(rig: PosedBones, roles: Mapping[str, int]) -> str:
     some = ", ".join(f"{rig.names[roles[role]][:20]} is the {role}" for role in _NOTED)
     return (
-        f"the names of its bones are unknown: they were found by structure ({some.replace('_', ' ')}); "
-        "--map says which is which"
+        f"the names of its bones are unknown: they were found by structure ({some.replace('_', ' ')}), "
+        "use --map to name them"
     )
 
 

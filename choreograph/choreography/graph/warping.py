@@ -30,7 +30,7 @@ def subsequence_dtw(query: ArrayLike, targets: ArrayLike) -> tuple[NDArray[np.fl
 
     Returns
     -------
-    source_frames : float array (K, Tq)   strictly increasing, in [0, Tt - 1]; half frames where a
+    source_frames : float array (K, Tq)   strictly increasing, in [0, Tt - 1], with half frames where a
         query frame falls between two target frames
     cost : float array (K,)               mean squared difference along the path
     Both without the first axis if query and target have none.

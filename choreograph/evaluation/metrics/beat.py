@@ -334,7 +334,7 @@ def _shifted(motion_beats_s: Times, duration_s: float, rng: np.random.Generator,
 
 
 def _gaps_s(from_s: Times, to_s: Times) -> NDArray[np.float64]:
-    """Seconds from each beat to the nearest of the other kind, (Q,); neither may be empty."""
+    """Seconds from each beat to the nearest of the other kind, (Q,). Neither may be empty."""
     to_s = np.asarray(to_s, np.float64)
     after = np.searchsorted(to_s, from_s)
     sides = [to_s[np.clip(after + side, 0, len(to_s) - 1)] for side in (-1, 0)]

@@ -197,7 +197,7 @@ def _at_figures(
 
 
 def _near(times_s: ArrayLike, borders_s: Floats, beats_s: ArrayLike) -> NDArray[np.bool_]:
-    """Whether each time (B,) is within `WITHIN_BEATS` beat of any border (F,); none is without beats."""
+    """Whether each time (B,) is within `WITHIN_BEATS` beat of any border (F,). False without beats."""
     times = np.asarray(times_s, np.float64)
     if np.size(beats_s) < 2:
         return np.zeros(len(times), bool)

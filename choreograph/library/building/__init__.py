@@ -1,1 +1,1 @@
-"""From takes and their songs to a repertoire file."""
+"""Builds a repertoire file from takes and their songs."""

@@ -1,4 +1,4 @@
-"""From takes and their songs to a repertoire file."""
+"""The build of a repertoire file from takes and their songs."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def build_repertoire(
     sources : folders or files of takes, of any layout in `choreograph.formats.register`
     output : the file to write. Work in progress lies beside it in `OUTPUT.build/`
     teacher : makes dances that the rollout network learns from in addition to the takes, by default none
-    report : called with the stage's name, how much is done, of how much
-    training_report : called with a `TrainingProgress` now and then
+    report : called with the name of the stage, the work done so far, and all the work
+    training_report : called repeatedly with a `TrainingProgress`
 
     Raises
     ------
@@ -148,7 +148,7 @@ def _write_built(
 def _provenance(
     options: BuildOptions, trained_on: Sequence[str], selection_beat_weight: float, with_teacher: bool
 ) -> dict[str, Any]:
-    """How the file was made, for `inspect` and for evaluation."""
+    """The provenance of the file, for `inspect` and for evaluation."""
     return {
         "choreograph": version("choreograph"),
         "method": options.method,

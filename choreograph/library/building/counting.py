@@ -1,11 +1,10 @@
-"""Counts of takes that have none: from the song if the motion follows its beats, else from the motion.
+"""Counts for takes without counts, from the song if the motion follows its beats, else from the motion.
 
-A recording and the file of its song need not begin together. Those of dance-with-melody do not. So the beats
-of the song are the counts of a take only if the motion is slow on the beats throughout the take. Otherwise a
-pretrained network (`nets.motion_counts`) estimates the counts from the motion, with a confidence: the share
-of counts that are expected to be right. If the confidence is too low, or the uncertainty of the counts too
-high, the take stays without counts. Uncertain counts are better than motion beats
-(`research/results/warping.md`).
+A recording and the file of its song may begin at different times, as in dance-with-melody. So the beats of
+the song are the counts of a take only if the motion is slow on the beats throughout the take. Otherwise a
+pretrained network (`nets.motion_counts`) estimates the counts from the motion. Their confidence is the
+expected share of right counts. If the confidence is too low, or the uncertainty of the counts too high, the
+take stays without counts. Uncertain counts are better than motion beats (`research/results/warping.md`).
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from choreograph.motion.motion_beats import mean_joint_speed_m_s
 
 MotionCounter = Callable[[NDArray[np.floating]], Counts]  # body positions (T, 21, 3) at 20 fps to counts
 
-# Built-in takes and their songs' beats have 0.83 to 1, takes of dance-with-melody, of any phase, up to 0.28.
+# Built-in takes have 0.83 to 1 with the beats of their songs. Takes of dance-with-melody have up to 0.28.
 MIN_PHASE_LOCK = 0.6
 # Confidence below which counts from motion are not used,
 MIN_MOTION_CONFIDENCE = 0.5
@@ -42,13 +41,13 @@ SURE_MOTION_CONFIDENCE = 0.7
 MAX_MOTION_UNCERTAINTY = 0.3
 MOTION_NET = "motion_counts"  # its name among the pretrained networks
 _WINDOW_BEATS = 4
-_FEWEST_WINDOWS = 5  # of fewer, random phases agree too often
-_STILL_M_S = 0.02  # slower is no clearer rest
+_FEWEST_WINDOWS = 5  # in fewer windows, random phases agree too often
+_STILL_M_S = 0.02  # slower motion counts as equally still
 
 
 @dataclass(frozen=True)
 class CountDecision:
-    """Which counts a take without counts has been given, and how likely they are right."""
+    """The source of the counts that a take without counts has been given, and their confidence."""
 
     take: str
     source: str  # `FROM_MUSIC`, `FROM_MOTION`, or "" if it stays without
@@ -73,7 +72,7 @@ class CountDecision:
 def counted_takes(
     measured: Sequence[MeasuredTake], songs: SongCache, count_motion: MotionCounter | None = None
 ) -> tuple[list[MeasuredTake], list[CountDecision]]:
-    """The takes with counts where these are likely right, and a decision for each take that had none.
+    """The takes with counts if these are probably right, and a decision for each take that had none.
 
     Without `count_motion`, no counts are estimated from motion. Raises `FormatError` for a song that cannot
     be read.
@@ -107,7 +106,7 @@ def _decide(
 
 
 def count_notes(measured: Sequence[MeasuredTake], decisions: Sequence[CountDecision]) -> list[Note]:
-    """Notes on how takes were counted, and on what happens to those without counts."""
+    """Notes on how takes were counted, and on the use of those without counts."""
     notes = [decision.note() for decision in decisions]
     has_counts = [len(m.take.counts) > 0 for m in measured]
     if not all(has_counts):
@@ -154,12 +153,13 @@ def counts_from_song(
 
 
 def phase_lock(speed_m_s: Floats, fps: float, beat_times_s: Floats) -> float:
-    """How steadily a motion is slow on beats and fast between them, 0 to 1.
+    """How consistently a motion is slow on beats and fast between them, 0 to 1.
 
     In every window of four beats, the phase of the first Fourier coefficient of the log speed (T,) over the
-    beat is where in the beat the motion is slow. The result is the sum of the real parts over the sum of the
-    magnitudes. It is 1 if every window is slowest on the beat, the cosine of any other constant phase, and
-    around 0 if beats and motion drift against each other. It is not below 0, and 0 for fewer than 20 beats.
+    beat is the position in the beat at which the motion is slow. The result is the sum of the real parts,
+    divided by the sum of the magnitudes. It is 1 if every window is slowest on the beat, the cosine of any
+    other constant phase, and around 0 if beats and motion drift apart. It is not below 0, and it is 0 for
+    fewer than 20 beats.
     """
     n_windows = (len(beat_times_s) - 1) // _WINDOW_BEATS
     if n_windows < _FEWEST_WINDOWS:

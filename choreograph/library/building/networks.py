@@ -1,4 +1,4 @@
-"""The networks of a repertoire: what they learn from, kept from another repertoire, or trained."""
+"""The networks of a repertoire: their training data, and whether they are kept or trained."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 # not continued (`nets.training`).
 
 
-_DIGITS = 16  # of a checksum: enough to tell files apart
+_DIGITS = 16  # of a checksum, enough to distinguish files
 
 
 def training_context(
@@ -59,7 +59,7 @@ def source_checksums(
     """Path in its source, SHA-256 and number of the take, of every file that a take was read from.
 
     The paths do not depend on the machine or on how the sources were typed. Files outside of all sources,
-    such as songs that a manifest names, have their names only.
+    such as songs in a manifest, are listed by their names only.
     """
     folders = [Path(source) for source in sources]
     known: dict[Path, tuple[str, str]] = {}
@@ -75,7 +75,7 @@ def source_checksums(
 def training_content(
     measured: Sequence[MeasuredTake], checksums: Sequence[tuple[str, str, int]], options: BuildOptions
 ) -> dict[str, str]:
-    """Name -> checksum of each take and of the networks to begin with, and settings, of a build.
+    """The content of a training: checksums of takes and initial networks by name, and settings.
 
     Settings in the configuration of a network (sizes, steps, seed) are not repeated.
     """
@@ -115,16 +115,16 @@ def _digest(values: Sequence[Any]) -> str:
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()[:_DIGITS]
 
 
-# The networks of a repertoire, one after another: kept from another repertoire, or trained.
+# The networks of a repertoire, each kept from another repertoire or trained.
 
 
 STYLE_NET = "style"  # trained on pairs of music and motion
-DENSITY_NETS = ("motion_density", "music_density")  # likewise, where clips carry the learned tempo-density
+DENSITY_NETS = ("motion_density", "music_density")  # likewise, if clips have the learned tempo-density
 
 
 @dataclass(frozen=True)
 class PretrainedWeights:
-    """Networks that training starts from, or that are kept: another repertoire's, or shipped style."""
+    """Networks that training starts from, or that are kept, of another repertoire or the shipped style."""
 
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
     trained_on: frozenset[str] = frozenset()  # songs that any of them was trained on
@@ -133,7 +133,7 @@ class PretrainedWeights:
 
     @classmethod
     def of(cls, options: BuildOptions, shipped: Mapping[str, PretrainedNet]) -> PretrainedWeights:
-        """The networks that the options name. The shipped style networks have the preset "small".
+        """The networks chosen by the options. The shipped style networks have the preset "small".
 
         Raises `RepertoireError` if a repertoire cannot be read, `ParameterError` if there is nothing to keep.
         """
@@ -298,7 +298,7 @@ def style_take(measured: MeasuredTake, songs: SongCache) -> StyleTake:
     from choreograph.nets.style_data import StyleTake
 
     take = measured.take
-    assert take.song_path is not None  # only takes with music come here
+    assert take.song_path is not None  # only takes with music are passed
     song = songs.analysed(take.song_path)
     mel = song.log_mel
     rhythm = rhythm_features(mel, song.counts, start_s=max(0.0, take.song_start_s))

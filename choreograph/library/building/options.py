@@ -1,4 +1,4 @@
-"""How a repertoire is built, and what a build returns."""
+"""The settings of a build, and its result."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The rollout network of a library: takes with their words and their music, and its training.
 
-It may also learn from dances that an engine makes from the takes to their songs. These are on the count by
-construction, so that the network keeps counts and bars better. The engine is given as a `Teacher`, since this
-room does not import engines.
+The network may also learn from dances that an engine makes from the takes to their songs. These are on the
+count by construction, so that the network keeps counts and bars better. The engine is passed as a `Teacher`,
+since this package does not import engines.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from choreograph.nets.rollout_training import train_rollout
 from choreograph.nets.training import TrainingContext
 from choreograph.nets.words import WordNet
 
-# Dances of a repertoire to the songs of takes, as takes with counts. The folder is for what a resumed build
-# need not do again.
+# Dances of a repertoire to the songs of takes, as takes with counts. The folder keeps finished work for a
+# resumed build.
 Teacher = Callable[[Repertoire, Sequence[Take], Path], list[Take]]
 
 
@@ -48,10 +48,10 @@ def train_rollout_network(
     pretrained: NetArrays | None,
     report: ProgressReport | None,
 ) -> NetArrays:
-    """Train the network that dances motifs on all takes with music and on `dances` of them.
+    """Train the rollout network on all takes with music and on `dances` of them.
 
-    Training starts from `pretrained` if given. Raises `ParameterError` if no take dances words to music for
-    as long as a training sequence.
+    Training starts from `pretrained` if given. Raises `ParameterError` if no take has words with music for as
+    long as a training sequence.
     """
     takes = rollout_takes(measured, segmented, vocabulary, words, songs=songs, report=report)
     if dances:
@@ -67,10 +67,10 @@ def train_rollout_network(
 
 
 def taught_dances(contents: Contents, takes: Sequence[Take], teacher: Teacher, work: Path) -> list[Take]:
-    """What the teacher dances to the songs of `takes` with the repertoire of `contents`.
+    """The teacher's dances to the songs of `takes` with the repertoire of `contents`.
 
-    That repertoire, and what the teacher keeps of its dances, lie in `work`: a resumed build with the same
-    contents finds them.
+    That repertoire and the finished dances are stored in `work`, where a resumed build with the same contents
+    finds them.
     """
     draft = work / "untaught.h5"
     work.mkdir(parents=True, exist_ok=True)
@@ -121,7 +121,7 @@ def rollout_takes(
 def words_of_dances(
     dances: Sequence[MeasuredTake], vocabulary: Vocabulary, words: WordNet, songs: SongCache
 ) -> tuple[list[SegmentedTake], Vocabulary]:
-    """The words of dances, and the vocabulary with these in place of the takes'."""
+    """The words of dances, and the vocabulary with these words instead of those of the takes."""
     segmented, _ = segment_takes(dances, songs)
     motif = vocabulary.motifs.nearest(words.embed(np.concatenate([t.words.body_pos_m for t in segmented])))
     of_dances = replace(

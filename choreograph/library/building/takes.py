@@ -1,4 +1,4 @@
-"""Takes for a repertoire: read, cleaned, brought to one skeleton, and segmented into motion words."""
+"""Reads the takes of a repertoire, cleans, retargets and measures them, and segments them into words."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from choreograph.motion.skeleton import canonical_skeleton
 if TYPE_CHECKING:
     from choreograph.nets.words import WordNet, WordTake
 
-# Takes for a repertoire: read, rid of jumps, brought to one skeleton, their feet locked, and measured.
+# Takes are read, cleaned of jumps, retargeted to one skeleton, foot-locked and measured.
 
 
 LEFT_OUT = "left out, as asked"
@@ -44,12 +44,12 @@ LEFT_OUT = "left out, as asked"
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """What a build finds in its sources, before it does anything to the takes."""
+    """The content of the sources of a build, before any change to the takes."""
 
-    takes: list[Take]  # with what other sources state about them
-    left_out: list[Take]  # as the options ask
+    takes: list[Take]  # with counts and figures that other sources state about them
+    left_out: list[Take]  # because of the options
     skipped: list[tuple[Path, SkippedFile]]  # source and file
-    not_found: list[str]  # names to leave out that nothing has
+    not_found: list[str]  # names to leave out that no take has
 
     def notes(self) -> list[Note]:
         """Notes of the readers on takes, on files that gave none, and on names that no take has."""
@@ -62,8 +62,8 @@ class Imported:
 
 
 def path_within(path: Path, folders: Sequence[Path]) -> str:
-    """The path from the first of the folders that holds it, else the file's name."""
-    real = Path(os.path.realpath(path.parent)) / path.name  # a link to a file is known by its own name
+    """The path relative to the first of the folders that contains it, else the name of the file."""
+    real = Path(os.path.realpath(path.parent)) / path.name  # a link to a file keeps its own name
     resolved = (Path(os.path.realpath(folder)) for folder in folders)
     inside = (real.relative_to(folder) for folder in resolved if folder in real.parents)
     return next(inside, Path(path.name)).as_posix()
@@ -90,7 +90,7 @@ def measured_takes(
 
 
 def import_sources(sources: Sequence[Path], options: BuildOptions, report: ProgressReport | None) -> Imported:
-    """The takes of the sources and the files that gave none. Of two takes of one name the second is skipped.
+    """The takes of the sources and the files without takes. The second of two takes of one name is skipped.
 
     Raises `ParameterError` if a source does not exist or has no known layout.
     """
@@ -142,20 +142,20 @@ def check_takes(imported: Imported, options: BuildOptions) -> None:
 
 
 class CheckedFile(NamedTuple):
-    """What a build would do with a file. Texts are "" where they do not apply."""
+    """What a build would do with a file. Texts that do not apply are ""."""
 
     path: Path
-    rig: str  # the root joint, and how many joints there are
-    units: str  # of length, as they were found or the format states them
+    rig: str  # the root joint and the number of joints
+    units: str  # of length, found from the body or stated by the format
     counts: str
     length: str
-    happens: str  # read, left out, skipped or bad, and why
+    happens: str  # read, left out, skipped or bad, with the reason
     is_read: bool = False
     is_bad: bool = False
 
 
 def checked_files(imported: Imported) -> list[CheckedFile]:
-    """A row for each take and each file that gave none, by path."""
+    """A row for each take and each file without takes, by path."""
     rows = [_checked_take(take, "") for take in imported.takes]
     rows += [_checked_take(take, LEFT_OUT) for take in imported.left_out]
     for _, file in imported.skipped:
@@ -181,7 +181,7 @@ def _checked_take(take: Take, left_out: str) -> CheckedFile:
 
 
 def is_short(n_frames: int) -> bool:
-    """Whether no clip comes from so many frames at 20 fps."""
+    """Whether a take of `n_frames` at 20 fps is too short for a clip."""
     return n_frames < CLIP_S * NET_FPS
 
 
@@ -212,7 +212,7 @@ def _without_jumps(take: Take, notes: list[Note]) -> Take:
 
 
 def check_map_fits(takes: Sequence[Take], bone_map: Mapping[str, str]) -> None:
-    """`ParameterError` if no take is on a rig with all bones of the map."""
+    """Raise `ParameterError` if no take is on a rig with all bones of the map."""
     rigs = [take.motion.skeleton.names for take in takes]
     if not any(has_bones(names, bone_map) for names in rigs):
         names = max(rigs, key=lambda names: len(set(bone_map.values()) & set(names)))
@@ -230,7 +230,7 @@ def _on_one_skeleton(takes: list[Take], notes: list[Note]) -> list[Take]:
     return [replace(take, motion=retarget(take.motion, body)) for take in takes]
 
 
-# Motion words of a library: takes segmented on their counts, and the motifs found among the words.
+# Motion words of a library: takes are segmented on their counts, and motifs are found among the words.
 
 
 FEWEST_WORDS = 2 * WORDS_PER_MOTIF  # enough for two motifs
@@ -246,7 +246,7 @@ class SegmentedTake:
     words: Words
 
     def to_word_take(self) -> WordTake:
-        """The take as the word network is trained on it."""
+        """The take as training data of the word network."""
         from choreograph.nets.words import WordTake
 
         return WordTake(self.name, self.body_pos_m, WORD_FPS, self.words.start_s, self.words.end_s)
@@ -260,10 +260,10 @@ def segment_takes(
 ) -> tuple[list[SegmentedTake], list[Note]]:
     """Every take segmented on its counts, and notes.
 
-    A take without counts is segmented on the beats of its music, by the default tracker, as the paper does
-    (section 3.3). Without music, or with fewer than two beats in its part of the song, on its motion beats.
-    Counts are better: music and motion of a recorded pair need not be in step. Raises `FormatError` if a
-    song cannot be read.
+    A take without counts is segmented on the beats of its music, by the default tracker, as in the paper
+    (section 3.3). Without music, or with fewer than two beats in its part of the song, it is segmented on its
+    motion beats. Counts are better, because music and motion of a recorded pair may not be aligned. Raises
+    `FormatError` if a song cannot be read.
     """
     songs = songs or SongCache()
     segmented, notes = [], []
@@ -288,7 +288,7 @@ def segment_takes(
 
 
 def make_motifs(takes: Sequence[SegmentedTake], net: WordNet, *, seed: int) -> Vocabulary:
-    """Words embedded, motifs found among them, and the templates and transitions of the genres."""
+    """Embed the words and find motifs among them, and the templates and transitions of the genres."""
     words = np.concatenate([take.words.body_pos_m for take in takes])  # (N, 13, 21, 3)
     motifs, word_motif = find_motifs(net.embed(words), seed=seed)
     return make_vocabulary(
