@@ -19,10 +19,19 @@ from choreograph.evaluation.plan_scores import (
     DancedMotifs,
     MotifScorer,
     plan_scores,
+    tempo_scores,
     transition_scores,
     transition_times_s,
 )
-from choreograph.evaluation.results import SINGLE, Evaluation, ExampleDance, ExampleSong, MeasuredDance
+from choreograph.evaluation.results import (
+    EXPERT,
+    REAL,
+    SINGLE,
+    Evaluation,
+    ExampleDance,
+    ExampleSong,
+    MeasuredDance,
+)
 from choreograph.evaluation.scores import (
     RealDances,
     Scores,
@@ -31,6 +40,7 @@ from choreograph.evaluation.scores import (
     count_scores,
     ending_scores,
     energy_scores,
+    front_scores,
     physical_scores,
     second_opinion_scores,
 )
@@ -102,6 +112,7 @@ def dance_scores(
     scores |= count_scores(dance.counts, counts, music.duration_s, rng)
     scores |= read_count_scores(motion, music, rng)
     scores |= ending_scores(motion, counts)
+    scores |= front_scores(motion, front_known=dance.variant not in (EXPERT, REAL))
     danced_s = (plan.opening_s, plan.danced_until_s) if plan else (0.0, motion.duration_s)
     scores |= energy_scores(motion, danced_s, music.sections.bounds_s, music.section_loudness_db)
     motifs = None
@@ -110,6 +121,7 @@ def dance_scores(
         scores |= scorer.scores(motifs, genre) | scorer.section_scores(motifs, music.sections)
     if plan is not None and dance.repertoire is not None:
         scores |= plan_scores(plan, dance.repertoire, genre)
+        scores |= tempo_scores(plan, dance.repertoire, dance.counts)
         scores |= transition_scores(plan, dance.repertoire, counts)
         scores |= Scores({"counted_share": counted_share(plan, dance.repertoire)})
     return scores, motifs

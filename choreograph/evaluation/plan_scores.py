@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,13 +13,14 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, WORD_FPS
 from choreograph.evaluation.danced_counts import figure_borders_s
-from choreograph.evaluation.metrics import structure, transitions
+from choreograph.evaluation.metrics import requests, structure, transitions
 from choreograph.evaluation.scores import Scores
 from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.music.metrical_level import tempo_bpm
 from choreograph.music.sections import Sections
 from choreograph.plan import Plan
 from choreograph.render.rendering import plan_runs
@@ -48,12 +50,46 @@ def plan_scores(plan: Plan, repertoire: Repertoire, genre: str = "") -> Scores:
     genres = {take.name: take.credits.genre for take in repertoire.takes}
     if genre not in genres.values():
         return Scores(scores)
-    of_genre_s = sum(length_s for take, length_s in plan.takes_s().items() if genres[take] == genre)
-    lengths_s = np.array([take.duration_s for take in repertoire.takes])
-    chance = float(
-        lengths_s[[take.credits.genre == genre for take in repertoire.takes]].sum() / lengths_s.sum()
-    )
-    return Scores(scores | {"own_genre": of_genre_s / plan.duration_s}, {"own_genre": chance})
+    danced_s = plan.takes_s()
+    share = requests.genre_share([genres[take] for take in danced_s], list(danced_s.values()), genre)
+    lengths_s = [take.duration_s for take in repertoire.takes]
+    chance = requests.genre_share(list(genres.values()), lengths_s, genre)
+    return Scores(scores | {"own_genre": share}, {"own_genre": chance})
+
+
+def tempo_scores(plan: Plan, repertoire: Repertoire, danced: Counts) -> Scores:
+    """Share of the time between the danced counts outside of the tempi of the takes of the genre danced.
+
+    Chance is the tempo of the dance with the takes of any genre that the repertoire holds. Empty without
+    counts.
+    """
+    tempi = _tempi_by_genre(repertoire)
+    if not plan.from_takes or len(danced) < 2 or not tempi:
+        return Scores({})
+    genre_of = {take.name: take.credits.genre for take in repertoire.takes}
+    blocks = plan.blocks
+    starts_s = np.array([block.start_s for block in blocks])
+    middles_s = (danced.times_s[1:] + danced.times_s[:-1]) / 2
+    of_block = np.searchsorted(starts_s, middles_s, "right") - 1
+    genres = [genre_of[blocks[max(index, 0)].source] for index in of_block]
+
+    def outside(ranges: Sequence[tuple[float, float]]) -> float:
+        low_bpm, high_bpm = np.array(ranges).T
+        return requests.outside_tempi_share(danced.times_s, low_bpm, high_bpm)
+
+    share = outside([tempi.get(genre, (0.0, np.inf)) for genre in genres])
+    chance = float(np.mean([outside([of_genre] * len(genres)) for of_genre in tempi.values()]))
+    return Scores({"outside_tempi": share}, {"outside_tempi": chance})
+
+
+def _tempi_by_genre(repertoire: Repertoire) -> dict[str, tuple[float, float]]:
+    """The slowest and the fastest tempo of the takes with counts of each genre, in counts per minute."""
+    tempi: dict[str, list[float]] = {}
+    for index, take in enumerate(repertoire.takes):
+        counts = repertoire.counts(index)
+        if len(counts) > 1:
+            tempi.setdefault(take.credits.genre, []).append(tempo_bpm(counts))
+    return {genre: (min(of_genre), max(of_genre)) for genre, of_genre in tempi.items()}
 
 
 def transition_scores(plan: Plan, repertoire: Repertoire, music: Counts) -> Scores:

@@ -13,6 +13,7 @@ import numpy as np
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.progress import ProgressReport
+from choreograph.core.timebase import NET_FPS
 from choreograph.evaluation.dance_scores import dance_scores
 from choreograph.evaluation.danced_counts import CountedDance
 from choreograph.evaluation.metrics import labels
@@ -38,12 +39,14 @@ from choreograph.evaluation.scores import (
     phase_scores,
     physical_scores,
     real_set_scores,
+    seed_scores,
     set_scores,
     weighted_mean,
 )
 from choreograph.evaluation.songs import EvaluatedSong, SongMusic, check_unseen, second_tracker, song_music
 from choreograph.evaluation.variants import KeptDances, Variant, check_variant, dance_variant, variants_named
 from choreograph.library.repertoire import Repertoire
+from choreograph.motion.body import body_pos_m
 from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import Dance
@@ -124,6 +127,7 @@ class _Run:
         self.notes: dict[str, None] = {}
         self.features: dict[tuple[str, int], list[FeatureRows]] = {}  # (variant, seed) -> dances
         self.dance_labels: list[Floats] = []  # (W, 4) per dance
+        self.bodies_m: list[Floats] = []  # (T, 21, 3) at 20 fps per dance
         self.music_labels: dict[str, Floats] = {}  # song -> (W, 4)
         self.references = references
         self.music: dict[str, SongMusic] = {}  # by song
@@ -202,6 +206,7 @@ class _Run:
         rows = FeatureRows.from_motion(motion, self.real)
         self.features.setdefault((dance.variant, seed), []).append(rows)
         self.dance_labels.append(dance_label_values(motion))
+        self.bodies_m.append(body_pos_m(motion.resampled(NET_FPS)))
         counts = music.counted_as(dance.counts)
         phases = danced_phases(motion, counts.times_s, song.genre, song.song_name)
         self.dances.append(MeasuredDance(dance.variant, song.name, seed, scores, dance.plan, phases))
@@ -213,7 +218,7 @@ class _Run:
         rng = np.random.default_rng(0)
         dances = [
             d if d.phases is None else replace(d, scores=d.scores | phase_scores(d.phases, experts, rng))
-            for d in self._with_label_scores()
+            for d in self._with_seed_distances(self._with_label_scores())
         ]
         sets = self._set_scores()
         takes = self._take_scores()
@@ -252,6 +257,16 @@ class _Run:
         return [
             replace(d, scores=d.scores | label_scores(scale, values, self.music_labels[d.song]))
             for d, values in zip(self.dances, self.dance_labels, strict=True)
+        ]
+
+    def _with_seed_distances(self, dances: Sequence[MeasuredDance]) -> list[MeasuredDance]:
+        """The dances with their mean distance to those of other seeds."""
+        of_song: dict[tuple[str, str], list[Floats]] = {}
+        for dance, body_m in zip(dances, self.bodies_m, strict=True):
+            of_song.setdefault((dance.variant, dance.song), []).append(body_m)
+        return [
+            replace(d, scores=d.scores | seed_scores(body_m, of_song[d.variant, d.song]))
+            for d, body_m in zip(dances, self.bodies_m, strict=True)
         ]
 
     def _expert_phases(self) -> list[DancedPhases]:

@@ -11,7 +11,7 @@ import numpy as np
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
-from choreograph.core.timebase import STORE_FPS
+from choreograph.core.timebase import NET_FPS, STORE_FPS
 from choreograph.evaluation.metrics import (
     beat,
     count_phase,
@@ -20,10 +20,12 @@ from choreograph.evaluation.metrics import (
     energy_response,
     fid,
     frechet,
+    front,
     labels,
     motion_beat_detectors,
     physical,
     references,
+    requests,
 )
 from choreograph.evaluation.metrics.motion_beat_detectors import our_beats_s
 from choreograph.motion.body import body_pos_m
@@ -143,6 +145,13 @@ def ending_scores(motion: Motion, music: Counts) -> Scores:
     return Scores({name: value for name, value in values.items() if np.isfinite(value)})
 
 
+def front_scores(motion: Motion, *, front_known: bool) -> Scores:
+    """Whether the dancer faces the audience: at +Z, or if that is not known in the direction faced most."""
+    pos_m = body_pos_m(motion)
+    front_rad = 0.0 if front_known else front.usual_front_rad(pos_m, motion.fps)
+    return Scores(front.evaluate(pos_m, motion.fps, front_rad=front_rad), front.uniform_chance())
+
+
 def energy_scores(
     motion: Motion, danced_s: tuple[float, float], section_bounds_s: Floats, loudness_db: Floats
 ) -> Scores:
@@ -162,7 +171,26 @@ def physical_scores(motion: Motion, boundary_times_s: Sequence[float] | Floats =
     values = physical.evaluate(
         body_pos_m(motion), motion.fps, boundary_times_s, sole_pos_m=sole_pos_m(motion)
     )
-    return Scores(values | {"jumps_per_minute": jumps_per_minute})
+    # Chance is joins at random instants.
+    chance = {name: 1.0 for name in ("foot_slide_ratio_at_joins", "jerk_ratio_at_joins")}
+    known = {name: level for name, level in chance.items() if np.isfinite(values[name])}
+    return Scores(values | {"jumps_per_minute": jumps_per_minute}, known)
+
+
+def seed_scores(body_m: Floats, of_song: Sequence[Floats]) -> Scores:
+    """Mean joint distance of a dance (T, 21, 3) at 20 fps to the others of its song. Empty if there are none.
+
+    Chance is the others rotated in time by half of their length.
+    """
+    others = [other_m for other_m in of_song if other_m is not body_m]
+    if not others:
+        return Scores({})
+    rotated = [np.roll(other_m, len(other_m) // 2, axis=0) for other_m in others]
+    values, chance = (
+        float(np.mean([requests.joint_distance_m(body_m, other_m, NET_FPS) for other_m in given]))
+        for given in (others, rotated)
+    )
+    return Scores({"seed_distance_m": values}, {"seed_distance_m": chance})
 
 
 def dance_label_values(motion: Motion) -> Floats:

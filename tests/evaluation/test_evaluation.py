@@ -106,6 +106,18 @@ def test_synthetic_beats_separate_ours_from_chance(evaluation):
     assert f_score["random"].mean < f_score["ours"].mean
 
 
+def test_front_tempi_and_seeds_have_chance_beside_them(evaluation):
+    away = cells(evaluation, "turned_away_share")
+    assert set(away) == {"ours", "random", "real"}
+    assert away["ours"].chance == pytest.approx(4 / 9)
+    assert away["real"].mean == 0.0  # by the direction that it faces most
+    assert 0 <= cells(evaluation, "outside_tempi")["ours"].mean <= 1
+    distance = cells(evaluation, "seed_distance_m")
+    assert distance["random"].mean > 0.01 and distance["random"].chance > 0.01
+    assert distance["real"] is None  # one take to each song
+    assert cells(evaluation, "foot_slide_ratio_at_joins")["ours"].chance in (None, 1.0)
+
+
 def test_cells_are_mean_and_spread_over_songs_and_seeds(evaluation):
     values = [d.scores.values["f_score"] for d in evaluation.dances if d.variant == "random"]
     cell = cells(evaluation, "f_score")["random"]

@@ -13,6 +13,7 @@ Music and dance
 - `labels` — distances between paired labels of dance and music (openness, intensity, rhythm, asymmetry)
 - `structure` — motif signatures and transitions, repeats, agreement with the sections of the song
 - `transitions` — how often takes change, and whether at borders of bars and figures
+- `requests` — whether the genre asked for is danced, at its tempi, and another dance with another seed
 
 Realism
 
@@ -23,7 +24,8 @@ Realism
 Physics
 
 - `physical` — foot sliding, floor penetration, floating, jerk and speed at transitions, bone lengths
-- `endings` — speed at the first and last pose, and when the last one is held
+- `endings` — speed at the first and last pose, whether they freeze, and when the last one is held
+- `front` — how long a dancer shows the back to the audience, and whether the last pose faces it
 - `contact_scores` — PFC and foot skating ratio as published, and corrected
 
 Examples

@@ -6,9 +6,11 @@ from . import endings as endings
 from . import energy_response as energy_response
 from . import fid as fid
 from . import frechet as frechet
+from . import front as front
 from . import labels as labels
 from . import motion_beat_detectors as motion_beat_detectors
 from . import physical as physical
 from . import references as references
+from . import requests as requests
 from . import structure as structure
 from . import transitions as transitions

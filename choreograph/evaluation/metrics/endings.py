@@ -1,8 +1,9 @@
-"""Endings: whether a dance begins and ends in a held pose, and whether it ends on time.
+"""Endings: whether a dance begins and ends in a held pose, frozen or alive, and whether it ends on time.
 
 Conventions: body positions (T, 21, 3) in metres at `fps`. Speed is the mean over the joints of the distance
 covered in 1/60 s, in m/s, with root motion. A pose is held while the speed is below `HELD_M_S`. Breathing and
-marker noise of a standing dancer are 0.03 to 0.1 m/s. A body that never moves is held throughout, so compare
+marker noise of a standing dancer are 0.03 to 0.1 m/s. Below `FROZEN_M_S`, a body is frozen: nobody stands so
+still. A body that never moves is held throughout, so compare
 these values with the speed of the dance itself.
 """
 
@@ -17,6 +18,7 @@ from choreograph.motion.body import body_pos_at, checked_body_pos_m
 
 END_S = 0.3
 HELD_M_S = 0.15
+FROZEN_M_S = 0.02
 
 
 def validate(body_pos_m: Floats, fps: float, last_strong_s: float | None = None) -> None:
@@ -80,6 +82,29 @@ def held_from_s(body_pos_m: Floats, fps: float, *, held_m_s: float = HELD_M_S) -
     return float(times_s[moving[-1] + 1]) if moving[-1] + 1 < len(speed) else float("nan")
 
 
+def frozen_ends_share(body_pos_m: Floats, fps: float, *, frozen_m_s: float = FROZEN_M_S) -> float:
+    """Share of the time, 0 to 1, in which the body is frozen in the poses held at both ends.
+
+    Lower is better. The ends are the time before the first movement faster than `HELD_M_S` and after the
+    last. The result is 1 for a body that never moves, and for a single frame.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((180, 21, 3))  # 2 s of 1 m/s, then 1 s of standing still
+    >>> pos_m[:, :, 0] = np.minimum(np.arange(180) / 60, 2.0)[:, None]
+    >>> round(cg.metrics.endings.frozen_ends_share(pos_m, 60.0), 1)
+    0.3
+    """
+    _, speed = _speed(body_pos_m, fps)
+    if len(speed) == 0:
+        return 1.0
+    moving = np.flatnonzero(speed >= HELD_M_S)
+    frozen = speed < frozen_m_s
+    if len(moving):
+        frozen[moving[0] : moving[-1] + 1] = False
+    return float(frozen.mean())
+
+
 def hold_delay_s(body_pos_m: Floats, fps: float, last_strong_s: float) -> float:
     """Seconds from the last strong count to the held pose. 0 is on time.
 
@@ -103,13 +128,14 @@ def evaluate(body_pos_m: Floats, fps: float, last_strong_s: float | None = None)
     Examples
     --------
     >>> cg.metrics.endings.evaluate(np.zeros((60, 21, 3)), 60.0)
-    {'opening_speed_m_s': 0.0, 'closing_speed_m_s': 0.0, 'closing_held': 1.0}
+    {'opening_speed_m_s': 0.0, 'closing_speed_m_s': 0.0, 'closing_held': 1.0, 'frozen_ends_share': 1.0}
     """
     validate(body_pos_m, fps, last_strong_s)
     scores = {
         "opening_speed_m_s": opening_speed_m_s(body_pos_m, fps),
         "closing_speed_m_s": closing_speed_m_s(body_pos_m, fps),
         "closing_held": float(not np.isnan(held_from_s(body_pos_m, fps))),
+        "frozen_ends_share": frozen_ends_share(body_pos_m, fps),
     }
     if last_strong_s is not None:
         scores["hold_delay_s"] = hold_delay_s(body_pos_m, fps, last_strong_s)

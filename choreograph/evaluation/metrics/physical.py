@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, default_numerics
@@ -28,6 +29,7 @@ ANKLE_OVER_SOLE_M = 0.07  # of the canonical body. On real bodies it is 7 to 10 
 NEAR_M = 0.08  # a standing ball joint is 2 cm above its sole, and captures are off by several cm either way
 JUMP_S = 0.7  # flight time of a jump of 60 cm, which few dancers reach
 BOUNDARY_HALF_WIDTH_S = 0.12
+JOIN_HALF_WIDTH_S = 0.25  # a transition is longer than the instant at which takes change
 JUMP_M_PER_FRAME2 = 0.05  # at 60 fps: 18 times gravity, which no joint of a dancer reaches
 SAME_JUMP_S = 0.1
 _FEET = [BODY_JOINTS.index("left_foot"), BODY_JOINTS.index("right_foot")]
@@ -68,11 +70,37 @@ def foot_slide_cm_s(body_pos_m: Floats, fps: float, *, low_m: float = LOW_M) -> 
     >>> round(cg.metrics.physical.foot_slide_cm_s(pos_m, 60.0), 3)
     10.0
     """
-    feet = body_pos_at(body_pos_m, fps, STORE_FPS)[:, _FEET]  # (T', 2, 3)
-    low = feet[..., 1] <= low_m
-    low = low[1:] & low[:-1]
-    speed = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1) * STORE_FPS * 100.0  # (T'-1, 2)
+    speed, low = _sliding(body_pos_m, fps, low_m)
     return float(speed[low].mean()) if low.any() else 0.0
+
+
+def foot_slide_ratio_at(
+    body_pos_m: Floats,
+    fps: float,
+    boundary_times_s: Times,
+    *,
+    half_width_s: float = JOIN_HALF_WIDTH_S,
+    low_m: float = LOW_M,
+) -> float:
+    """`foot_slide_cm_s` within `half_width_s` of any boundary, divided by that elsewhere. Lower is better.
+
+    1 means that feet slide no more at transitions than elsewhere. The result is nan if no foot is low near a
+    boundary or elsewhere, or no foot slides elsewhere.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((120, 21, 3))
+    >>> pos_m[:, :, 0] = 0.1 * np.arange(120)[:, None] / 60  # a glide of 10 cm/s on the floor
+    >>> pos_m[60:, :, 0] += 0.05  # and a slip at 1 s
+    >>> round(cg.metrics.physical.foot_slide_ratio_at(pos_m, 60.0, boundary_times_s=[1.0]), 1)
+    2.0
+    """
+    speed, low = _sliding(body_pos_m, fps, low_m)
+    times_s = frame_times_s(len(speed), STORE_FPS) + 0.5 / STORE_FPS
+    at, elsewhere = _at_and_elsewhere((times_s, np.where(low, speed, np.nan)), boundary_times_s, half_width_s)
+    if np.isnan(at).all() or np.isnan(elsewhere).all() or np.nanmean(elsewhere) == 0:
+        return float("nan")
+    return float(np.nanmean(at) / np.nanmean(elsewhere))
 
 
 def floor_penetration_cm(body_pos_m: Floats, fps: float, *, sole_pos_m: Floats | None = None) -> float:
@@ -262,15 +290,27 @@ def evaluate(
     _, jerk = joint_jerk_m_s3(body_pos_m, fps)
     return {
         "foot_slide_cm_s": foot_slide_cm_s(body_pos_m, fps),
+        "foot_slide_ratio_at_joins": foot_slide_ratio_at(body_pos_m, fps, boundary_times_s),
         **contact_scores.evaluate(body_pos_m, fps),
         "floor_penetration_cm": floor_penetration_cm(body_pos_m, fps, sole_pos_m=sole_pos_m),
         "floating_share": floating_share(body_pos_m, fps, sole_pos_m=sole_pos_m),
         "jerk_p95_m_s3": float(np.percentile(jerk, 95)) if len(jerk) else 0.0,
         "jerk_ratio_at_boundaries": jerk_ratio_at(body_pos_m, fps, boundary_times_s),
+        "jerk_ratio_at_joins": jerk_ratio_at(
+            body_pos_m, fps, boundary_times_s, half_width_s=JOIN_HALF_WIDTH_S
+        ),
         "speed_ratio_at_boundaries": speed_ratio_at(body_pos_m, fps, boundary_times_s),
         "jumps_per_minute": jumps_per_minute(body_pos_m, fps),
         "limb_length_spread_mm": limb_length_spread_mm(body_pos_m, fps),
     }
+
+
+def _sliding(body_pos_m: Floats, fps: float, low_m: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """Ground speed in cm/s of the balls of the feet at 60 fps, and whether they are low, (T' - 1, 2) each."""
+    feet = body_pos_at(body_pos_m, fps, STORE_FPS)[:, _FEET]  # (T', 2, 3)
+    low = feet[..., 1] <= low_m
+    speed = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1) * STORE_FPS * 100.0
+    return speed, low[1:] & low[:-1]
 
 
 def _lowest_foot_m(pos: Floats, sole_pos_m: Floats | None) -> Floats:

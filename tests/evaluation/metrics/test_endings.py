@@ -9,6 +9,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.evaluation.metrics.endings import (
     closing_speed_m_s,
     evaluate,
+    frozen_ends_share,
     held_from_s,
     hold_delay_s,
     opening_speed_m_s,
@@ -36,6 +37,7 @@ def test_planted():
         "opening_speed_m_s": pytest.approx(0.05),
         "closing_speed_m_s": pytest.approx(0.05),
         "closing_held": 1.0,
+        "frozen_ends_share": 0.0,  # it moves at 0.05 m/s there
         "hold_delay_s": pytest.approx(0.05),
     }
     assert held_from_s(pos, FPS) == pytest.approx(9.0)
@@ -57,9 +59,23 @@ def test_the_last_third_of_a_second_alone_counts_for_the_closing_speed():
 def test_standing_still():
     still = np.repeat(BODY[None], 120, axis=0)
     assert evaluate(still, FPS, 1.0) == {
-        "opening_speed_m_s": 0.0, "closing_speed_m_s": 0.0, "closing_held": 1.0, "hold_delay_s": -1.0,
+        "opening_speed_m_s": 0.0, "closing_speed_m_s": 0.0, "closing_held": 1.0,
+        "frozen_ends_share": 1.0, "hold_delay_s": -1.0,
     }  # fmt: skip
     assert np.isnan(opening_speed_m_s(BODY[None], FPS)) and held_from_s(BODY[None], FPS) == 0.0
+
+
+def test_frozen_ends():
+    times_s = np.arange(10 * 60) / FPS
+    still = moving(np.where((times_s >= 1.5) & (times_s < 8.0), 1.2, 0.0))
+    assert frozen_ends_share(still, FPS) == pytest.approx(0.35, abs=0.002)
+    assert frozen_ends_share(still[::3], 20.0) == pytest.approx(0.35, abs=0.03)
+    stops = moving(np.where((times_s >= 4.0) & (times_s < 6.0), 0.0, 1.2))
+    assert frozen_ends_share(stops, FPS) == 0.0  # a pause is no end
+    breathing = BODY + 0.004 * np.sin(2 * np.pi * 0.3 * times_s)[:, None, None] * [1.0, 0.0, 3.0]
+    assert frozen_ends_share(breathing, FPS) == pytest.approx(0.64, abs=0.02)  # it turns slowly
+    assert frozen_ends_share(3 * breathing, FPS) < 0.2
+    assert frozen_ends_share(BODY[None], FPS) == 1.0
 
 
 def test_other_rates_read_the_same():
